@@ -64,7 +64,7 @@ def held(off, chosen=...):
 
 
 def means():
-    """Means of correlated series; a note says where there are few independent values, or slow changes."""
+    """Means of correlated series. Worth: effective number of values; a note if it is small or changes are slow."""
     print("| series | rows | τ | worth | all | no note | of these | with a note | Sokal's window alone |")
     print("|---|---|---|---|---|---|---|---|---|")
     for words, count, tau, series, mean in kinds(np.random.default_rng(SEED)):

@@ -2,7 +2,7 @@
 
     python examples/ensemble_average.py [N] [packings] [FOLDER]
 
-The study in FOLDER goes on where it was when the program is started again; `mpirun -n 8 python …` shares its tasks.
+The study in FOLDER continues when the program is started again; `mpirun -n 8 python …` shares its tasks.
 """
 
 import sys

@@ -17,7 +17,7 @@ from importlib import import_module
 from jampetsc.jobs import JOBS, job_class
 from jampetsc.version import VERSION as __version__
 
-_HOMES = {  # of what is no job
+_HOMES = {  # name -> module, of the names that are not jobs
     "ContactDamping": "jampetsc.core.laws",
     "Disks": "jampetsc.core.disks",
     "Law": "jampetsc.core.laws",
@@ -29,7 +29,7 @@ _HOMES = {  # of what is no job
     "plot": "jampetsc.plots.draw",
 }
 _MODULES = {"models": "jampetsc.flows.models"}  # models.CD0() and others, of flow
-_FUNCTIONS = [name for name in JOBS if name != "import"]  # which is python's own word: import_packing
+_FUNCTIONS = [name for name in JOBS if name != "import"]  # a keyword of python: import_packing instead
 
 __all__ = ["__version__", *_HOMES, *_MODULES, *_FUNCTIONS]
 

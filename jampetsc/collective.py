@@ -1,4 +1,4 @@
-"""What ranks do as one: a failure of one rank is everybody's, and what one rank finds out all of them know."""
+"""What all ranks do together: an error of one rank is raised on all, and what rank 0 finds is sent to all."""
 
 import os
 import socket
@@ -9,7 +9,7 @@ from jampetsc.errors import JampetscError
 
 @contextmanager
 def agreed(comm):
-    """Collective. A JampetscError in the block on any rank is raised on every rank: that of the lowest rank.
+    """Collective. A JampetscError that any rank raises in the block is raised on every rank: that of the lowest rank.
 
     `comm` is an mpi4py communicator, or None for one process. Other exceptions stay with their rank.
     """
@@ -25,9 +25,9 @@ def agreed(comm):
 
 
 def on_root(comm, action):
-    """Collective. What `action()` returns on rank 0, on every rank; a JampetscError that it raises there, too.
+    """Collective. Call `action()` on rank 0 alone; return its result, or raise its JampetscError, on every rank.
 
-    For what is to happen once, such as a look at a file. `comm` as in `agreed`.
+    For what is to happen once, such as reading a file. `comm` as in `agreed`.
     """
     found = None
     with agreed(comm):
@@ -37,9 +37,10 @@ def on_root(comm, action):
 
 
 def own_cores(comm, working: bool = True) -> int:
-    """Collective. How many cores this rank may use, shared evenly with those ranks of its node that are `working`.
+    """Collective. Number of cores for this rank, at least 1: those it may run on, shared evenly among the ranks of its
+    node that are `working`.
 
-    What a rank may use is its affinity: what the job gave it, or what mpirun bound it to.
+    A rank may run on the cores of its affinity mask: those that the batch job or mpirun bound it to.
     """
     mine = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
     ranks = comm.allgather((socket.gethostname(), mine if working else set()))

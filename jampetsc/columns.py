@@ -7,7 +7,7 @@ import io
 def aligned(rows, last: bool = True) -> list[list[str]]:
     """Rows of words, each word padded to the width of its column; rows may differ in length.
 
-    last: the last word of a row too; without it a long remark there widens no column.
+    last: whether the last word of a row counts as well; without it a long remark there widens no column.
     """
     padded = [row if last else row[:-1] for row in rows]
     widths = [

@@ -1,7 +1,8 @@
 """The errors a user can meet, each a single clear line: what, which value, what to do.
 
-`cli.main` turns them into that line and `exit_code`; in scripts they are ordinary exceptions. A message names a
-parameter by `named`, and whoever shows it says how users write that: `eta_f` in python, `--eta-f` on a command line.
+`cli.main` prints that line and exits with `exit_code`; in scripts they are ordinary exceptions. A message marks the
+names of parameters by `named`, so that they can be shown as the user writes them: `eta_f` in python, `--eta-f` on a
+command line.
 """
 
 import math
@@ -12,17 +13,17 @@ _NAMED = re.compile("\ue000(\\w*)\ue001")  # two characters that no text has
 
 
 def named(parameter: str) -> str:
-    """The name of a parameter as a message of these errors takes it."""
+    """The name of a parameter, marked in a message so that `JampetscError.message` can replace it."""
     return f"\ue000{parameter}\ue001"
 
 
 def option(parameter: str) -> str:
-    """A parameter as a command line has it."""
+    """The option of the command line for a parameter: --eta-f for eta_f."""
     return f"--{parameter.removesuffix('_').replace('_', '-')}"
 
 
 def as_float(value) -> float:
-    """A number as ranges compare it and messages show it: infinite where no double can hold it."""
+    """The number as a float; ±infinity where it is too large for a double."""
     try:
         return float(value)
     except OverflowError:
@@ -35,29 +36,29 @@ class JampetscError(Exception):
     exit_code = 1
 
     def __str__(self):
-        return self.told(lambda parameter: parameter)
+        return self.message(lambda parameter: parameter)
 
-    def told(self, how) -> str:
-        """The message with names of parameters as `how` writes them, a function of one."""
+    def message(self, how) -> str:
+        """The message, with each parameter's name replaced by `how(name)`."""
         return _NAMED.sub(lambda found: how(found[1]), super().__str__())
 
 
 class InputError(JampetscError, ValueError):
-    """A file, a value or an option that cannot be used. Names it and the remedy."""
+    """A file, a value or an option that cannot be used. The message names it and the remedy."""
 
     exit_code = 2
 
 
 class ConvergenceError(JampetscError, RuntimeError):
-    """A quench, a factorisation or a solve that did not reach what was asked of it."""
+    """A quench, a factorisation or a solve that did not converge to what was asked for."""
 
     exit_code = 3
 
 
 @contextmanager
 def about(what):
-    """Of an InputError that is raised inside, the message begins with what it is about, such as a file."""
+    """Context: puts `what`, such as the name of a file, before the message of an InputError raised inside."""
     try:
         yield
     except InputError as error:
-        raise InputError(f"{what}: {error.told(named)}") from None
+        raise InputError(f"{what}: {error.message(named)}") from None

@@ -1,6 +1,6 @@
 """How far a long run has come: python's logger `jampetsc`, from rank 0 alone; a bar where standard error is a terminal.
 
-A library says nothing unless it is asked: `tell` does so for the command line and for `progress=True`. Notes that a
+A library says nothing unless it is asked: `report` does so for the command line and for `progress=True`. Notes that a
 user must not miss are warnings of the logger, which python shows anyway.
 """
 
@@ -15,7 +15,7 @@ from jampetsc import streams
 
 LOG = logging.getLogger("jampetsc")
 
-_silent = ContextVar("whether what runs tells nothing", default=False)
+_silent = ContextVar("whether progress is not reported", default=False)
 
 
 class _Lines(logging.Handler):
@@ -28,8 +28,8 @@ class _Lines(logging.Handler):
 _lines = _Lines()
 
 
-def tell(level: int = 0) -> None:
-    """Write on standard error how far runs have come: 1 more than usual, 0 as usual, -1 warnings alone."""
+def report(level: int = 0) -> None:
+    """Write progress to standard error: level 1 with details, 0 as usual, -1 warnings only."""
     LOG.setLevel({1: logging.DEBUG, 0: logging.INFO, -1: logging.WARNING}[level])
     LOG.propagate = False
     if _lines not in LOG.handlers:
@@ -37,11 +37,11 @@ def tell(level: int = 0) -> None:
 
 
 @contextmanager
-def telling(so: bool):
-    """What runs inside tells how far it has come, or is silent but for warnings."""
-    before, token = (LOG.level, LOG.propagate, list(LOG.handlers)), _silent.set(not so)
-    if so:
-        tell()
+def reporting(shown: bool):
+    """Context: runs inside report their progress, or nothing but warnings."""
+    before, token = (LOG.level, LOG.propagate, list(LOG.handlers)), _silent.set(not shown)
+    if shown:
+        report()
     try:
         yield
     finally:
@@ -51,13 +51,13 @@ def telling(so: bool):
 
 
 class Progress:
-    """Counts `total` steps of a run (None: not known before), `done` of them finished earlier; a context manager."""
+    """Counts the `total` steps of a run (None: unknown), `done` of them finished earlier; a context manager."""
 
     def __init__(self, total: int | None, what: str, rank: int = 0, done: int = 0):
         self.total, self.count = total, done
-        self.told = rank == 0 and not _silent.get()
+        self.reports = rank == 0 and not _silent.get()
         terminal = (
-            self.told and sys.stderr.isatty() and _lines in LOG.handlers and LOG.isEnabledFor(logging.INFO)
+            self.reports and sys.stderr.isatty() and _lines in LOG.handlers and LOG.isEnabledFor(logging.INFO)
         )
         self.bar = (
             tqdm(total=total, initial=done, desc=what, leave=False, file=sys.stderr) if terminal else None
@@ -69,19 +69,19 @@ class Progress:
         if self.bar is not None:
             self.bar.set_postfix_str(line, refresh=False)
             self.bar.update()
-        elif self.told:
+        elif self.reports:
             LOG.info("[%d%s] %s", self.count, f"/{self.total}" if self.total else "", line)
 
     def show(self, line: str) -> None:
-        """What the step is at that is under way; on a terminal alone."""
+        """Show how far the current step has come; on a terminal only."""
         if self.bar is not None:
             self.bar.set_postfix_str(line)
 
     def note(self, line: str) -> None:
-        """Say something beside the count."""
+        """Write a line that is not a step."""
         if self.bar is not None:
             self.bar.write(line, file=sys.stderr)
-        elif self.told:
+        elif self.reports:
             LOG.info("%s", line)
 
     def __enter__(self):

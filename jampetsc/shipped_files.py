@@ -12,9 +12,9 @@ PREFIX = "jampetsc:"
 
 
 def located(word: str) -> str:
-    """The path of an options file for `jampetsc:NAME`; any other word is handed back as it is.
+    """The path of an options file for `jampetsc:NAME`; any other word is returned unchanged.
 
-    Raises InputError for a NAME that there is not.
+    Raises InputError for an unknown NAME.
     """
     if not word.startswith(PREFIX):
         return word

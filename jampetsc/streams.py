@@ -1,17 +1,17 @@
-"""Standard output and error of a program that must not fail because of them, nor lose an error of theirs."""
+"""Standard output and error: the program must not fail because they are closed, full or not UTF-8."""
 
 import contextlib
 import os
 import sys
 
-ERROR = "jampetsc: error: "  # before every line that says what is wrong
+ERROR = "jampetsc: error: "  # begins every line of an error
 
 
 def prepare() -> None:
-    """Make what is closed lead nowhere, and everything printable.
+    """Open closed standard streams on /dev/null, and write what the locale cannot encode as escapes.
 
-    A file opened later would otherwise get the number 1 or 2, and be written to by whoever reports something.
-    Characters that the locale has not are written as escapes, and so are bytes of a file name that are no text.
+    A file opened later would otherwise get the descriptor 1 or 2, and messages would be written into it. Escaped are
+    characters that the locale does not have and bytes of file names that are not text.
     """
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
@@ -24,14 +24,14 @@ def prepare() -> None:
 
 
 def say(text) -> None:
-    """Write lines to standard error; where they cannot be written the work goes on without."""
+    """Write lines to standard error; a failure to write them is ignored."""
     with contextlib.suppress(OSError):
         sys.stderr.write(text)
-    forsake(sys.stderr)
+    flush_or_drop(sys.stderr)
 
 
-def forsake(stream) -> None:
-    """Let go what a stream cannot write: python, which tries once more at its end, would complain."""
+def flush_or_drop(stream) -> None:
+    """Flush a stream, and if that fails send it to /dev/null: python flushes again at its exit, and would complain."""
     try:
         stream.flush()
     except OSError:

@@ -88,11 +88,11 @@ def session():
 
 
 @pytest.fixture
-def telling():
+def reporting():
     """Runs tell on standard error how far they have come, as on a command line."""
     from jampetsc import progress
 
-    with progress.telling(True):
+    with progress.reporting(True):
         yield
 
 

@@ -1,4 +1,4 @@
-"""Means of correlated series with errors that know the correlation, and how little of it a short series tells.
+"""Means of correlated series, with errors that allow for the correlation and for how badly a short series shows it.
 
 The Γ-method of Wolff (Comput. Phys. Commun. 156, 143 (2004); erratum 176, 383 (2007)): the mean of T values has the
 variance C/T, where C = Γ(0) + 2 Σ_1^W Γ(t) is 2τ Γ(0), τ the integrated autocorrelation time. The window W is where
@@ -6,13 +6,13 @@ what is left out, e^(−W/(Sτ)), falls below the noise of the sum; C is freed o
 own mean by the factor 1/(1 − (2W + 1)/T). C averages over T/(2W + 1) independent squares, W about 4τ and chosen on the
 same series: MEMORY samples count as one, and Student's factor for so many degrees of freedom widens the error.
 
-Whether a series is long enough is asked of two estimates that err for different reasons; the lower one counts: T/(2τ)
-and T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayley & Hammersley, J. R. Stat. Soc. Suppl.
-8, 184 (1946)), freed of its bias (Marriott & Pope, Biometrika 41, 390 (1954)). By τ alone those pass that
-underestimate it.
+The number of independent samples is the lower of two estimates that err for different reasons: T/(2τ), and
+T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8,
+184 (1946)), freed of its bias (Marriott & Pope, Biometrika 41, 390 (1954)). τ alone would let pass the series in which
+it is underestimated.
 
-Both take a series for one of a single memory. A slow part beside a fast one, or a drift, shows in the means of its
-tenths, where they scatter by more than that error allows.
+Both assume a single correlation time. A slow part beside a fast one, or a drift, shows in the means of the ten tenths
+of the series, if they scatter by more than the error allows.
 
 pyerrors has this estimator, but brings autograd, matplotlib and seconds of start-up for the thirty lines here; those of
 emcee and pymbar correct no bias.
@@ -27,27 +27,27 @@ from jampetsc.analysis.statistics import half_width, mean_with_error
 
 STRETCH = 2.0  # S: correlations are taken to decay over Sτ
 FEW = 20.0  # independent samples below which an error is rough
-MEMORY = 6.0  # independent samples that tell one degree of freedom of the variance: benchmarks/coverage.py
-BLOCKS = 10  # of a series, whose means are compared
-SCATTER = 2.4  # times the variance that the error allows: by chance one long series in a hundred has more
+MEMORY = 6.0  # independent samples per degree of freedom of the variance: benchmarks/coverage.py
+BLOCKS = 10  # parts of a series whose means are compared
+SCATTER = 2.4  # limit of their variance over what the error allows: one long series in a hundred exceeds it by chance
 
 
 @dataclass(frozen=True)
 class Average:
-    """Mean of a series and what is known of its error."""
+    """Mean of a correlated series, and its error."""
 
     mean: float
     error: float  # half of the 68 % interval; nan for a single value
     time: float  # integrated autocorrelation time τ, in values, at least ½
-    samples: float  # that would say as much if they were independent
-    drifts: bool  # its tenths scatter by more than the error allows, which is then what they scatter by
+    samples: float  # number of independent values with the same error
+    drifts: bool  # the means of its tenths scatter by more than the error allows; `error` is then from that scatter
 
     def __str__(self):
         return f"{self.mean:.5g} ± {self.error:.2g}"
 
     @property
     def enough(self) -> bool:
-        """Whether the error is to be trusted; where not, it is widened all the same."""
+        """Whether there are enough samples to trust the error; it is widened for their number in any case."""
         return self.samples >= FEW
 
     @classmethod
@@ -93,7 +93,7 @@ def _correlation(gamma, count):
 
 
 def _independent(rho, count):
-    """Independent samples that `count` values of autocorrelation ρ (T/2,) are worth, were it an exponential."""
+    """Number of independent samples in `count` values of autocorrelation ρ (T/2,), if ρ were an exponential."""
     below = rho < 1.0 / math.e
     lag = max(1, (int(np.argmax(below)) if below.any() else len(rho)) - 1)
     if rho[lag] <= 0.0:
@@ -105,17 +105,18 @@ def _independent(rho, count):
 
 
 def _widening(samples):
-    """Student's factor for a variance known from a series worth so many samples."""
+    """Student's factor for a variance that was estimated from so many independent samples."""
     return half_width(max(1.0, samples / MEMORY))
 
 
 def mean_of_runs(means, errors, samples) -> tuple[float, float]:
-    """(mean, error) over runs (R,): the larger of the scatter of their means and what they say of their errors.
+    """(mean, error) over runs (R,); the error is the larger of that from the scatter of their means and that from their
+    own errors.
 
-    means, errors, samples   as `Average` has them; samples inf where a file of old does not tell
+    means, errors, samples   of each run as in `Average`; samples inf where an older file does not have them
 
-    Each is widened by Student's factor: the scatter for R − 1 degrees of freedom, the errors for those of all runs
-    together. nan for one run that has no error.
+    Both are widened by Student's factor: for R − 1 degrees of freedom, and for those of all runs together. nan for one
+    run without an error.
     """
     means, errors, samples = (np.asarray(values, float) for values in (means, errors, samples))
     known = np.isfinite(errors)

@@ -1,4 +1,4 @@
-"""Error bounds in relation to what they bound."""
+"""Relative error bounds."""
 
 import numpy as np
 

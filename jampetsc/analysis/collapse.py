@@ -45,7 +45,7 @@ class Points:
         return (self.phi >= low) & (self.phi <= high) & (self.scale <= largest * (1 + 1e-9))
 
     def check(self) -> None:
-        """Raise InputError for values that no observable has, and too few scales or φ."""
+        """Raise InputError for values that are negative or nan, errors that are not positive, too few scales or φ."""
         wrong = np.flatnonzero(~(np.isfinite(self.value) & (self.value >= 0)))
         if len(wrong):
             raise InputError(
@@ -66,7 +66,7 @@ class Points:
 
 @dataclass(frozen=True)
 class Form:
-    """What is fitted: which of PARAMETERS are held at which value, and what ln f₀ and ln |f₁| are."""
+    """The form that is fitted: the fixed ones of PARAMETERS, and the functions for ln f₀ and ln |f₁|."""
 
     held: dict  # {name: value} of the parameters that are not free
     corrections: bool = False
@@ -81,13 +81,13 @@ class Form:
 
     @property
     def terms(self) -> tuple[int, int]:
-        """Coefficients of ln f₀ and of ln |f₁|, which is smoother: data tell less of it."""
+        """Numbers of coefficients of ln f₀ and of ln |f₁|; f₁ gets fewer, since data determine it less well."""
         first = self.degree + (CUBIC if self.spline else 1)
         return first, (self.degree + 1) // 2 + 1 if self.corrections else 0
 
     @property
     def unknowns(self) -> int:
-        """Numbers that are fitted."""
+        """How many numbers are fitted."""
         return len(self.free) + sum(self.terms)
 
     @property
@@ -103,9 +103,9 @@ def words_of(finite_size: bool) -> dict:
 
 
 def form_named(fit, finite_size=False, corrections=False, degree=5, spline=False) -> Form:
-    """The form of the names in `fit`, phi_J,y,znu[,omega], nu for znu with finite_size; y=1 holds y.
+    """The form for the names in `fit`, phi_J,y,znu[,omega], nu for znu with finite_size; y=1 fixes y.
 
-    Raises InputError for a name that is none, is missing or there twice, and where nothing is free.
+    Raises InputError for an unknown, missing or repeated name, and where no parameter is free.
     """
     names, held, seen = {word: name for name, word in words_of(finite_size).items()}, {}, set()
     here = f"{named('fit')} {fit}"
@@ -130,7 +130,7 @@ def form_named(fit, finite_size=False, corrections=False, degree=5, spline=False
 
 
 def _held(here, value, name):
-    """The number that a parameter is held at. Raises InputError."""
+    """The value at which a parameter is fixed. Raises InputError."""
     low, high = BOUNDS.get(name, (0.0, 2.0))
     try:
         number = float(value)
@@ -151,7 +151,7 @@ def _derivatives(degree):
 class Basis:
     """Functions whose sums are ln f: Chebyshev polynomials, or cubic splines as a cubic and cubes beyond knots."""
 
-    knots: np.ndarray  # (K + 1,) where the data are; the end that is farther from 0 is what x is measured by
+    knots: np.ndarray  # (K + 1,) quantiles of the data; the end farther from 0 is the unit of x
     spline: bool
 
     @classmethod
@@ -218,7 +218,7 @@ class Fit:
         return unit * leading, unit * points.scale ** p.get("omega", 0.0) * other
 
     def model(self, points) -> np.ndarray:
-        """What the fit says of the observable, (M,)."""
+        """The fitted observable at these points, (M,)."""
         leading, correction = self.terms(points)
         return leading + correction
 

@@ -1,9 +1,10 @@
-"""How well data tell the parameters of a collapse.
+"""Errors of the parameters of a collapse.
 
 The ends of 2σ of a parameter are where the least χ² with it held is 4 above the least of all (profile of χ²; James,
-Statistical Methods in Experimental Physics, ch. 9). They need no form of the errors, follow a curved valley, and where
-there is none the data do not decide. What the functions of a degree cannot say no χ² knows: it is estimated by what a
-parameter changes by in fits of higher degrees, as far as that is more than the noise of the terms that these add.
+Statistical Methods in Experimental Physics, ch. 9). They assume no distribution of the errors and follow a curved
+valley of χ²; where χ² does not rise that far, the data do not determine the parameter. An error because f₀ and f₁ have
+too low a degree need not show in χ². It is estimated from the change of a parameter in fits of higher degrees, less the
+noise of the terms that these add.
 """
 
 import math
@@ -16,13 +17,13 @@ from jampetsc.analysis.collapse import Fit, Form, Points
 from jampetsc.analysis.collapse_fit import ROUGH, best_from, carried, minima, ranges
 from jampetsc.errors import InputError
 
-SIGMAS = 2.0  # of the ends: there χ² is the square of it above the least
-HIGHER = (2, 4)  # what is added to the degree: even and odd terms alike
-UNEVEN = 1.5  # a longer side in units of the shorter one, from which one error for both is not enough
+SIGMAS = 2.0  # of the ends, where χ² is SIGMAS² above the least
+HIGHER = (2, 4)  # added to the degree: as many even as odd terms
+UNEVEN = 1.5  # ratio of the longer to the shorter side of an error from which both are reported
 DRAWN = 200  # places along x at which f₀ and f₁ are kept
 _ACCURACY = 0.02  # of an end, in its distance from the best
-_BETTER = 0.01  # by which another χ² is below the least so far
-_STRETCH, _STEPS = 3.0, 20  # of a step outwards, at most; of the range that is searched, at least
+_BETTER = 0.01  # a fit whose χ² is lower by this replaces the best so far
+_STRETCH, _STEPS = 3.0, 20  # most growth from step to step outwards; fewest steps that cover the range
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Estimate:
 
     @property
     def decided(self) -> bool:
-        """Whether the data set both ends."""
+        """Whether the data limit the parameter on both sides."""
         return math.isfinite(self.high - self.low)
 
     @property
@@ -75,14 +76,14 @@ def estimate(points: Points, form: Form) -> tuple[Fit, dict]:
 
 
 def _widened(best, ends, shift, limits):
-    """The Estimate with the part of the degree added; an end outside the range that was searched is none."""
+    """The Estimate with the error due to the degree added; an end outside the range that was searched is infinite."""
     down, up = (math.hypot(end - best, SIGMAS * shift) for end in ends)
     low = best - down if best - down > limits[0] else -math.inf
     return Estimate(best, low, best + up if best + up < limits[1] else math.inf, shift)
 
 
 def _ends(points, fits):
-    """{name: (low, high)} about the first fit, and about others that are less than SIGMAS² above it in χ²."""
+    """{name: (low, high)} around the first fit, and around others whose χ² is less than SIGMAS² above its."""
     least, ends = fits[0].chi2, {}
     for fit in fits:
         inside = ends and all(low <= fit.parameters[name] <= high for name, (low, high) in ends.items())
@@ -98,8 +99,8 @@ def _ends(points, fits):
 def drift(points: Points, form: Form) -> list:
     """[(cut, fit, estimates), …] of `estimate` for the points with scale ≤ cut, from all to as few as can be fitted.
 
-    Where corrections to scaling are left out, parameters can be trusted that no longer change with the cut. Raises
-    InputError if all points are too few.
+    Without corrections to scaling, parameters can be trusted once they no longer change with the cut. Raises
+    InputError if even all points are too few.
     """
     found = []
     for cut in np.unique(points.scale)[::-1]:
@@ -155,7 +156,7 @@ def _shifts(points, fit):
 
 
 def _linear_errors(points, fit):
-    """(P,) standard errors of the free parameters, were the model linear in all that is fitted."""
+    """(P,) standard errors of the free parameters from the linearised model."""
     slopes = fit.slopes(points) / points.error[:, None]
     units = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
     return (np.linalg.norm(np.linalg.pinv(slopes / units), axis=1) / units)[: len(fit.form.free)]

@@ -7,10 +7,10 @@ import numpy as np
 from jampetsc.analysis.collapse import BOUNDS, Basis, Fit, Form, Points, scaled
 from jampetsc.errors import InputError, named
 
-EXACT, ROUGH = (1e-9, 300), (1e-5, 100)  # (change of χ² that ends a search, steps)
-_KAPPAS, _PHIS = np.geomspace(0.7, 8.0, 12), 15  # where the search for a minimum begins
-_MINIMA = 4  # of that grid, from which the search goes on
-_OMEGAS, _SHARE = (0.1, 0.25, 0.6, 1.5), 0.3  # … for corrections, and for f₁ in units of f₀
+EXACT, ROUGH = (1e-9, 300), (1e-5, 100)  # (relative change of χ² that ends a search, most steps)
+_KAPPAS, _PHIS = np.geomspace(0.7, 8.0, 12), 15  # grid on which the search begins: κ, number of φ_J
+_MINIMA = 4  # deepest minima of that grid, from which the search continues
+_OMEGAS, _SHARE = (0.1, 0.25, 0.6, 1.5), 0.3  # starts with corrections: ω, and f₁ in units of f₀
 
 
 def ranges(points: Points) -> dict:
@@ -20,7 +20,7 @@ def ranges(points: Points) -> dict:
 
 
 def minima(points: Points, form: Form) -> list[Fit]:
-    """Fits that the search ends at, the least χ² first; with corrections one for each sign of f₁. Raises InputError."""
+    """Local minima of χ², the least first; with corrections for both signs of f₁. Raises InputError."""
     points.check()
     if len(points) <= form.unknowns:
         raise InputError(
@@ -47,7 +47,7 @@ def _sorted(fits) -> list[Fit]:
 
 
 def _starts(points, form) -> list[Fit]:
-    """The deepest minima on a grid of φ_J and κ without corrections, where ln O is linear in what else there is."""
+    """The deepest minima on a grid of φ_J and κ without corrections, where ln O is linear in all other unknowns."""
     spread = np.quantile(points.phi, np.linspace(0.1, 0.9, _PHIS))
     phis = [form.held["phi_J"]] if "phi_J" in form.held else spread
     kappas = [form.held["kappa"]] if "kappa" in form.held else _KAPPAS
@@ -60,7 +60,7 @@ def _starts(points, form) -> list[Fit]:
 
 
 def _linear(known, form, phi_J, kappa) -> Fit:
-    """Least squares of ln O at one φ_J and κ: what remains is linear."""
+    """Least squares of ln O at one φ_J and κ: the other unknowns enter linearly."""
     weight, log_b = known.value / known.error, np.log(known.scale)
     x = scaled(known, phi_J, kappa)
     basis = Basis.of(x, form)
@@ -82,7 +82,7 @@ def _least_squares(columns, values, weight):
 
 
 def _corrected(plain: Fit, form, sign) -> Fit:
-    """Where the search with corrections begins: a part of the plain fit's f₀ scales otherwise."""
+    """Start of the search with corrections: f₁ is _SHARE times the f₀ of the plain fit."""
     second = plain.coefficients[0][: form.terms[1]].copy()
     second[0] += np.log(_SHARE)
     parameters = {**plain.parameters, "omega": form.held["omega"]}
@@ -90,7 +90,7 @@ def _corrected(plain: Fit, form, sign) -> Fit:
 
 
 def carried(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
-    """Where the search for another form or other parameters begins: with functions that say much what a fit says."""
+    """Start of a search with another form or other parameters, its functions fitted to those of `fit`."""
     x, log_b = scaled(points, parameters["phi_J"], parameters["kappa"]), np.log(points.scale)
     basis, y = Basis.of(x, form), parameters["y"] / parameters["kappa"]
     values, weight = basis(x)[0], fit.model(points) / points.error
@@ -108,7 +108,7 @@ def carried(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
 
 
 def best_from(points: Points, form: Form, start: Fit, search=EXACT) -> Fit:
-    """Least squares from a fit that is near, in the basis of that fit."""
+    """Least squares from the fit `start`, in its basis."""
     from scipy.optimize import least_squares
 
     names, (first, _) = form.free, form.terms
@@ -132,7 +132,7 @@ def best_from(points: Points, form: Form, start: Fit, search=EXACT) -> Fit:
     change, steps = search
     begin = np.r_[[start.parameters[name] for name in names], *start.coefficients]
     inner = np.clip(begin, low + 1e-9, high - 1e-9)
-    with np.errstate(over="ignore", invalid="ignore"):  # of steps that are too long, which are taken back
+    with np.errstate(over="ignore", invalid="ignore"):  # in steps that are too long, which the search rejects
         solved = least_squares(
             residuals, inner, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=change, xtol=change
         )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.analysis.lane_sums import LaneSums, grid_cells, lane_sums
-from jampetsc.analysis.statistics import draws_of, of_few
+from jampetsc.analysis.statistics import draws_of, small_sample_factor
 from jampetsc.errors import InputError, about
 
 ENOUGH_PACKINGS = 5  # from so many on, whole packings are resampled
@@ -56,7 +56,7 @@ def correlate(packings) -> Correlation:
         return np.hstack((values, [_places(separation, c) for c in values]))
 
     own = found(np.arange(count))
-    errors = of_few(count) * _scatter(found, count)
+    errors = small_sample_factor(count) * _scatter(found, count)
     values, (root, minimum) = own[:, :-2], own[:, -2:].T
     value_errors, (root_error, minimum_error) = errors[:, :-2], errors[:, -2:].T
     pairs = int(units.pairs.sum())
@@ -120,7 +120,7 @@ def correlate_motions(motions, lanes) -> LaneCorrelations:
 
 
 def _units(packings) -> LaneSums:
-    """What the bootstrap draws: sums of packings, or of strips where packings are few, one row each."""
+    """The units that the bootstrap resamples, one row each: packings, or strips of lanes where packings are few."""
     joined = {}
     for name in ("products", "squares", "pairs", "separations", "disks"):
         parts = [getattr(sums, name) for sums in packings]

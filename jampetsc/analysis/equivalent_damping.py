@@ -62,7 +62,7 @@ class EquivalentDamping:
 
     @property
     def coefficient(self) -> float:
-        """C = A (F₀/k)^(α−1) τ₁^(−α), so that y = C (ωτ₁)^α at low frequency (BT 26)."""
+        """C = (2/√π) Γ(1 + α/2)/Γ(3/2 + α/2) (σ₀/k)^(α−1), so that y = C (ωτ₁)^α at low frequency (BT 26)."""
         ratio = math.exp(math.lgamma(1 + self.alpha / 2) - math.lgamma(1.5 + self.alpha / 2))
         return 2.0 / math.sqrt(math.pi) * ratio * self.stress ** (self.alpha - 1.0)
 

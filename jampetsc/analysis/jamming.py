@@ -1,8 +1,8 @@
-"""How often disks jam, and how hard: shares with their errors, and densities of what jammed samples have.
+"""Fraction of samples that jam, with its error, and distributions of pressure and φ_J over jammed samples.
 
-Samples that know nothing of each other give a binomial share, with Wilson's interval (J. Am. Stat. Assoc. 22, 209
-(1927)), which keeps its meaning where all or none are jammed. States of one sheared run remember each other: their
-share is a mean over a series, with an error from its autocorrelation and from the scatter of runs.
+For independent samples the fraction is binomial, with Wilson's interval (J. Am. Stat. Assoc. 22, 209 (1927)), which
+keeps its meaning where all or none are jammed. The states of one sheared run are correlated: their fraction is a mean
+over a series, with an error from its autocorrelation and from the scatter of runs.
 """
 
 import math
@@ -13,9 +13,9 @@ import numpy as np
 from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.statistics import mean_with_error
 
-FEWEST = 10  # samples that make a density
-OTHERS = ("phi_J", "segregation")  # what samples may have beside
-BINS = (5, 30)  # of a density, at least and at most: √samples between them
+FEWEST = 10  # samples for a distribution
+OTHERS = ("phi_J", "segregation")  # columns that samples may also have
+BINS = (5, 30)  # least and largest number of bins; √samples between them
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Share:
     low: float
     high: float
     samples: int
-    independent: float  # samples that say as much if they know nothing of each other
+    independent: float  # number of independent samples with the same error
 
 
 def independent_share(jammed) -> Share:
@@ -79,16 +79,16 @@ def runs_of(result) -> list:
 
 @dataclass(frozen=True)
 class AtDensity:
-    """What samples at one φ say."""
+    """Results of the samples at one φ."""
 
     phi: float
     jammed: Share | None  # None where no minimum was found
     pressure: float  # mean of those that jam; nan where none does
-    means: dict  # name -> (mean, its error) of what else samples have
+    means: dict  # name in OTHERS -> (mean, its error)
 
 
 def at_densities(columns: dict) -> list[AtDensity]:
-    """What samples (S,) say at every φ: columns phi, seed, jammed and pressure, nan without a minimum, and OTHERS."""
+    """Results at every φ of samples: columns (S,) phi, seed, jammed and pressure, nan without a minimum, and OTHERS."""
     phi, seed, jammed, pressure = (columns[name] for name in ("phi", "seed", "jammed", "pressure"))
     found = []
     for value in np.unique(phi):
@@ -113,7 +113,9 @@ def at_densities(columns: dict) -> list[AtDensity]:
 
 
 def memory(runs) -> float:
-    """Samples that say as much as one independent one, 2τ, averaged over series [(T,), …]; 1 for single samples."""
+    """Statistical inefficiency 2τ, the number of samples per independent one, averaged over series [(T,), …]; 1 for
+    single samples.
+    """
     lengths = [len(run) for run in runs]
     return max(1.0, float(np.average([2.0 * Average.of(run).time for run in runs], weights=lengths)))
 
@@ -121,8 +123,8 @@ def memory(runs) -> float:
 def density(values, low=None, memory=1.0):
     """(edges (B + 1,), density (B,), error (B,)) of samples (S,): Σ density · width = 1, errors of counting.
 
-    low: where the first bin begins, by default the least value. Errors are √(count · memory), those of 1 where a bin
-    is empty.
+    low: where the first bin begins, by default the least value; memory: statistical inefficiency of the samples.
+    Errors are √(count · memory), with a count of 1 for an empty bin.
     """
     values = np.asarray(values, float)
     count = len(values)
@@ -134,10 +136,10 @@ def density(values, low=None, memory=1.0):
 
 
 def assortativity(kind, i, j) -> float:
-    """(share of pairs of a kind − that of random ends)/(1 − that of random ends), Newman, PRE 67, 026126 (2003).
+    """Assortativity, (share of like pairs − that of random pairs)/(1 − that of random pairs), Newman, PRE 67, 026126
+    (2003).
 
-    kind (N,) of each disk, two or more; pairs (i, j). 1 where unlike disks never meet, 0 where kinds are no matter; nan
-    where there is one kind only.
+    kind (N,) of each disk; pairs (i, j). 1 where unlike disks never meet, 0 where they mix at random; nan for one kind.
     """
     kind = np.asarray(kind)
     same = float(np.mean(kind[i] == kind[j])) if len(i) else np.nan

@@ -1,4 +1,4 @@
-"""Sums over pairs of disks in narrow lanes along the flow, for correlations of what they carry.
+"""Sums over pairs of disks in narrow lanes along the flow, for correlations of their displacements.
 
 Disks are put on a grid finer than the bins of δ, and pairs are counted by Fourier transforms lane by lane: the work is
 N log N. Sums are kept for strips of neighbouring lanes, so that errors come from resampling them.

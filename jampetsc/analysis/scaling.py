@@ -14,8 +14,8 @@ from jampetsc.errors import InputError
 MU, LAMBDA = 0.5, 1.0  # critical exponents of BT
 CRITICAL_END = 0.1  # ωτ₁ above which the affine branch near ωτ₁ = 1 is felt
 BORDER = 0.75  # slope of G'' half-way between the critical and the viscous one
-SETTLED = 0.03  # extrapolating may move a limit by this fraction; on the critical branch it is 0.1 and more
-_ENOUGH = 3  # points of a fit that leave something to estimate its error from
+SETTLED = 0.03  # most by which extrapolation may change a limit, relative; on the critical branch it is 0.1 and more
+_ENOUGH = 3  # fewest points of a fit from which its error can be estimated
 
 
 @dataclass(frozen=True)
@@ -110,11 +110,11 @@ def local_exponents(x, values, errors):
 def critical_exponents(omega, G, G0):
     """(½ d ln|G*² − G₀²|/d ln ω, arg(G*² − G₀²)/π), (M,) each: both are Δ where G* ~ (iω)^Δ.
 
-    omega (M,) increasing, G (M,) complex, G0 the limit of G* at ω → 0, each in any unit. Between the two crossovers the
-    spring G₀ is still felt in G', not in the difference of the squares, which is a power law on either side of ω* if
-    G*² = G₀² + iAω, as BT's collapse has it within some per cent. Below ω* it says nothing: there the difference is
-    2iG₀η₀ω, and both are ½ whatever Δ is (docs/physics.md). Take frequencies above ω* = G₀/η₀; nan or infinite where
-    the digits of G do not tell it from G0.
+    omega (M,) increasing, G (M,) complex, G0 the limit of G* at ω → 0, each in any unit. Between the two crossovers G'
+    still contains G₀, but the difference of the squares does not: it is a power law on either side of ω* if
+    G*² = G₀² + iAω, which data follow within some per cent. Below ω* it is no test of Δ: there the difference is
+    2iG₀η₀ω, and both are ½ for any Δ (docs/physics.md). Take frequencies above ω* = G₀/η₀; nan or infinite where
+    G and G0 agree to their last digits.
     """
     omega, G = np.asarray(omega, float), np.asarray(G, complex)
     difference = (G - G0) * (G + G0)

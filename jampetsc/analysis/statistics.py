@@ -20,13 +20,13 @@ def half_width(degrees: float) -> float:
     return float(stdtrit(degrees, 0.5 * (1.0 + LEVEL)))
 
 
-def of_few(count: int) -> float:
-    """By how much the scatter of statistics resampled from n samples widens: √(n/(n−1)), and Student's t of n − 1."""
+def small_sample_factor(count: int) -> float:
+    """Factor on the scatter of statistics resampled from `count` = n samples: √(n/(n−1)) times Student's t of n − 1."""
     return math.sqrt(count / (count - 1)) * half_width(count - 1) if count > 1 else math.nan
 
 
-def few_words(count: int, what: str) -> str:
-    """What to say of errors of so many samples; "" where twice an error holds as much as one expects."""
+def small_sample_note(count: int, what: str) -> str:
+    """A remark on the errors of so few samples; "" from FEW samples on."""
     if count >= FEW:
         return ""
     rough = "no error" if count < 2 else "rough errors: twice the error holds less than 92 % of cases"
@@ -43,11 +43,11 @@ def mean_with_error(values) -> tuple:
     mean, n = values.mean(axis=0), len(values)
     if n < 2:
         return mean, np.full_like(mean, np.nan)
-    return mean, values.std(axis=0) / math.sqrt(n) * of_few(n)
+    return mean, values.std(axis=0) / math.sqrt(n) * small_sample_factor(n)
 
 
 def draws_of(count: int, samples: int, seed: int = 0):
-    """(samples, count) rows drawn with replacement, of as many: those of a bootstrap."""
+    """Indices of bootstrap samples, (samples, count): each row draws `count` of `count` with replacement."""
     return np.random.default_rng(seed).integers(count, size=(samples, count))
 
 

@@ -102,7 +102,7 @@ def _grid(first, last):
 
 
 def _seen(first, last, rates, window):
-    """The part of first … last that is within half a window of the times of the modes, if there is any."""
+    """The part of first … last within half a window of the times of the modes; all of it if there is none."""
     if not len(rates):
         return first, last
     reach = 10.0 ** (0.5 * window)

@@ -12,7 +12,7 @@ GROUP = "damping law"
 
 
 def law_parameters(default):
-    """The options of a law, whose family is `default`, or None, where it is not given."""
+    """The parameters of a damping law; `default`: the family if none is given, or None."""
     labels = " or ".join(f"{family.label} ({name})" for name, family in FAMILIES.items())
     found = [Parameter("law", labels, WORD, default, choices=tuple(FAMILIES), group=GROUP)]
     for name in OPTIONS:
@@ -23,30 +23,30 @@ def law_parameters(default):
             off = f"{option.meaning} ({belongs})"
             found.append(Parameter(name, f"unless {off}", SWITCH, True, off=off, group=GROUP))
         else:
-            told = f"{option.meaning} ({belongs}, default {option.default:g})"
-            found.append(Parameter(name, told, NUMBER, None, metavar=name.upper(), group=GROUP))
+            help = f"{option.meaning} ({belongs}, default {option.default:g})"
+            found.append(Parameter(name, help, NUMBER, None, metavar=name.upper(), group=GROUP))
     found.append(Parameter("tau1", "damping time τ₁", NUMBER, 1.0, above=0.0, metavar="TIME", group=GROUP))
     return tuple(found)
 
 
 def law_made(given: dict) -> Law:
-    """The law of options by name. Raises InputError for an option of another family and values out of range."""
+    """The law that options {name: value} describe. Raises InputError for one of another family or out of range."""
     return damping_law(
         given.get("law", DEFAULT), **{name: one for name, one in given.items() if name != "law"}
     )
 
 
-def law_told(law: Law) -> dict:
-    """The options that make a law, those that differ from the default; its weights where it is of no family."""
+def law_options(law: Law) -> dict:
+    """{name: value} of the options that describe a law, without defaults; its weights where it is of no family."""
     if law.family:
         usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
-        told = {name: value for name, value in law.options if value != usual[name]}
-        return {"law": law.family, "tau1": law.tau1, **told}
+        changed = {name: value for name, value in law.options if value != usual[name]}
+        return {"law": law.family, "tau1": law.tau1, **changed}
     weights = ("normal", "transverse", "sliding", "drag", "eta_f")
     return {"law": "own weights", "tau1": law.tau1} | {name: getattr(law, name) for name in weights}
 
 
-DAMPING = Part(law_parameters(DEFAULT), law_made, law_told, Law)
+DAMPING = Part(law_parameters(DEFAULT), law_made, law_options, Law)
 PRESTRESS = asked(
     True,
     "K keeps the f/r term of its contacts (BT: 'with pre-stress')",

@@ -12,23 +12,26 @@ HOW = {  # parameters of every function, beside those of its job
     "out": (None, "file of the result; without one it stays in memory, see `Result.save`"),
     "checkpoint": (
         None,
-        "file beside which a long run keeps what it has finished, to go on from (default: out)",
+        "file beside which a long run saves finished steps, to continue from them (default: out)",
     ),
-    "overwrite": (False, "replace a finished result of other settings at out, which is refused otherwise"),
-    "progress": (False, "tell on stderr how far a long run has come"),
+    "overwrite": (False, "replace a finished result of other settings at out, otherwise an error"),
+    "progress": (False, "report progress on stderr"),
 }
 
 
 def function_of(job):
-    """The function that makes a job of this class of its arguments, does it and gives the result. Collective."""
+    """The python function of a class of jobs: it makes the job from its arguments, runs it and returns the result.
+
+    That function is collective.
+    """
     signature = signature_of(job)
 
     def call(*given, **options):
         bound = signature.bind(*given, **options)
         bound.apply_defaults()
-        out, checkpoint, overwrite, told = (bound.arguments.pop(name) for name in HOW)
+        out, checkpoint, overwrite, shown = (bound.arguments.pop(name) for name in HOW)
         asked, to = job(**bound.arguments), Outlet(out, out if checkpoint is None else checkpoint)
-        with progress.telling(True) if told else contextlib.nullcontext():
+        with progress.reporting(True) if shown else contextlib.nullcontext():
             said = asked.perform(to, argv=asked.line(out), overwrite=overwrite)
         return asked.answer(to, said)
 
@@ -40,7 +43,7 @@ def function_of(job):
 
 
 def signature_of(job) -> inspect.Signature:
-    """What the function of a job takes."""
+    """The signature of the function of a class of jobs."""
     kinds = inspect.Parameter
     places = {OPTION: kinds.KEYWORD_ONLY, FILES: kinds.VAR_POSITIONAL}
     found = []
@@ -59,21 +62,21 @@ def signature_of(job) -> inspect.Signature:
 
 
 def documentation_of(job) -> str:
-    """The docstring of the function of a job, numpydoc form."""
+    """The docstring of the function of a class of jobs, in numpydoc form."""
     lines = [inspect.cleandoc(job.__doc__), "", "Collective.", "", "Parameters", "----------"]
     for field in dataclasses.fields(job):
         said = fields(job)[field.name]
         if isinstance(said, Part):
             options = ", ".join(one.name for one in said.parameters)
-            lines += [f"{field.name} : {said.type.__name__}", f"    made of {options}"]
+            lines += [f"{field.name} : {said.type.__name__}", f"    by the options {options}"]
             continue
         kind = getattr(field.type, "__name__", str(field.type))
         default = "" if said.required else f", default {shown(said.default)}"
         unit = f", in {said.unit}" if said.unit else ""
         choices = f"; one of {', '.join(said.choices)}" if said.choices else ""
         lines += [f"{field.name} : {kind}{default}", f"    {said.help}{unit}{choices}"]
-    for name, (default, told) in HOW.items():
-        lines += [f"{name} : default {default}", f"    {told}"]
+    for name, (default, help) in HOW.items():
+        lines += [f"{name} : default {default}", f"    {help}"]
     lines += ["", "Returns", "-------", job.GIVES or f"what `load` gives for a {job.FORMAT} file"]
     lines += ["", "Raises", "------", "InputError", "    for values that cannot be used, naming them"]
-    return "\n".join([*lines, "ConvergenceError", "    where it does not get there"])
+    return "\n".join([*lines, "ConvergenceError", "    where a solver does not converge"])

@@ -1,4 +1,4 @@
-"""Kinds of values that jobs ask for beside numbers and words: packings, frequencies and other lists of numbers.
+"""Kinds of values besides numbers and words: packings, results, frequencies and other lists of numbers.
 
 One grammar for lists: `a,b,c` as they are, `low:high:count` a logarithmic grid, `lin:low:high:count` an even one;
 from python any list or array.
@@ -21,7 +21,7 @@ MOST_THREADS = 256
 
 
 def words(given) -> tuple:
-    """Several values: words with commas between, or what there is in a list or array; a single one is one."""
+    """A tuple of values: the words between commas of a string, the entries of a list or array, or a single value."""
     if isinstance(given, str):
         return tuple(given.split(","))
     return tuple(given) if getattr(given, "ndim", 1) and hasattr(given, "__iter__") else (given,)
@@ -39,7 +39,7 @@ def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
             given = f"lin:{given.removeprefix('lin:')}"
         return _numbers(given, least, most, unit)
 
-    return Kind(read, partial(grid_told, even=even), metavar=metavar)
+    return Kind(read, partial(grid_text, even=even), metavar=metavar)
 
 
 def _numbers(given, least, most, unit):
@@ -84,10 +84,10 @@ def _written(text):
     return (np.linspace if even else np.geomspace)(low, high, count)
 
 
-def grid_told(values, even=False) -> str:
-    """Numbers (M,) in the grammar, which gives the same to the last bit.
+def grid_text(values, even=False) -> str:
+    """Numbers (M,) written in the grammar above, such that reading gives the same to the last bit.
 
-    even   in that where low:high:count is an even grid
+    even   whether low:high:count is an even grid, without lin:
     """
     import numpy as np
 
@@ -126,7 +126,7 @@ def seeds_of(given) -> Sequence[int]:
     return seeds
 
 
-def _seeds_told(seeds) -> str:
+def _seeds_text(seeds) -> str:
     first, last = min(seeds), max(seeds)
     return f"{first}:{last}" if list(seeds) == list(range(first, last + 1)) else ",".join(map(str, seeds))
 
@@ -140,9 +140,10 @@ def _radii(given):
 
 
 def _read_as(names, what):
-    """How a packing or a result is read: the file that it lies in as words, what lies in memory as it is.
+    """The `read` of a Kind for a packing or a result: the name of its file, or the object if it is in memory only.
 
-    names   of classes whose objects in memory may be given, "Disks" and "Result"
+    names   classes of objects in memory that are accepted, of "Disks" and "Result"
+    what    describes them in messages
     """
 
     def read(given):
@@ -167,14 +168,14 @@ def _read_as(names, what):
 
 
 def opened(source):
-    """What `load` gives for a packing or a result that a job was given, which is opened if it is a file."""
+    """A packing or a result that a job was given, loaded if it is the name of a file."""
     from jampetsc.io.reader import load
 
     return load(source) if isinstance(source, str) else source
 
 
-def input_told(source) -> str:
-    """A packing or a result in words: its file, or that it lies in memory."""
+def input_name(source) -> str:
+    """A packing or a result in messages: the name of its file, or a description if it is in memory."""
     return f"<{source.n} disks>" if hasattr(source, "potential") else str(getattr(source, "path", source))
 
 
@@ -183,17 +184,19 @@ def refuse_repeated(sources) -> None:
     seen = {}
     for source in sources:
         file = source if isinstance(source, str | os.PathLike) else getattr(source, "file", None)
-        one, told = id(source) if file is None else os.path.realpath(file), input_told(source)
+        one, told = id(source) if file is None else os.path.realpath(file), input_name(source)
         if one in seen:
             again = f"is {seen[one]}, which" if told != seen[one] else "this file"
             raise InputError(f"{told}: {again} is given already: name each file once")
         seen[one] = told
 
 
-PACKING = Kind(_read_as(["Disks"], "a packing"), input_told, metavar="PACKING")  # Disks, or a path
-RESULT = Kind(_read_as(["Result"], "a result"), input_told, metavar="FILE")  # Result in memory, or a path
-HELD = Kind(_read_as(["Disks", "Result"], "a packing, a result"), input_told, metavar="FILE")  # either
+PACKING = Kind(_read_as(["Disks"], "a packing"), input_name, metavar="PACKING")  # Disks, or a path
+RESULT = Kind(_read_as(["Result"], "a result"), input_name, metavar="FILE")  # Result in memory, or a path
+PACKING_OR_RESULT = Kind(
+    _read_as(["Disks", "Result"], "a packing, a result"), input_name, metavar="FILE"
+)  # either
 INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
-SEEDS = Kind(seeds_of, _seeds_told, metavar="FIRST:LAST|LIST")
-RADII = Kind(_radii, lambda radii: radii.path or radii.told, metavar="FILE")  # a `minimise.sizes.Radii`
+SEEDS = Kind(seeds_of, _seeds_text, metavar="FIRST:LAST|LIST")
+RADII = Kind(_radii, lambda radii: radii.path or radii.text, metavar="FILE")  # a `minimise.sizes.Radii`
 FREQUENCIES = numbers(SMALLEST, LARGEST, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)")

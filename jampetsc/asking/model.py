@@ -1,6 +1,6 @@
 """The model of a flow: the options that make one, a name of `flows.models.MODELS` or a damping law, and a mass."""
 
-from jampetsc.asking.damping import law_made, law_parameters, law_told
+from jampetsc.asking.damping import law_made, law_options, law_parameters
 from jampetsc.asking.parameters import NUMBER, WORD, Parameter, Part
 from jampetsc.core.laws import LARGEST, OPTIONS
 from jampetsc.errors import InputError, named
@@ -18,14 +18,14 @@ MOTION = {  # parameter -> what it is, and its range
 OWN = (
     Parameter("model", WHAT, WORD, None, choices=tuple(MODELS), group="model"),
     *(
-        Parameter(name, told, NUMBER, None, high=LARGEST, group="model", **how)
-        for name, (told, how) in MOTION.items()
+        Parameter(name, help, NUMBER, None, high=LARGEST, group="model", **how)
+        for name, (help, how) in MOTION.items()
     ),
 )
 
 
 def model_made(given: dict) -> Model:
-    """The model of options by name. Raises InputError for those that do not go together, and as `Model`."""
+    """The model that options {name: value} describe. Raises InputError for a contradiction, and as `Model`."""
     law = {name: value for name, value in given.items() if name in ("law", *OPTIONS)}
     if "model" in given:
         if law:
@@ -41,12 +41,12 @@ def model_made(given: dict) -> Model:
     return Model(law_made({name: value for name, value in given.items() if name not in motion}), **motion)
 
 
-def model_told(model: Model) -> dict:
-    """The options that make a model."""
+def model_options(model: Model) -> dict:
+    """{name: value} of the options that describe a model."""
     motion = {name: getattr(model, name) or None for name in MOTION}
     if model.name:
         return {"model": model.name, "tau1": model.law.tau1} | motion
-    return law_told(model.law) | motion
+    return law_options(model.law) | motion
 
 
-MODEL = Part((*OWN, *law_parameters(None)), model_made, model_told, Model)
+MODEL = Part((*OWN, *law_parameters(None)), model_made, model_options, Model)

@@ -1,4 +1,4 @@
-"""What can be asked: parameters of jobs, each said once, as the field of a frozen dataclass.
+"""Parameters of jobs, each defined once, as a field of a frozen dataclass.
 
     @dataclass(frozen=True)
     class Sweep(Job):
@@ -6,9 +6,8 @@
         law: Law = part(DAMPING)                               # several options that make one object
         accuracy: float = asked(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
 
-The python function's signature, the command's option, the key of a study, the request that a file records and the
-tables of the documentation follow from it. A value is read the same wherever it comes from: python objects, words of
-a command line, TOML.
+The signature of the python function, the option of the command, the key of a study, the request that a file records and
+the documentation follow from it. A value is read in the same way from python objects, words of a command line and TOML.
 """
 
 import dataclasses
@@ -32,16 +31,16 @@ OPTION, FILE, FILES = ("option", "file", "files")
 
 @dataclass(frozen=True)
 class Kind:
-    """How a value is read and told.
+    """How a value is read and written.
 
-    read      value as given → value; raises ValueError with what it must be
-    tell      value → what TOML, JSON and a command line can hold, and `read` makes the same of
-    word      word of a command line → what is kept of it before it is read: a number where it is one
-    metavar   what help calls it
+    read       value as given → value; raises ValueError that says what it must be
+    serialise  value → what TOML, JSON and a command line can hold; `read` turns it back into the value
+    word       word of a command line → what is stored before `read`: a number where it is one
+    metavar    its placeholder in the help
     """
 
     read: Callable
-    tell: Callable = lambda value: value
+    serialise: Callable = lambda value: value
     word: Callable = str
     metavar: str = ""
 
@@ -85,14 +84,14 @@ KINDS = {float: NUMBER, int: COUNT, bool: SWITCH, str: WORD, Path: PATH}
 
 @dataclass(frozen=True)
 class Parameter:
-    """One thing that can be asked for.
+    """One parameter of a job.
 
     low, high   closed range of a number; above: open lower end
-    choices     values that there are, a sequence or the keys of a table
-    off         of a switch that is on: help of the option that turns it off
-    unit        that the value is in, for help and documentation
-    group       heading that help puts it under
-    also        another option of a command line that means it
+    choices     the allowed values, a sequence or the keys of a table
+    off         of a switch that is on by default: help of the option that turns it off
+    unit        unit of the value, for help and documentation
+    group       heading in the help
+    also        a second name of its option on the command line
     place       OPTION, FILE or FILES
     """
 
@@ -118,19 +117,19 @@ class Parameter:
 
     @property
     def word(self) -> str:
-        """The option of a command line that gives it."""
+        """Its option on a command line; for a switch that is on by default, --no-NAME."""
         name = self.name.removesuffix("_").replace("_", "-")
         return f"--no-{name}" if self.default is True else f"--{name}"
 
     def kept(self, text):
-        """What is kept of a word: a number where this is one; what cannot be read is refused by `read`."""
+        """What is stored of a word before `read`: a number where the parameter is one; invalid words unchanged."""
         try:
             return self.kind.word(text)
         except ValueError:
             return text
 
     def read(self, value):
-        """The value meant. Raises InputError that names the parameter."""
+        """The value, converted and checked. Raises InputError that names the parameter."""
         if value is None and self.default is None:
             return None
         try:
@@ -163,18 +162,18 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Part:
-    """Several options that make one object, such as a damping law.
+    """Several options that together describe one object, such as a damping law.
 
-    options      those options, or a function that gives them when they are first asked for
-    make         {option: value, those that are given} → the object; raises InputError
-    tell         the object → {option: value}, of which `make` makes the same
+    options      those options, or a function that returns them
+    make         {option: value} of the given ones → the object; raises InputError
+    serialise    the object → {option: value}; `make` turns it back into the object
     type         class of the object
-    optional     whether None stands for no object
+    optional     whether None is allowed
     """
 
     options: Sequence[Parameter] | Callable
     make: Callable
-    tell: Callable
+    serialise: Callable
     type: type
     optional: bool = False
 
@@ -184,17 +183,17 @@ class Part:
         return self.options() if callable(self.options) else self.options
 
 
-def asked(default=MISSING, help="", *, kind=None, place=OPTION, **told):
-    """A field of a job that is a `Parameter`; its kind follows from the type where that is plain."""
-    told["choices"] = tuple(told.get("choices", ()))
-    said = Parameter("", help, kind, default, place=place, **told)  # name and kind follow from the field
+def asked(default=MISSING, help="", *, kind=None, place=OPTION, **more):
+    """A field of a job that is a `Parameter`; for float, int, bool, str and Path the kind follows from the type."""
+    more["choices"] = tuple(more.get("choices", ()))
+    said = Parameter("", help, kind, default, place=place, **more)  # name and kind follow from the field
     return dataclasses.field(default=default, metadata={"asked": said}, kw_only=place == OPTION)
 
 
 def part(part: Part, default=MISSING):
-    """A field of a job that several options make up; without them `default`, or what no options make.
+    """A field of a job that several options describe; if none is given `default`, or else `part.make({})`.
 
-    Of options `make` gets those that are not at their defaults.
+    `make` gets only the options that are not at their defaults.
     """
     said = dataclasses.replace(part, optional=default is None)
     default = {"default_factory": lambda: part.make({})} if default is MISSING else {"default": default}
@@ -215,7 +214,7 @@ def fields(job) -> dict[str, Parameter | Part]:
 
 @functools.cache
 def parameters(job) -> dict[str, Parameter]:
-    """{name: Parameter} of a class of jobs, those of its parts among them."""
+    """{name: Parameter} of a class of jobs, including those of its parts."""
     found = {}
     for name, said in fields(job).items():
         found |= {one.name: one for one in said.parameters} if isinstance(said, Part) else {name: said}
@@ -223,9 +222,9 @@ def parameters(job) -> dict[str, Parameter]:
 
 
 def made(job, given: dict):
-    """The job, an instance of the class `job`, that values by name ask for; None is not given.
+    """An instance of the class `job` from values {name: value}; None counts as not given.
 
-    Raises InputError for a name that there is not, a required one that is missing, and as the job does.
+    Raises InputError for an unknown name, a required one that is missing, and as the job does.
     """
     known = parameters(job)
     given = {name: value for name, value in given.items() if value is not None}
@@ -247,7 +246,7 @@ def made(job, given: dict):
 
 
 def did_you_mean(name, known) -> str:
-    """A hint, for a message, at the nearest of the names that are known; empty where none is near."""
+    """End of a message: `; did you mean …?` with the known name most like this one, empty if none is similar."""
     near = difflib.get_close_matches(name, known, n=1, cutoff=NEAR)
     return f"; did you mean {near[0]}?" if near else ""
 

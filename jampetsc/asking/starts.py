@@ -1,15 +1,15 @@
-"""What a shear begins with: a packing, or random disks of a number, a packing fraction and sizes."""
+"""What a flow or a shear starts from: a packing, or random disks of a given number, packing fraction and sizes."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, input_told
+from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, input_name
 from jampetsc.asking.parameters import FILE, asked
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError, named
-from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, in_small_diameters, radii_asked, sizes_told
+from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, in_small_diameters, radii_asked, sizes_text
 
 PHIS = (0.1, 1.0)
 SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
@@ -20,7 +20,7 @@ GROUP = "random disks, without START; smallest diameter 1, k_e = k_d = 1"
 
 @dataclass(frozen=True, eq=False)
 class FromStart(Job):
-    """Base of jobs that shear a packing, or disks that they make."""
+    """Base of jobs that shear a packing, or random disks that they make."""
 
     start: Disks | None = asked(None, "packing to start from", kind=PACKING, place=FILE, metavar="START")
     n: int | None = asked(None, "number of disks", low=FEWEST, high=MOST, metavar="N", group=GROUP)
@@ -53,15 +53,15 @@ class FromStart(Job):
         group="run",
     )
 
-    GIVEN = ("n", "phi", "seed", "sizes", "radii", "potential")  # without a packing only
+    GIVEN = ("n", "phi", "seed", "sizes", "radii", "potential")  # of random disks, refused with a packing
 
     def check(self):
-        """Refuse words about disks beside a packing, and too few of them without one."""
+        """Refuse parameters of random disks beside a packing, and missing ones without a packing."""
         self.check_discard()
         if self.start is not None:
             for name in self.GIVEN:
                 if getattr(self, name) not in (None, False):
-                    raise InputError(f"{named(name)}: belongs to {input_told(self.start)}; leave it out")
+                    raise InputError(f"{named(name)}: belongs to {input_name(self.start)}; leave it out")
             return
         for name in ("phi", "n"):
             if getattr(self, name) is None and not (name == "n" and self.radii is not None):
@@ -71,25 +71,25 @@ class FromStart(Job):
         radii_asked(self.n, self.sizes, self.radii)
 
     def check_discard(self):
-        """Refuse to leave out everything."""
+        """Refuse a strain left out of the means that is as long as the run."""
         if self.discard is not None and self.discard >= self.strain:
             raise InputError(
                 f"{named('discard')} {self.discard:g}: must lie in [0, {named('strain')}), below {self.strain:g}"
             )
 
     def check_outputs(self, to):
-        """Of the packing, too."""
+        """Check the file of the last state, too."""
         super().check_outputs(to)
         self.check_last(to)
 
     def check_last(self, to):
-        """Refuse a packing where something else is."""
+        """Raise InputError unless a packing may be written to `last`."""
         if self.last is not None:
             to.check("jampetsc-packing", self.paths, self.last, [to.path] if to.path else [])
 
     @property
     def team(self):
-        """The `core.threads.Team` that it may use."""
+        """The threads that it may use, a `core.threads.Team`."""
         from jampetsc.core.threads import Team, cores
 
         return Team(self.threads or cores())
@@ -97,8 +97,8 @@ class FromStart(Job):
     def disks(self) -> tuple[Disks, dict]:
         """(disks, attributes that say where they come from).
 
-        Without a packing: random places, deep overlaps quenched away, in Vågberg's units: the smallest diameter is 1,
-        but where radii are given.
+        Without a packing: disks at random places, relaxed from deep overlaps, in Vågberg's units, in which the smallest
+        diameter is 1, or with the radii that are given.
         """
         if self.start is not None:
             from jampetsc.io.packing_file import read_identified
@@ -111,10 +111,10 @@ class FromStart(Job):
             radii, units = in_small_diameters(radii), UNITS
         seed = 1 if seed is None else seed
         disks, more = self.random(radii, seed)
-        return disks, {"seed": seed, "sizes": sizes_told(self.sizes, self.radii), "units": units} | more
+        return disks, {"seed": seed, "sizes": sizes_text(self.sizes, self.radii), "units": units} | more
 
     def random(self, radii, seed) -> tuple[Disks, dict]:
-        """(disks of these radii (N,) that a seed places, attributes beside it)."""
+        """(disks of these radii (N,) at random places of a seed, more attributes)."""
         from jampetsc.minimise.minimise import settle
         from jampetsc.minimise.protocols import random_start
 
@@ -122,5 +122,5 @@ class FromStart(Job):
 
     @property
     def made_potential(self) -> Potential:
-        """The potential of disks that are made."""
+        """The potential of random disks."""
         return Potential(self.potential or next(iter(EXPONENTS)), "inverse-square-diameter")

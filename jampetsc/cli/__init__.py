@@ -1,1 +1,1 @@
-"""What words of the command line mean, and the texts that answer them. No command is imported here."""
+"""The command line: its parser, messages and exit status. Modules of commands are imported only when needed."""

@@ -41,7 +41,7 @@ def main(argv=None):
     except MemoryError as error:
         return _fail(": ".join(filter(None, ["out of memory", _one_line(error), MORE_MEMORY])), 1)
     except BrokenPipeError:
-        streams.forsake(sys.stdout)
+        streams.flush_or_drop(sys.stdout)
         return 141
     except OSError as error:
         return _fail(_system_message(error), 1)
@@ -50,13 +50,13 @@ def main(argv=None):
     except Exception as error:
         if not session.petsc_error(error):
             raise
-        return _fail(*session.told(error))
+        return _fail(*session.explained(error))
 
 
 def dispatch(argv):
     """Parse `argv` (without the program's name) and run its command; returns the exit status.
 
-    Raises InputError for anything that neither the program nor PETSc can be meant to read.
+    Raises InputError for a word that is neither the program's nor PETSc's.
     """
     words, petsc_argv = split_petsc(argv or ["--help"])
     if "_ARGCOMPLETE" in os.environ:
@@ -69,7 +69,7 @@ def dispatch(argv):
             raise
         chosen = commands.choices.get(words[0])
         known = chosen._option_string_actions if chosen else words
-        for word in words:  # it is missing because it was misspelt
+        for word in words:  # a required option may be missing because it was misspelt
             if word.startswith("--") and word.partition("=")[0] not in known:
                 raise InputError(_unknown(word, chosen)) from None
         taken = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
@@ -86,12 +86,12 @@ def dispatch(argv):
         )
     if petsc_argv:
         solver_options.check(args.command, {name: job_class(name).SOLVERS for name in JOBS}, petsc_argv)
-    progress.tell(-1 if args.quiet else 1 if args.verbose else 0)
+    progress.report(-1 if args.quiet else 1 if args.verbose else 0)
     if not takes_petsc and not _chosen(argv):
         return 0
     status = run(job, args, petsc_argv)
     if petsc_argv:
-        session.current().tell_unused()
+        session.current().report_unused()
     return status
 
 
@@ -112,7 +112,7 @@ def split_petsc(argv):
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse with this program's manners: whole long words only, errors raised, help from one rank."""
+    """argparse without abbreviations of options, which raises InputError and prints help on one rank only."""
 
     def __init__(self, **settings):
         settings.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
@@ -129,7 +129,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def command_parser(words):
-    """(parser, its subparsers) for these words: with the one command that they name, or else with all."""
+    """(parser, its subparsers) for these words: of the command that they name, or else of all commands."""
     parser = Parser(
         prog="jampetsc",
         description="How jammed packings of soft disks respond to slow and fast shear.",
@@ -137,7 +137,7 @@ def command_parser(words):
         "  jampetsc pack --n 1024 --pressure 1e-3 --out p.h5\n"
         "  jampetsc sweep p.h5 --out sweep.h5\n"
         "  jampetsc plot sweep.h5 --out moduli.png\n\n"
-        "jampetsc COMMAND --help tells more. Options with a single dash are PETSc's and go last,\n"
+        "jampetsc COMMAND --help says more. Options with a single dash are PETSc's and go last,\n"
         "for example -options_file FILE or -log_view. In parallel: mpirun -n RANKS jampetsc …",
     )
     parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")
@@ -170,10 +170,10 @@ def _unknown(token, parser):
 
 
 def _chosen(request):
-    """Whether this process is to do what needs no MPI: of the ranks with the same request one does.
+    """Whether this process runs a command that needs no MPI: of ranks with the same command line only one does.
 
-    `request` is a command line. Where mpirun started several ranks MPI is started to compare them, and ended:
-    nobody waits for the one that works. What this process has started before stays as it is.
+    `request` is the command line. If mpirun started several ranks, MPI is started to compare them and then ended, so
+    that nobody waits for the rank that works. An MPI that was running before is left running.
     """
     before, MPI = "mpi4py.MPI" in sys.modules, _mpi()
     if not MPI:
@@ -186,7 +186,7 @@ def _chosen(request):
 
 
 def _fail(message, status):
-    """Print `message` once and return `status`; abort the job if some rank is not failing within PATIENCE, too."""
+    """Print `message` once and return `status`; abort the MPI job if not all ranks fail within PATIENCE seconds."""
     MPI = _mpi()  # a rank that left before another has printed would end the job without a word
     if not MPI:
         _print_error(message)
@@ -205,7 +205,7 @@ def _fail(message, status):
 
 
 def _mpi():
-    """mpi4py's MPI where this is one of several ranks or something has started it, and nothing ended it, else None."""
+    """mpi4py's MPI if this is one of several ranks or MPI was started already, and was not ended; else None."""
     if launcher.several():
         with contextlib.suppress(ImportError):
             importlib.import_module("mpi4py.MPI")
@@ -215,7 +215,7 @@ def _mpi():
 
 def _print_error(message):
     streams.say("".join(f"{streams.ERROR}{line}\n" for line in message.splitlines()))
-    streams.forsake(sys.stdout)
+    streams.flush_or_drop(sys.stdout)
 
 
 def _system_message(error):

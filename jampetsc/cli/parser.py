@@ -1,4 +1,4 @@
-"""A job on the command line: its parser, made of its parameters, and its run."""
+"""A job on the command line: the parser made from its parameters, and its run."""
 
 import textwrap
 
@@ -9,7 +9,7 @@ from jampetsc.petsc import session
 
 
 def add_job(job, subparsers, whole=True) -> None:
-    """Add the command of a class of jobs to an argparse parser of commands; whole: with its options."""
+    """Add the command of a class of jobs to argparse's subparsers; whole: with its options, not its help line alone."""
     first, _, rest = job.__doc__.strip().partition("\n")
     parser = subparsers.add_parser(
         job.NAME,
@@ -27,12 +27,12 @@ def add_job(job, subparsers, whole=True) -> None:
         _add(groups.get(one.group, parser), name, one)
     if job.OUT:
         parser.add_argument("--out", metavar="FILE", required=job.OUT == "required", help=job.OUT_HELP)
-    told = parser.add_mutually_exclusive_group()
+    volume = parser.add_mutually_exclusive_group()
     quiet = "print no progress"
-    told.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
-    told.add_argument("-v", "--verbose", action="store_true", default=None, help="print more about the run")
+    volume.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
+    volume.add_argument("-v", "--verbose", action="store_true", default=None, help="print more about the run")
     if job.OUT and not job.AGAIN:
-        overwrite = "replace a finished result of other settings, which is refused otherwise"
+        overwrite = "replace a finished result of other settings, otherwise an error"
         parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
     parser.set_defaults(job=job)
 
@@ -59,18 +59,18 @@ def _add(parser, name, one):
 
 def _help(one):
     """The line of help, with choices, unit and default."""
-    told = [one.off or one.help]
+    words = [one.off or one.help]
     if one.choices:
-        told.append(f"({', '.join(one.choices)})")
+        words.append(f"({', '.join(one.choices)})")
     if one.unit:
-        told.append(f"in {one.unit}")
+        words.append(f"in {one.unit}")
     if not one.required and one.default is not None and not isinstance(one.default, bool):
-        told.append(f"(default {shown(one.default)})")
-    return " ".join(told).replace("%", "%%")
+        words.append(f"(default {shown(one.default)})")
+    return " ".join(words).replace("%", "%%")
 
 
 def job_of(args) -> Job:
-    """The job that parsed words ask for. Raises InputError, with parameters as the command line writes them."""
+    """The job that parsed arguments describe. Raises InputError, with parameters written as options."""
     try:
         return made(args.job, {name: getattr(args, name) for name in parameters(args.job)})
     except JampetscError as error:
@@ -78,13 +78,17 @@ def job_of(args) -> Job:
 
 
 def in_words(error, job) -> str:
-    """The message of an error with the options of a job's command."""
+    """The message of an error, with parameters written as options of the job's command."""
     known = parameters(job)
-    return error.told(lambda name: known[name].word if name in known else option(name))
+    return error.message(lambda name: known[name].word if name in known else option(name))
 
 
 def run(job, args, petsc_argv=()) -> int:
-    """Do a job that parsed words ask for and print what was found; the exit status. Collective."""
+    """Run a job, print its summary and return the exit status. Collective.
+
+    args        the parsed arguments, for `out` and `overwrite`
+    petsc_argv  PETSc's own options
+    """
     from jampetsc.io.outlet import Outlet
 
     needs_petsc = job.scalar is not None
@@ -93,11 +97,11 @@ def run(job, args, petsc_argv=()) -> int:
         out = job.place if out is None else out
         to = Outlet(out, out)
         overwrite = getattr(args, "overwrite", False)
-        told = job.perform(to, petsc_argv=petsc_argv, overwrite=overwrite, alone=not needs_petsc)
+        summary = job.perform(to, petsc_argv=petsc_argv, overwrite=overwrite, alone=not needs_petsc)
     except JampetscError as error:
         error.args = (in_words(error, type(job)),)
         raise
     comm = session.communicator() if needs_petsc else None
-    if told and (comm is None or comm.rank == 0):
-        print(told)
+    if summary and (comm is None or comm.rank == 0):
+        print(summary)
     return to.status

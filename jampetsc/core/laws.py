@@ -49,7 +49,7 @@ FAMILIES = {
         "contact damping",
         {
             "normal": Option(1.0, "weight of normal contact damping, ≥ 0"),
-            "beta": Option(1.0, "transverse to normal contact damping, ≥ 0"),
+            "beta": Option(1.0, "weight of transverse contact damping, ≥ 0"),
             "rotations": Option(True, "disks do not roll"),
         },
         lambda normal, beta, rotations: {"normal": normal, "sliding" if rotations else "transverse": beta},
@@ -72,7 +72,15 @@ OPTIONS = tuple(name for family in FAMILIES.values() for name in family.options)
 
 @dataclass(frozen=True)
 class Law:
-    """A damping law: weights in units of kτ₁. Make one with `damping_law`, or with numbers of your own."""
+    """A damping law: weights of the dissipation 2R in units of kτ₁ (docs/physics.md). `damping_law` makes those of BT.
+
+    label                         name in messages and files
+    normal, transverse, sliding   weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)² of contacts, ≥ 0; with sliding > 0 disks roll
+    drag                          weight of |u̇|² of each disk, ≥ 0
+    eta_f                         viscosity η_F of the fluid that the disks are in, ≥ 0
+    exponent                      α of a viscous force ∝ |ȧ|^α (BT eq. 9); 1 is linear
+    tau1                          damping time τ₁
+    """
 
     label: str
     normal: float = 0.0  # of (ȧ∥)²
@@ -211,18 +219,23 @@ def damping_law(name: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0
 
 
 def ContactDamping(beta=1.0, *, normal=1.0, rotations=True, tau1=1.0) -> Law:
-    """Damping of the relative motions of disks in contact (BT eqs. 5, 6).
+    """The Law of damping by the relative motions of disks in contact (BT eqs. 5, 6).
 
-    beta        weight of transverse to normal motion, ≥ 0; normal: weight of normal motion
-    rotations   disks roll; tau1: damping time τ₁
+    beta        weight of transverse motion, ≥ 0
+    normal      weight of normal motion, ≥ 0
+    rotations   whether disks roll; transverse motion is then that of the rims
+    tau1        damping time τ₁
 
-    Raises InputError for values out of range and where nothing dissipates.
+    Raises InputError for values out of range and if nothing dissipates.
     """
     return damping_law("contact", normal=normal, beta=beta, rotations=rotations, tau1=tau1)
 
 
 def StokesDrag(eta_f=1.0, *, tau1=1.0) -> Law:
-    """Drag of the fluid that the disks are in (BT eqs. 7, 8), of viscosity η_F in units of k τ₁.
+    """The Law of drag by the fluid that the disks are in (BT eqs. 7, 8).
+
+    eta_f   viscosity η_F of the fluid in kτ₁, ≥ 0
+    tau1    damping time τ₁
 
     Raises InputError for values out of range.
     """

@@ -1,7 +1,7 @@
 """Output files that are complete or absent: temporary name, fsync, rename, fsync of the folder.
 
-A temporary file is named `.NAME.HOST.PID-xxxxxxxx.partial` and locked by its writer as long as that lives: one that is
-not was left behind by a killed process, and the next run with the same output removes it.
+A temporary file is named `.NAME.HOST.PID-xxxxxxxx.partial` and locked as long as its writer lives. One without a lock
+was left behind by a killed process, and the next run with the same output removes it.
 """
 
 import errno
@@ -34,7 +34,7 @@ _REFUSED = (
 
 
 def write_whole(path, content: bytes) -> None:
-    """Write a small file complete or not at all, in the place of what was there. Raises JampetscError."""
+    """Write a small file completely or not at all, replacing what was there. Raises JampetscError."""
     with NewFile(path) as file:
         file.stream.write(content)
 
@@ -52,7 +52,7 @@ def write_error(path, error: OSError) -> JampetscError:
 
 @contextmanager
 def writing(path):
-    """Turn what the system says of a failed write to `path` into `write_error`."""
+    """Context: turns an OSError of a failed write to `path` into `write_error`."""
     try:
         yield
     except OSError as error:
@@ -73,7 +73,7 @@ def check_writable(path) -> None:
 
 
 def _require_regular(path):
-    """Raise InputError if there is something at `path`, links followed, that no file may replace."""
+    """Raise InputError if there is something other than a regular file at `path`, links followed."""
     if os.path.exists(path):
         out = named("out")
         require_regular(path, os.stat(path), f"give a file name with {out}", f"give another file with {out}")
@@ -109,10 +109,11 @@ def remove_abandoned(folder, name="*") -> None:
 
 
 def locked(path):
-    """The file at `path`, made if need be and locked by this process until it is closed; None where another one has it.
+    """The file at `path`, created if need be and locked by this process until it is closed; None if another process has
+    the lock.
 
-    The system's lock goes with its process, so that what was killed can go on at once. Where a file system has no locks
-    the file comes without. Raises OSError where it cannot be opened.
+    The lock ends with its process, so that a killed run can continue at once. On a file system without locks the file
+    is not locked. Raises OSError where it cannot be opened.
     """
     while True:
         file = open(path, "a+")
@@ -122,16 +123,16 @@ def locked(path):
             if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
                 file.close()
                 return None
-        if os.fstat(file.fileno()).st_nlink:  # else the one that had it was just ending, and has removed it
+        if os.fstat(file.fileno()).st_nlink:  # else the process that had it has just removed it
             return file
         file.close()
 
 
 class _Stream(io.FileIO):
-    """Binary file that keeps the first error of a write, also an interrupt, for `NewFile.check`, and raises none.
+    """Binary file that raises no error of a write, also no interrupt, but keeps the first one for `NewFile.check`.
 
-    HDF5 writes through it. A library that cannot write crashes the interpreter at exit (HDF5 1.10): it shall close in
-    good order, even if that comes after the end of the file.
+    HDF5 writes through it. HDF5 1.10 crashes the interpreter at exit if a write has failed; through this file it always
+    closes normally, even after the file itself was closed.
     """
 
     error = None
@@ -212,13 +213,13 @@ class NewFile:
 
 
 def _new_stream(path):
-    """(name, stream) of a new temporary file for `path`, locked before anybody can take it for an abandoned one."""
+    """(name, stream) of a new temporary file for `path`, locked so that no process takes it for an abandoned one."""
     while True:
         mark = f"{socket.gethostname()}.{os.getpid()}-{secrets.token_hex(4)}"
         name = path.with_name(f".{path.name}.{mark}.partial")
         stream = _Stream(name, "x+b")
         with suppress(OSError):  # a file system without locks: an abandoned file then stays
-            fcntl.flock(stream, fcntl.LOCK_EX)  # once whoever looks whether it was abandoned has let it go
-        if os.fstat(stream.fileno()).st_nlink:  # else it was taken for one before the lock
+            fcntl.flock(stream, fcntl.LOCK_EX)  # waits for a process that checks whether it is abandoned
+        if os.fstat(stream.fileno()).st_nlink:  # else it was removed as abandoned before it was locked
             return name, stream
         stream.close()

@@ -1,8 +1,8 @@
-"""What a long run has finished, kept on disk so that the same job goes on after a kill: the one way to do so.
+"""Finished steps of a long run on disk, from which the same job continues after it was killed.
 
-A step is a file of its own, put there whole: the sha256 of what follows, a line of JSON, arrays as numpy keeps them.
-One that is torn, cut or changed does not count, and neither does another job's. `Checkpoint` keeps steps in the folder
-`<path>.resume`; studies keep what became of a task in the same way (`studies.journal`).
+Each step is a file, written completely or not at all: the sha256 of what follows, a line of JSON, arrays in numpy's npz
+format. Damaged files and steps of another job are ignored. `Checkpoint` keeps the steps in the folder `<path>.resume`;
+studies keep the outcome of each task in the same format (`studies.journal`).
 """
 
 import hashlib
@@ -25,11 +25,11 @@ from jampetsc.version import VERSION
 
 _VERSION = 3
 _STEP = re.compile(r"(\d{5,})-rank-\d{4,}")
-_locks = weakref.WeakValueDictionary()  # folder -> its open lock: what this process may take up anew
+_locks = weakref.WeakValueDictionary()  # folder -> its open lock, which this process may use again
 
 
-def keep(path, entry: dict, arrays: dict | None = None) -> str:
-    """Put an entry, of what JSON has and complex numbers, and arrays by name at `path`; on return they survive a kill.
+def write_entry(path, entry: dict, arrays: dict | None = None) -> str:
+    """Write an entry (JSON types and complex numbers) and arrays by name to `path`; on return they survive a kill.
 
     Returns the hash of the file's content. Raises JampetscError where it cannot be written.
     """
@@ -42,8 +42,8 @@ def keep(path, entry: dict, arrays: dict | None = None) -> str:
     return digest
 
 
-def kept(path):
-    """(entry, arrays as bytes, hash) of what `keep` has put at `path`; None where there is nothing sound."""
+def read_entry(path):
+    """(entry, arrays as bytes, hash) of what `write_entry` has written to `path`; None if it is missing or damaged."""
     try:
         with open_regular(path) as file:
             digest, _, body = file.read().partition(b"\n")
@@ -64,24 +64,24 @@ class Checkpoint:
     ordered: each step builds on those before it, so that only an unbroken sequence 0, 1, 2, … counts and the next step
     is `next`. Otherwise steps are independent, such as frequencies solved one by one.
 
-    Steps of another job are left alone, with a line on stderr, until this job finishes a step. A checkpoint that
-    another process goes on with is locked: InputError, then or at the first step, so that no two write one output.
+    Steps of another job stay, with a line on stderr, until this job finishes a step. A checkpoint that another process
+    is using is locked: opening it, or saving the first step, raises InputError, so that no two runs write one output.
     """
 
     def __init__(self, path, key: dict, comm=None, ordered=False):
         self.comm, self.ordered = comm, ordered
         self.rank, self.size = (0, 1) if comm is None else (comm.rank, comm.size)
         self.journal = None if path is None else folder_of(path)
-        told = {"version": _VERSION, "program": VERSION, "key": key}
-        self._job = hashlib.sha256(json.dumps(told, default=_encode, sort_keys=True).encode()).hexdigest()
+        job = {"version": _VERSION, "program": VERSION, "key": key}
+        self._job = hashlib.sha256(json.dumps(job, default=_encode, sort_keys=True).encode()).hexdigest()
         self.done, self._hashes, self._arrays = {}, {}, {}
         self._last = ""  # hash of the last step
-        self._lock = None  # on rank 0: open and locked as long as this object or another one of it lives
-        self._own = False  # whether what lies in the folder is this job's
+        self._lock = None  # on rank 0: open and locked as long as an object of this folder lives
+        self._own = False  # whether the steps in the folder are this job's
         steps = []
         with agreed(comm):
             if self.rank == 0 and self.journal is not None:
-                self._hold()
+                self._lock_folder()
                 steps = self._read()
         steps = steps if comm is None else comm.bcast(steps)
         sound = [self._sound(*step) for step in steps]
@@ -96,9 +96,9 @@ class Checkpoint:
 
     def _read(self):
         """[(index, rank 0's entry, hashes of the ranks' files)] of this job's steps, in their order."""
-        found, others = [], self.journal.is_file()  # as older versions left it
+        found, others = [], self.journal.is_file()  # a file: a checkpoint of an older version
         for path in self.journal.glob("*-rank-0000"):
-            named, step = _STEP.fullmatch(path.name), kept(path)
+            named, step = _STEP.fullmatch(path.name), read_entry(path)
             if named is None or step is None:
                 continue
             entry, _, digest = step
@@ -114,13 +114,13 @@ class Checkpoint:
         return sorted(found, key=lambda step: step[0])
 
     def _sound(self, index, entry, hashes) -> bool:
-        """Whether this rank has its file of a step; what has arrays belongs to one number of ranks."""
+        """Whether this rank's file of a step is intact; a step with arrays needs the number of ranks that saved it."""
         if entry["ranks"] is None or self.rank == 0:
             return entry["ranks"] in (None, self.size)
-        found = kept(self._file(index)) if entry["ranks"] == self.size else None
+        found = read_entry(self._file(index)) if entry["ranks"] == self.size else None
         return found is not None and found[2] == hashes[self.rank]
 
-    def _hold(self):
+    def _lock_folder(self):
         """Lock the folder, if there is one. Raises InputError where another process has it."""
         self._lock = _locks.get(str(self.journal))
         if self._lock is not None or not self.journal.is_dir():
@@ -158,23 +158,23 @@ class Checkpoint:
         self._own, digest = True, None
         with agreed(self.comm):
             if self.rank > 0 and arrays is not None:
-                digest = keep(self._file(index), entry, arrays)
+                digest = write_entry(self._file(index), entry, arrays)
         others = [] if self.comm is None else self.comm.allgather(digest)[1:]
         entry |= {"record": record, "after": self._last, "others": others}
         entry["ranks"] = None if arrays is None else self.size
         with agreed(self.comm):
             if self.rank == 0:
-                self._last = keep(self._file(index), entry, arrays)
+                self._last = write_entry(self._file(index), entry, arrays)
         self.done[index], self._hashes[index] = dict(record), [self._last, *others]
 
     def _start(self):
-        """An empty folder, in the place of another job's steps."""
+        """Make an empty folder, removing another job's steps."""
         with writing(self.journal):
             if self.journal.is_file():
                 self.journal.unlink()
             self.journal.mkdir(exist_ok=True)
             sync_folder(self.journal.parent)
-        self._hold()
+        self._lock_folder()
         _remove_steps(self.journal)
 
     def _file(self, index) -> Path:
@@ -188,7 +188,7 @@ class Checkpoint:
         if self.journal is None:
             return self._arrays[index]
         with agreed(self.comm):
-            found = kept(self._file(index))
+            found = read_entry(self._file(index))
             if found is None or found[2] != self._hashes[index][self.rank]:
                 raise JampetscError(
                     f"{self._file(index)}: changed during the run: run the same command again"
@@ -213,7 +213,7 @@ def folder_of(path) -> Path:
 
 def discard(folder) -> None:
     """Delete a folder of steps, whichever job they are of."""
-    if folder.is_file():  # as older versions left it
+    if folder.is_file():  # a checkpoint of an older version
         folder.unlink()
         return
     _remove_steps(folder)

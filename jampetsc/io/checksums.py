@@ -1,19 +1,19 @@
-"""A hash over every byte of a file, looked at before libhdf5 sees one of them.
+"""A hash over every byte of a file, checked before libhdf5 reads it.
 
 HDF5 has checksums of its own, and jampetsc's files have them. They are not enough: of 2500 files damaged at random 26
 gave wrong numbers or words and 37 ended the process (HDF5 1.10: zeros pass fletcher32, texts have no checksum, and
-links and virtual datasets are taken apart before theirs is looked at). What jampetsc writes therefore ends, after the
-HDF5 content, with
+links and virtual datasets are parsed before theirs is checked). What jampetsc writes therefore ends, after the HDF5
+content, with
 
     sha256 of each BLOCK of the content, 32 bytes each
     one line of LINE bytes: jampetsc-checksums 1 <bytes of content> <BLOCK> <sha256 of the numbers and hashes before>
 
-A process compares a file with its line once, 1 GB in 0.6 s. The line alone stands for the whole content: it is the
-identity of a file, and a joint file keeps those of its parts. The list is what older versions look at.
+A process compares a file with its line once, 1 GB in 0.6 s. The hash in the line stands for the whole content: it
+identifies the file, and a joint file keeps the hashes of its parts. The list is for older versions, which check it.
 
-Other programs see plain HDF5: its own header says where the content ends. One that changes the file cuts off what
-follows, as libhdf5 does on closing: an edited file has no checksums, and is read like one of any other program. What is
-left after the content but is no such line is damage.
+Other programs see plain HDF5, whose header says where the content ends. A program that changes the file cuts off what
+follows, as libhdf5 does on closing: an edited file has no checksums, and is read like one of any other program.
+Anything else after the content is damage.
 """
 
 import hashlib
@@ -63,10 +63,11 @@ def verify(file) -> None:
 
 
 def identity_of(path, every_byte: bool = False) -> str | None:
-    """What a file is known by: the hash in its line of checksums, which stands for all that was written, or the
-    sha256 of a file without that line. None where it is missing, cannot be read, or is not what its checksums say.
+    """The hash that identifies a file: the one in its line of checksums, or the sha256 of a file without that line.
 
-    Looks at the end of a sealed file alone, unless `every_byte` is to be compared with its checksums.
+    None where the file is missing, cannot be read, or does not agree with its checksums.
+
+    Of a file with checksums only the end is read, unless `every_byte` is to be compared with them.
     """
     try:
         with open_regular(path) as file:
@@ -115,7 +116,7 @@ def _parse(file):
 
 
 def _check_end(file, size):
-    """Raise Damaged if more follows than HDF5's own header says: what is left of checksums."""
+    """Raise Damaged if bytes follow the end that HDF5's own header gives: remains of checksums."""
     file.seek(0)
     start = file.read(48)
     if start.startswith(SIGNATURE) and start[8:10] in (b"\2\10", b"\3\10"):  # as jampetsc's own files

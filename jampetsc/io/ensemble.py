@@ -32,7 +32,7 @@ class Ensemble(Named):
     """Rows of the table of a study: column -> (rows,) array, nan or "" where a task has no such number.
 
     path   the folder; the columns `command`, `state` and `file` are always there
-    load   what opens a file of it
+    load   function that opens one of its files
     """
 
     def __init__(self, path, columns: dict, load):
@@ -101,7 +101,7 @@ class Ensemble(Named):
         return self._curves(name, by, over, median_with_error)
 
     def _holding(self, *names):
-        """The rows that are done of commands whose files hold these datasets: the first file of each tells."""
+        """The done rows of commands whose files hold these datasets, judged by the first file of each command."""
         done = self.taken(self["state"] == "done")
         commands = []
         for command in set(done["command"].tolist()):

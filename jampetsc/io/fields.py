@@ -1,4 +1,4 @@
-"""What belongs to the displacement fields of a sweep: its packing, the disks of the rows, frequencies, their phase."""
+"""Displacement fields of a sweep: their packing, the disks of their rows, their frequencies and phase."""
 
 from pathlib import Path
 
@@ -8,17 +8,18 @@ from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 from jampetsc.io.packing_file import is_known_as, read_packing
 
-# that a field is in phase with, the default first; files hold fields per strain
+# what the real part of a field is in phase with, the default first; files hold fields per strain
 PHASES = ("stress", "strain")
 _HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
 
 
 def packing_of(result, given=None) -> Disks:
-    """The packing that a sweep was made from: `given`, Disks or a file, or with it in memory, or the file beside it.
+    """The packing that a result was made from: `given` (Disks or a file), else the one in memory with the result, else
+    the file beside it.
 
-    Raises InputError where there is none, and where it is another one: by the recorded sha256, of Disks in memory and
-    a sweep of a file by the number of disks and φ.
+    Raises InputError where there is none, and where it is another packing: a file has to have the recorded sha256,
+    Disks that or the same number of disks and φ.
     """
     name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
     if given is None and result.packing is not None:
@@ -44,7 +45,7 @@ def packing_of(result, given=None) -> Disks:
 def field_at(result, row):
     """(displacement (n, 2), rotation (n,) or None), complex, of a sweep's field number `row`.
 
-    Raises InputError for a field that holds no numbers.
+    Raises InputError for a field with nan or absurdly large values.
     """
     fields = result.fields
     arrays = [None if part is None else part[int(row)] for part in (fields.displacement, fields.rotation)]
@@ -69,7 +70,7 @@ def phase_factor(result, omega, phase):
         G = result.modulus(omega)
     except InputError as error:
         raise InputError(
-            f"{error.told(named)}; without G* there is no phase of the stress: use {named('phase')} strain"
+            f"{error.message(named)}; without G* there is no phase of the stress: use {named('phase')} strain"
         ) from None
     if not abs(G) > 0:  # nan too
         raise InputError(

@@ -1,4 +1,4 @@
-"""What of a file other programs can be shown: disks with numbers and vectors each, and contacts with their forces."""
+"""Frames for export to other programs: disks with scalars and vectors, and contacts with their forces."""
 
 from dataclasses import dataclass, field
 
@@ -21,7 +21,7 @@ class Frame:
     columns: dict  # name -> (N,) numbers or (N, 2) vectors of the disks
     contacts: Contacts  # every overlap
     bearing: np.ndarray  # (M,) mask of contacts that bear load, between disks that are not rattlers
-    facts: dict = field(default_factory=dict)  # name -> number of the whole
+    facts: dict = field(default_factory=dict)  # name -> number for the whole frame
 
 
 def packing_frame(disks: Disks, vectors=None, facts=None) -> Frame:
@@ -91,12 +91,12 @@ def field_frame(result, omega: float, packing=None) -> Frame:
         f"{name}_{part}": getattr(value, part) for name, value in found.items() for part in ("real", "imag")
     }
     disks = packing_of(result, packing)
-    particle_rows(result, disks)  # which refuses those that do not fit
+    particle_rows(result, disks)  # raises InputError if fields and packing do not fit
     return _on_packing(result, disks, vectors, omega=float(result.fields.omega[row]))
 
 
 def _on_packing(result, disks, vectors, **facts):
-    """Vectors of the disks that bear load on the packing of their file; those of rattlers are zero."""
+    """A frame of the packing with vectors of the disks that bear load; those of rattlers are zero."""
     rows, whole = result["particles"], {}
     for name, values in vectors.items():
         whole[name] = np.zeros((disks.n, *values.shape[1:]))

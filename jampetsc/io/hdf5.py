@@ -1,8 +1,8 @@
 """HDF5 as jampetsc writes and reads it.
 
-Every defect of a file becomes one line: what file, what is wrong, what to do. Files are written with the checksums that
-HDF5 has for metadata and for data, which protect them in other programs, and with a hash of every byte (see
-`checksums`), which is looked at before libhdf5 is. A file of another program gets what h5py gives.
+Every defect of a file becomes one line: which file, what is wrong, what to do. Files are written with HDF5's checksums
+of metadata and data, which protect them in other programs, and with a hash of every byte (see `checksums`), which is
+checked before libhdf5 reads the file. Files of other programs are read as h5py reads them.
 """
 
 import glob
@@ -72,9 +72,9 @@ def store(h5, name, array, by_entry=False) -> h5py.Dataset:
 
 @contextmanager
 def open_file(path, seal=None):
-    """Open for reading in a block: the h5py.File. Raises InputError as `opening`, and as `reading` in the block.
+    """Context: the h5py.File, open for reading. Raises InputError as `opening`, and as `reading` in the block.
 
-    seal   of the only file that will do
+    seal   hash in the line of checksums that the file has to have (`checksums.seal_of`); None: any
 
     Virtual datasets must not be read from it as they are: see `parts.read`.
     """
@@ -85,7 +85,7 @@ def open_file(path, seal=None):
 
 
 def _from_stream(file, seal):
-    """The HDF5 in an open file, which goes with it. Raises Damaged, or OSError where it is no HDF5."""
+    """The h5py.File that reads an open file and takes it over. Raises Damaged, or OSError if it is not HDF5."""
     file = _Source(file.detach())
     try:
         verify(file)
@@ -98,14 +98,14 @@ def _from_stream(file, seal):
 
 
 class _Source(io.BufferedReader):
-    """A file that is closed when nobody has it any more: libhdf5 does not close what it reads from."""
+    """A file that is closed with its last reference: libhdf5 does not close the file that it reads from."""
 
     def __del__(self):
         self.close()
 
 
 def values(data: h5py.Dataset, selection=...):
-    """What a dataset holds, or some of it. Raises ValueError for one that lies in other files."""
+    """The values of a dataset, or a selection. Raises ValueError for a virtual dataset, which lies in other files."""
     if data.is_virtual:
         raise ValueError(f"dataset {data.name} lies in other files")
     return data[selection]
@@ -113,7 +113,7 @@ def values(data: h5py.Dataset, selection=...):
 
 @contextmanager
 def opening(path):
-    """Turn what the system and HDF5 say of a file into InputError: missing, no permission, not HDF5, truncated."""
+    """Context: turns an OSError on opening into InputError: missing, no permission, not HDF5, truncated."""
     try:
         yield
     except FileNotFoundError:
@@ -136,7 +136,7 @@ def _explain(error) -> str:
 
 @contextmanager
 def reading(path):
-    """Turn what h5py and numpy raise on damaged contents into InputError naming `path`."""
+    """Context: turns what h5py and numpy raise on damaged contents into InputError naming `path`."""
     try:
         yield
     except InputError:
@@ -148,8 +148,8 @@ def reading(path):
         raise InputError(f"{path}: damaged ({text}): copy or make it again") from None
 
 
-def undisturbed(action):
-    """`action(path, …)`, which is done once more if it failed while a run was putting another file at `path`."""
+def retry_if_replaced(action):
+    """Decorator: repeats `action(path, …)` if it failed because a run replaced the file at `path` meanwhile."""
 
     @wraps(action)
     def again(path, *more):

@@ -1,4 +1,4 @@
-"""Packings of other programs, told apart by their content: those of `exchange`, and two that are published.
+"""Packings of other programs, recognised by their content: the formats of `exchange`, and two published ones.
 
 jamBashbulk writes `N = …, L1 = {…}, L2 = {…}, P = …` and a line `x, y, r` per disk; U = ½ δ² (k = 1).
 jax-md's data files hold many packings; positions are fractions of the box, U = ½ (1 − r/σ)².
@@ -30,13 +30,16 @@ def import_packing(
 ) -> Disks:
     """Read packing number `index` of a file of another program.
 
-    format   one of `exchange.READERS`; None: found out
-    radius   column or array of radii, halved where its name begins with diameter; None: radius or diameter
-    box      of a file that has none, as `core.packing.Packing` takes it, which also says what the potential is
+    path     of the file
+    index    number of the packing, or frame, in the file, from 0
+    format   one of `exchange.READERS`; None: recognised by the content
+    radius   column or array of radii, halved if its name begins with diameter; None: radius or diameter
+    box, potential, stiffness, k   as for `core.packing.Packing`; box for a file that has none
 
-    The record holds pressure, phi, energy and max_force as computed here, and what a published file states as
-    published_pressure, published_energy, … Raises InputError for a file of none of these, a damaged one, a wrong
-    index, what is three-dimensional or not periodic, or has not the pressure or energy that is stored in it.
+    Returns Disks, in the file's unit of length. Their record has pressure, phi, energy and max_force as computed here,
+    and those of a published file as published_pressure, published_energy, … Raises InputError for an unknown format, a
+    damaged file, a wrong index, a packing that is three-dimensional or not periodic, or whose pressure or energy is not
+    the one in the file.
     """
     try:
         with open_regular(path) as file:
@@ -81,7 +84,7 @@ def _read_exchanged(content, index, format, radius, box, law):
 
 
 def _checked(disks):
-    """The disks with what `measured` finds. Raises InputError if that is not what was published."""
+    """The disks with the record of `measured`. Raises InputError if pressure or energy are not the published ones."""
     disks = measured(disks)
     for name in ("pressure", "energy"):
         value, published = disks.record[name], disks.record.get(f"published_{name}")

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import h5py
 
-from jampetsc.io.hdf5 import OutputFile, attributes, check_format, open_file, store, undisturbed, values
+from jampetsc.io.hdf5 import OutputFile, attributes, check_format, open_file, retry_if_replaced, store, values
 from jampetsc.io.outputs import check_output, check_place
 from jampetsc.io.parts import GROUP, PartList
 
 _BLOCK_BYTES = 1 << 22  # copied at a time from each part
 
 
-@undisturbed
+@retry_if_replaced
 def merge(path, out=None, request=None) -> int:
     """Write the result at `path` as one plain file at `out`, or in place and remove its parts.
 

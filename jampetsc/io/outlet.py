@@ -1,4 +1,4 @@
-"""Where a job's answer goes: a file, or the memory of the process."""
+"""Where a job's result goes: a file, or the memory of the process."""
 
 from pathlib import Path
 
@@ -6,10 +6,10 @@ from jampetsc.errors import InputError, named
 
 
 class Outlet:
-    """Takes what one run of a job finds, a result or a packing.
+    """Takes the result of one run of a job, or its packing.
 
     path        file of the result; None: it stays in memory
-    checkpoint  where a long run keeps what it has finished, so that the same job goes on there; None: nowhere
+    checkpoint  file beside which a long run keeps its finished steps, to continue from; None: in memory
     request     what was asked for, a `request.Request`, which files record; None: nothing
     status      exit status of a command that has written what it could
 
@@ -65,15 +65,15 @@ class Outlet:
             write_packing(self.path, disks, self.request)
 
     def packings(self, found) -> None:
-        """Take the answer in place of one file: Disks, or a list of them or of their files, on every rank."""
+        """Take several packings instead of one file: Disks, or a list of them or of their files, on every rank."""
         self._found = found
 
     def made_from(self, disks) -> None:
-        """Take the packing that the result is of, which goes with it in memory: `Result.packing`."""
+        """Take the packing that the result was made from, to be its `Result.packing`."""
         self._packing = disks
 
     def checkpoint(self, key: dict, comm=None, ordered=False):
-        """What a run of the job `key` has finished and finishes, see `io.checkpoint`. Collective over comm."""
+        """The `io.checkpoint.Checkpoint` of the job that `key` identifies. Collective over comm."""
         from jampetsc.io.checkpoint import Checkpoint
 
         return Checkpoint(self.kept, key, comm, ordered=ordered)
@@ -84,11 +84,11 @@ class Outlet:
 
         self._found = comm.bcast(self._found)
         if isinstance(self._found, ResultWriter):
-            self._found.comm = comm  # that all of them save together
+            self._found.comm = comm  # so that all ranks save it together
 
     @property
     def result(self):
-        """The answer, as `load` gives it. Collective."""
+        """The result, as `load` gives it. Collective."""
         from jampetsc.core.disks import Disks
         from jampetsc.io.reader import collected, load
         from jampetsc.io.results import Result

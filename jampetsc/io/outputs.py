@@ -1,4 +1,4 @@
-"""Where a result may be put: in one place for all jobs.
+"""Whether an output file may be written, checked in one place for all jobs.
 
 A result replaces an earlier result of its own kind and nothing else: no input, no file of another kind, no pipe
 and no device, and of other settings only where that is asked for.
@@ -34,9 +34,9 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
     """Raise InputError unless a `kind` of file may be put at `out` now. Call it before long work.
 
     kind     "picture", "table", `exported(out)` or the format of a result, such as "jampetsc-sweep"
-    inputs   paths of what the run reads; those that do not exist are left to who reads them
-    beside   paths of what else the run writes
-    request  settings, of which a finished result that is there has to be, unless it is to be overwritten
+    inputs   paths of the files that the run reads; a missing one is reported when it is read
+    beside   paths of the other files that the run writes
+    request  settings of the run: a finished result of other settings is refused, unless it may be overwritten
     """
     for other in beside:
         if is_same(out, other) or os.path.realpath(out) == os.path.realpath(other):
@@ -52,7 +52,7 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
     check_place(out, kind)
     if request is not None:
         request.read(inputs)
-        if not request.overwrite and _held(out) is not None and (why := unlike(out, request)):
+        if not request.overwrite and _kind_at(out) is not None and (why := unlike(out, request)):
             raise InputError(
                 f"{out}: is there already and {why}: choose another {named('out')}, "
                 f"or give {named('overwrite')} to replace it"
@@ -73,7 +73,7 @@ def exported(out) -> str:
 
 
 def unlike(path, request) -> str:
-    """In what the result at `path` has other settings than a request that has `read` its inputs; empty if in nothing.
+    """How the settings of the result at `path` differ from a request, after `Request.read`; empty if they do not.
 
     Raises InputError for what is no HDF5 file.
     """
@@ -86,7 +86,7 @@ def unlike(path, request) -> str:
 
 def check_replaced(out, kind) -> None:
     """Raise InputError if there is something at `out` that a `kind` of file may not replace."""
-    held = _held(out)
+    held = _kind_at(out)
     if held not in (None, kind):
         raise InputError(
             f"{out}: is there already and is {_article(held)}, not {_article(kind)}: "
@@ -106,7 +106,7 @@ def _article(kind):
     return f"a {kind} file" if kind.startswith("jampetsc-") else kind if " " in kind else f"a {kind}"
 
 
-def _held(path):
+def _kind_at(path):
     """Kind of the file at `path`, as `check_output` has it, or in words; None where nothing would be lost."""
     try:
         with open_regular(path) as file:

@@ -60,18 +60,19 @@ def read_packing(path) -> Disks:
         return packing_from(h5, path)
 
 
-def source_told(source) -> str:
-    """What messages call a packing: its file, or Disks in memory."""
+def source_name(source) -> str:
+    """Name of a packing in messages: its file, or "the packing" for Disks in memory."""
     return "the packing" if isinstance(source, Disks) else str(source)
 
 
 def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
-    """The packing at `path` and its identity, by which results refer to it: name of the file, `Disks.fingerprint`.
+    """The packing at `path` and its identity, by which results refer to it: (name of the file, `Disks.fingerprint`).
 
-    Disks, on all ranks the same, are taken as they are, without a name.
+    path   a file, or Disks, the same on all ranks, which are returned with the name None
+    comm   mpi4py communicator, whose rank 0 alone reads the file, so that all ranks have the same packing even if the
+           file is replaced meanwhile; None: one process
 
-    Collective: rank 0 of the mpi4py communicator `comm` reads the file, once. One that is replaced meanwhile gives one
-    packing or the other, on all ranks. None: one process reads for itself.
+    Collective.
 
     Raises InputError as `read_packing`, on all ranks.
     """
@@ -94,7 +95,7 @@ def is_known_as(path, sha256: str | None) -> bool:
 
 
 def check_packing(path) -> None:
-    """Raise InputError unless `path` is a packing file by its header: a look before long work."""
+    """Raise InputError unless the header of `path` is that of a packing file: a check before long work."""
     with open_file(path) as h5:
         check_format(path, attributes(h5), FORMAT)
 

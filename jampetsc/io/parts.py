@@ -47,7 +47,7 @@ class PartList:
                     f"{path}: part {name!r} cannot be a part of run {self.run_id}: damaged, make it again"
                 )
         self.sizes = dict(zip(names, sizes, strict=True))
-        seals = [seal.decode() for seal in seals] or [None] * len(names)  # which the first versions had not
+        seals = [seal.decode() for seal in seals] or [None] * len(names)  # the first versions had none
         self._seals = dict(zip(names, seals, strict=True))
 
     def __bool__(self):
@@ -56,10 +56,10 @@ class PartList:
     def check_present(self) -> None:
         """Raise InputError if a part is missing or of another size.
 
-        Called after reading as well: parts never come back under the same name, so what was read was theirs.
+        Called after reading as well: no part is ever written under an old name, so what was read was of these parts.
         """
         for name, size in self.sizes.items():
-            try:  # in one look: the part of a replaced run may go at any moment
+            try:  # in one system call: the part of a replaced run may be removed at any moment
                 found = (self.path.parent / name).stat().st_size
             except (FileNotFoundError, NotADirectoryError):
                 raise InputError(
@@ -101,8 +101,8 @@ class PartList:
             yield h5[box.name]
 
     def read(self, data: h5py.Dataset, selection=...):
-        """What a dataset of the joint file holds, or some of it: what numpy takes. Of each part those entries along the
-        first axis are read that are asked for, if another axis lies on the parts.
+        """A dataset of the joint file, or a selection of it as numpy takes one. If the parts divide another axis than
+        the first, only the selected entries along the first are read from each part.
 
         Raises InputError where the parts do not make up the whole, ValueError as `hdf5.values`.
         """
@@ -120,7 +120,7 @@ class PartList:
         return np.concatenate(pieces, axis)[rest]
 
     def boxes(self, data: h5py.Dataset) -> list:
-        """Where the rows of the parts lie in a virtual dataset, in their order. Raises InputError as `read`."""
+        """The `_Box`es of a virtual dataset, in order: where the rows of each part lie. Raises InputError as `read`."""
         boxes = sorted(map(_Box, data.virtual_sources()), key=lambda box: box.first)
         if any(box.part not in self.sizes for box in boxes) or sum(box.size for box in boxes) != data.size:
             raise InputError(f"{self.shown}: {data.name}: its parts do not make up the whole: damaged")
@@ -154,7 +154,7 @@ class _Box:
 
 
 def _split(selection, shape):
-    """(slice of the first axis, what is then left to select)."""
+    """(slice along the first axis, selection to apply after it) for a selection of an array of this shape."""
     first, *rest = selection if isinstance(selection, tuple) and selection else (selection,)
     if isinstance(first, int | np.integer):
         row = range(shape[0])[first]

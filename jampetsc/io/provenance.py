@@ -57,7 +57,7 @@ def derived_from(sweeps, wall_seconds) -> dict:
 
 
 def _run(wall_seconds) -> dict:
-    """By what program a result was made, when, and in which time."""
+    """Attributes that say which program made a result, when, and in how many seconds."""
     return {
         "jampetsc_version": VERSION,
         "git_commit": git_commit(),

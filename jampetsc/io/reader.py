@@ -11,7 +11,7 @@ from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, named
 from jampetsc.io import packing_file
 from jampetsc.io.ensemble import TABLE, load_ensemble
-from jampetsc.io.hdf5 import attributes, check_format, open_file, undisturbed
+from jampetsc.io.hdf5 import attributes, check_format, open_file, retry_if_replaced
 from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
@@ -146,7 +146,7 @@ class SpectrumResult(Result):
 
 
 def _sound_spectrum(path, G0, eta_inf, rates, weights):
-    """The RelaxationSpectrum of these numbers. Raises InputError for what none can be."""
+    """The RelaxationSpectrum of these numbers. Raises InputError where they cannot be one."""
     spectrum = RelaxationSpectrum(float(G0), float(eta_inf), rates, weights)
     numbers = np.isfinite([spectrum.G0, spectrum.eta_inf]).all() and np.isfinite(weights).all()
     if not numbers or rates.shape != weights.shape or not ((rates > _SLOWEST) & (rates < 1 / _SLOWEST)).all():
@@ -170,20 +170,23 @@ RESULTS = {  # format -> class; a new format needs a line here
 
 
 def collected(writer: ResultWriter) -> Result:
-    """What a writer has collected, in the class that `load` gives for its file."""
+    """The result that a writer has collected, in the class that `load` gives for its file."""
     format = writer.found["format"]
     arrays = dict(sorted(writer.arrays.items(), key=lambda item: item[0].split("/")))
     words = f"{format.removeprefix('jampetsc-')} in memory"
     return RESULTS[format](writer.found, arrays, words, writer.comm)
 
 
-@undisturbed
+@retry_if_replaced
 def load(path):
-    """Open a jampetsc file: Disks for a packing, SweepResult for a sweep, Result for the others.
+    """Open a jampetsc file.
 
-    The folder of a study gives an `ensemble.Ensemble`, its table as arrays with averages over packings.
+    path   of a file, or of the folder of a study
 
-    Raises InputError naming the file, what is wrong with it and the remedy.
+    Returns Disks for a packing, SweepResult for a sweep, FlowResult for a flow, Result for other files, and an
+    `ensemble.Ensemble`, its table as arrays with averages over packings, for a study. Not collective.
+
+    Raises InputError with the file, what is wrong with it and the remedy.
     """
     if (Path(path) / TABLE).exists():
         return load_ensemble(path, load)

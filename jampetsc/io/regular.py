@@ -1,4 +1,4 @@
-"""Regular files only: what is read ends, and what is replaced is no pipe and no device."""
+"""Only regular files are read or replaced: no pipes, which need not end, and no devices."""
 
 import os
 import stat
@@ -16,7 +16,7 @@ _READ = ("give the file in it", "give a regular file, such as a copy of what com
 
 
 def kind(mode) -> str | None:
-    """What `mode` of os.stat says that a file is, in words; None for a regular file."""
+    """The type of a file in words, from its `mode` of os.stat; None for a regular file."""
     return _KINDS.get(stat.S_IFMT(mode), None if stat.S_ISREG(mode) else "a special file")
 
 

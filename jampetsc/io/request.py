@@ -1,4 +1,4 @@
-"""What a result was asked for: its file records it, so that a finished one is not replaced by one of other settings."""
+"""The settings of a result, which its file records, so that a finished one is not replaced by one of other settings."""
 
 import hashlib
 import json
@@ -18,28 +18,28 @@ class Request:
     argv        the command line
     overwrite   whether a finished result of other settings may be replaced
     same        whether two values of a parameter mean the same
-    held        what inputs in memory hold: hashes
+    input_hashes   of inputs in memory
     """
 
-    def __init__(self, command, options: dict, argv, overwrite, same, held):
-        self.argv, self.overwrite, self.same, self.held = argv, bool(overwrite), same, held
+    def __init__(self, command, options: dict, argv, overwrite, same, input_hashes):
+        self.argv, self.overwrite, self.same, self.input_hashes = argv, bool(overwrite), same, input_hashes
         self.options = {
             name: value for name, value in options.items() if name not in NO_SETTINGS and value is not None
         }
         self.settings = {"command": command} | {n: _short(v) for n, v in self.options.items()}
 
     def read(self, inputs) -> None:
-        """Take the files at `inputs` by what they hold, however they are called."""
+        """Replace the names of the files at `inputs` in the settings by hashes of their content."""
         names = {str(path) for path in inputs}
         self.settings = {"command": self.settings["command"]}
         for name, value in self.options.items():
             if not names.issuperset(map(str, value if isinstance(value, list) else [value])):
                 self.settings[name] = _short(value)
-        held = sorted([*self.held, *(str(identity_of(path)) for path in inputs)])
+        held = sorted([*self.input_hashes, *(str(identity_of(path)) for path in inputs)])
         self.settings |= {"inputs": _short(held)} if held else {}
 
     def differences(self, text: str) -> str:
-        """In what the recorded request `text` is another one, in words; empty where it is the same."""
+        """How the recorded request `text` differs from this one, in words; empty where it is the same."""
         found = json.loads(text)
         changed = [
             name
@@ -47,7 +47,7 @@ class Request:
             if found.get(name) != self.settings.get(name)
             and not self.same(name, found.get(name), self.settings.get(name))
         ]
-        return "; ".join(_told(name, found.get(name), self.settings.get(name)) for name in changed)
+        return "; ".join(_difference(name, found.get(name), self.settings.get(name)) for name in changed)
 
     @property
     def text(self) -> str:
@@ -61,7 +61,7 @@ class Request:
 
 
 def shortened(text: str) -> str:
-    """`text`, cut where a large ensemble makes it too long for an attribute."""
+    """`text`, cut off where it is too long for an attribute, as of a large ensemble."""
     return text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]} …"
 
 
@@ -70,7 +70,7 @@ def _short(value):
     return text if len(text) <= LONGEST else f"sha256 {hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
-def _told(name, old, new):
+def _difference(name, old, new):
     if name == "inputs":
         return "other inputs"
     without = {"true": "false", "false": "true"}.get(old or new, "none")  # a switch without a word

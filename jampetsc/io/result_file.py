@@ -1,8 +1,8 @@
 """A result, collected in memory by one rank or many and written as one file or as parts beside a joint file.
 
-Every rank writes the rows it has to its own part; the joint file holds what all ranks share and HDF5 virtual
-datasets that name the parts by relative path. One rank writes one plain file. A complete result appears or
-none: the joint file gets its name last, and the parts of the result it replaces are removed after that.
+Every rank writes its rows to its own part; the joint file holds what all ranks share and HDF5 virtual datasets that
+name the parts by relative path. One rank writes one plain file. A result appears completely or not at all: the joint
+file gets its name last, and the parts of the result it replaces are removed after that.
 """
 
 import uuid
@@ -38,7 +38,7 @@ class ResultArray:
 
 
 class ArrayInMemory(ResultArray):
-    """Of this process, with the rows that it has."""
+    """An array in memory, of which this process holds its own rows."""
 
     def __init__(self, values, axis=None, comm=None):
         self._values, self.axis = values, axis
@@ -52,7 +52,7 @@ class ArrayInMemory(ResultArray):
     dtype = property(lambda self: self._whole().dtype)
 
     def _whole(self):
-        self._values = np.asarray(self._values)  # entries become one array once somebody looks
+        self._values = np.asarray(self._values)  # a list of entries becomes one array when it is first read
         return self._values
 
     def add(self, entry) -> None:
@@ -66,11 +66,12 @@ class ArrayInMemory(ResultArray):
         return ArrayInMemory(np.concatenate(comm.allgather(self[...]), axis=self.axis))
 
     def __getitem__(self, selection):
-        return self._whole()[selection].copy()  # of its own, as if it were read
+        return self._whole()[selection].copy()  # a copy, as reading from a file gives
 
 
 class ResultWriter:
-    """Collects a result of `format`, say "jampetsc-sweep", and writes it to `path` where its block ends; None: nowhere.
+    """Collects a result of `format`, such as "jampetsc-sweep", and writes it to `path` at the end of its block; path
+    None: it stays in memory.
 
     Every method is collective. `comm` is an mpi4py communicator, or None for one process; `request` is what was asked
     for. After an exception in the block nothing is written. Its end raises as `write_result`.
@@ -121,14 +122,14 @@ class ResultWriter:
 
 
 def new_run_id() -> str:
-    """What tells the parts of one result from those of all others."""
+    """A random identifier, by which parts of one result differ from those of all others."""
     return uuid.uuid4().hex[:12]
 
 
 def write_result(path, attributes: dict, arrays: dict, comm=None) -> None:
     """Collective. Write attributes and arrays, `ResultArray`s, as the result at `path`.
 
-    An earlier result of the same format is replaced; where anything fails it stays, and nothing of the new one.
+    An earlier result of the same format is replaced; if anything fails it stays, and nothing is left of the new one.
     Raises InputError or JampetscError, on all ranks.
     """
     path, run_id = follow(path), attributes["run_id"]

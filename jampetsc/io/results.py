@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.io.hdf5 import attributes, open_file, undisturbed
+from jampetsc.io.hdf5 import attributes, open_file, retry_if_replaced
 from jampetsc.io.parts import GROUP, PartList
 from jampetsc.io.provenance import law_of
 from jampetsc.io.result_file import ResultArray, new_run_id, write_result
@@ -30,7 +30,7 @@ class StoredArray(ResultArray):
 
     def __getitem__(self, selection):
         np.broadcast_to(False, self.shape)[selection]  # an IndexError is the caller's, no damage of the file
-        return undisturbed(self._read)(self._path, selection)
+        return retry_if_replaced(self._read)(self._path, selection)
 
     def _read(self, path, selection):
         with open_file(path) as h5:
@@ -59,13 +59,13 @@ class Attributes(dict):
 
 
 class Named(Mapping):
-    """Arrays by name. One that there is not is an InputError, or the default of `get`."""
+    """Arrays by name. A missing one is an InputError, or the default of `get`."""
 
     def __init__(self, arrays: dict):
         self._arrays = arrays
 
     def named(self, name, kind, place):
-        """What is held by a name. Raises InputError where it is none of a `kind` that `place` holds."""
+        """The array of this name. Raises InputError, "`place`: no `kind` `name`", where there is none."""
         if name not in self._arrays:
             near = difflib.get_close_matches(name, self._arrays, n=1)
             hint = f"did you mean {near[0]}?" if near else f"it holds {', '.join(self._arrays) or 'none'}"
@@ -89,8 +89,8 @@ class Named(Mapping):
 class Result(Named):
     """A result: `attributes` (how it came about), and a mapping of dataset names to numpy arrays.
 
-    path      its file; of a result in memory words that stand for it in messages: "sweep in memory"
-    packing   Disks that the result is of, where they were in memory with it; else None
+    path      its file; for a result in memory its name in messages, such as "sweep in memory"
+    packing   Disks that the result was made from, if they were in memory with it; else None
 
     A file's array is read when it is asked for; `stored(name)` leaves it in the file, to read slices of it. In memory
     a distributed array is this rank's rows, and `stored(name).rows` says which.
@@ -146,7 +146,7 @@ class Result(Named):
         write_result(path, self.attributes | {"run_id": run_id}, self._arrays, self._comm)
         self.path = self.attributes.path = Path(path).resolve()
         self.attributes["run_id"] = run_id
-        # what is in memory stays there
+        # arrays in memory stay there
         if any(isinstance(array, StoredArray) for array in self._arrays.values()):
             with open_file(path) as h5:
                 self._arrays = type(self).read(h5, path)._arrays
@@ -159,7 +159,7 @@ class Result(Named):
     def _repr_html_(self):
         """A table of shapes and attributes for notebooks."""
         rows = [(name, f"{array.shape} {array.dtype}") for name, array in self._arrays.items()]
-        rows += [(name, _told(value)) for name, value in self.attributes.items()]
+        rows += [(name, _text(value)) for name, value in self.attributes.items()]
         cells = "".join(f"<tr><td>{html.escape(a)}</td><td>{html.escape(b)}</td></tr>" for a, b in rows)
         title = html.escape(f"{type(self).__name__} {self.path.name}")
         return f"<table><caption>{title}</caption>{cells}</table>"
@@ -182,6 +182,6 @@ class Result(Named):
         return law_of(self.attributes)
 
 
-def _told(value):
+def _text(value):
     text = " ".join(str(value).split())
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …"

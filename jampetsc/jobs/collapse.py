@@ -61,7 +61,7 @@ examples:
     )
     observable: str = asked(help="what is scaled", choices=OBSERVABLES)
     fit: str = asked(
-        help="phi_J,y,znu[,omega]; nu for znu with finite_size; y=1 holds y",
+        help="phi_J,y,znu[,omega]; nu for znu with finite_size; y=1 fixes y",
         kind=Kind(lambda given: ",".join(map(str, words(given))), metavar="NAMES"),
     )
     finite_size: bool = asked(False, "scale with L = sqrt(N) instead of the rate")
@@ -79,7 +79,7 @@ examples:
     )
 
     def check(self):
-        """Refuse names that are none, and what is held or free wrongly."""
+        """Refuse unknown, missing or repeated names in `fit`, and a fit without free parameters."""
         _ = self.form
 
     @property
@@ -90,7 +90,7 @@ examples:
         return form_named(self.fit, self.finite_size, self.corrections, self.degree, self.spline)
 
     def _named(self) -> list:
-        """What is read: files, of the folder of a study those of its rows, and results in memory."""
+        """The inputs: files, for the folder of a study those of its rows, and results in memory."""
         from jampetsc.io.ensemble import Ensemble
         from jampetsc.jobs.scaling import files_of
 
@@ -101,7 +101,7 @@ examples:
         return found
 
     def check_outputs(self, to):
-        """Refuse one result twice, and what may not be replaced."""
+        """Refuse a result given twice, and an output that may not be replaced."""
         sources = self._named()
         refuse_repeated(sources)
         to.check(self.FORMAT, [one for one in sources if isinstance(one, str)])
@@ -162,12 +162,12 @@ examples:
 
 
 def _shown(scale, finite_size):
-    """A cut as it is asked for: a rate, or N."""
+    """A cut in the user's terms: a rate, or N."""
     return scale**-2 if finite_size else scale
 
 
 def _summary(to, job, points, cuts, notes) -> str:
-    """What a user wants to read."""
+    """The summary."""
     from jampetsc.jobs.scaling import text_of
 
     (_, fit, found), *others = cuts

@@ -17,11 +17,11 @@ SWEEPS, FLOW = "jampetsc-sweep", "jampetsc-flow"
 
 
 def _lanes(given):
-    """Widths in the order given, since the first is that of the summary."""
+    """Widths of lanes in the order given: the summary shows the first."""
     try:
         lanes = tuple(map(as_float, words(given)))
     except (TypeError, ValueError):
-        raise ValueError(f"must be widths in mean diameters, such as {_lanes_told(LANES)}") from None
+        raise ValueError(f"must be widths in mean diameters, such as {_lanes_text(LANES)}") from None
     for width in lanes:
         if not NARROWEST <= width <= WIDEST:
             raise ValueError(f"{width:g} must lie between {NARROWEST:g} and {WIDEST:g}")
@@ -30,7 +30,7 @@ def _lanes(given):
     return lanes
 
 
-def _lanes_told(lanes):
+def _lanes_text(lanes):
     return ",".join(shown(width) if float(shown(width)) == width else repr(width) for width in lanes)
 
 
@@ -62,8 +62,8 @@ class Correlate(Job):
     )
     lane: Numbers | None = asked(
         None,
-        f"widths of a lane, the first for the summary (default {_lanes_told(LANES)}; flow: one, default 1)",
-        kind=Kind(_lanes, _lanes_told, metavar="w1,w2,…"),
+        f"widths of a lane, the first for the summary (default {_lanes_text(LANES)}; flow: one, default 1)",
+        kind=Kind(_lanes, _lanes_text, metavar="w1,w2,…"),
         unit="mean diameters",
     )
     bin: float | None = asked(
@@ -88,7 +88,7 @@ class Correlate(Job):
         return self.lane or LANES
 
     def check(self):
-        """Refuse what is given twice."""
+        """Refuse a result given twice."""
         refuse_repeated(self.results)
 
     def check_outputs(self, to):

@@ -8,14 +8,14 @@ from jampetsc.jobs.sources import write_derived
 
 
 def run(job, flows, to) -> str:
-    """Correlate, write the result of a `correlate.Correlate` and tell what was found. Raises InputError."""
+    """Correlate for a `correlate.Correlate` and write the result; returns the summary. Raises InputError."""
     began = time.perf_counter()
     for name in ("omega", "packing", "phase"):
         if getattr(job, name) is not None:
             raise InputError(f"{named(name)}: belongs to sweeps, not to {flows[0].path}; leave it out")
     widths, bin_ = job.lane or (lanes.LANE,), job.bin or lanes.BIN
     if len(widths) > 1:
-        raise InputError(f"{named('lane')} {job.told()['lane']}: flows are correlated at one width")
+        raise InputError(f"{named('lane')} {job.settings()['lane']}: flows are correlated at one width")
     found = lanes.correlate_lanes(flows, widths[0], bin_)
     place, depth = found.minimum
     arrays = {"x": found.centres, "g_y": found.values, "g_y_error": found.errors, "pairs": found.pairs}

@@ -14,7 +14,7 @@ SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more
 
 
 def run(job, sweeps, to) -> str:
-    """Correlate, write the result of a `correlate.Correlate` and tell what was found. Raises InputError."""
+    """Correlate for a `correlate.Correlate` and write the result; returns the summary. Raises InputError."""
     began = time.perf_counter()
     if job.bin is not None:
         raise InputError(f"{named('bin')} {job.bin:g}: belongs to flows; leave it out")
@@ -93,7 +93,7 @@ def _mean_pressure(sweeps):
 
 
 def _summary(to, packings, omega, phase, lanes, found) -> str:
-    """Lengths in diameters of the first lane width, and how far the others are from it."""
+    """Lengths in diameters for the first lane width, and how much C differs at the other widths."""
     results, size = found.results, found.length / found.diameter
     first = results[0]
     lines = [

@@ -9,9 +9,9 @@ from jampetsc.core.state import BALANCED, imbalance, measure
 from jampetsc.io.averages import CHOICES
 from jampetsc.io.parts import parts_of
 
-DIGITS = 10  # of numbers that one may want to compare with published ones
-SHOWN = 6  # values of a choice that are told one by one
-DIFFERS = 1e-6  # relative difference from what the file records that is worth a line
+DIGITS = 10  # of numbers, enough to compare them with published ones
+SHOWN = 6  # most values of a choice that are listed one by one
+DIFFERS = 1e-6  # relative difference from the recorded value from which a note is printed
 
 
 def table(rows) -> str:
@@ -22,7 +22,7 @@ def table(rows) -> str:
 
 
 def number(value) -> str:
-    """A number as one reads it, anything else as it prints."""
+    """A number in DIGITS digits, several with commas; anything else as str."""
     if isinstance(value, float):
         return f"{value:.{DIGITS}g}"
     if isinstance(value, np.ndarray):
@@ -31,7 +31,7 @@ def number(value) -> str:
 
 
 def study(path, ensemble) -> str:
-    """How many tasks of each command are done, over which values of what was chosen, and why others failed."""
+    """How many tasks of each command are done, the values of every setting, and why tasks failed."""
     rows = [(f"{path}: study of {ensemble.rows} tasks",)]
     for command in dict.fromkeys(ensemble["command"].tolist()):
         tasks = ensemble.where(command=command)
@@ -44,8 +44,8 @@ def study(path, ensemble) -> str:
         ]
         if values:
             shown = values if len(values) <= SHOWN else [*values[:2], "…", values[-1]]
-            told = ", ".join(one if isinstance(one, str) else f"{one:.6g}" for one in shown)
-            rows.append((name, told + (f"  ({len(values)} values)" if len(values) > SHOWN else "")))
+            text = ", ".join(one if isinstance(one, str) else f"{one:.6g}" for one in shown)
+            rows.append((name, text + (f"  ({len(values)} values)" if len(values) > SHOWN else "")))
     reasons = [
         f"  {name}: {why}" for name, why in zip(*(ensemble.failed[c] for c in ("file", "state")), strict=True)
     ]
@@ -120,7 +120,7 @@ HOW = ("ranks", "scalar_type", "wall_seconds", "git_commit")
 
 
 def _origin(a):
-    """What a result was made from: a packing, other files, or disks that the command made itself."""
+    """What a result was made from: a packing, other files, or random disks of its command."""
     if "packing" in a:
         return str(a["packing"])
     if "sources" in a:
@@ -154,8 +154,8 @@ def result(path, loaded) -> str:
     ]
     if "G" in loaded:
         rows += _moduli(loaded)
-    told = {*HEADER, *HOW, *loaded.law, *(f"{name}_version" for name in LIBRARIES)}
-    rest = {name: value for name, value in a.items() if name not in told}
+    known = {*HEADER, *HOW, *loaded.law, *(f"{name}_version" for name in LIBRARIES)}
+    rest = {name: value for name, value in a.items() if name not in known}
     if rest:
         rows.append(("attributes",))
         rows += [(name, number(value)) for name, value in sorted(rest.items())]
@@ -186,7 +186,7 @@ def _moduli(sweep):
 
 
 def matrices(disks, network, physics, facts, ranks) -> str:
-    """Sizes, symmetry and definiteness of K and B, and in words whether the packing is a minimum."""
+    """Sizes, symmetry and inertia of K and B, and whether the packing is a minimum."""
     from jampetsc.petsc.inertia import SHIFT
 
     contacts = facts.contacts

@@ -29,7 +29,7 @@ class Examples(Job):
     copy: Path = asked(help="folder to make; it must not be there yet", metavar="DIR")
 
     def check_outputs(self, to):
-        """The folder must be new."""
+        """Refuse a folder that exists."""
         if self.copy.exists():
             raise InputError(f"{named('copy')} {self.copy}: is there already: name a new folder")
 

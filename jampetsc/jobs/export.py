@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import HELD, PACKING, input_told, opened
+from jampetsc.asking.kinds import PACKING, PACKING_OR_RESULT, input_name, opened
 from jampetsc.asking.parameters import FILE, asked
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
@@ -34,7 +34,7 @@ class Export(Job):
   jampetsc export rd0.h5 --out rd0.xyz                  # the snapshots of a flow"""
 
     file: Disks = asked(
-        help="packing, modes, sweep with fields, quasistatic or flow file", place=FILE, kind=HELD
+        help="packing, modes, sweep with fields, quasistatic or flow file", place=FILE, kind=PACKING_OR_RESULT
     )
     mode: int | None = asked(None, "of a modes file: which mode, from 1 (default 1)", metavar="I")
     field: float | None = asked(
@@ -43,7 +43,7 @@ class Export(Job):
     packing: Disks | None = asked(None, "packing of a result, if it is not beside it", kind=PACKING)
 
     def check_outputs(self, to):
-        """Refuse an ending without a format, and what may not be replaced."""
+        """Refuse an unknown ending, and an output that may not be replaced."""
         from jampetsc.io.exporters import check_format
         from jampetsc.io.outputs import check_output, exported
 
@@ -55,16 +55,16 @@ class Export(Job):
         from jampetsc.io.exporters import write_frames
 
         count = write_frames(to.path, self._frames())
-        return f"{to}: {count} frame{'s' * (count != 1)} of {input_told(self.file)}"
+        return f"{to}: {count} frame{'s' * (count != 1)} of {input_name(self.file)}"
 
-    def answer(self, to, told):
+    def answer(self, to, summary):
         return to.path
 
     def _frames(self):
-        """The frames that are asked for. Raises InputError for a file that has none, and for options of others."""
+        """The frames to export. Raises InputError for a file that has none, and for options of other kinds of files."""
         from jampetsc.io import frames
 
-        loaded, name = opened(self.file), input_told(self.file)
+        loaded, name = opened(self.file), input_name(self.file)
         kind = "packing" if isinstance(loaded, Disks) else loaded.format.removeprefix("jampetsc-")
         for option, owners in OWNERS.items():
             if getattr(self, option) is not None and kind not in owners:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.kinds import HELD, input_told
+from jampetsc.asking.kinds import PACKING_OR_RESULT, input_name
 from jampetsc.asking.model import MODEL
 from jampetsc.asking.parameters import FILE, asked, part
 from jampetsc.asking.starts import GROUP, FromStart
@@ -28,19 +28,23 @@ class Flow(FromStart):
     FORMAT: ClassVar = "jampetsc-flow"
     scalar: ClassVar = None
     OUT: ClassVar = "optional"
-    OUT_HELP: ClassVar = "result file (default for a flow file that goes on: itself)"
+    OUT_HELP: ClassVar = "result file (default when a flow is continued: its own file)"
     EPILOG: ClassVar = """examples:
   jampetsc flow --n 1024 --phi 0.8433 --model RD0 --rate 1e-3 --strain 20 --snapshots 40 --out rd0.h5
   jampetsc flow p.h5 --model CD0 --rate 1e-4 --strain 5 --out cd0.h5
   jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
   jampetsc flow rd0.h5 --strain 20                      # twenty more
 
-A run that was killed goes on when the same command is given again. Many disks use several cores, with the same result
+A killed run continues when the same command is given again. Many disks use several cores, with the same result
 to the last bit; independent runs are faster side by side."""
     GIVEN = (*FromStart.GIVEN, "walls")
 
     start: Disks | None = asked(
-        None, "packing to start from, or flow that goes on", kind=HELD, place=FILE, metavar="START"
+        None,
+        "packing to start from, or flow to continue",
+        kind=PACKING_OR_RESULT,
+        place=FILE,
+        metavar="START",
     )
     model: Model | Law | str | None = part(MODEL, None)
     rate: float | None = asked(None, "shear rate γ̇", above=0.0, high=1.0, metavar="R")
@@ -91,10 +95,10 @@ to the last bit; independent runs are faster side by side."""
             if earlier.format != self.FORMAT:
                 raise InputError(f"{earlier.path}: is no flow: give a packing, or a flow to go on from")
             self._refuse_settled(earlier.path)
-        elif self.start is None or self._settled:
+        elif self.start is None or self._own_settings:
             super().check()
             if self.rate is None:
-                raise InputError(f"{named('rate')}: must be given: how fast to shear?{self._on}")
+                raise InputError(f"{named('rate')}: must be given: how fast to shear?{self._hint}")
             if self.model is None:
                 known = f"{', '.join(MODELS)}, or {named('law')} with its options"
                 raise InputError(f"{named('model')}: must be given: {known}{self._on}")
@@ -106,48 +110,48 @@ to the last bit; independent runs are faster side by side."""
 
     @property
     def _in_memory(self):
-        """The result in memory that it goes on from, if it does."""
+        """The earlier result in memory that is continued, or None."""
         return None if self.start is None or isinstance(self.start, str | Disks) else self.start
 
     @property
-    def _on(self):
-        """What a flow that goes on needs, for messages."""
+    def _hint(self):
+        """End of a message where a START is given, in case it was meant to be continued."""
         return (
             "" if self.start is None else f"; a flow goes on as it was begun, given {named('strain')} alone"
         )
 
     @property
-    def _settled(self):
-        """Parameters of a flow that begins: one that goes on keeps its own."""
-        return [name for name in self.told() if name not in ("strain", "last", "threads")]
+    def _own_settings(self):
+        """Parameters that only a new flow may be given: a continued one keeps its own."""
+        return [name for name in self.settings() if name not in ("strain", "last", "threads")]
 
     def _refuse_settled(self, path):
-        for name in self._settled:
+        for name in self._own_settings:
             raise InputError(f"{named(name)}: {path} goes on as it was begun; leave it out (or start anew)")
 
     @property
     def place(self):
-        """The file that it goes on from."""
-        if not self._begun:
+        """The flow file that is continued, which the result replaces."""
+        if not self._continues:
             raise InputError(f"{named('out')}: must be given: where to write the result?")
         return self.start
 
     @property
-    def _begun(self):
-        """Whether the start is a flow."""
+    def _continues(self):
+        """Whether START is a flow to continue."""
         from jampetsc.flows.steady import is_flow
 
         return self._in_memory is not None or (isinstance(self.start, str) and is_flow(self.start))
 
     def check_outputs(self, to):
-        """A flow file may go on in its own place."""
+        """As usual, but a continued flow may replace its own file."""
         from jampetsc.io.outputs import check_place, is_same
 
         if (
             to.path is not None
             and isinstance(self.start, str)
             and is_same(to.path, self.start)
-            and self._begun
+            and self._continues
         ):
             check_place(to.path, self.FORMAT)
             self.check_last(to)
@@ -159,13 +163,13 @@ to the last bit; independent runs are faster side by side."""
         from jampetsc.petsc import launcher
         from jampetsc.progress import LOG
 
-        run = self._farther() if self._begun else self._fresh()
+        run = self._continued_run() if self._continues else self._new_run()
         if launcher.several():
             LOG.info("one rank does one flow, on threads; independent runs use more ranks")
         return flows.summary(run, to, flows.execute(run, to, self.last, self.team))
 
-    def _farther(self):
-        """The earlier flow, farther."""
+    def _continued_run(self):
+        """The run that continues an earlier flow."""
         from jampetsc.asking.kinds import opened
         from jampetsc.flows.steady import continued
 
@@ -173,13 +177,13 @@ to the last bit; independent runs are faster side by side."""
         self._refuse_settled(earlier.path)
         return continued(earlier, self.strain)
 
-    def _fresh(self):
-        """The flow from its beginning."""
+    def _new_run(self):
+        """The run of a new flow."""
         from jampetsc.flows.steady import begun
 
-        if not self._settled:
+        if not self._own_settings:
             raise InputError(
-                f"{input_told(self.start)}: is no flow to go on from: give {named('model')} and {named('rate')}"
+                f"{input_name(self.start)}: is no flow to go on from: give {named('model')} and {named('rate')}"
             )
         disks, origin = self.disks()
         return begun(

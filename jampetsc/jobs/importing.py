@@ -20,7 +20,7 @@ def _box(given):
         raise ValueError("must be L, Lx,Ly or Lx,Ly,xy") from None
 
 
-def _box_told(box) -> str:
+def _box_text(box) -> str:
     import numpy as np
 
     return ",".join(repr(float(one)) for one in np.ravel(box))
@@ -57,7 +57,7 @@ A packing that is not at rest: jampetsc pack --from dump.h5 --pressure 1e-2 --ou
     box: tuple | None = asked(
         None,
         "of a file that has none; a₂ = (xy Ly, Ly): xy is a number",
-        kind=Kind(_box, _box_told, metavar="L|Lx,Ly[,xy]"),
+        kind=Kind(_box, _box_text, metavar="L|Lx,Ly[,xy]"),
     )
     potential: str | None = asked(None, "energy of an overlap (default harmonic)", choices=EXPONENTS)
     stiffness: str | None = asked(
@@ -75,7 +75,7 @@ A packing that is not at rest: jampetsc pack --from dump.h5 --pressure 1e-2 --ou
 
 
 def _summary(to, file, disks) -> str:
-    """What a user wants to read."""
+    """The summary."""
     from jampetsc.core.state import BALANCED, imbalance, measure
 
     state, potential = measure(disks), disks.potential

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jampetsc.asking.damping import DAMPING, PRESTRESS
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import HELD, input_told, opened
+from jampetsc.asking.kinds import PACKING_OR_RESULT, input_name, opened
 from jampetsc.asking.parameters import FILE, asked, part
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law, Physics, damping_law
@@ -15,7 +15,7 @@ from jampetsc.errors import InputError, named
 
 @dataclass(frozen=True, eq=False)
 class Info(Job):
-    """Tell what a file holds; with `matrices`, whether a packing is a minimum of its energy.
+    """Print the content of a file; with `matrices`, whether a packing is a minimum of its energy.
 
     For `matrices`, the Hessian K and the damping matrix B of a packing are assembled, in parallel under mpirun, and
     their negative, zero and positive eigenvalues counted.
@@ -32,14 +32,16 @@ class Info(Job):
 PETSc options: -inertia_… for the factorisations of --matrices."""
     SOLVERS: ClassVar = ("inertia_",)
 
-    file: Disks = asked(help="packing file, result file or folder of a study", place=FILE, kind=HELD)
+    file: Disks = asked(
+        help="packing file, result file or folder of a study", place=FILE, kind=PACKING_OR_RESULT
+    )
     matrices: bool = asked(False, "assemble K and B and count their eigenvalues")
     law: Law = part(DAMPING)
     prestress: bool = PRESTRESS
 
     @property
     def physics(self) -> Physics:
-        """Of the matrices."""
+        """Law and pre-stress of the matrices."""
         return Physics(self.law, self.prestress)
 
     def check(self):
@@ -49,15 +51,15 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
                 f"{self.physics}: only the matrices depend on a damping law; add {named('matrices')}"
             )
         if self.matrices and not isinstance(self.file, str | Disks):
-            raise InputError(f"{named('matrices')}: needs a packing, not {input_told(self.file)}")
+            raise InputError(f"{named('matrices')}: needs a packing, not {input_name(self.file)}")
 
     @property
     def scalar(self):
-        """PETSc has nothing to do without matrices."""
+        """PETSc is needed for the matrices only."""
         return "real" if self.matrices else None
 
     def check_outputs(self, to):
-        """Nothing is written; a folder is refused before PETSc starts."""
+        """Nothing is written; the folder of a study is refused before PETSc starts."""
         if self.matrices and isinstance(self.file, str) and os.path.isdir(self.file):
             raise InputError(f"{self.file}: is the folder of a study: {named('matrices')} needs a packing")
 
@@ -66,12 +68,12 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         from jampetsc.io.ensemble import Ensemble
         from jampetsc.jobs import describe
 
-        name = input_told(self.file)
+        name = input_name(self.file)
         if self.matrices:
             return self._with_matrices(name)
         loaded = opened(self.file)
-        tell = {Disks: describe.packing, Ensemble: describe.study}.get(type(loaded), describe.result)
-        return tell(name, loaded)
+        describe_one = {Disks: describe.packing, Ensemble: describe.study}.get(type(loaded), describe.result)
+        return describe_one(name, loaded)
 
     def _with_matrices(self, name):
         from jampetsc.io.packing_file import read_identified
@@ -84,5 +86,5 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         disks, _ = read_identified(self.file, running.comm)
         network = build_network(disks, running.comm, self.prestress)
         facts = examine(network, self.law)
-        told = describe.matrices(disks, network, self.physics, facts, running.size)
-        return f"{describe.packing(name, disks)}\n\n{told}"
+        counts = describe.matrices(disks, network, self.physics, facts, running.size)
+        return f"{describe.packing(name, disks)}\n\n{counts}"

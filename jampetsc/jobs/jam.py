@@ -34,7 +34,7 @@ class Jam(Job):
   jampetsc jam --n 64 --phi 0.84 --seeds 1:4 --protocol shear --discard 1 --strain 4 --out qs64.h5
   jampetsc jam --n 64 --phi 0.84 --seeds 1:40 --protocol compress --cooling-rate 1e-3 --out slow64.h5
 
-A run that was killed goes on when the same command is given again. Options of the Newton steps have the prefix
+A killed run continues when the same command is given again. Options of the Newton steps have the prefix
 -newton_."""
     SOLVERS: ClassVar = ("newton_",)
 

@@ -26,7 +26,7 @@ class Matrices(OfPacking):
     EPILOG: ClassVar = "examples:\n  jampetsc matrices p.h5 --beta 0.1 --out K.npz"
 
     def check_outputs(self, to):
-        """Refuse an ending without a format, and what may not be replaced."""
+        """Refuse an unknown ending, and outputs that may not be replaced."""
         from jampetsc.io.outputs import check_output, exported
         from jampetsc.mechanics.matrices import files_of
 
@@ -35,34 +35,35 @@ class Matrices(OfPacking):
             check_output(path, exported(path), self.paths)
 
     def work(self, to):
-        from jampetsc.io.packing_file import read_identified, source_told
+        from jampetsc.io.packing_file import read_identified, source_name
         from jampetsc.mechanics.matrices import files_of, matrices_of, write_matrices
         from jampetsc.petsc import session
 
         comm = session.current().comm
         disks, _ = read_identified(self.packing, comm)
-        with about(source_told(self.packing)):
+        with about(source_name(self.packing)):
             matrices = matrices_of(disks, self.physics, comm)
         write_matrices(to.path, matrices)
-        told = ", ".join(map(str, files_of(to.path).values()))
+        names = ", ".join(map(str, files_of(to.path).values()))
         unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)
         matrices.destroy()
-        return f"{told}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
+        return f"{names}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
 
-    def answer(self, to, told):
+    def answer(self, to, summary):
         from jampetsc.mechanics.matrices import files_of
 
         return list(files_of(to.path).values())
 
 
 def assemble(packing, law=DEFAULT, *, prestress=True):
-    """K, B and the border of a packing, a `mechanics.matrices.Matrices`; `.to_scipy()` gathers them. Collective.
+    """The Hessian K in k, the damping matrix B in kτ₁ and their columns of the strain γ (BT eqs. 10, 11). Collective.
 
     packing     Disks, or the name of a file
     law         a damping law, or the name of a family of them
-    prestress   K keeps the f/r term of its contacts
+    prestress   whether K keeps the f/r term of its contacts (BT eq. 4)
 
-    Raises InputError for a packing that is not rigid, and for a law that there is not.
+    Returns a `mechanics.matrices.Matrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a packing that
+    is not rigid, and for an unknown law.
     """
     from jampetsc.io.packing_file import read_identified
     from jampetsc.mechanics.matrices import matrices_of

@@ -26,7 +26,7 @@ class Merge(Job):
     file: os.PathLike = asked(help="result of sweep, quasistatic, modes, …", place=FILE, kind=PATH)
 
     def check_outputs(self, to):
-        """Left to `merge`, which knows what kind of file it is, and when it is the one itself."""
+        """Left to `io.merge.merge`, which knows the kind of the file and whether it is merged in place."""
 
     def work(self, to):
         from jampetsc.io.merge import merge
@@ -38,7 +38,7 @@ class Merge(Job):
             return f"{to}: copy of {self.file}, which was one file already"
         return f"{self.file}: one file already, nothing to do"
 
-    def answer(self, to, told):
+    def answer(self, to, summary):
         from jampetsc.io.reader import load
 
         return load(to.path or self.file)

@@ -47,7 +47,7 @@ of them, are found by LAPACK, which takes no options."""
     prestress: bool = PRESTRESS
 
     def check(self):
-        """Refuse two ways to say which, and what cannot be told from translations."""
+        """Refuse two ways to choose modes, and a limit too low to tell modes from translations."""
         given = [name for name in ("count", "below", "all") if getattr(self, name) not in (None, False)]
         if len(given) > 1:
             raise InputError(f"{named(given[0])} and {named(given[1])}: give one of them")
@@ -68,7 +68,7 @@ of them, are found by LAPACK, which takes no options."""
 
 
 def _summary(to, modes) -> str:
-    """What a user wants to read."""
+    """The summary."""
     m = len(modes.eigenvalues)
     proof = (
         "all there are"
@@ -81,12 +81,14 @@ def _summary(to, modes) -> str:
         f"{modes.residuals.max():.1e}",
         f"  floppiness (rms Δu⊥ / Δu∥) {modes.floppiness[0]:.3g} to {modes.floppiness[-1]:.3g}",
     ]
-    if modes.carried is None:
+    if modes.contributions is None:
         lines.append(
             "  the response to shear is affine, or not unique because of zero modes: no shares of it"
         )
     else:
         names = {"nonaffine": "|u_na|²", "transverse": "Δu⊥²", "normal": "Δu∥²", "modulus": "G_affine − G0"}
-        parts = [f"{100 * modes.carried.share[key].sum():.3g} % of {name}" for key, name in names.items()]
+        parts = [
+            f"{100 * modes.contributions.share[key].sum():.3g} % of {name}" for key, name in names.items()
+        ]
         lines.append(f"  together {', '.join(parts)}")
     return "\n".join(lines)

@@ -50,7 +50,7 @@ class Oscillate(OfPacking):
 
 PETSc options: -osc_snes_… and -osc_ksp_… for Newton's method and its linear solver, -osc_factor_… for the
 factorisations of its preconditioner, -shift_… for the proof that the packing is a minimum.
-A run that was killed goes on when the same command is given again."""
+A killed run continues when the same command is given again."""
 
     SOLVERS: ClassVar = ("osc_", "osc_factor_", "shift_", "inertia_")
 
@@ -117,7 +117,7 @@ A run that was killed goes on when the same command is given again."""
             )
 
     def _check_frequencies(self):
-        """A power law depends on ω^α, which is to have the range that ω has with linear damping."""
+        """Refuse frequencies out of range: a power law depends on ω^α, which has the range of ω for linear damping."""
         (low, high), widened, tau1 = DOUBLES, 1.0 / min(self.alpha, 1.0), self.law.tau1
         least = max(low, SMALLEST**widened)
         most = LARGEST**widened if widened * math.log(LARGEST) < math.log(high) else high
@@ -147,7 +147,7 @@ A run that was killed goes on when the same command is given again."""
 
     @property
     def parameters(self) -> dict:
-        """The law as a file tells it, with its exponent."""
+        """Parameters of the law as a file records them, with its exponent."""
         return {**self.physics.parameters, "alpha": self.alpha}
 
     def key(self, identity) -> dict:
@@ -170,7 +170,7 @@ A run that was killed goes on when the same command is given again."""
 
 
 def _summary(job, to, arrays) -> str:
-    """What a user wants to read."""
+    """The summary."""
     G, error = arrays["G"], arrays["error"]
     lines = [
         f"{to}: {job.physics}, alpha = {job.alpha:g}, {G.size} oscillations, estimated to "

@@ -13,7 +13,7 @@ from jampetsc.asking.parameters import Kind, asked
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, as_float, named
-from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_told
+from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_text
 
 PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
@@ -24,7 +24,7 @@ OF_DISKS = ("potential", "stiffness", "sizes", "radii")  # what a packing to sta
 
 
 def _pressures(given):
-    """A pressure as it is written, which names its file; several as a tuple."""
+    """A pressure as the user wrote it, since it becomes part of file names; several as a tuple."""
     written, found = isinstance(given, str), []
     for one in words(given):
         try:
@@ -138,7 +138,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             return
         for name in OF_DISKS:
             if getattr(self, name) is not None:
-                source = PACKING.tell(self.from_)
+                source = PACKING.serialise(self.from_)
                 raise InputError(f"{named(name)}: belongs to the packing {source}; leave it out")
 
     @property
@@ -153,7 +153,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     def tasks(self, out, k=1.0) -> list:
         """The packings asked for, `packings.Task`; out: their files, None in memory; k: of the packing to start from.
 
-        Raises InputError for a name that is none for all of them.
+        Raises InputError for an `out` that gives several of them one name.
         """
         from jampetsc.jobs.packings import Task
         from jampetsc.minimise.protocols import Target
@@ -197,7 +197,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
                 )
 
     def check_outputs(self, to):
-        """Refuse what may not be replaced, and a packing to start from that is none."""
+        """Refuse outputs that may not be replaced, and a file to start from that is no packing."""
         from jampetsc.io.outputs import check_output
         from jampetsc.io.packing_file import check_packing
 
@@ -206,10 +206,10 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         for task in [] if to.path is None else self.tasks(str(to.path)):
             check_output(
                 task.path, self.FORMAT, self.paths
-            )  # each packing says itself what it was asked to be
+            )  # its settings are compared by `packings.is_there`
 
     def work(self, to):
-        """Make what is not there yet, every rank its own packings. Collective."""
+        """Make the packings that are missing, spread over the ranks. Collective."""
         from jampetsc.collective import on_root, own_cores
         from jampetsc.core.threads import Team
         from jampetsc.jobs.packings import Change, is_there, make, raise_failures, summary
@@ -233,7 +233,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         for rung in range(1 + max(task.rung for task in tasks)):
             numbers = [i for i, task in enumerate(tasks) if task.rung == rung]
             lost = {
-                i: ConvergenceError(f"{tasks[i - 1].told}, which it starts from, failed")
+                i: ConvergenceError(f"{tasks[i - 1].name}, which it starts from, failed")
                 for i in numbers
                 if rung and isinstance(found.get(i - 1), JampetscError)
             }
@@ -251,7 +251,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             to.packings(made if self.several else made[0])
         elif self.several:
             to.packings([task.path for task in tasks])
-        return summary(tasks, {i: told for i, (_, told) in found.items()}, running.size)
+        return summary(tasks, {i: line for i, (_, line) in found.items()}, running.size)
 
     @property
     def _how(self):
@@ -259,21 +259,21 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         return {"stabilise": self.stabilise, "tolerance": self.tolerance}
 
     def _begin(self, comm):
-        """What packings start from, but for the lower rungs of a ladder: `packings.Random` or `Change`. Collective."""
-        from jampetsc.io.packing_file import source_told
+        """What packings start from, `packings.Random` or `Change`, but for the later ones of a ladder. Collective."""
+        from jampetsc.io.packing_file import source_name
         from jampetsc.jobs.packings import Change, Random
 
         if self.from_ is None:  # of one rank for all: the file may have been replaced
             radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
             potential = Potential(self.potential or "harmonic", self.stiffness or "constant")
-            told = {"sizes": sizes_told(self.sizes, self.radii), "requested_n": self.n or 0}
-            return Random(radii, potential, self._how | told)
+            settings = {"sizes": sizes_text(self.sizes, self.radii), "requested_n": self.n or 0}
+            return Random(radii, potential, self._how | settings)
         begin = Change.of(self.from_, self._how, comm)
         if self.n not in (None, begin.source.n):
             raise InputError(
-                f"{named('n')} {self.n}: {source_told(self.from_)} has {begin.source.n} disks; leave it out with "
+                f"{named('n')} {self.n}: {source_name(self.from_)} has {begin.source.n} disks; leave it out with "
                 f"{named('from_')}"
             )
-        with about(source_told(self.from_)):
+        with about(source_name(self.from_)):
             begin.disks(self.tasks(None)[0])
         return begin

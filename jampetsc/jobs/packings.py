@@ -1,4 +1,4 @@
-"""The packings that a `pack.Pack` asks for, made one after another by one rank, and what is told of them."""
+"""The packings that a `pack.Pack` asks for, made one after another by one rank, and their lines in the summary."""
 
 import time
 from dataclasses import dataclass
@@ -20,18 +20,18 @@ class Task:
     """One packing to make."""
 
     path: Path | None  # its file, None in memory
-    seed: int | None  # of its random start, None where a packing is changed
+    seed: int | None  # of its random start, None if it starts from another packing
     target: Target
     rung: int = 0  # of a ladder: it starts from the packing of the task before it, unless this is 0
 
     @property
-    def told(self) -> str:
+    def name(self) -> str:
         """Its name in messages."""
         return str(self.path or f"the packing at p = {self.target.pressure:g}")
 
     @property
     def asked(self) -> dict:
-        """Entries of its record that say which of all it is."""
+        """Entries of its record for its own settings: the target, and the seed."""
         name = "phi" if self.target.phi else "pressure"
         seed = {} if self.seed is None else {"seed": self.seed}
         return {f"requested_{name}": getattr(self.target, name)} | seed
@@ -48,12 +48,12 @@ class Random:
 
     @property
     def record(self) -> dict:
-        """Entries of the record of each of them."""
+        """Entries of the record of each packing."""
         kind = {"requested_potential": self.potential.kind, "requested_stiffness": self.potential.stiffness}
         return self.how | kind
 
     def disks(self, task) -> Disks:
-        """What one of them starts from."""
+        """The disks from which a task starts."""
         phi = task.target.phi or start_phi(task.target.pressure)
         return random_start(self.radii, phi, task.seed, self.potential)
 
@@ -73,20 +73,20 @@ class Change:
 
     @property
     def k(self) -> float:
-        """In whose units pressures are asked for."""
+        """Stiffness k of the packing, the unit of the pressures."""
         return self.source.potential.k
 
     def disks(self, task) -> Disks:
-        """What one of them starts from."""
+        """The disks from which a task starts."""
         return changed(self.source, task.target)
 
 
 def is_there(path, wanted, overwrite=False, source=None) -> bool:
-    """Whether the packing that is wanted, by entries of its record, is at a path already.
+    """Whether the packing at `path` exists with all these entries {name: value} in its record.
 
-    source   the packing that was changed, which files of older versions know by its bytes
+    source   the packing it started from: files of older versions record the hash of its file's bytes
 
-    Raises InputError if that holds something else that is not to be replaced.
+    Raises InputError if there is another packing and `overwrite` is false.
     """
     if path is None or not path.exists():
         return False
@@ -104,9 +104,9 @@ def is_there(path, wanted, overwrite=False, source=None) -> bool:
 
 
 def make(tasks, team, rank) -> dict:
-    """{number: (disks or None where a file has them, what is told), or a JampetscError} of [(number, task, beginning)].
+    """Make the packings of tasks [(number, task, beginning)]: {number: (disks, line of the summary) or JampetscError}.
 
-    beginning   `Random` or `Change`
+    beginning   `Random` or `Change`; disks are None where they were written to a file
     """
     solver, found = local.NewtonSolver(), {}
     with Progress(len(tasks), "packings", rank) as progress:
@@ -126,10 +126,10 @@ def make(tasks, team, rank) -> dict:
             except JampetscError as error:
                 found[number] = error
                 continue
-            told = _told(task.path or "in memory", disks, time.perf_counter() - began)
-            found[number] = (disks if task.path is None else None), told
+            line = _line(task.path or "in memory", disks, time.perf_counter() - began)
+            found[number] = (disks if task.path is None else None), line
             if len(tasks) > 1:
-                progress.step(told)
+                progress.step(line)
     return found
 
 
@@ -137,13 +137,13 @@ def raise_failures(failures, tasks) -> None:
     """Raise the error of one packing, or say which of several failed and why."""
     if len(tasks) == 1:
         raise failures[0]
-    told = [f"{tasks[i].path or f'packing {i + 1}'}: {error.args[0]}" for i, error in failures.items()]
+    reasons = [f"{tasks[i].path or f'packing {i + 1}'}: {error.args[0]}" for i, error in failures.items()]
     others = ", the others are on disk" if tasks[0].path else ""
-    raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{others}: {'; '.join(told)}")
+    raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{others}: {'; '.join(reasons)}")
 
 
 def summary(tasks, made, ranks) -> str:
-    """What a user wants to read: the packings made, and what was there or had nothing to do."""
+    """The summary: the packings made, and how many existed already or ranks had nothing to do."""
     lines = []
     if len(made) < len(tasks):
         lines.append(f"{len(tasks) - len(made)} of {len(tasks)} packings are there already")
@@ -153,8 +153,8 @@ def summary(tasks, made, ranks) -> str:
     return "\n".join([*lines, *made.values()])
 
 
-def _told(name, disks, seconds) -> str:
-    """A line about a packing, and one more where rounding forbids its tolerance."""
+def _line(name, disks, seconds) -> str:
+    """A line about a packing, and one more where rounding leaves forces above its tolerance."""
     record = disks.record
     residual = record["max_force"] / (record["pressure"] * 2.0 * float(disks.radii.mean()))
     note = f"\n  max|F|/(p d) = {residual:.1e} is what rounding leaves, more than the tolerance {record['tolerance']:g}"

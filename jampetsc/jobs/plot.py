@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import HELD, words
+from jampetsc.asking.kinds import PACKING_OR_RESULT, words
 from jampetsc.asking.parameters import FILES, Kind, Parameter, Part, asked, part
 from jampetsc.errors import as_float
 from jampetsc.jobs.sources import WHERE, rows_named
 
 
 def _given(options) -> dict:
-    """The options that are given."""
+    """The options that are given: all but switches that are off."""
     return {name: value for name, value in options.items() if value is not False}
 
 
@@ -81,7 +81,7 @@ class Plot(Job):
 Every result is drawn without --kind; a wrong name after --kind lists those there are."""
 
     files: tuple = asked(
-        help="files of results or packings, or the folder of a study", kind=HELD, place=FILES
+        help="files of results or packings, or the folder of a study", kind=PACKING_OR_RESULT, place=FILES
     )
     kind: str | None = asked(None, "what to draw (default: follows from the files and options)")
     where: str | None = WHERE
@@ -98,7 +98,7 @@ Every result is drawn without --kind; a wrong name after --kind lists those ther
     options: dict = part(Part(_options, _given, dict, dict))
 
     def check_outputs(self, to):
-        """`draw` looks at them when it knows what it draws."""
+        """Left to `draw`, which checks them once the kind of picture is known."""
 
     def work(self, to):
         from jampetsc.plots.draw import draw

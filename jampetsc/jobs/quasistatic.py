@@ -36,7 +36,7 @@ PETSc options: -shift_… for the factorisations."""
     )
 
     def check(self):
-        """Refuse a law without damping, and β of one that has none."""
+        """Refuse a law without dissipation, and values of β for a law without β."""
         self.law.require_dissipation()
         owners = having("beta")
         if self.betas is not None and self.law.family not in owners:
@@ -55,7 +55,7 @@ PETSc options: -shift_… for the factorisations."""
 
 
 def _summary(to, physics, outcome) -> str:
-    """What a user wants to read."""
+    """The summary."""
     lines = [f"{to}: {physics}, eta_inf = {outcome.eta_inf:.6g}"]
     for name, response in outcome.responses.items():
         found = outcome.distributions[name]

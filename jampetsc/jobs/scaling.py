@@ -1,4 +1,4 @@
-"""What a collapse fits: results as points of an observable against φ and rate or size; what it has found, in words."""
+"""The data of a collapse, points of an observable against φ and rate or size from results; its outcome in words."""
 
 import math
 from dataclasses import dataclass
@@ -31,9 +31,9 @@ class Data:
 
 
 def read_points(results, observable: str, finite_size: bool) -> Data:
-    """The observable of all files, those of one φ and rate or size averaged.
+    """The observable of all files, averaged over those of one φ and rate or size.
 
-    Raises InputError for files of several kinds, or of another than the scaling is of, and where one is there twice.
+    Raises InputError for files of several kinds, or of a kind that is not scaled so, and for one that is there twice.
     """
     groups, seen = {}, {}
     for result in results:
@@ -50,7 +50,7 @@ def read_points(results, observable: str, finite_size: bool) -> Data:
         (*key, *_mean(runs, observable), len(runs))
         for key, runs in sorted(groups.items())
         if observable == "jammed" or np.any(np.concatenate([np.atleast_1d(run) for run in runs]))
-    ]  # where nothing is jammed a stress is 0 without an error, which no weight stands for
+    ]  # where nothing is jammed a stress is 0 without an error, which cannot be weighted
     phi, scale, size, value, error, count = np.array(rows, float).reshape(-1, 6).T
     if not finite_size and len(set(size)) > 1:
         raise InputError(
@@ -60,7 +60,7 @@ def read_points(results, observable: str, finite_size: bool) -> Data:
 
 
 def _check(result, first, finite_size):
-    """That a file is of the kind that is scaled, and like the first."""
+    """Raise InputError unless a file is of a kind that is scaled, and has the same settings as the first."""
     if getattr(result, "format", "") not in FORMATS[finite_size]:
         wanted = (
             "jam and shear files"
@@ -78,9 +78,9 @@ def _check(result, first, finite_size):
 
 
 def _rows(result, observable, finite_size):
-    """(φ, scale, where it comes from, values) of a file; values: mean and error, or series of one run.
+    """[(φ, scale, origin, values)] of a file; values: (mean, error, samples), or the series of one run.
 
-    Of a state that is not jammed a stress is what the minimiser left of zero: 0.
+    The stress of a state that is not jammed, which the minimiser leaves near zero, is set to 0.
     """
     a = result.attributes
     n = int(a["particle_count"])
@@ -98,7 +98,7 @@ def _rows(result, observable, finite_size):
         ]
     if observable == "jammed":
         raise InputError(f"{result.path}: {named('observable')} jammed goes with {named('finite_size')}")
-    samples = a.get(f"{observable}_samples", math.inf)  # files of before do not tell
+    samples = a.get(f"{observable}_samples", math.inf)  # older files do not have it
     return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"], samples))]
 
 
@@ -139,10 +139,10 @@ def text_of(parameters, found, finite_size) -> str:
     """phi_J = 0.8433 ± 0.0002, znu > 2.7, … of {parameter: value} and {parameter: Estimate}; held ones have none."""
     words = words_of(finite_size)
     shown = [name for name in PARAMETERS if name in parameters]
-    return ", ".join(f"{words[name]} {_told(parameters[name], found.get(name))}" for name in shown)
+    return ", ".join(f"{words[name]} {_with_error(parameters[name], found.get(name))}" for name in shown)
 
 
-def _told(value, one):
+def _with_error(value, one):
     if one is None:
         return f"= {value:.6g} held"
     if one.decided and one.uneven:
@@ -155,7 +155,7 @@ def _told(value, one):
 
 
 def notes_of(points: Points, fit, found, finite_size) -> list[str]:
-    """What is to be known before a number of a fit is used."""
+    """Warnings about the numbers of a fit."""
     words = words_of(finite_size)
     lowest, highest = points.phi.min(), points.phi.max()
     degrees = degrees_above(points, fit.form)

@@ -24,7 +24,7 @@ class Shear(FromStart):
   jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
   jampetsc shear p.h5 --step 1e-3 --strain 1 --out from-p.h5
 
-A run that was killed goes on when the same command is given again. Options of the Newton steps of its quenches have the
+A killed run continues when the same command is given again. Options of the Newton steps of its quenches have the
 prefix -newton_."""
     SOLVERS: ClassVar = ("newton_",)
 

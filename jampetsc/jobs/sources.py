@@ -3,7 +3,7 @@
 import time
 from pathlib import Path
 
-from jampetsc.asking.kinds import input_told
+from jampetsc.asking.kinds import input_name
 from jampetsc.asking.parameters import asked
 from jampetsc.errors import InputError, named
 
@@ -15,11 +15,11 @@ WHERE = asked(
 
 
 def rows_named(sources, where) -> list:
-    """The sources, in the place of the folder of a study its table, an `Ensemble`, of the rows that have these values.
+    """The sources; the folder of a study is replaced by its table, an `Ensemble`, of the rows that have these values.
 
     where    column=value,…, or None
 
-    Raises InputError for `where` that is not so written, or without a study.
+    Raises InputError for a malformed `where`, or one without a study.
     """
     from jampetsc.io.ensemble import TABLE
     from jampetsc.io.reader import load
@@ -28,13 +28,13 @@ def rows_named(sources, where) -> list:
     studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in sources]
     if wanted and not any(studies):
         raise InputError(
-            f"{named('where')} {where}: chooses rows of a study, but {input_told(sources[0])} is none: leave it out"
+            f"{named('where')} {where}: chooses rows of a study, but {input_name(sources[0])} is none: leave it out"
         )
     return [load(one).where(**wanted) if study else one for one, study in zip(sources, studies, strict=True)]
 
 
 def _wanted(where) -> dict:
-    """{column: value} of column=value,…, nothing of None. Raises InputError."""
+    """{column: value} of column=value,…; empty for None. Raises InputError."""
     pairs = [word.partition("=") for word in where.split(",")] if where else []
     if not all(name and equals and value for name, equals, value in pairs):
         raise InputError(
@@ -44,7 +44,10 @@ def _wanted(where) -> dict:
 
 
 def write_derived(to, format, results, began, arrays: dict, **attributes) -> None:
-    """Write what was computed from results since `began`: arrays by name, attributes beside those they share."""
+    """Write a result that was computed from other results: arrays by name, and attributes besides those they share.
+
+    began   time.perf_counter() at the start
+    """
     from jampetsc.io.provenance import derived_from
 
     with to.writer(format) as writer:

@@ -18,7 +18,7 @@ HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.styl
 class Spectrum(Job):
     """Relaxation spectrum, G(t) and J(t) of a sweep.
 
-    What a sweep by the rational method says about the response in time: relaxation times and weights, the spectrum
+    The response in time from a sweep by the rational method: relaxation times and weights, the spectrum
     H(τ), stress relaxation G(t), creep compliance J(t) and its retardation spectrum. One sweep gives a result; any
     number of sweeps give a picture, where the name of the file ends in .png, .pdf or .svg.
 
@@ -41,11 +41,11 @@ class Spectrum(Job):
     )
 
     def check(self):
-        """Refuse one sweep twice."""
+        """Refuse a sweep given twice."""
         refuse_repeated(self.sweeps)
 
     def check_outputs(self, to):
-        """Refuse what is neither a file of one spectrum nor a picture."""
+        """Refuse an output that is neither a file of one spectrum nor a picture."""
         from jampetsc.io.outputs import PICTURE
         from jampetsc.plots.style import FORMATS
 
@@ -96,7 +96,7 @@ def _write(sweep, to, window):
 
 
 def _summary(to, sweep, found) -> str:
-    """What a user wants to read."""
+    """The summary."""
     spectrum, late = found.spectrum, found.retardation
     lines = [f"{to}: {len(spectrum.rates)} relaxation times"]
     if len(spectrum.rates):

@@ -93,7 +93,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
     @property
     def scalar(self):
-        """Real scalars will do for the direct method, but take twice the memory."""
+        """The direct method prefers complex scalars; real ones need twice the memory."""
         from jampetsc.petsc import builds
 
         if self.method == "rational":
@@ -111,7 +111,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
 
 def _summary(run, omega, G, bounds) -> str:
-    """What a user wants to read after a sweep."""
+    """The summary of a sweep."""
     from jampetsc.analysis.bounds import relative_bound
 
     storage, loss = (
@@ -129,7 +129,7 @@ def _summary(run, omega, G, bounds) -> str:
 
 
 def _damping_lines(run, G):
-    """What power-law damping made of the frequencies, and whether the strain stays small."""
+    """Lines about power-law damping: the equivalent frequencies, and whether the strain stays small."""
     damping = run.damping
     strain = damping.stress * run.disks.potential.k / abs(G).min()
     lines = [

@@ -16,9 +16,9 @@ times one fixed vector,
 
     (K + sB) V y(s) − g = φ(s) q ,    φ(s) = Π_i (s − s_i) / (s + λ_i) ,
 
-with s_i the shift of each step and λ_i the Ritz values: it vanishes at each shift as often as it was used. So
-(K + sB)⁻¹q is what is missing at s, and is the next vector: in exact arithmetic the one that Arnoldi's
-recurrence gives, but free of the cancellation that the recurrence suffers where it finds little new.
+with s_i the shift of each step and λ_i the Ritz values: it vanishes at each shift as often as that was used. So
+(K + sB)⁻¹q is the direction that is missing at s, and becomes the next vector: in exact arithmetic the one of Arnoldi's
+recurrence, but without the cancellation that the recurrence suffers when a new vector is nearly in the space.
 """
 
 import numpy as np
@@ -27,15 +27,15 @@ from jampetsc.collective import on_root
 from jampetsc.linear.certificate import EPSILON
 from jampetsc.mechanics.assembly import ROW, Pencil
 
-BREAKDOWN = 1e-15  # what is left is rounding when it is this small, relative to what it is the difference of
-NEW = 1e-5  # shortest new part of a vector, relative to it, that still has enough right digits
+BREAKDOWN = 1e-15  # a difference this small, relative to its terms, is rounding
+NEW = 1e-5  # least part of a vector outside the space, relative to it, that has enough correct digits
 
 
 class RationalBasis:
     """x₀ and V for one pencil, with B V and the projected K. All methods are collective; arrays hold this rank's rows.
 
     first     s₁, infinite where x₀ is zero; x0 (n_local,) as `field_at` makes it
-    complete  nothing but rounding is missing in the space
+    complete  whether the space holds the response to rounding
     """
 
     def __init__(self, pencil: Pencil, first: float, x0):
@@ -84,15 +84,15 @@ class RationalBasis:
             self.complete = not self.append(self._in.getArray().copy(), s)
 
     def append(self, w, s) -> bool:
-        """Add the direction of w (n_local,), made with shift s, and say whether that was done. Collective.
+        """Add the direction of w (n_local,), made with shift s; False if that was not done. Collective.
 
-        Not if it lies so close to the space that what is new in it has few right digits, or so close to moves that
-        dissipate nothing that its norm is rounding: that would spoil φ.
+        A vector is refused, because it would spoil φ, if its part outside the space has few correct digits, or if it
+        dissipates so little that its B-norm is rounding.
         """
         m = self.size
         V = self.vectors
         length = None
-        for _ in range(2):  # is enough (Kahan): once leaves the rounding of the large components it removes
+        for _ in range(2):  # twice is enough (Kahan); once leaves rounding of the large components
             Bw = self._apply(self.pencil.B, w)
             overlaps = self._sum(np.append(V @ Bw, w @ Bw))
             length = length or overlaps[-1]
@@ -184,12 +184,12 @@ class RationalBasis:
 def field_at(pencil, factor, s: float):
     """x(s) = −(K + sB)⁻¹(k_γ + s b_γ), (n_local,), with the factor of K + sB. Collective.
 
-    pencil   anything with K, B, k_gamma and b_gamma
+    pencil   an object with K, B, k_gamma and b_gamma
     """
     x = pencil.k_gamma.duplicate()
     pencil.k_gamma.copy(x)
     x.axpy(s, pencil.b_gamma)
-    factor.solve(x, x)  # which refines: everything that follows starts from this field
+    factor.solve(x, x)  # with refinement, since everything that follows starts from this field
     field = -x.getArray()
     x.destroy()
     return field

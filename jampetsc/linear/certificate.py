@@ -1,21 +1,21 @@
-"""What an approximate solution is worth: G* from it, and a bound on the error of that G*, whatever solver found it.
+"""G* of an approximate solution, and a bound on its error that holds whatever solver found the solution.
 
 With s = iω, A = K + sB, c = k_γ + s b_γ and any trial field x, the modulus is the stationary value of
 
     G* V = k_γγ + s b_γγ + 2 cᵀx + xᵀA x ,    and its error is exactly   rᵀA⁻¹r ,   r = c + A x .
 
-r is computed contact by contact (see `compatibility`), and what rounding may have done to it is added. What A⁻¹ can
-make of it follows from a `Hold`, for which nothing is asked of solves but their residuals either:
+r is computed contact by contact (see `compatibility`), and a bound on its rounding is added. How much A⁻¹ amplifies it
+is bounded by a `SingularBound`, which uses only the residuals of solves, too:
 
     |rᵀA⁻¹r| ≤ rᴴD⁻¹r / σ    if no singular value of D^(−½) A D^(−½) is below σ, for a diagonal D.
 
-That needs no positive K. Where K ≥ 0, and B ≥ 0 as ever, a hold serves at other frequencies ω' as well. K and B are
-diagonal together, so S(ω)⁻¹ ≤ Re A⁻¹ − Im A⁻¹ for S = K + ωB, hence S(ω) ≥ (σ/√2) D; and
+That does not need K ≥ 0. If K ≥ 0 (B ≥ 0 always), a SingularBound at ω serves at other frequencies ω' as well: K and B
+can be diagonalised together, so S(ω)⁻¹ ≤ Re A⁻¹ − Im A⁻¹ for S = K + ωB, hence S(ω) ≥ (σ/√2) D; and
 
     |rᵀA(ω')⁻¹r| ≤ √2 rᴴS(ω')⁻¹r ≤ √2 max(1, ω/ω') rᴴS(ω)⁻¹r .
 
-The stationary value is summed contact by contact as well, so what rounding of x, K and B may do to it is of second
-order.
+The stationary value is summed contact by contact as well, so that rounding of x, K and B changes it to second order
+only.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from jampetsc.mechanics.assembly import ROW
 from jampetsc.mechanics.compatibility import Compatibility
 
 EPSILON = float(np.finfo(float).eps)
-# of a contact's motion, relative to its terms: bond, distance, normal, products and sum; also of sums of such forces
+# rounding of a contact's motion, relative to its terms: bond, distance, normal, products, sum; also of sums of forces
 ROUNDING = 6.0 * EPSILON
 
 
@@ -62,7 +62,7 @@ class Certified:
 
 
 @dataclass(frozen=True, eq=False)
-class Hold:
+class SingularBound:
     """No singular value of D^(−½) (K + iωB) D^(−½) is below σ, see `least_singular_value`."""
 
     omega: float
@@ -70,7 +70,7 @@ class Hold:
     least: float  # σ
 
     def reach(self, omega: float) -> float:
-        """a with |rᵀ(K + iωB)⁻¹r| ≤ a rᴴD⁻¹r; at other frequencies than that of the hold only if K ≥ 0."""
+        """a with |rᵀ(K + iωB)⁻¹r| ≤ a rᴴD⁻¹r; at frequencies other than its own only if K ≥ 0."""
         if not self.least > 0.0:
             return float("inf")
         return (1.0 if omega == self.omega else 2.0 * max(1.0, self.omega / omega)) / self.least
@@ -78,7 +78,7 @@ class Hold:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A field and the forces that it leaves, at strain γ. Arrays hold this rank's share, complex."""
+    """A trial field at strain γ, and its residual. Arrays hold this rank's part, complex."""
 
     omega: float
     x: np.ndarray  # (n_local,)
@@ -99,7 +99,7 @@ class Functional:
         self.affine = np.sqrt(self.network.sum(affine))
 
     def trial(self, omega, x, strain: float = 1.0) -> Trial:
-        """The field x (n_local,), complex, with what it leaves."""
+        """The trial field x (n_local,), complex, with its motions and residual."""
         c = self.compatibility
         a = c.motions(x) + strain * c.g
         left = c.forces((c.w_K + 1j * omega * c.w_B) * a) + 1j * omega * c.drag * x
@@ -111,7 +111,7 @@ class Functional:
         return float(np.sqrt(self.network.sum(np.sum(np.abs(forces) ** 2 / diagonal))))
 
     def rounding(self, trial: Trial, omega: float, diagonal) -> float:
-        """What rounding may have done to what a trial leaves, in the norm of D⁻¹; ω and D are those of a `Hold`.
+        """Bound on the rounding of a trial's residual, in the norm of D⁻¹; ω and D are those of a `SingularBound`.
 
         With D(ω) = `reach(ω)` and forces f of contacts |D(ω)^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + ω w_B).
         The sum of f = w a is rounded, and so is a = C x + γ g in it.
@@ -131,7 +131,7 @@ class Functional:
         of_motions = max(1.0, trial.omega / omega) * (np.sqrt(ROW * of_x) + np.sqrt(of_g)) ** 2
         return float(ROUNDING * np.sqrt(ROW * stretch * (of_sums + of_motions) + of_drag))
 
-    def certify(self, trial: Trial, hold: Hold) -> Certified:
+    def certify(self, trial: Trial, lower: SingularBound) -> Certified:
         """G* of a trial at strain 1, with its bound."""
         c, network, omega = self.compatibility, self.network, trial.omega
         a, field = trial.motions, trial.x
@@ -154,11 +154,11 @@ class Functional:
         loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr
         loss += omega * (e_Br * (e_Br + d_Br) + e_Bi * (e_Bi + d_Bi))
         volume = network.area
-        left = self.norm(trial.left, hold.diagonal) + self.rounding(trial, hold.omega, hold.diagonal)
+        left = self.norm(trial.left, lower.diagonal) + self.rounding(trial, lower.omega, lower.diagonal)
         return Certified(
             omega=float(omega),
             G=(elastic + 1j * omega * viscous) / volume,
-            error=float(hold.reach(omega) * left**2 / volume),
+            error=float(lower.reach(omega) * left**2 / volume),
             rounding=2.0 * EPSILON * np.array((storage, loss)) / volume,
         )
 
@@ -169,16 +169,15 @@ class Functional:
 
 
 def field_bound(compatibility: Compatibility, omega: float, x, squared: float, size: float = 0.0) -> float:
-    """Bound on ‖x − exact‖ / ‖x‖, the error of a field in the energy norm ‖x‖² = xᴴ(K + ωB) x. Collective.
+    """Bound on the relative error ‖x − exact‖ / ‖x‖ of a field in the energy norm ‖x‖² = xᴴ(K + ωB) x. Collective.
 
     x        non-affine field (n_local,), complex
     squared  bound on ‖x − exact‖² from the residual r = c + A x. With e = A⁻¹r and S = K + ωB,
              ‖e‖² = eᴴS e ≤ √2 |eᴴA e| = √2 |eᴴr| when e itself is known, and from there, by Cauchy and
              Schwarz, √2 |eᴴr| ≤ √2 ‖e‖ (rᴴS⁻¹r)^½, so ‖e‖² ≤ 2 rᴴS⁻¹r, when only the energy of r is
-    size     (xᴴDx)^½ of what x was summed from, D = `reach(ω)`, where that is larger: its rounding counts as well
+    size     (xᴴDx)^½, D = `reach(ω)`, of the terms that x was summed from, if larger than that of x: for its rounding
 
-    Translations, and turns of gears, cost nothing and do not count. Where K has negative modes this is no
-    bound.
+    Translations and gear modes have no energy and do not count. Where K has negative modes this is not a bound.
     """
     c = compatibility
     network = c.pencil.network

@@ -1,9 +1,9 @@
-"""One complex solve per frequency: (K + iωB) x = −(k_γ + iω b_γ) with KSP, certified one by one.
+"""One complex solve per frequency: (K + iωB) x = −(k_γ + iω b_γ) with KSP, each certified.
 
-Either build of PETSc will do (see `complexform`); with complex scalars a factorisation takes half the memory.
+It works with real and with complex scalars (see `complexform`); complex ones take half the memory.
 
-The matrix is scaled symmetrically to a unit diagonal first: the θ block is of order ω and would drown
-otherwise. The symbolic factorisation is done once, because the pattern never changes. Options have the prefix
+The matrix is scaled symmetrically to a unit diagonal first, since its θ block is of order ω and would be lost in
+rounding otherwise. The symbolic factorisation is done once, because the pattern never changes. Options have the prefix
 `freq_`.
 """
 
@@ -12,7 +12,7 @@ import contextlib
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
-from jampetsc.linear.certificate import EPSILON, Certified, Functional, Hold
+from jampetsc.linear.certificate import EPSILON, Certified, Functional, SingularBound
 from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.petsc import mumps
@@ -27,15 +27,15 @@ DEFAULTS = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_7": 2,  # approximate minimum fill: faster here than the orderings MUMPS would choose
 }
-REFINEMENTS = 40  # one or two are usual; an iterative method of few digits needs some
+REFINEMENTS = 40  # at most; one or two are usual, a loose iterative method needs more
 DIGITS = 1e-12  # refinement stops where the bound is this small relative to G' and G'', or to rounding
-PRECISE = 1e-8  # residual of a solve for a `Hold`, relative
+PRECISE = 1e-8  # residual of a solve for a `SingularBound`, relative
 
 
 class FrequencySolver:
     """K + iωB for one frequency after another. Every method is collective.
 
-    positive_semidefinite   whether K is known to be: what holds at one frequency then does so at others
+    positive_semidefinite   whether K is known to be: a `SingularBound` then serves at other frequencies, too
     x                       complex (n_local,), the field of the last `solve`
     """
 
@@ -49,7 +49,7 @@ class FrequencySolver:
         self.ksp.setOperators(self.form.A)
         # whether the factor of an earlier frequency serves until it no longer converges
         self.reuse = session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
-        self.hold = self.x = None
+        self.singular_bound = self.x = None
         self.iterations = 0
         self.factorisations = 0
 
@@ -91,21 +91,21 @@ class FrequencySolver:
     def _refine(self, omega, accuracy):
         """x ← x − A⁻¹(c + A x) from x = 0, until the bound is met or what is left does not shrink any more."""
         functional = self.functional
-        if self.hold is None or not self.positive_semidefinite:
-            self.hold = self._find_hold(omega)
+        if self.singular_bound is None or not self.positive_semidefinite:
+            self.singular_bound = self._find_singular_bound(omega)
         x = np.zeros(self.pencil.K.getLocalSize()[0], complex)
         trial, result = functional.trial(omega, x), None
         for _ in range(REFINEMENTS):
             x = x - self._apply_inverse(omega, trial.left)
             trial = functional.trial(omega, x)
-            previous, result = result, functional.certify(trial, self.hold)
+            previous, result = result, functional.certify(trial, self.singular_bound)
             if result.error <= (enough := _enough(result)):
                 break
             if previous is not None and not result.error < 0.25 * previous.error:  # nan and inf as well
                 break
-        if not result.error <= enough and self.hold.omega != omega:
-            self.hold = self._find_hold(omega)
-            result = functional.certify(trial, self.hold)
+        if not result.error <= enough and self.singular_bound.omega != omega:
+            self.singular_bound = self._find_singular_bound(omega)
+            result = functional.certify(trial, self.singular_bound)
         self.x = x
         if not result.within(accuracy).all():
             _, storage, loss = result.bounds
@@ -117,8 +117,8 @@ class FrequencySolver:
             )
         return result
 
-    def _find_hold(self, omega) -> Hold:
-        """A `Hold` at ω, from solves with random right-hand sides."""
+    def _find_singular_bound(self, omega) -> SingularBound:
+        """A `SingularBound` at ω, from solves with random right-hand sides."""
         projects = self.pencil.law.holds_translations
         diagonal = self.form.magnitude  # that of K + iωB: without a minimum that of K may be negative
         if projects:
@@ -147,7 +147,7 @@ class FrequencySolver:
             left += self.functional.rounding(trial, omega, diagonal) + EPSILON * size
             return root * y, left, self.functional.norm(root * y, 1.0)
 
-        return Hold(omega, diagonal, least_singular_value(start, step))
+        return SingularBound(omega, diagonal, least_singular_value(start, step))
 
     def destroy(self):
         """Free all solver objects. Collective."""

@@ -1,6 +1,6 @@
 """Quasistatic response of a contact network to any affine strain: K factorised once, one solve per strain.
 
-K acts on the displacements alone and has no use for angles or damping; translations are pinned.
+K acts on the displacements alone, without angles or damping; translations are pinned.
 """
 
 import numpy as np

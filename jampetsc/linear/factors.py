@@ -15,14 +15,14 @@ from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor, shifted
 
 SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
-MOST_AT_ONCE = 4  # more shifts at once than a sweep needs would be guesses
-SHARE = 0.25  # of the memory that factors may take: the basis and its projection take as much and more
+MOST_AT_ONCE = 4  # shifts at the same time; a sweep needs few, and where to put more would be guessed
+SHARE = 0.25  # of the memory, for factors: the basis and its projection take as much or more
 BYTES = 60.0  # of a factor and its matrix per n log₂ n, n unknowns: 60 to 61 at N = 32768 to 900 000
-ALONE = 400_000  # unknowns up to which one rank is given whole matrices: a factor then takes about 1 GB
+ALONE = 400_000  # unknowns up to which every rank holds whole matrices: a factor then takes about 1 GB
 
 
 def make_factors(pencil: Pencil, parallel: str = "auto"):
-    """SideBySide for "shifts", Distributed for "matrix"; for "auto" what suits the pencil and the ranks. Collective."""
+    """SideBySide for "shifts", Distributed for "matrix"; "auto" chooses by number of unknowns and ranks. Collective."""
     size = pencil.network.comm.size
     if parallel == "auto":
         parallel = "shifts" if 1 < size <= MOST_AT_ONCE and pencil.unknowns <= ALONE else "matrix"
@@ -30,7 +30,7 @@ def make_factors(pencil: Pencil, parallel: str = "auto"):
 
 
 def most_held(pencil: Pencil) -> int:
-    """How many factors of K + sB, shared by all ranks, may be held at a time: one at least. Collective."""
+    """How many factors of K + sB, shared by all ranks, fit into SHARE of the memory: at least one. Collective."""
     n = pencil.unknowns
     room = SHARE * pencil.network.sum(current().memory())
     return max(1, int(room / (BYTES * n * np.log2(n))))
@@ -41,7 +41,7 @@ def _named(s):
 
 
 def _new_factor(pencil, s):
-    """That of K + sB."""
+    """The factor of K + sB."""
     project = pencil.project if pencil.law.holds_translations else None
     return ShiftedFactor(shifted(pencil.K, pencil.B, s), _named(s), project)
 
@@ -54,15 +54,15 @@ def closest(shifts, s):
 class Distributed:
     """One factor at a time on all ranks. Methods are collective.
 
-    As many are held as fit into `SHARE` of the memory; others are let go, and made again when they are needed.
+    As many are kept as fit into `SHARE` of the memory; others are freed, and made again when they are needed.
     """
 
-    width = 1  # shifts that are done at once
+    width = 1  # number of shifts factorised at the same time
 
     def __init__(self, pencil: Pencil):
         self.pencil = pencil
-        self.shifts: list[float] = []  # those of all factors
-        self._held: dict[float, ShiftedFactor] = {}  # of the latest use last
+        self.shifts: list[float] = []  # of all factors, freed ones included
+        self._held: dict[float, ShiftedFactor] = {}  # factors in memory, the one used last at the end
         self._most = most_held(pencil)
 
     def _factor(self, s):
@@ -75,7 +75,7 @@ class Distributed:
         return self._held[s]
 
     def factorise(self, shifts) -> None:
-        """Have a factor for each of the shifts."""
+        """Make sure that each shift has a factor near it."""
         for s in shifts:
             if closest(self.shifts, s) is None:
                 self._factor(s)
@@ -129,7 +129,7 @@ class SideBySide:
 
     @property
     def shifts(self) -> list[float]:
-        """Shifts of the factors at hand."""
+        """Shifts of the present factors."""
         return list(self.owner)
 
     def _gather(self, local):
@@ -145,7 +145,7 @@ class SideBySide:
         return local
 
     def factorise(self, shifts) -> None:
-        """Have a factor for each of the shifts; up to `width` of them take the time of one."""
+        """Make sure that each shift has a factor near it; up to `width` new ones are made at the same time."""
         new = [s for s in shifts if closest(self.owner, s) is None]
         self.owner |= dict(zip(new, itertools.cycle(range(self.width)), strict=False))
         with agreed(self.comm):

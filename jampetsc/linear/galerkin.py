@@ -1,9 +1,9 @@
 """From a basis to G*: the pencil projected contact by contact, and its relaxation spectrum to full relative accuracy.
 
-The motions P = C [x₀, V] (+ g) of the contacts carry everything: sums of W a² over contacts give the
-projected K and B without the cancellation that the assembled matrices suffer at low pressure. The small
-eigenvalue problem is then solved to high relative accuracy in every rate (rotate, project again, Cholesky,
-one-sided Jacobi; Demmel & Veselić 1992), since rates span many decades.
+The projection uses the motions P = C [x₀, V] (+ g) of the contacts: sums of W a² over contacts give the projected K and
+B without the cancellation of products with the assembled matrices at low pressure. The small eigenvalue problem is then
+solved to high relative accuracy in every rate (rotate, project again, Cholesky, one-sided Jacobi; Demmel & Veselić
+1992), since rates span many decades.
 """
 
 import numpy as np
@@ -54,7 +54,7 @@ class Galerkin:
         self._motions = motions
 
     def residual(self) -> Residual:
-        """What this solution leaves of the equations. May be asked for once, since the motions are let go with it."""
+        """The residual of this solution. To be called once: the motions are handed over to it, not kept twice."""
         motions, self._motions = self._motions, None
         fields = self.quasistatic, self.modes
         return Residual(self.compatibility, motions, fields, self.spectrum.rates, self.loads)
@@ -88,8 +88,7 @@ class Galerkin:
         self.loads = loads
         self.spectrum = RelaxationSpectrum(float(G0), float(eta_inf), rates, weights)
 
-        # What rounding does to a sum Σ w a² : see `_rounding`. Reach: what the terms of the motions a = C x +
-        # g come to.
+        # Rounding of sums Σ w a²: see `_rounding`; reach: norms of the terms of the motions a = C x + g.
         reach = np.array([c.reach_K, c.reach_B])
         of_fields = np.column_stack((reach @ field**2, tall.squares(self.modes, reach)))
         self._norms = self.network.sum(of_fields)
@@ -129,7 +128,7 @@ class Galerkin:
 
 
 def _rounding(size, reach):
-    """What rounding can do to a sum Σ w a² of this size, when the terms of a reach that far (root of their squares).
+    """Bound on the rounding of a sum Σ w a² of this size, for terms of a with the root sum of squares `reach`.
 
     Each a is off by ROUNDING times its terms: 2 Σ w a δa, by Cauchy and Schwarz, and Σ w δa².
     """

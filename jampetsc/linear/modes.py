@@ -1,7 +1,7 @@
-"""Low modes of K: how floppy they are, what they carry of the response to shear, and proof that none was missed.
+"""Low modes of K: their floppiness, their contribution to the response to shear, and proof that none was missed.
 
 A mode φ of eigenvalue λ moves the contacts by a∥, a⊥ (BT eq. 4): λ = Σ_c [k a∥² − (f/r) a⊥²] with |φ| = 1.
-Floppy modes slide, a⊥ ≫ a∥. What they carry of the response to shear is in `carried`.
+Floppy modes slide, a⊥ ≫ a∥. Their contribution to the response to shear is in `contributions`.
 
 The count is certified by Sylvester's law: as many eigenvalues below μ, just above the last mode, as LDLᵀ of K
 − μ has negative pivots.
@@ -16,8 +16,8 @@ from jampetsc.core.laws import UNDAMPED
 from jampetsc.core.minimum import proved_minimum
 from jampetsc.errors import ConvergenceError, InputError, about, named
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.packing_file import read_identified, source_told
-from jampetsc.linear.carried import Carried, carried_by
+from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.linear.contributions import Contributions, contributions_of
 from jampetsc.linear.record import run_record
 from jampetsc.mechanics.assembly import Pencil, assemble
 from jampetsc.mechanics.compatibility import build_compatibility
@@ -29,17 +29,17 @@ from jampetsc.petsc.session import current
 
 FORMAT = "jampetsc-modes"
 PER_MODE = "eigenvalues residuals normal transverse participation_ratio floppiness shear_force".split()
-TOLD = "inertia_count inertia_shift complete method restarts".split()  # attributes of the file
-GAP = 1e-7  # eigenvalues closer than this, relatively, belong together: a count cannot tell them apart
-ATTEMPTS = 4  # with more modes each time, where a cluster goes on or the count shows that some were missed
+ATTRIBUTES = "inertia_count inertia_shift complete method restarts".split()  # of the file
+GAP = 1e-7  # eigenvalues closer than this, relatively, form a cluster: a count cannot separate them
+ATTEMPTS = 4  # with more modes each time, if a cluster is cut or the count shows that some were missed
 # largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is less: its square over the gap
 RESIDUAL = 1e-9
-ALIKE = 1e-6  # largest product of two modes, or defect of a length: far more of them, alike, could pass for several
+ALIKE = 1e-6  # largest |φ_i·φ_j − δ_ij| accepted: a mode found twice must not count as two
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """m modes of one network, eigenvalues increasing, translations left out. Units of k."""
+    """m modes of one network, eigenvalues increasing, translations left out."""
 
     network: Network
     eigenvalues: np.ndarray  # (m,) λ, in k
@@ -49,7 +49,7 @@ class Modes:
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
     participation_ratio: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
     shear_force: np.ndarray  # (m,) F = k_γ·φ per unit strain
-    carried: Carried | None  # of the response to shear; None if that is not unique, or affine
+    contributions: Contributions | None  # of the response to shear; None if that is not unique, or affine
     inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m
     inertia_shift: float  # μ, in k
     complete: bool  # these are all modes of K
@@ -69,11 +69,11 @@ def lowest_modes(
     """The lowest `count` modes, or all `below` an eigenvalue (in k), or all there are if both are None.
     Collective.
 
-    Where the last one belongs to a cluster of equal eigenvalues, the whole cluster is returned. That K has no negative
-    modes is looked at unless it is `proved`. Needs the real build.
+    Where the last one belongs to a cluster of equal eigenvalues, the whole cluster is returned. Unless it is `proved`
+    that K has no negative modes, this is checked. Needs the real build.
 
     Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
-    ConvergenceError when they are not found or the count does not come out.
+    ConvergenceError when they are not found or their number does not agree with inertia.
     """
     stiffness = network.max(network.contacts.stiffness)
     pencil = assemble(network, UNDAMPED, pinned=False)
@@ -113,13 +113,13 @@ def _certified(pencil, compatibility, count, there, stiffness):
         kept, shift = _cut(pairs.values, count, there, stiffness)
         if kept == there:
             return pairs, kept, shift
-        if kept is None:  # a cluster that goes on: find more of it
+        if kept is None:  # the last cluster is cut: find more of it
             wanted, pairs = min(there, wanted + 8), None
             continue
         counted = count_below(pencil.K, shift, "K − μ") - pencil.pieces.translations
         if counted == kept:
             return pairs, kept, shift
-        # Of equal eigenvalues Lanczos sees one vector, the others only by rounding: look beside those at hand.
+        # Lanczos finds one vector of equal eigenvalues, others only by rounding: search orthogonally to those found.
         more = lowest(pencil, max(1, min(counted, there) - kept), stiffness, known=pairs.vectors)
         pairs = _with_quotients(_together(pairs, more), compatibility)
     raise ConvergenceError(
@@ -129,7 +129,7 @@ def _certified(pencil, compatibility, count, there, stiffness):
 
 
 def _require_different(vectors, network):
-    """Raise ConvergenceError where the modes (m, unknowns_local) are not orthonormal: one found twice counts as two."""
+    """Raise ConvergenceError unless the modes (m, unknowns_local) are orthonormal: one found twice counts as two."""
     products = network.sum(vectors @ vectors.T)
     defect = np.abs(products - np.eye(len(products))).max(initial=0.0)
     if not defect <= ALIKE:
@@ -139,7 +139,7 @@ def _require_different(vectors, network):
 
 
 def _together(pairs, more):
-    """Both sets of eigenpairs as one, as if found at once."""
+    """Both sets of eigenpairs joined."""
     return replace(
         pairs,
         values=np.append(pairs.values, more.values),
@@ -157,8 +157,7 @@ def _with_quotients(pairs, compatibility):
 
 
 def _cut(values, count, there, stiffness):
-    """(m, μ): the end of the cluster that eigenvalue number `count` belongs to, and a number in the gap above
-    it.
+    """(m, μ): the end of the cluster that eigenvalue number `count` belongs to, and a value in the gap above it.
 
     (None, None) if the values end before it.
     """
@@ -184,7 +183,7 @@ def _describe(pencil: Pencil, compatibility, pairs, shift, complete):
         network, pairs.values, fields, pairs.residuals,
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
         participation_ratio=1.0 / (network.n * sums[:, 2]),
-        shear_force=force, carried=carried_by(compatibility, pairs.values, fields, force),
+        shear_force=force, contributions=contributions_of(compatibility, pairs.values, fields, force),
         inertia_count=m, inertia_shift=shift, complete=complete,
         method=pairs.method, restarts=pairs.iterations,
     )  # fmt: skip
@@ -199,7 +198,7 @@ def run(packing, to: Outlet, prestress: bool, count=None, below=None) -> Modes:
     session = current()
     disks, identity = read_identified(packing, session.comm)
     to.made_from(disks)
-    with about(source_told(packing)), session.stage("modes"):
+    with about(source_name(packing)), session.stage("modes"):
         network = build_network(disks, session.comm, prestress)
         modes = lowest_modes(network, count, below, proved=not prestress or proved_minimum(disks))
     with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
@@ -212,14 +211,14 @@ def _write(writer, modes):
     writer.distributed("particles", modes.network.particles)
     writer.distributed("modes", modes.vectors, axis=1)
     per_mode = {name: getattr(modes, name) for name in PER_MODE}
-    carried = modes.carried
-    if carried is not None:
-        per_mode |= {f"share/{name}": share for name, share in carried.share.items()}
-        per_mode |= {f"cumulative/{name}": np.cumsum(share) for name, share in carried.share.items()}
-        per_mode |= {"lowest/count": carried.count}
-        per_mode |= {f"lowest/{name}_median": found for name, found in carried.median.items()}
-        writer.attributes(**{f"{name}_median": found for name, found in carried.whole.items()})
+    contributions = modes.contributions
+    if contributions is not None:
+        per_mode |= {f"share/{name}": share for name, share in contributions.share.items()}
+        per_mode |= {f"cumulative/{name}": np.cumsum(share) for name, share in contributions.share.items()}
+        per_mode |= {"lowest/count": contributions.count}
+        per_mode |= {f"lowest/{name}_median": found for name, found in contributions.median.items()}
+        writer.attributes(**{f"{name}_median": found for name, found in contributions.whole.items()})
     for name, values in per_mode.items():
         writer.dataset(name, values)
-    told = {name: getattr(modes, name) for name in TOLD}
-    writer.attributes(**told, contacts=modes.network.contact_count)
+    attributes = {name: getattr(modes, name) for name in ATTRIBUTES}
+    writer.attributes(**attributes, contacts=modes.network.contact_count)

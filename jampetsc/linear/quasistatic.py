@@ -21,8 +21,8 @@ import numpy as np
 from jampetsc.core.laws import Law, Physics
 from jampetsc.errors import about
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.packing_file import read_identified, source_told
-from jampetsc.linear.carried import distributions
+from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.linear.contributions import distributions
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.record import run_record
 from jampetsc.linear.refined_solve import Relaxed
@@ -31,14 +31,14 @@ from jampetsc.mechanics.network import Network, build_network
 from jampetsc.petsc.session import current
 
 FORMAT = "jampetsc-quasistatic"
-# fields that are attributes of the file
-TOLD = "G0 G_affine bulk_modulus eta0 omega_star identity_difference field_error".split()
-BARE = "no_prestress"  # name of what belongs to K without pre-stress, where there is any
+# members of `Quasistatic` that are attributes of the file
+ATTRIBUTES = "G0 G_affine bulk_modulus eta0 omega_star identity_difference field_error".split()
+BARE = "no_prestress"  # name of the results for K without pre-stress, if the job has pre-stress
 
 
 @dataclass(frozen=True, eq=False)
 class Quasistatic:
-    """Response of one network under one law. Arrays hold this rank's share, per unit strain."""
+    """Quasistatic response of one network under one law. Arrays hold this rank's part, per unit strain."""
 
     network: Network
     nonaffine: np.ndarray  # (n_local, 2) u_na, without the mean of each connected piece
@@ -92,13 +92,13 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
 
 
 def _bulk_modulus(network, compression: Relaxed):
-    """−V dp/dV = (d²U/dε²)/(4V) + p/2 for the linear strain ε; without forces no p."""
+    """−V dp/dV = (d²U/dε²)/(4V) + p/2 for the linear strain ε; p = 0 without pre-stress."""
     return compression.value / (4.0 * network.area) + (0.5 * network.pressure if network.prestress else 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What `run` found, for a summary."""
+    """The results of `run`, for the summary."""
 
     network: Network
     responses: dict  # "" and, where K has pre-stress, "no_prestress" → Quasistatic
@@ -116,7 +116,7 @@ def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
     session = current()
     disks, identity = read_identified(packing, session.comm)
     to.made_from(disks)
-    with about(source_told(packing)):
+    with about(source_name(packing)):
         outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
     with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
         _write(writer, outcome)
@@ -171,7 +171,7 @@ def _write(writer, outcome):
         if response.flow.rotation is not None:
             writer.distributed(f"{group}contacts/sliding", response.flow.sliding)
             writer.distributed(f"{group}rotation", response.flow.rotation)
-        values = {key: getattr(response, key) for key in TOLD}
+        values = {key: getattr(response, key) for key in ATTRIBUTES}
         values |= {f"eta0_{part}": value for part, value in response.flow.parts.items()}
         for quantity, found in outcome.distributions[name].items():
             writer.dataset(f"{group}histogram/{quantity}/edges", found.edges)

@@ -5,8 +5,8 @@ so that
 
     |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r = √2 |f(iω) φ(iω)|² qᵀ(K + ωB)⁻¹q ,
 
-and qᵀ(K + sB)⁻¹q costs one solve with a factor at hand. This steers: the next shift goes where it is furthest
-from what was asked for. What is certified in the end is the residual as it is (see `residual`).
+and qᵀ(K + sB)⁻¹q costs one solve with a factor that exists. This estimate chooses the shifts: the next one goes where
+it is furthest above the accuracy asked for. The final certificate rests on the true residual (see `residual`).
 """
 
 from dataclasses import replace
@@ -24,14 +24,14 @@ from jampetsc.mechanics.assembly import Pencil
 from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.petsc.session import current
 
-VECTORS = 8  # at a time with one factor: a solve is some twentieth of a factorisation
-NEARBY = 20.0  # ratio within which a factor serves a second time instead of another one
+VECTORS = 8  # made at a time with one factor: a solve is some twentieth of a factorisation
+NEARBY = 20.0  # ratio of shifts within which a factor is used a second time instead of a new one
 MOST_VECTORS = 240
-APART = 30.0  # shifts that are done at the same time differ by this ratio at least
+APART = 30.0  # least ratio of shifts that are done at the same time
 SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but for rounding
 LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
 NOTHING = 1e-13  # a modulus this small, relative to the affine one, is rounding
-ROOM = 0.5  # of what is allowed that steering may take up, once the certificate has shown that there is more to it
+ROOM = 0.5  # of the allowed error, for the estimate, after a certificate was larger than the estimate
 
 
 class RationalSweep:
@@ -64,9 +64,9 @@ class RationalSweep:
         return len(self.factors.shifts)
 
     def restore(self, first, x0, vectors, shifts) -> None:
-        """Go on from the basis of an earlier run: x₀, and (m, n_local), (m,) vectors with their shifts.
+        """Continue from the basis of an earlier run: x₀, vectors (m, n_local) and their shifts (m,).
 
-        Its factors are gone; what new ones certify is the residual, wherever the basis comes from.
+        Its factors are lost; new ones certify the residual, wherever the basis comes from.
         """
         basis = RationalBasis(self.pencil, first, x0)
         for vector, shift in zip(vectors, shifts, strict=True):
@@ -74,9 +74,9 @@ class RationalSweep:
         self._set_basis(basis)
 
     def next_shifts(self) -> list[float]:
-        """Where the next factorisations belong, as many as are done at once; none when all is certified.
+        """The shifts of the next factorisations, as many as are done at once; none when all is certified.
 
-        Raises ConvergenceError where what was asked for cannot be met.
+        Raises ConvergenceError where the accuracy cannot be met.
         """
         while not (shifts := on_root(self.comm, self._choose)):
             self._certified += 1
@@ -88,7 +88,7 @@ class RationalSweep:
         return shifts
 
     def _choose(self):
-        """The shifts to go on with; none where the bound that steers is met everywhere."""
+        """The next shifts; none where the estimate meets the accuracy everywhere."""
         if self.basis is None:
             return self._spread([self._clip(self.omega[0])])
         if not self.factors.shifts:
@@ -121,7 +121,7 @@ class RationalSweep:
         return shifts
 
     def _serving(self, wanted):
-        """The nearest shift of a factor that has served once only, if it is not far from the one wanted; else that."""
+        """The nearest shift whose factor was used only once, if it is near the one wanted; else the wanted one."""
         near = [
             s
             for s in self.factors.shifts
@@ -135,7 +135,7 @@ class RationalSweep:
         return abs(self._modulus()[i]) * self.pencil.network.area <= NOTHING * affine
 
     def _for_certificate(self):
-        """The shift near which a factor is missing where the certificate is worst, as after a resume; or none."""
+        """The shift where the certificate is worst, if there is no factor near it, as after a resume; else none."""
         if self.certificate is None:
             return []
         worst = np.argmax(np.max(self.certificate.relative, axis=1))
@@ -143,7 +143,7 @@ class RationalSweep:
         return [] if closest(self.factors.shifts, wanted) else [wanted]
 
     def _spread(self, shifts):
-        """Complete a first guess to as many shifts as are done at once, evenly over the range."""
+        """Extend a first shift to as many as are done at once, evenly spread in log ω."""
         more = np.geomspace(shifts[0], self._clip(self.omega[-1]), self.factors.width + 1)[1:]
         return [*shifts, *(float(s) for s in more[::-1][: self.factors.width - 1] if s > APART * shifts[0])]
 
@@ -151,7 +151,7 @@ class RationalSweep:
         return np.clip(omega, SMALLEST_SHIFT * self.rate, min(self.largest_rate, LARGEST_SHIFT * self.rate))
 
     def add_shifts(self, shifts) -> None:
-        """Factorise K + sB at each of them, or take a factor close by, extend the basis and renew the bound."""
+        """Factorise K + sB at each shift, or use a factor close to it, extend the basis and renew the estimate."""
         self.factors.factorise(shifts)
         if self.basis is None:
             first, x0 = np.inf, np.zeros(self.pencil.K.getLocalSize()[0])  # where only a fluid dissipates
@@ -172,11 +172,11 @@ class RationalSweep:
         self._still[1] += c.drag_gg
 
     def worst(self) -> float:
-        """Largest ratio of the bound that steers to what it may be; done when ≤ 1."""
+        """Largest ratio of the estimated to the allowed error; done when ≤ 1."""
         return float(np.max(self._ratio()))
 
     def _ratio(self):
-        """The bound that steers over what the accuracy leaves for it, for the present estimate of G', G'': (M,)."""
+        """Estimated over allowed error, (M,), for the present G' and G''."""
         G, error = self._modulus(), self._steering_bound()
         allowed = self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag))
         if self.certificate is not None:
@@ -197,7 +197,7 @@ class RationalSweep:
         ) / self.pencil.network.area
 
     def _steering_bound(self):
-        """Bound on |ΔG*|, (M,), as far as r = f φ q."""
+        """Bound on |ΔG*|, (M,), if the residual were exactly r = f φ q."""
         energies = {s: e for s, (e, _) in self.missing[1].items()}
         size = np.abs(self.basis.factor(1j * self.omega)) ** 2 * self.basis.phi(self.omega)
         best = energy_between(self.largest_rate, energies, self.omega)
@@ -215,7 +215,7 @@ class RationalSweep:
         return replace(bare, error=error)
 
     def _allowed(self, certificate):
-        """What rounding leaves of the error allowed in |G*|, (M,); zero where it leaves nothing."""
+        """Error allowed in |G*|, (M,), less its rounding; zero where rounding exceeds it."""
         return np.maximum((self.accuracy * certificate.parts - certificate.rounding).min(axis=1), 0.0)
 
     def _is_met(self):
@@ -250,7 +250,7 @@ class RationalSweep:
 
 
 def largest_rate(pencil: Pencil) -> float:
-    """λ_max with K ≤ λ_max B, infinite where B lets motions along the bonds pass. Collective.
+    """λ_max with K ≤ λ_max B, infinite where motions along the bonds are not damped. Collective.
 
     A contact has k (a∥)² in K, which pre-stress only lowers, and kτ₁ normal (a∥)² in B. With drag, K is at most
     the largest sum of absolute values in one of its rows, and B at least kτ₁ drag.

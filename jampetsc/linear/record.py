@@ -1,4 +1,4 @@
-"""What every result file records about its run: provenance, and the state of the packing it is about."""
+"""Attributes of every result of a packing: provenance, and the state of the packing."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Fields that minimise a sum of squares over contacts, by a factor at hand, refined and certified.
+"""Fields that minimise a sum of squares over contacts, by a given factor, refined and with an error estimate.
 
 For weights w and an imposed strain that moves the contacts by g, the field x that minimises
 
@@ -17,12 +17,12 @@ from jampetsc.mechanics.compatibility import Compatibility
 
 LARGEST_ERROR = 1e-8  # of a field, relative, in the energy norm: 1e-16 of the energy
 LARGEST_DEFECT = 1e-8
-FLOOR = 1e-5  # energies this far below the affine one, as where nothing resists, are compared with this part of it
+FLOOR = 1e-5  # of the affine energy, least reference for a defect, as where nothing resists the strain
 
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """The minimiser. Arrays hold this rank's share."""
+    """The minimising field. Arrays hold this rank's part."""
 
     x: np.ndarray  # (unknowns_local,)
     motions: np.ndarray  # (contacts_local, forms): C x + g
@@ -50,7 +50,7 @@ def relax(compatibility: Compatibility, weights, solve, g, what: str, start=None
     else:
         x.setArray(start)
     energies = []
-    for step in range(3):  # solve, refine, and see what a third step would change
+    for step in range(3):  # solve, refine, and estimate the error by a third step
         C.mult(x, a)
         a.getArray()[:] += g
         motions = a.getArray().copy()

@@ -1,4 +1,4 @@
-"""What a Galerkin solution leaves of the equations, and a bound on what that does to G*, whatever made the space.
+"""The residual of a Galerkin solution, and a bound on the error of G* that follows, whatever made the space.
 
 With the quasistatic field x_qs, the rates λ_m, modes φ_m and loads h_m of `galerkin`
 
@@ -7,14 +7,14 @@ With the quasistatic field x_qs, the rates λ_m, modes φ_m and loads h_m of `ga
     R = [k_γ + K x_qs ,  b_γ + B (x_qs − Σ h_m φ_m) ,  (K − λ_1 B) φ_1 , …] ,    w = (1, s, −s h_1/(λ_1 + s), …) ,
 
 and |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r at s = iω (K and B are diagonal together, and |a + ib| ≥ (a + b)/√2 for a, b ≥ 0).
-Had all solves been exact, the columns of R would be multiples of one q (see `basis`). That is not relied upon: they are
-computed, contact by contact, and taken apart,
+If all solves were exact, the columns of R would be multiples of one q (see `basis`). That is not relied upon: they are
+computed contact by contact, and decomposed as
 
     r(iω) = Σ_k c_k v_k + e ,    |r| ≤ Σ_k |c_k| |v_k| + |e|    in the norm of (K + ωB)⁻¹ .
 
-The energies vᵀ(K + sB)⁻¹v of a few directions v_k, the first of them q, are known from solves with the factors at
-hand; for the rest e, which is due to inexact solves and rounding, a lower bound on K + sB does, an `Anchor`. Where that
-is too coarse another direction is taken out of e. Both go from s to ω by
+The energies vᵀ(K + sB)⁻¹v of a few directions v_k, the first of them q, follow from solves with the factors that exist.
+For the rest e, which is due to inexact solves and rounding, a lower bound on K + sB is enough, a `ShiftBound`. Where
+that is too coarse, another direction is split off from e. Both are carried from s to ω by
 
     (K + ωB)⁻¹ ≤ c (K + sB)⁻¹ ,    c = (λ_max + s)/(λ_max + ω)  for ω ≥ s ,    c = s/ω  for ω < s ,
 
@@ -34,7 +34,7 @@ from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 
 SUMMED = 2.0 * EPSILON  # rounding of the sum over the contacts of a disk, relative to its terms
-DIRECTIONS = 12  # at most; where so many do not do, the solves are too poor for what is asked
+DIRECTIONS = 12  # at most; if so many are not enough, the solves are too poor for the accuracy
 
 
 def transfer(largest_rate: float, s, omega):
@@ -55,7 +55,7 @@ def energy_between(largest_rate: float, energies: dict[float, float], omega):
 
 
 def positive(energies: dict) -> dict:
-    """{s: (e, left)} as factors give them, if every e may be an energy. Raises NotPositiveDefinite."""
+    """The same {s: (e, left)}, if every energy e is finite and ≥ 0. Raises NotPositiveDefinite."""
     for s, (e, _) in energies.items():
         if not (np.isfinite(e) and e >= 0.0):
             raise NotPositiveDefinite(
@@ -65,23 +65,23 @@ def positive(energies: dict) -> dict:
 
 
 @dataclass(frozen=True, eq=False)
-class Anchor:
+class ShiftBound:
     """K + sB ≥ least · D for a diagonal D, at one shift s."""
 
     shift: float
     diagonal: np.ndarray  # (n_local,) of D
     least: float
-    rounding: np.ndarray  # (m + 2,) what that of sums over contacts may have done to R's columns, norm of D⁻¹
+    rounding: np.ndarray  # (m + 2,) bound on the rounding of R's columns, in the norm of D⁻¹
 
 
 @dataclass(frozen=True, eq=False)
 class _Worst:
-    """Where the bound is furthest above what is allowed: what is left there, R of_columns − v of_directions."""
+    """Where the bound is furthest above the allowed error: the rest e there is R of_columns − v of_directions."""
 
     omega: float
     of_columns: np.ndarray  # (m + 2,)
     of_directions: np.ndarray  # (k,)
-    hopeless: bool  # what is known of r is too much by itself
+    hopeless: bool  # the part of the bound from the known directions is too large by itself
 
 
 class Residual:
@@ -112,7 +112,7 @@ class Residual:
         return np.vstack((np.ones_like(s), s, -self.loads[:, None] * s / (self.rates[:, None] + s)))
 
     def rounding(self, s, diagonal):
-        """What rounding of the sums over contacts may have done to each column, (m + 2,), in the norm of D⁻¹.
+        """Bound on the rounding of each column of R, (m + 2,), in the norm of D⁻¹.
 
         With D = `diagonal`, at least `reach(s)`: |D^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + s w_B) for forces f of contacts.
         """
@@ -132,10 +132,10 @@ class Residual:
 
 
 class ResidualBound:
-    """√2 rᴴ(K + ωB)⁻¹r at frequencies ω (M,), with the factors at hand. Methods are collective.
+    """Bound on √2 rᴴ(K + ωB)⁻¹r at frequencies ω (M,), from the factors that exist. Methods are collective.
 
-    factors      as `make_factors` gives them
-    q, energies  the direction that most of r should have, (n_local,), and what `factors.energies` says of it
+    factors      of `make_factors`
+    q, energies  the direction that r has but for inexact solves, (n_local,), and its `factors.energies`
     """
 
     def __init__(self, residual: Residual, factors, q, energies, largest_rate: float, omega):
@@ -143,55 +143,55 @@ class ResidualBound:
         self.largest_rate = largest_rate
         self.pencil = residual.compatibility.pencil
         self.network = self.pencil.network
-        self.anchors = [self._first_anchor()]
+        self.shift_bounds = [self._first_shift_bound()]
         self.directions = np.empty((len(q), 0))
         self._energies = []
         if self.network.sum(float(q @ q)):
             self._add_direction(q.copy(), energies)
 
-    def _first_anchor(self):
-        """Under drag on disks that do not turn K + sB ≥ s kτ₁ drag; else the factor in the middle will often do."""
+    def _first_shift_bound(self):
+        """Under drag on disks that do not turn K + sB ≥ s kτ₁ drag; else from the factor of the middle shift."""
         law, top = self.pencil.law, float(self.omega[-1])
         if law.drag and law.dofs == 2:
             drag = self.network.damping(law) * law.drag
-            return self._held(top, np.ones(self.pencil.K.getLocalSize()[0]), top * drag)
+            return self._shift_bound_from(top, np.ones(self.pencil.K.getLocalSize()[0]), top * drag)
         shifts = sorted(self.factors.shifts)
-        return self._anchor(shifts[len(shifts) // 2])
+        return self._shift_bound(shifts[len(shifts) // 2])
 
-    def _anchor(self, s):
+    def _shift_bound(self, s):
         diagonal = self.pencil.diagonal(s)
         if self.pencil.law.holds_translations:
             diagonal = np.ones_like(diagonal)  # as `ShiftedFactor.least_eigenvalue` has it where it projects
-        return self._held(s, diagonal, self.factors.least_eigenvalue(s))
+        return self._shift_bound_from(s, diagonal, self.factors.least_eigenvalue(s))
 
-    def _held(self, s, diagonal, least):
+    def _shift_bound_from(self, s, diagonal, least):
         reach = np.maximum(self.residual.compatibility.reach(s), self.pencil.diagonal(s))
         stretch = self.network.max(reach / diagonal)
-        return Anchor(s, diagonal, least, np.sqrt(stretch) * self.residual.rounding(s, reach))
+        return ShiftBound(s, diagonal, least, np.sqrt(stretch) * self.residual.rounding(s, reach))
 
     def _add_direction(self, v, energies):
         self.pencil.project(v)
         self.directions = np.column_stack((self.directions, v))
         self._energies.append(energies)
 
-    def _inverse(self, anchor, omega):
-        """a with (K + ωB)⁻¹ ≤ a D⁻¹ for the D of an anchor; infinite where it holds nothing."""
+    def _inverse(self, lower, omega):
+        """a with (K + ωB)⁻¹ ≤ a D⁻¹ for the D of a shift bound; infinite where its lower bound is zero."""
         with np.errstate(divide="ignore"):
-            return transfer(self.largest_rate, anchor.shift, omega) / np.float64(anchor.least)
+            return transfer(self.largest_rate, lower.shift, omega) / np.float64(lower.least)
 
     def within(self, allowed):
-        """The bound, (M,), as sharp as it must be to be within `allowed` (M,), or as it can be made."""
+        """The bound, (M,), sharpened until it is within `allowed` (M,), or as far as that is possible."""
         while True:
             bound, worst = self._evaluate(allowed)
             if worst is None or not self._sharpen(worst):
                 return bound
 
     def _sharpen(self, worst):
-        """Another anchor or direction, if that can help at the frequency that needs it most."""
-        held = {anchor.shift for anchor in self.anchors}
+        """Add a shift bound or a direction for the worst frequency; False if neither can help."""
+        held = {lower.shift for lower in self.shift_bounds}
         nearest = min(held | set(self.factors.shifts), key=lambda s: abs(np.log(s / worst.omega)))
         if nearest not in held:
-            self.anchors.append(self._anchor(nearest))
+            self.shift_bounds.append(self._shift_bound(nearest))
             return True
         if worst.hopeless or self.directions.shape[1] >= DIRECTIONS:
             return False
@@ -201,19 +201,25 @@ class ResidualBound:
 
     def _evaluate(self, allowed):
         """(bound (M,), `_Worst` or None where it is within `allowed`)."""
-        triangles = [self._triangle(anchor) for anchor in self.anchors]
+        triangles = [self._triangle(lower) for lower in self.shift_bounds]
         diagonals = [self.pencil.diagonal(s) for s in self.factors.shifts]
-        stretch = [[self.network.max(one / anchor.diagonal) for one in diagonals] for anchor in self.anchors]
+        stretch = [
+            [self.network.max(one / lower.diagonal) for one in diagonals] for lower in self.shift_bounds
+        ]
         return on_root(self.network.comm, lambda: self._judge(triangles, stretch, allowed))
 
-    def _triangle(self, anchor):
-        """The triangle T of D^(−½) [v_1, …, R] = QT, on rank 0."""
-        mine = tall.triangle((self.directions, self.residual.columns), np.sqrt(anchor.diagonal))
+    def _triangle(self, lower):
+        """The triangle T of the QR factorisation D^(−½) [v_1, …, R] = QT, on rank 0."""
+        mine = tall.triangle((self.directions, self.residual.columns), np.sqrt(lower.diagonal))
         parts = self.network.comm.gather(mine)
         return None if parts is None else np.linalg.qr(np.vstack(parts), mode="r")
 
     def _judge(self, triangles, stretch, allowed):
-        """What `_evaluate` gives, on rank 0. By anchor: T; and largest diagonal entry of K + sB over D, by shift."""
+        """The result of `_evaluate`, on rank 0.
+
+        triangles   T for each shift bound
+        stretch     for each shift bound, by shift: largest diagonal entry of K + sB over that of D
+        """
         omega, k = self.omega, self.directions.shape[1]
         if not all(np.isfinite(triangle).all() for triangle in triangles):
             return np.full(len(omega), np.inf), None
@@ -221,11 +227,11 @@ class ResidualBound:
         norms = [self._norm(energies, stretch) for energies in self._energies]
         norms = np.array(norms).reshape(k, len(omega))
         known, rest, parts = [], [], []
-        for anchor, triangle in zip(self.anchors, triangles, strict=True):
+        for lower, triangle in zip(self.shift_bounds, triangles, strict=True):
             c = solve_triangular(triangle[:k, :k], triangle[:k, k:] @ w) if k else np.empty((0, len(omega)))
             e = triangle[k:, k:] @ w
-            inverse = np.sqrt(self._inverse(anchor, omega))
-            known.append(np.sum(np.abs(c) * norms, axis=0) + (anchor.rounding @ np.abs(w)) * inverse)
+            inverse = np.sqrt(self._inverse(lower, omega))
+            known.append(np.sum(np.abs(c) * norms, axis=0) + (lower.rounding @ np.abs(w)) * inverse)
             rest.append(np.linalg.norm(e, axis=0) * inverse)
             parts.append(e)
         total = np.array(known) + np.array(rest)
@@ -236,24 +242,24 @@ class ResidualBound:
             return bound, None
         with np.errstate(divide="ignore", over="ignore"):
             i = int(np.argmax(bound / allowed))
-        anchor = best[i]
+        which = best[i]
         return bound, self._worst(
-            omega[i], triangles[anchor], w[:, i], parts[anchor][:, i], known[anchor][i], allowed[i]
+            omega[i], triangles[which], w[:, i], parts[which][:, i], known[which][i], allowed[i]
         )
 
     def _norm(self, energies, stretch):
-        """Bound on |v|, (M,), from (e, left) of `Cholesky.energy` at the shifts: ρᵀ(K + sB)⁻¹ρ by the anchors."""
+        """Bound on |v|, (M,), from (e, left) of `Cholesky.energy` at the shifts: ρᵀ(K + sB)⁻¹ρ by the shift bounds."""
         bounds = {}
         for number, (s, (e, left)) in enumerate(energies.items()):
             inverse = min(
-                self._inverse(anchor, s) * row[number]
-                for anchor, row in zip(self.anchors, stretch, strict=True)
+                self._inverse(lower, s) * row[number]
+                for lower, row in zip(self.shift_bounds, stretch, strict=True)
             )
             bounds[s] = e + left**2 * float(inverse)
         return np.sqrt(energy_between(self.largest_rate, bounds, self.omega))
 
     def _worst(self, omega, triangle, w, e, known, allowed):
-        """The direction in which e is largest there, as a combination of the columns of R and of the directions."""
+        """The direction in which e is largest, as a combination of the columns of R and of the directions."""
         k = self.directions.shape[1]
         _, _, axes = np.linalg.svd(np.column_stack((e.real, e.imag)), full_matrices=False)
         of_columns = axes[0, 0] * w.real + axes[0, 1] * w.imag

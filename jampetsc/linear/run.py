@@ -1,4 +1,4 @@
-"""A sweep as it runs: what was asked, what is known of its packing, and how far its bounds hold."""
+"""A run of a sweep: its settings, what is known of its packing, and whether its bounds are certified."""
 
 import time
 from dataclasses import dataclass, field, replace
@@ -13,25 +13,25 @@ from jampetsc.core.minimum import proved_minimum
 from jampetsc.core.state import BALANCED, imbalance, measure
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.packing_file import read_identified, source_told
+from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.linear.limits import LARGEST, SMALLEST
 from jampetsc.mechanics.minimum import negative_modes
 from jampetsc.mechanics.network import build_network
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
 
-SAME = 1e-9  # a frequency of the grid this close to one of the fields, relatively, is that one
+SAME = 1e-9  # a frequency of the grid this close to one of the fields, relatively, counts as the same
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A sweep as it runs: G*(ω) of one packing under one law. Frequencies in 1/τ₁ units of time as the law has them.
+    """A run of a sweep: G*(ω) of one packing under one law. Frequencies are in 1/time, in the unit of the law's τ₁.
 
     Under power-law damping `omega` and `field_omega` are the equivalent frequencies at which the linear law
     is solved; `asked` turns them into those of the experiment.
     """
 
-    packing: str  # what messages call it
+    packing: str  # its name in messages
     disks: Disks
     identity: tuple  # name and sha256 of the packing
     physics: Physics
@@ -44,7 +44,7 @@ class Run:
     damping: EquivalentDamping | None = None  # None: linear
     parallel: str = "auto"  # what ranks share in the rational method: shifts | matrix | auto
     negative_modes: int | None = None  # of K; None: not known
-    counted_by: str = ""  # how that number is known, where this run has found it out
+    counted_by: str = ""  # how that number was found, if this run has counted
     imbalance: float = np.nan  # max |F| / (p d)
     started: float = field(default_factory=time.perf_counter)
 
@@ -70,7 +70,7 @@ class Run:
         disks, identity = read_identified(job.packing, comm)
         to.made_from(disks)
         return cls(
-            packing=source_told(job.packing),
+            packing=source_name(job.packing),
             disks=disks,
             identity=identity,
             physics=Physics(job.law, job.prestress),
@@ -91,12 +91,12 @@ class Run:
             return build_network(self.disks, comm, self.physics.prestress)
 
     def examined(self) -> "Run":
-        """The run with balance and negative modes of its packing known, direct where there are some. Collective.
+        """The run with force balance and negative modes of its packing known; direct if there are any. Collective.
 
-        The rational method needs K + ωB to be positive definite, and so do the error bounds of fields. Where K has
-        negative modes G* is still defined, and is solved for frequency by frequency. Where forces are not balanced it
-        is that of the contacts as they are, which is no state that a packing stays in. Modes are not counted for a
-        run that is direct anyway. Says on stderr what is not as it should be.
+        The rational method and the error bounds of fields need K + ωB to be positive definite. If K has negative modes,
+        G* is still defined, and is solved for frequency by frequency. If forces are not balanced, it is the G* of the
+        contacts as they are, though the packing would not stay in that state. Modes are not counted for a run that is
+        direct anyway. A note on stderr reports unbalanced forces and negative modes.
         """
         session, notes = current(), []
         run = replace(
@@ -127,29 +127,29 @@ class Run:
 
     @property
     def parameters(self) -> dict:
-        """The law as a file tells it, with exponent and stress of power-law damping."""
+        """Parameters of the law as a file records them, with exponent and stress of power-law damping."""
         if self.damping is None:
             return self.physics.parameters
         return {**self.physics.parameters, "alpha": self.damping.alpha, "stress": self.damping.stress}
 
     @property
     def positive_semidefinite(self) -> str:
-        """Whether K has no negative modes, and how that is known; the error bound rests on it."""
+        """Whether K has no negative modes, and how that is known, as text for the file."""
         if not self.physics.prestress:
-            told = "by construction (no pre-stress)"
+            status = "by construction (no pre-stress)"
         elif self.negative_modes is None:
-            told = "not shown: that of fields is a bound only if K has no negative modes"
+            status = "not shown: that of fields is a bound only if K has no negative modes"
         elif self.negative_modes:
-            told = f"no: {self.negative_modes} negative modes; error_bound is an estimate for fields, a bound for G*"
+            status = f"no: {self.negative_modes} negative modes; error_bound is an estimate for fields, a bound for G*"
         else:
-            told = f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
+            status = f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
         if self.imbalance <= BALANCED:
-            return told
-        return f"{told}; but forces are not balanced: max|F|/(p d) = {self.imbalance:.1e}"
+            return status
+        return f"{status}; but forces are not balanced: max|F|/(p d) = {self.imbalance:.1e}"
 
     @property
     def certified(self) -> bool:
-        """Whether error bounds hold, and are those of a packing at rest."""
+        """Whether K is known to have no negative modes and forces are balanced, so that error bounds are certified."""
         return self.negative_modes == 0 and self.imbalance <= BALANCED
 
     def key(self, ranks: int) -> dict:

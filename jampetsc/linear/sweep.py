@@ -1,4 +1,4 @@
-"""A sweep from its packing to its file, by either method: progress, checkpoint, failures, fields."""
+"""A sweep by either method, from its packing to its file: progress, checkpoint, failures, fields."""
 
 from dataclasses import replace
 
@@ -59,7 +59,7 @@ def _rationally(run, pencil, checkpoint):
                     f"shift {listed}  vectors {basis.size}  worst bound / allowed {sweep.worst():.1e}"
                 )
         except NotPositiveDefinite as error:
-            raise InputError(f"{run.packing}: {error.told(named)}; use {named('method')} direct") from None
+            raise InputError(f"{run.packing}: {error.message(named)}; use {named('method')} direct") from None
     galerkin, G, bounds = sweep.galerkin, sweep.certificate.G, sweep.certificate.bounds
     fields = (
         (*pencil.split(galerkin.field(omega)), galerkin.field_bound(omega, sweep.error_at(omega)))
@@ -125,7 +125,7 @@ def _directly(run, pencil, checkpoint):
         first = failures[min(failures)]
         raise ConvergenceError(
             f"{len(failures)} of {len(run.omega)} frequencies failed, {run.to.others}; the first: "
-            f"{first.told(named)}"
+            f"{first.message(named)}"
         )
     return omega, G, bounds
 

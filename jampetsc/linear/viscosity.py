@@ -1,8 +1,6 @@
-"""The two limits of G''/ω without any frequency: η₀ of the quasistatic flow, η_∞ of the flow that dissipates
-least.
+"""The two limits of G''/ω without any frequency: η₀ of the quasistatic flow, η_∞ of the flow of least dissipation.
 
-η₀ V γ² is what B costs for the quasistatic field, the disks turning such that it is least (their
-torques vanish as ω → 0):
+η₀ V γ² is the dissipation form of B at the quasistatic field, minimised over the angles (torques vanish as ω → 0):
 
     η₀ = (kτ₁/V) [ Σ a∥² + β min_θ Σ (a⊥ − ρ_i θ_i − ρ_j θ_j)² ]     damping by contacts, split as in BT eq. 22
     η₀ = (kτ₁/V) Σ |ũ_i|² + η_F                                      by the fluid
@@ -32,7 +30,7 @@ from jampetsc.petsc.shifted import ShiftedFactor
 class Flow:
     """η₀ of one quasistatic field, in its parts, and how the disks turn in it. Viscosities in kτ₁."""
 
-    parts: dict  # "normal" and "transverse" of contacts, "drag" and "fluid": what the law has
+    parts: dict  # "normal" and "transverse" of contacts, "drag" and "fluid": those that the law has
     rotation: np.ndarray | None  # (n_local,) θ per unit strain where disks roll
     sliding: np.ndarray | None  # (contacts_local,) a⊥ᶜ where disks roll
 
@@ -53,7 +51,7 @@ class Viscosity:
     def quasistatic(self, displacement) -> Flow:
         """η₀ of the field `displacement` (n_local, 2), non-affine per unit strain.
 
-        With drag it must be without the mean of each piece, else with the disks of pins at rest.
+        With drag, the mean of each piece must be zero; without, the displacements of pinned disks.
         """
         network, law, c = self.network, self.law, self.compatibility
         start = np.zeros((len(displacement), law.dofs))
@@ -79,7 +77,7 @@ class Viscosity:
         )
 
     def _turns(self):
-        """(solve, destroy): solve(rhs, out) moves the angles only, by B_θθ, one gear held in each bipartite
+        """(solve, destroy): solve(rhs, out) solves for the angles only, with B_θθ, one angle pinned in each bipartite
         piece.
         """
         PETSc = current().PETSc
@@ -107,7 +105,7 @@ class Viscosity:
     def infinite(self) -> float:
         """η_∞, in kτ₁.
 
-        Raises InputError where B leaves a flow besides translations and gears without cost.
+        Raises InputError where B has zero modes besides translations and gears.
         """
         c = self.compatibility
         if not self.law.damps_contacts:  # disks that follow the affine flow dissipate nothing but η_F

@@ -26,10 +26,10 @@ ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unkno
 class Pencil:
     """K + sB and its border for one law on one network. Matrices and vectors are distributed alike.
 
-    Moves that cost nothing (translations of each piece, unless there is drag, and gear modes where disks roll)
-    are held by one pinned unknown each: its row and column are those of the identity (times k) in K and zero in
-    B, and its border entries are zero. The answer does not depend on it, because K, B and the border vanish on
-    such moves. Under drag translations cost something, and `project` removes them instead.
+    Zero modes of K and B (translations of each connected piece, unless there is drag, and gear modes where disks roll)
+    are removed by pinning one unknown each: its row and column are those of the identity (times k) in K and zero in B,
+    and its border entries are zero. The response does not depend on the choice, because K, B and the border vanish on
+    these modes. Under drag translations dissipate, and `project` removes them instead.
     """
 
     network: Network
@@ -49,7 +49,7 @@ class Pencil:
         return self.network.n * self.law.dofs
 
     def project(self, x):
-        """Remove the mean displacement of each piece from x (n_local,), in place, where nothing pins it. Collective."""
+        """Remove the mean displacement of each piece from x (n_local,), in place, if none is pinned. Collective."""
         if not self.law.holds_translations:
             return
         local = x.reshape(-1, self.law.dofs)[:, :2]
@@ -57,24 +57,21 @@ class Pencil:
 
     @cached_property
     def diagonals(self):
-        """Those of K and of B, (n_local,) each, real. Collective."""
+        """The diagonals of K and of B, (n_local,) each, real. Collective."""
         return diagonal_of(self.K), diagonal_of(self.B)
 
     def diagonal(self, s: float):
-        """That of K + sB, (n_local,). Collective."""
+        """The diagonal of K + sB, (n_local,). Collective."""
         of_K, of_B = self.diagonals
         return of_K + s * of_B
 
     @cached_property
     def largest(self) -> tuple[float, float]:
-        """Largest diagonal entries of K and of B, in modulus the largest of all in sums of squares. Collective."""
+        """Largest |diagonal entry| of K and of B. Collective."""
         return tuple(self.network.max(np.abs(diagonal)) for diagonal in self.diagonals)
 
     def gathered(self) -> "Pencil":
-        """The same with all rows on every rank, of which each is then alone; contacts remain those of the rank.
-
-        Collective.
-        """
+        """A copy with all rows on every rank, on COMM_SELF; its contacts remain those of this rank. Collective."""
         PETSc, MPI, comm = current().PETSc, current().MPI, self.network.comm
         border = (
             np.concatenate(comm.allgather(vector.getArray())) for vector in (self.k_gamma, self.b_gamma)
@@ -123,12 +120,11 @@ def weights(network: Network, law: Law):
 def assemble(network: Network, law: Law, pinned: bool = True) -> Pencil:
     """K, B and the border, in the scalar type of the running PETSc. Collective.
 
-    pinned   hold the moves that cost nothing; False leaves K + sB singular on them
+    pinned   whether zero modes are pinned, see `Pencil`; False leaves K + sB singular on them
     """
     dofs, c = law.dofs, network.contacts
     m, rows = len(c), (network.last - network.first) * dofs
-    # One complex array carries K (real part) and B (imaginary part) through the same sums: same pattern, half
-    # the work.
+    # K is the real, B the imaginary part of one complex array: they have one pattern, and are summed at once.
     near, far, border, corner = squares(forms_of(network, dofs), weights(network, law))
     corner = network.sum(np.sum(corner)) / 2.0  # each contact is seen from both ends
 
@@ -168,7 +164,7 @@ def assemble(network: Network, law: Law, pinned: bool = True) -> Pencil:
 
 
 def pins_of(law: Law, pieces: Pieces):
-    """Unknowns that hold the moves without cost: (x, y) of a disk of each piece, θ of one of each bipartite piece."""
+    """Unknowns to pin against zero modes: (x, y) of a disk of each piece, θ of one of each bipartite piece."""
     roots = pieces.roots
     held = [np.zeros(0, int)] if law.holds_translations else [roots * law.dofs, roots * law.dofs + 1]
     if law.couples_rotations:

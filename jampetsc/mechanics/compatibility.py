@@ -1,13 +1,12 @@
-"""Compatibility matrix C: what the contacts feel of a displacement, and the forms of K and B as sums of squares.
+"""Compatibility matrix C: the relative motions of the contacts for given displacements; K and B as sums of squares.
 
 A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, g holds what a unit
 shear strain adds:
 
     a = C x + γ g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ drag 1 on displacements, not on angles).
 
-Sums over contacts of W a² lose no digits where the assembled matrices would: at low pressure the relative
-motions are far smaller than the displacements, and only here the difference is rounded once, contact by
-contact.
+Sums over contacts of W a² keep digits that products with the assembled matrices lose: at low pressure the relative
+motions are far smaller than the displacements, and here their difference is taken once per contact.
 """
 
 from dataclasses import dataclass
@@ -34,7 +33,7 @@ class Compatibility:
     )  # (rows,) |w_K| and what rounding may do to it, in units of ε: an overlap is off by ε σ
     reach_K: np.ndarray  # (n_local,) Σ |w_K| C² over the contacts of each unknown,
     reach_B: np.ndarray  # and Σ w_B C² + drag; see `reach`
-    drag: np.ndarray  # (n_local,) kτ₁ times the drag, 0 for angles: what B has of disks, not of contacts
+    drag: np.ndarray  # (n_local,) kτ₁ times the drag, 0 for angles: the part of B not from contacts
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
 
     def dissipation(self, motions, field) -> float:
@@ -42,9 +41,9 @@ class Compatibility:
         return self.w_B @ motions**2 + self.drag @ field**2
 
     def reach(self, s: float):
-        """D (n_local,) of K + sB: Σ (|w_K| + s w_B)(|C||x|)² + s Σ drag x² ≤ ROW xᵀDx, in any unit of length.
+        """D (n_local,) with Σ (|w_K| + s w_B)(|C||x|)² + s Σ drag x² ≤ ROW xᵀDx, in any unit of length.
 
-        So far can rounding of the terms of motions reach; ROW unknowns at most have a part in one.
+        It bounds the effect of rounding in the terms of the motions C x; ROW unknowns at most enter one motion.
         """
         return self.reach_K + s * self.reach_B
 
@@ -76,7 +75,7 @@ class Compatibility:
 
 
 def stacked(forms):
-    """What `linear_forms` gives for M bonds as coefficients on both disks, (M, forms, 2 dofs), and on γ, (M, forms)."""
+    """`linear_forms` of M bonds as coefficients of both disks' unknowns, (M, forms, 2 dofs), and of γ, (M, forms)."""
     rows = np.stack([np.hstack((on_i, on_j)) for on_i, on_j, _ in forms], axis=1)
     return rows, np.stack([on_gamma for *_, on_gamma in forms], axis=1)
 

@@ -1,4 +1,4 @@
-"""What K and B of a packing are like: sizes, symmetry as assembled, definiteness as counted."""
+"""Properties of K and B of a packing: size, asymmetry of the assembled matrices, inertia."""
 
 from dataclasses import dataclass, replace
 
@@ -22,7 +22,7 @@ class Examination:
     nonzeros: int  # entries stored in each of K and B
     pieces: int  # connected pieces of the contact graph
     gears: int  # bipartite pieces, whose disks can turn like gears
-    pins: int  # unknowns held because nothing else holds them
+    pins: int  # pinned unknowns, see `assembly.Pencil`
     asymmetry_K: float  # ‖K − Kᵀ‖ / ‖K‖ (Frobenius)
     asymmetry_B: float
     with_prestress: Inertia  # of K on the displacements, nothing pinned: two zeros per piece are translations
@@ -47,7 +47,7 @@ def asymmetry(matrix) -> float:
 
 
 def examine(network: Network, law: Law) -> Examination:
-    """Assemble K and B of `law` and measure them. Collective; needs the real build of PETSc.
+    """Assemble K and B of `law` and examine them. Collective; needs the real build of PETSc.
 
     Raises ConvergenceError if a factorisation fails.
     """

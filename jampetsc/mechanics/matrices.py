@@ -4,7 +4,7 @@ With unknowns x and a strain γ of amplitude 1 at frequency ω (BT eqs. 10–14)
 
     (K + iωB) x = −(k_γ + iω b_γ) ,     G* = [k_γγ + iω b_γγ + (k_γ + iω b_γ)ᵀ x] / V ,
 
-nothing held and nothing scaled. Rows and columns of `pins` are to be left out where K + iωB is to be regular.
+nothing pinned and nothing scaled. Leave out the rows and columns of `pins` to make K + iωB regular.
 """
 
 import io
@@ -46,10 +46,10 @@ class Matrices:
     area: float  # V
     particles: np.ndarray  # (n,) numbers of the disks in the packing file
     dofs: np.ndarray  # (u, 2) of every unknown: number of its disk in the packing file; 0 x, 1 y, 2 θ
-    pins: np.ndarray  # unknowns to leave out: without them no move is free
+    pins: np.ndarray  # unknowns to leave out, so that K + iωB is regular
 
     def to_scipy(self) -> "Matrices":
-        """The same on every rank, K and B as csr_array, border as numpy arrays. Collective."""
+        """The same matrices whole on every rank, K and B as csr_array, the border as numpy arrays. Collective."""
         if not hasattr(self.K, "getValuesCSR"):
             return self
         comm = self.K.getComm().tompi4py()
@@ -94,7 +94,7 @@ class Matrices:
 
 
 def matrices_of(disks: Disks, physics: Physics, comm) -> Matrices:
-    """Those of a packing that every rank has read. Collective. Raises InputError where it is not rigid."""
+    """The matrices of a packing that every rank has read. Collective. Raises InputError where it is not rigid."""
     network, law = build_network(disks, comm, physics.prestress), physics.law
     pencil = assemble(network, law, pinned=False)
     particles = np.concatenate(comm.allgather(network.particles))

@@ -1,7 +1,7 @@
-"""Whether a packing is a minimum of its energy: the one place that counts the modes of K, and says how it knows.
+"""Whether a packing is a minimum of its energy: the negative and zero modes of K, and how they were counted.
 
-K is that of `network`, with or without pre-stress, on the displacements. A proof that came with the packing is another
-matter, see `core.minimum`; so are forces that are not balanced, see `core.state`.
+K is that of a `network.Network`, with or without pre-stress, on the displacements. For a proof that a packing's file
+records see `core.minimum`, for unbalanced forces `core.state`.
 """
 
 from jampetsc.core.laws import UNDAMPED
@@ -29,9 +29,9 @@ def count_modes(network: Network) -> Inertia:
 
 
 def negative_modes(network: Network) -> tuple[int, str]:
-    """Number of negative eigenvalues of K, and how it is known. Collective; needs the real build.
+    """(number of negative eigenvalues of K, how it is known). Collective; needs the real build.
 
-    None when Cholesky's factorisation of K succeeds and proves it, otherwise counted by inertia. Raises as
+    It is 0 if the Cholesky factorisation of K succeeds and proves it; otherwise they are counted by inertia. Raises as
     `count_modes`.
     """
     pencil = assemble(network, UNDAMPED)

@@ -22,7 +22,7 @@ from jampetsc.petsc.session import current
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Load-bearing contacts between n disks (rattlers left out), this rank's share.
+    """Load-bearing contacts between n disks (rattlers left out), those of this rank.
 
     Disks are renumbered 0 … n−1 along the curve; this rank owns first … last−1. `contacts` has an entry for
     each contact of an owned disk, seen from that disk (its i is owned), ordered by i.

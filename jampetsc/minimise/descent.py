@@ -1,4 +1,4 @@
-"""A packing on its way down: the list of its pairs, its moves since, and what L-BFGS remembers over many lists."""
+"""State of a minimisation: the pair list, the moves since it was made, and the memory of L-BFGS, kept between lists."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from jampetsc.minimise.lbfgs import CONVERGED, STALE, Task, descend
 from jampetsc.minimise.lbfgs_kernels import Space
 
 MEMORY = 5  # pairs (s, y) that are kept
-STEPS = 2000  # evaluations between two looks at the skin
+STEPS = 2000  # evaluations between two adjustments of the skin
 REACH = 0.1  # no disk moves farther in one step, in units of d
 FIRST = 0.1  # first step, in units of force / contact stiffness
 
@@ -81,11 +81,11 @@ class Descent(ListedDisks):
         return self.reference.area * float(np.exp(2.0 * self.box[0]))
 
     def bonds(self) -> Bonds:
-        """The listed pairs as they are now."""
+        """The bonds of the listed pairs in the present state."""
         return Bonds.of(self.pairs, self.potential, self.offsets, *self.box)
 
     def move(self, moves, strain):
-        """Move the disks from where they are by (N, 2), and then the cell with them by a small (ε, g)."""
+        """Move the disks by (N, 2), then deform the cell with them by a small strain (ε, g)."""
         growth, shear = np.exp(-self.box[0]), self.box[1]
         self.offsets[:, 0] += growth * (moves[:, 0] - shear * moves[:, 1])
         self.offsets[:, 1] += growth * moves[:, 1]
@@ -95,18 +95,18 @@ class Descent(ListedDisks):
         self._remembered = (0, 0)
 
     def usual_overlap(self, pressure: float | None = None) -> float:
-        """Overlap of a contact that carries a typical force, 2 p d, at the pressure held or about the right one."""
+        """Overlap of a contact of the typical force 2 p d, p the given pressure, the target's, or else 1e-3 k."""
         law, d = self.potential, self.diameter
         scale = float(law.scale(np.array(d)))
         pressure = pressure or self.goal.pressure or 1e-3 * law.k / scale**2
         return scale * (2.0 * pressure * d * scale / law.k) ** (1.0 / (law.alpha - 1.0))
 
     def usual_stiffness(self, pressure: float | None = None) -> float:
-        """Stiffness of such a contact."""
+        """Stiffness of a contact of `usual_overlap`."""
         return float(self.potential.contact_stiffness(self.usual_overlap(pressure), self.diameter))
 
     def stiffest(self):
-        """Stiffness of the stiffest contact there is, or that the target pressure makes."""
+        """Largest contact stiffness: of the present contacts, or of one of `usual_overlap`."""
         pairs = self.domains.pairs
         depth = np.full_like(pairs.sigma, self.usual_overlap())
         if self.potential.alpha > 2.0:
@@ -114,7 +114,7 @@ class Descent(ListedDisks):
         return np.max(self.potential.contact_stiffness(depth, pairs.sigma), initial=1e-300)
 
     def descend(self, force: float, box_force: float, evaluations: int) -> bool:
-        """L-BFGS until max |F| ≤ force and |∂H/∂ε|, |∂H/∂g| ≤ box_force; whether `evaluations` sufficed."""
+        """L-BFGS until max |F| ≤ force and |∂H/∂ε|, |∂H/∂g| ≤ box_force; False if `evaluations` did not suffice."""
         budget = self.evaluations + evaluations
         while True:
             task = self.task(force, box_force, min(STEPS, budget - self.evaluations))
@@ -126,7 +126,7 @@ class Descent(ListedDisks):
                 return status == CONVERGED
 
     def served(self, steps: int, stale: bool):
-        """Count the evaluations of a list; make a new one where it is stale, or its skin was ill chosen.
+        """Count the evaluations made with a list; make a new list if it is stale or its skin is badly chosen.
 
         Raises ConvergenceError where coordinates are no longer numbers.
         """
@@ -140,7 +140,7 @@ class Descent(ListedDisks):
             self.fold()
 
     def task(self, force: float, box_force: float, steps: int) -> Task:
-        """What compiled steps from here are to do."""
+        """The arguments of the next compiled steps."""
         return Task(
             law=self.potential.constants,
             moving=self.goal.moving,

@@ -1,7 +1,7 @@
 """FIRE: damped dynamics, for the first relaxation of a random start in its cell.
 
-A random start is far from any minimum, and the way down decides which ones are found: from L-BFGS, with its long
-steps, packings come out denser (φ + 0.0004 at p = 1e-4, N = 1024) than from motion that follows the forces.
+A random start is far from any minimum, and the path decides which minimum is found: L-BFGS, with its long steps, gives
+denser packings (φ + 0.0004 at p = 1e-4, N = 1024) than motion that follows the forces.
 
 Bitzek et al., PRL 97, 170201 (2006), in the form of Guénolé et al., Comput. Mater. Sci. 175, 109584 (2020).
 """
@@ -21,11 +21,11 @@ from jampetsc.minimise.lbfgs import CONVERGED, MORE, STALE
 STEP = 0.5  # largest time step, in units of √(m/k): the stiffest mode, ω² ≈ 8–12 k/m, is stable up to 0.6
 DELAY = 20  # steps downhill before the time step grows
 MIXING = 0.1
-SLICE = 2000  # evaluations between two looks at the skin
+SLICE = 2000  # evaluations between two adjustments of the skin
 
 
 class Motion(NamedTuple):
-    """Disks in motion; rows as in `passes.Space`."""
+    """Disks in motion; rows as in `lbfgs_kernels.Space`."""
 
     offsets: np.ndarray  # (N', 2)
     velocities: np.ndarray  # (N', 2)
@@ -120,7 +120,7 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
 
 
 def fall(descent: Descent, force: float, evaluations: int) -> bool:
-    """Move the disks of `descent` in their cell until max |F| ≤ force; whether `evaluations` sufficed."""
+    """Move the disks of `descent` in their cell until max |F| ≤ force; False if `evaluations` did not suffice."""
     shape = descent.space.offsets.shape
     number = descent.domains.number
     motion = Motion(

@@ -49,7 +49,7 @@ class Bonds:
         return replace(self, force=self.force * bearing, stiffness=self.stiffness * bearing)
 
     def squares(self):
-        """M of each bond and what a shear strain does to it: see `forms.squares`."""
+        """M of each bond and its derivatives by a shear strain: see `forms.squares`."""
         weights = np.column_stack((self.stiffness, -self.force / self.distance))
         return squares(linear_forms(self.normal.T, self.r[1]), weights)
 
@@ -71,7 +71,7 @@ def gathered(ends, i, j, n: int):
 class Pattern:
     """Upper triangle, as CSR, of a matrix with a block of order `dofs` for every disk and every listed pair, i < j.
 
-    diagonal    (N, dofs) where in the values the rows' diagonal entries are
+    diagonal    (N, dofs) positions of the rows' diagonal entries in the values
     """
 
     def __init__(self, pairs, n: int, dofs: int = 2):

@@ -6,9 +6,9 @@ F = e^ε [[1, g], [0, 1]] and W = Σ (f/r) r rᵀ,
 
     ∂H/∂o = −Fᵀ f,    ∂H/∂ε = −(W_xx + W_yy − 2 p V),    ∂H/∂g = −W_xy,    H = U + p V.
 
-The direction is that of the two-loop recursion (Nocedal, Math. Comput. 35, 773 (1980)), carried out on the inner
-products alone, which `passes` over the disks take: one sum over all disks for each of two passes per step. No
-energies: slopes stay accurate down to the rounding of forces, differences of energies do not.
+The direction is that of the two-loop recursion (Nocedal, Math. Comput. 35, 773 (1980)), carried out on inner products
+alone, which the loops of `lbfgs_kernels` sum over all disks, in two passes per step. Energies are not used: slopes stay
+accurate down to the rounding of forces, differences of energies do not.
 """
 
 from typing import NamedTuple
@@ -29,7 +29,7 @@ MORE, CONVERGED, STALE = range(3)
 
 
 class Task(NamedTuple):
-    """What is sought, and where to stop."""
+    """The potential, what moves, and when to stop."""
 
     law: tuple  # `Potential.constants`
     moving: tuple  # (bool, bool): which of ε and g move
@@ -69,9 +69,9 @@ def _collect(space, task, total, box_gradient):
 
 @compiled(False)
 def _direction(total, products, count, head, memory, softness, coefficients):
-    """Coefficients of the direction, for the pairs' rows and last for the gradient.
+    """Fill in the coefficients of the direction, of the rows of the pairs and last of the gradient.
 
-    Returns its slope, and how many pairs are remembered: none any more if they led uphill.
+    Returns its slope, and the number of pairs to keep: none if they led uphill.
     """
     rows = 2 * memory
     sy, yy = products[0], products[1]
@@ -125,8 +125,8 @@ def _adjust_box(box, move, ratio, scale):
 def descend(me, threads, counter, domains, space, task, count, head):
     """Steps of L-BFGS by thread `me` of `threads`, until the forces are small, the list stale, or `steps` are done.
 
-    counter: for `meet`. count, head: how many pairs are remembered, and where the next one goes. Every thread
-    decides everything from the same numbers. Returns (status, evaluations, count, head).
+    counter: for `meet`. count, head: how many pairs are remembered, and where the next one goes. Every thread makes the
+    same decisions from the same numbers. Returns (status, evaluations, count, head).
     """
     rows = len(space.box_pairs)
     memory = rows // 2

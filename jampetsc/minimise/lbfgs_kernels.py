@@ -1,8 +1,8 @@
-"""What L-BFGS does to the disks of one domain: the compiled passes over coordinates, forces and remembered pairs.
+"""Compiled loops of L-BFGS over the disks of one domain: over coordinates, forces and the pairs (s, y) of the memory.
 
-Two per step: one makes the direction of the remembered pairs and moves, another one, after the forces, stores the
-change of the gradient and takes the products of all pairs with the new one. Work goes on by chunks of GRAIN disks,
-whose rows of all pairs lie together in memory.
+Two passes per step: one forms the direction from the pairs and moves the disks; the other, after the forces, stores the
+change of the gradient and takes its products with all pairs. Disks are worked on in chunks of GRAIN, whose rows of all
+pairs lie together in memory.
 
 The pairs are kept in single precision; a stored s is exactly the move that was made.
 """
@@ -18,7 +18,7 @@ CHUNK = 2 * GRAIN  # coordinates worked on at a time
 
 
 class Space(NamedTuple):
-    """Where the minimisation is, and what it remembers; rows are padded to N' = a multiple of GRAIN disks."""
+    """State and memory of a minimisation; rows are padded to N' = a multiple of GRAIN disks."""
 
     offsets: np.ndarray  # (N', 2)
     box: np.ndarray  # (2,) ε and g
@@ -26,7 +26,7 @@ class Space(NamedTuple):
     pairs: np.ndarray  # (N'/GRAIN · 2m · CHUNK,) float32: per chunk the rows s_0, y_0, s_1, y_1, …
     box_pairs: np.ndarray  # (2m, 2) their parts that belong to ε and g
     products: np.ndarray  # (2, m, m): s_a · y_b for a no newer than b; y_a · y_b
-    sums: np.ndarray  # (D, 2m + 6) each domain's share of the sums over disks
+    sums: np.ndarray  # (D, 2m + 6) each domain's part of the sums over disks
     reaches: np.ndarray  # (D, 3) each domain's longest move and offset
 
 
@@ -40,8 +40,7 @@ def _dot(a, b):
 
 @compiled(FAST, forceinline=True)
 def _square(f, peaks):
-    """f · f; peaks ← max(peaks, |f|) place by place, which compilers turn into wide instructions and a single
-    maximum not."""
+    """f · f; peaks ← max(peaks, |f|) element by element, which compilers vectorise, unlike a single maximum."""
     total = 0.0
     for q in range(len(f)):
         total += f[q] * f[q]
@@ -91,7 +90,7 @@ def _move(direction, s, o):
 
 @compiled(FAST)
 def _rescale(ratio, s, o):
-    """The last move s made longer by `ratio`, in s and in o; returns max |o|."""
+    """Multiply the last move s by `ratio`, in s and in o; returns max |o|."""
     far = 0.0
     for q in range(len(o)):
         old = np.float64(s[q])
@@ -113,7 +112,7 @@ def _shear(f, growth, shear):
 
 @compiled(FAST, forceinline=True)
 def measure(domains, d, space, task, factors, now, slot, room):
-    """Forces of domain d, the change of its gradient into pair `slot` (unless −1), and its share of all sums.
+    """Forces of domain d, the change of its gradient as y of pair `slot` (unless −1), and its part of all sums.
 
     room: see `block_room`.
     """
@@ -177,7 +176,7 @@ def step(domains, d, space, now, factor, coefficients, head, room):
 
 @compiled(FAST)
 def adjust(domains, d, space, ratio, head):
-    """The last move, the s of pair `head`, made longer by `ratio` for the disks of domain d; returns max |o|."""
+    """Multiply the last move, the s of pair `head`, by `ratio` for the disks of domain d; returns max |o|."""
     rows = len(space.box_pairs)
     o = space.offsets.reshape(-1)
     far = 0.0

@@ -1,8 +1,8 @@
-"""A Hessian's factor for many small solves: L D Lᵀ of 2×2 blocks, one for each disk and contact, compiled.
+"""L D Lᵀ of a Hessian by 2×2 blocks, one for each disk and contact, compiled: a factor for many small solves.
 
-Up to N ~ 1e5, where dense blocks of a library begin to pay; at some thousands its call and analysis cost more than the
-work. Disks are eliminated in an order that the caller gives. Row k of L follows from the rows before it: with
-W_j = L_kj D_j,
+It pays up to N ~ 1e5, from where a library's dense blocks are faster; at some thousand disks the call and the analysis
+of a library cost more than the work. The caller gives the order of elimination. Row k of L follows from the rows before
+it: with W_j = L_kj D_j,
 
     W_j = A_kj − Σ_{i<j} W_i L_jiᵀ,    L_kj = W_j D_j⁻¹,    D_k = A_kk − Σ_j L_kj W_jᵀ,
 
@@ -65,8 +65,8 @@ def _tree(start, column):
 def factorise(order, i, j, blocks, chosen, shift):
     """L D Lᵀ of Σ blocks (u_j − u_i)² + Σ shift u², blocks (M, 2, 2) of the chosen pairs (M,), shift (N,), in `order`.
 
-    The blocks are symmetric. Returns (definite, factor), the latter (order, begin (N + 1,), row (nonzeros,), L, and
-    after it D⁻¹ (nonzeros + N, 4)): four arrays, as longer tuples take numba long to look at.
+    The blocks are symmetric. Returns (definite, factor): factor is (order, begin (N + 1,), row (nonzeros,), L followed
+    by D⁻¹ (nonzeros + N, 4)), four arrays only, since numba takes long to inspect longer tuples.
     """
     start, column, pair = rows_below(order, i, j, chosen)
     n = len(order)

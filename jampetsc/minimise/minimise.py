@@ -1,8 +1,8 @@
 """Minimise in this cell, or at this pressure: from any disks to a proved minimum of the energy or the enthalpy.
 
-L-BFGS first; it follows the cascade of rearrangements that a quench is, cheaply, and does not need the contacts to be
-those of the minimum. Newton's method then takes a few steps; where it does not get there, contacts still change,
-and L-BFGS goes on to a tenth of the forces. What has converged is proved a minimum, or is a saddle and is left.
+L-BFGS comes first: it follows the rearrangements of a quench cheaply, and does not need the contacts of the minimum.
+Newton's method then takes a few steps; if it does not converge, contacts still change, and L-BFGS goes on to a tenth of
+the forces. What has converged is proved a minimum; if it is a saddle, it is left along a mode of negative curvature.
 """
 
 from dataclasses import dataclass, field
@@ -18,17 +18,17 @@ from jampetsc.minimise.fire import fall
 from jampetsc.minimise.newton import Limits, Newton, Point
 
 HANDOVER = 1e-5  # max |F| / (p d) at which Newton's method is tried first
-EVALUATIONS = 20_000_000  # of the forces, before a minimisation is given up
+EVALUATIONS = 20_000_000  # force evaluations after which a minimisation is given up
 SLICE = 20_000  # evaluations between two reports
-SETTLING = 20_000  # evaluations for a random start, at most
-SADDLES = 20  # to leave before it is given up, or disks are shaken
-SHAKEN = 0.02  # how far disks move in the first, in units of d; twice as far in the next
+SETTLING = 20_000  # most evaluations for the first relaxation of a random start
+SADDLES = 20  # saddles left before the minimisation is given up or disks are shaken
+SHAKEN = 0.02  # how far disks move in the first shake, in units of d; twice as far in each next one
 UNJAMMED = 1e-11  # pressure in units of k below which disks in a fixed cell do not touch
 
 
 @dataclass
 class Effort:
-    """What minimising has cost so far; `report` is called with it now and then."""
+    """Cost of a minimisation so far; `report` is called with it after every slice."""
 
     evaluations: int = 0
     newton_steps: int = 0  # factorisations
@@ -41,18 +41,18 @@ class Effort:
 
 @dataclass(frozen=True)
 class Minimum:
-    """What `minimise` has found; its disks carry the proof in their record."""
+    """A result of `minimise`; the record of its disks holds the proof."""
 
     disks: Disks
     jammed: bool  # False: no two disks touch, so the energy is zero and nothing is proved
     pressure: float
     max_force: float  # over all disks, rattlers too
-    limit: str  # what ended it: "tolerance", or "rounding" where that is larger
+    limit: str  # what limits the forces: "tolerance", or "rounding" where that is larger
     modulus: float  # G₀ at fixed area, of the load-bearing contacts
 
 
 def settle(disks: Disks, force: float, *, team: Team | None = None, effort: Effort | None = None) -> Disks:
-    """Random disks after a first relaxation in their cell to max |F| ≤ force, or SETTLING evaluations."""
+    """Random disks after a first relaxation in their cell, to max |F| ≤ force or for SETTLING evaluations."""
     descent, effort = Descent(disks, Goal(), team or Team()), effort or Effort()
     fall(descent, force, SETTLING)
     effort.evaluations += descent.evaluations
@@ -62,11 +62,11 @@ def settle(disks: Disks, force: float, *, team: Team | None = None, effort: Effo
 def relax(disks: Disks, goal: Goal, force: float, *, team: Team | None = None, effort: Effort | None = None):
     """Disks after L-BFGS to max |F| ≤ force and, where the cell moves, |Δp| ≤ force / d; not a minimum yet.
 
-    Raises ConvergenceError if that takes too long.
+    Raises ConvergenceError after EVALUATIONS.
     """
     descent, effort = Descent(disks, goal, team or Team()), effort or Effort()
-    way = _Way(descent, effort)
-    while not way.down_to(force):
+    quench = _Quench(descent, effort)
+    while not quench.down_to(force):
         pass
     return descent.disks
 
@@ -85,24 +85,25 @@ def minimise(
 
     goal       what is held fixed
     solver     Cholesky factorisations of the Hessian, see `newton`
-    tolerance  max |F| ≤ tolerance · p d over all disks, |Δp| and, where the cell shears, |σ_xy| ≤ tolerance · p; but
-               no less than rounding leaves of them
-    shakes     how often disks may be shaken, each time farther, where no minimum is reached: it then is another one
-    effort     counts what it costs
+    tolerance  max |F| ≤ tolerance · p d over all disks, |Δp| and, where the cell shears, |σ_xy| ≤ tolerance · p; or
+               what rounding leaves of them, if that is more
+    shakes     how often disks may be shaken, each time farther, if no minimum is reached; they then reach another one
+    team       threads to use
+    effort     counts the cost
 
     Every minimum is proved by a Cholesky factorisation of its Hessian (see `newton`). In a fixed cell disks may come
     apart: then `jammed` is False. Raises ConvergenceError where no minimum is reached.
     """
     descent, effort = Descent(disks, goal, team or Team()), effort or Effort()
-    way, newton = _Way(descent, effort), Newton(descent, solver, effort)
+    quench, newton = _Quench(descent, effort), Newton(descent, solver, effort)
     limits = Limits(descent, tolerance)
     fraction = HANDOVER
     while True:
-        pressure = way.down_to_fraction(fraction, limits)
+        pressure = quench.down_to_fraction(fraction, limits)
         if goal.pressure is None and pressure < UNJAMMED * stress_unit(disks):
             return Minimum(descent.disks, False, pressure, Point.of(descent).residual.force, "tolerance", 0.0)
         if newton.converge(limits):
-            descent.fold()  # the proof is of the disks that are returned, to the last bit
+            descent.fold()  # so that the proof is of the disks that are returned, to the last bit
             point, modulus = Point.of(descent), newton.prove()
             if modulus is None and effort.saddles < SADDLES * (effort.shakes + 1) and newton.leave_saddle():
                 effort.saddles += 1
@@ -122,7 +123,7 @@ def minimise(
             fraction *= 0.1
             continue
         if effort.shakes == shakes:
-            raise way.lost(pressure)
+            raise quench.failure(pressure)
         shake(descent, SHAKEN * 2.0**effort.shakes * descent.diameter)
         effort.shakes += 1
         fraction = HANDOVER
@@ -131,8 +132,9 @@ def minimise(
 def shake(descent: Descent, reach: float):
     """Move every disk by up to `reach` in x and in y.
 
-    Out of a minimum, for one, in which a contact of less than `force_threshold` holds a disk between two others. As a
-    rattler that disk is left out of the proof, with what the others press on it, and a mode is left that nothing holds.
+    This leaves, for instance, a minimum in which a contact of less than `force_threshold` keeps a disk between two
+    others: that disk counts as a rattler, so that the proof leaves it and its contacts out, and finds a mode without
+    stiffness.
     """
     moves = np.random.default_rng(descent.n).uniform(-reach, reach, (descent.n, 2))
     descent.move(moves, np.zeros(2))
@@ -143,7 +145,7 @@ def stress_unit(disks: Disks) -> float:
     return float(disks.potential.k) / float(disks.potential.scale(np.array(2.0 * np.mean(disks.radii)))) ** 2
 
 
-class _Way:
+class _Quench:
     """L-BFGS in slices, counted and reported."""
 
     def __init__(self, descent: Descent, effort: Effort):
@@ -151,18 +153,18 @@ class _Way:
         self._before = effort.evaluations - descent.evaluations
 
     def down_to(self, force: float) -> bool:
-        """One slice; whether it got there. Raises ConvergenceError when all of them have been too few."""
+        """One slice; whether max |F| ≤ force is reached. Raises ConvergenceError after EVALUATIONS."""
         descent, effort = self.descent, self.effort
         box_force = 2.0 * descent.area * force / descent.diameter
         there = descent.descend(force, box_force, SLICE)
         effort.evaluations = self._before + descent.evaluations
         effort.report(effort)
         if not there and descent.evaluations > EVALUATIONS:
-            raise self.lost(Point.of(descent).pressure)
+            raise self.failure(Point.of(descent).pressure)
         return there
 
     def down_to_fraction(self, fraction: float, limits: Limits) -> float:
-        """Down to max |F| = fraction · p d, or to rounding; p, which in a fixed cell falls on the way."""
+        """Down to max |F| = fraction · p d, or to rounding; p, which in a fixed cell decreases meanwhile."""
         descent = self.descent
         force = np.inf
         while True:
@@ -178,8 +180,8 @@ class _Way:
             if self.down_to(wanted):
                 force = wanted
 
-    def lost(self, pressure: float) -> ConvergenceError:
-        """That no minimum was reached."""
+    def failure(self, pressure: float) -> ConvergenceError:
+        """The error to raise where no minimum is reached."""
         force = Point.of(self.descent).residual.force
         return ConvergenceError(
             f"no minimum after {self.effort.evaluations} force evaluations and {self.effort.saddles} saddles: "

@@ -1,16 +1,16 @@
 """The last digits of a minimisation: damped Newton steps with the exact Hessian, disks and cell together.
 
-One solves (K + μ) u = F with μ ≪ the softest stiffness, p, but > 0, so that rattlers, which nothing holds, need no
-treatment of their own; the cell is eliminated by its Schur complement. A converged packing is then proved a minimum:
-the Cholesky factorisation of K without μ and without rattlers, one disk pinned against translations, succeeds and
-leaves the cell a positive Schur complement. Where it does not, the packing is a saddle, and is left along a mode of
-negative curvature. All of this on one pattern while the list of pairs stands: it is analysed once.
+A step solves (K + μ) u = F with μ > 0, much smaller than the softest stiffness, p, so that rattlers, which no contact
+holds, need no special treatment; the cell is eliminated by its Schur complement. A converged packing is proved a
+minimum if the Cholesky factorisation of K without μ and without rattlers, one disk pinned against translations,
+succeeds and the Schur complement of the cell is positive. Otherwise it is a saddle, and is left along a mode of
+negative curvature. The pattern of K is analysed once for each pair list.
 
 The factorisation is passed in (`solver`), so that this package needs no PETSc:
 
     solver.factorise(indptr, indices, values) -> bool    upper triangle as CSR; False if not positive definite
     solver.solve(b) -> x
-    solver.order(n, i, j) -> disks as `ldl` is to eliminate them, of whom the pairs i, j are neighbours
+    solver.order(n, i, j) -> order in which `ldl` is to eliminate the n disks; pairs i, j are neighbours
 """
 
 from dataclasses import dataclass, replace
@@ -22,17 +22,17 @@ from jampetsc.core.state import both_ends, find_rattlers, force_threshold, viria
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.hessian import Bonds, Pattern, border
 
-STEPS = 12  # a few are enough once the contacts are those of the minimum; else the descent should go on
+STEPS = 12  # at most; a few are enough once the contacts are those of the minimum, else L-BFGS should go on
 DAMPING = 1e-3  # first μ, in units of p
 DAMPING_RAISED = 4e-4  # at least, after a negative mode
 DAMPING_LEAST = 1e-4  # where max |F| > NEAR p d
 NEAR = 1e-3
-BEND = 1e-5  # max |F| / (p d) below which slopes are near rounding, and full steps as good
+BEND = 1e-5  # max |F| / (p d) below which slopes are near rounding, and full steps are taken
 REACH = 0.1  # no disk moves farther in one step, in units of d
 RAISES = 60  # of μ, fourfold each, before a Hessian is given up
 FLAT = 0.3  # slope at the end of a search, as a share of that at its beginning
 TRIES = 12  # points of a search
-ITERATIONS = 50  # for a negative mode
+ITERATIONS = 50  # at most, to find a negative mode
 FORCE_FLOOR = 3e-15  # in units of k d
 STRESS_FLOOR = 4e-16  # in units of k/√N
 
@@ -74,7 +74,7 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """What a packing is like at one point of its way."""
+    """Bonds, pressure and forces of a packing during a minimisation."""
 
     goal: Goal
     bonds: Bonds
@@ -86,7 +86,7 @@ class Point:
 
     @classmethod
     def of(cls, descent: Descent) -> "Point":
-        """The point where `descent` is now."""
+        """The present point of `descent`."""
         n, area, goal = descent.n, descent.area, descent.goal
         bonds = descent.bonds()
         pressure = virial_pressure(bonds.force, bonds.distance, area)
@@ -109,10 +109,10 @@ class Point:
         move, strain = step
         return float(np.vdot(self.forces, move) + np.dot(self.drive, strain))
 
-    def held(self, disks):
-        """The point with its load-bearing contacts alone, and the mask (N,) of the disks they hold, but for one.
+    def load_bearing(self, disks):
+        """(the point with its load-bearing contacts alone, mask (N,) of the disks they hold).
 
-        That one is pinned against translations; rattlers are not held.
+        One of these disks is left out of the mask, to be pinned against translations.
         """
         i, j = self.bonds.pairs.i, self.bonds.pairs.j
         bears = self.bonds.force > force_threshold(disks, self.pressure)
@@ -179,7 +179,7 @@ class Newton:
         return linear, mu
 
     def converge(self, limits: Limits) -> bool:
-        """Steps until the residual is what `limits` ask for, or rounding stops them, at most STEPS; whether it is."""
+        """Up to STEPS steps, until the residual is within `limits` or rounding stops it; whether it is within them."""
         d = self.descent.diameter
         free = np.ones(self.descent.n, bool)
         point = Point.of(self.descent)
@@ -214,9 +214,9 @@ class Newton:
         return Point.of(self.descent)
 
     def _search(self, start, step, length):
-        """Go along a step until the slope is small, or all of it if that is downhill to its end.
+        """Line search along a step for a small slope; the whole step if it is downhill to its end.
 
-        Returns how far, and the point there.
+        Returns (length, point there).
         """
         pull = start.along(step)
         point = self._go(step, length)
@@ -237,15 +237,15 @@ class Newton:
         return length, point
 
     def prove(self):
-        """G₀ of the load-bearing contacts if they alone make this a minimum, else None."""
-        point, held = Point.of(self.descent).held(self.descent.disks)
+        """G₀ of the load-bearing contacts if they are proved to make this a minimum, else None."""
+        point, held = Point.of(self.descent).load_bearing(self.descent.disks)
         linear = self._linear(point, held, 0.0)
         return linear.modulus if linear.definite else None
 
     def leave_saddle(self) -> bool:
-        """Go down along a mode of negative curvature, to where it is steepest; False if none is found."""
+        """Go down along a mode of negative curvature, to where the slope is steepest; False if none is found."""
         descent = self.descent
-        point, held = Point.of(descent).held(descent.disks)
+        point, held = Point.of(descent).load_bearing(descent.disks)
         mode = self._negative_mode(point, held) if held.any() else None
         if mode is None:
             return False
@@ -269,7 +269,7 @@ class Newton:
         return True
 
     def _pull_at(self, mode, way):
-        """How strongly the packing is driven on along `mode` once it has gone that way."""
+        """Force along `mode`, in the direction of `way`, after a move by way · mode."""
         pull = np.sign(way) * self._go(mode, way).along(mode)
         self._go(mode, -way)
         return pull
@@ -293,6 +293,6 @@ class Newton:
 
 
 def flat_between(lower, upper) -> float:
-    """Where between two (length, slope) the slope may vanish, by the secant; a tenth of the way or more from both."""
+    """Length between two (length, slope) where the slope may vanish, by the secant, at least a tenth from each end."""
     share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
     return lower[0] + share * (upper[0] - lower[0])

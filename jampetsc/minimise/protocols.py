@@ -14,7 +14,7 @@ from jampetsc.errors import InputError
 from jampetsc.minimise.descent import Goal
 from jampetsc.minimise.minimise import Effort, Minimum, minimise, relax, settle, stress_unit
 
-FIRST = 1e-3  # pressure in units of k from which a random start goes down decade by decade
+FIRST = 1e-3  # pressure in units of k from which a random start is decompressed decade by decade
 LOOSE = 1e-2  # max |F| / (p d) to which the packings on the way are quenched
 SHAKES = 4  # of a packing for which no minimum is found, before that is an error
 TOUCHING = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cell
@@ -22,7 +22,7 @@ TOUCHING = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cel
 
 @dataclass(frozen=True)
 class Target:
-    """What the packing must fulfil: a pressure or a packing fraction, and how exactly."""
+    """The pressure or packing fraction that a packing must have, and how exactly."""
 
     pressure: float | None = None
     phi: float | None = None
@@ -35,7 +35,7 @@ def _generator(seed):
 
 
 def start_phi(pressure: float) -> float:
-    """Packing fraction to start from for a pressure in units of k: near where it will end, a little above.
+    """Packing fraction to start from for a pressure in units of k: a little above the final one.
 
     A packing remembers the densest state it was quenched in: coming from p = 1e-2 raises φ at 1e-4 by 0.002.
     """
@@ -62,7 +62,7 @@ def random_start(radii, phi: float, seed: int, potential: Potential, separated: 
 
 
 def changed(disks: Disks, target: Target) -> Disks:
-    """The disks to begin with where a packing is changed, compressed evenly to the φ of a target if it has one.
+    """The disks from which another packing is made: compressed evenly to the φ of the target, if it has one.
 
     Raises InputError where no disks touch, so that there is no pressure to change.
     """

@@ -1,4 +1,4 @@
-"""Sizes of disks: distributions of mean diameter 1, and radii of one's own."""
+"""Sizes of disks: distributions of mean diameter 1, and radii that the user gives."""
 
 import hashlib
 import warnings
@@ -31,12 +31,12 @@ def in_small_diameters(radii):
 
 @dataclass(frozen=True, eq=False)
 class Radii:
-    """Radii of one's own.
+    """Radii that the user gives.
 
     values   (N,), positive
     path     the file that they were read from, None for an array
 
-    Raises InputError for what is no radii.
+    Raises InputError for values that cannot be radii.
     """
 
     values: np.ndarray
@@ -60,7 +60,7 @@ class Radii:
 
     @classmethod
     def read(cls, path) -> "Radii":
-        """Those in a text file, one number per line. Raises InputError."""
+        """Radii from a text file, one number per line. Raises InputError."""
         try:
             with open_regular(path) as file, warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # of an empty file, which has too few
@@ -77,8 +77,8 @@ class Radii:
         return self.path or named("radii")
 
     @property
-    def told(self) -> str:
-        """What a file says about them."""
+    def text(self) -> str:
+        """Their description in files."""
         if self.path:
             return f"radii of {Path(self.path).name}"
         return f"radii with sha256 {hashlib.sha256(self.values.tobytes()).hexdigest()[:16]}"
@@ -96,6 +96,6 @@ def radii_asked(n: int | None, sizes: str | None, radii: Radii | None):
     return radii.values
 
 
-def sizes_told(sizes: str | None, radii: Radii | None) -> str:
-    """What a file says about the sizes of the disks."""
-    return sizes or SIZES[0] if radii is None else radii.told
+def sizes_text(sizes: str | None, radii: Radii | None) -> str:
+    """Description of the sizes of the disks in files."""
+    return sizes or SIZES[0] if radii is None else radii.text

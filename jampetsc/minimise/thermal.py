@@ -1,7 +1,7 @@
 """Disks at a temperature: Metropolis Monte Carlo moves of one disk at a time, and slow cooling.
 
-A move of a disk chosen at random, by up to `reach` in x and in y, is taken with probability min(1, e^(−ΔU/T)); so
-states come with the Boltzmann weight e^(−U/T) as long as `reach` is left alone (Metropolis et al., J. Chem. Phys. 21,
+A move of a disk chosen at random, by up to `reach` in x and in y, is accepted with probability min(1, e^(−ΔU/T));
+states then have the Boltzmann weight e^(−U/T), as long as `reach` is not changed (Metropolis et al., J. Chem. Phys. 21,
 1087 (1953)). T is in units of energy (k_B = 1). One sweep is N moves.
 """
 
@@ -17,7 +17,7 @@ from jampetsc.core.state import both_ends
 
 SKIN = 0.5  # of the pair list, in mean diameters
 LONGEST = 0.25  # reach, in skins: a move from a new list never makes it stale
-ACCEPTED = 0.4  # share of moves that is aimed at where `reach` is tuned
+ACCEPTED = 0.4  # acceptance rate that tuning `reach` aims at
 COLD = 1e-8  # temperature in units of k at which cooling ends: overlaps are then a tenth of a per mille of σ
 
 
@@ -72,9 +72,9 @@ def _moves(around, law, o, temperature, reach, stale, draws):
 
 
 class Thermal(ListedDisks):
-    """N disks in a fixed cell that move at random; the generator decides how.
+    """N disks in a fixed cell that make Monte Carlo moves, with random numbers from a generator.
 
-    `reach` may be set; `sweep(…, tune=True)` keeps the share of moves that are taken near ACCEPTED.
+    `reach` may be set; `sweep(…, tune=True)` keeps the acceptance rate near ACCEPTED.
     """
 
     def __init__(self, disks: Disks, generator):
@@ -88,7 +88,7 @@ class Thermal(ListedDisks):
         self._around = Around.of(self.pairs, disks.n)
 
     def sweep(self, temperature: float, tune: bool = False) -> float:
-        """One sweep at this temperature; the share of moves that were taken."""
+        """One sweep at this temperature; returns the acceptance rate."""
         left = self.generator.random((len(self.offsets), 4))
         law, taken = self.reference.potential.constants, 0
         while len(left):

@@ -1,8 +1,8 @@
-"""A minimum that moves a little is followed: L-BFGS on top of a Hessian's factor that is some steps old, compiled.
+"""Follows a minimum that moves a little: L-BFGS preconditioned by a factor of the Hessian some steps old, compiled.
 
-While contacts stay, the response is linear and the factor's inverse leads to the minimum at once; a few contacts that
-open or close are what the pairs (s, y) of L-BFGS are for. (Nocedal & Wright, Numerical Optimization, alg. 7.4, with
-H₀ the inverse of the factor.) For disks in a cell of fixed shape; moves are in the laboratory.
+While contacts stay, the response is linear and one solve with the factor leads to the minimum; the pairs (s, y) of
+L-BFGS account for the few contacts that open or close (Nocedal & Wright, Numerical Optimization, alg. 7.4, with H₀ the
+inverse of the factor). For disks in a cell of fixed shape; moves are in the laboratory frame.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from jampetsc.core.pairs import is_stale
 from jampetsc.minimise.ldl import factorise, solve
 
 MEMORY = 8  # pairs (s, y)
-OVERSHOT = 0.5  # slope at the end of a step, against it, as a share of that at its beginning: too far
+OVERSHOT = 0.5  # a step is too long if the slope at its end is against it by more than this part of that at its start
 TRIES = 8  # of a step that goes too far
 CONVERGED, STALE, SPENT, APART, LOST = range(5)
 
@@ -22,16 +22,16 @@ NO_FACTOR = np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint3
 
 
 def nothing_remembered(n: int):
-    """(s and y (2, MEMORY, 2N), s · y (MEMORY,), (how many, where the next one goes), where to work (4, 2N))."""
+    """An empty memory: (s and y (2, MEMORY, 2N), s · y (MEMORY,), [number of pairs, next place], work (4, 2N))."""
     return np.zeros((2, MEMORY, 2 * n)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, 2 * n))
 
 
 @compiled(FAST)
 def springs(pairs, o, g, law, nearby, stress):
-    """Blocks k n nᵀ − (f/r) t tᵀ (M, 2, 2) of the pairs at offsets o and shear g, and which of them there are, (M,).
+    """(blocks k n nᵀ − (f/r) t tᵀ (M, 2, 2) of the pairs at offsets o and shear g, mask (M,) of those that count).
 
-    A pair that is open by less than `nearby` has half the stiffness that it would have when closed by as much: a move
-    that closes it is then not taken for one that costs nothing. With stress = 0 the blocks have no f.
+    A pair with a gap below `nearby` counts with half the stiffness that it has at an overlap of `nearby`, so that a
+    move that closes it has a cost. With stress = 0 the blocks are without f.
     """
     i, j, r0, sigma = pairs
     alpha = 2.5 if law[1] else 2.0
@@ -68,10 +68,10 @@ def held_by(pairs, chosen, n):
 
 @compiled(False)
 def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
-    """A factor of the Hessian with `damping` on its diagonal; without pre-stress where it is not definite with it.
+    """A factor of the Hessian with `damping` on its diagonal; without pre-stress if it is not definite with it.
 
-    A disk with fewer than three contacts is held as if by one more, of this stiffness: else it would go far at the
-    touch of another.
+    A disk with fewer than three contacts gets this `stiffness` on its diagonal, too: otherwise it would move far when
+    another one touches it.
     """
     n = len(o)
     shift = np.empty(n)
@@ -88,7 +88,7 @@ def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
 
 @compiled(FAST)
 def _go(o, moved, d, length, g):
-    """Move by length · d in the laboratory; returns max |o|."""
+    """Move by length · d in the laboratory frame; returns max |o|."""
     far = 0.0
     for k in range(len(o)):
         dx, dy = length * d[k, 0], length * d[k, 1]
@@ -102,7 +102,7 @@ def _go(o, moved, d, length, g):
 
 @compiled(FAST)
 def moved_on(o, g, way, moved):
-    """Move offsets o by `way` (N, 2) in the laboratory, which is copied into `moved`; returns max |o|."""
+    """Move by `way` (N, 2) in the laboratory frame: change the offsets o, copy it into `moved`; returns max |o|."""
     moved[:] = 0.0
     return _go(o, moved, way, 1.0, g)
 
@@ -157,7 +157,7 @@ def _add_dot(x, c, y, z):
 
 @compiled(FAST)
 def _direction(factor, softness, memory, forces, d, work):
-    """d = H F, (2N,), by the two loops over what is remembered; H₀ without a factor: about `softness`."""
+    """d = H F, (2N,), by the two loops over the memory; without a factor H₀ is a number, at first `softness`."""
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     kept, following = count
@@ -255,10 +255,17 @@ def follow(
 ):
     """Go down from offsets o (N, 2) at shear g of the list to the minimum; returns (status, evaluations, sums).
 
-    One after the other, as tuples of arrays take numba up to 0.1 ms to look at: a `PairList`; scalars = (σ_max, skin,
-    V, g, max |F| / (p d) asked for, force that rounding leaves, pressure at which no two disks touch, d, longest move
-    of a disk in one step, one over the stiffness of a contact, evaluations at most); what `factor_of` and
-    `nothing_remembered` return. What is moved is added to `moved` (N, 2); sums: of `bond_forces`, at the end.
+    Arrays are passed one by one, since numba takes up to 0.1 ms to inspect a tuple of them:
+
+    i, j, r0, sigma                 of a `PairList`
+    scalars                         (σ_max, skin, V, g, max |F| / (p d) asked for, force that rounding leaves, pressure
+                                    below which no disks touch, d, longest move of a disk in one step, 1 / stiffness of
+                                    a contact, most evaluations)
+    order, begin, row, lower        factor of `factor_of`
+    both, product, count, spaces    memory of `nothing_remembered`
+    moved                           (N, 2), to which the moves in the laboratory frame are added
+
+    sums are those of `bond_forces`, at the end.
     """
     largest, skin, area, g, share, floor, apart, diameter, reach, softness, most = scalars
     return _down(

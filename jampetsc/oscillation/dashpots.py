@@ -1,11 +1,12 @@
-"""Damping of the contacts there are: how they move when disks and strain do, and what they push with.
+"""Damping of the current contacts: their relative velocities, from those of disks and strain, and their forces.
 
-The relative velocities of a contact, weighted as the law has it, are the vector z of `powerlaw`; so a step of length h,
-in which disks move by x (spins times h included) and the strain by s, has z = Z (x, s) / h, and the potential
+The relative velocities of a contact, times the square roots of the law's weights, are the vector z of `powerlaw`. In a
+step of length h in which disks move by x (spins times h included) and the strain by s, z = Z (x, s) / h, and
 
-    h R(z) ,     forces on disks and strain  Zᵀ f(z) ,     second derivative  Zᵀ (df/dz) Z / h .
+    h R(z)  is the potential,     Zᵀ f(z)  the forces on disks and strain,     Zᵀ (df/dz) Z / h  its second derivative.
 
-Z belongs to one geometry and does not change within a step: R stays convex, and forces do the work that is dissipated.
+Z is that of one geometry and does not change within a step: R stays convex, and the forces do the work that is
+dissipated.
 """
 
 from dataclasses import dataclass
@@ -18,12 +19,12 @@ from jampetsc.mechanics.compatibility import stacked
 from jampetsc.minimise.hessian import Bonds, gathered
 from jampetsc.oscillation.powerlaw import PowerLaw
 
-LINEAR_BELOW = 1e-5  # of the typical speed: there the force of a contact is linear in its velocity
+LINEAR_BELOW = 1e-5  # of the typical |z|: below, the force of a contact is linear in its velocity
 
 
 @dataclass(frozen=True, eq=False)
 class Damping:
-    """A law as contacts have it that typically move with this |z|."""
+    """A damping law for contacts, linear far below their typical |z|."""
 
     power: PowerLaw
     roots: np.ndarray  # (forms,) square roots of the weights
@@ -31,14 +32,14 @@ class Damping:
 
     @classmethod
     def of(cls, law: Law, power: PowerLaw, speed: float) -> "Damping":
-        """speed: typical |z|; nothing depends on it where damping is linear."""
+        """Of a law; speed: typical |z|, without effect where damping is linear."""
         return cls(power, np.sqrt(law.on_contacts), LINEAR_BELOW * speed)
 
 
 class Dashpots:
-    """The contacts of some bonds; arrays (contacts, damped) for z and f.
+    """The damping of those bonds that touch. Arrays of z and f are (contacts, damped).
 
-    rims: radii of all disks, in the length that turns are multiplied by
+    rims: radii of all disks (N,), in units of the length by which rotations are multiplied
     """
 
     def __init__(self, bonds: Bonds, rims, damping: Damping, dofs: int):
@@ -56,12 +57,12 @@ class Dashpots:
         return self._sheared.shape[1]
 
     def velocities(self, x, strain, h):
-        """z of x (N, dofs) and a strain within h."""
+        """z of displacements x (N, dofs) and a growth of the strain within a time h."""
         ends = np.concatenate((x[self.i], x[self.j]), axis=1)
         return (np.einsum("cfx,cx->cf", self._Z, ends) + strain * self._sheared) / h
 
     def forces(self, z):
-        """f of z."""
+        """f(z)."""
         return self._damping.power.forces(z, self._damping.floor)
 
     def tangents(self, z, f):
@@ -69,15 +70,15 @@ class Dashpots:
         return self._damping.power.stiffness(z, f, self._damping.floor)
 
     def on_disks(self, f, n: int):
-        """Forces (N, dofs) that hold against f."""
+        """Zᵀf on the disks, (N, dofs): the forces that balance f."""
         return gathered(np.einsum("cf,cfx->cx", f, self._Z), self.i, self.j, n)
 
     def on_strain(self, f) -> float:
-        """Shear stress times area."""
+        """Zᵀf on the strain: viscous shear stress times area."""
         return float(np.sum(f * self._sheared))
 
     def squares(self, tangents):
-        """Zᵀ D Z of each contact: on its disks, on them and the strain, on the strain alone."""
+        """Zᵀ D Z of each contact for D = `tangents`: its blocks disks–disks, disks–strain and strain–strain."""
         weighted = np.einsum("cfg,cgx->cfx", tangents, self._Z)
         along = np.einsum("cfg,cg->cf", tangents, self._sheared)
         return (
@@ -88,7 +89,7 @@ class Dashpots:
 
 
 def motion_rows(bonds: Bonds, rims, dofs: int, chosen=slice(None)):
-    """`linear_forms` of the chosen bonds as (M, forms, 2 dofs), and what a strain adds, (M, forms)."""
+    """`linear_forms` of the chosen bonds: coefficients of disks, (M, forms, 2 dofs), and of strain, (M, forms)."""
     i, j = bonds.pairs.i[chosen], bonds.pairs.j[chosen]
     ends = (rims[i], rims[j]) if dofs == 3 else None
     return stacked(linear_forms(bonds.normal[:, chosen].T, bonds.r[1, chosen], ends))

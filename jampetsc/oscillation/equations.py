@@ -1,7 +1,7 @@
 """The equations of a steady oscillation as one nonlinear system: force balance in every step of half a cycle.
 
-Unknown are the velocities v_n of all unknowns of the pencil in the middle of every step n, under stress control the
-strain rate, and the damping forces f_n of the contacts (see `powerlaw` for why these):
+Its unknowns are the velocities v_n of all unknowns of the pencil in the middle of every step n, under stress control
+the strain rate, and the damping forces f_n of the contacts (`powerlaw` explains why):
 
     Cᵀ [ W_K a_n + √w f_n ] = F_n ,   z_n − z(f_n) = 0 ,    ȧ_n = C v_n + g γ̇_n ,   z = √w ȧ ,   a = S ȧ
 
@@ -23,10 +23,10 @@ from jampetsc.petsc.session import current
 
 
 class Contacts:
-    """What contacts feel of motion at several times, and forces on the unknowns. Methods are collective.
+    """Relative motions of contacts at several times, and forces on the unknowns. Methods are collective.
 
-    C takes all times at once. The strain enters as γL, L = √V, so that its row of the equations is a force like the
-    others.
+    C is applied to all times at once. The strain enters as γL, L = √V, so that its row of the equations is a force as
+    the others.
     """
 
     def __init__(self, compatibility: Compatibility):
@@ -36,7 +36,7 @@ class Contacts:
         self.g = compatibility.g / self.length
         self.w_K, self.forms = compatibility.w_K, compatibility.forms
         weights = np.array(law.on_contacts[: self.forms])
-        self.damped = np.flatnonzero(weights)  # of the forms
+        self.damped = np.flatnonzero(weights)  # indices of forms
         self.roots = np.sqrt(weights[self.damped])
         self.rows, self.unknowns = compatibility.C.getLocalSize()
         self.count = self.rows // self.forms  # of contacts
@@ -58,20 +58,17 @@ class Contacts:
         return result.getDenseArray().T.copy()
 
     def motions(self, x, strain):
-        """(m, rows) of x (m, unknowns) and strain (m,) on all ranks."""
+        """Relative motions (m, rows) for x (m, unknowns) and strain γL (m,), which all ranks give."""
         return self._product(self.compatibility.C.matMult, x) + np.outer(strain, self.g)
 
     def forces(self, tensions):
-        """On the unknowns, (m, unknowns), and on the strain, (m,) the same on all ranks, of tensions (m, rows)."""
+        """Forces of tensions (m, rows): on the unknowns, (m, unknowns), and on γL, (m,), alike on all ranks."""
         return self._product(self.compatibility.C.transposeMatMult, tensions), self.network.sum(
             tensions @ self.g
         )
 
     def squares(self, g):
-        """Of each damped row of (C, g): the unknowns it feels (rows, e), γL the last, and the products of its entries.
-
-        These are (rows, e, e).
-        """
+        """Of each damped row of (C, g): its columns (rows, e), last γL, and products of entries (rows, e, e)."""
         _, columns, values = self.compatibility.C.getValuesCSR()
         rows = (np.arange(self.count)[:, None] * self.forms + self.damped).ravel()
         pencil = self.compatibility.pencil
@@ -82,22 +79,22 @@ class Contacts:
         return felt, values[:, :, None] * values[:, None, :]
 
     def damping_motions(self, a):
-        """z (m, contacts, damped) of (m, rows)."""
+        """z (m, contacts, damped) for rates of motions a (m, rows)."""
         return a.reshape(len(a), self.count, self.forms)[..., self.damped] * self.roots
 
     def add_damping(self, tensions, f):
-        """Add what damping forces f (m, contacts, damped) are in tensions (m, rows), in place."""
+        """Add the damping forces f (m, contacts, damped) to tensions (m, rows), in place."""
         tensions.reshape(len(f), self.count, self.forms)[..., self.damped] += self.roots * f
 
     def destroy(self):
-        """Free what products are made in."""
+        """Free the matrices of `_product`."""
         for matrix in itertools.chain(*self._products.values()):
             matrix.destroy()
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """This rank's part of the unknowns, or of the equations: views into one vector."""
+    """This rank's part of the unknowns, or of the residual of the equations: views into one vector."""
 
     v: np.ndarray  # (m, unknowns)
     rate: np.ndarray  # (m,) γ̇L under stress control, on rank 0; else (0,)
@@ -106,18 +103,18 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Residual and its derivative on one cycle. Methods are collective; arrays are this rank's."""
+    """Residual of the equations on one cycle, and its derivative. Methods are collective; arrays are this rank's."""
 
     contacts: Contacts
     cycle: Cycle
     law: PowerLaw
     drive: Drive
-    stress: float  # amplitude; where the strain is imposed, the one that is expected
-    unit: float  # what a unit of damping velocity counts in the second equation, as a force
+    stress: float  # amplitude; an estimate where the strain is imposed
+    unit: float  # force by which velocities z are multiplied in the second equation
 
     @property
     def force(self) -> float:
-        """σ₀V/L, on the strain."""
+        """Amplitude of the force on γL, σ₀V/L."""
         return self.stress * self.contacts.length
 
     def motions(self, state: State):
@@ -135,7 +132,7 @@ class Equations:
 
     @property
     def size(self) -> int:
-        """Of this rank's part of the vector of unknowns."""
+        """Length of this rank's part of the vector of unknowns."""
         return int(self._ends[-1]) + self.cycle.m * self.contacts.count * len(self.contacts.damped)
 
     def split(self, values) -> State:
@@ -152,21 +149,21 @@ class Equations:
         return -self.cycle.omega * strain * np.sin(self.cycle.phase)
 
     def balance(self, state: State, rate):
-        """Forces on unknowns and strain without the drive, and z, of motions with this strain rate."""
+        """(forces on the unknowns, forces on γL, z) of a state and a strain rate γ̇L (m,), without the drive."""
         a = self.contacts.motions(state.v, rate)
         tensions = (self.cycle.integral @ a) * self.contacts.w_K
         self.contacts.add_damping(tensions, state.f)
         return *self.contacts.forces(tensions), self.contacts.damping_motions(a)
 
     def residual(self, state: State, out: State):
-        """What is left of the equations."""
+        """out ← the residual of the equations."""
         out.v[:], row, z = self.balance(state, self.rate(state))
         if self.holds_rate:
             out.rate[:] = row - self.force * np.cos(self.cycle.phase)
         out.f[:] = self.law.mismatch(z, state.f, self.unit)
 
     def derivative(self, tangent, change: State, out: State):
-        """Its derivative along a change."""
+        """out ← the derivative of the residual along a change of the state."""
         rate = self.rate(change) if self.drive.stress_controlled else np.zeros(self.cycle.m)
         out.v[:], row, z = self.balance(change, rate)
         if self.holds_rate:

@@ -1,10 +1,10 @@
-"""The contacts of a packing as they are: linear springs, and dashpots that stay where they are.
+"""Fixed contacts of a packing: linear springs, and dashpots whose geometry does not change.
 
-K is that of `mechanics.assembly`, as the sum over contacts of weighted squares of relative motions, with its γ border,
+K is that of `mechanics.assembly` with its γ border, as a sum over contacts of weighted squares of relative motions,
 
     ½ (x, γ)ᵀ K (x, γ) = ½ Σ_c [ k (a∥)² − (f/r) (a⊥)² ] ,
 
-so that forces lose no digits where displacements are far larger than what contacts feel of them.
+so that forces lose no digits where displacements are far larger than relative displacements.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from jampetsc.oscillation.stage import State
 
 
 class FixedSprings:
-    """The `stage.Springs` of a network that one rank has whole. A motion (2n + 1,) is that of the disks and a strain.
+    """The `stage.Springs` of a network that lies on one rank. Motions (2n + 1,) are displacements and a strain.
 
     k   stiffness of a contact, in the units of this oscillation
     """
@@ -26,7 +26,7 @@ class FixedSprings:
 
     def __init__(self, network: Network, law: Law, k: float, damping: Damping):
         contacts = network.contacts
-        contacts = contacts[contacts.i < contacts.j]  # of the two ends that see it
+        contacts = contacts[contacts.i < contacts.j]  # a network lists each twice
         self.n, self.dofs, self.area = network.n, law.dofs, network.area
         self.largest, self.rims = 2.0 * float(network.radii.max()), network.radii
         self.count = len(contacts)
@@ -41,7 +41,7 @@ class FixedSprings:
         self.damp(damping)
 
     def damp(self, damping: Damping):
-        """From now on dashpots are these."""
+        """Use this damping from now on."""
         self._dashpots = Dashpots(self._bonds, self.rims, damping, self.dofs)
 
     def at(self, base, x, gamma) -> State:
@@ -49,7 +49,7 @@ class FixedSprings:
         return State(base + x, gamma, self._bonds)
 
     def covers(self, state) -> bool:
-        """Contacts stay."""
+        """See `stage.Springs`: contacts are fixed."""
         return True
 
     def forces(self, state):
@@ -62,11 +62,11 @@ class FixedSprings:
         return -forces, float(np.sum(tensions * self._sheared))
 
     def curvature(self, state, x, growth):
-        """None: forces are linear."""
+        """See `stage.Springs`: zero, forces are linear."""
         return np.zeros((self.n, 2)), 0.0
 
     def dashpots(self, state) -> Dashpots:
-        """Those of the packing."""
+        """See `stage.Springs`: those of all contacts of the packing."""
         return self._dashpots
 
     def times_K(self, motion):

@@ -1,19 +1,19 @@
-"""The steady oscillation with fixed contacts by steps in time, for small exponents: half a cycle, again and again.
+"""The steady oscillation with fixed contacts for small exponents, by time steps over repeated half cycles.
 
-Half a period takes displacements Q to Φ(Q). What is imposed changes its sign then, and so does the steady oscillation:
-Q + Φ(Q) = 0. Two motions under the same drive approach each other in the norm of K,
+Half a period takes displacements Q to Φ(Q). The drive changes its sign in that time, and so does the steady
+oscillation: Q + Φ(Q) = 0. Two motions under the same drive approach each other in the norm of K,
 
     d/dt ½ |ΔQ|²_K = −Σ_c Δf·Δz ≤ 0 ,
 
-and where they do so without turning around each other, the derivative of Φ lies between 0 and 1, that of Q + Φ between
-1 and 2, whatever α is and however contacts stick. So Q − ⅔ (Q + Φ) is three times nearer; mixing the last few of these
-(Anderson; Walker & Ni, SIAM J. Numer. Anal. 49, 1715 (2011)) makes it five to ten times. Repeating cycles as they come
-would keep whatever sticks.
+and where they do so without oscillating around each other, the derivative of Φ lies between 0 and 1, that of Q + Φ
+between 1 and 2, for every α and also where contacts stick. So Q − ⅔ (Q + Φ) reduces the error to a third; Anderson
+mixing of the last few of these (Walker & Ni, SIAM J. Numer. Anal. 49, 1715 (2011)) reduces it five to ten times. Mere
+repetition of cycles would never change what sticks.
 
 Frequencies ωτ₁ ∝ X^(1/α), X the ratio of damping to elastic forces, span hundreds of powers of ten. Every oscillation
 is therefore solved in its own units: time 1/ω, the amplitude of the strain, the larger of elastic and damping forces.
 
-Two runs, the second from where the first has ended: half of the steps, then all of them.
+There are two runs, the first with half of the steps; the second starts where the first ended.
 """
 
 from dataclasses import dataclass, replace
@@ -32,17 +32,17 @@ from jampetsc.oscillation.start import Start
 from jampetsc.oscillation.stepmatrix import StepMatrix
 
 RELAXED = 2.0 / 3.0
-MIXED = 5  # half cycles before the last
-LEFT = 1e-5  # of |G*|: what may be left of the change from half cycle to half cycle
+MIXED = 5  # half cycles before the last that are mixed
+LEFT = 1e-5  # of |G*|: error at which half cycles count as repeating
 MOST_HALVES = 60
 PILOT_STEPS, PILOTS = 8, 40
-NEAR = 10.0  # factor within which the motion is to be what its unit says
-LARGEST_LOG = 690.0  # of what a double holds
+NEAR = 10.0  # largest factor between velocities and their unit
+LARGEST_LOG = 690.0  # natural logarithm of numbers that double precision holds
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stepped(Response):
-    """The response, and where moving contacts begin."""
+    """The response, and the start of an oscillation with moving contacts."""
 
     start: Start
 
@@ -60,9 +60,9 @@ class _Units:
 
     @classmethod
     def of(cls, law: Law, rho0: float, k: float, drive: Drive, log_strain: float) -> "_Units":
-        """Such that strains are of order one and neither springs nor dashpots nor the stress are stiffer.
+        """Units in which strains are of order one, and springs, dashpots and stress at most of order one.
 
-        Raises ConvergenceError where a double does not hold them.
+        log_strain: logarithm of the unit of strain. Raises ConvergenceError for units out of the range of doubles.
         """
         alpha = law.exponent
         log_c = np.log(k) + alpha * (np.log(drive.omega) + np.log(law.tau1))
@@ -85,20 +85,20 @@ class _Units:
 
 @dataclass(frozen=True, eq=False)
 class _Half:
-    """Half a cycle from where what is imposed grows through zero, in units of the oscillation."""
+    """Half a cycle that begins where the drive grows through zero, in units of the oscillation."""
 
     end: np.ndarray  # (2n + 1,) displacements and strain
     u: np.ndarray  # (n, dofs) velocities at the end
     rate: float
     moduli: Moduli
     dissipation: float  # per area and cycle
-    softened: float  # likewise, what contacts would dissipate more if they were linear at half the velocity
-    unbalanced: float  # likewise, work, at most, of what is left of the forces
+    softened: float  # likewise, its change if contacts were linear only below half the velocity
+    unbalanced: float  # likewise, bound on the work of the residual forces
     speed: float  # root mean square of |z|
 
 
 class _Motion:
-    """One oscillation in its units, whatever its steps."""
+    """One oscillation in its own units, to be followed with any number of steps."""
 
     def __init__(self, network: Network, law: Law, rho0: float, drive: Drive, log_strain: float):
         self.units = _Units.of(law, rho0, network.k, drive, log_strain)
@@ -110,12 +110,12 @@ class _Motion:
         self.iterations = 0
 
     def moves_at(self, speed: float):
-        """From now on contacts are linear where they are much slower than this typical |z|."""
+        """Set the typical |z|, far below which contacts are linear."""
         self._damping = Damping.of(self._law, self._power, speed)
         self.springs.damp(self._damping)
 
     def half(self, start, steps: int) -> _Half:
-        """From a start (2n + 1,), with so many steps of a cycle."""
+        """Half a cycle from displacements and strain `start` (2n + 1,), with `steps` steps per whole cycle."""
         springs, dt = self.springs, 2.0 * np.pi / steps
         stages = Stages(springs, self.matrix, STAGE * dt, 1.0)
         places, gamma = start[:-1].reshape(-1, 2), start[-1]
@@ -133,7 +133,7 @@ class _Motion:
             self.iterations += stages.iterations
         times, weights, values, *rest = np.array(rows).T
         *powers, squares = np.array(rest) @ weights
-        # the other half has the opposite values, and as much of odd harmonics
+        # the other half cycle has the opposite values and contributes as much to odd harmonics
         moduli = self.drive.moduli(values, times / (2.0 * np.pi), weights / np.pi)
         speed = float(np.sqrt(squares / np.pi / springs.count))
         return _Half(
@@ -141,14 +141,17 @@ class _Motion:
         )
 
     def _measured(self, end):
-        """Response, power dissipated, how much more if contacts were softer, power of unbalanced forces, Σ|z|²."""
+        """(response, power dissipated, its change if contacts were softer, power of residual forces, Σ|z|²)."""
         softer = np.sum(self._power.forces(end.z, 0.5 * self._damping.floor) * end.z) - end.power
         response = end.gamma if self.drive.stress_controlled else end.stress
         return response, end.power, softer, end.unbalanced, np.sum(end.z**2)
 
 
 class _Repeated:
-    """Half cycles of so many steps until they repeat: `last`, which began at `start`, after `count` of them."""
+    """Half cycles until they repeat: `last`, which began at `start`, is the one of number `count`.
+
+    steps: per whole cycle
+    """
 
     def __init__(self, motion: _Motion, steps: int, start):
         self._motion = motion
@@ -169,14 +172,14 @@ class _Repeated:
         )
 
     def _error(self, left):
-        """Of G*, at most: elastic work of what is left on the motion there is, and the strain that is left."""
+        """Bound on the error of G* by the residual `left` = Q + Φ(Q): elastic work on the motion, and the strain."""
         springs, end, moduli = self._motion.springs, self.last.end, self.last.moduli
         sizes = (left @ springs.times_K(left)) * (end @ springs.times_K(end))
         strained = abs(moduli.G) * abs(left[-1]) / moduli.strain
         return np.sqrt(max(sizes, 0.0)) / (springs.area * moduli.strain**2) + strained
 
     def _mixed(self, starts, lefts):
-        """The next start: the affine combination of those tried that leaves least of Q + Φ(Q), less ⅔ of that."""
+        """The next start: the affine combination of earlier ones with the least Q + Φ(Q), less ⅔ of that."""
         changes = lefts[-1] - lefts[:-1]
         forces = np.array([self._motion.springs.times_K(change) for change in changes]).reshape(changes.shape)
         shares = np.linalg.lstsq(forces @ changes.T, forces @ lefts[-1], rcond=1e-10)[0]
@@ -193,9 +196,10 @@ class SteppedOscillation:
         self.network, self.law, self.rho0, self.steps = network, law, rho0, steps
 
     def solve(self, drive: Drive) -> Stepped:
-        """The steady oscillation of a packing whose K has no negative modes, nor under stress its shear.
+        """The steady oscillation of a packing without negative modes of K, under stress also of K with the shear.
 
-        Raises ConvergenceError where Newton's method fails, half cycles do not repeat or doubles end.
+        Raises ConvergenceError if Newton's method fails, half cycles do not repeat or numbers leave the range of
+        doubles.
         """
         motion = self._motion(drive)
         units = motion.units
@@ -222,7 +226,7 @@ class SteppedOscillation:
         )
 
     def start(self, drive: Drive) -> Start:
-        """Where moving contacts begin. Raises as `solve`."""
+        """The start of an oscillation with moving contacts. Raises as `solve`."""
         return self.solve(drive).start
 
     def _start(self, drive, whole, unit, modulus):
@@ -233,9 +237,9 @@ class SteppedOscillation:
         )
 
     def _motion(self, drive) -> _Motion:
-        """The motion in units in which velocities are of order one, found by half a cycle of few steps.
+        """The motion in units in which velocities are of order one, found by half cycles of few steps.
 
-        Under stress the strain may be less than that of springs by any power of ten, since it goes as σ^(1/α).
+        Under stress the strain may be smaller than that of springs by any power of ten, since it scales as σ^(1/α).
         """
         rho0 = self.rho0
         upper = log_strain = np.log(drive.amplitude)  # of the strain, too large
@@ -243,7 +247,7 @@ class SteppedOscillation:
         for _ in range(PILOTS):
             motion = _Motion(self.network, self.law, rho0, drive, log_strain)
             try:
-                with np.errstate(divide="ignore", invalid="ignore"):  # of a motion too slow to be seen
+                with np.errstate(divide="ignore", invalid="ignore"):  # of a motion that underflows
                     speed = motion.half(np.zeros(2 * self.network.n + 1), PILOT_STEPS).speed
             except ConvergenceError:
                 motion.matrix.destroy()
@@ -256,8 +260,8 @@ class SteppedOscillation:
                 motion.moves_at(speed)
                 return motion
             motion.matrix.destroy()
-            slower = np.log(max(speed / rho0, TOLERANCE))  # slower, and forces may be taken for balanced
-            if slower < np.log(LINEAR_BELOW):  # linear by then: the law is slower still
+            slower = np.log(max(speed / rho0, TOLERANCE))  # slower motion has forces below the tolerance
+            if slower < np.log(LINEAR_BELOW):  # forces are linear there; by the power law it is slower still
                 upper = log_strain
                 slower = np.log(LINEAR_BELOW) + (slower - np.log(LINEAR_BELOW)) / self.law.exponent
                 log_strain = max(log_strain + slower, 0.5 * (lower + upper))

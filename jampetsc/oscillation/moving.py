@@ -5,9 +5,9 @@ F = [[1, g], [0, 1]]; their non-affine velocity in the laboratory is u = F ȯ. F
 
     ∂R/∂u = f(o, γ) ,     ∂R/∂γ̇ = σV − ∂U/∂γ   where the stress σ is imposed and the strain free,
 
-f = −∂U/∂r in full, R(u, γ̇) the dissipation potential of the contacts there are (see `powerlaw`); where damping is
-linear ∂R/∂u = B u + b γ̇. `stage` solves for a step. Here are forces and energy of the springs, and the state of the
-packing between steps.
+f = −∂U/∂r, not linearised, R(u, γ̇) the dissipation potential of the current contacts (see `powerlaw`); where damping
+is linear ∂R/∂u = B u + b γ̇. `stage` solves for a step. This module has the forces and energy of the springs, and the
+state of the packing between steps.
 """
 
 import numpy as np
@@ -23,16 +23,17 @@ from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.stage import STAGE, Stages, State
 from jampetsc.oscillation.stepmatrix import StepMatrix
 
-REACH = 3.0  # mean overlaps: no disk moves farther in one of Newton's steps, into another minimum
-WIDEST = 2.0  # mean diameters: skin of a list beyond which a step is too long
+REACH = 3.0  # mean overlaps: no disk moves farther in one of Newton's steps, lest it reach another minimum
+WIDEST = 2.0  # mean diameters: a step that needs a pair list with a larger skin is too long
 
 
 class MovingContacts(ListedDisks):
-    """A packing under an imposed strain or stress, the `stage.Springs` of its own steps; `disks` is how it looks.
+    """A packing under an imposed strain or stress, the `stage.Springs` of its own steps; `disks` is its current state.
 
-    scale: strain amplitude, what forces are compared with
-    speed: typical |z| of `powerlaw`; nothing depends on it where damping is linear
-    gamma: the strain that `disks` have
+    step: time of a step
+    scale: strain amplitude, to which the tolerance of forces is relative
+    speed: typical |z| of `powerlaw`, without effect where damping is linear
+    gamma: strain of the given disks
     u: (N, dofs) velocities, and spins times the mean diameter
     """
 
@@ -43,20 +44,20 @@ class MovingContacts(ListedDisks):
         self.n, self.dofs, self.area = disks.n, law.dofs, disks.area
         self.stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
         self.reach = REACH * float(np.mean(find_contacts(disks).overlap))
-        # turns are looked for as those of a rim of this diameter: lengths as displacements are, whatever their unit
+        # rotations are solved for as lengths, times this diameter, as displacements are
         self._lengths = np.array([1.0, 1.0, self.diameter])[: law.dofs]
         self.rims = disks.radii / self.diameter
         self._damping = Damping.of(law, PowerLaw.of(law, float(potential.k), self.diameter), speed)
         self.u = np.zeros((disks.n, law.dofs))
-        self.gained = 0.0  # energy of springs, in the last step
+        self.gained = 0.0  # change of the elastic energy in the last step
         self.matrix = StepMatrix(self)
         self.stages = Stages(self, self.matrix, STAGE * step, scale)
 
     def list(self, disks):
         """See `ListedDisks`."""
         super().list(disks.folded())
-        self.listed = self.gamma  # strain of the list
-        self._served = 0  # steps of the list
+        self.listed = self.gamma  # strain at which the list was made
+        self._served = 0  # steps made with the list
 
     @property
     def box(self):
@@ -65,30 +66,30 @@ class MovingContacts(ListedDisks):
 
     @property
     def velocities(self):
-        """(N, dofs), with spins where the law has them."""
+        """Velocities (N, dofs), with spins where the law has them."""
         return self.u / self._lengths
 
     def displace(self, displacements, velocities, gamma, rate):
-        """Begin with disks moved by (N, 2) from where they are, at velocities (N, dofs), strained and at a rate."""
+        """Set the start: disks displaced by (N, 2), velocities (N, dofs), strain and strain rate."""
         self.gamma, self.u, self.rate = gamma, velocities * self._lengths, rate
         self.offsets = self.offsets + displacements
         self.fold()
 
     def set_length(self, step: float):
-        """Steps have this length from now on."""
+        """Set the time of the next steps."""
         self.step = step
         self.stages.set_length(STAGE * step)
 
     def advance(self, imposed):
-        """A step whose two stages end with what is imposed, (Imposed, Imposed): the `StageEnd`s of both.
+        """Make a step; `imposed`: (Imposed, Imposed) at the ends of its two stages. Returns the `StageEnd`s of both.
 
-        Raises ConvergenceError where the step is too long.
+        Raises ConvergenceError if the step is too long.
         """
         while True:
             found = self.stages.step(self.offsets, self.gamma, imposed, (self.u, self.rate))
             if found is not None:
                 break
-            if not self._served:  # a new list does not last for a step
+            if not self._served:  # a new list is stale within one step
                 self.skin *= 2.0
                 if self.skin > WIDEST * self.diameter:
                     self.skin = SKIN_START * self.diameter
@@ -105,12 +106,12 @@ class MovingContacts(ListedDisks):
         return ends
 
     def undo(self):
-        """Be again where the last step began."""
+        """Return to the state before the last step."""
         self.offsets, self.u, self.gamma, self.rate, self._served = self._before
 
     @property
     def rounding(self) -> float:
-        """Energy by which the last step may be off because forces are not balanced to the last bit."""
+        """Error of the energy balance of the last step that the rounding of forces may cause."""
         return self.stages.finest * self.step * float(np.abs(self.u).sum())
 
     @property
@@ -118,7 +119,7 @@ class MovingContacts(ListedDisks):
         return self.at(self.offsets, np.zeros_like(self.offsets), self.gamma)
 
     def at(self, base, x, gamma) -> State:
-        """See `stage.Springs`; places are offsets, moves x (N, 2) those of the laboratory."""
+        """See `stage.Springs`; places are offsets o, moves x (N, 2) are in the laboratory frame."""
         moved = x.copy()
         moved[:, 0] -= (gamma - self.listed) * moved[:, 1]
         offsets = base + moved
@@ -130,7 +131,7 @@ class MovingContacts(ListedDisks):
         return not is_stale(far, 0.0, state.gamma - self.listed, self.largest, self.skin)
 
     def energy_change(self, before: State, after: State) -> float:
-        """U of one state less that of another of the same list; only the change is rounded, not the energies."""
+        """U(after) − U(before) of two states of the same list, computed without subtracting energies."""
         pairs, potential = self.pairs, self._potential
         rx, ry = after.bonds.r + before.bonds.r
         drawn = after.places - before.places
@@ -151,7 +152,10 @@ class MovingContacts(ListedDisks):
         return bonds.on_disks(bonds.force * bonds.normal, self.n), sheared
 
     def curvature(self, state, x, growth):
-        """With w of a bond along and across it, −k w⊥²/r (1 + f/kr) along and −2 k w∥ w⊥/r (1 + f/kr) across."""
+        """See `stage.Springs`.
+
+        For a relative motion w of a bond, −k w⊥²/r (1 + f/kr) along it and −2 k w∥ w⊥/r (1 + f/kr) across.
+        """
         bonds, (nx, ny) = state.bonds, state.bonds.normal
         wx, wy = (x[bonds.pairs.j] - x[bonds.pairs.i]).T
         wx = wx + growth * bonds.r[1]
@@ -164,5 +168,5 @@ class MovingContacts(ListedDisks):
         return bonds.on_disks(second, self.n), sheared
 
     def dashpots(self, state) -> Dashpots:
-        """Of the pairs that touch."""
+        """See `stage.Springs`: those of the pairs that touch."""
         return Dashpots(state.bonds, self.rims, self._damping, self.dofs)

@@ -1,7 +1,7 @@
 """Newton's method (PETSc SNES, prefix `osc_`) on the equations of a cycle.
 
-A step solves the linear equations by FGMRES on all times together, preconditioned harmonic by harmonic; damping
-forces are eliminated exactly.
+A step solves the linear equations of all times together by FGMRES, preconditioned for each harmonic separately
+(`preconditioner`); damping forces are eliminated exactly.
 """
 
 from types import SimpleNamespace
@@ -14,7 +14,7 @@ from jampetsc.oscillation.preconditioner import HarmonicPreconditioner
 from jampetsc.petsc.session import current
 
 PREFIX = "osc_"
-NEWTON = ("newtonls", "ksponly")  # methods that take a step with the derivative
+NEWTON = ("newtonls", "ksponly")  # methods of SNES that solve with the derivative
 DEFAULTS = {
     "snes_type": "newtonls",
     "snes_linesearch_type": "bt",
@@ -32,11 +32,11 @@ DEFAULTS = {
 
 
 class Newton:
-    """The solver for one Equations. Collective.
+    """The solver of one `Equations`. Collective.
 
     iterations, linear_iterations   of all solves so far
 
-    Raises InputError where the options choose a method that does not solve with the derivative.
+    Raises InputError for options that choose a method which does not solve with the derivative.
     """
 
     def __init__(self, equations: Equations):
@@ -67,16 +67,16 @@ class Newton:
             )
 
     def solve(self, values, tolerance: float):
-        """The solution (size,) from a start (size,), to a residual of this size.
+        """The solution (size,) from the start `values` (size,), with a residual of at most `tolerance`.
 
-        Raises ConvergenceError where SNES does not get there.
+        Raises ConvergenceError if SNES does not reach it.
         """
         self.x.setArray(values)
         self.snes.setTolerances(atol=tolerance)
         self.snes.solve(None, self.x)
         self.iterations += self.snes.getIterationNumber()
         self.linear_iterations += self.snes.getLinearSolveIterations()
-        # Options may let SNES call anything converged: only what is left of the equations counts.
+        # Options may make SNES call anything converged: only the residual of the equations counts.
         self._function(self.snes, self.x, self.left)
         left = self.left.norm()
         if not left <= tolerance:
@@ -103,7 +103,7 @@ class Newton:
         self.equations.derivative(self.tangent, split(x.getArray(readonly=True)), split(y.getArray()))
 
     def _precondition(self, pc, x, y):
-        """Damping forces eliminated exactly, the rest harmonic by harmonic."""
+        """Eliminate the damping forces exactly and precondition the rest for each harmonic."""
         equations, tangent = self.equations, self.tangent
         contacts = equations.contacts
         right, out = equations.split(x.getArray(readonly=True)), equations.split(y.getArray())

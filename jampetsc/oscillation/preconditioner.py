@@ -1,15 +1,15 @@
-"""Preconditioner of a Newton step: damping at its mean over the cycle, harmonic by harmonic.
+"""Preconditioner of a Newton step: one system for each harmonic, with the damping at its mean over the cycle.
 
-With the damping forces eliminated, and the stiffness of each contact's damping replaced by its mean, B̄, harmonics
-decouple:  (K/iΩ_k + B̄) y_k = r_k, or (A + iB̄) y = i r with A = K/Ω_k. Both matrices are symmetric and positive
-semidefinite, so the block form
+With the damping forces eliminated and df/dz of each contact replaced by its mean, which gives B̄, harmonics decouple:
+(K/iΩ_k + B̄) y_k = r_k, or (A + iB̄) y = i r with A = K/Ω_k. Both matrices are symmetric and positive semidefinite, so
+the block form
 
     (A, −B̄; B̄, A) ≈ (A, −B̄; B̄, A + 2B̄)                      (Axelsson, Neytcheva & Ahmad, Numer. Algor. 66, 811 (2014))
 
-has all eigenvalues between ½ and 1 and costs two solves with the real, positive definite H = A + B̄. Harmonics whose
-Ω differ by less than a factor SHARED use one factor of H. The strain, as γL, is the last unknown.
+has preconditioned eigenvalues between ½ and 1 and costs two solves with the real, positive definite H = A + B̄.
+Harmonics whose Ω differ by less than a factor SHARED use one factor of H. The strain, as γL, is the last unknown.
 
-Ranks share the harmonics: each factorises whole matrices H, for its own harmonics, alone.
+The harmonics are distributed over the ranks: each factorises whole matrices H, for its own harmonics, alone.
 """
 
 import itertools
@@ -25,7 +25,7 @@ from jampetsc.petsc.matrices import whole_matrix
 from jampetsc.petsc.session import current
 
 PREFIX = "osc_factor_"
-SHARED = 1.5
+SHARED = 1.5  # largest ratio of the Ω of harmonics that use one factor
 
 
 class HarmonicPreconditioner:
@@ -55,9 +55,9 @@ class HarmonicPreconditioner:
         self._factors = list(dict.fromkeys(self._factor_of))
 
     def update(self, stiffness):
-        """Factorise for mean stiffness (contacts, damped) of the damping.
+        """Factorise for `stiffness` (contacts, damped), the mean diagonal of df/dz.
 
-        Raises NotPositiveDefinite, on all ranks, where K has negative modes that matter.
+        Raises NotPositiveDefinite, on all ranks, if K has negative modes that make an H indefinite.
         """
         contacts, K = self._contacts, self._K
         local = (stiffness * contacts.roots**2).reshape(-1, 1, 1) * self._squares
@@ -68,7 +68,7 @@ class HarmonicPreconditioner:
                 factor.factorise(csr_array((K.data / factor.Omega + self._B.data, K.indices, K.indptr)))
 
     def apply(self, v, rate):
-        """Approximate solution (m, unknowns), (m,) for right-hand sides of these shapes, rate on all ranks."""
+        """Approximate solution (m, unknowns), (m,) for right-hand sides of these shapes; `rate` is on all ranks."""
         comm = self._contacts.network.comm
         harmonics = 1j * self._cycle.harmonics(v)
         last = 1j * self._cycle.harmonics(rate)
@@ -81,7 +81,7 @@ class HarmonicPreconditioner:
         return self._cycle.samples(found), self._cycle.samples(last)
 
     def _solve(self, right):
-        """Of this rank's harmonics, all unknowns and the strain: (harmonics, unknowns + 1)."""
+        """Solve for this rank's harmonics: all unknowns and the strain, (harmonics, unknowns + 1)."""
         u = self._inverse(right.real + right.imag)
         y = self._inverse(right.imag - (self._B @ u.T).T)
         return u - y + 1j * y
@@ -97,7 +97,7 @@ class HarmonicPreconditioner:
 
 
 class _Factor:
-    """H = K/Ω + B̄, factorised, scaled to a unit diagonal; of one rank."""
+    """H = K/Ω + B̄ on one rank, scaled to a unit diagonal and factorised."""
 
     def __init__(self, pattern, Omega: float):
         PETSc = current().PETSc
@@ -108,7 +108,7 @@ class _Factor:
         self._right, self._solution = matrix.createVecs()
 
     def factorise(self, H):
-        """H, a csr_array, for the next `solve`s."""
+        """Factorise H, a csr_array, for the next `solve`s."""
         matrix, diagonal = self._cholesky.matrix, H.diagonal()
         if not (diagonal > 0.0).all():  # nan as well
             raise NotPositiveDefinite(f"{self._cholesky.what} is not positive definite")
@@ -118,7 +118,7 @@ class _Factor:
         self._cholesky.factorise()
 
     def solve(self, right):
-        """H⁻¹ of a vector."""
+        """H⁻¹ times a vector."""
         self._right.setArray(self._scale * right)
         self._cholesky.ksp.solve(self._right, self._solution)
         return self._scale * self._solution.getArray()

@@ -1,14 +1,15 @@
-"""Cycles of imposed strain or stress on moving contacts, repeated until they repeat themselves.
+"""Cycles of imposed strain or stress with moving contacts, until G* does not change any more from cycle to cycle.
 
-What is imposed is ∝ sin ωt, from the steady oscillation with fixed contacts, and time is counted in 1/ω: with small
-exponents ω may be any power of ten. Under stress the strain may creep from cycle to cycle; that ramp is no part of the
-harmonics. Work is ∮σdγ of what is imposed and answers, so πG''γ₁².
+The drive is ∝ sin ωt and begins at the steady oscillation with fixed contacts. Time is in units of 1/ω, since with
+small exponents ω may be any power of ten. Under stress the strain may creep from cycle to cycle; that ramp is removed
+before harmonics are computed. Work is ∮σdγ of drive and response, so πG''γ₁².
 
-Steps are cut where they lose too much energy (see `steps`). Harmonics are integrals by the same quadrature, so where
-the strain is imposed the error of a cycle is the sum of those of its steps.
+Steps are halved where their energy balance is wrong (see `steps`). Harmonics are integrals by the same quadrature, so
+where the strain is imposed the error of a cycle is the sum of those of its steps.
 
-Two runs, the second from where the first has ended: half of the steps, then all of them. Their difference estimates
-the error of the steps; what the last cycles still changed, as a geometric series goes on, that of the repetitions.
+There are two runs, the first with half of the steps; the second starts where the first ended. Their difference
+estimates the error of the steps, and the changes of the last cycles, continued as a geometric series, that of ending
+after finitely many cycles.
 """
 
 from dataclasses import dataclass, replace
@@ -23,20 +24,21 @@ from jampetsc.oscillation.response import Moduli, Response
 from jampetsc.oscillation.start import Start
 from jampetsc.oscillation.steps import Steps
 
-REPEATED = 1e-3  # of |G*|: what may be left of the change from cycle to cycle
-SAME = 1e-7  # a change that is none
+REPEATED = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
+SAME = 1e-7  # of |G*|: a change that counts as none
 MOST_CYCLES = 60
-START_STEPS = 16  # of the cycle that is the start; linear damping comes out exactly whatever they are
-LOST = 8.0  # over the cubed number of steps: energy by which one may be off, in units of π|G*|γ₁² of the cell
+START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
+LOST = 8.0  # error allowed in the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
-FLOWING = 1.0  # a strain at which disks have left their neighbours for others
+FLOWING = 1.0  # change of the strain in a cycle at which a packing counts as flowing
 
 
 def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) -> Response:
-    """G* of the oscillation that `start` begins: so many cycles, or None: as many as it takes until they repeat.
+    """G* of the oscillation that begins at `start`, with `steps` steps per cycle.
 
-    Raises ConvergenceError where a step is too long, where the packing flows, or where cycles do not repeat within
-    MOST_CYCLES.
+    cycles   number of cycles of each run; None: until they repeat
+
+    Raises ConvergenceError if a step is too long, the packing flows, or cycles do not repeat within MOST_CYCLES.
     """
     start = start.near(disks)
     runs, strained, begin = [], 0.0, (start.displacement, start.velocity, start.gamma, start.rate)
@@ -73,15 +75,15 @@ def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int 
 class _Cycle:
     moduli: Moduli
     spent: float  # energy per area, dissipated and stored
-    drift: float
+    drift: float  # change of the strain
 
     @property
     def G(self) -> complex:
         return self.moduli.G
 
 
-def left_to_change(G) -> float:
-    """What later cycles would add to the last of G (cycles,), if changes go on to fall as the last two did; or inf."""
+def remaining_change(G) -> float:
+    """Estimate of how much later cycles would change the last of G (cycles,): a geometric series; inf if it grows."""
     change, before = abs(np.diff(G[-3:]))[::-1] if len(G) > 2 else (np.inf, np.inf)
     if len(G) > 1 and abs(G[-1] - G[-2]) <= SAME * abs(G[-1]):
         return float(abs(G[-1] - G[-2]))
@@ -103,7 +105,7 @@ class Cycles:
         self.done = []
 
     def repeat(self, cycles):
-        """So many cycles, or as many as it takes."""
+        """Run this number of cycles or, for None, until they repeat."""
         while len(self.done) < (cycles or MOST_CYCLES):
             self._cycle()
             if cycles is None and self.left <= REPEATED * abs(self.done[-1].G):
@@ -122,19 +124,19 @@ class Cycles:
 
     @property
     def left(self) -> float:
-        """Estimate of what later cycles would change."""
-        return left_to_change([one.G for one in self.done])
+        """Estimate of how much later cycles would change G*."""
+        return remaining_change([one.G for one in self.done])
 
     @property
     def spread(self) -> float:
-        """Largest |ΔG*| from the last cycle among the later half of all."""
+        """Largest |ΔG*| between the last cycle and any of the second half of all cycles."""
         return max(abs(one.G - self.done[-1].G) for one in self.done[len(self.done) // 2 :])
 
     def _cycle(self):
         motion, begin, rows, spent = self.motion, self.motion.gamma, [], 0.0
         step, free = PERIOD / self.count, self.drive.stress_controlled
         for n in range(self.count):
-            # whole periods are left out: their rounding would show in the strain
+            # time within the cycle: rounding of a time over many periods would appear in the strain
             for one in self.steps.over(n * step, step, self._lost * self._stored):
                 for time, weight, end in one.stages():
                     rows.append((time, weight, end.gamma if free else end.stress))

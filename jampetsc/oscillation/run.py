@@ -10,7 +10,7 @@ import numpy as np
 from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError, about, named
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.packing_file import read_identified, source_told
+from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.record import run_record
 from jampetsc.mechanics.assembly import assemble
@@ -29,16 +29,19 @@ COUNTS = ("newton_steps", "linear_iterations", "factorisations", "steps_taken", 
 
 
 class _Solver(NamedTuple):
-    """How the points of a job are solved."""
+    """How the points (amplitude, frequency) of a job are solved."""
 
     solve: Callable[[Drive], Response]
-    alone: bool  # each rank solves points of its own; else all work on one
+    alone: bool  # whether each rank solves points of its own; else all ranks work on one point
     facts: dict  # attributes of the file
 
 
 @contextlib.contextmanager
 def _solver(job, disks: Disks, network: Network):
-    """The _Solver of a job for a packing. Collective; freed in the end unless one rank may have failed alone."""
+    """The _Solver of a job for a packing. Collective. What it holds is freed, but not after an exception.
+
+    An exception may be of one rank alone, and freeing is collective.
+    """
     law, rho0, items = job.physics.law, 2.0 * float(disks.radii.mean()), []
     moving, sticks = job.contacts == "moving", job.alpha < LEAST_ALPHA
     alone, steps = moving or sticks, START_STEPS if moving else job.steps
@@ -68,15 +71,15 @@ def _solver(job, disks: Disks, network: Network):
 def solve(job, to: Outlet) -> dict:
     """Solve every point of a `jobs.oscillate.Oscillate` that no earlier run has finished, and write. Collective.
 
-    Returns arrays of what the records hold, first axes (A, M), nan where a point failed. Raises InputError for a
-    packing that is not a rigid minimum or, where a stress is imposed, shears on by itself, ConvergenceError, after
-    writing the others, if some points failed.
+    Returns {dataset: array}, first axes (A, M), nan where a point failed. Raises InputError for a packing that is not
+    a rigid minimum or, where a stress is imposed, has no positive shear modulus; ConvergenceError, after writing the
+    others, if some points failed.
     """
     started = time.perf_counter()
     session = current()
     disks, identity = read_identified(job.packing, session.comm)
     to.made_from(disks)
-    with session.stage("assembly"), about(source_told(job.packing)):
+    with session.stage("assembly"), about(source_name(job.packing)):
         network = build_network(disks, session.comm, job.prestress)
         _require_stable(network, job.control)
     with _solver(job, disks, network) as solver:
@@ -101,19 +104,19 @@ def solve(job, to: Outlet) -> dict:
         first = failures[min(failures)]
         raise ConvergenceError(
             f"{len(failures)} of {len(job.amplitude) * len(job.omega)} points failed, {to.others}; the first: "
-            f"{first.told(named)}"
+            f"{first.message(named)}"
         )
     checkpoint.remove()
     return arrays
 
 
 def _require_stable(network: Network, control: str):
-    """Raise InputError for a packing that what is imposed does not hold. Collective.
+    """Raise InputError for a packing that is unstable under this control. Collective.
 
-    Its cell is held by a strain. Under a stress it shears, so that a negative shear modulus is one more negative
-    mode: the equations still have a periodic solution then, which no packing follows.
+    An imposed strain fixes the shape of the cell. Under a stress the cell shears, so that a negative shear modulus is
+    one more negative mode: the equations still have a periodic solution then, but an unstable one.
     """
-    elastic = ElasticResponse(network)  # refuses what has negative or floppy modes
+    elastic = ElasticResponse(network)  # refuses packings with negative or floppy modes
     try:
         modulus = elastic.shear().value / network.area if control == "stress" else np.inf
     finally:
@@ -145,7 +148,7 @@ def _outcomes(solver, drives) -> list:
 
 
 def _solve_all(job, solver, checkpoint):
-    """Solve and save what is not done; {index: ConvergenceError} of what failed."""
+    """Solve and save the points that are not done; {index: ConvergenceError} of those that failed."""
     session, failures = current(), {}
     drives = [
         Drive(float(omega), float(amplitude), job.control == "stress")
@@ -164,7 +167,7 @@ def _solve_all(job, solver, checkpoint):
             for index, found in zip(now, outcomes, strict=True):
                 name = f"omega {drives[index].omega:.3e}  {job.control} {drives[index].amplitude:.1e}"
                 if isinstance(found, ConvergenceError):
-                    failures[index] = ConvergenceError(f"{name}: {found.told(named)}")
+                    failures[index] = ConvergenceError(f"{name}: {found.message(named)}")
                     progress.step(f"failed: {name}: {found}")
                     continue
                 checkpoint.save(index, found)
@@ -181,7 +184,7 @@ def _solve_all(job, solver, checkpoint):
 
 
 def _arrays(job, done):
-    """Datasets (A, M, …) out of the records of finished points."""
+    """Datasets (A, M, …) from the records of finished points."""
     shape = (len(job.amplitude), len(job.omega))
     arrays = {}
     for name in next(iter(done.values())):

@@ -1,4 +1,4 @@
-"""A step in time without inertia, in two implicit stages, each solved by Newton's method.
+"""A time step without inertia, in two implicit stages, each solved by Newton's method.
 
 A stage is backward Euler over a time h. It minimises, over the displacements w = h u of the disks, their rotations hΩ
 where the law has them, and the growth s of the strain where a stress is imposed,
@@ -6,8 +6,9 @@ where the law has them, and the growth s of the strain where a stress is imposed
     U(w, γ + s) − σV s + h R(w/h, s/h) ,
 
 U the energy of the springs, R the dissipation potential of the dashpots. The set of dashpots is fixed during a stage:
-if they came and went, there might be no minimum. It is that of the contacts at the beginning of the stage, or at the
-places to which the last velocities lead. Newton's method keeps a factor of the Hessian as long as it serves.
+if it changed, there might be no minimum. It is that of the contacts at the beginning of the stage, or at the positions
+to which the last velocities lead. Newton's method keeps a factor of the Hessian as long as it reduces the residual
+well.
 
 A step has two stages of equal length; this method is L-stable, so that stiff motions are damped however long a step is,
 and of second order (Alexander, SIAM J. Numer. Anal. 14, 1006 (1977)).
@@ -27,19 +28,19 @@ from jampetsc.oscillation.stepmatrix import StepMatrix
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
 WEIGHTS = 1.0 - STAGE, STAGE  # of the ends of the stages, in an integral over a step
-TOLERANCE = 1e-9  # of forces, in units of what the strain amplitude makes
+TOLERANCE = 1e-9  # of forces, in units of k times the largest diameter times the strain amplitude
 ROUNDED = 1e-15  # of forces, in units of k times the largest diameter
-NOISE = 1e-14  # likewise; what does not get smaller is rounding if below this, or below TOLERANCE of damping forces
+NOISE = 1e-14  # likewise: a residual below it, or below TOLERANCE of damping forces, that stops falling is rounding
 ITERATIONS = 100
-WORN = 0.2  # a factor that leaves more of the residual than this is made anew
-FLAT, STEEP = 0.3, 0.7  # of the force along a step, at its end: little is left of it, or nearly all
+WORN = 0.2  # a factor with which a step leaves more of the residual than this is replaced
+FLAT, STEEP = 0.3, 0.7  # of the force along a step: at its end it is small below FLAT, too large above STEEP
 TRIES = 20  # points of a line search
-BENT = 10.0  # reaches: no disk moves farther in a curved step, whose curvature takes it no farther than one
+BENT = 10.0  # in `reach`: longest move of a disk in a curved step, to which curvature may add one `reach`
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Disks at some places, and their bonds there."""
+    """Positions of the disks, the strain, and the bonds there."""
 
     places: np.ndarray  # (N, 2)
     gamma: float
@@ -47,65 +48,65 @@ class State:
 
 
 class Springs(Protocol):
-    """What holds the disks of one packing."""
+    """Elastic forces between the disks of one packing, and where its dashpots are."""
 
-    n: int  # disks
+    n: int  # number of disks
     dofs: int  # unknowns of each
     area: float
     largest: float  # diameter
-    rims: np.ndarray  # (N,) radii, in the length that turns are multiplied by
-    stiffness: float  # of a contact, roughly
-    reach: float  # no disk moves farther towards others in one of Newton's steps
+    rims: np.ndarray  # (N,) radii, in units of the length by which rotations are multiplied
+    stiffness: float  # typical, of a contact
+    reach: float  # longest move of a disk in one of Newton's steps
 
     def at(self, base, x, gamma: float) -> State:
-        """With disks moved by x (N, 2) from the places `base`, at this strain."""
+        """The State with disks moved by x (N, 2) from the positions `base` (N, 2), at this strain."""
 
     def covers(self, state: State) -> bool:
-        """Whether the bonds of a state have all contacts there are."""
+        """Whether the bonds of a state include all its contacts."""
 
     def forces(self, state: State):
         """−∂U/∂r (N, 2), and ∂U/∂γ."""
 
     def curvature(self, state: State, x, growth: float):
-        """Second derivatives of `forces` along moves x (N, 2) and a growth of the strain, stiffness unchanged."""
+        """Second derivatives of `forces` along moves x (N, 2) and a growth of the strain, at constant stiffness."""
 
     def dashpots(self, state: State) -> Dashpots:
-        """Those of the contacts there."""
+        """The dashpots of the contacts of a state."""
 
 
 @dataclass(frozen=True)
 class StageEnd:
-    """What is measured at the end of a stage."""
+    """Strain, stress and power at the end of a stage."""
 
     gamma: float
     rate: float  # of strain
     stress: float  # σ_xy, elastic and viscous
     power: float  # dissipated
-    unbalanced: float  # power, at most, of what Newton's method has left of the forces
-    z: np.ndarray  # (contacts, damped) of the dashpots there were
+    unbalanced: float  # bound on the power of the residual forces
+    z: np.ndarray  # (contacts, damped) of the dashpots of the stage
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A state that Newton's method has come to."""
+    """An iterate of Newton's method."""
 
     state: State
     z: np.ndarray
     f: np.ndarray  # damping forces at z
-    left: np.ndarray  # (unknowns + 1,) of the forces, last that on γL
+    left: np.ndarray  # (unknowns + 1,) residual forces, last that on γL
     virial: float  # σV
     rate: float
 
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """One stage, with unknowns q (N dofs + 1,): displacements and turns, last γL, L = √V, where the strain is free."""
+    """One stage with unknowns q (N dofs + 1,): displacements and rotations; last the growth of γL, L = √V, if free."""
 
     springs: Springs
     h: float
-    base: np.ndarray  # (N, 2) where disks begin
-    gamma: float  # where the strain begins, or is
-    rate: float
+    base: np.ndarray  # (N, 2) positions at the beginning
+    gamma: float  # strain at the beginning or, where it is imposed, at the end
+    rate: float  # imposed strain rate, or 0
     imposed: Imposed
 
     @property
@@ -114,16 +115,16 @@ class _Problem:
         return float(np.sqrt(self.springs.area))
 
     def split(self, q):
-        """(N, dofs) and the growth of the strain."""
+        """Displacements (N, dofs) and the growth of the strain in q."""
         return q[:-1].reshape(self.springs.n, -1), float(q[-1]) / self.length
 
     def state(self, q) -> State:
-        """Where q leads."""
+        """The State that q leads to."""
         x, growth = self.split(q)
         return self.springs.at(self.base, x[:, :2], self.gamma + growth)
 
     def at(self, q, dashpots: Dashpots) -> _Trial:
-        """What is left of the forces at q."""
+        """The iterate at q, with its residual forces."""
         n, (x, growth), state = self.springs.n, self.split(q), self.state(q)
         rate = self.rate + growth / self.h
         z = dashpots.velocities(x, self.h * rate, self.h)
@@ -131,14 +132,14 @@ class _Problem:
         left = -dashpots.on_disks(f, n)
         elastic, sheared = self.springs.forces(state)
         left[:, :2] += elastic
-        left[:, :2] -= left[:, :2].mean(axis=0)  # rounding, which would move all disks, held by nothing, far
+        left[:, :2] -= left[:, :2].mean(axis=0)  # rounding, which would make a large translation of all disks
         virial, row = dashpots.on_strain(f) + sheared, 0.0
         if self.imposed.free:
             row = (self.imposed.stress * self.springs.area - virial) / self.length
         return _Trial(state, z, f, np.append(left, row), virial, rate)
 
     def curvature(self, state: State, step):
-        """Second derivative of what is left of the forces along a straight step."""
+        """Second derivative of the residual forces along a straight step."""
         x, growth = self.split(step)
         curvature = np.zeros_like(x)
         elastic, sheared = self.springs.curvature(state, x[:, :2], growth)
@@ -146,36 +147,38 @@ class _Problem:
         return np.append(curvature, -sheared / self.length if self.imposed.free else 0.0)
 
     def farthest(self, step) -> float:
-        """How far a step takes some disk."""
+        """The longest move of a disk in a step."""
         x, growth = self.split(step)
         return max(float(np.hypot(*x[:, :2].T).max()) + abs(growth) * self.springs.largest, 1e-300)
 
 
 class Stages:
-    """Stages over h of one packing, one after the other; the factor of one serves the next.
+    """Stages over h of one packing, one after the other; the factor of one is used in the next.
 
-    scale: strain amplitude, what forces are compared with
-    iterations: of Newton's method, so far
+    scale: strain amplitude, to which the tolerance of forces is relative
+    iterations: number of Newton's steps so far
     """
 
     def __init__(self, springs: Springs, matrix: StepMatrix, h: float, scale: float):
         self.springs, self.h, self._matrix = springs, h, matrix
         self.unit = springs.stiffness * springs.largest  # of forces
         self.tolerance = max(TOLERANCE * scale, ROUNDED) * self.unit
-        self.finest = max(self.tolerance, NOISE * self.unit)  # of forces that are looked for
-        self.iterations, self._worn = 0, True  # no factor serves yet
+        self.finest = max(self.tolerance, NOISE * self.unit)  # smallest force that counts
+        self.iterations, self._worn = 0, True  # there is no factor yet
 
     def set_length(self, h: float):
-        """Stages have this length from now on."""
+        """Set the time of the next stages."""
         if h != self.h:
             self.h, self._worn = h, True
 
     def step(self, places, gamma, imposed, last):
-        """(places, velocities, StageEnds) after a step of two stages that end with what is imposed.
+        """(places, velocities, StageEnds) after a step of two stages, or None if the pair list is too small for it.
 
-        places, gamma   where it begins, (N, 2) and a strain
-        last            velocities (N, dofs) and rate of strain before
-        None where the bonds that are listed do not suffice. Raises ConvergenceError where the step is too long.
+        places, gamma   positions (N, 2) and strain at its beginning
+        imposed         (Imposed, Imposed) at the ends of the stages
+        last            velocities (N, dofs) and strain rate before the step
+
+        Raises ConvergenceError if the step is too long.
         """
         base, ends = places, []
         for one in imposed:
@@ -194,7 +197,7 @@ class Stages:
         springs, free = self.springs, imposed.free
         start = (gamma, 0.0) if free else (imposed.gamma, imposed.rate)
         problem = _Problem(springs, self.h, base, *start, imposed)
-        q = np.zeros(springs.n * springs.dofs + 1)  # from here it is downhill
+        q = np.zeros(springs.n * springs.dofs + 1)
         if not springs.covers(problem.state(q)):
             return None
         dashpots = self._dashpots(problem, q, last)
@@ -238,12 +241,12 @@ class Stages:
         return now.state.places, problem.split(q)[0] / self.h, end
 
     def _noise(self, now, tangents, q):
-        """Forces that may be rounding; velocities of what moves far in a short stage are rounded as places are."""
+        """Forces that may be rounding: of elastic and damping forces, and of velocities, differences of positions."""
         moved = ROUNDED * np.abs(tangents).max(initial=0.0) * np.abs(q).max() / self.h
         return NOISE * self.unit + TOLERANCE * np.abs(now.f).max(initial=0.0) + moved
 
     def _dashpots(self, problem, q, last) -> Dashpots:
-        """Those of the contacts here or of those where the last velocities lead, whichever leave the smaller forces."""
+        """The dashpots of the contacts at q or where the last velocities lead, whichever have the smaller residual."""
         ahead = np.append(
             self.h * last[0], self.h * last[1] * problem.length if problem.imposed.free else 0.0
         )
@@ -257,7 +260,7 @@ class Stages:
         return min(found, key=lambda one: np.abs(problem.at(*one).left).max())[1]
 
     def _search(self, problem, dashpots, q, step, curvature, left):
-        """(q, _Trial) along a curved step, where the force along it is small or has begun to pull back."""
+        """(q, _Trial) at a point of a curved step where the force along it is small."""
         force, reach = np.vdot(step, left), self.springs.reach
         longest = min(BENT * reach / problem.farthest(step), np.sqrt(reach / problem.farthest(curvature)))
         length, lower, upper = min(1.0, longest), (0.0, 1.0), None
@@ -266,7 +269,7 @@ class Stages:
             found = problem.at(end, dashpots)
             now = np.vdot(step + 2.0 * length * curvature, found.left) / force
             if upper is None and now > STEEP and 2.0 * length <= longest:
-                lower, length = (length, now), 2.0 * length  # the force does not give way: a disk slides off
+                lower, length = (length, now), 2.0 * length  # the force hardly falls: a disk slides off
                 continue
             if abs(now) <= FLAT or (upper is None and now > 0.0):
                 break

@@ -1,4 +1,4 @@
-"""Where oscillations with moving contacts begin: the steady one with fixed contacts."""
+"""The start of an oscillation with moving contacts: the steady one with fixed contacts."""
 
 from dataclasses import dataclass, replace
 
@@ -13,7 +13,7 @@ from jampetsc.oscillation.response import Drive
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A steady oscillation of N disks at the time at which what is imposed grows through zero; time is in 1/ω."""
+    """A steady oscillation of N disks at the time when the drive grows through zero; time is in units of 1/ω."""
 
     drive: Drive
     displacement: np.ndarray  # (N, 2) non-affine; 0 for rattlers
@@ -26,7 +26,10 @@ class Start:
 
     @classmethod
     def of(cls, network: Network, drive: Drive, motion, velocity, *scalars: float) -> "Start":
-        """Of the disks of a network: displacements and, where there are, turns (n, ≥ 2), velocities (n, dofs)."""
+        """From arrays of a network's n disks: displacements (and rotations) `motion` (n, ≥ 2), velocities (n, dofs).
+
+        scalars: gamma, rate, strain, modulus, speed
+        """
 
         def whole(part):
             field = np.zeros((network.n + network.rattlers, part.shape[1]))
@@ -36,10 +39,10 @@ class Start:
         return cls(drive, whole(motion[:, :2]), whole(velocity), *scalars)
 
     def near(self, disks: Disks) -> "Start":
-        """This one or, where it would open or close contacts of these disks, one undeformed and at rest.
+        """This start or, if its displacements open or close contacts of these disks, one undeformed and at rest.
 
-        Fixed contacts pull where they are gone, and do not push where others are new: a disk that is left with one
-        neighbour, as a rattler is by what runs into it, would roll off that at once, by steps however short.
+        Forces of fixed contacts are wrong where contacts open or close: a disk with only one neighbour, such as a
+        rattler that another disk hits, would roll off it at once, however short the steps are.
         """
         moved = deformed(disks, self.displacement, 0.0, self.gamma)
         same = np.array_equal(*(_pairs(find_contacts(one), disks.n) for one in (disks, moved)))

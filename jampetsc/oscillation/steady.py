@@ -1,8 +1,8 @@
 """The steady oscillation of a packing with fixed contacts at one frequency and amplitude, solved for a whole cycle.
 
-Three solves, each the start of the next: linear damping equivalent in energy (BT 25, 26), half of the steps, all of
-them. The difference of the last two estimates the error of the steps; what is left of the equations, times the motion,
-that of the solver.
+There are three solves, each the start of the next: linear damping equivalent in energy (BT 25, 26), the power law with
+half of the steps, and with all. The difference of the last two estimates the error of the steps; the residual of the
+equations, times the motion, that of the solver.
 """
 
 from dataclasses import dataclass, replace
@@ -19,17 +19,17 @@ from jampetsc.oscillation.powerlaw import STIFFEST, PowerLaw
 from jampetsc.oscillation.response import HARMONICS, Drive, Response
 from jampetsc.oscillation.start import Start
 
-# what may be left of the equations, over what drives them, with all steps and with half
+# residual of the equations over the driving force, with all steps and with half
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7
-LEAST_ALPHA = 0.45  # below, contacts stick so that FGMRES does not solve the linear equations
-FLOOR = 1e-3  # of the typical velocity: where the start for the damping forces is cut
-SLOW = 1e-3  # of k: ωc of dashpots that springs hardly feel
-SMALLEST, LARGEST = 1e-30, 1.0  # stress in k that the equivalent damping takes
+LEAST_ALPHA = 0.45  # below, contacts stick so much that FGMRES does not solve the linear equations
+FLOOR = 1e-3  # of the typical |z|: below, damping forces of the start are linear
+SLOW = 1e-3  # of k: ωc of dashpots that hardly matter beside the springs
+SMALLEST, LARGEST = 1e-30, 1.0  # range of stress in k for the equivalent damping
 
 
 @dataclass(frozen=True, kw_only=True)
 class Steady(Response):
-    """The response, the same on all ranks but for `velocity`, of which each has its part."""
+    """The response, the same on all ranks except `velocity`, of which each has its part."""
 
     speed: float  # root mean square of |z| over contacts and time, of the equivalent linear damping
     # (odd harmonics, unknowns + 1) complex amplitudes of velocities; last, of the strain rate times √V
@@ -52,7 +52,7 @@ class SteadyOscillation:
     def solve(self, drive: Drive) -> Steady:
         """The steady oscillation of a packing whose K has no negative modes.
 
-        Raises ConvergenceError where Newton's method fails.
+        Raises ConvergenceError if Newton's method fails.
         """
         first, stress = self.equivalent(drive)
         squares = np.array([np.sum(first.z**2), first.z.shape[0] * first.z.shape[1]])
@@ -69,11 +69,11 @@ class SteadyOscillation:
         softer = replace(law, softening=0.5 * law.softening)
         return Steady(
             G=whole.G,
-            error=abs(whole.G - half.G) + whole.left_under(law) * abs(whole.G),
+            error=abs(whole.G - half.G) + whole.relative_residual(law) * abs(whole.G),
             harmonics=whole.harmonics,
             work=whole.work,
             energy_balance=whole.dissipation / whole.work - 1.0,
-            regularisation_effect=whole.left_under(softer) * abs(whole.G),
+            regularisation_effect=whole.relative_residual(softer) * abs(whole.G),
             newton_steps=first.newton + half.newton + whole.newton,
             linear_iterations=first.linear + half.linear + whole.linear,
             speed=speed,
@@ -81,7 +81,7 @@ class SteadyOscillation:
         )
 
     def start(self, drive: Drive) -> Start:
-        """Where moving contacts begin, on one rank alone; at rest where Newton's method fails."""
+        """The start of an oscillation with moving contacts, on one rank alone; at rest if Newton's method fails."""
         network, length = self.network, self.contacts.length
         try:
             found = self.solve(drive)
@@ -89,7 +89,7 @@ class SteadyOscillation:
             still, (strain, speed) = np.zeros((network.n, self.law.dofs)), self._scales(drive)
             return Start.of(network, drive, still, still, 0.0, 0.0, strain, network.k, speed / drive.omega)
         cycle = Cycle(self.steps, drive.omega)
-        waves = found.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the largest
+        waves = found.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the maximum
         motions = waves / (1j * cycle.frequencies[:, None]), waves / drive.omega
         (moved, gamma), (velocity, rate) = (
             (now[:-1].reshape(network.n, -1), float(now[-1]) / length)
@@ -99,7 +99,7 @@ class SteadyOscillation:
         if drive.stress_controlled:
             strain *= network.k / abs(found.G)
         else:
-            gamma = 0.0  # but for rounding
+            gamma = 0.0  # exactly
         speed = found.speed / drive.omega
         return Start.of(network, drive, moved, velocity, gamma, rate, strain, abs(found.G), speed)
 
@@ -108,7 +108,7 @@ class SteadyOscillation:
         self.contacts.destroy()
 
     def _scales(self, drive) -> tuple[float, float]:
-        """Rough amplitudes of the strain and of |z|: from springs alone or, where that is less, from dashpots alone."""
+        """Estimates of the amplitudes of strain and |z|: for springs alone or, if smaller, for dashpots alone."""
         strain, k = drive.amplitude, self.network.k
         if not drive.stress_controlled:
             return strain, drive.omega * strain * self.rho0
@@ -117,7 +117,7 @@ class SteadyOscillation:
         return run.strain, min(drive.omega * run.strain * self.rho0, forced)
 
     def equivalent(self, drive: Drive) -> tuple["_Run", float]:
-        """Under linear damping that dissipates as much at the amplitude BT assume, and the stress there is."""
+        """(_Run, stress amplitude) with the linear damping that is equivalent in energy (BT 25, 26)."""
         law, k, scaled = self.law, self.network.k, drive.omega * self.law.tau1
         stress = drive.amplitude  # in k
         for _ in range(1 if drive.stress_controlled or law.exponent == 1.0 else 4):
@@ -129,12 +129,12 @@ class SteadyOscillation:
         return run, stress * k
 
     def _linear(self, drive, coefficient, stress) -> "_Run":
-        """Under linear damping; stress in k."""
+        """The _Run with linear damping of this coefficient; stress in k."""
         cycle, law = Cycle(4, drive.omega), PowerLaw(1.0, coefficient)
         return self._run(Equations(self.contacts, cycle, law, drive, stress * self.network.k, coefficient))
 
     def _run(self, equations, waves=None, speed=None) -> "_Run":
-        """Solve from these harmonics of the velocities, typically of this |z|, or from rest."""
+        """Solve, from these harmonics of the velocities, with typical |z| `speed`, or from rest."""
         cycle, values = equations.cycle, np.zeros(equations.size)
         if waves is not None:
             state = equations.split(values)
@@ -152,7 +152,7 @@ class SteadyOscillation:
 
 
 class _Run:
-    """One solution and what is read off it."""
+    """One solution: G*, harmonics, work and dissipation."""
 
     def __init__(self, equations: Equations, values, newton):
         cycle, contacts, drive = equations.cycle, equations.contacts, equations.drive
@@ -173,8 +173,8 @@ class _Run:
         self.dissipation = float(power) / network.area * weight
         self.strain = abs(strain[0])
 
-    def left_under(self, law: PowerLaw) -> float:
-        """Power of what is left of the equations under `law` over that of the oscillation, at most: an error of G*."""
+    def relative_residual(self, law: PowerLaw) -> float:
+        """Bound on the power of the residual under `law`, over that of the oscillation: a relative error of G*."""
         equations, state = self.equations, self.state
         m, contacts = equations.cycle.m, equations.contacts
         left = equations.split(np.empty(equations.size))

@@ -1,7 +1,7 @@
-"""The matrix of a time step: K + B/h + μ of disks and, where it is free, of the strain, factorised.
+"""The matrix of a time step: K + B/h + μ of the disks and, if it is free, the strain, factorised.
 
-The strain enters as γL, L = √V, a border (k, κ) of the disks' matrix A: its Schur complement κ + μ − kᵀA⁻¹k is positive
-if and only if the whole is positive definite, as A is. μ is no larger than it takes for that.
+The strain enters as γL, L = √V, a border (k, κ) of the matrix A of the disks. With A positive definite, the whole
+matrix is if and only if the Schur complement κ + μ − kᵀA⁻¹k is positive. μ is about as small as that allows.
 """
 
 import numpy as np
@@ -12,16 +12,17 @@ from jampetsc.oscillation.dashpots import Dashpots, motion_rows
 from jampetsc.oscillation.preconditioner import PREFIX
 from jampetsc.petsc.local import NewtonSolver
 
-# of k or, in a short step, of what is stiffest: least μ on the diagonal, for what nothing holds, which rounding would
-# move far; it changes steps, not where they end
+# Least μ in units of k or, in a short step, of the stiffest dashpot over h: without it rounding would move free disks
+# far. It changes the steps of Newton's method, not their limit.
 LEAST_SHIFT = 1e-10
+# μ is divided by RAISED for each new matrix, and multiplied by its square while that is not positive definite
 RAISED = 3.0
 
 
 class StepMatrix:
-    """Of some `stage.Springs`; vectors (unknowns + 1,) have γL at their end, 0 where the strain is imposed.
+    """The matrix of some `stage.Springs`. Vectors (unknowns + 1,) end with γL, 0 where the strain is imposed.
 
-    factorisations: so far; pairs: the list whose pattern it has
+    factorisations: their number so far; pairs: the pair list of its pattern
     """
 
     def __init__(self, springs):
@@ -66,7 +67,7 @@ class StepMatrix:
             self._mu *= RAISED**2
 
     def solve(self, right):
-        """(unknowns + 1,) for such a right-hand side."""
+        """Solution (unknowns + 1,) for a right-hand side (unknowns + 1,)."""
         x = self._solver.solve(right[:-1])
         if self._border is None:
             return np.append(x, 0.0)
@@ -74,7 +75,7 @@ class StepMatrix:
         return np.append(x - strain * self._response, strain)
 
     def _unheld(self, bonds):
-        """Stiffness for disks that contacts do not hold, (N, 1): more than the −f/r that pushes them aside."""
+        """Stiffness added to rattlers, (N, 1), else 0: more than the −f/r by which contacts push them aside."""
         n, (i, j), touching = self._springs.n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
         push = bonds.force / bonds.distance
         aside = gathered(np.column_stack((push, push)), i, j, n)

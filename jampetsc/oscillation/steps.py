@@ -1,13 +1,13 @@
-"""Steps in time of adaptive length: one that fails, or whose energy does not balance, is cut in two.
+"""Time steps of adaptive length: one that fails, or whose energy balance is wrong by too much, is halved.
 
-Work is stored or dissipated. With the weights b_i of the two stages, at whose ends forces balance, the energy balance
-of a step of length Δt is off by
+Work is stored or dissipated. With the weights b_i of the two stages, at whose ends forces balance, the error of the
+energy balance of a step of length Δt is
 
     ε = Δt Σ_i b_i (σ_i V γ̇_i − P_i) − ΔU ,
 
-the error of a quadrature of U̇, of third order in Δt; where disks rearrange suddenly within a long step it is what they
-dissipate there. It costs nothing to compute, and a step is accepted if it is below a limit. Lengths are those of a step
-of the cycle over powers of two, so that one factor serves for many steps.
+the error of a quadrature of U̇, of third order in Δt; where disks rearrange suddenly within a long step it is the
+energy that they dissipate. It costs nothing to compute, and a step is accepted if it is below a limit. Steps have the
+length of a step of the cycle over a power of two, so that one factor serves for many steps.
 """
 
 from collections.abc import Callable
@@ -18,37 +18,38 @@ from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.response import Imposed
 from jampetsc.oscillation.stage import STAGE, WEIGHTS, StageEnd
 
-FINEST = 30  # halvings of a step; no motion of a contact is so sudden
-ROOM = 0.1  # of the error that is allowed: a step with less is followed by one of twice its length, 8 times as far off
+FINEST = 30  # most halvings of a step; no motion of a contact is so sudden
+ROOM = 0.1  # of the allowed error: after a step with less the next is twice as long, with 8 times the error
 
 
 @dataclass(frozen=True)
 class Step:
-    """One that was taken."""
+    """A step that was made."""
 
     begin: float  # time
     length: float
     ends: list[StageEnd]
 
     def stages(self):
-        """(time, its share of the step times the length, StageEnd) of each."""
+        """(time, weight in an integral over time, StageEnd) of each stage."""
         for part, weight, end in zip((STAGE, 1.0), WEIGHTS, self.ends, strict=True):
             yield self.begin + part * self.length, weight * self.length, end
 
 
 class Steps:
-    """Of one motion.
+    """Steps of one motion.
 
-    imposed: what a stage is to end with at a time
+    imposed: the function time → Imposed
+    taken: number of accepted steps
     """
 
     def __init__(self, motion: MovingContacts, imposed: Callable[[float], Imposed]):
         self._motion, self._imposed = motion, imposed
-        self._halvings = 0  # of the last step
+        self._halvings = 0  # of the current step length
         self.taken = 0
 
     def over(self, begin: float, length: float, allowed: float):
-        """The Steps over a time, each with at most this error of energy. Raises ConvergenceError where steps fail."""
+        """Yield the Steps over a time, each with at most this error of energy. Raises ConvergenceError if they fail."""
         done, whole = 0, 1 << FINEST
         while done < whole:
             part = whole >> self._halvings
@@ -63,7 +64,7 @@ class Steps:
                 self._halvings -= 1
 
     def _take(self, step, allowed) -> float:
-        """Error of the energy balance, infinite where the step fails; a step with more than is allowed is undone."""
+        """Error of the energy balance, infinite if the step fails; a step with more than `allowed` is undone."""
         motion, last = self._motion, self._halvings == FINEST
         motion.set_length(step.length)
         imposed = [self._imposed(step.begin + part * step.length) for part in (STAGE, 1.0)]

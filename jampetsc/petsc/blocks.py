@@ -1,8 +1,8 @@
-"""A Hessian that one rank has whole as a sum of 2×2 blocks over contacts, for `minimise.ldl` to factorise.
+"""A Hessian that lies on one rank, as a sum of 2×2 blocks over contacts, factorised by `minimise.ldl`.
 
 A_ij = −b_ij for disks i ≠ j, A_ii = Σ_j b_ij, b symmetric. A block has one index where a library that sees single
-entries has four, and the order of elimination is that of disks: a factor costs a third of what CHOLMOD's does at
-N = 4096, half at 32768. Its flops, not in dense blocks, tell beyond: at 1e5 it costs more, though solves do not.
+entries has four, and the order of elimination is that of disks: a factorisation takes a third of the time of CHOLMOD
+at N = 4096, half at 32768. It does not compute in dense blocks, so it takes longer at 1e5; its solves do not.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ def factorised(matrix, shift: float):
     blocks = csr_array((values, indices, indptr), shape=matrix.getSize()).tobsr((2, 2))
     rows = np.repeat(np.arange(n), np.diff(blocks.indptr))
     upper = rows < blocks.indices
-    # unsigned, as in a list of pairs: compiled code is compiled for them already
+    # unsigned, as in a pair list, for which the code has been compiled already
     i, j = rows[upper].astype(np.uint32), blocks.indices[upper].astype(np.uint32)
     definite, factor = ldl.factorise(
         elimination_order(n, i, j), i, j, -blocks.data[upper], np.ones(len(i), bool), np.full(n, shift)

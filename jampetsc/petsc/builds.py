@@ -1,8 +1,8 @@
-"""Which petsc4py to load: the user's own, else the distribution's build of the wanted scalar type.
+"""Selects the petsc4py to load: the user's own, else the distribution's build of the wanted scalar type.
 
 Debian and Ubuntu install real and complex PETSc side by side under /usr/lib/petscdir, SLEPc under
-/usr/lib/slepcdir, each with its own petsc4py or slepc4py that is not on sys.path. One process can load one of
-them. Nothing here imports petsc4py: `selected` only arranges what the next import will find.
+/usr/lib/slepcdir, each with its own petsc4py or slepc4py that is not on sys.path. A process can load only one of
+them. Nothing here imports petsc4py: `selected` only arranges what the next import finds.
 """
 
 import importlib.util
@@ -50,8 +50,8 @@ def selected(scalar):
     """While the context lasts, `import petsc4py` and `import slepc4py` find the build with `scalar` scalars.
 
     `scalar` is "real", "complex" or None (either, real preferred). A PETSC_DIR that is set, and a petsc4py
-    that is importable and not the distribution's, go first and unchecked: their scalar type shows only after
-    the import. The folders stay on sys.path; PETSC_DIR and SLEPC_DIR are put back, so that a child process
+    that is importable and not the distribution's, come first and are not checked: their scalar type is known only
+    after the import. The folders stay on sys.path; PETSC_DIR and SLEPC_DIR are restored, so that a child process
     chooses for itself.
 
     Raises InputError where there is no such build.
@@ -95,7 +95,7 @@ def remedy(scalar):
 
 
 def _choose(scalar):
-    """PETSC_DIR and SLEPC_DIR for `selected`; empty when petsc4py is importable as things are."""
+    """PETSC_DIR and SLEPC_DIR for `selected`; empty when the user's own petsc4py is importable without them."""
     own = os.environ.get("PETSC_DIR")
     if own:
         slepc = os.environ.get("SLEPC_DIR") or own.replace("petscdir/petsc", "slepcdir/slepc")

@@ -1,13 +1,13 @@
-"""L Lᵀ of a real symmetric PETSc matrix: it solves, and its success proves the matrix positive definite.
+"""L Lᵀ of a real symmetric PETSc matrix, to solve with it and to prove it positive definite.
 
-CHOLMOD on one rank, MUMPS on more, unless the options say otherwise. Whatever they say, a solve that returns is right:
-its residual is looked at and refined away.
+CHOLMOD on one rank, MUMPS on more, unless the options say otherwise. With any options, a solve that returns is right:
+its residual is computed and iterative refinement reduces it to rounding.
 
-What a success proves is another matter, which depends on options that a user may override. L Lᵀ by dense blocks
-(CHOLMOD's supernodal Cholesky) breaks down at the first pivot that is not positive. MUMPS lets negative pivots pass and
-counts them, if told to handle the root itself and neither to replace nor to compress anything. Others (the simplicial
-L D Lᵀ of CHOLMOD, PETSc's own, any iterative method) solve without proving anything. What is in force is read back
-from the solver.
+Whether a factorisation that succeeds also proves A > 0 depends on options that a user may override. L Lᵀ by dense
+blocks (CHOLMOD's supernodal Cholesky) breaks down at the first pivot that is not positive. MUMPS accepts negative
+pivots and counts them, if its options make it factorise the root front itself and neither replace pivots nor compress.
+Others (the simplicial L D Lᵀ of CHOLMOD, PETSc's own, any iterative method) solve without proving anything. The
+settings in force are read back from the solver.
 """
 
 import numpy as np
@@ -16,12 +16,12 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.petsc import mumps
 from jampetsc.petsc.session import current
 
-# PETSC_ERR_MAT_CH_ZRPVT, what CHOLMOD's breakdown becomes, and what MUMPS says in INFOG(1)
+# PETSC_ERR_MAT_CH_ZRPVT, to which PETSc turns a breakdown of CHOLMOD, and MUMPS's INFOG(1)
 NOT_POSITIVE = 81, -10, -40
-# |b − A x| ≤ SOLVED (|A| |x| + |b|): more than a factor of A leaves. Computing it is off by some ROUNDED of the same.
+# |b − A x| ≤ SOLVED (|A| |x| + |b|), which a factor of A reaches; computing it errs by ROUNDED (|A| |x| + |b|)
 SOLVED = 1e-14
 ROUNDED = 4.0 * float(np.finfo(float).eps)
-REFINEMENTS = 40  # one of few digits needs some, one that does not halve the residual gets nowhere
+REFINEMENTS = 40  # at most; a solver of few digits needs some, one that does not halve the residual fails
 DEFAULTS = {"ksp_type": "preonly", "pc_type": "cholesky"}
 CHOLMOD = {
     "pc_factor_mat_solver_type": "cholmod",
@@ -43,7 +43,7 @@ class NotPositiveDefinite(ConvergenceError):
 
 
 def suitesparse() -> bool:
-    """Whether PETSc was built with it."""
+    """Whether PETSc was built with SuiteSparse."""
     # PETSc of Debian 12 and earlier knows the first name only, later ones the second
     return any(map(current().PETSc.Sys.hasExternalPackage, ("suitesparse", "cholmod")))
 
@@ -56,9 +56,9 @@ def fits_cholmod(matrix) -> bool:
 class Cholesky:
     """A matrix and its factor, with options of their own prefix. Collective on the ranks of the matrix.
 
-    matrix   PETSc.Mat, real and symmetric; `factorise` takes its values as they are then
-    what     names it in messages
-    project  of local parts of solutions, in place, on a space in which they are but for rounding
+    matrix   PETSc.Mat, real and symmetric; `factorise` uses the values that it has at the time
+    what     its name in messages
+    project  projects local parts of solutions, in place, onto a space that holds them except for rounding
     doubt    why the last `factorise` does not prove that the matrix is positive definite; empty if it does
     """
 
@@ -75,14 +75,14 @@ class Cholesky:
     def factorise(self) -> None:
         """Factorise; the symbolic analysis is kept while the pattern stays the same.
 
-        Raises NotPositiveDefinite, and ConvergenceError when it fails otherwise. After that the factor is of
-        no use.
+        Raises NotPositiveDefinite, and ConvergenceError when it fails for another reason. The factor is not usable
+        then.
         """
         petsc = current().PETSc
         self.doubt = "nothing is factorised"
         try:
             mumps.factorise(self.ksp, self.matrix, self.what)
-            # told that the matrix is positive definite, MUMPS lets negative pivots pass
+            # with the option SPD, MUMPS accepts negative pivots
             definite = not mumps.negative_pivots(self.ksp.getPC())
         except (petsc.Error, mumps.Failure) as error:
             code = error.code if isinstance(error, mumps.Failure) else error.ierr
@@ -97,8 +97,8 @@ class Cholesky:
     def solve(self, rhs, out) -> float:
         """out ← A⁻¹ rhs, two PETSc vectors, refined until only rounding is left of the residual. Collective.
 
-        Returns |rhs − A out|, with what rounding may have done to it. Raises ConvergenceError where the solver
-        fails, or where refinement does not get there.
+        Returns a bound on |rhs − A out|, rounding included. Raises ConvergenceError if the solver fails or refinement
+        does not reduce the residual far enough.
         """
         self._apply(rhs, out)
         error = np.inf
@@ -122,7 +122,7 @@ class Cholesky:
             self.project(out.getArray())
 
     def _look(self, rhs, x):
-        """(|b − A x|, |A| |x| + |b|); what is left of b stays in `_left`."""
+        """(|b − A x|, |A| |x| + |b|); the residual b − A x stays in `_left`."""
         self.matrix.mult(x, self._left)
         self._left.aypx(-1.0, rhs)
         return self._left.norm(), self._norm * x.norm() + rhs.norm()
@@ -141,8 +141,8 @@ class Cholesky:
     def prove(self) -> bool:
         """Whether the last `factorise` proves that the matrix is positive definite. Collective.
 
-        Its options must be such (see `doubt`), and a solve with a random right-hand side must come out. `doubt` says
-        why not.
+        Its options must allow that (see `doubt`), and a solve with a random right-hand side must succeed. `doubt`
+        says why it does not.
         """
         if self.doubt:
             return False
@@ -165,9 +165,9 @@ class Cholesky:
 
 
 def doubt(ksp, null_pivots: bool = False) -> str:
-    """Why the signs of the pivots of this KSP's factor say nothing, in a few words; empty where they do. After `setUp`.
+    """Why the signs of the pivots of this KSP's factor prove nothing, in a few words; empty if they do. After `setUp`.
 
-    null_pivots   whether MUMPS may detect null pivots, which it replaces: the caller looks at how many there were
+    null_pivots   whether MUMPS may detect and replace null pivots: the caller checks how many there were
     """
     prefix, pc = ksp.getOptionsPrefix(), ksp.getPC()
     given = current().PETSc.Options(prefix)
@@ -186,7 +186,7 @@ def doubt(ksp, null_pivots: bool = False) -> str:
 
 
 def _doubt_cholmod(prefix, given):
-    """CHOLMOD cannot be asked; it has read the same database."""
+    """CHOLMOD's settings cannot be read back; it has read them from the same database."""
     kind = given.getString("mat_cholmod_factor", "AUTO")
     if kind.upper() != "SUPERNODAL":
         return f"-{prefix}mat_cholmod_factor {kind} lets negative pivots pass"
@@ -209,18 +209,18 @@ def _doubt_mumps(prefix, factor, ranks, null_pivots):
 
 
 def least_eigenvalue(start, step, trials: int = TRIALS) -> float:
-    """A lower bound on the smallest |λ| of a symmetric A, right but for a chance of one in a million. Collective.
+    """A lower bound on the smallest |λ| of a symmetric A, wrong with a probability of one in a million. Collective.
 
-    start   () → a vector of independent normal numbers in the space on which A acts
-    step    vector x → (A⁻¹x but for a residual ρ, |ρ| with what rounding may have done to it, |A⁻¹x|)
+    start   () → a vector of independent standard normal numbers in the space on which A acts
+    step    vector x → (y with A y = x − ρ, a bound on the residual |ρ|, rounding included, |y|)
 
-    Nothing is asked of the solves but what they leave, so this holds whatever the solver is. Let u be the
-    eigenvector of that λ, x₀ a start and A x_k = x_{k−1} − ρ_k. Then
+    Only the residuals of the solves are used, so this holds for any solver. Let u be the eigenvector of that λ, x₀ a
+    start and A x_k = x_{k−1} − ρ_k. Then
 
         u·x₀ = λᵐ u·x_m + Σ_k λ^{k−1} u·ρ_k ,    |u·x₀| ≤ |λ|ᵐ |x_m| + Σ_k |λ|^{k−1} |ρ_k| .
 
-    |u·x₀| < τ has a chance of 0.8 τ, and of (0.8 τ)² in two trials. Otherwise one of the m terms with |λ| in
-    them is at least (τ − |ρ₁|)/m. Zero where the residuals are too large to tell.
+    |u·x₀| < τ has the probability 0.8 τ, and (0.8 τ)² in two trials. Otherwise one of the m terms with a power of |λ|
+    is at least (τ − |ρ₁|)/m. The bound is zero if the residuals are too large.
     """
     least = np.inf
     for _ in range(trials):
@@ -235,12 +235,12 @@ def least_eigenvalue(start, step, trials: int = TRIALS) -> float:
 
 
 def least_singular_value(start, step) -> float:
-    """The same for a complex symmetric A: a lower bound on its smallest singular value σ. Collective.
+    """`least_eigenvalue` of a complex symmetric A: a lower bound on its smallest singular value σ. Collective.
 
     start, step   as for `least_eigenvalue`, of complex vectors; normal numbers of unit variance in both parts
 
-    A = U Σ Uᵀ (Takagi), so A ū = σu, and uᴴx_{k−1} = σ uᵀy_k + uᴴρ_k for A y_k = x_{k−1} − ρ_k: one goes on with
-    x_k = ȳ_k. |uᴴx₀| < τ has a chance of τ²/2, so one trial will do.
+    A = U Σ Uᵀ (Takagi), so A ū = σu, and uᴴx_{k−1} = σ uᵀy_k + uᴴρ_k for A y_k = x_{k−1} − ρ_k; so x_k = ȳ_k.
+    |uᴴx₀| < τ has the probability τ²/2, so one trial suffices.
     """
 
     def turned(x):

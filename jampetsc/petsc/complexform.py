@@ -1,12 +1,12 @@
-"""K + iωB as one PETSc matrix, whichever scalars the running PETSc has.
+"""K + iωB as one PETSc matrix, for real or complex scalars of the running PETSc.
 
-Complex scalars hold it as it is. With real ones an unknown takes two rows, its real and its imaginary part
-side by side, and each entry becomes a block:
+With complex scalars it is stored as it is. With real ones an unknown takes two rows, its real and its imaginary part
+next to each other, and each entry becomes a block:
 
     (K + iωB)(x + iy) = b + ic    ⇔    [[K, −ωB], [−ωB, −K]] (x, y) = (b, −c) .
 
-That form is symmetric as well, indefinite, and twice as large; a symmetric factorisation L D Lᵀ takes both.
-Local shares of complex vectors are numpy arrays here, the same for both forms.
+That form is symmetric as well, indefinite, and twice as large; L D Lᵀ factorises both. Local parts of complex vectors
+are numpy arrays here, the same for both forms.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ from jampetsc.petsc.session import current
 
 
 class ComplexForm:
-    """K + iωB for one frequency after another, with its vectors; of K and B, PETSc matrices of one pattern. Collective.
+    """K + iωB at one frequency after another, and its vectors, from PETSc matrices K, B of one pattern. Collective.
 
     A           PETSc.Mat; x and b are vectors that fit it
     magnitude   |diagonal of K + iωB| at the ω of the last `set`, (n_local,)
@@ -50,7 +50,7 @@ class ComplexForm:
         self.A.diagonalScale(self.b, self.b)
 
     def solve(self, ksp, right, what: str):
-        """Solution (n_local,) of A x = right (n_local,) as `ksp` has it. Raises ConvergenceError where that fails."""
+        """Solution (n_local,) of A x = right (n_local,) by `ksp`. Raises ConvergenceError if that fails."""
         self.b.setArray(np.conj(right).view(float) if self._doubled else right)
         mumps.solve(ksp, self.b, self.x, what, "; try -options_file jampetsc:mumps")
         solution = self.x.getArray().copy()

@@ -1,8 +1,8 @@
-"""Lowest eigenpairs of K with nothing pinned: SLEPc's shift-invert Krylov–Schur, or LAPACK for a large part of the
+"""Lowest eigenpairs of K without pinned unknowns: SLEPc's shift-invert Krylov–Schur, or LAPACK for a large part of the
 spectrum.
 
-On one rank K − σ is factorised by `blocks`. On more, for very many disks, and wherever an option of the user begins
-with `modes_st_`, it is left to CHOLMOD or MUMPS.
+On one rank K − σ is factorised by `blocks`. On several, for very many disks, and if the user gives an option that
+begins with `modes_st_`, by MUMPS or CHOLMOD.
 
 The shift σ < 0 lies just below the spectrum, so K − σ is positive definite; translations of connected pieces
 are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.)
@@ -23,10 +23,11 @@ PREFIX = "modes_"
 # −σ in units of the contact stiffness: of the order of the softest modes. Nearer to zero, a mode of no energy
 # would be amplified by 1/σ and its rounding drown the others.
 SHIFT = 1e-7
-SPARE = 2  # eigenpairs more than asked for: the first one tells where the last one asked for ends
-BLOCKS = 30_000  # unknowns from which dense blocks pay in the triangular solves of CHOLMOD
-MANY = 250_000  # unknowns from which dense blocks pay in the factor as well
-VECTORS = 2.5  # kept for each eigenpair: about as many as are needed, so that SLEPc hardly ever restarts
+# eigenpairs more than asked for: the first shows whether a cluster of equal eigenvalues ends there
+SPARE = 2
+BLOCKS = 30_000  # unknowns from which dense blocks are faster in the triangular solves of CHOLMOD
+MANY = 250_000  # unknowns from which dense blocks are faster in the factorisation as well
+VECTORS = 2.5  # of the basis for each eigenpair: about as many as needed, so that SLEPc hardly ever restarts
 DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
 
 
@@ -57,13 +58,13 @@ def translations(pencil):
 
 
 def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
-    """At least `count` eigenpairs of K, and one more if there is one, to tell where they end. Collective.
+    """At least `count` of the lowest eigenpairs of K, and one more if there is one (see `SPARE`). Collective.
 
-    pencil      K with nothing pinned (the Stokes law), positive semi-definite
+    pencil      of K without pinned unknowns and without angles (law `UNDAMPED`); K is positive semi-definite
     stiffness   the largest contact stiffness, which sets the scale
     known       (l, unknowns_local) orthonormal eigenvectors that are not to be found again
 
-    Raises InputError when there are not so many, ConvergenceError when they are not found.
+    Raises InputError if K has fewer, ConvergenceError if they are not found.
     """
     moves = translations(pencil)
     there = pencil.unknowns - len(moves)
@@ -81,10 +82,10 @@ def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
 
 
 class _BlockFactor:
-    """(K − σ)⁻¹ of a matrix that one rank has whole, as a preconditioner that PETSc calls."""
+    """(K − σ)⁻¹ of a matrix that lies on one rank, as a preconditioner that PETSc calls."""
 
     def __init__(self, matrix, shift):
-        from jampetsc.petsc import blocks  # compiled code, which takes its time to load
+        from jampetsc.petsc import blocks  # compiled code, slow to load
 
         self._solve = blocks.factorised(matrix, shift)
         if self._solve is None:
@@ -96,7 +97,7 @@ class _BlockFactor:
 
 
 def _suits_blocks(matrix) -> bool:
-    """Whether one rank has the matrix whole, it is not too large, and no option of the user says how to factorise."""
+    """Whether the matrix lies on one rank, is not too large, and no option of the user says how to factorise it."""
     whole = matrix.getComm().size == 1 and matrix.getSize()[0] <= MANY
     return whole and not current().has_options(PREFIX + "st_")
 
@@ -136,7 +137,7 @@ def _krylov(pencil, moves, count, stiffness):
         return pairs[np.argsort(values, kind="stable")]
     finally:
         for item in (eps, *deflated):
-            # a stop that is raised while the factor is applied leaves an EPS that PETSc does not destroy
+            # after an exception raised while the factor is applied (a signal), PETSc does not destroy the EPS
             with contextlib.suppress(current().PETSc.Error):
                 item.destroy()
 
@@ -180,7 +181,7 @@ def _dense(pencil, moves, count, stiffness):
     values = shares = None
     if comm.rank == 0:
         K, whole = K.toarray(), np.hstack(parts)
-        # Translations are lifted above the rest: a row of K sums to no more than this in absolute values.
+        # Translations are shifted above the spectrum: no absolute row sum of K is larger than the maximum used here.
         K += (2.0 * np.abs(K).sum(axis=1).max() + stiffness) * (whole.T @ whole)
         values, vectors = eigh(K, overwrite_a=True, driver="evd")
         values, ends = values[:count], np.cumsum([part.shape[1] for part in parts])

@@ -1,8 +1,8 @@
 """How many eigenvalues of a symmetric matrix are negative, zero and positive, from LDLᵀ factors.
 
 Sylvester's law of inertia: a congruence A → D A D keeps the three numbers, and A = LDLᵀ has those of its D.
-So A is scaled to a unit diagonal first, which puts blocks of any size (the θ block of B, say) on one footing,
-and factorised twice, shifted up and down: eigenvalues of D A D between −σ and σ count as zero.
+So A is scaled to a unit diagonal first, which makes blocks of different size (such as the θ block of B) comparable,
+and factorised twice, shifted by ±σ: eigenvalues of D A D between −σ and σ count as zero.
 
 σ = 1e-12. The scaled matrix of a contact network has norm below ten, its entries are rounded at 1e-16 and its
 factors at some 1e-15, so zero modes come out within about 1e-14 of zero; the softest modes of a packing,
@@ -36,9 +36,9 @@ def count_eigenvalues(matrix, what: str, pins=()) -> Inertia:
     """Inertia of a distributed real symmetric PETSc Mat. Collective; needs the real build.
 
     what   name of the matrix, for messages
-    pins   global numbers of unknowns that do not count: their rows and columns are zero off the diagonal
+    pins   global numbers of unknowns to leave out: their rows and columns are zero off the diagonal
 
-    Raises ConvergenceError if a factorisation fails, InputError for options with which it counts nothing.
+    Raises ConvergenceError if a factorisation fails, InputError for options with which its pivots prove nothing.
     """
     pins = np.asarray(pins, int)
     scaled = matrix.duplicate(copy=True)
@@ -58,7 +58,7 @@ def count_eigenvalues(matrix, what: str, pins=()) -> Inertia:
 
 
 def _negative(matrix, shifts, what):
-    """Numbers of negative eigenvalues of a matrix after each of the shifts, which add up: of negative pivots."""
+    """Numbers of negative eigenvalues (negative pivots) of a matrix after each of the shifts, which accumulate."""
     ksp = mumps.make_ksp(matrix.getComm(), PREFIX, DEFAULTS | MUMPS | NULL_PIVOTS)
     found = []
     try:
@@ -82,10 +82,10 @@ def _negative(matrix, shifts, what):
 
 
 def count_below(matrix, value: float, what: str) -> int:
-    """Number of eigenvalues of a distributed symmetric Mat below `value`, itself none of them. Collective.
+    """Number of eigenvalues of a distributed symmetric Mat below `value`, which is no eigenvalue itself. Collective.
 
-    One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails, InputError for options with which it
-    counts nothing.
+    One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails, InputError for options with which its
+    pivots prove nothing.
     """
     shifted = matrix.copy()
     try:

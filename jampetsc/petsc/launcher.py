@@ -1,16 +1,16 @@
 """Whether this process is one of several that mpirun or mpiexec started together.
 
-The environment alone cannot tell: its variables reach every process that a rank starts, and Slurm sets some for
-tasks that have nothing to do with each other. So what is found here is a reason to start MPI and ask, no more;
-a process that MPI says is alone does its work.
+The environment alone does not decide it: every process that a rank starts inherits its variables, and Slurm sets some
+for tasks that are independent of each other. So `several` is only a reason to start MPI and ask; a process that is
+alone according to MPI works alone.
 
-Slurm's srun is left out on purpose: `srun bash -c 'jampetsc plot $SLURM_PROCID.h5 …'` is a farm of tasks, and MPI
-would make each wait for all others. What needs no MPI is done by every task of srun.
+Slurm's srun is left out on purpose: `srun bash -c 'jampetsc plot $SLURM_PROCID.h5 …'` starts independent tasks, and
+MPI would make each wait for all others. Commands that need no MPI are run by every task of srun.
 """
 
 import os
 
-# what Open MPI (through PMIx and PRRTE) and MPICH (its process manager hydra) give to the processes they start
+# beginnings of variables that Open MPI (through PMIx and PRRTE) and MPICH (hydra) set for the processes they start
 INHERITED = (
     *("OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_APP_CTX_", "OMPI_MCA_ess", "OMPI_MCA_orte_", "OMPI_MCA_pmix"),
     *("PMIX_", "PRTE_", "PMI_", "MPI_LOCAL"),
@@ -18,7 +18,7 @@ INHERITED = (
 
 
 def several() -> bool:
-    """Whether the environment is that of one of several ranks."""
+    """Whether the environment looks like that of one of several ranks."""
     hydra = "MPI_LOCALNRANKS" in os.environ  # srun --mpi=pmi2 gives PMI_SIZE as well
     sizes = [os.environ.get("OMPI_COMM_WORLD_SIZE"), os.environ.get("PMI_SIZE") if hydra else None]
     return any(size is not None and size.isdecimal() and int(size) > 1 for size in sizes)

@@ -1,7 +1,7 @@
-"""One rank's own Hessian, factorised by `Cholesky`: the solver that `minimise.newton` is handed, prefix `newton_`.
+"""A Hessian that lies on one rank, factorised by `Cholesky`: the solver for `minimise.newton`, prefix `newton_`.
 
 A quench ends with the proof that it found a minimum, so options with which a factorisation proves nothing are refused.
-Where nothing is to be proved, residuals alone are looked at.
+Where no proof is needed, only residuals are checked.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ class NewtonSolver:
             raise InputError("Cholesky needs the real build of PETSc: start the session with scalar='real'")
         self._petsc = session.PETSc
         self._cholesky = self._pattern = None
-        if proves:  # what PETSc or the proof refuses is refused now, not when the first step is due
+        if proves:  # options that PETSc or the proof refuses are refused now, not at the first step
             self.factorise(np.array([0, 1], np.int32), np.array([0], np.int32), np.ones(1))
 
     def factorise(self, indptr, indices, values) -> bool:
@@ -55,13 +55,13 @@ class NewtonSolver:
         return True
 
     def solve(self, b):
-        """x with A x = b, (n,) float64, after a `factorise` that said True."""
+        """x with A x = b, (n,) float64, after a `factorise` that returned True."""
         self._right.setArray(b)
         self._cholesky.solve(self._right, self._solution)
         return self._solution.getArray().copy()
 
     def order(self, n, i, j):
-        """Disks in an order of elimination (N,) of little fill; pairs (M,) i, j are neighbours."""
+        """N disks in an order of elimination with little fill, (N,); pairs (M,) i, j are neighbours."""
         from jampetsc.petsc.blocks import elimination_order  # loads scipy, which a quench does without
 
         return elimination_order(n, i, j)

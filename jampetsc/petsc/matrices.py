@@ -1,4 +1,4 @@
-"""Distributed PETSc matrices from local rows, and what one asks of them."""
+"""Distributed PETSc matrices from local rows, their diagonals, and all rows on every rank."""
 
 import numpy as np
 from scipy.sparse import csr_array

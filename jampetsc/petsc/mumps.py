@@ -1,4 +1,4 @@
-"""Set up a KSP and what it factorises; what a failure says, in words, and the one that more workspace cures."""
+"""Creates a KSP and factorises; explains failures, and repeats a MUMPS factorisation that ran out of workspace."""
 
 import re
 
@@ -6,19 +6,19 @@ from jampetsc.errors import ConvergenceError, named
 from jampetsc.petsc.session import current
 
 WORKSPACE = (-8, -9, -14, -15, -17, -20)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
-MEMORY = (-13, -19)  # INFOG(1): the machine, or the limit ICNTL(23), has no more
+MEMORY = (-13, -19)  # INFOG(1): the memory of the machine, or the limit ICNTL(23), is used up
 SINGULAR = (-10,)
 OUT_OF_CORE = (-90,)
 PETSC_MEMORY = 55  # PETSC_ERR_MEM
 CHOLMOD_MEMORY = re.compile(r"CHOLMOD .*status -[23]\b")  # out of memory, too large
-USUAL = 20  # ICNTL(14) that MUMPS has of its own: per cent more than it expects to need
-ATTEMPTS = 5  # at twice the workspace each time
+USUAL = 20  # MUMPS's default of ICNTL(14): per cent of workspace beyond its estimate
+ATTEMPTS = 5  # with ICNTL(14) doubled each time
 
 
 class Failure(ConvergenceError):
     """A factorisation that failed; `code` is MUMPS's INFOG(1)."""
 
-    def __init__(self, message, code=None):  # of copies from other ranks it comes later
+    def __init__(self, message, code=None):  # of copies from other ranks `code` is set later
         super().__init__(message)
         self.code = code
 
@@ -30,12 +30,12 @@ def failure(pc):
 
 
 def negative_pivots(pc) -> int:
-    """How many there are by a MUMPS factorisation of this PC, 0 where MUMPS was not used."""
+    """Number of negative pivots of a MUMPS factorisation of this PC, 0 where MUMPS was not used."""
     return 0 if failure(pc) is None else pc.getFactorMatrix().getMumpsInfog(12)
 
 
 def make_ksp(comm, prefix: str, defaults: dict):
-    """A PETSc.KSP with the options of this prefix, and these where nobody gives others. Collective."""
+    """A PETSc.KSP with the options of this prefix, `defaults` where the user gives none. Collective."""
     current().set_defaults({prefix + name: value for name, value in defaults.items()})
     ksp = current().PETSc.KSP().create(comm)
     ksp.setOptionsPrefix(prefix)
@@ -44,9 +44,9 @@ def make_ksp(comm, prefix: str, defaults: dict):
 
 
 def factorise(ksp, matrix, what: str) -> int:
-    """Set up `ksp` for `matrix`; where MUMPS ran out of workspace, start afresh with twice as much. Collective.
+    """Set up `ksp` for `matrix`; where MUMPS ran out of workspace, again with more (ICNTL(14) doubled). Collective.
 
-    Returns how many factorisations that took. Raises Failure naming `what`, and PETSc.Error for what has no words here.
+    Returns the number of attempts. Raises Failure naming `what`, and PETSc.Error for errors not explained here.
     """
     attempt = 1
     while True:
@@ -76,32 +76,32 @@ def factorise(ksp, matrix, what: str) -> int:
 
 
 def solve(ksp, rhs, out, what: str, remedy: str = "") -> None:
-    """out ← what `ksp` makes of rhs, PETSc vectors. Collective.
+    """out ← the solution of `ksp` for rhs, PETSc vectors. Collective.
 
-    Raises ConvergenceError, with PETSc's reason, where it failed on any rank: where the preconditioner of one fails the
-    others are not told.
+    Raises ConvergenceError with PETSc's reason if it failed on any rank; PETSc does not tell the others of a
+    preconditioner that fails on one.
     """
     ksp.solve(rhs, out)
     reason = min(ksp.getComm().tompi4py().allgather(ksp.getConvergedReason()))
     if reason < 0:
         reasons = current().PETSc.KSP.ConvergedReason
-        told = next((name for name in dir(reasons) if getattr(reasons, name) == reason), reason)
+        name = next((name for name in dir(reasons) if getattr(reasons, name) == reason), reason)
         raise ConvergenceError(
-            f"{what}: KSP stopped with {told} after {ksp.getIterationNumber()} iterations{remedy}"
+            f"{what}: KSP stopped with {name} after {ksp.getIterationNumber()} iterations{remedy}"
         )
 
 
 def _explained(code, what):
     """The error to raise for a factorisation of `what` that failed with this INFOG(1)."""
-    told = f"MUMPS INFOG(1) = {code}"
+    shown = f"MUMPS INFOG(1) = {code}"
     if code in WORKSPACE or code in MEMORY:
-        remedy = f"out of memory ({told}); use more ranks or nodes, or -options_file jampetsc:low_memory"
+        remedy = f"out of memory ({shown}); use more ranks or nodes, or -options_file jampetsc:low_memory"
     elif code in OUT_OF_CORE:
-        remedy = f"MUMPS could not write its files ({told}); free space in, or set, MUMPS_OOC_TMPDIR"
+        remedy = f"MUMPS could not write its files ({shown}); free space in, or set, MUMPS_OOC_TMPDIR"
     elif code in SINGULAR:
         remedy = (
-            f"the matrix is singular ({told}); is the packing a minimum? see info with {named('matrices')}"
+            f"the matrix is singular ({shown}); is the packing a minimum? see info with {named('matrices')}"
         )
     else:
-        remedy = f"the solver reports {told}"
+        remedy = f"the solver reports {shown}"
     return Failure(f"factorisation of {what}: {remedy}", code)

@@ -1,4 +1,4 @@
-"""The one door to PETSc, SLEPc and MPI.
+"""The only module that starts PETSc, SLEPc and MPI.
 
 Importing this module starts nothing; `start` does, once per process:
 
@@ -6,7 +6,7 @@ Importing this module starts nothing; `start` does, once per process:
     s.set_defaults({"freq_ksp_type": "preonly", "freq_pc_type": "lu"})
     ksp = s.PETSc.KSP().create(s.comm)
     ...                                     # prefix, operators, setFromOptions, setUp: the work
-    s.tell_unused()                         # has PETSc say at its end which options nobody has asked for
+    s.report_unused()                       # makes PETSc print at its end the options that nothing has read
 """
 
 import contextlib
@@ -25,7 +25,8 @@ from jampetsc.petsc.solver_options import is_petscs_own, names_given
 from jampetsc.shipped_files import located
 
 QUIET = "-no_signal_handler"
-VALUES = (56, 62, 63, 86, 92)  # not supported, argument wrong, out of range, no such type, no such factor
+# PETSc error codes: not supported, wrong argument, out of range, unknown type, no such factor
+VALUES = (56, 62, 63, 86, 92)
 
 _session = None
 
@@ -63,21 +64,21 @@ def start(scalar=None, petsc_argv=()):
 def _load(petsc_argv):
     """(PETSc, SLEPc or None, COMM_WORLD), initialised with petsc_argv. Collective.
 
-    Raises InputError where they are missing, do not fit together, or do not start with these words.
+    Raises InputError where they are missing, do not fit together, or do not start with these options.
     """
     try:
         import petsc4py
 
-        # Open MPI 4 would start a daemon for ranks to be spawned later, which outlives a kill of its process
+        # Open MPI 4 would start a daemon for ranks to be spawned later, which survives when its process is killed
         os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
-        # CHOLMOD asks for four threads whatever OMP_NUM_THREADS says, and has them wait for each other
+        # CHOLMOD asks for four threads whatever OMP_NUM_THREADS says, and they wait for each other
         if threads := os.environ.get("OMP_NUM_THREADS"):
             os.environ.setdefault("OMP_THREAD_LIMIT", threads.partition(",")[0])
         from mpi4py import MPI
 
         if MPI.Is_finalized():
             raise InputError("MPI has ended in this process, and with it PETSc: start another process")
-        # SIGTERM and a closed pipe remain what they are to python; PETSc would print pages and abort
+        # python keeps handling SIGTERM and a closed pipe; PETSc would print pages and abort
         petsc4py.init(["jampetsc", QUIET, *petsc_argv], comm=MPI.COMM_WORLD)
         from petsc4py import PETSc
     except ImportError as error:
@@ -93,7 +94,7 @@ def _load(petsc_argv):
         from slepc4py import SLEPc
     except ModuleNotFoundError:
         SLEPc = None
-    except (ImportError, ValueError) as error:  # what loading a SLEPc of another PETSc gives
+    except (ImportError, ValueError) as error:  # raised by loading a SLEPc of another PETSc
         raise InputError(
             f"{Path(slepc4py.__file__).parent} was not built for {Path(PETSc.__file__).parents[1]}: "
             "set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
@@ -109,7 +110,7 @@ def current():
 
 
 def communicator():
-    """That of the running session; without one that of all ranks if mpirun has started several, else None."""
+    """`comm` of the running session; without a session COMM_WORLD if mpirun has started several ranks, else None."""
     if _session is not None:
         return _session.comm
     return importlib.import_module("mpi4py.MPI").COMM_WORLD if launcher.several() else None
@@ -119,8 +120,9 @@ class Session:
     """PETSc as it runs in this process; made by `start`.
 
     PETSc, SLEPc   the petsc4py and slepc4py modules; SLEPc is None where no slepc4py is installed
-    MPI            mpi4py's
-    comm           mpi4py communicator of the work at hand, COMM_WORLD but for `alone`; rank and size are its
+    MPI            the module mpi4py.MPI
+    comm           mpi4py communicator of the current work: COMM_WORLD, within `alone` COMM_SELF
+    rank, size     those of `comm`
     world          COMM_WORLD
     scalar_type    "real" or "complex"
     petsc_argv     the PETSc options this process was given
@@ -134,7 +136,7 @@ class Session:
         self._work_on(comm)
         self.scalar_type = "complex" if PETSc.ScalarType(0).dtype.kind == "c" else "real"
         self.petsc_argv = petsc_argv
-        PETSc.Options().delValue(QUIET)  # not for the record: it is none of the user's
+        PETSc.Options().delValue(QUIET)  # not for the record: the user did not give it
         self._for_solvers = not all(map(is_petscs_own, names))  # whether options of solvers were given
         self._defaults = set()
 
@@ -143,7 +145,7 @@ class Session:
 
     @contextlib.contextmanager
     def alone(self):
-        """Work inside is this rank's own: `comm` is COMM_SELF, and nothing in it waits for other ranks."""
+        """A context for work of this rank alone: `comm` is COMM_SELF, so nothing waits for other ranks."""
         before = self.comm
         self._work_on(self.MPI.COMM_SELF)
         try:
@@ -156,11 +158,11 @@ class Session:
         return self.PETSc.Options().getAll()
 
     def options_told(self) -> str:
-        """Those as words of a command line, for the record of a run: given by the user, or defaults set by then."""
+        """All options as on a command line, for the record of a run: the user's, and the defaults set so far."""
         return " ".join(f"-{name} {value or ''}".strip() for name, value in self.options().items())
 
     def set_defaults(self, defaults):
-        """Set those of {"freq_ksp_type": "preonly", …} that no options file and no command line gives.
+        """Set those of `defaults`, {"freq_ksp_type": "preonly", …}, that no options file and no command line gives.
 
         None stands for an option without a value.
         """
@@ -172,32 +174,32 @@ class Session:
                 self._defaults.add(name.lower())
 
     def has_options(self, prefix) -> bool:
-        """Whether options that begin with this were given, by a command line, a file or PETSC_OPTIONS."""
+        """Whether the user gave options that begin with `prefix`, on a command line, in a file or in PETSC_OPTIONS."""
         return any(
             name.lower().startswith(prefix) for name in self.options() if name.lower() not in self._defaults
         )
 
-    def tell_unused(self):
-        """Have PETSc, when it ends, print the solvers' options that rank 0 has not asked for: its -options_left."""
+    def report_unused(self):
+        """Make PETSc print, when it ends, the solvers' options that nothing has read on rank 0 (its -options_left)."""
         database = self.PETSc.Options()
         for name in self._defaults:
-            database.delValue(name)  # not the user's to correct
+            database.delValue(name)  # not given by the user
         if self._for_solvers and "options_left" not in self.options():
             database.setValue("options_left", True)
 
     def stage(self, name):
-        """A log stage, a context: what runs inside is summed under `name` by -log_view. Collective."""
+        """A PETSc log stage as a context: -log_view sums what runs inside under `name`. Collective."""
         return self.PETSc.Log.Stage(name)
 
     def memory(self) -> int:
-        """Bytes of this machine's memory for each rank of `comm` on it. Collective."""
+        """Bytes of this machine's memory, divided by the number of ranks of `comm` on it. Collective."""
         node = self.comm.Split_type(self.MPI.COMM_TYPE_SHARED)
         share = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // node.size
         node.Free()
         return share
 
     def collect(self):
-        """Free the PETSc objects that python has dropped, even if on some ranks only. Collective.
+        """Free the PETSc objects that python no longer refers to, even if only on some ranks. Collective.
 
         A full garbage collection, tens of milliseconds: not for every step of a fast loop.
         """
@@ -209,7 +211,7 @@ class Session:
 def versions():
     """Versions for the record: {"numpy": …, "h5py": …}, in a session also mpi4py, mpi, petsc, slepc, mumps.
 
-    One that cannot be found out is "unknown". Not collective.
+    "unknown" stands for one that cannot be determined. Not collective.
     """
     packages = ["numpy", "h5py"] + (["mpi4py"] if _session else [])
     known = {package: importlib.import_module(package).__version__ for package in packages}
@@ -224,19 +226,19 @@ def versions():
 
 
 def petsc_error(error):
-    """The PETSc.Error that an exception is or, as in slepc4py 3.25, was made of; None if there is none."""
+    """The exception if it is a PETSc.Error, its cause if that is one (as in slepc4py 3.25), else None."""
     found = (one for one in (error, error.__cause__) if _session and isinstance(one, _session.PETSc.Error))
     return next(found, None)
 
 
 def petsc_message(error) -> str:
-    """What PETSc said, without the places in its sources: the last line."""
+    """The last line of PETSc's message, without the traceback of its sources."""
     last = str(petsc_error(error)).rpartition("\n")[2]
     return " ".join(last.removeprefix(f"[{_session.world.rank}]").split())
 
 
-def told(error) -> tuple[str, int]:
-    """A PETSc error in one line, and the exit status: 2 where it is about a value that the user may have given."""
+def explained(error) -> tuple[str, int]:
+    """A PETSc error in one line, and the exit status: 2 if it may be about a value that the user gave, else 1."""
     given = " ".join(_session.petsc_argv)
     if given and petsc_error(error).ierr in VALUES:
         return f"{given}: {petsc_message(error)}: correct or remove the option", 2
@@ -244,14 +246,14 @@ def told(error) -> tuple[str, int]:
 
 
 def _abort(kind, error, trace):
-    """sys.excepthook: a rank that ends by an exception would leave the others waiting for it forever."""
+    """sys.excepthook that aborts all ranks: they would wait forever for one that ends by an exception."""
     text = "".join(traceback.format_exception(kind, error, trace))
     streams.say(f"jampetsc: rank {_session.world.rank} of {_session.world.size} failed:\n{text}")
     _session.world.Abort(1)
 
 
 def _mumps_version():
-    """The version in the name of the MUMPS library this process has loaded; Linux tells which that is."""
+    """The version in the file name of the MUMPS library that this process has loaded (Linux), or "unknown"."""
     try:
         loaded = Path("/proc/self/maps").read_text()
     except OSError:

@@ -25,14 +25,14 @@ def _add(matrix, s, B):
 
 
 class ShiftedFactor:
-    """A⁻¹ for one matrix A, which is the factor's own from then on. Collective on the ranks of the matrix.
+    """A⁻¹ for one matrix A, which the factor takes over and changes. Collective on the ranks of the matrix.
 
-    what      names A in messages
-    project   orthogonal projection of local parts, in place, on a space that A leaves invariant, in which right sides
-              and solutions are but for rounding
+    what      the name of A in messages
+    project   orthogonal projection of local parts, in place, onto an invariant space of A that holds right-hand sides
+              and solutions except for rounding
 
-    Raises NotPositiveDefinite where A is not: K + sB where K has a negative eigenvalue or, at s = 0, one that is
-    zero. ConvergenceError when the factorisation fails otherwise.
+    Raises NotPositiveDefinite if A is not: K + sB if K has a negative eigenvalue or, at s = 0, a zero one.
+    ConvergenceError if the factorisation fails for another reason.
     """
 
     def __init__(self, matrix, what: str, project=None):
@@ -42,9 +42,9 @@ class ShiftedFactor:
         self._factorise()
 
     def renew(self, K, B, s: float, what: str) -> None:
-        """Become the factor of K + sB, of the pattern that A has had: its analysis serves again. Collective.
+        """Become the factor of K + sB, of the pattern of A, whose symbolic analysis is reused. Collective.
 
-        Raises as a new one does, and is of no use then.
+        Raises as the constructor; the factor is not usable then.
         """
         matrix = self.cholesky.matrix
         K.copy(matrix, structure=current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
@@ -68,14 +68,14 @@ class ShiftedFactor:
             raise
 
     def _scale(self, rhs):
-        """`work` ← what is to be solved for, scaled like the matrix."""
+        """`work` ← the right-hand side, projected and scaled like the matrix."""
         rhs.copy(self.work)
         if self.project is not None:
             self.project(self.work.getArray())
         self.work.pointwiseMult(self.work, self.scale)
 
     def _project_scaled(self, x):
-        """`project` of a solution that is scaled like the matrix."""
+        """`project` for a solution that is scaled like the matrix."""
         scale = self.scale.getArray()
         unscaled = x * scale
         self.project(unscaled)
@@ -86,7 +86,10 @@ class ShiftedFactor:
         return self.cholesky.prove()
 
     def solve(self, rhs, out) -> float:
-        """out ← A⁻¹ rhs, PETSc vectors; rhs may be out. Collective. Returns and raises as `Cholesky.solve`, scaled."""
+        """out ← A⁻¹ rhs, PETSc vectors; rhs may be out. Collective.
+
+        Returns and raises as `Cholesky.solve`; the residual is that of the scaled system.
+        """
         self._scale(rhs)
         left = self.cholesky.solve(self.work, out)
         out.pointwiseMult(self.scale, out)
@@ -98,7 +101,10 @@ class ShiftedFactor:
         return self.cholesky.energy(self.work)
 
     def least_eigenvalue(self) -> float:
-        """μ with A ≥ μD, D the diagonal of A; of what is not projected out A ≥ μ. Collective. See there."""
+        """μ with A ≥ μD, D the diagonal of A; with `project`, A ≥ μ on the projected space. Collective.
+
+        See `cholesky.least_eigenvalue`.
+        """
         generator = np.random.default_rng(self.cholesky.matrix.getOwnershipRange()[0])
         out = self.work.duplicate()
         rhs = self.work.duplicate()

@@ -1,7 +1,7 @@
-"""PETSc's options on the command line: whose they are, and what is wrong with them in words.
+"""PETSc's options on the command line: which solver they belong to, and messages about wrong ones.
 
-Each solver's options begin with a prefix of its own. One that no solver of the command has is a mistake, and refused
-before anything is started; which of the others nothing has asked for PETSc says at its end (`Session.tell_unused`).
+Each solver's options begin with a prefix of its own. An option of no solver of the command is a mistake, refused
+before anything starts; of the others, PETSc names at its end those that nothing has read (`Session.report_unused`).
 """
 
 import difflib
@@ -21,7 +21,7 @@ SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
     "osc_": "snes ksp",
     "osc_factor_": "pc mat",
 }
-# What PETSc reads for itself, when it starts or ends, and of objects that have no prefix.
+# Beginnings of options that PETSc itself reads, when it starts or ends and for objects without a prefix.
 PETSCS_OWN = tuple(
     "binary_ blas_ check_ checkfunctionlist checkstack citations cuda_ debugger_ default_device device_ display draw_ "
     "error_output fp_trap get_total_flops help hip_ history info is_view kokkos_ log_ malloc mat_view memory_view "
@@ -33,12 +33,12 @@ OPTION = re.compile(r"-[A-Za-z]")
 
 
 def is_petscs_own(name: str) -> bool:
-    """Whether an option, without its dash, is none of a solver."""
+    """Whether an option, without its dash, is read by PETSc itself and not by a solver."""
     return name.lower().startswith(PETSCS_OWN)
 
 
 def check(command: str, owned: dict, petsc_argv) -> None:
-    """Raise InputError for words that PETSc cannot take, and for an option that no solver of a command has.
+    """Raise InputError for words that PETSc cannot read, and for an option of no solver of this command.
 
     owned   {command: prefixes of its solvers' options} of all commands
     """
@@ -48,9 +48,10 @@ def check(command: str, owned: dict, petsc_argv) -> None:
 
 
 def names_given(petsc_argv) -> list[str]:
-    """Names of the options that words and the options files among them give, without the dash.
+    """Names, without the dash, of the options in these words and in the options files that they name.
 
-    Raises InputError for words that petsc4py cannot hand on, and for an options file that PETSc would refuse at length.
+    Raises InputError for words that petsc4py cannot pass on, and for an options file that PETSc would refuse with a
+    long message.
     """
     for word in petsc_argv:
         if not word.isprintable():
@@ -73,7 +74,7 @@ def _names_in(file):
     except OSError as error:
         raise InputError(f"{file}: {error.strerror}: give a PETSc options file") from error
     if Path(file).suffix in (".yml", ".yaml"):
-        return []  # PETSc's other language
+        return []  # YAML, PETSc's other format, is not checked
     words = [(number, line.partition("#")[0].split()[:1]) for number, line in enumerate(lines, 1)]
     for number, word in words:
         if word and not re.match(r"-[A-Za-z]|alias$", word[0]):
@@ -82,7 +83,7 @@ def _names_in(file):
 
 
 def _what_instead(command, name, owned):
-    """Why an option is none of a command, and what may have been meant."""
+    """Why an option does not belong to a command, and which one may have been meant."""
     prefixes = owned[command]
     others = [one for one, its in owned.items() if name.lower().startswith(its) and len(its) < len(SOLVERS)]
     if others:

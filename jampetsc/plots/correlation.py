@@ -33,7 +33,7 @@ from jampetsc.plots.style import (
 )
 from jampetsc.plots.units import units_of
 
-_DASHES = ("-", DASHED, DOTTED, (0, (4, 1.2, 1, 1.2)))  # of files, where colours tell frequencies
+_DASHES = ("-", DASHED, DOTTED, (0, (4, 1.2, 1, 1.2)))  # of files, where colours are of frequencies
 _PARTS = (("Re", "-", 0), ("Im", DASHED, 1))
 # phase -> complex amplitudes of which parts are taken
 SYMBOLS = {"stress": r"$u_y/\sigma$", "strain": r"$u_y/\gamma$"}
@@ -59,7 +59,7 @@ class CorrelationCurve(Curve):
     delta: np.ndarray  # (lanes, D) δ/d
     lanes: np.ndarray  # (lanes,) widths/d
     size: float  # L/d
-    modulus: np.ndarray | None = None  # (F,) G*/k without iωη_F; None in files that do not tell it
+    modulus: np.ndarray | None = None  # (F,) G*/k without iωη_F; None for files without G*
 
     @property
     def phase(self) -> str:
@@ -117,9 +117,9 @@ def correlation_curve(result) -> CorrelationCurve:
 def plot_correlation(results, page, omega=None):
     """C against δ/L of one file at all its frequencies, or at `omega` (F,) in 1/τ₁: real part left, imaginary right.
 
-    Of a few frequencies, bands are errors and thin lines the other lane widths: where these cannot be seen, the width
-    does not matter. Several files, or one at one frequency, are compared: against δ/d above and δ/L below; colours tell
-    the files apart, or frequencies where there are several, dashes the files then.
+    For a few frequencies, bands are errors and thin lines the other lane widths: if these cannot be seen, the width
+    does not matter. Several files, or one at one frequency, are compared: against δ/d above and δ/L below; colours
+    distinguish the files or, if there are several, the frequencies, and dashes then the files.
 
     Raises InputError for a file without one of the frequencies, and for files in different phases.
     """
@@ -149,7 +149,7 @@ def plot_correlation(results, page, omega=None):
 
 
 def _curves(results):
-    """Curves of the files. Raises InputError where real parts are in phase with different things."""
+    """Curves of the files. Raises InputError if some are in the phase of the stress, others in that of the strain."""
     curves = [correlation_curve(result) for result in results]
     for curve in curves:
         if curve.phase != curves[0].phase:
@@ -184,9 +184,9 @@ def _comparison(curves, omega, page):
         title = ",  ".join(filter(None, (_at(omega[0]), title)))
         handles = [entry(g.label, g.colour) for g in groups] + _explained(chosen, others=False)
     page.legend(axes[1], handles, title or None, "upper right")
-    told = ", ".join(f"{w:g}" for w in omega)
+    shown = ", ".join(f"{w:g}" for w in omega)
     files = count(curves, "file", "files")
-    return f"correlation in {files} at omega tau1 = {told}, in phase with the {curves[0].phase}"
+    return f"correlation in {files} at omega tau1 = {shown}, in phase with the {curves[0].phase}"
 
 
 def _at(omega):
@@ -194,7 +194,7 @@ def _at(omega):
 
 
 def _panels(page, rows, x, curve, **grid):
-    """Rows of two panels, Re and Im of u_y in phase with what it is in phase with in `curve`, and a line at 0."""
+    """Rows of two panels for Re and Im of u_y, with the phase of `curve`, and a line at 0."""
     y = [rf"$C(\delta)$ of {name} {SYMBOLS[curve.phase]}" for name, _, _ in _PARTS] * rows
     axes = page.panels(rows, 2, PAGE, rows * HEIGHT, x=x, y=y, sharey=True, **grid)
     for ax in axes:
@@ -237,10 +237,10 @@ def _fit(axes, curves):
 @picture("length", "correlation", options=(LOG,))
 def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
     """(a) l/L against ωτ₁; for Stokes drag two collapses: (b) l (−ln p)^exponent against ω/p^½ (BT), p in units of k,
-    and (c) l against √(|G*|/ω), the length of an elastic medium (`analysis.medium`), where the files tell G*.
+    and (c) l against √(|G*|/ω), the length of an elastic medium (`analysis.medium`), if the files have G*.
 
-    Filled symbols: Re u_y; open ones: Im u_y. Dotted: L/4, and what random stresses give at low frequency, .169 L and
-    .246 L. Raises InputError where no C has a root, a pressure is unknown, or files are in different phases.
+    Filled symbols: Re u_y; open ones: Im u_y. Dotted: L/4, and the lengths for random stresses at low frequency, .169 L
+    and .246 L. Raises InputError if no C has a root, a pressure is unknown, or files have different phases.
     """
     curves, exponent = _curves(results), log_exponent
     if not any(np.isfinite(part).any() for curve in curves for part in (curve.G.real, curve.G.imag)):

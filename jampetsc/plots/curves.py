@@ -1,4 +1,4 @@
-"""G*(ω) of sweeps made comparable: units of k and 1/τ₁, labels that tell what differs, means over an ensemble."""
+"""G*(ω) of sweeps in comparable form: units of k and 1/τ₁, labels with the differences, means over an ensemble."""
 
 from dataclasses import dataclass, replace
 
@@ -16,8 +16,8 @@ from jampetsc.plots.units import units_of
 _SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
 _LARGEST = 1e200  # modulus that a log axis can show, and the inverse of the smallest
 _BOUNDS = ("error_bound_storage", "error_bound_loss")  # sharper than the one on |ΔG*|, where a file has them
-_LEADING = [family.leading for family in FAMILIES.values()]  # told wherever laws differ
-_SWITCHES = {  # attribute -> what to say if it is (off, on)
+_LEADING = [family.leading for family in FAMILIES.values()]  # in labels whenever laws differ
+_SWITCHES = {  # attribute -> words for (off, on)
     "rotations": ("no rotations", "rotations"),
     "prestress": ("no pre-stress", "pre-stress"),
 }
@@ -41,7 +41,7 @@ class Curve:
 
     @property
     def description(self) -> dict:
-        """What may distinguish it from other sweeps, in the order of the label."""
+        """{property: value} by which it may differ from other sweeps, in the order of the label."""
         found = {"p/k": None if self.pressure is None else float(f"{self.pressure:.3g}")}
         found["N"] = self.attributes.get("particle_count")
         found["law"] = self.attributes.get("law")
@@ -49,7 +49,7 @@ class Curve:
         for key in (*_SYMBOLS, *_SWITCHES):
             default = options[key].default if key in options else None  # of files older than the option
             found[key] = self.attributes.get(key, default)
-        return found | {"alpha": self.attributes.get("alpha", 1.0)}  # linear damping unless told otherwise
+        return found | {"alpha": self.attributes.get("alpha", 1.0)}  # linear damping without the attribute
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Group:
 def curve_of(result) -> Curve:
     """The curve of a SweepResult, brought to units of k and 1/τ₁ with its attributes `k` and `tau1`; a Curve is one.
 
-    Raises InputError for a file without any modulus, or with one beyond all measure.
+    Raises InputError for a file without any modulus, or with one outside the range of log axes.
     """
     if isinstance(result, Curve):
         return result
@@ -116,9 +116,9 @@ def group_curves(curves) -> tuple[str, list]:
 
 
 def _varies(key, values):
-    """Whether a property tells sweeps apart; what a law does not have differs from nothing, but for _LEADING."""
-    told = key not in (*OPTIONS, *_SWITCHES) or key in _LEADING
-    return len({str(value) for value in values if told or value is not None}) > 1
+    """Whether a property differs among sweeps; one that a law does not have counts as different only if _LEADING."""
+    counts = key not in (*OPTIONS, *_SWITCHES) or key in _LEADING
+    return len({str(value) for value in values if counts or value is not None}) > 1
 
 
 def _rank(description):
@@ -146,20 +146,20 @@ def _part(key, value, bare):
 
 
 def average_curves(curves, statistic="mean") -> list[Curve]:
-    """One curve for those that differ in the packing alone; `bounds`: its error, nan for one packing.
+    """One curve for all that differ only in the packing; `bounds`: its error, nan for one packing.
 
     statistic   "mean", the arithmetic one, or "median", of G' and of G''
 
-    G' < 0 of a packing unstable to shear counts like any other value. One that is nearly unstable has a G'' at low ω
-    that makes up all of a mean: the median knows it only as one of many.
-    Raises InputError for sweeps of one packing, and for frequencies that differ, among those of one curve.
+    G' < 0 of a packing unstable to shear counts like any other value. A packing that is nearly unstable can dominate a
+    mean of G'' at low ω, but not a median. Raises InputError if sweeps to average are of one packing or have
+    different frequencies.
     """
     groups = grouped(curves, lambda curve: str(curve.description))
     return [_average(group, statistic) for group in groups.values()]
 
 
 def require_same_frequencies(curves) -> None:
-    """Raise InputError where curves that are averaged have other frequencies than the first."""
+    """Raise InputError if a curve to average has other frequencies than the first."""
     first = curves[0]
     for curve in curves:
         same = len(curve.omega) == len(first.omega)

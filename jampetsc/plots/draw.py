@@ -1,4 +1,4 @@
-"""Any kind of picture of any files: which kinds there are, and which of them suits what is given."""
+"""Draws any kind of picture: the list of kinds, and the choice of the one that suits files and options."""
 
 import difflib
 import importlib
@@ -27,7 +27,7 @@ COMMANDS = {  # format -> the command, where they have two names
 
 
 def pictures() -> dict[str, Picture]:
-    """{kind: picture} of all there are."""
+    """{kind: Picture} of all kinds."""
     for module in MODULES:
         importlib.import_module(f"jampetsc.plots.{module}")
     order = [f"jampetsc.plots.{module}" for module in MODULES]  # one imports the other
@@ -48,13 +48,13 @@ def plot(
     style=None,
     **more,
 ):
-    """Draw what files hold; gives the axes back, one or (panels,) of them.
+    """Draw the content of files; returns the axes, one or (panels,) of them.
 
-    results      a file or the folder of a study, what `jampetsc.load` has given for one, or several in a list
-    kind         of picture, see `jampetsc plot --help`; None: follows from the files and options
+    results      a file or the folder of a study, the object that `jampetsc.load` gives for it, or a list of these
+    kind         of picture, see `jampetsc plot --help`; None: chosen from the files and options
     ax           axes to draw on, as many as the picture has panels; None: those of a new figure
     out          file to write the picture to: .png, .pdf or .svg
-    csv          file to write the numbers to that are drawn
+    csv          file to write the drawn numbers to
     size         (width, height) of a new figure in inches
     xlim, ylim   (low, high) for all panels, or one for each
     label        words that replace those of the legend, in its order
@@ -69,7 +69,7 @@ def plot(
 
 
 def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> tuple[str, Page]:
-    """(kind, what was drawn): as `plot`; chosen: size, xlim and so on."""
+    """(kind, Page): as `plot`; chosen: size, xlim and so on."""
     options = {name: value for name, value in options.items() if value is not None}
     kinds = asked_kinds(kind, options)
     found, names, studies = [], [], False
@@ -97,7 +97,7 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
 
 
 def asked_kinds(kind, options) -> list[str]:
-    """The kinds that a kind, or None, and options leave. Raises InputError if they leave none."""
+    """The kinds that are possible for a kind, or None, and options. Raises InputError if there is none."""
     known = pictures()
     if kind is not None and kind not in known:
         near = difflib.get_close_matches(kind, known, n=1)
@@ -116,7 +116,7 @@ def asked_kinds(kind, options) -> list[str]:
 
 
 def of_study(study, kinds) -> list:
-    """Of a study the results that one of the kinds can show. Raises InputError if none can."""
+    """The results of a study that one of the kinds can show. Raises InputError if none can."""
     done = study.where(state="done")
     suited = [(_shown(done, PICTURES[kind]), PICTURES[kind]) for kind in kinds]
     for rows, picture in suited:
@@ -129,7 +129,7 @@ def of_study(study, kinds) -> list:
 
 
 def _shown(done, picture):
-    """The rows of a study whose files a kind of picture shows: of those not `mixed` the first format that is there."""
+    """The rows of a study whose files a kind of picture shows; unless it is `mixed`, of the first format found."""
     made = [COMMANDS.get(name, name) for name in picture.of]
     if not picture.mixed:
         made = [next((command for command in made if command in done["command"].tolist()), made[0])]
@@ -137,9 +137,9 @@ def _shown(done, picture):
 
 
 def choose(kinds, items, names) -> str:
-    """The picture to draw of these, which have these names, out of those that the options leave.
+    """The kind of picture for these items, which have these names, out of `kinds`.
 
-    Raises InputError for a mixture that none of the kinds shows, and where none shows such files, or not so many.
+    Raises InputError if no kind shows this mixture of files, files of this format, or this number of them.
     """
     held = [_format(item) for item in items]
     names = [name or "a packing" for name in names]

@@ -1,4 +1,4 @@
-"""Local exponents beside the limits that they approach: of G* against ω, of what slow shear gives against p."""
+"""Local exponents with the limits that they approach: of G* against ω, of quasistatic quantities against p."""
 
 import numpy as np
 
@@ -52,7 +52,7 @@ def plot_exponents(results, page):
 
 
 def draw_exponents(curves, page) -> str:
-    """What becomes Δ = ½ of each group of sweeps between ω* and 1/τ₁, against ωτ₁ (`scaling.critical_exponents`).
+    """Four exponents that approach Δ = ½ between ω* and 1/τ₁, for each group of sweeps (`scaling.critical_exponents`).
 
     Panels: ½ d ln|G*² − G₀²|/d ln ω and arg(G*² − G₀²)/π, both above ω* only; G''/G', 1 in the critical regime;
     d ln G''/d ln ω, which passes ¾ where that ends. Means over the packings of a group, each with its own G₀, and

@@ -75,9 +75,9 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
         spin = [turn * rotation for turn, (_, rotation) in zip(turns, found, strict=True)]
     omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
     draw_fields(page, disks, omega, motion, spin, particles, phase, "u" if total else r"\tilde u")
-    told = ", ".join(f"{w:g}" for w in omega)
+    shown = ", ".join(f"{w:g}" for w in omega)
     kind = "total" if total else "non-affine"
-    return f"{kind} displacement fields at omega tau1 = {told}, in phase with the {phase}"
+    return f"{kind} displacement fields at omega tau1 = {shown}, in phase with the {phase}"
 
 
 def draw_fields(page, disks, omega, displacement, rotation, particles, phase, symbol) -> None:
@@ -179,7 +179,7 @@ def _draw(page, disks, panels, particles, symbol, rows):
 
 
 def _arrows(ax, starts, vectors, cell, spacing):
-    """Arrows (M, 2) so many points apart; one that leaves the cell goes on at the other side."""
+    """Arrows (M, 2) so many points apart; one that leaves the cell continues on the other side."""
     rows, starts = segment_images(starts, vectors, cell)
     width = min(0.7, max(0.3, 0.07 * spacing)) * ax.figure.dpi / 72
     heads = {"headwidth": 4, "headlength": 4.5, "headaxislength": 4, "minlength": 0.3}
@@ -188,7 +188,7 @@ def _arrows(ax, starts, vectors, cell, spacing):
 
 
 def _colours():
-    """Diverging, told apart with any colour vision, and nowhere so dark that a black arrow drowns."""
+    """A diverging colour map for any colour vision, nowhere so dark that a black arrow cannot be seen."""
     shades = 0.3 + 0.7 * matplotlib.colormaps["PuOr"](np.linspace(0.12, 0.88, 256))[:, :3]
     return LinearSegmentedColormap.from_list("PuOr-light", shades)
 

@@ -36,7 +36,7 @@ def plot_finite_size(results, page, size_power=1.0):
 
     Filled: without pre-stress; open: with. Under a law with a fluid a second panel has η₀ − η_F; the last √p (η₀ − η_F)
     without pre-stress against N where pN² > LARGE and p/k < CRITICAL, means with their errors, and A + B ln N for each
-    pressure with enough sizes. size_power is a; 1, of contact damping (BT), if not told otherwise.
+    pressure with enough sizes. size_power is a, by default 1, that of contact damping (BT).
 
     Raises InputError for files of several laws, and where pressures are not positive.
     """

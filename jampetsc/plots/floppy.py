@@ -18,7 +18,7 @@ QUANTITIES = {  # attribute -> (symbol, exponent expected, BT eqs. 19-21)
     "transverse": (r"|\Delta u_\perp|", -0.25),
     "nonaffine": (r"|u_{\rm na}|", -0.25),
 }
-PRESTRESS = (  # prefix of attributes, what it means, how it is drawn on top of a colour and a marker
+PRESTRESS = (  # prefix of attributes, its meaning, further keywords of the line
     (f"{BARE}_", "no pre-stress", {}),
     ("", "pre-stress", OPEN),
 )

@@ -1,6 +1,6 @@
 """Flow curves: stress, pressure, friction, viscosity and coordination against the rate, or against φ at each rate.
 
-Local exponents d ln σ/d ln γ̇ tell the regime (Vågberg, thesis sec. 6.4): 1 is Newtonian, where disks stay together in
+Local exponents d ln σ/d ln γ̇ show the regime (Vågberg, thesis sec. 6.4): 1 is Newtonian, where disks stay together in
 large clusters, 2 Bagnoldian, where they part after a collision.
 """
 

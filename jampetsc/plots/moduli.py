@@ -9,7 +9,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
 from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
-from jampetsc.analysis.statistics import few_words
+from jampetsc.analysis.statistics import small_sample_note
 from jampetsc.asking.parameters import NUMBER, WORD
 from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
@@ -75,7 +75,7 @@ def plot_collapse(results, page, statistic=None, mu=MU, **more):
     text = f"collapse of {count(results)} with mu = {mu:g}, lambda = {lam:g}{averages}"
     try:
         spread = collapse_spread([(c.omega, c.G, c.pressure) for c in curves], mu, lam)
-    except InputError:  # one sweep, or sweeps that share no scaled frequency: there is no spread to tell
+    except InputError:  # one sweep, or sweeps that share no scaled frequency: there is no spread
         return text
     return f"{text}; they differ by {100 * spread:.2g} % (rms) below omega tau1 = 0.1"
 
@@ -92,7 +92,7 @@ def averaged(results, statistic):
     what = f"{statistic}, 68 % interval" + (
         f"\n{STORAGE} < 0 in {negative} of {len(curves)}" if negative else ""
     )
-    text = f", {words} over packings with errors{below}{few_words(fewest, 'packing')}"
+    text = f", {words} over packings with errors{below}{small_sample_note(fewest, 'packing')}"
     return average_curves(curves, statistic), what, text
 
 

@@ -1,4 +1,4 @@
-"""The numbers that a picture shows, as a table with named columns: what lines, points, bars and bands are drawn at."""
+"""The numbers of a picture as a table with named columns: coordinates of its lines, points, bars and bands."""
 
 import re
 import string
@@ -14,18 +14,18 @@ COLUMNS = ("panel", "x", "y", "series", "what")
 
 
 def table(axes) -> list[dict]:
-    """Rows of all that is drawn on `axes` and has a name (`style.hidden`, or one of the legend).
+    """Rows of all artists on `axes` that have a name (`style.hidden`, or one of the legend).
 
-    Columns: COLUMNS, then those of the kind: x_value, y_value; y_low and y_high, x_low and x_high of bars and bands;
-    u, v of arrows from there; x_end, y_end and width of lines of contacts; diameter of disks; colour, as a number.
+    Columns: COLUMNS, then those of the kind of artist: x_value, y_value; y_low and y_high, x_low and x_high of bars and
+    bands; u, v of arrows; x_end, y_end and width of lines of contacts; diameter of disks; colour, as a number.
     """
     rows = []
     for ax, letter in zip(axes, string.ascii_lowercase, strict=False):
-        told = dict(zip(COLUMNS, (letter, plain(ax.get_xlabel()), plain(ax.get_ylabel())), strict=False))
+        panel = dict(zip(COLUMNS, (letter, plain(ax.get_xlabel()), plain(ax.get_ylabel())), strict=False))
         for artist, what, columns in _drawn(ax):
             name = artist.get_label()
             values = np.broadcast_arrays(*columns.values())
-            about = told | {"series": plain(name.removeprefix("_:")), "what": what}
+            about = panel | {"series": plain(name.removeprefix("_:")), "what": what}
             numbers = zip(*map(np.ravel, values), strict=True)
             rows += [about | dict(zip(columns, row, strict=True)) for row in numbers]
     return rows
@@ -43,12 +43,12 @@ def written(axes) -> bytes:
 
 
 def _is_named(artist):
-    """Whether an artist shows data: guides, frames and zero lines have matplotlib's own names."""
+    """Whether an artist shows data; guides, frames and zero lines have names by matplotlib, which begin with _."""
     return not artist.get_label().startswith("_") or artist.get_label().startswith("_:")
 
 
 def _drawn(ax):
-    """(artist, what it is, {column: values}) of what is drawn from data."""
+    """(artist, its kind, {column: values}) of all artists that show data."""
     barred = {bars.lines[0] for bars in ax.containers}
     for bars in filter(_is_named, ax.containers):
         data, _, lines = bars.lines

@@ -1,4 +1,4 @@
-"""The panels of a picture: new ones on a figure of its own, or axes that somebody gives; limits, ticks, legends."""
+"""The panels of a picture, on a new figure or on axes of the caller; limits, ticks, legends."""
 
 import string
 from contextlib import contextmanager
@@ -16,13 +16,14 @@ _LEAST = 1.6  # highest over lowest of a log axis
 
 
 class Page:
-    """Where a picture is drawn.
+    """The axes of a picture.
 
-    axes     those that are given, or none: then `panels` makes a figure
-    size     (width, height) of that figure in inches, None: what the picture takes
+    axes     axes of the caller; None: `panels` makes a figure
+    size     (width, height) of that figure in inches, None: the default of the picture
     labels   words that replace those of the legends, in their order
 
-    `text` is what the picture shows, in words.
+    own      whether the figure is new
+    text     description of the picture in words
     """
 
     def __init__(self, axes=None, size=None, labels=()):
@@ -36,13 +37,13 @@ class Page:
         """(count,) axes, row by row; a single one for one panel.
 
         width, height   inches of the figure
-        x, y            names of the axes: of each panel, or one of all, which stands at the edge where they share it
-        log             "x", "y" or "xy": which of them are logarithmic, in all panels or in each
-        letters         (a), (b), … above several panels
-        count           of a last row that is not full; the others do without
+        x, y            names of the axes: one for each panel, or one for all, which shared axes have at the edge only
+        log             "x", "y" or "xy": which axes are logarithmic, in all panels or a list for each
+        letters         whether several panels have letters (a), (b), …
+        count           number of panels, if the last row is not full
         grid            keywords of `Figure.subplots`
 
-        Raises InputError where another number of axes was given.
+        Raises InputError if the caller gave another number of axes.
         """
         count = count or rows * columns
         if self.own:
@@ -70,7 +71,7 @@ class Page:
 
     @property
     def given_back(self):
-        """The axes that were given; else the new ones: one, or (panels,) of them."""
+        """The axes of the caller, as they were given; else the new ones: one, or (panels,) of them."""
         return self._one_or_all() if self.own else self._given
 
     def _make(self, width, height):
@@ -92,11 +93,11 @@ class Page:
         return self.axes[0].figure
 
     def legend(self, ax, handles=None, title=None, first="lower right", named=True, **settings):
-        """A legend where it covers no data, put there by `finish`.
+        """A legend that covers no data, placed by `finish`.
 
-        handles   what it names; None: all of `ax` that has a label
+        handles   its artists; None: all of `ax` that have a label
         first     the corner that is tried first
-        named     its entries are those that `labels` replace
+        named     whether `labels` replace its entries
         """
         handles = ax.get_legend_handles_labels()[0] if handles is None else list(handles)
         words = [handle.get_label() for handle in handles]
@@ -108,7 +109,7 @@ class Page:
             )
 
     def _place(self, ax, first, settings):
-        """A legend in a corner; the first for which there is none above the panels of an own figure, which grows."""
+        """Put a legend in a free corner; without one, the first goes above the panels of a new figure, which grows."""
         corner = clear_corner(ax, first, settings)
         if corner or not self.own or self._raised:
             ax.legend(loc=corner or "best", **settings)
@@ -151,7 +152,7 @@ class Page:
                 ax.set_title(f"({letter})", loc="left", pad=3)
             low, high = ax.get_ylim()
             if ax.get_yscale() == "log" and ax.get_autoscaley_on() and high < _LEAST * low:
-                middle = (low * high) ** 0.5  # what hardly changes is not blown up
+                middle = (low * high) ** 0.5  # small changes are not magnified
                 ax.set_ylim(middle / _LEAST**0.5, middle * _LEAST**0.5)
         axes = self.figure.axes if self.own else self.axes
         short = [axis for ax in axes for axis in (ax.xaxis, ax.yaxis) if set_ticks(axis)]
@@ -168,7 +169,7 @@ class Page:
 
 @contextmanager
 def saved_page(path):
-    """A page in the package's style; what is drawn on it is in the file `path` afterwards. Raises JampetscError."""
+    """A page in the package's style, which is written to the file `path` in the end. Raises JampetscError."""
     with drawn_in():
         page = Page()
         yield page
@@ -183,7 +184,7 @@ def band(ax, x, low, high, name, **look) -> None:
 
 
 def points(ax, x, y, error=None, **look):
-    """Points or a line (m,) with error bars where there are errors; what is no number, or not to be shown, is left out.
+    """Points or a line (m,), with error bars if there are errors; values that are nan or not shown are left out.
 
     Log axes show only what is positive, and bars widen their limits by a factor of three at most. Gives the container.
     """

@@ -1,4 +1,4 @@
-"""Drawing in a periodic, possibly sheared cell: what sticks out on one side comes in on the other."""
+"""Drawing in a periodic, possibly sheared cell: parts that cross a border appear on the other side."""
 
 import numpy as np
 from matplotlib.patches import Polygon

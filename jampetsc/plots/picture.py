@@ -1,4 +1,4 @@
-"""A kind of picture: the function that draws it, what files it is of, and what it may be asked for.
+"""A kind of picture: the function that draws it, the formats of its files, and its options.
 
     @picture("lanes", "velocity-correlation", "flow", options=(…))
     def plot_lanes(results, page, …):
@@ -6,8 +6,8 @@
         …
         return "what it shows, in words"
 
-The function draws on the axes that `page` gives. What the decorator makes of it is called with axes of one's own or
-without, and gives them back: plot_lanes(results, ax=None, …).
+The function draws on the axes of `page`. The decorated one takes the caller's axes or makes a figure, and returns the
+axes: plot_lanes(results, ax=None, …).
 """
 
 from collections.abc import Callable
@@ -47,15 +47,15 @@ class Picture:
         return {option.name: option for option in self.options}
 
     def __call__(self, results, ax=None, **settings):
-        """Draw, and give back the axes. Parameters and errors as `draw`."""
+        """Draw, and return the axes. Parameters and errors as `draw`."""
         return self.draw(results, ax, **settings).given_back
 
     def draw(
         self, results, ax=None, *, size=None, xlim=None, ylim=None, label=(), style=None, **options
     ) -> Page:  # fmt: skip
-        """Draw results of `jampetsc.load`, on the axes `ax` or on a new figure; `page.text` says what they show.
+        """Draw results of `jampetsc.load` on the axes `ax` or on a new figure; `text` of the Page describes them.
 
-        Parameters as `draw.plot` has them; options: of this kind of picture.
+        Parameters as in `draw.plot`; options: those of this kind of picture.
 
         Raises InputError for files that it cannot show, and for an option that it does not have.
         """
@@ -76,7 +76,7 @@ class Picture:
 
 
 def picture(kind, *of, options=(), single=False, mixed=False):
-    """The decorator that makes a `Picture` of a function, and enters it into PICTURES."""
+    """A decorator that makes a `Picture` of a function and enters it in PICTURES."""
 
     def enter(function):
         PICTURES[kind] = Picture(kind, function, of, tuple(options), single, mixed)
@@ -87,7 +87,7 @@ def picture(kind, *of, options=(), single=False, mixed=False):
 
 
 def grouped(results, key) -> dict:
-    """{key(result): results}, in the order in which keys are met."""
+    """{key(result): results}, in the order of the first result of each key."""
     found = {}
     for result in results:
         found.setdefault(key(result), []).append(result)
@@ -95,8 +95,8 @@ def grouped(results, key) -> dict:
 
 
 def differing(parts, varied) -> list[str]:
-    """Words for each of `parts`, rows of words: those in columns that are `varied`, as far as there are any."""
-    return [", ".join(word for word, told in zip(row, varied, strict=True) if told and word) for row in parts]
+    """A label for each of `parts`, rows of words: the words of columns that are `varied`, without empty ones."""
+    return [", ".join(word for word, used in zip(row, varied, strict=True) if used and word) for row in parts]
 
 
 def count(items, one="sweep", many="sweeps") -> str:

@@ -107,7 +107,7 @@ def plot_branches(results, page):
             along = side * result["curve/x"] > 0
             curve = np.abs(result["curve/x"][along]), result["curve/f0"][along]
             ax.plot(*curve, color=GREY, lw=0.9, zorder=1)
-    told = rf"$\phi_J={float(a['phi_J']):.4f}$, $y={float(a['y']):.3g}$, $z\nu={float(a['znu']):.3g}$"
-    ax.set_title(told, loc="right", pad=3)
+    title = rf"$\phi_J={float(a['phi_J']):.4f}$, $y={float(a['y']):.3g}$, $z\nu={float(a['znu']):.3g}$"
+    ax.set_title(title, loc="right", pad=3)
     page.legend(ax, title="$\\dot\\gamma$; hollow: $\\phi<\\phi_J$")
     return f"two branches of the {a['observable']} at {len(x)} points"

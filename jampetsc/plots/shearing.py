@@ -1,6 +1,6 @@
-"""Pictures of steady shear: series and order over strain, profiles between walls, g_y(x); what tells runs apart.
+"""Pictures of steady shear: series and order over strain, profiles between walls, g_y(x); labels of runs.
 
-Quantities are in the units that the files tell (`units.flow_units`): Vågberg's where `jampetsc flow` made the disks.
+Quantities are in the units of the files (`units.flow_units`): Vågberg's if `jampetsc flow` made the disks.
 """
 
 from itertools import pairwise
@@ -119,8 +119,8 @@ def plot_profiles(results, page):
             bars = {"xerr": np.nan_to_num(error), "elinewidth": 0.6, "label": f"${low:g}$ to ${high:.3g}$"}
             ax.errorbar(v, heights(len(v)), ms=3, lw=0.8, **bars, **look)
         ax.set(xlim=(-0.52, 0.52), ylim=(-0.5, 0.5))
-        told = rf"{name}, $\dot\gamma={number(rate)}$" if len(rates) > 1 else name
-        ax.set_title(told, loc="right", pad=3)
+        title = rf"{name}, $\dot\gamma={number(rate)}$" if len(rates) > 1 else name
+        ax.set_title(title, loc="right", pad=3)
     page.legend(axes[0], title=r"$\gamma$", first="upper left")
     return f"velocity between walls of {count(results, 'run', 'runs')} in windows of strain"
 
@@ -128,7 +128,7 @@ def plot_profiles(results, page):
 def lanes_of(results) -> list:
     """[(label, x (D,), g_y (D,), error (D,))] of files of g_y, and of flow files with snapshots, kind by kind.
 
-    Flow files are correlated as `jampetsc correlate` does unless told otherwise. Raises InputError without snapshots.
+    Flow files are correlated with the defaults of `jampetsc correlate`. Raises InputError without snapshots.
     """
     found = []
     for result in (one for one in results if one.format == FORMAT):

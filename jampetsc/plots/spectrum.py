@@ -115,7 +115,7 @@ def _creep(ax, curve, few, look):
 
 
 def _notes(page, axes, curves):
-    """What the curves do not show by themselves."""
+    """Notes on what the curves do not show."""
     small = {"fontsize": 7.5, "va": "top"}
     windows = sorted({round(curve.transient.window, 2) for curve in curves})
     text = f"averaged over {windows[0]:g}" + (f" to {windows[-1]:g}" if len(windows) > 1 else "") + " decades"

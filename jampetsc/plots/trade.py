@@ -1,4 +1,4 @@
-"""Time against true error: what each choice of a trade costs and what it gives."""
+"""Time against true error of each setting of a trade."""
 
 import math
 

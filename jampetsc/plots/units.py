@@ -8,11 +8,11 @@ from jampetsc.errors import InputError
 
 @dataclass(frozen=True)
 class Units:
-    """What a result's numbers are divided by, and its pressure in these units."""
+    """Units by which the numbers of a result are divided, and its pressure in them."""
 
     k: float  # stiffness of a contact
     tau1: float  # damping time
-    pressure: float | None  # p/k; None where the file does not tell
+    pressure: float | None  # p/k; None if the file does not have it
 
 
 def units_of(result) -> Units:
@@ -41,7 +41,7 @@ _VAGBERG = (  # energy, stress, rate, viscosity and length
 
 @dataclass(frozen=True)
 class FlowUnits:
-    """What numbers of flow, shear and jam files are divided by, and the units' names in TeX without dollars."""
+    """Units by which numbers of flow, shear and jam files are divided, and their names in TeX without dollars."""
 
     k: float  # of energies and stresses
     tau1: float  # 1/τ₁ of rates

@@ -1,4 +1,4 @@
-"""Mode spectra with their floppiness, what modes carry of the response to shear, and the density of states."""
+"""Mode spectra with their floppiness, shares of modes in the response to shear, and the density of states."""
 
 import numpy as np
 from matplotlib.cm import ScalarMappable

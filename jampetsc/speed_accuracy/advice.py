@@ -1,14 +1,14 @@
-"""Which setting to take, out of the measured rows by rules that are printed with it.
+"""Recommends settings from the measured rows, by rules that are printed with them.
 
-A first look may be off by 5 %, less than a line width on log axes over ten decades; a figure by 0.5 %, a line
-width on linear axes; an exponent is given with two digits after the point, so it may move by 0.005.
+For a first look errors may be 5 %, less than a line width on log axes over ten decades; for a figure 0.5 %, a line
+width on linear axes; an exponent is given with two digits after the point, so it may change by 0.005.
 """
 
 import math
 
 LOOK, FIGURE = 0.05, 0.005  # largest error of G' and of G''
 EXPONENT = 0.005  # largest change of either slope of the critical branch
-STAND_IN = 0.05  # simpler physics that keeps both slopes this well tells the same exponent
+STAND_IN = 0.05  # simpler physics that changes neither slope by more has the same exponent
 SIGNIFICANT = 2.8  # standard errors: 2√2, because the big packing of the same size scatters as much
 AS_CHEAP = 1.1  # runs within this ratio of the shortest time are equally fast; the most exact one is taken
 
@@ -79,7 +79,7 @@ def _stand_ins(rows, reference):
 
 
 def _packings(rows):
-    """Whether many small packings have the mean of a big one, and what accuracy is lost in their scatter."""
+    """Whether many small packings have the mean of a big one, and which accuracy is below their scatter."""
     ensembles = [row for row in rows if row.group == "ensemble"]
     many = [row for row in ensembles if not math.isnan(row.stderr_storage)]
     single = max((_off(row) for row in ensembles if row not in many), default=0.0)

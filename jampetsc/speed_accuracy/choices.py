@@ -1,4 +1,4 @@
-"""The choices a user has for one packing, and the runs that measure them."""
+"""The settings that a trade compares for one packing, and the runs that measure them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,15 +16,15 @@ from jampetsc.speed_accuracy.compare import Reference, certified, log_interpolat
 from jampetsc.speed_accuracy.table import Row
 
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
-TIGHTEST = (1e-12, 1e-11, *reversed(ACCURACIES))  # what the reference tries, until one can be certified
-PHYSICS_ACCURACY = 1e-3  # well below what simpler physics changes, and certified at all frequencies
+TIGHTEST = (1e-12, 1e-11, *reversed(ACCURACIES))  # tried for the reference, until one can be certified
+PHYSICS_ACCURACY = 1e-3  # well below the changes by simpler physics, and certified at all frequencies
 PER_DECADE = (0.5, 1, 2, 4)  # frequencies, solved one by one
 OPTIONS_FILES = tuple(located(f"jampetsc:{name}") for name in ("iterative", "superlu_dist", "low_memory"))
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One sweep, and how to make a row of its result."""
+    """One setting: its sweep, and the function that compares the result with the reference."""
 
     group: str
     name: str
@@ -34,15 +34,15 @@ class Choice:
 
 
 class Bench:
-    """Runs sweeps for a `job.Trade`, in a folder of its own, and tells a Progress about them."""
+    """Runs sweeps for a `job.Trade`, in a folder of its own, and reports them to a Progress."""
 
     def __init__(self, job, folder, progress):
         self.job, self.folder, self.progress = job, Path(folder), progress
         self.reference = self.reference_accuracy = None
-        self._runs = {}  # command line -> what came out: two choices may need the same run
+        self._runs = {}  # command line -> (Outcome, result): two choices may need the same run
 
     def asked(self, **changes) -> Sweep:
-        """The sweep that the trade is about, with what is changed of it."""
+        """The sweep that the trade is about, with these changes."""
         usual = {name: getattr(self.job, name) for name in ("packing", "law", "prestress", "omega")}
         return Sweep(**usual | changes)
 
@@ -62,7 +62,7 @@ class Bench:
     def find_reference(self) -> list[Row]:
         """Find the tightest rational sweep that is certified; its row first, then the failed `ACCURACIES`.
 
-        Raises JampetscError with the run's own line where there is none.
+        Raises JampetscError with the message of the run if there is none.
         """
         rows = []
         for accuracy in TIGHTEST:
@@ -83,7 +83,7 @@ class Bench:
         raise ConvergenceError(f"no reference, the rational sweep failed at every accuracy: {outcome.error}")
 
     def measure(self, choice: Choice) -> Row:
-        """The row of a choice; a failed run gives a row that says why."""
+        """The row of a choice; that of a failed run has the reason."""
         group, name = choice.group, choice.name
         outcome, result = self.run(choice.sweep, choice.petsc)
         if result is None:
@@ -100,7 +100,7 @@ class Bench:
 
 
 def plan(bench: Bench) -> tuple[list[Choice], list[str]]:
-    """(choices, lines on what is left out and why) for the groups asked for, once there is a reference."""
+    """(choices, lines about groups that are left out) for the groups asked for; needs the reference."""
     job, choices, left_out = bench.job, [], []
     if "accuracy" in job.choices:
         looser = [accuracy for accuracy in ACCURACIES if accuracy > bench.reference_accuracy]
@@ -129,10 +129,10 @@ def plan(bench: Bench) -> tuple[list[Choice], list[str]]:
 
 
 def simpler(physics: Physics) -> list[tuple[str, Physics]]:
-    """Other physics for the same packing: rotations and pre-stress the other way, the other damping laws.
+    """Other physics for the same packing: rotations and pre-stress switched, the other damping laws.
 
     Stokes drag is without BT's η_F, which adds iωη_F to G* and changes nothing else. Its exponents are those of contact
-    damping at β = 1 (BT) but for a logarithm (docs/physics.md), which slopes over a window do not tell from another.
+    damping at β = 1 (BT) except for a logarithm (docs/physics.md), which slopes over a window do not resolve.
     """
     law, prestress = physics.law, physics.prestress
     others = []
@@ -149,14 +149,14 @@ def simpler(physics: Physics) -> list[tuple[str, Physics]]:
 
 
 def _exact(reference, result) -> dict:
-    """Errors of a run that claims to be exact to its bound, and whether it is."""
+    """Errors of a run with bounds, and a note if they exceed a bound."""
     beyond = reference.violation(result)
     note = "" if beyond is None else f"EXCEEDS ITS BOUND at omega = {beyond:g}"
     return reference.deviation(result.G) | {"note": note}
 
 
 def _interpolated(reference, result) -> dict:
-    """Errors of what few frequencies give between them."""
+    """Errors of a run at few frequencies, interpolated between them."""
     fields = reference.deviation(log_interpolate(reference.omega, result.omega, result.G))
     between = reference.interpolation_errors(result.omega, result.G)
     return fields | between | {"note": "direct, log-log interpolation between them"}

@@ -1,4 +1,4 @@
-"""How far a curve G*(ω) is from the reference: errors of G' and G'', slopes of the critical branch."""
+"""Deviations of a curve G*(ω) from the reference: errors of G' and G'', slopes of the critical branch."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from jampetsc.analysis.scaling import CRITICAL_END, fit_power_law
 
 CRITICAL_START = 10.0  # ωτ₁ over p/k: well above the lower crossover, which is near 2 to 4 (BT eq. 16)
 FEWEST = 5  # frequencies in the critical window for a slope
-_FINE = 40  # frequencies per decade at which interpolation is judged
+_FINE = 40  # frequencies per decade at which errors of interpolation are computed
 
 
 def critical(result):

@@ -22,8 +22,8 @@ def plan(bench: Bench) -> tuple[list[Pack], list[str]]:
     disks, attributes = read_packing(bench.job.packing), bench.reference.result.attributes
     record, packs, left_out = disks.record, [], []
     if record.get("sizes") not in SIZES:  # imported, or from a file of radii
-        told = f"the radii of {bench.job.packing} cannot be drawn anew by `jampetsc pack`"
-        return [], [f"ensemble: left out, {told}"]
+        reason = f"the radii of {bench.job.packing} cannot be drawn anew by `jampetsc pack`"
+        return [], [f"ensemble: left out, {reason}"]
     for share in SHARES:
         if disks.n // share < _SMALLEST:
             left_out.append(f"{share} packings: left out, fewer than {_SMALLEST} disks each")

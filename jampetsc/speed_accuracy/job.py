@@ -1,11 +1,11 @@
-"""What speed costs in accuracy, measured on the user's own packing and machine."""
+"""The job `trade`: what speed costs in accuracy, for the user's packing and machine."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.asking.damping import OfPacking
-from jampetsc.asking.kinds import FREQUENCIES, Numbers, grid_told, words
+from jampetsc.asking.kinds import FREQUENCIES, Numbers, grid_text, words
 from jampetsc.asking.parameters import Kind, asked
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
@@ -55,7 +55,7 @@ class Trade(OfPacking):
   jampetsc trade p.h5 --choices accuracy,physics --ensemble --beta 0.1 --out trade.csv
   jampetsc trade p.h5 --choices method --options-files jampetsc:mumps,jampetsc:iterative --ranks 2 --out trade.csv
 
-Times mean something on a machine that does nothing else."""
+Times are meaningful only on a machine without other load."""
 
     choices: tuple = asked(",".join(GROUPS), "what to vary", kind=Kind(_groups, ",".join, metavar="LIST"))
     ensemble: bool = asked(
@@ -73,8 +73,8 @@ Times mean something on a machine that does nothing else."""
 
     @property
     def frequencies(self) -> str:
-        """Those of the runs, as a command line has them."""
-        return grid_told(self.omega)
+        """Frequencies of the runs, as on a command line."""
+        return grid_text(self.omega)
 
     def check(self):
         """Refuse a packing in memory, which other processes cannot read."""
@@ -82,7 +82,7 @@ Times mean something on a machine that does nothing else."""
             raise InputError(f"{named('packing')}: must be a file, which the runs read")
 
     def check_outputs(self, to):
-        """Refuse other endings, files that may not be replaced, and what no run could begin with."""
+        """Refuse other endings, files that may not be replaced, and launchers or packings with which no run starts."""
         from jampetsc.io.outputs import PICTURE, TABLE
         from jampetsc.io.packing_file import read_packing
         from jampetsc.petsc import launcher

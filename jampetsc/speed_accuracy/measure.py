@@ -1,4 +1,4 @@
-"""The trade of one packing: every choice run, table and picture written, advice given."""
+"""The trade of one packing: runs every choice, writes table and picture, gives recommendations."""
 
 import datetime
 import os
@@ -19,7 +19,7 @@ from jampetsc.version import VERSION
 
 
 def measure(job, out) -> str:
-    """Run all choices of a `speed_accuracy.job.Trade`, write `out` (.csv) and a picture (.png); gives them as text.
+    """Run all choices of a `speed_accuracy.job.Trade`, write `out` (.csv) and a picture (.png); returns the text.
 
     Choices that fail have a row that says why. Raises JampetscError if there is no reference.
     """

@@ -18,7 +18,7 @@ def _number(meaning, title="", form=".1e"):
 
 @dataclass(frozen=True)
 class Row:
-    """One measured choice. The file tells what its fields mean."""
+    """One measured choice. The comments of the file explain its fields."""
 
     group: str = _word("what is varied")  # reference | accuracy | method | physics | frequencies | ensemble
     choice: str = _word("how")
@@ -52,7 +52,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows in the order in which they were measured; `facts` are lines on what was measured, on what."""
+    """Rows in the order of measurement; `facts` are lines about packing, law, machine and reference."""
 
     rows: list[Row]
     facts: list[str]

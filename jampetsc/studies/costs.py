@@ -1,14 +1,14 @@
-"""What tasks cost, estimated from those that are done: the same command, N and pressure if there are any.
+"""Estimates of what tasks cost, from finished ones of the same command, N and pressure if there are any.
 
-Before there are, from N, p and what is asked for: ROUGH was measured on one core with 64 to 1024 disks, and is right
-within a factor of three or so.
+Until there are, from N, p and the settings: ROUGH was measured on one core with 64 to 1024 disks, and is right within a
+factor of three or so.
 """
 
 import statistics
 
 from jampetsc.minimise.protocols import start_phi
 
-ROUGH = {  # command -> seconds whatever N is, seconds of a unit at N = 1024, its power of N
+ROUGH = {  # command -> seconds independent of N, seconds per unit (`_units`) at N = 1024, power of N of the latter
     "pack": (0.02, 0.12, 1.5),
     "sweep": (0.05, 0.07, 1.4),
     "quasistatic": (0.04, 0.05, 1.3),
@@ -27,7 +27,7 @@ _KEYS = (("command", "n", "pressure"), ("command", "n"))
 
 
 class Costs:
-    """Seconds of finished tasks, by what they were."""
+    """Seconds of finished tasks by command, N and pressure."""
 
     def __init__(self, records=()):
         self._seconds = {}
@@ -36,14 +36,14 @@ class Costs:
                 self.learn(record["row"], record["seconds"])
 
     def learn(self, row: dict, seconds: float) -> None:
-        """A task with this row took so long."""
+        """Add the seconds that the task with this row of the table took."""
         for keys in _KEYS:
             self._seconds.setdefault(tuple(row.get(key) for key in keys), []).append(seconds)
         if row.get("n"):
             self._seconds.setdefault((row["command"],), []).append(seconds / row["n"])
 
     def of(self, task) -> float | None:
-        """Seconds that a task will take, ∝ N from another N; None if nothing like it is done and N is not known."""
+        """Seconds that a task will take, ∝ N from tasks of another N; None if no such task is done and N is unknown."""
         row = task.columns | {"command": task.command}
         for keys in _KEYS:
             if found := self._seconds.get(tuple(row.get(key) for key in keys)):
@@ -53,7 +53,7 @@ class Costs:
         return rough(task)
 
     def total(self, tasks) -> float | None:
-        """Seconds of all of them one after another; what is unknown counts as the mean of what is known."""
+        """Seconds of all tasks one after another; one of unknown cost counts as the mean of the others."""
         if not tasks:
             return 0.0
         known = [seconds for task in tasks if (seconds := self.of(task)) is not None]
@@ -61,14 +61,14 @@ class Costs:
 
 
 def rough(task) -> float | None:
-    """Seconds of one core for a task, from what it is asked for; None where N is in a file."""
+    """Seconds of one core for a task, from its settings; None where N is in a file."""
     fixed, each, power = ROUGH[task.command]
     count = task.columns.get("n")
     return count and fixed + each * (count / 1024) ** power * _units(task)
 
 
 def _units(task):
-    """How many of what ROUGH has the cost of: steps, samples, modes, frequencies, files."""
+    """Number of the units of which ROUGH has the cost: steps, samples, modes, frequencies, files."""
     job = task.choice.job
     match task.command:
         case "pack":

@@ -10,7 +10,7 @@ from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILE, Kind, asked
 from jampetsc.petsc.solver_options import SOLVERS
 
-MANY = 10  # failures that the summary tells
+MANY = 10  # failures that the summary lists
 FAILED = 3  # exit status where some tasks failed
 
 
@@ -68,7 +68,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
         return None if self.dry_run else "real"
 
     def check_outputs(self, to):
-        """Refuse a folder with a table of somebody else's."""
+        """Refuse a folder with a table that no study has written."""
         from jampetsc.studies.run import check_folder
 
         check_folder(to.path, self._named)
@@ -104,7 +104,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
 
 
 def _summary(table, rows, failures, elapsed) -> str:
-    """What a user wants to read after a study."""
+    """The summary of a study."""
     lines = [f"{table}: {len(rows)} tasks, {len(failures)} failed, {elapsed}"]
     for row in failures[:MANY]:
         lines.append(f"  {row['file']}: {row['state']}")
@@ -122,7 +122,7 @@ def _outlook(tasks, folder) -> str:
     """The tasks, which of them are done, and what the others may cost."""
     from jampetsc.studies.costs import Costs, in_words
     from jampetsc.studies.journal import records_of
-    from jampetsc.studies.run import told_of
+    from jampetsc.studies.run import changed_note
     from jampetsc.studies.tasks import Runner
 
     records = records_of(folder)
@@ -141,7 +141,7 @@ def _outlook(tasks, folder) -> str:
         guess = "" if known or not mine else ", by a rough rule until some are done"
         lines.append(f"{command}: {len(mine)} to do, about {in_words(totals[-1])} on one rank{guess}")
     if changed:
-        lines.append(told_of(changed))
+        lines.append(changed_note(changed))
     total = None if None in totals else sum(totals)
     lines.append(f"{len(left)} of {len(tasks)} tasks to do, about {in_words(total)} on one rank")
     return "\n".join(lines)

@@ -1,8 +1,8 @@
-"""Who does which task of a study, and what became of each: small files in `FOLDER/journal`, which all ranks see.
+"""Which rank does which task of a study, and the outcome of each: small files in `FOLDER/journal`, which all ranks see.
 
-A record is put there whole with a hash of its content (`io.checkpoint.keep`): a study that is killed loses no finished
-task. Every rank works and takes what is next as soon as it is free; nobody hands out tasks, so no rank only waits for
-the others, as the manager of mpi4py.futures does.
+A record is written completely or not at all, with a hash of its content (`io.checkpoint.write_entry`): a study that is
+killed loses no finished task. Every rank takes the next task as soon as it is free. No rank hands out tasks, so that
+none is spent on waiting for the others, as the manager of mpi4py.futures is.
 """
 
 import os
@@ -13,36 +13,36 @@ from pathlib import Path
 from urllib.parse import quote
 
 from jampetsc.io.atomic import remove_abandoned, write_error
-from jampetsc.io.checkpoint import keep, kept
+from jampetsc.io.checkpoint import read_entry, write_entry
 
 NAME = "journal"
 NAP = 0.02  # seconds between two looks while a rank waits for a task of another one
-DONE, FAILED = ".done", ".failed"  # endings of the files that say what became of a task
+DONE, FAILED = ".done", ".failed"  # endings of the files that record the outcome of a task
 
 
 def keep_record(folder, record: dict) -> None:
     """Keep the record of a task; on return it survives a kill. Raises JampetscError where it cannot be written."""
-    keep(Path(folder) / NAME / quote(record["task"], safe=""), record)
+    write_entry(Path(folder) / NAME / quote(record["task"], safe=""), record)
 
 
 def records_of(folder) -> dict:
     """{task: its record} of a study."""
     places = sorted((Path(folder) / NAME).glob("[!.]*"))
-    return {found[0]["task"]: found[0] for found in map(kept, places) if found is not None}
+    return {found[0]["task"]: found[0] for found in map(read_entry, places) if found is not None}
 
 
 def tidy(folder) -> None:
-    """Remove what killed processes have left, while no study runs there."""
+    """Remove what killed processes have left behind; only while no study runs in the folder."""
     remove_abandoned(Path(folder) / NAME)
     for left in (Path(folder) / NAME).glob(".claims-*"):
         shutil.rmtree(left, ignore_errors=True)
 
 
 class Claims:
-    """The tasks of one run of a study, by name: whoever makes the file of a task has it.
+    """Claims on the tasks of one run of a study, by name: the rank that creates the file of a task does the task.
 
-    The system makes a file once (O_EXCL), also on a disk of several machines. Made by one rank, which has the lock of
-    the folder, and given to the others; `end` it there, too.
+    The system lets only one process create a file (O_EXCL), also on a disk shared by several machines. The rank that
+    holds the lock of the folder makes this object, sends it to the others and calls `end`.
     """
 
     def __init__(self, folder):
@@ -53,7 +53,7 @@ class Claims:
             raise write_error(self.folder, error) from None
         self._finished = self._failed = 0
         self._looked = -1.0
-        self._taken = set()  # names of files that there were, once another rank was found to be ahead
+        self._taken = set()  # names of files seen when another rank was found to have been faster
 
     def _file(self, task, ending=""):
         return self.folder / f"{quote(task, safe='')}{ending}"
@@ -68,30 +68,30 @@ class Claims:
         return True
 
     def take(self, task) -> bool:
-        """Whether the task is this rank's to do, and no other's."""
+        """Claim a task; False if another rank has it."""
         path = self._file(task)
         if path.name in self._taken:
             return False
         if self._made(path):
             return True
-        # of all that others have: one look instead of one for each
+        # all tasks that others have: one listing instead of one attempt for each
         self._taken = set(os.listdir(self.folder))
         return False
 
     def settle(self, task, done: bool) -> None:
-        """Say what became of a task, once its record is kept."""
+        """Announce the outcome of a task, after its record was written."""
         self._made(self._file(task, DONE if done else FAILED))
         self._finished += 1
         self._failed += not done
 
     def done(self, task) -> bool:
-        """Whether a task that some rank has taken came out, once that has finished it."""
+        """Wait until the rank that has taken a task finishes it; whether it succeeded."""
         while not (done := self._file(task, DONE).exists()) and not self._file(task, FAILED).exists():
             time.sleep(NAP)
         return done
 
     def tally(self) -> tuple[int, int]:
-        """(finished, failed) tasks of all ranks; of the others as of a second ago."""
+        """(finished, failed) tasks of all ranks; those of the others are counted once a second."""
         if time.monotonic() > self._looked + 1.0:
             ends = [os.path.splitext(name)[1] for name in os.listdir(self.folder)]
             self._looked, self._failed = time.monotonic(), ends.count(FAILED)
@@ -99,5 +99,5 @@ class Claims:
         return self._finished, self._failed
 
     def end(self) -> None:
-        """Remove the files, which are of this run alone."""
+        """Remove the files of these claims."""
         shutil.rmtree(self.folder, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""Which commands a study runs, and what a task of each begins with. A command joins by one line of KINDS."""
+"""Which commands a study runs, and what a task of each reads. A new command is one line of KINDS."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ SEEDS = "the files of all seeds"
 
 @dataclass(frozen=True)
 class Kind:
-    """What a task of a command begins with: one task per packing, per sweep, or for the files of all seeds."""
+    """What a task of a command reads: one task per packing, per sweep, or for the files of all seeds."""
 
     on: str
     of: tuple[str, ...] = ("sweep",)  # commands whose files it reads
     suits: Callable = lambda job: True  # whether it can use the file of this job
-    needs: str = ""  # what such files are, in words
-    alone: bool = False  # whether only one rank can do it, however large
+    needs: str = ""  # the files it can use, for messages
+    alone: bool = False  # whether it runs on one rank only, however large it is
 
 
 KINDS = {

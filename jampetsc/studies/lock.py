@@ -1,8 +1,8 @@
 """One study at a time in a folder, on one machine or many that share a disk.
 
-`FOLDER/lock` is locked by the system. Some network file systems keep such locks within one machine; for those the file
-is touched now and then, and a lock that another machine has touched lately counts, too: after the loss of a node the
-folder is free when that is past.
+`FOLDER/lock` is locked by the system. On some network file systems such locks hold within one machine only; therefore
+the file is also touched every BEAT seconds, and a lock that another machine has touched within LOST seconds counts as
+held: after the loss of a node the folder becomes free when they have passed.
 """
 
 import contextlib
@@ -15,12 +15,12 @@ from jampetsc.errors import InputError
 from jampetsc.io.atomic import locked, write_error
 
 NAME = "lock"
-BEAT = 20.0  # seconds between touches
-LOST = 120.0  # seconds without one after which another machine's study is dead
+BEAT = 20.0  # seconds between touches of the file
+LOST = 120.0  # seconds without a touch after which a study on another machine counts as dead
 
 
 class Lock:
-    """Held from `take` to `release`. Only one rank of a study has it."""
+    """The lock of a folder, held from `take` to `release` by one rank of a study."""
 
     def __init__(self, folder):
         self.path = Path(folder) / NAME
@@ -28,7 +28,7 @@ class Lock:
         self._over = threading.Event()
 
     def take(self) -> None:
-        """Raises InputError where another study has it."""
+        """Lock the folder. Raises InputError where another study has it."""
         try:
             self._file = locked(self.path)
             host, _, process = self.path.read_text().strip().partition(" ")
@@ -63,7 +63,7 @@ class Lock:
                 os.utime(self.path)
 
     def release(self) -> None:
-        """Let the folder go."""
+        """Unlock the folder."""
         self._over.set()
         if self._file is not None and not self._file.closed:
             with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""The numbers of a result for its row in the table: every scalar that its file records, and what a fit adds."""
+"""The numbers of a result for its row in the table: the scalar attributes of its file, and numbers from its arrays."""
 
 import numpy as np
 
@@ -9,8 +9,15 @@ from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.speed_accuracy.compare import FEWEST, critical, slopes
 
-WORDS = ("law", "model", "method", "packing", "phase")  # texts that a row tells
-NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")
+WORDS = ("law", "model", "method", "packing", "phase")  # text attributes that are columns
+NOT = (
+    "ranks",
+    "wall_seconds",
+    "negative_modes",
+    "requested_n",
+    "requested_pressure",
+    "requested_phi",
+)  # no columns
 
 
 def numbers_of(path) -> dict:
@@ -40,7 +47,7 @@ def _scalars(attributes):
 
 
 def _sweep(result):
-    """G₀, η₀ and ω* of a sweep, and the slopes of its critical branch, where it reaches them."""
+    """G₀, η₀ and ω* of a sweep, and the slopes of its critical branch, as far as its frequencies reach them."""
     found = {}
     try:
         limit = low_frequency_limit(result.omega, result.G)
@@ -55,7 +62,7 @@ def _sweep(result):
 
 
 def _modes(result):
-    """Of the first mode; of the lowest 10, 50 and 200 together their floppiness and what they carry of the response."""
+    """Numbers of the first mode; floppiness and shares of the response of the lowest 10, 50 and 200 modes together."""
     found = {
         "lowest_eigenvalue": float(result["eigenvalues"][0]),
         "lowest_participation": float(result["participation_ratio"][0]),
@@ -82,7 +89,7 @@ def _correlation(result):
 
 
 def _jam(result):
-    """The share of samples that jam, and the means of what each sample has where the protocol tells it."""
+    """The fraction of samples that jam, and the means of φ_J and segregation if the protocol gives them."""
     found = {"samples": len(result["jammed"])}
     for name, column in (("jammed", "jammed_fraction"), ("phi_J", "phi_J"), ("segregation", "segregation")):
         values = result[name] if name in result else np.empty(0)
@@ -94,7 +101,7 @@ def _jam(result):
     return found
 
 
-MORE = {  # format -> what its arrays add
+MORE = {  # format -> function (result) -> {column: number} from its arrays
     "jampetsc-sweep": _sweep,
     "jampetsc-modes": _modes,
     "jampetsc-correlation": _correlation,

@@ -1,4 +1,4 @@
-"""The keys of a table of STUDY.toml: a job's own parameters, as its command's options are written."""
+"""The keys of a table of STUDY.toml: the parameters of a job, written as the options of its command."""
 
 import dataclasses
 import itertools
@@ -9,9 +9,9 @@ from jampetsc.asking.kinds import seeds_of
 from jampetsc.asking.parameters import FILES, OPTION, did_you_mean, made, parameters
 from jampetsc.errors import InputError
 
-OWN = ("out", "packing", "last", "overwrite", "quiet")  # that the study gives itself
-LABEL = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}  # what a file's name tells -> how
-STAND_IN = "x.h5"  # for files while values are checked
+OWN = ("out", "packing", "last", "overwrite", "quiet")  # keys that the study sets itself
+LABEL = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}  # column -> its letters in names of files
+STAND_IN = "x.h5"  # stands for real files while values are checked
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Choice:
 
 
 def _place(job):
-    """The parameter of a class of jobs that other tasks' files are given to, or None."""
+    """The parameter of a class of jobs that takes the files of other tasks, or None."""
     known = parameters(job)
     return next((one for one in known.values() if one.place != OPTION), known.get("from_"))
 
@@ -59,9 +59,9 @@ def values_of(job, table: dict, where: str) -> list:
 
 
 def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
-    """Every combination of what `values_of` has found, in order, the last key running fastest.
+    """Every combination of the values that `values_of` returned, the last key varying fastest.
 
-    job   the class of jobs; begins: whether files are given to it
+    job   the class of jobs; begins: whether it is given files of other tasks
 
     Raises InputError for a value that the job refuses.
     """
@@ -75,7 +75,7 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
         try:
             asked = made(job, files | given)
         except InputError as error:
-            raise InputError(f"{where}: {error.told(lambda name: keys.get(name, name))}") from None
+            raise InputError(f"{where}: {error.message(lambda name: keys.get(name, name))}") from None
         for one, value in chosen:
             if asked.several and isinstance(getattr(asked, one.name), tuple):
                 key = keys[one.name]
@@ -84,8 +84,8 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
                 )
         defaults = {one.name: None if one.required else one.default for one, _ in chosen}
         changed = {name: value for name, value in given.items() if value != defaults[name]}
-        told = {name: number_of(value) for name, value in given.items()}
-        found.append(Choice(told, changed, asked))
+        options = {name: number_of(value) for name, value in given.items()}
+        found.append(Choice(options, changed, asked))
     return found
 
 
@@ -131,10 +131,10 @@ def _toml(value):
 
 
 def _typed(one, value):
-    """What a value is to the name of a task: a number where the parameter is one, else text."""
+    """A value, the same for 1e-3 and "0.001", since it enters the name of its task."""
     if _is_switch(one):
         return one.default != value  # a switch that is on by default has a key that turns it off
-    return one.kept(str(number_of(value)))  # the same for 1e-3 and "0.001"
+    return one.kept(str(number_of(value)))
 
 
 def number_of(value):
@@ -149,10 +149,10 @@ def number_of(value):
 
 
 def label_of(columns: dict) -> str:
-    """What the name of a file tells of its task: n1024-p0.001-s1."""
-    told = [
+    """The part of a file's name that describes its task: n1024-p0.001-s1."""
+    words = [
         f"{short}{columns[name]:g}"
         for name, short in LABEL.items()
         if isinstance(columns.get(name), int | float)
     ]
-    return "-".join(told)
+    return "-".join(words)

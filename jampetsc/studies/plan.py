@@ -25,19 +25,19 @@ from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
 from jampetsc.studies.options import STAND_IN, Choice, choices_of, label_of, number_of, values_of
 
 SEED, LADDER = "seed", "ladder"
-WHERE = "where"  # key of a table: of what it begins with, those that were asked for with these values
+WHERE = "where"  # key of a table that selects its inputs by their settings
 MANY = 100_000  # tasks of one study
 HASH = 8  # hexadecimal digits in the name of a file
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One run of a command. Its name says what it is about, and stays the same whatever else a study has."""
+    """One run of a command. Its name depends on its own settings and inputs only, not on the rest of the study."""
 
     name: str
     command: str
     choice: Choice
-    columns: dict  # what it was asked for, with that of its packing: column -> value
+    columns: dict  # column -> value: its settings and those of its packing
     inputs: tuple = ()  # tasks whose files it reads
 
     @property
@@ -47,7 +47,7 @@ class Task:
 
     @property
     def words(self) -> list[str]:
-        """The command line that makes its file, given in the folder of the study."""
+        """The command line that makes its file, if run in the folder of the study."""
         return self.line([task.file for task in self.inputs], self.file)
 
     def line(self, inputs, out) -> list[str]:
@@ -61,7 +61,7 @@ class Task:
 
 
 def read(path) -> bytes:
-    """What STUDY.toml holds. Raises InputError where it cannot be read."""
+    """The content of STUDY.toml. Raises InputError where it cannot be read."""
     try:
         with open_regular(path) as file:
             return file.read()
@@ -72,13 +72,13 @@ def read(path) -> bytes:
 def plan(path, content: bytes | dict) -> list[Task]:
     """The tasks of a study, each after those whose files it reads.
 
-    path      names STUDY.toml in messages
-    content   what it holds, or the same as a dictionary of tables
+    path      name of STUDY.toml in messages
+    content   its content, or the same as a dictionary of tables
 
-    Raises InputError naming file, table and key; for too many tasks before any is made.
+    Raises InputError naming file, table and key; too many tasks are refused before their list is made.
     """
     tables = _tables(path, content)
-    tasks = {}  # name -> Task: what is asked for twice is done once
+    tasks = {}  # name -> Task; a task that is asked for twice is done once
     found = {command: [] for command in KINDS}
     for command, kind in KINDS.items():
         for where, table in tables.get(command, []):
@@ -130,7 +130,7 @@ def _tables(path, content):
 
 
 def _starts(kind, found, where):
-    """What the tasks of a kind begin with: [(task, …)]. Raises InputError where there is none."""
+    """The inputs of the tasks of a kind, [(task, …)]. Raises InputError where there are none."""
     if kind.on in (PACKING, START):
         if not found["pack"]:
             raise InputError(
@@ -150,7 +150,7 @@ def _starts(kind, found, where):
 
 
 def _chosen(starts, wanted, where):
-    """Those of `_starts` whose columns have these values, any one of a list. Raises InputError where none has."""
+    """The inputs whose columns have the `wanted` values, or one of a list. Raises InputError where none has."""
     if not isinstance(wanted, dict):
         raise InputError(f"{where}: {WHERE} = {wanted!r}: write {WHERE} = {{pressure = 1e-4}}")
     for name, value in wanted.items():
@@ -163,7 +163,7 @@ def _chosen(starts, wanted, where):
 
 
 def _shared(inputs):
-    """What all of these tasks were asked for alike: seeds differ where a task takes all of them."""
+    """The settings that all of these tasks share; seeds differ where a task reads all of them."""
     shared = inputs[0].columns if inputs else {}
     return {k: v for k, v in shared.items() if all(task.columns.get(k) == v for task in inputs)}
 
@@ -171,7 +171,7 @@ def _shared(inputs):
 def _task(command, choice, inputs):
     shared = _shared(inputs)
     of = [task.name for task in inputs]
-    if KINDS[command].on is SEEDS:  # other seeds: the same task, done anew
+    if KINDS[command].on is SEEDS:  # with more seeds it is the same task, done again
         shared.pop(SEED, None)
         of = [_identity(task, without_seed=True) for task in inputs[:1]]
     columns = {**shared, **choice.given}
@@ -184,9 +184,11 @@ def _task(command, choice, inputs):
 
 
 def _rung(choice, above):
-    """The task of a pressure of a ladder, which reads the packing at the pressure before it; `above` is kept.
+    """The task of one pressure of a ladder, which reads the packing at the pressure before it.
 
-    The first one reads nothing and is the packing that there would be without a ladder.
+    above   {ladder: task of its last pressure so far}, updated
+
+    The first task of a ladder reads nothing: it is the same packing as without a ladder.
     """
     ladder = json.dumps({n: v for n, v in choice.changed.items() if n != "pressure"}, sort_keys=True)
     if ladder in above:
@@ -198,7 +200,7 @@ def _rung(choice, above):
 
 
 def _identity(task, without_seed=False):
-    """What a task is, in JSON; without_seed: the same for all members of an ensemble."""
+    """Command, settings and inputs of a task as JSON; without_seed: the same for all members of an ensemble."""
     changed = {name: value for name, value in task.choice.changed.items() if name != SEED or not without_seed}
     return json.dumps(
         [task.command, changed, [_identity(one, without_seed) for one in task.inputs]], sort_keys=True

@@ -1,4 +1,4 @@
-"""A study as a run: what is left to do goes to the ranks, task by task, and the table is written at the end."""
+"""A run of a study: the ranks take the tasks that are left, one by one, and the table is written at the end."""
 
 import time
 from functools import partial
@@ -19,16 +19,16 @@ from jampetsc.studies.table import rows_of, table_text
 from jampetsc.studies.tasks import Runner
 
 COPY = "study.toml"
-MANY = 10  # files that a line names
+MANY = 10  # most files that a note names
 LARGE = 50_000  # disks from which all ranks work on one task together
 REFRESH = 60.0  # seconds after which the table is written again while the study runs
 BYTES = 30_000  # per disk, of a sweep on one rank
 
 
 def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
-    """Do what is left of a study and write its table; the rows. Collective.
+    """Do the tasks of a study that are left and write its table; returns the rows. Collective.
 
-    path, source   STUDY.toml, and what it held when the tasks were read: kept beside the table
+    path, source   STUDY.toml, and its content when the tasks were read, which is kept beside the table
 
     Raises InputError where another study runs in the folder, or where its files would be lost. A task that fails is a
     row of the table.
@@ -50,7 +50,7 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
         work = _Work(session, runner, claims, left, refresh)
         with work.progress:
             if changed:
-                work.progress.note(told_of(changed))
+                work.progress.note(changed_note(changed))
             for together, some in _phases(left, session):
                 (work.together if together else work.apart)(some)
         new = comm.gather(work.made)
@@ -70,8 +70,8 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
         lock.release()
 
 
-def told_of(changed) -> str:
-    """The line about files that are not what the study made."""
+def changed_note(changed) -> str:
+    """The note about files that are missing or not what the study made."""
     more = f" and {len(changed) - MANY} more" if len(changed) > MANY else ""
     return (
         f"made again, with all that was computed from it, because it is missing or not what this study made: "
@@ -80,9 +80,11 @@ def told_of(changed) -> str:
 
 
 def _write_table(folder, tasks, records, runner):
-    """Write the table of what is done; its rows. What is asked for no more stays while its files are what they were."""
+    """Write the table of finished tasks; returns its rows. Tasks no longer in STUDY.toml stay while their files do."""
     asked = {task.name for task in tasks}
-    rows = rows_of(tasks, {name: one for name, one in records.items() if name in asked or runner.stands(one)})
+    rows = rows_of(
+        tasks, {name: one for name, one in records.items() if name in asked or runner.files_unchanged(one)}
+    )
     write_whole(folder / TABLE, table_text(rows).encode())
     return rows
 
@@ -104,7 +106,10 @@ def _open(folder, path, lock) -> Claims:
     """Take the folder for this study; the claims of its run."""
     check_folder(folder, path)
     try:
-        for made in (folder, folder / JOURNAL):  # which tells that table.csv and study.toml are a study's
+        for made in (
+            folder,
+            folder / JOURNAL,
+        ):  # the journal shows that table.csv and study.toml are a study's
             made.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
         raise InputError(f"{made}: is no folder: choose another folder") from None
@@ -116,7 +121,7 @@ def _open(folder, path, lock) -> Claims:
 
 
 def _phases(tasks, session):
-    """[(whether together, tasks)]: small ones apart, large ones together, then what reads the large ones' files."""
+    """[(whether all ranks share each task, tasks)]: small ones apart, large ones together, then their readers."""
     most = 0 if session.size == 1 else _most_disks(session)
     shared = [task for task in tasks if most and task.inputs and not KINDS[task.command].alone]
     large = {task.name for task in shared if task.columns.get("n", 0) > most}
@@ -134,7 +139,7 @@ def _most_disks(session):
 
 
 class _Work:
-    """What is left of a study, done by this rank and the others."""
+    """The tasks of a study that are left, done by this rank and the others."""
 
     def __init__(self, session, runner, claims, tasks, refresh):
         self.session, self.runner, self.claims = session, runner, claims
@@ -143,15 +148,18 @@ class _Work:
         self.made = []  # records of this rank
         self.progress = Progress(len(tasks), "study", rank=0)
         self.estimated, self.rest = -1.0, ""  # when the time left was estimated, and how much it is, in words
-        self.refresh, self.refreshed = refresh, time.monotonic()  # what rank 0 does now and then
+        self.refresh, self.refreshed = (
+            refresh,
+            time.monotonic(),
+        )  # writes the table while the study runs, on rank 0
 
     def _there(self, task):
-        """Those of its inputs whose files are there, once that is known."""
+        """The inputs of a task whose files were made; waits for those that other ranks are making."""
         return [one for one in task.inputs if one.name not in self.names or self.claims.done(one.name)]
 
     def apart(self, tasks):
         """Each task on a rank of its own. Collective."""
-        # A rank that fails alone tells so by a barrier of its own, of the usual communicator: see `cli.main`.
+        # A rank that fails alone enters a barrier on COMM_WORLD (`cli.main`), so waiting needs another communicator.
         waiting = self.session.comm.Dup()
         for place, task in enumerate(tasks):
             if self.claims.take(task.name):
@@ -179,16 +187,16 @@ class _Work:
             self.refreshed = time.monotonic()
 
     def _finish(self, task, record, left, ranks):
-        """Keep what became of a task and tell it."""
+        """Write the record of a task, announce its outcome and report it."""
         if record is not self.runner.records.get(task.name):
             keep_record(self.runner.folder, record)
             self.made.append(record)
             if record["state"] == "done":
                 self.costs.learn(record["row"], record["seconds"])
         self.claims.settle(task.name, record["state"] == "done")
-        self._tell(task, record, left, ranks)
+        self._report(task, record, left, ranks)
 
-    def _tell(self, task, record, left, ranks):
+    def _report(self, task, record, left, ranks):
         finished, failed = self.claims.tally()
         if time.monotonic() > self.estimated + 1.0:
             self.estimated, rest = time.monotonic(), self.costs.total(left)

@@ -1,16 +1,16 @@
-"""table.csv: one row per task, what it was asked for, its state and its numbers."""
+"""table.csv: one row per task, with its settings, its state and its numbers."""
 
 from jampetsc.columns import comma_separated
 
-# columns, where there are any
+# first and last columns, those of them that exist
 FIRST = ("command", "state", "file", "packing", "n", "pressure", "phi", "seed", "law")
 LAST = ("seconds",)
 
 
 def rows_of(tasks, records: dict) -> list[dict]:
-    """The rows of the tasks that STUDY.toml asks for, in its order, then those done for it as it was before.
+    """The rows of the tasks in STUDY.toml, in its order, then of done tasks that an earlier STUDY.toml asked for.
 
-    What is not finished has none.
+    Unfinished tasks have no row.
     """
     asked = {task.name: None for task in tasks if task.name in records}  # a set in order
     before = [name for name, record in records.items() if name not in asked and record["state"] == "done"]

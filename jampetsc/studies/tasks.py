@@ -1,4 +1,4 @@
-"""One task of a study: its job, and a record of what became of it."""
+"""One task of a study: its job, and the record of its outcome."""
 
 import contextlib
 import dataclasses
@@ -18,28 +18,28 @@ from jampetsc.io.reader import load
 from jampetsc.petsc import session
 from jampetsc.studies.numbers import numbers_of
 
-ASIDE = ".replaced"  # behind the name of a file that was put in the place of one that the study made
+ASIDE = ".replaced"  # appended to the name of a file that somebody put in the place of the study's own
 
 
 class Runner:
-    """Runs tasks in a folder and tells what became of them; knows what earlier runs have left.
+    """Runs tasks in a folder and returns their records.
 
-    cores   what threads of a task may use while other ranks have tasks of their own
+    records   {task: record} of earlier runs
+    cores     number of threads for a task while other ranks have tasks of their own
     """
 
     def __init__(self, folder, records: dict, cores: int = 1):
         self.folder, self.records, self.cores = folder, records, cores
 
     def left(self, tasks):
-        """What there is to do before any task is done: two lists.
+        """(names of the tasks that are left, names of files that are missing or not what was made).
 
-        Names of tasks that are left: all that is not done, or whose files are not what they were, and what reads these.
-        What a task reads may be the same when it is made anew: `run` looks once more. Then files that are not what was
-        made.
+        Left are tasks that are not done, those with a changed input or result, and all that read from these. An input
+        that is made again may turn out the same: `run` checks once more.
         """
         left, changed = {}, []
         failed = [task for task in tasks if self.records.get(task.name, {}).get("state") == "failed"]
-        suspects = {one.file for task in failed for one in task.inputs}  # may be what it failed by
+        suspects = {one.file for task in failed for one in task.inputs}  # may be why it failed
         identity = functools.cache(lambda name: identity_of(self.folder / name, every_byte=name in suspects))
         for task in tasks:
             record = self.records.get(task.name)
@@ -53,20 +53,20 @@ class Runner:
         return list(left), changed
 
     def _files(self, names):
-        """{file: identity} of what these tasks have left, the parts of the last one's file included."""
+        """{file: identity} of the results of these tasks, and of the parts of the last one."""
         files = [f"{name}.h5" for name in names]
         parts = names and parts_of(self.folder / files[-1])
         return {name: identity_of(self.folder / name) for name in [*files, *(parts.sizes if parts else ())]}
 
-    def stands(self, record) -> bool:
-        """Whether the files that a record tells of are still what they were, as far as it knows."""
+    def files_unchanged(self, record) -> bool:
+        """Whether the files that a record names are unchanged."""
         return all(identity_of(self.folder / name) == one for name, one in record.get("files", {}).items())
 
     def run(self, task, there, together=False) -> dict:
-        """Do a task with those of its inputs that are `there`; its record.
+        """Do a task with those of its inputs that are `there`; returns its record.
 
-        together   collective, and what only one rank may have met is raised: the others wait for it. Else nothing is
-                   raised but interrupts.
+        together   whether all ranks share the task: then it is collective, and unexpected errors, which only one rank
+                   may meet, are raised. Else nothing but an interrupt is raised.
         """
         began = time.perf_counter()
         known, names = self.records.get(task.name), [one.name for one in there]
@@ -96,7 +96,7 @@ class Runner:
         return record | {"state": state, "why": why, "seconds": seconds, "row": row_of(task, found)}
 
     def _work(self, task, there):
-        """Make the file, unless a run that was killed has made it just before it could say so."""
+        """Make the file, unless a run made it and was killed before it could write the record."""
         out = self.folder / task.file
         job = task.choice.job_of([str(self.folder / one.file) for one in there])
         if on_root(session.current().comm, lambda: self._is_there(task, job)):
@@ -104,13 +104,14 @@ class Runner:
         words = task.line([one.file for one in there], task.file)
         if getattr(job, "threads", 0) is None:
             job = dataclasses.replace(job, threads=self.cores)
-        overwrite = task.name in self.records  # what the study itself has made
-        with progress.telling(False):
+        overwrite = task.name in self.records  # a file that the study itself has made
+        with progress.reporting(False):
             job.perform(Outlet(out, out), argv=words, overwrite=overwrite)
 
     def _is_there(self, task, job) -> bool:
-        """Whether the file is the result of this job; a packing is left to `pack`, which looks for itself. What the
-        study has made and somebody has changed makes way, under another name.
+        """Whether the file is the result of this job; False for packings, which `pack` checks itself.
+
+        A file of the study that somebody has changed is renamed first.
         """
         path, known = self.folder / task.file, self.records.get(task.name)
         if _done(known) and identity_of(path, every_byte=True) != known.get("files", {}).get(task.file):
@@ -119,19 +120,19 @@ class Runner:
         if task.command == "pack" or not path.exists():
             return False
         try:
-            load(path)  # all of its parts are there
+            load(path)  # also checks that all of its parts are there
             asked = job.request(())
             asked.read(job.paths)
             if unlike(path, asked):
                 return False
         except InputError:
             return False
-        discard(folder_of(path))  # the checkpoint of a run that is killed with its file just made
+        discard(folder_of(path))  # the checkpoint of a run that was killed just after it made the file
         return True
 
 
 def row_of(task, found) -> dict:
-    """The row of a task: what it is, what it was asked for, and the numbers that were found."""
+    """The row of a task: its command and file, its settings, and the numbers `found` in its result."""
     asked = {name: value for name, value in task.columns.items() if not name.startswith("no_")}
     packing = {"packing": task.file} if task.command == "pack" else {}
     return {"command": task.command, "file": task.file} | {**found, **packing, **asked}
@@ -142,7 +143,7 @@ def _done(record) -> bool:
 
 
 def _current(record, inputs, identity) -> bool:
-    """Whether a record tells of a file made from these tasks' files, all of them being what they were."""
+    """Whether a record is of a done task with these inputs, and all its files are unchanged."""
     return (
         _done(record)
         and {one.name for one in inputs} == set(record["inputs"])

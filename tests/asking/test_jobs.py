@@ -14,7 +14,7 @@ from samples import SAMPLES, physics, polydisperse, published, put
 
 import jampetsc
 from jampetsc import ContactDamping, StokesDrag
-from jampetsc.asking.kinds import HELD, PACKING, RESULT, opened
+from jampetsc.asking.kinds import PACKING, PACKING_OR_RESULT, RESULT, opened
 from jampetsc.asking.parameters import fields, made, parameters
 from jampetsc.cli import main as cli
 from jampetsc.cli.parser import in_words
@@ -69,19 +69,21 @@ def parsed(job):
 def test_the_words_of_a_job_ask_for_it(job):
     again = parsed(job)
     assert type(again) is type(job) and again.sources == job.sources
-    assert again.told() == job.told() and again.words() == job.words()
-    for name, value in job.told().items():
+    assert again.settings() == job.settings() and again.words() == job.words()
+    for name, value in job.settings().items():
         assert job.same(name, str(value), value) or isinstance(value, bool), name
 
 
 def test_what_is_written_otherwise_and_means_the_same():
     job = ASKED[0]
     assert (
-        job.told()["omega"] == "1e-10:10000.0:141" and "beta" not in job.told()
+        job.settings()["omega"] == "1e-10:10000.0:141" and "beta" not in job.settings()
     )  # as a grid, without defaults
     assert job.same("omega", "1e-10:1e4:141", "1e-10:10000.0:141") and job.same("accuracy", "1e-6", 1e-6)
     assert not job.same("omega", "1e-10:1e4:141", "1e-10:1e4:140") and not job.same("accuracy", "x", 1e-6)
-    assert Sweep("p.h5", "stokes").law == StokesDrag() and Sweep("p.h5", "stokes").told()["law"] == "stokes"
+    assert (
+        Sweep("p.h5", "stokes").law == StokesDrag() and Sweep("p.h5", "stokes").settings()["law"] == "stokes"
+    )
     assert Oscillate("p.h5", omega=0.1, strain=1e-6, alpha=0.5).physics.law.exponent == 0.5
     assert Correlate(["s.h5"], lane="1,0.5").lane == (1.0, 0.5)  # in their order
     # an option at its default is as if it were not given, also one of another law
@@ -115,7 +117,7 @@ def test_every_parameter_has_help_and_a_default_that_it_takes(name):
 
 def test_a_result_in_memory_is_taken_as_it_is_and_one_in_a_file_by_its_name(tmp_path):
     found = collected(ResultWriter(None, "jampetsc-quasistatic"))
-    assert RESULT.read(found) is HELD.read(found) is opened(found) is found
+    assert RESULT.read(found) is PACKING_OR_RESULT.read(found) is opened(found) is found
     with pytest.raises(ValueError, match="must be a packing"):
         PACKING.read(found)
     found.save(tmp_path / "a.h5")
@@ -229,7 +231,7 @@ def test_a_function_gives_what_its_command_writes(session, shared_path):
     told = kept.attributes["argv"].split()
     assert told[:4] == ["jampetsc", "sweep", str(packing), "--out"]
     again, _ = launch.asked(told[1:])
-    assert again.told() == Sweep(packing, law, prestress=False, omega=[0.01, 1.0]).told()
+    assert again.settings() == Sweep(packing, law, prestress=False, omega=[0.01, 1.0]).settings()
 
 
 @pytest.mark.scalar("real")

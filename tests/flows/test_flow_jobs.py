@@ -151,8 +151,8 @@ def test_a_model_is_told_as_it_is_asked_for():
         ({"law": "stokes", "rotations": True}, jampetsc.StokesDrag()),
     ):
         one, other = made(Flow, own | options), Flow(**own, model=model)
-        assert one.told() == other.told() and one.model == other.model
-        assert made(Flow, one.told()).model == one.model
+        assert one.settings() == other.settings() and one.model == other.model
+        assert made(Flow, one.settings()).model == one.model
         assert ("--no-rotations" in one.line()) == (model is damping)
 
 
@@ -251,8 +251,8 @@ def test_samples_that_jam_are_asked_for_as_told():
     assert (protocol.temperature, protocol.cooling_rate, protocol.sweeps) == (1e-2, 1e-2, 0)
     Jam(**one, protocol="shear", step=0.1, every=0.3 - 0.2)  # a step but for rounding
     job = Jam(n=16, phi="0.8:0.84:3", seeds="4:5")
-    assert job.told()["phi"] == "0.8:0.84:3"
-    assert made(Jam, job.told()).samples.settings == job.samples.settings
+    assert job.settings()["phi"] == "0.8:0.84:3"
+    assert made(Jam, job.settings()).samples.settings == job.samples.settings
     assert tuple(PROTOCOLS) == jam.PROTOCOLS
 
 

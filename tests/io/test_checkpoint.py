@@ -17,7 +17,7 @@ from disturbed import killed
 
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io import checkpoint as checkpoint_module
-from jampetsc.io.checkpoint import Checkpoint, discard, keep
+from jampetsc.io.checkpoint import Checkpoint, discard, write_entry
 
 KEY = {
     "packing": "ab" * 32,
@@ -75,7 +75,7 @@ DAMAGES = {
     "changed": lambda one, other, dice: flip(one, dice.randrange(10**6)),
     "longer": lambda one, other, dice: one.write_bytes(one.read_bytes() + b"x"),
     "of another step": lambda one, other, dice: shutil.copy(other, one),
-    "of another job": lambda one, other, dice: keep(one, {"job": "x", "index": int(one.name[:5])}),
+    "of another job": lambda one, other, dice: write_entry(one, {"job": "x", "index": int(one.name[:5])}),
     "of an earlier run": lambda one, other, dice: shutil.copy(one.parent / "earlier" / one.name, one),
     "a folder": lambda one, other, dice: (one.unlink(), one.mkdir()),
 }

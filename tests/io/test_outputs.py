@@ -42,7 +42,7 @@ COMMANDS = {  # words without --out -> the ending of what it writes
     "trade p.h5": ".csv",
     "trade t.h5 --options-files p.h5": ".csv",
 }
-HELD = {"import": "packing", "pack": "packing"}  # what the command may replace
+PACKING_OR_RESULT = {"import": "packing", "pack": "packing"}  # what the command may replace
 SWEEP = dict.fromkeys(("omega", "G", "error_bound"), np.ones(2))
 
 
@@ -84,7 +84,7 @@ def used(words):
 def test_no_command_replaces_an_input_another_kind_of_file_or_what_is_no_file(inputs, capsys, words):
     source, ending = used(words), COMMANDS[words]
     os.link(source, "input" + ending)
-    if HELD.get(words.split()[0]) == "packing":
+    if PACKING_OR_RESULT.get(words.split()[0]) == "packing":
         stored("other" + ending, "sweep", SWEEP)
     else:
         write_packing("other" + ending, published())

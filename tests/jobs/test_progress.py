@@ -7,7 +7,7 @@ import jampetsc
 from jampetsc.progress import LOG, Progress
 
 
-def test_lines_count_from_what_was_done_before_a_total_that_is_known(capsys, telling):
+def test_lines_count_from_what_was_done_before_a_total_that_is_known(capsys, reporting):
     with Progress(5, "sweep", done=2) as progress:
         progress.step("omega 1")
         progress.note("beside")
@@ -35,7 +35,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_terminal_has_a_bar_that_goes_in_the_end(monkeypatch, telling):
+def test_a_terminal_has_a_bar_that_goes_in_the_end(monkeypatch, reporting):
     monkeypatch.setattr("sys.stderr", terminal := Terminal())
     with Progress(5, "sweep", done=2) as progress:
         assert "sweep:  40%" in terminal.getvalue() and "2/5" in terminal.getvalue()
@@ -46,7 +46,7 @@ def test_a_terminal_has_a_bar_that_goes_in_the_end(monkeypatch, telling):
     assert "beside the bar\n" in terminal.getvalue() and "[3/5]" not in terminal.getvalue()
 
 
-def test_other_ranks_count_in_silence(capsys, monkeypatch, telling):
+def test_other_ranks_count_in_silence(capsys, monkeypatch, reporting):
     for terminal in (None, Terminal()):
         if terminal:
             monkeypatch.setattr("sys.stderr", terminal)

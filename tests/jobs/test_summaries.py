@@ -53,7 +53,7 @@ def test_modes_tell_how_they_were_counted():
         eigenvalues=np.array([0.25, 0.5, 2.0]), residuals=np.array([1e-9, 3e-9, 2e-9]),
         floppiness=np.array([5.0, 3.0, 1.0]),
         complete=False, inertia_count=3, inertia_shift=2.5, network=SimpleNamespace(prestress=False),
-        carried=SimpleNamespace(share={
+        contributions=SimpleNamespace(share={
             "modulus": np.array([0.25, 0.125, 0.0]), "nonaffine": np.array([0.5, 0.25, 0.125]),
             "normal": np.array([0.25, 0.0, 0.0]), "transverse": np.array([0.5, 0.125, 0.125]),
         }),
@@ -64,7 +64,7 @@ def test_modes_tell_how_they_were_counted():
         "  floppiness (rms Δu⊥ / Δu∥) 5 to 1",
         "  together 87.5 % of |u_na|², 75 % of Δu⊥², 25 % of Δu∥², 37.5 % of G_affine − G0",
     ]
-    found.complete, found.carried, found.network.prestress = True, None, True
+    found.complete, found.contributions, found.network.prestress = True, None, True
     lines = modes._summary("m.h5", found).split("\n")
     assert lines[0] == "m.h5: 3 modes, pre-stress; all there are"
     assert lines[-1].startswith("  the response to shear is affine, or not unique")

@@ -25,7 +25,7 @@ from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError
 from jampetsc.io.reader import load
 from jampetsc.linear import sweep
-from jampetsc.linear.certificate import Hold
+from jampetsc.linear.certificate import SingularBound
 from jampetsc.linear.direct import FrequencySolver
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.petsc.cholesky import least_singular_value
@@ -140,18 +140,20 @@ def test_no_solver_makes_a_bound_false(session, hostile, sample, positive):
             try:
                 found = solver.solve(omega, 1e-2)
             except ConvergenceError:
-                if solver.x is None or not (positive or solver.hold.omega == omega):
+                if solver.x is None or not (positive or solver.singular_bound.omega == omega):
                     continue
-                found = solver.functional.certify(solver.functional.trial(omega, solver.x), solver.hold)
+                found = solver.functional.certify(
+                    solver.functional.trial(omega, solver.x), solver.singular_bound
+                )
             else:
-                assert positive or solver.hold.omega == omega  # it serves at others only if K ≥ 0
+                assert positive or solver.singular_bound.omega == omega  # it serves at others only if K ≥ 0
             compare(found, modulus(sample, str(law), omega), np.inf, (law, omega))
         solver.__exit__()
 
 
 @pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("law", [physics(), physics("stokes")], ids=str)
-def test_a_hold_holds(session, law):
+def test_a_singular_bound_holds(session, law):
     """No r makes more of A⁻¹ than said, at its own frequency and, where K ≥ 0, at others; a wrong factor has none."""
     with Solver(published(), law, session.comm) as solver:
         K, B = dense(solver.pencil.K), dense(solver.pencil.B)
@@ -163,29 +165,33 @@ def test_a_hold_holds(session, law):
             return 1.0 / np.linalg.svd(A, compute_uv=False)[-1 - moves]
 
         solver.solve(1.0, 1e-6)
-        hold = solver._find_hold(1.0)
-        diagonal = np.concatenate(session.comm.allgather(hold.diagonal))[free]
-        exact = replace(hold, least=1.0 / gain(1.0, diagonal))
-        assert 1e-4 * exact.least < hold.least <= exact.least
+        lower = solver._find_singular_bound(1.0)
+        diagonal = np.concatenate(session.comm.allgather(lower.diagonal))[free]
+        exact = replace(lower, least=1.0 / gain(1.0, diagonal))
+        assert 1e-4 * exact.least < lower.least <= exact.least
         for omega in (1e-3, 1.0, 30.0):
             assert gain(omega, diagonal) <= 1.000001 * exact.reach(omega)
         wrong = solver.form.A.copy()
         wrong.scale(1e6)
         solver.ksp.setOperators(solver.form.A, wrong)
-        assert solver._find_hold(1.0).least == 0.0
+        assert solver._find_singular_bound(1.0).least == 0.0
 
 
 @pytest.mark.most_ranks(1)
-def test_a_hold_reaches_softer_motions_at_lower_frequencies(session):
+def test_a_singular_bound_reaches_softer_motions_at_lower_frequencies(session):
     """With K = 0 what a force makes of A⁻¹ grows as 1/ω; with B = 0 it does not change, while D does."""
     for K, B in ((0.0, 2.0), (3.0, 0.0), (1e-3, 1.0)):
         for at in (1e-2, 1.0, 50.0):
             diagonal = K + at * B
-            hold = Hold(at, np.array([diagonal]), abs(K + 1j * at * B) / diagonal)
-            assert hold.reach(at) == pytest.approx(diagonal / abs(K + 1j * at * B), rel=1e-14)
+            lower = SingularBound(at, np.array([diagonal]), abs(K + 1j * at * B) / diagonal)
+            assert lower.reach(at) == pytest.approx(diagonal / abs(K + 1j * at * B), rel=1e-14)
             for omega in (1e-6, 1e-2, 0.5, 1.0, 2.0, 1e4):
-                assert diagonal / abs(K + 1j * omega * B) <= hold.reach(omega) * (1 + 1e-12)
-    assert Hold(1.0, np.ones(1), 0.0).reach(2.0) == Hold(1.0, np.ones(1), float("nan")).reach(1.0) == np.inf
+                assert diagonal / abs(K + 1j * omega * B) <= lower.reach(omega) * (1 + 1e-12)
+    assert (
+        SingularBound(1.0, np.ones(1), 0.0).reach(2.0)
+        == SingularBound(1.0, np.ones(1), float("nan")).reach(1.0)
+        == np.inf
+    )
 
 
 def test_least_singular_value_is_a_lower_bound():
@@ -221,15 +227,15 @@ def test_what_is_asked_is_what_is_certified(session):
 
 
 @pytest.mark.most_ranks(2)
-def test_a_hold_is_renewed_where_it_is_too_coarse(session):
+def test_a_singular_bound_is_renewed_where_it_is_too_coarse(session):
     """Fourteen decades further on: the bound is as small as it was."""
     solver = Solver(published(), physics(), session.comm, True)
     for omega in (1e-10, 1e-9, 1e8):
         found = solver.solve(omega, 1e-3)
         assert max(found.bounds[1] / found.G.real, found.bounds[2] / found.G.imag) < 1e-11
-        assert solver.hold.omega == (1e-10 if omega < 1.0 else omega)
+        assert solver.singular_bound.omega == (1e-10 if omega < 1.0 else omega)
     trial = solver.functional.trial(1e8, solver.x)
-    unseen = solver.functional.certify(replace(trial, left=0.0 * trial.left), solver.hold)
+    unseen = solver.functional.certify(replace(trial, left=0.0 * trial.left), solver.singular_bound)
     assert 0.0 < unseen.error <= found.error  # what rounding hides of the residual counts
 
 
@@ -247,7 +253,7 @@ def test_the_bound_of_a_wrong_field(session):
         bounds = []
         for size in (1e-1, 1e-3, 1e-5):
             trial = solver.functional.trial(omega, right + size * (noise[0] + 1j * noise[1]))
-            found = solver.functional.certify(trial, solver.hold)
+            found = solver.functional.certify(trial, solver.singular_bound)
             error = abs(found.G - exact)
             assert error <= found.bounds[0]
             bounds.append(found.error / size**2)
@@ -275,7 +281,7 @@ def test_what_cannot_be_solved_is_an_error(session):
 
 
 @pytest.mark.most_ranks(2)
-@pytest.mark.usefixtures("telling")
+@pytest.mark.usefixtures("reporting")
 def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, capfd):
     """Of G'' of gears too little is left at the lowest ones. Frequencies are those of the experiment throughout."""
     packing, omega = shared_path / "gears.h5", [1e-16, 1e-15, 1e-6, 1.0]
@@ -308,7 +314,9 @@ def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, 
 
 
 @pytest.mark.most_ranks(1)
-def test_a_hold_serves_elsewhere_only_where_K_is_known_to_have_no_negative_modes(session, monkeypatch):
+def test_a_singular_bound_serves_elsewhere_only_where_K_is_known_to_have_no_negative_modes(
+    session, monkeypatch
+):
     told, make = [], FrequencySolver
     monkeypatch.setattr(
         sweep, "FrequencySolver", lambda pencil, **how: told.append(how) or make(pencil, **how)

@@ -11,7 +11,7 @@ from samples import SAMPLES, crystal, cut, pairs_of, physics, published, referen
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.linear import modes as modes_module
-from jampetsc.linear.carried import LOWEST
+from jampetsc.linear.contributions import LOWEST
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.modes import _require_different, lowest_modes
 from jampetsc.mechanics.assembly import assemble
@@ -78,10 +78,10 @@ def test_against_dense(session, sample, count, prestress):
         assert modes.floppiness[row] == pytest.approx(np.sqrt(transverse / normal), rel=1e-8)
         assert modes.participation_ratio[row] == pytest.approx(1 / (len(sizes) * np.sum(sizes**2)), rel=1e-8)
         assert abs(modes.shear_force[row]) == pytest.approx(abs(force), rel=1e-7, abs=1e-10)
-    check_carried(modes, vectors, wanted, exact)
+    check_contributions(modes, vectors, wanted, exact)
 
 
-def check_carried(modes, vectors, wanted, exact):
+def check_contributions(modes, vectors, wanted, exact):
     """Shares are projections on the response that a dense solve gives; medians are those of sums of dense modes."""
     m, whole = len(modes.eigenvalues), exact.quasistatic()[0].astype(float)
     n, t = (exact.r / exact.distance[:, None]).astype(float), np.empty((len(exact.r), 2))
@@ -97,23 +97,23 @@ def check_carried(modes, vectors, wanted, exact):
 
     force = exact.K[:-1, -1].astype(float) @ vectors
     parts = -(force / wanted) * vectors
-    carried, target, each = modes.carried, motions(whole), [motions(part) for part in parts.T]
+    contributions, target, each = modes.contributions, motions(whole), [motions(part) for part in parts.T]
     shares = {name: [one[name] @ of / (of @ of) for one in each] for name, of in target.items()}
     shares["modulus"] = force**2 / wanted / np.sum(force**2 / wanted)
     for name, share in shares.items():
-        np.testing.assert_allclose(carried.share[name], share[:m], rtol=1e-6, atol=1e-8, err_msg=name)
+        np.testing.assert_allclose(contributions.share[name], share[:m], rtol=1e-6, atol=1e-8, err_msg=name)
         assert sum(share) == pytest.approx(1.0, abs=1e-7)
     for name, axis in (("normal", n), ("transverse", t)):
         total = target[name] + axis[:, 0] * exact.r[:, 1].astype(float)
-        assert carried.whole[name] == pytest.approx(np.median(np.abs(total)), rel=1e-7)
-    assert carried.count.tolist() == [count for count in LOWEST if count <= m]
-    for row, count in enumerate(carried.count):
+        assert contributions.whole[name] == pytest.approx(np.median(np.abs(total)), rel=1e-7)
+    assert contributions.count.tolist() == [count for count in LOWEST if count <= m]
+    for row, count in enumerate(contributions.count):
         alone = motions(parts[:, :count].sum(axis=1))
         alone["nonaffine"] = np.hypot(*alone["nonaffine"].reshape(-1, 2).T)
         for name, values in alone.items():
-            assert carried.median[name][row] == pytest.approx(np.median(np.abs(values)), rel=1e-6), name
+            assert contributions.median[name][row] == pytest.approx(np.median(np.abs(values)), rel=1e-6), name
     if not modes.network.prestress and np.ptp(modes.network.contacts.stiffness) == 0:
-        np.testing.assert_allclose(carried.share["normal"], carried.share["modulus"], rtol=1e-7)
+        np.testing.assert_allclose(contributions.share["normal"], contributions.share["modulus"], rtol=1e-7)
 
 
 @pytest.mark.most_ranks(1)
@@ -164,7 +164,7 @@ def test_planted_floppy_mode(session):
     assert abs(modes.eigenvalues[0]) < 1e-13 and modes.eigenvalues[1] > 1e-6
     assert modes.normal[0] < 1e-20 and modes.transverse[0] > 1e-3
     assert modes.floppiness[0] > 1e8 and modes.floppiness[1] < 1e3
-    assert modes.carried is None
+    assert modes.contributions is None
     assert abs(modes.shear_force[0]) < 1e-10
     with pytest.raises(InputError, match="K has 1 floppy mode besides its translations"):
         ElasticResponse(floppy)
@@ -245,7 +245,7 @@ def test_clusters_are_kept_whole(session, count):
     every = lowest_modes(network)
     modes = lowest_modes(network, count=count)
     m = len(modes.eigenvalues)
-    assert m >= count and modes.carried is None
+    assert m >= count and modes.contributions is None
     assert np.abs(modes.shear_force).max() < 1e-12
     np.testing.assert_allclose(modes.eigenvalues, every.eigenvalues[:m], rtol=1e-10)
     assert every.eigenvalues[m] - every.eigenvalues[m - 1] > 1e-6

@@ -283,7 +283,7 @@ def test_frequencies_of_fields_are_among_those_of_the_sweep():
             run_of(published(), law, [1.0, omega], alpha=alpha, stress=1e-5)
 
 
-@pytest.mark.usefixtures("telling")
+@pytest.mark.usefixtures("reporting")
 @pytest.mark.most_ranks(2)
 @pytest.mark.parametrize(
     ("method", "line"),

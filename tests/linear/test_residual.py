@@ -97,7 +97,7 @@ def test_what_a_poor_solve_leaves_of_an_energy_is_in_its_bound(session, monkeypa
         x = 0.2 * np.linalg.solve(A, v)
         rest = v - A @ x
         e, left = float(x @ v + x @ rest), np.sqrt(np.sum(rest**2 / np.diag(A)))
-        D = [np.concatenate(session.comm.allgather(anchor.diagonal)) for anchor in bound.anchors]
+        D = [np.concatenate(session.comm.allgather(lower.diagonal)) for lower in bound.shift_bounds]
 
         def stretches(shifts):
             return [[np.max((np.diag(K) + s * np.diag(B)) / one) for s in shifts] for one in D]
@@ -249,7 +249,7 @@ def test_largest_rate_is_one(session, law, sample):
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("law", LAWS[:2], ids=str)
 def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
-    """As much of each as its weight has it, from what terms of motions reach to the diagonal of the anchor."""
+    """As much of each as its weight has it, from what terms of motions reach to the diagonal of the shift bound."""
     with Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm) as found:
         sweep, residual = found.sweep, Galerkin(found.basis, found.compatibility).residual()
 
@@ -260,13 +260,13 @@ def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
         usual = bound()[1]
         monkeypatch.setattr(residual, "rounding", lambda s, diagonal: np.full(len(residual.rates) + 2, 1e3))
         made, rounded = bound()
-        anchor = made.anchors[0]
+        lower = made.shift_bounds[0]
         K, B = np.diag(dense(found.pencil.K)), np.diag(dense(found.pencil.B))
-        reach = np.maximum(K + anchor.shift * B, found.compatibility.reach(anchor.shift))
-        stretch = np.max(reach / anchor.diagonal)
-        np.testing.assert_allclose(anchor.rounding, 1e3 * np.sqrt(stretch), rtol=1e-12)
+        reach = np.maximum(K + lower.shift * B, found.compatibility.reach(lower.shift))
+        stretch = np.max(reach / lower.diagonal)
+        np.testing.assert_allclose(lower.rounding, 1e3 * np.sqrt(stretch), rtol=1e-12)
         weights = np.sum(np.abs(residual.weights(OMEGA)), axis=0)
-        inverse = transfer(sweep.largest_rate, anchor.shift, OMEGA) / anchor.least
+        inverse = transfer(sweep.largest_rate, lower.shift, OMEGA) / lower.least
         assert np.all(rounded >= np.sqrt(2.0) * 1e6 * stretch * weights**2 * inverse * (1 - 1e-9))
         assert np.all(rounded > usual)
 

@@ -72,11 +72,13 @@ def test_modes(session, path):
     file = load(out)
     names = "eigenvalues residuals normal transverse shear_force participation_ratio floppiness".split()
     compare(file, {name: getattr(found, name) for name in names})
-    carried = found.carried
-    for name, share in carried.share.items():
+    contributions = found.contributions
+    for name, share in contributions.share.items():
         compare(file, {f"share/{name}": share, f"cumulative/{name}": np.cumsum(share)})
-    compare(file, {"lowest/count": [10], **{f"lowest/{k}_median": v for k, v in carried.median.items()}})
-    assert {name: file.attributes[f"{name}_median"] for name in carried.whole} == carried.whole
+    compare(
+        file, {"lowest/count": [10], **{f"lowest/{k}_median": v for k, v in contributions.median.items()}}
+    )
+    assert {name: file.attributes[f"{name}_median"] for name in contributions.whole} == contributions.whole
     compare(file, {"modes": whole(session.comm, found.vectors, 1)})
     np.testing.assert_array_equal(file["particles"], whole(session.comm, found.network.particles))
     told = {name: getattr(found, name) for name in ("inertia_shift", "method", "restarts")}

@@ -122,7 +122,7 @@ def test_what_is_proved_are_the_contacts_that_bear_load(monkeypatch):
     monkeypatch.setattr(state, "TOUCH", 0.4)  # of p d: many contacts carry less
     disks = random_disks(100, 1.0)
     bearing = measure(disks)
-    point, held = Point.of(Descent(disks, Goal(), Team())).held(disks)
+    point, held = Point.of(Descent(disks, Goal(), Team())).load_bearing(disks)
     assert 50 < len(bearing.contacts) < len(find_contacts(disks)) - 10
     assert np.count_nonzero(point.bonds.stiffness) == len(bearing.contacts)
     pinned = np.argmin(bearing.rattlers)

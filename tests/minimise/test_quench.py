@@ -17,7 +17,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimise import newton, protocols
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.hessian import Bonds, Pattern, border
-from jampetsc.minimise.minimise import Effort, _Way, minimise, relax, settle, stress_unit
+from jampetsc.minimise.minimise import Effort, _Quench, minimise, relax, settle, stress_unit
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.petsc.local import NewtonSolver
 
@@ -198,7 +198,7 @@ def test_forces_are_small_at_the_pressure_that_is_left():
     descent = Descent(crowd(n=24, phi=0.88), Goal(), Team())
     limits = newton.Limits(descent, 1e-10)
     before = newton.Point.of(descent).pressure
-    pressure = _Way(descent, Effort()).down_to_fraction(1e-3, limits)
+    pressure = _Quench(descent, Effort()).down_to_fraction(1e-3, limits)
     point = newton.Point.of(descent)
     assert pressure == point.pressure < 0.2 * before
     assert point.residual.force <= 2e-3 * pressure * descent.diameter
@@ -333,7 +333,7 @@ def test_a_saddle_is_left_where_it_is_steepest(goal, monkeypatch):
 def test_a_negative_mode_is_nearly_the_most_negative(goal):
     """Of the generalised eigenproblem where a strain weighs as much as all disks moved by it."""
     walker = saddle(goal)
-    point, held = newton.Point.of(walker.descent).held(walker.descent.disks)
+    point, held = newton.Point.of(walker.descent).load_bearing(walker.descent.disks)
     move, strain = walker._negative_mode(point, held)
     matrix, kept = hessian_of(walker.descent, every=True), moving_of(goal, held)
     scale = np.append(np.ones(32), [0.25] * 2)

@@ -84,7 +84,7 @@ def failing(monkeypatch, points, solver):
     return seen
 
 
-@pytest.mark.usefixtures("telling")
+@pytest.mark.usefixtures("reporting")
 @pytest.mark.parametrize(("alpha", "solver"), [(1.0, SteadyOscillation), (0.4, SteppedOscillation)])
 def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, capfd, alpha, solver):
     """On whichever rank: the others are kept and in the file, and only what is missing is done next time."""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from matplotlib.image import imread
 
 from jampetsc.analysis.statistics import half_width
-from jampetsc.asking.kinds import grid_told
+from jampetsc.asking.kinds import grid_text
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Physics, damping_law
@@ -251,7 +251,7 @@ def spent(curve, seconds=2.0, factorisations=5):
 WIDE = np.geomspace(1e-8, 10, 91)
 
 
-def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, telling):
+def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, reporting):
     ends = [("1e-12", 3, None), ("1e-11", 3, None), ("1e-10", 3, None), ("1e-09", 0, spent(Curve(WIDE)))]
     bench = told(*ends, choices=["accuracy"])
     rows = bench.find_reference()
@@ -317,7 +317,7 @@ def test_numbers_of_frequencies_are_so_many_per_decade_up_to_those_asked_for(tol
     bench.find_reference()
     plan, _ = choices.plan(bench)
     assert [choice.name for choice in plan] == [f"{n} frequencies" for n in counts]
-    grids = [grid_told(np.geomspace(low, high, n)) for n in counts]
+    grids = [grid_text(np.geomspace(low, high, n)) for n in counts]
     assert [choice.sweep.words() for choice in plan] == [["--omega", g, "--method", "direct"] for g in grids]
 
 

@@ -113,7 +113,7 @@ def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkey
     session.comm.Barrier()
     require_same(together, study(shared_path / "together", text))
     said = capsys.readouterr().err
-    assert session.rank or study_run.told_of(together.where(command="sweep")["file"]) in said
+    assert session.rank or study_run.changed_note(together.where(command="sweep")["file"]) in said
 
 
 def told(capsys):
@@ -450,7 +450,7 @@ def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, 
         assert made == again, how
         if session.rank == 0:
             (line,) = [line for line in told.splitlines() if line.startswith("made again") and name in line]
-            assert line == f"{study_run.told_of([name])}", how
+            assert line == f"{study_run.changed_note([name])}", how
         require_same(first, table)
     assert sorted(path.name.split("-")[0] for path in folder.glob("*.replaced")) == ["pack", "sweep"]
 

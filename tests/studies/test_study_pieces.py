@@ -394,7 +394,7 @@ def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
     (tmp_path / "journal").mkdir()
     old = {"task": "a", "state": "done", "row": {"command": "sweep"}, "seconds": 3.0}
     one = work(records={"a": old}, folder=tmp_path, claims=Claims(tmp_path))
-    one._tell = lambda *_: None
+    one._report = lambda *_: None
     one._finish(SimpleNamespace(name="a"), old, [], 1)
     assert records_of(tmp_path) == {} and one.made == []
     for new in (dict(old), dict(old, task="b", state="failed", seconds=99.0)):
@@ -403,19 +403,19 @@ def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
     assert one.costs.of(asked("sweep")) == 3.0  # of what is done alone
 
 
-def test_a_study_says_how_far_it_is(capsys, monkeypatch, telling):
+def test_a_study_says_how_far_it_is(capsys, monkeypatch, reporting):
     clock = [10.0]
     monkeypatch.setattr(study_run, "time", SimpleNamespace(monotonic=lambda: clock[0]))
     records = {"z": {"task": "z", "state": "done", "row": {"command": "sweep"}, "seconds": 30.0}}
     tallies = iter([(1, 0), (2, 2), (3, 2), (4, 2)])
     one = work(records=records, tasks=4, claims=SimpleNamespace(tally=lambda: next(tallies)))
     task, done = SimpleNamespace(file="a.h5"), {"state": "done", "seconds": 2.0}
-    one._tell(task, done, [asked("sweep")] * 3, 2)
+    one._report(task, done, [asked("sweep")] * 3, 2)
     clock[0] = 10.9
-    one._tell(task, {"state": "failed", "seconds": 2.0, "why": "no"}, [asked("sweep")] * 2, 2)
+    one._report(task, {"state": "failed", "seconds": 2.0, "why": "no"}, [asked("sweep")] * 2, 2)
     clock[0] = 11.1
-    one._tell(task, done, [asked("sweep")], 2)
-    one._tell(task, done, [], 2)
+    one._report(task, done, [asked("sweep")], 2)
+    one._report(task, done, [], 2)
     assert capsys.readouterr().err.splitlines() == [
         "[1/4] a.h5 2 s; 45 s left",
         "[2/4] a.h5: no; 2 failed; 45 s left",  # an estimate is good for a second
@@ -626,9 +626,11 @@ def test_what_is_left(runner):
     file.write_text(sweep_.name)
     (runner.folder / pack.file).write_text("24 disks")
     assert left() == (all_three, [pack.file])
-    assert not runner.stands(runner.records[sweep_.name]) and runner.stands(runner.records[mean.name])
+    assert not runner.files_unchanged(runner.records[sweep_.name]) and runner.files_unchanged(
+        runner.records[mean.name]
+    )
     (runner.folder / pack.file).write_text(pack.name)
-    assert left() == ([], []) and runner.stands(runner.records[sweep_.name])
+    assert left() == ([], []) and runner.files_unchanged(runner.records[sweep_.name])
     runner.records[pack.name]["state"] = "failed"
     assert left() == (all_three, [])
     del runner.records[pack.name]

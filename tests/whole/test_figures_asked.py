@@ -141,7 +141,7 @@ def asked(figure, mode):
         job = task.choice.job
         usual = {name: one.default for name, one in parameters(type(job)).items()}
         law = dict(job.law.options if hasattr(job, "law") else ())
-        rows.append({"command": task.command} | usual | job.told() | law | task.columns)
+        rows.append({"command": task.command} | usual | job.settings() | law | task.columns)
     return rows, pictures
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from jampetsc.asking.kinds import FREQUENCIES, SEEDS, grid_told, numbers
+from jampetsc.asking.kinds import FREQUENCIES, SEEDS, grid_text, numbers
 from jampetsc.asking.parameters import made, parameters
 from jampetsc.core.disks import GRID, Disks, join, split
 from jampetsc.core.neighbours import neighbour_pairs, spatial_order
@@ -151,8 +151,8 @@ def test_a_list_that_is_told_is_read_as_the_same_numbers(values, as_grid):
     if as_grid and len(values) > 1:
         values = np.geomspace(values[0], values[-1], 7)
     read = numbers(0, 1e13).read
-    assert np.array_equal(read(grid_told(values)), np.unique(values))
-    assert np.array_equal(numbers(0, 1e13, even=True).read(grid_told(values, even=True)), np.unique(values))
+    assert np.array_equal(read(grid_text(values)), np.unique(values))
+    assert np.array_equal(numbers(0, 1e13, even=True).read(grid_text(values, even=True)), np.unique(values))
 
 
 VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8)

@@ -1,4 +1,4 @@
-"""What each mode carries of the quasistatic response to shear, and how disks would move by the lowest modes alone.
+"""Contribution of each mode to the quasistatic response to shear, and the motion in the lowest modes alone.
 
 With F = k_γ·φ, the force of a unit shear on a mode φ of eigenvalue λ, the non-affine response and the moduli are
 
@@ -20,24 +20,24 @@ from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.mechanics.compatibility import Compatibility
 from jampetsc.petsc.inertia import SHIFT
 
-LOWEST = (10, 50, 200)  # numbers of modes whose motion alone is told, where so many are at hand
+LOWEST = (10, 50, 200)  # numbers of lowest modes whose joint motion is recorded, as far as so many were found
 AFFINE = 1e-12  # a non-affine part of the modulus this small, relative to the affine one, is rounding
 QUANTITIES = ("normal", "transverse", "nonaffine")
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
-    """What m modes carry. Medians are of |Δu∥|, |Δu⊥| and |u_na| per unit strain, over all contacts or disks."""
+class Contributions:
+    """Contributions of m modes. Medians are of |Δu∥|, |Δu⊥| and |u_na| per unit strain, over all contacts or disks."""
 
     share: dict  # "nonaffine", "normal", "transverse", "modulus" -> (m,) of Σ|ũ|², Σ(Δu∥)², Σ(Δu⊥)², G_affine − G₀
-    count: np.ndarray  # (q,) those of LOWEST that are at hand
+    count: np.ndarray  # (q,) those of LOWEST that are at most m
     median: dict  # QUANTITIES -> (q,) of the motion that the lowest `count` modes make alone, no affine part
     whole: dict  # QUANTITIES -> the median of the whole response, the affine part of Δu∥ and Δu⊥ included
 
 
-def carried_by(compatibility: Compatibility, values, vectors, force) -> Carried | None:
-    """What modes carry of the response of their network; None where zero modes leave it undetermined, and where it
-    is affine, as in a crystal. Collective.
+def contributions_of(compatibility: Compatibility, values, vectors, force) -> Contributions | None:
+    """Contributions of modes to the response of their network; None where zero modes leave it undetermined, and where
+    it is affine, as in a crystal. Collective.
 
     values (m,) λ > 0 in k, increasing; vectors (m, n_local, 2) φ of unit length; force (m,) F, the same on all ranks
     """
@@ -74,7 +74,7 @@ def carried_by(compatibility: Compatibility, values, vectors, force) -> Carried 
         "modulus": force**2 / values / (affine - shear.value),
     }
     whole = distributions(comm, *shear.motions.T, field)
-    return Carried(share, count, median, {name: found.median for name, found in whole.items()})
+    return Contributions(share, count, median, {name: found.median for name, found in whole.items()})
 
 
 def distributions(comm, *parts) -> dict:
