@@ -39,8 +39,8 @@ def start(scalar=None, petsc_argv=()):
                 `jampetsc:NAME` is an options file that comes with the package
 
     Raises InputError when no build has that scalar type, when the user's own has the other one, when SLEPc
-    belongs to another PETSc, or for an options file that cannot be read. A second call returns the running
-    session.
+    belongs to another PETSc, for an options file that cannot be read, or in a process forked from one with
+    threads in which PETSc runs. A second call returns the running session.
     """
     global _session
     petsc_argv = [located(str(token)) for token in petsc_argv]
@@ -53,6 +53,11 @@ def start(scalar=None, petsc_argv=()):
             sys.excepthook = _abort
     elif petsc_argv:
         raise RuntimeError("PETSc options can be given to the first session.start() of a process only")
+    if _session.pid != os.getpid() and os.environ.get("OMP_NUM_THREADS", "").partition(",")[0] != "1":
+        raise InputError(  # CHOLMOD would wait for threads that stayed in the other process
+            "PETSc was started before this process was forked: start processes by "
+            "multiprocessing.get_context('spawn'), or python with OMP_NUM_THREADS=1"
+        )
     if scalar not in (None, _session.scalar_type):
         raise InputError(
             f"{scalar} scalars are needed and {Path(_session.PETSc.__file__).parents[1]} has "
@@ -120,6 +125,7 @@ class Session:
     """PETSc as it runs in this process; made by `start`.
 
     PETSc, SLEPc   the petsc4py and slepc4py modules; SLEPc is None where no slepc4py is installed
+    pid            of the process that started them, not of those forked from it
     MPI            the module mpi4py.MPI
     comm           mpi4py communicator of the current work: COMM_WORLD, within `alone` COMM_SELF
     rank, size     those of `comm`
@@ -129,7 +135,7 @@ class Session:
     """
 
     def __init__(self, PETSc, SLEPc, comm, petsc_argv, names):
-        self.PETSc = PETSc
+        self.PETSc, self.pid = PETSc, os.getpid()
         self.MPI = importlib.import_module("mpi4py.MPI")
         self.SLEPc = SLEPc
         self.world = comm

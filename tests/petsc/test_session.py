@@ -74,6 +74,21 @@ def make_build(root, name, suffix=EXTENSION_SUFFIXES[0]):
     (lib / f"PETSc{suffix}").touch()
 
 
+@pytest.mark.most_ranks(1)
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize(("threads", "code"), [("1", 0), ("2,1", 7)])
+def test_a_forked_process_does_not_wait_for_threads_that_it_has_not(session, monkeypatch, threads, code):
+    """CHOLMOD hangs in it, unless OpenMP has one thread."""
+    monkeypatch.setenv("OMP_NUM_THREADS", threads)
+    if (child := os.fork()) == 0:
+        try:
+            door.start("real")
+        except InputError as error:
+            os._exit(7 if "forked" in str(error) and "spawn" in str(error) else 8)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == code
+
+
 def test_newest_build_for_this_python_comes_first(tmp_path, monkeypatch):
     for name in ("petsc3.9/*-real", "petsc3.18/*-real-debug", "petsc3.18/*-real", "petsc64-3.20/*-real"):
         make_build(tmp_path, name.replace("*", "any-linux-gnu"))
