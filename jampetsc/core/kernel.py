@@ -220,5 +220,5 @@ def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
     forces[:] = 0.0
     if rolling is not None:
         rolling[2][:] = 0.0
-    number = len(pairs[1])
-    return add_forces(pairs, 0, number, number, o, strain, shear, law, forces, motion, rolling, block_room())
+    ends = np.int64(0), len(pairs[1]), len(pairs[1])  # a plain 0 would be a type of its own, and compiled for it
+    return add_forces(pairs, *ends, o, strain, shear, law, forces, motion, rolling, block_room())
