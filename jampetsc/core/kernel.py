@@ -209,7 +209,7 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
     return Sums(energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy)
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
     """Net forces of all bonds into `forces` (N, 2); returns their Sums.
 
@@ -220,5 +220,9 @@ def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
     forces[:] = 0.0
     if rolling is not None:
         rolling[2][:] = 0.0
-    ends = np.int64(0), len(pairs[1]), len(pairs[1])  # a plain 0 would be a type of its own, and compiled for it
+    ends = (
+        np.int64(0),
+        len(pairs[1]),
+        len(pairs[1]),
+    )  # a plain 0 would be a type of its own, and compiled for it
     return add_forces(pairs, *ends, o, strain, shear, law, forces, motion, rolling, block_room())

@@ -78,7 +78,7 @@ def unite_clusters(domains, graph):
     return number, largest
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def centre_clusters_of(graph, d, u):
     """Take the mean of its cluster out of u (N, 2) for every disk of domain d; a disk alone has u = 0 then."""
     root, over, total, size = graph.root, graph.over, graph.total, graph.size

@@ -68,7 +68,7 @@ def move(o, u, g, dt, out):
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan
 
 
-@compiled(NUMBERS)
+@compiled(NUMBERS, forceinline=True)
 def drift(o, forces, mobility, g, dt, u, out):
     """u = mobility · forces, and out = o moved by it, (n, 2) each, in one pass: four would take half as long as forces.
 
@@ -89,7 +89,7 @@ def drift(o, forces, mobility, g, dt, u, out):
     return np.sqrt(far), np.sqrt(longest) if squares == squares else np.nan, xy, squares
 
 
-@compiled(NUMBERS)
+@compiled(NUMBERS, forceinline=True)
 def kick(o, forces, predicted, task, g, u, a_last, after, out):
     """Accelerations into a_last, u half a step on, and out = o moved by it, (n, 2) each, in one pass.
 
@@ -117,7 +117,7 @@ def kick(o, forces, predicted, task, g, u, a_last, after, out):
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan, xy, squares
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def squares_of(u):
     """(Σ u_x u_y, Σ |u|²) of u (n, 2)."""
     xy = squares = 0.0
@@ -127,7 +127,7 @@ def squares_of(u):
     return xy, squares
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def note(task, sums, xy, squares, seen):
     """What one domain has of an instant into `seen`; sums: of its bonds, xy and squares: see `squares_of`."""
     alpha = 2.5 if task.law[1] else 2.0

@@ -60,7 +60,7 @@ class Graph(NamedTuple):
         )  # fmt: skip
 
 
-@compiled(FAST, nogil=True)
+@compiled(FAST, nogil=True, forceinline=True)
 def find_contacts_of(domains, d, o, shear, graph):
     """Write the rows of domain d, with disks at offsets o (N, 2) and `shear`."""
     i, j, sigma = domains.i, domains.j, domains.sigma
@@ -160,7 +160,7 @@ def resist(graph, d, weights, hold, x, y):
     return product
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def invert_diagonal(graph, d, weights, hold, inverse):
     """1 / diagonal of A + hold into the rows (N, 2) of domain d; 1 where that is zero: nothing acts on such a disk."""
     along, across = weights[0], weights[1]

@@ -49,7 +49,7 @@ def _square(f, peaks):
     return total
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def _peaks(f, peaks):
     for q in range(len(f)):
         size = abs(f[q])
@@ -74,13 +74,13 @@ def _add_pair(sum_, c_s, s, c_y, y):
         sum_[q] += c_s * s[q] + c_y * y[q]
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def _scaled(f, c, out):
     for q in range(len(out)):
         out[q] = c * f[q]
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def _move(direction, s, o):
     """s ← direction in single precision, o ← o + s."""
     for q in range(len(o)):
@@ -88,7 +88,7 @@ def _move(direction, s, o):
         o[q] += np.float64(s[q])
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def _rescale(ratio, s, o):
     """Multiply the last move s by `ratio`, in s and in o; returns max |o|."""
     far = 0.0
@@ -174,7 +174,7 @@ def step(domains, d, space, now, factor, coefficients, head, room):
     space.reaches[d, 0], space.reaches[d, 1] = longest.max(), far.max()
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def adjust(domains, d, space, ratio, head):
     """Multiply the last move, the s of pair `head`, by `ratio` for the disks of domain d; returns max |o|."""
     rows = len(space.box_pairs)

@@ -61,7 +61,7 @@ def _tree(start, column):
     return parent, entries
 
 
-@compiled(NUMBERS)
+@compiled(NUMBERS, forceinline=True)
 def factorise(order, i, j, blocks, chosen, shift):
     """L D Lᵀ of Σ blocks (u_j − u_i)² + Σ shift u², blocks (M, 2, 2) of the chosen pairs (M,), shift (N,), in `order`.
 
@@ -135,7 +135,7 @@ def factorise(order, i, j, blocks, chosen, shift):
     return definite, (order, begin, row, lower)
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def solve(factor, b, x, work):
     """x = A⁻¹ b, (N, 2) each; work (N, 2)."""
     order, begin, row, lower = factor

@@ -26,7 +26,7 @@ def nothing_remembered(n: int):
     return np.zeros((2, MEMORY, 2 * n)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, 2 * n))
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def springs(pairs, o, g, law, nearby, stress):
     """(blocks k n nᵀ − (f/r) t tᵀ (M, 2, 2) of the pairs at offsets o and shear g, mask (M,) of those that count).
 
@@ -86,7 +86,7 @@ def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     return factor
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def _go(o, moved, d, length, g):
     """Move by length · d in the laboratory frame; returns max |o|."""
     far = 0.0
@@ -137,7 +137,7 @@ def contacts_at(pairs, o, g, law):
     return number, modulus
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def _dot(a, b):
     total = 0.0
     for q in range(len(a)):
@@ -145,7 +145,7 @@ def _dot(a, b):
     return total
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def _add_dot(x, c, y, z):
     """x ← x + c y; returns z · x."""
     total = 0.0
@@ -155,7 +155,7 @@ def _add_dot(x, c, y, z):
     return total
 
 
-@compiled(FAST)
+@compiled(FAST, forceinline=True)
 def _direction(factor, softness, memory, forces, d, work):
     """d = H F, (2N,), by the two loops over the memory; without a factor H₀ is a number, at first `softness`."""
     both, product, count, spaces = memory
@@ -185,7 +185,7 @@ def _direction(factor, softness, memory, forces, d, work):
         m = newer
 
 
-@compiled(NUMBERS)
+@compiled(NUMBERS, forceinline=True)
 def _longest(a):
     """Largest a_x² + a_y² of a (2N,), NaN where there is one."""
     longest = total = 0.0
@@ -196,57 +196,59 @@ def _longest(a):
     return longest if total == total else np.nan
 
 
-@compiled(NUMBERS)
+@compiled(NUMBERS, forceinline=True)
 def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     d, old, work = spaces[0], spaces[1], spaces[2]
     flat = forces.reshape(-1)
     share, floor, apart, diameter, reach, softness, most = aim
-    sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
-    evaluations = 1
+    evaluations = tries = 0
+    slope = length = done = 0.0
     while True:
-        top = np.sqrt(_longest(flat))
-        pressure = 0.5 * (sums.elastic_xx + sums.elastic_yy) / area
-        if not top < np.inf:
-            return LOST, evaluations, sums
-        if pressure < apart:
-            return APART, evaluations, sums
-        if top <= max(share * pressure * diameter, floor):
-            return CONVERGED, evaluations, sums
-        if evaluations >= most:
-            return SPENT, evaluations, sums
-        _direction(factor, softness, memory, flat, d, work)
-        slope = _dot(flat, d)
-        if not slope > 0.0:
-            count[0] = 0
-            _direction(factor, softness, memory, flat, d, work)
-            slope = _dot(flat, d)
+        sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
+        evaluations += 1
+        if tries:
+            end = _dot(flat, d)
+            if end < -OVERSHOT * slope and tries < TRIES:
+                length *= max(slope / (slope - end), 0.1)
+            else:
+                tries = 0
+                bend = length * (slope - end)
+                if bend > 1e-12 * slope * length:
+                    m = count[1]
+                    for q in range(len(d)):
+                        s[m, q] = length * d[q]
+                        y[m, q] = old[q] - flat[q]
+                    product[m] = bend
+                    count[0] = min(count[0] + 1, MEMORY)
+                    count[1] = (m + 1) % MEMORY
+        if not tries:
+            top = np.sqrt(_longest(flat))
+            pressure = 0.5 * (sums.elastic_xx + sums.elastic_yy) / area
+            if not top < np.inf:
+                return LOST, evaluations, sums
+            if pressure < apart:
+                return APART, evaluations, sums
+            if top <= max(share * pressure * diameter, floor):
+                return CONVERGED, evaluations, sums
+            if evaluations >= most:
+                return SPENT, evaluations, sums
+            for _ in range(2):
+                _direction(factor, softness, memory, flat, d, work)
+                slope = _dot(flat, d)
+                if slope > 0.0:
+                    break
+                count[0] = 0  # what is remembered leads uphill
             if not slope > 0.0:
                 return LOST, evaluations, sums
-        length = min(1.0, reach / np.sqrt(_longest(d)))
-        old[:] = flat
-        done = 0.0
-        for _ in range(TRIES):
-            far = _go(o, moved, d.reshape(-1, 2), length - done, g)
-            done = length
-            if is_stale(far, 0.0, g, listed[0], listed[1]):
-                return STALE, evaluations, sums
-            sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
-            evaluations += 1
-            end = _dot(flat, d)
-            if end >= -OVERSHOT * slope:
-                break
-            length *= max(slope / (slope - end), 0.1)
-        bend = length * (slope - end)
-        if bend > 1e-12 * slope * length:
-            m = count[1]
-            for q in range(len(d)):
-                s[m, q] = length * d[q]
-                y[m, q] = old[q] - flat[q]
-            product[m] = bend
-            count[0] = min(count[0] + 1, MEMORY)
-            count[1] = (m + 1) % MEMORY
+            length, done = min(1.0, reach / np.sqrt(_longest(d))), 0.0
+            old[:] = flat
+        far = _go(o, moved, d.reshape(-1, 2), length - done, g)
+        done = length
+        tries += 1
+        if is_stale(far, 0.0, g, listed[0], listed[1]):
+            return STALE, evaluations, sums
 
 
 @compiled(False)

@@ -1,12 +1,16 @@
-"""What numba is told about arguments."""
+"""What numba is told about arguments, and about what it may do with a function."""
 
+import importlib
+import pkgutil
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numba import typeof
+from numba.core.dispatcher import Dispatcher
 from numba.core.typing.typeof import Purpose, _TypeofContext
 
+import jampetsc
 from jampetsc.core import compiled
 
 
@@ -58,3 +62,19 @@ def test_a_tuple_is_of_the_type_that_numba_gives_it(kind):
                     patch.setattr(compiled, "_kind", lambda _: None)
                     wanted = compiled._remembered_type(value, context)
                 assert typeof(value) == wanted
+
+
+def test_what_may_reorder_sums_is_compiled_into_its_callers():
+    """Of several copies, each optimised in its own way, the one that is run would depend on numba's cache."""
+    functions = set()
+    for module in pkgutil.walk_packages(jampetsc.__path__, "jampetsc."):
+        if not module.name.endswith("__main__"):
+            members = vars(importlib.import_module(module.name)).values()
+            functions |= {one for one in members if isinstance(one, Dispatcher)}
+    assert len(functions) > 50
+    for function in functions:
+        code, names = function.py_func.__code__, function.py_func.__globals__
+        for name in code.co_names:
+            called = names.get(name)
+            if isinstance(called, Dispatcher) and called.targetoptions["fastmath"]:
+                assert called.targetoptions.get("forceinline"), f"{function.__name__} calls {name}"
