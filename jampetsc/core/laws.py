@@ -10,19 +10,23 @@ that can be asked for by name; a new law is one more row there, and nothing else
 it has: matrices, forces, dissipation, null moves and command-line options all follow from weights and rows.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from jampetsc.errors import InputError, as_float, named
 
 LARGEST = 1e12  # of a weight
+LONGEST = 1e50  # τ₁, and one over the shortest: its squares, times weights, are numbers, too
 
 
-def refuse_beyond(what: str, value) -> None:
-    """Raise InputError, which begins with `what`, unless a number lies between 0 and LARGEST."""
-    if not 0 <= value <= LARGEST:  # nan does not
-        raise InputError(f"{what} {as_float(value):g}: must lie between 0 and {LARGEST:g}")
+def refuse_beyond(what: str, value, least: float = 0.0, most: float = LARGEST) -> None:
+    """Raise InputError, which begins with `what`, unless `value` is a number between `least` and `most`."""
+    try:
+        number = as_float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} {value!r}: must be a number") from None
+    if not least <= number <= most:  # nan does not
+        raise InputError(f"{what} {number:g}: must lie between {least:g} and {most:g}")
 
 
 @dataclass(frozen=True)
@@ -96,9 +100,7 @@ class Law:
     def __post_init__(self):
         for name in WEIGHTS:
             refuse_beyond(f"{name} =", getattr(self, name))
-        tau1 = as_float(self.tau1)
-        if not 0 < tau1 < math.inf:
-            raise InputError(f"{named('tau1')} {tau1:g}: must be positive")
+        refuse_beyond(named("tau1"), self.tau1, 1.0 / LONGEST, LONGEST)
 
     @property
     def on_contacts(self) -> tuple[float, float, float]:

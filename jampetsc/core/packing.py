@@ -23,17 +23,16 @@ def Packing(positions, radii, box, potential="harmonic", stiffness="constant", k
     computed here. Raises InputError for wrong shapes, what is not finite, radii ≤ 0, a box of no area or less wide
     than a disk, centres that spread in z, or two in one place.
     """
-    positions, radii = _numbers("positions", positions), _numbers("radii", radii)
+    positions, radii, k = _numbers("positions", positions), _numbers("radii", radii), _numbers("k", k)
     if positions.ndim == 2 and positions.shape[1] == 3:
         thickness = np.ptp(positions[:, 2]) if len(positions) else 0.0
         if not thickness <= FLAT * np.max(radii, initial=0.0):
             raise InputError(f"centres spread by {thickness:.6g} in z: packings are two-dimensional here")
         positions = positions[:, :2]
-    return measured(
-        Disks.from_positions(
-            positions, radii, cell_of(box), Potential(potential, stiffness, float(_numbers("k", k)))
-        )
-    )
+    if k.ndim:
+        raise InputError(f"k of shape {k.shape}: must be one number")
+    law = Potential(potential, stiffness, float(k))
+    return measured(Disks.from_positions(positions, radii, cell_of(box), law))
 
 
 def cell_of(box):
@@ -64,9 +63,10 @@ def measured(disks: Disks) -> Disks:
 
 
 def _numbers(name, values):
+    """An array of its own, which no change of `values` changes."""
     try:
-        if np.iscomplexobj(values):
+        if np.iscomplexobj(values) or np.ma.is_masked(values):
             raise TypeError
-        return np.asarray(values, float)
+        return np.array(values, float)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name}: must be an array of real numbers") from None
+        raise InputError(f"{name}: must be an array of real numbers, none of them masked") from None

@@ -16,6 +16,7 @@ import numpy as np
 from jampetsc.errors import InputError
 
 EXPONENTS = {"harmonic": 2.0, "hertzian": 2.5}
+LARGEST = 1e150  # k: squares of stresses are numbers, too
 STIFFNESSES = ("constant", "inverse-square-diameter")
 
 
@@ -36,12 +37,14 @@ class Potential:
     k: float = 1.0  # contact stiffness k, or k_e where the stiffness is k_e/σ²
 
     def __post_init__(self):
-        if self.kind not in EXPONENTS:
+        if self.kind not in tuple(EXPONENTS):  # which asks of no value that it be hashable
             raise InputError(f"potential {self.kind!r}: choose one of {', '.join(EXPONENTS)}")
         if self.stiffness not in STIFFNESSES:
             raise InputError(f"stiffness {self.stiffness!r}: choose one of {', '.join(STIFFNESSES)}")
-        if not (np.isfinite(self.k) and self.k > 0):
-            raise InputError(f"stiffness k = {self.k}: must be a positive number")
+        if not 1.0 / LARGEST <= self.k <= LARGEST:
+            raise InputError(
+                f"stiffness k = {self.k}: must be a positive number, from {1.0 / LARGEST:g} to {LARGEST:g}"
+            )
 
     @property
     def alpha(self) -> float:

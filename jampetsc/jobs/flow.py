@@ -101,7 +101,7 @@ to the last bit; independent runs are faster side by side."""
                 raise InputError(f"{named('rate')}: must be given: how fast to shear?{self._hint}")
             if self.model is None:
                 known = f"{', '.join(MODELS)}, or {named('law')} with its options"
-                raise InputError(f"{named('model')}: must be given: {known}{self._on}")
+                raise InputError(f"{named('model')}: must be given: {known}{self._hint}")
             if self.step is not None and not self.rate * self.step <= self.strain * (1.0 + 1e-9):
                 raise InputError(
                     f"{named('step')} {self.step:g}: is longer than the whole run, {self.strain / self.rate:g} for "

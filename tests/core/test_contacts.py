@@ -201,6 +201,9 @@ def test_what_is_just_a_packing_is_one():
         ({"k": 0.0}, "stiffness k = 0.0: must be a positive number"),
         ({"k": np.inf}, "stiffness k = inf: must be a positive number"),
         ({"k": np.nan}, "stiffness k = nan: must be a positive number"),
+        ({"k": 1e151}, r"stiffness k = 1e\+151: must be a positive number, from 1e-150 to 1e\+150"),
+        ({"kind": ["harmonic"]}, r"potential \['harmonic'\]: choose one of"),
+        ({"stiffness": None}, "stiffness None: choose one of"),
     ],
 )
 def test_potentials_that_there_are_not(change, says):

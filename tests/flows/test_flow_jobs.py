@@ -158,11 +158,11 @@ def test_a_model_is_told_as_it_is_asked_for():
 
 def test_a_flow_is_asked_for_as_told():
     job = made(Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "friction": 0.125, "tau1": 2.0})
-    run = job._fresh()
+    run = job._new_run()
     assert (run.rate, run.model.mass, run.model.friction, run.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
     assert (run.plan.every, run.plan.discard, run.scheme.tolerance) == (0, 0.25, 1e-4)
     assert run.plan.steps * run.plan.rows * run.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
-    more = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._fresh()
+    more = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._new_run()
     assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
     assert (more.plan.snapshots(1), more.plan.discard) == (3, 0.125)
 

@@ -260,8 +260,13 @@ def test_arrays_are_a_packing(expected):
         X, R, (LX, LY, TILT / LY), "hertzian", stiffness="inverse-square-diameter", k=100
     )
     assert hertzian.potential == Potential("hertzian", "inverse-square-diameter", 100.0)
-    with pytest.raises(InputError, match="k: must be"):
-        jampetsc.Packing(X, R, DISKS.cell, k="stiff")
+    radii = R.copy()
+    disks = jampetsc.Packing(X, radii, DISKS.cell)
+    radii *= 2.0
+    assert np.array_equal(disks.radii, R)  # it has its own
+    for k, message in (("stiff", "k: must be"), ([1, 2], r"k of shape \(2,\): must be one number")):
+        with pytest.raises(InputError, match=message):
+            jampetsc.Packing(X, R, DISKS.cell, k=k)
 
 
 @pytest.mark.parametrize(
@@ -274,6 +279,12 @@ def test_arrays_are_a_packing(expected):
         (X, R, "wide", "box: must be an array of real numbers"),
         (X, ["a"] * 16, 10, "radii: must be an array of real numbers"),
         (X * (1 + 1j), R, 10, "positions: must be an array of real numbers"),
+        (
+            np.ma.masked_greater(X, 3.0),
+            R,
+            10,
+            "positions: must be an array of real numbers, none of them masked",
+        ),
         (X, [10**400] * 16, 10, "radii: must be an array of real numbers"),
         (X * np.nan, R, 10, r"positions\[0\] = .*must be finite"),
         (X, R, np.inf, "box inf: must be finite"),
