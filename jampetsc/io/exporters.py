@@ -166,8 +166,12 @@ def _array(name, values, tuples=False):
 def _npz(frame: Frame, number) -> bytes:
     disks, c, file = frame.disks, frame.contacts, io.BytesIO()
     contacts = {"pairs": np.column_stack((c.i, c.j)), "bonds": c.r, "force": c.force, "overlap": c.overlap}
+    law = disks.potential
     np.savez(
         file,
+        potential=law.kind,
+        stiffness=law.stiffness,
+        k=law.k,
         positions=disks.positions,
         cell=disks.cell,
         **frame.columns,

@@ -34,7 +34,8 @@ def import_packing(
     index    number of the packing, or frame, in the file, from 0
     format   one of `exchange.READERS`; None: recognised by the content
     radius   column or array of radii, halved if its name begins with diameter; None: radius or diameter
-    box, potential, stiffness, k   as for `core.packing.Packing`; box for a file that has none
+    box, potential, stiffness, k   as for `core.packing.Packing`; box for a file that has none; None: those that an
+             .npz says, else those of `Packing`
 
     Returns Disks, in the file's unit of length. Their record has pressure, phi, energy and max_force as computed here,
     and those of a published file as published_pressure, published_energy, … Raises InputError for an unknown format, a
@@ -79,7 +80,11 @@ def _read_exchanged(content, index, format, radius, box, law):
             if box is None
             else f"has a box: leave out {named('box')}"
         )
-    disks = Packing(*disks_of(columns, radius), own if box is None else box, **law)
+    its = {name: columns[name] for name in ("potential", "stiffness", "k") if name in columns}
+    its = {
+        name: value.item() for name, value in its.items() if np.ndim(value) == 0
+    }  # of an .npz, not of its disks
+    disks = Packing(*disks_of(columns, radius), own if box is None else box, **{**its, **law})
     return disks.with_record(protocol=format)
 
 

@@ -109,6 +109,10 @@ FILES = {  # name -> (content, what is told to `import_packing`)
     "xyr": (f"# x y r\n# box: {LX:.17g}, {LY:.17g}, {TILT / LY:.17g}\n{XYR.replace(' ', ',  ')}", {}),
     "xyr without a box": (XYR, {"box": (LX, LY, TILT / LY)}),
     "npz": (npz(positions=X, diameters=2 * R, cell=DISKS.cell), {}),
+    "npz of its potential": (
+        npz(positions=X, radii=R, cell=DISKS.cell, potential="hertzian", stiffness="constant", k=3.0),
+        {"potential": "harmonic", "k": 1.0},
+    ),
     "npz without a box": (npz(positions=X, sizes=R), {"radius": "sizes", "box": DISKS.cell}),
 }
 

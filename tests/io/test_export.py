@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -12,6 +13,7 @@ from dense import all_pairs
 import jampetsc
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
+from jampetsc.core.potentials import Potential
 from jampetsc.core.state import disk_areas, disk_stresses, find_contacts, measure
 from jampetsc.errors import InputError
 from jampetsc.io.exchange import READERS
@@ -231,6 +233,9 @@ def test_disks_that_do_not_touch_are_exported_without_contacts_and_by_their_size
     for ending in ("xyz", "dump", "data", "npz"):
         found = jampetsc.import_packing(tmp_path / f"p.{ending}")
         np.testing.assert_array_equal(found.positions, disks.positions)
+    hertzian = replace(disks, potential=Potential("hertzian", "inverse-square-diameter", 2.5))
+    write_frames(tmp_path / "h.npz", [packing_frame(hertzian)])
+    assert jampetsc.import_packing(tmp_path / "h.npz").potential == hertzian.potential
     row = np.column_stack((3.0 * np.arange(11), np.ones(11)))
     for count, types in ((2, [1, 2]), (10, range(1, 11)), (11, [1] * 11)):  # where sizes are few
         disks = Disks.from_positions(row[:count], 0.5 + 0.01 * np.arange(count), 40.0 * np.eye(2))
