@@ -1,4 +1,4 @@
-"""The packing as data: disks in a periodic, possibly sheared cell, with positions finer than one double.
+"""The packing as data: disks in a periodic, possibly sheared cell, with positions more precise than one double.
 
 At low pressure an overlap (~ p) is far smaller than a coordinate (~ √N), so rounding coordinates to one
 double would set the force residual (Vågberg, thesis sec. 4.7). Every coordinate is therefore a sum base +
@@ -15,7 +15,7 @@ import numpy as np
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
 
-GRID = 2.0**-24  # exact for coordinates below 2**29; leaves offsets a resolution of 1e-24
+GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved to 3e-24
 PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Disks` that change when disks move
 
 
@@ -48,12 +48,12 @@ class Disks:
     potential: Potential = field(default_factory=Potential)
     record: dict = field(default_factory=dict)  # how it was made: pressure, phi, seed, protocol, …
     images: np.ndarray | None = (
-        None  # (N, 2) whole cell vectors that each disk has left behind, if they are counted
+        None  # (N, 2) numbers of cell vectors by which each disk was wrapped into the cell, if counted
     )
 
     def __repr__(self):
-        told = f", pressure = {self.record['pressure']:.6g}" if "pressure" in self.record else ""
-        return f"<{self.n} disks, {self.potential.kind}, phi = {self.phi:.6g}{told}>"
+        pressure = f", pressure = {self.record['pressure']:.6g}" if "pressure" in self.record else ""
+        return f"<{self.n} disks, {self.potential.kind}, phi = {self.phi:.6g}{pressure}>"
 
     @classmethod
     def from_positions(
@@ -63,7 +63,7 @@ class Disks:
 
         Raises InputError for wrong shapes, values that are not finite, radii ≤ 0 or a cell of no area.
         """
-        # in one layout: for another one all loops over disks would be compiled anew
+        # all in C order: for another layout all loops over disks would be compiled again
         positions, radii, cell = (np.asarray(a, float, "C") for a in (positions, radii, cell))
         n = len(radii) if radii.ndim == 1 else 0
         if n == 0 or positions.shape != (n, 2) or cell.shape != (2, 2):
@@ -123,7 +123,7 @@ class Disks:
 
     @property
     def unwrapped(self):
-        """Coordinates that go on where a disk leaves the cell, x + k₁ a₁ + k₂ a₂ with `images` k, (N, 2).
+        """Coordinates that do not jump where a disk leaves the cell, x + k₁ a₁ + k₂ a₂ with `images` k, (N, 2).
 
         Raises InputError where images are not counted.
         """
@@ -144,9 +144,9 @@ class Disks:
 
     @property
     def period(self) -> float:
-        """Distance between a disk and its nearest image: the shortest vector of the lattice, whatever pair spans it.
+        """Distance between a disk and its nearest image: the shortest vector of the lattice.
 
-        Lagrange's reduction: the shorter vector is taken from the longer one as often as that makes it shorter.
+        Lagrange's reduction: subtract m times the shorter vector from the longer, m the nearest integer, until m = 0.
         """
         short, long = sorted(self.cell, key=lambda vector: vector @ vector)
         while turns := np.round(short @ long / (short @ short)):
@@ -165,7 +165,7 @@ class Disks:
         return find_contacts(self)
 
     def minimise(self, **options) -> "Disks":
-        """The proved minimum of the energy in this cell that one comes to from here; `options` as `jampetsc.pack` has.
+        """A proved minimum of the energy in this cell, reached from these positions; `options` as for `jampetsc.pack`.
 
         Collective. Raises as `jampetsc.pack`.
         """
@@ -175,7 +175,7 @@ class Disks:
 
     @cached_property
     def _state(self):
-        from jampetsc.core.state import measure  # which is made of Disks
+        from jampetsc.core.state import measure
 
         return measure(self)
 
@@ -196,14 +196,14 @@ class Disks:
 
     @property
     def rattlers(self):
-        """Mask (N,) of disks that fewer than three loaded contacts hold, such disks removed again and again."""
+        """Mask (N,) of disks with fewer than three loaded contacts, found by removing such disks until none is left."""
         return self._state.rattlers
 
     @property
     def fingerprint(self) -> str:
-        """sha256 of what forces follow from: coordinates to the last bit, radii, cell and potential.
+        """sha256 of all that determines the forces: coordinates to the last bit, radii, cell and potential.
 
-        The same for disks that were written to a file and read again, however base and offset share a coordinate.
+        The same for disks written to a file and read again, however a coordinate is divided between base and offset.
         """
         law = f"{self.potential.kind} {self.potential.stiffness} {float(self.potential.k).hex()} {self.n}"
         digest = hashlib.sha256(law.encode())
@@ -218,7 +218,7 @@ class Disks:
     def folded(self) -> "Disks":
         """The same packing in the equivalent cell with tilt |γ| ≤ ½ Lx/Ly, a2 → a2 − m a1, every disk inside it.
 
-        Whole cell vectors are taken away, so no bond changes by more than the rounding of offsets.
+        Whole cell vectors are subtracted, so that no bond changes by more than the rounding of offsets.
         """
         turns = np.round(self.cell[1, 0] / self.cell[0, 0])
         whole = np.array([[1.0, 0.0], [-turns, 1.0]])
@@ -226,7 +226,7 @@ class Disks:
         image = np.floor(self.positions @ np.linalg.inv(cell_base + cell_offset))
         base, offset = self.base - image @ cell_base, self.offset - image @ cell_offset
         images = self.images
-        if images is not None:  # k₁ a₁ + k₂ a₂ in the vectors of the new cell, of which a₂ is shorter by m a₁
+        if images is not None:  # k₁ a₁ + k₂ a₂ in vectors of the new cell, whose a₂ is the old one less m a₁
             images = (images @ [[1.0, 0.0], [turns, 1.0]] + image).astype(int)
         cell = {"cell_base": cell_base, "cell_offset": cell_offset}
         return replace(self, base=base, offset=offset, images=images, **cell)

@@ -1,9 +1,9 @@
 """Contact forces by domains: compact ranges of disks, each of which one thread can work on without the others.
 
 A pair within a domain is computed once and acts on both of its disks. A pair across a border is listed in both
-domains, from the side of the own disk, and acts on that one only: a domain writes no forces but its own. Which
-pairs are where depends on the number of disks alone, so forces and their sums are the same to the last bit on any
-number of threads.
+domains, each time with the domain's own disk as i, and acts on i only: a domain writes forces on its own disks only.
+The borders depend on the number of disks alone, so forces and their sums are the same to the last bit on any number of
+threads.
 """
 
 from typing import NamedTuple
@@ -18,20 +18,20 @@ from jampetsc.core.pair_search import listed
 from jampetsc.core.pairs import PairList
 from jampetsc.core.threads import Team
 
-GRAIN = 256  # disks: domains begin at multiples of it, and arrays are padded to one
-SIZE = 2048  # disks per domain: two to four of a hundred pairs then cross a border
-MOST = 64  # domains
-EDGE = 0.6  # of a mean radius: disks so close to one of another domain are at its border
+GRAIN = 256  # disks: domains begin at multiples of GRAIN, and arrays are padded to one
+SIZE = 2048  # least disks of one domain of several: two to four of a hundred pairs then cross a border
+MOST_DOMAINS = 64
+EDGE = 0.6  # mean radii: a disk with a gap below this to a disk of another domain is at the border
 
 
 class Domains(NamedTuple):
     """A pair list sorted by domain, as compiled code takes it; first within the domain, then across its borders."""
 
-    disks: np.ndarray  # (D + 1,) int64: domain d has the disks disks[d] to disks[d + 1]
+    disks: np.ndarray  # (D + 1,) int64: domain d has the disks disks[d] … disks[d + 1] − 1
     begin: np.ndarray  # (D,) int64: its pairs begin here,
-    across: np.ndarray  # (D,) int64: from here on i alone is its own,
+    across: np.ndarray  # (D,) int64: from here on only i is in the domain,
     end: np.ndarray  # (D,) int64: and here they end
-    i: np.ndarray  # (M',) uint32; there is more room than pairs at the end
+    i: np.ndarray  # (M',) uint32; M' ≥ end[-1]: arrays are longer than the list
     j: np.ndarray  # (M',) uint32
     r0: np.ndarray  # (2, M')
     sigma: np.ndarray  # (M',)
@@ -45,11 +45,11 @@ class Domains(NamedTuple):
 
     @property
     def pairs(self) -> PairList:
-        """All that is listed, a pair across a border from both its sides."""
+        """All listed pairs as one list; unlike a half list it has a pair across a border twice, once from each side."""
         return PairList(*(one[..., : self.end[-1]] for one in (self.i, self.j, self.r0, self.sigma)))
 
     def room(self) -> "Domains":
-        """Where `choose_near` puts some of the pairs."""
+        """A copy of the same size with new arrays, which `choose_near` fills; `disks` and `begin` are shared."""
         return self._replace(**{name: np.empty_like(getattr(self, name)) for name in self._fields[2:]})
 
     @property
@@ -65,15 +65,15 @@ def padded(n: int) -> int:
 
 def borders(n: int):
     """First disks of the domains of n disks, and the end, (D + 1,)."""
-    number = min(max(1, n // SIZE), MOST)
+    number = min(max(1, n // SIZE), MOST_DOMAINS)
     return GRAIN * (padded(n) // GRAIN * np.arange(number + 1) // number)
 
 
 def domain_order(disks: Disks, held: int = 0):
-    """Order (N,) in which domains are compact patches, and in front of each are the disks at its border.
+    """Order (N,) in which domains are compact patches, each with the disks at its border first.
 
-    Another core wrote what a thread reads of the disks across, and each line of the cache takes 50 to 250 ns to come
-    from there: of disks that lie together it takes a quarter as many lines. The first `held` disks stay where they are.
+    What a thread reads of disks across a border was written by another core, from which a cache line takes 50 to
+    250 ns; disks that are adjacent in memory fill a quarter as many lines. The first `held` disks keep their places.
     """
     places = disks.positions[held:]
     order = np.append(np.arange(held), held + spatial_order(places, disks.cell))
@@ -88,7 +88,7 @@ def domain_order(disks: Disks, held: int = 0):
 
 @compiled(FAST, forceinline=True)
 def domain_forces(domains, d, o, strain, shear, law, forces, motion, rolling, room):
-    """Net forces on the disks of domain d into their rows of `forces`; its share of the Sums, see `bond_forces`.
+    """Net forces on the disks of domain d into their rows of `forces`; returns the domain's Sums. See `bond_forces`.
 
     room: see `block_room`.
     """
@@ -104,11 +104,11 @@ def domain_forces(domains, d, o, strain, shear, law, forces, motion, rolling, ro
 @compiled(False)
 def choose_near(domains, d, o, shear, skin, near):
     """Put the pairs of domain d that are closer than σ + skin at offsets o and `shear` into `near`, in order."""
-    # taken out of their tuples, or their references would be counted at every access
+    # local names: numba would count references at every access to a field of a tuple
     i, j, sigma, r0x, r0y = domains.i, domains.j, domains.sigma, domains.r0[0], domains.r0[1]
     to_i, to_j, to_sigma, to_x, to_y = near.i, near.j, near.sigma, near.r0[0], near.r0[1]
     count, across = np.uint64(domains.begin[d]), np.uint64(domains.across[d])
-    # which are near is hard to predict: all are copied, and only near ones counted
+    # no branch, which would often be mispredicted: all are copied, and only near ones advance the count
     for p in range(np.uint64(domains.begin[d]), np.uint64(domains.end[d])):
         if p == across:
             near.across[d] = count

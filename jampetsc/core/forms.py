@@ -1,11 +1,11 @@
-"""What one bond adds to K and B: weighted squares of its relative motions, as linear forms in disks and strain.
+"""What one bond adds to K and B: weighted squares of its relative motions, linear forms in displacements and strain.
 
 With r = x_j − x_i, n = r/|r| and t = ẑ × n, per unit of displacements ũ, angles θ and shear strain γ
 
     a∥ = n·(ũ_j − ũ_i) + γ n_x r_y,    a⊥ = t·(ũ_j − ũ_i) + γ t_x r_y,    a⊥ᶜ = a⊥ − ρ_i θ_i − ρ_j θ_j .
 
-K is k (a∥)² − (f/r) (a⊥)² (BT eqs. 4, 11), B what the damping law puts on each (`laws`). Every matrix of the
-package is made of these squares: the distributed K and B, their border and the Hessian of a quench.
+A bond's part of K is k (a∥)² − (f/r) (a⊥)² (BT eqs. 4, 11); B has the weights of the damping law (`laws`). The
+distributed K and B, their border and the Hessian of a quench are sums of these squares.
 """
 
 import numpy as np
@@ -18,9 +18,9 @@ def linear_forms(normal, r_y, rims=None):
     with rims.
     """
     transverse = np.column_stack((-normal[:, 1], normal[:, 0]))
-    still = np.zeros((len(normal), 0 if rims is None else 1))
+    no_spin = np.zeros((len(normal), 0 if rims is None else 1))
     forms = [
-        (np.hstack((-axis, still)), np.hstack((axis, still)), axis[:, 0] * r_y)
+        (np.hstack((-axis, no_spin)), np.hstack((axis, no_spin)), axis[:, 0] * r_y)
         for axis in (normal, transverse)
     ]
     if rims is not None:
@@ -30,10 +30,10 @@ def linear_forms(normal, r_y, rims=None):
 
 
 def squares(forms, weights):
-    """Σ w a² over the forms of each bond, seen from its disk i; weights (M, forms), real or complex.
+    """Second derivatives of ½ Σ w a² over the forms of each bond; weights w (M, forms), real or complex.
 
-    Returns ∂²/∂i∂i and ∂²/∂i∂j (M, dofs, dofs), ∂²/∂i∂γ (M, dofs) and ∂²/∂γ² (M,), of half that sum: what a
-    bond adds to a matrix whose quadratic form is ½ Σ w a².
+    Returns ∂²/∂i∂i and ∂²/∂i∂j (M, dofs, dofs), ∂²/∂i∂γ (M, dofs) and ∂²/∂γ² (M,), i and j the unknowns of the two
+    disks: the entries that a bond adds to the rows of disk i and of γ.
     """
     m, dofs = forms[0][0].shape
     near = np.zeros((m, dofs, dofs), weights.dtype)

@@ -5,7 +5,7 @@ non-affine ones, and spins Ω, their contact moves by
 
     ṙ = u_j − u_i + γ̇ r_y x̂,    a∥ = n·ṙ,    a⊥ = t·ṙ,    a⊥ᶜ = a⊥ − ρ_i Ω_i − ρ_j Ω_j,
 
-with r_y of the pair itself, never y_j − y_i: only so is the flow the same from every origin. Force on j:
+with r_y of the bond, never y_j − y_i, with which the flow would depend on the origin. Force on j:
 
     f = −V'(r) n  −  c_∥ a∥ n  −  (c_⊥ a⊥ + c_s a⊥ᶜ) t,    torque on i and j: ρ c_s a⊥ᶜ,
 
@@ -13,8 +13,8 @@ and it dissipates c_∥ a∥² + c_⊥ a⊥² + c_s a⊥ᶜ². The three c are t
 virial f_a r_b is not symmetric; the part that does the work of shear is f_x r_y.
 
 Blocks of pairs go through three plain passes (gather, compute, scatter) without a branch: a contact is a factor
-0 or 1. Loops over the neighbours of each disk lose most of their time to mispredicted ends. What is None at
-compile time, motion or rolling, is not in the loop at all.
+0 or 1. Loops over the neighbours of each disk lose most of their time to mispredicted loop ends. Where motion or
+rolling is None, the code for it is not compiled.
 """
 
 from typing import NamedTuple
@@ -25,13 +25,13 @@ from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.potentials import secant_stiffness
 
 BLOCK = 1024  # pairs worked on at a time: their temporaries stay in the first-level cache
-# Rows of one array: with an array for each the compiler would have too many to prove that none overlaps
-# another, and would not vectorise.
+# Rows of one array: with one array each, the compiler would have too many to prove that none overlaps another,
+# and would not vectorise.
 UX, UY, ROLL, END = (row * BLOCK for row in range(4))
 
 
 class Sums(NamedTuple):
-    """Sums over bonds; from `contacts` on zero where there is no motion."""
+    """Sums over bonds; `contacts` and all that follow are zero where motion is None."""
 
     energy: float  # α U, α the exponent of the potential
     elastic_xx: float  # Σ f_x r_x of elastic forces,
@@ -61,7 +61,7 @@ def pair_energy(rx, ry, sigma, law):
 def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, rolling):
     """Turn o_j − o_i in (bx, by) into the forces on j, for one block of pairs: no branches, no indices.
 
-    With motion (bx, by) hold r0 too: two arrays fewer, within the compiler's limit for such proofs.
+    With motion (bx, by) include r0: two arrays fewer, within the compiler's limit for proofs that none overlap.
     Rows UX, UY of `moving`: u_j − u_i; row ROLL: ρ_i Ω_i + ρ_j Ω_j, turned into c_s a⊥ᶜ.
     """
     if motion is not None:
@@ -122,19 +122,19 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
 
 @compiled(False)
 def block_room():
-    """What `add_forces` needs for a block of pairs.
+    """Temporary arrays of `add_forces` for a block of pairs.
 
-    Each thread makes it once: numba counts the arrays that it makes, those of all threads in one place, and cores that
-    take that from each other lose a tenth of a time step of 4096 disks.
+    Loops in several threads make them once, not at each step: numba counts the allocations of all threads in one
+    variable, and passing that between cores costs a tenth of a time step of 4096 disks.
     """
     return np.empty(BLOCK), np.empty(BLOCK), np.empty(END)
 
 
 @compiled(FAST, forceinline=True)
 def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion, rolling, room):
-    """Add to `forces` (N, 2) those of the pairs first … last − 1, from `middle` on those on i alone; their Sums.
+    """Add the forces of pairs first … last − 1 to `forces` (N, 2), from `middle` on only those on i; returns the Sums.
 
-    A pair that acts on i alone is met again from its other side, and counts half. Arguments as for `bond_forces`;
+    A pair that acts on i only is listed again from its other side, and counts half. Arguments as for `bond_forces`;
     room: see `block_room`.
     """
     i, j, r0, sigma = pairs
@@ -215,14 +215,11 @@ def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
 
     pairs = (i, j, r0, sigma) of a PairList; o (N, 2) offsets; law = `potential.constants`
     motion    None, or (u (N, 2), γ̇, (c_∥, c_⊥, c_s)): damped contacts
-    rolling   None, or (Ω (N,), ρ (N,), torques (N,)): with spins; the torques are written
+    rolling   None, or (Ω (N,), ρ (N,), torques (N,)): with spins; torques are overwritten
     """
     forces[:] = 0.0
     if rolling is not None:
         rolling[2][:] = 0.0
-    ends = (
-        np.int64(0),
-        len(pairs[1]),
-        len(pairs[1]),
-    )  # a plain 0 would be a type of its own, and compiled for it
+    # a literal 0 has a type of its own, for which add_forces would be compiled once more
+    ends = (np.int64(0), len(pairs[1]), len(pairs[1]))
     return add_forces(pairs, *ends, o, strain, shear, law, forces, motion, rolling, block_room())

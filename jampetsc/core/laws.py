@@ -1,4 +1,4 @@
-"""Damping laws as data: how much each relative motion of a contact, and each disk's motion in the fluid, costs.
+"""Damping laws as data: weights with which motions of contacts, and of disks in the fluid, dissipate.
 
 All laws are values of the weights of one dissipation function (BT eqs. 5–9; Vågberg, thesis eqs. 4.16–4.28),
 
@@ -6,8 +6,8 @@ All laws are values of the weights of one dissipation function (BT eqs. 5–9; V
 
 with a∥, a⊥ the relative motions of two disks along and across their bond, a⊥ᶜ = a⊥ − ρ_i θ_i − ρ_j θ_j the
 sliding of their rims, and u_i a disk's motion relative to the affine flow. FAMILIES is the table of the laws
-that can be asked for by name; a new law is one more row there, and nothing else in the package asks which law
-it has: matrices, forces, dissipation, null moves and command-line options all follow from weights and rows.
+that can be chosen by name; a new law is one more row there. No other code depends on the name of a law: matrices,
+forces, dissipation, null modes and command-line options all follow from weights and rows.
 """
 
 from collections.abc import Callable
@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 
 from jampetsc.errors import InputError, as_float, named
 
-LARGEST = 1e12  # of a weight
-LONGEST = 1e50  # τ₁, and one over the shortest: its squares, times weights, are numbers, too
+LARGEST = 1e12  # largest weight
+LONGEST = 1e50  # longest τ₁, and 1/shortest: τ₁² times a weight then stays in the range of doubles
 
 
 def refuse_beyond(what: str, value, least: float = 0.0, most: float = LARGEST) -> None:
@@ -34,7 +34,7 @@ class Option:
     """A parameter of a family: a number ≥ 0, or a switch where the default is True."""
 
     default: float | bool
-    meaning: str  # for a switch: of turning it off
+    meaning: str  # for a switch: what turning it off means
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Family:
     label: str
     options: dict[str, Option]
     weights: Callable  # of the options' values → those weights of `Law` that are not zero
-    leading: str  # the option that a message always tells
+    leading: str  # the option that a law's label always has
     simplest: dict  # values of options for a first comparison with laws of other families
 
 
@@ -69,7 +69,7 @@ FAMILIES = {
     ),
 }
 DEFAULT = "contact"
-NAMES = {"contact": "ContactDamping", "stokes": "StokesDrag"}  # functions that make one
+NAMES = {"contact": "ContactDamping", "stokes": "StokesDrag"}  # functions that make a Law
 WEIGHTS = ("normal", "transverse", "sliding", "drag", "eta_f")  # of a `Law`
 OPTIONS = tuple(name for family in FAMILIES.values() for name in family.options)
 
@@ -118,7 +118,7 @@ class Law:
         return self.damps_contacts and not (self.drag or self.eta_f)
 
     def require_dissipation(self) -> None:
-        """Raise InputError where motions of disks dissipate nothing."""
+        """Raise InputError if motions of disks dissipate nothing."""
         if not (self.damps_contacts or self.drag):
             raise InputError(f"{self.label}: nothing dissipates; raise one of the weights")
 
@@ -134,7 +134,7 @@ class Law:
 
     @property
     def holds_translations(self) -> bool:
-        """Whether moving a whole piece costs something: contacts do not feel it, the fluid does."""
+        """Whether the fluid damps translations of a whole piece of the packing; contacts do not."""
         return self.drag > 0
 
     @property
@@ -167,10 +167,10 @@ class Law:
 
 @dataclass(frozen=True)
 class Physics:
-    """What a linear response models: a damping law, and whether contacts are springs under stress or at rest."""
+    """What a linear response models: a damping law, and whether K includes pre-stress."""
 
     law: Law
-    prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4)
+    prestress: bool = True  # K includes the −f/r of contacts (BT eq. 4)
 
     @property
     def parameters(self) -> dict:
@@ -188,7 +188,7 @@ def damping_law(name: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0
     """The law of a family with these options, the others at their defaults.
 
     Raises InputError for a name that is not in FAMILIES, an option of another family, values out of range, and
-    where nothing would dissipate.
+    if motions of disks dissipate nothing.
     """
     if name not in FAMILIES:
         raise InputError(f"{named('law')} {name}: choose one of {', '.join(FAMILIES)}")

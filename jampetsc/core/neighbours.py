@@ -1,8 +1,8 @@
 """Pairs of nearby disks in a periodic, possibly sheared cell, through a grid of cells.
 
-Every periodic image counts as a neighbour of its own, so small cells, where two disks can touch through more
-than one image, need no special case. No compiled code is needed: numba takes longer to load than the contacts of 1e5
-disks take to find. `pair_search` is for lists that are made anew all the time, and for all pairs where it is loaded.
+Each periodic image is a separate neighbour, so small cells, where two disks can touch through more than one image,
+need no special case. No compiled code is needed: numba takes longer to load than the contacts of 1e5
+disks take to find. `pair_search` is the compiled search, for lists that are remade often; half lists use it if loaded.
 """
 
 import math
@@ -10,11 +10,11 @@ import sys
 
 import numpy as np
 
-CHUNK = 65536  # disks whose neighbours are looked at together: memory
+CHUNK = 65536  # disks whose neighbours are searched at a time, to limit memory
 
 
 def upright(cell):
-    """(rows a1 and a2 − m a1, m) with the least tilt: of all cells of this lattice the widest one for a grid."""
+    """(rows a1 and a2 − m a1, m) with the least tilt: the widest such cell of this lattice, best for a grid."""
     turns = round(cell[1, 0] / cell[0, 0])
     return np.array([cell[0], cell[1] - turns * cell[0]]), turns
 
@@ -22,15 +22,15 @@ def upright(cell):
 def grid_shape(cell, n, cutoff):
     """Cells of a grid over an upright `cell`, and how many of them lie within `cutoff`, both (columns, rows)."""
     (length, _), (tilt, height) = cell.tolist()
-    # At most about one particle per cell: a dilute cell would only cost memory.
+    # At most about as many cells as disks: more would only cost memory in a dilute packing.
     limit = math.isqrt(n) + 1
     heights = (length * height / math.hypot(tilt, height), height)
     shape = tuple(min(max(int(h / cutoff), 1), limit) for h in heights)
     return shape, tuple(math.ceil(cutoff * s / h) for s, h in zip(shape, heights, strict=True))
 
 
-def _runs(first, count):
-    """first[0], first[0] + 1, … for count[0] numbers, then the same of first[1], …"""
+def _ranges(first, count):
+    """count[0] consecutive integers from first[0], then count[1] from first[1], …"""
     return np.repeat(first - (np.cumsum(count) - count), count) + np.arange(count.sum())
 
 
@@ -39,11 +39,11 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
 
     positions (N, 2), radii (N,), cell (2, 2). With rows=None each pair appears once (i < j). With
     rows=(first, last) every pair with first ≤ i < last appears, so a pair with both ends there appears twice,
-    once from each end. Returns int32 arrays (M,), (M,) and (M, 2), ordered by i. A disk is never its own
-    neighbour (`Disks` sees to it that cells are wide enough).
+    once from each end. Returns int32 arrays (M,), (M,) and (M, 2), ordered by i. A disk's own images are left out:
+    `Disks.from_positions` refuses cells in which they could overlap.
     """
     compiled = sys.modules.get(f"{__package__}.pair_search")
-    if compiled and rows is None:  # it is there, and has the same answer ten times as fast
+    if compiled and rows is None:  # already loaded: the same pairs ten times as fast
         return compiled.half_list(positions, radii, cell, skin)
     n = len(radii)
     cell, turns = upright(cell)
@@ -56,18 +56,19 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     ).T
     inside = positions - wrapped[:, :1] * cell[0] - wrapped[:, 1:] * cell[1]
 
-    # The cells with a margin of images, row by row: the neighbours of a disk are in runs of entries.
+    # The grid with margins of images, row by row: disks near one another are in a few contiguous ranges of entries.
     width = shape[0] + 2 * margin[0]
     (over, column_of), (up, row_of) = (
         np.divmod(np.arange(-m, s + m), s) for s, m in zip(shape, margin, strict=True)
     )
-    home = row * shape[0] + column
-    held = np.bincount(home, minlength=shape[0] * shape[1])
+    cell_of_disk = row * shape[0] + column
+    occupancy = np.bincount(cell_of_disk, minlength=shape[0] * shape[1])
     cells = (row_of[:, None] * shape[0] + column_of).ravel()
-    start = np.concatenate(([0], np.cumsum(held[cells])))
-    disk = np.argsort(home, kind="stable")[_runs((np.cumsum(held) - held)[cells], held[cells])]
+    start = np.concatenate(([0], np.cumsum(occupancy[cells])))
+    members = np.argsort(cell_of_disk, kind="stable")
+    disk = members[_ranges((np.cumsum(occupancy) - occupancy)[cells], occupancy[cells])]
     shift = np.stack(np.broadcast_arrays(over, up[:, None]), axis=-1).reshape(-1, 2)
-    shift = np.repeat(shift, held[cells], axis=0)
+    shift = np.repeat(shift, occupancy[cells], axis=0)
     place = inside[disk] + (shift[:, :1] * cell[0] + shift[:, 1:] * cell[1])
     reach = radii[disk] + skin
 
@@ -76,9 +77,9 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     found = []
     for begin in range(first, max(last, first + 1), CHUNK):
         some = slice(begin, min(begin + CHUNK, last))
-        runs = start[corner[some]]
-        count = start[corner[some] + 2 * margin[0] + 1] - runs
-        e = _runs(runs.ravel(), count.ravel())
+        begins = start[corner[some]]
+        count = start[corner[some] + 2 * margin[0] + 1] - begins
+        e = _ranges(begins.ravel(), count.ravel())
         i = np.repeat(np.arange(some.start, some.stop), count.sum(axis=1))
         x, y = (place[e] - inside[i]).T
         near = radii[i] + reach[e]
@@ -91,7 +92,7 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
 
 
 def _hilbert(x, y, bits):
-    """Distance along the Hilbert curve of coordinates (N,) uint32 of so many bits, which are overwritten."""
+    """Position along the Hilbert curve of points with x, y (N,) uint32 of `bits` bits, which are overwritten."""
     key = np.zeros(len(x), np.uint32)
     for bit in range(bits)[::-1]:
         right, low = (x >> bit) & 1, (~y >> bit) & 1

@@ -7,7 +7,7 @@ from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
 from jampetsc.errors import InputError
 
-FLAT = 1e-8  # of a radius, by which z may differ in what counts as one plane
+FLAT = 1e-8  # largest radii: spread of z within which centres lie in one plane
 
 
 def Packing(positions, radii, box, potential="harmonic", stiffness="constant", k=1.0) -> Disks:
@@ -20,8 +20,8 @@ def Packing(positions, radii, box, potential="harmonic", stiffness="constant", k
     potential   harmonic or hertzian; stiffness: constant or inverse-square-diameter; k > 0, see `core.potentials`
 
     Lengths are in any unit, p and moduli then in that of k. The record holds phi, pressure, energy and max_force as
-    computed here. Raises InputError for wrong shapes, what is not finite, radii ≤ 0, a box of no area or less wide
-    than a disk, centres that spread in z, or two in one place.
+    computed here. Raises InputError for wrong shapes, values not finite, radii ≤ 0, a box of no area or less wide
+    than a disk, centres with different z, or two at one place.
     """
     positions, radii, k = _numbers("positions", positions), _numbers("radii", radii), _numbers("k", k)
     if positions.ndim == 2 and positions.shape[1] == 3:
@@ -63,7 +63,7 @@ def measured(disks: Disks) -> Disks:
 
 
 def _numbers(name, values):
-    """An array of its own, which no change of `values` changes."""
+    """A copy of `values` as an array of floats. Raises InputError, which names them `name`."""
     try:
         if np.iscomplexobj(values) or np.ma.is_masked(values):
             raise TypeError

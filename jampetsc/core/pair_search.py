@@ -1,4 +1,4 @@
-"""The search of `neighbours`, compiled, for lists that are made anew every hundred steps: same pairs, same order."""
+"""The search of `neighbours`, compiled, for lists that are remade every hundred steps: same pairs, same order."""
 
 from typing import NamedTuple
 
@@ -8,26 +8,27 @@ from jampetsc.core.compiled import compiled
 from jampetsc.core.neighbours import grid_shape, upright
 from jampetsc.core.threads import meet
 
-ROOM = 4  # pairs per disk that there is room for at first
+ROOM = 4  # pairs per disk for which arrays have room at first
 
 
 class Grid(NamedTuple):
-    """Disks sorted by the cells of a grid, row by row, with a margin of images: neighbours are in runs of cells.
+    """Disks sorted by the cells of a grid, row by row, with margins of images around them.
 
-    An entry is a disk or an image of one; cell c holds the entries start[c] to start[c + 1].
+    An entry is a disk or an image of one; cell c has the entries start[c] … start[c + 1] − 1. The entries near a disk
+    are therefore in contiguous ranges, one for each row of cells.
     """
 
-    corner: np.ndarray  # (N,) uint64: lower left of the cells around each disk
+    corner: np.ndarray  # (N,) uint64: the lower left one of the cells around each disk
     width: int  # cells in a row, with margins
-    around: tuple  # (columns, rows) of cells within reach of a disk, its own among them
+    around: tuple  # (columns, rows) of the cells around a disk, its own included
     start: np.ndarray  # (cells + 1,) uint64
     x: np.ndarray  # (E,)
     y: np.ndarray  # (E,)
     reach: np.ndarray  # (E,) ρ + skin
     disk: np.ndarray  # (E,) uint32
-    image: np.ndarray  # (E, 2) of the coordinates as they were given
+    image: np.ndarray  # (E, 2) cell vectors from the disk's given coordinates to the entry
     inside: np.ndarray  # (N, 2) coordinates of the disks in the cell
-    wrapped: np.ndarray  # (N, 2) whole cell vectors that were taken away for that
+    wrapped: np.ndarray  # (N, 2) numbers of cell vectors subtracted for that
 
 
 @compiled(False)
@@ -36,9 +37,9 @@ def _grid(positions, radii, cell, skin, shape, margin):
     n = len(positions)
     nx, ny = shape
     width, height = nx + 2 * margin[0], ny + 2 * margin[1]
-    home, corner = np.empty(n, np.uint32), np.empty(n, np.uint64)
+    cell_of_disk, corner = np.empty(n, np.uint32), np.empty(n, np.uint64)
     inside, wrapped = np.empty((n, 2)), np.empty((n, 2), np.int32)
-    held = np.zeros(nx * ny + 1, np.uint32)  # disks in cells before each
+    preceding = np.zeros(nx * ny + 1, np.uint32)  # [c]: disks in the cells before c
     for p in range(n):
         fy = positions[p, 1] / cell[1, 1]
         fx = (positions[p, 0] - fy * cell[1, 0]) / cell[0, 0]
@@ -47,21 +48,21 @@ def _grid(positions, radii, cell, skin, shape, margin):
         inside[p, 0] = positions[p, 0] - over * cell[0, 0] - up * cell[1, 0]
         inside[p, 1] = positions[p, 1] - up * cell[1, 1]
         column, row = min(int((fx - over) * nx), nx - 1), min(int((fy - up) * ny), ny - 1)
-        home[p] = row * nx + column
+        cell_of_disk[p] = row * nx + column
         corner[p] = row * width + column
-        held[row * nx + column + 1] += np.uint32(1)
+        preceding[row * nx + column + 1] += np.uint32(1)
     for c in range(nx * ny):
-        held[c + 1] += held[c]
-    fill, members = held[:-1].copy(), np.empty(n, np.uint32)
+        preceding[c + 1] += preceding[c]
+    fill, members = preceding[:-1].copy(), np.empty(n, np.uint32)
     for p in range(n):
-        members[fill[home[p]]] = p
-        fill[home[p]] += np.uint32(1)
+        members[fill[cell_of_disk[p]]] = p
+        fill[cell_of_disk[p]] += np.uint32(1)
     start = np.zeros(width * height + 1, np.uint64)
     for r in range(height):
         first = (r - margin[1]) % ny * nx
         for c in range(width):
             real = first + (c - margin[0]) % nx
-            start[r * width + c + 1] = start[r * width + c] + np.uint64(held[real + 1] - held[real])
+            start[r * width + c + 1] = start[r * width + c] + np.uint64(preceding[real + 1] - preceding[real])
     entries = start[width * height]
     x, y, reach = np.empty(entries), np.empty(entries), np.empty(entries)
     disk, image = np.empty(entries, np.uint32), np.empty((entries, 2), np.int32)
@@ -73,7 +74,7 @@ def _grid(positions, radii, cell, skin, shape, margin):
             real = first + c - margin[0] - over * nx
             shift_x, shift_y = over * cell[0, 0] + up * cell[1, 0], up * cell[1, 1]
             e = start[r * width + c]
-            for m in range(held[real], held[real + 1]):
+            for m in range(preceding[real], preceding[real + 1]):
                 j = members[m]
                 x[e] = inside[j, 0] + shift_x
                 y[e] = inside[j, 1] + shift_y
@@ -88,10 +89,11 @@ def _grid(positions, radii, cell, skin, shape, margin):
 
 @compiled(False)
 def _search(grid, radii, first, found, ends):
-    """Entries near disks from `first` on into `found`, those of one up to its of `ends`; how many, −1 without room.
+    """Write the entries near disks first, first + 1, … into `found`, those of disk first + a before ends[a].
 
-    A pair of these is found once, from its first disk; pairs with disks before or after them, from their side.
-    Which entries are near is hard to predict: all are stored, and only near ones counted.
+    Returns how many, or −1 if `found` is too short. A pair of two of these disks is found once, from the lower index;
+    a pair with any other disk, from the one that is among these. There is no branch on which entries are near, which
+    would often be mispredicted: all are stored, and only near ones advance the count.
     """
     x, y, reach, disk = grid.x, grid.y, grid.reach, grid.disk
     columns, rows, width = np.uint64(grid.around[0]), np.uint64(grid.around[1]), np.uint64(grid.width)
@@ -113,10 +115,10 @@ def _search(grid, radii, first, found, ends):
 
 
 @compiled(False)
-def _found(grid, radii, borders, counts):
-    """(found, ends) of `_search` near the disks of all these domains, (D + 1,) borders; their numbers into counts."""
+def _search_domains(grid, radii, borders, counts):
+    """(found, ends) of `_search` for domains with borders (D + 1,); writes their pairs (within, across) into counts."""
     first, total, d = borders[0], 0, 0
-    ends = np.empty(borders[-1] - first, np.int64)  # from where the domain begins
+    ends = np.empty(borders[-1] - first, np.int64)  # relative to the first entry of the domain
     found = np.empty(ROOM * len(ends) + 64, np.uint32)
     while d < len(counts):
         low, high = borders[d], borders[d + 1]
@@ -136,8 +138,8 @@ def _found(grid, radii, borders, counts):
     return found, ends
 
 
-def _shaped(positions, radii, cell, skin):
-    """The arguments of `_grid`, and m: its images are those of the upright cell a1, a2 − m a1."""
+def _grid_arguments(positions, radii, cell, skin):
+    """The arguments of `_grid`, and m: the images of the grid are those of the upright cell a1, a2 − m a1."""
     cell, turns = upright(cell)
     shape, margin = grid_shape(cell, len(radii), 2.0 * float(radii.max()) + skin)
     return (positions, radii, cell, skin, shape, margin), turns
@@ -145,9 +147,9 @@ def _shaped(positions, radii, cell, skin):
 
 @compiled(False)
 def _pairs(positions, radii, cell, skin, shape, margin):
-    """`half_list`, in the cell of the grid."""
+    """As `half_list`, with images of the upright cell."""
     n, grid = len(radii), _grid(positions, radii, cell, skin, shape, margin)
-    found, ends = _found(grid, radii, np.array([0, n]), np.empty((1, 2), np.int64))
+    found, ends = _search_domains(grid, radii, np.array([0, n]), np.empty((1, 2), np.int64))
     count = ends[-1]
     i, j, image = np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2), np.int32)
     q = 0
@@ -162,30 +164,32 @@ def _pairs(positions, radii, cell, skin, shape, margin):
 
 
 def half_list(positions, radii, cell, skin):
-    """What `neighbours.neighbour_pairs` returns where each pair is to appear once."""
-    shaped, turns = _shaped(positions, radii, cell, skin)
-    i, j, image = _pairs(*shaped)
+    """As `neighbours.neighbour_pairs` with rows=None: each pair once."""
+    arguments, turns = _grid_arguments(positions, radii, cell, skin)
+    i, j, image = _pairs(*arguments)
     image[:, 0] -= turns * image[:, 1]
     return i, j, image
 
 
 @compiled(False, nogil=True)
-def _list(me, threads, counter, borders, shaped, exact, counts, pairs):
-    """`listed` into counts (D, 2) and pairs = (i, j, r0, sigma), if these have room, by thread `me`: (their number, 1).
+def _fill_lists(me, threads, counter, borders, grid_arguments, exact, counts, pairs):
+    """Thread `me`'s part of `listed`: counts (D, 2), and pairs = (i, j, r0, sigma) if they have room for all.
 
-    shaped: see `_shaped`; exact = (base, offset, cell_base, cell_offset, m) of the disks
+    Returns (number of all pairs, 1).
+
+    grid_arguments: see `_grid_arguments`; exact = (base, offset, cell_base, cell_offset, m) of the disks
     """
-    meet(counter, threads)  # so that none begins late
+    meet(counter, threads)  # all begin together
     number = len(borders) - 1
     first, last = me * number // threads, (me + 1) * number // threads
-    grid, radii = _grid(*shaped), shaped[1]
-    found, ends = _found(grid, radii, borders[first : last + 1], counts[first:last])
+    grid, radii = _grid(*grid_arguments), grid_arguments[1]
+    found, ends = _search_domains(grid, radii, borders[first : last + 1], counts[first:last])
     meet(counter, threads)
     (base, offset, cell_base, cell_offset, turns), (i, j, r0, sigma) = exact, pairs
     wanted = counts.sum()
     if wanted > len(sigma):
         return wanted, 1
-    # unsigned, so that nothing need be asked about negative indices
+    # unsigned: no code for negative indices
     disk, image, wrapped = grid.disk, grid.image, grid.wrapped
     at, q, row = np.uint64(counts[:first].sum()), np.uint64(0), np.uint64(0)
     for d in range(first, last):
@@ -218,16 +222,16 @@ def _list(me, threads, counter, borders, shaped, exact, counts, pairs):
 def listed(disks, skin, borders, team):
     """Pairs of `disks` closer than σ + skin, by domains; d has the disks borders[d] … borders[d + 1] − 1, up to N.
 
-    Returns counts (D, 2) of pairs within each domain, and across its border, seen from its disks; and i, j, r0 (2, M'),
-    sigma: those of one domain after those of another, first those within it. There is more room than pairs at the end.
+    Returns counts (D, 2) of pairs within each domain, and across its border with i in it; and i, j, r0 (2, M'),
+    sigma: domain by domain, first the pairs within it. The arrays are longer than the list.
     """
     n, number, borders = disks.n, len(borders) - 1, np.minimum(borders, disks.n)
-    shaped, turns = _shaped(disks.positions, disks.radii, disks.cell, skin)
+    arguments, turns = _grid_arguments(disks.positions, disks.radii, disks.cell, skin)
     cells = np.ascontiguousarray(disks.cell_base), np.ascontiguousarray(disks.cell_offset)
     exact = disks.base, disks.offset, *cells, turns
     counts, wanted, room = np.empty((number, 2), np.int64), 1, 0
     while wanted > room:
         room = max(ROOM * n, wanted)
         found = np.empty(room, np.uint32), np.empty(room, np.uint32), np.empty((2, room)), np.empty(room)
-        wanted, _ = team.run(_list, number, borders, shaped, exact, counts, found)
+        wanted, _ = team.run(_fill_lists, number, borders, arguments, exact, counts, found)
     return counts, *found

@@ -17,12 +17,12 @@ the larger singular value of F⁻¹. So no touching pair is missing from the lis
 
     2 max|o| + max(0, ‖F⁻¹‖ − 1) σ_max ≤ skin.
 
-Near pairs. Forces need not look at all of a wide list: those of its pairs that are within a thinner skin now serve for
-a while, by the same rule. With r of now and r' of later, at ε = 0,
+Near pairs. Forces need not go through all of a wide list: those of its pairs that are now within a thinner skin suffice
+for a while, by the same rule. With r of now and r' of later, at ε = 0,
 
     r = F(g − g') r' − F(g) (Δo_j − Δo_i),
 
-so moves Δo since then count ‖F(g)‖ times, and the shear since then as that of a list.
+so |Δo| counts ‖F(g)‖ times, and the shear g' − g as that of a list does.
 """
 
 import math
@@ -35,17 +35,17 @@ from jampetsc.core.disks import GRID, Disks
 from jampetsc.core.pair_search import listed
 from jampetsc.core.threads import Team
 
-SKIN_START = 0.3  # skin of the first list in units of d,
-SKIN_RANGE = (0.02, 0.5)  # and between which it is tuned
-REBUILD = 10.0  # evaluations that a new list costs
-WIDTH = 0.6  # share that skin/d = 1 adds to the cost of an evaluation
+SKIN_START = 0.3  # skin of the first list in units of d
+SKIN_RANGE = (0.02, 0.5)  # limits of later skins in units of d
+REBUILD = 10.0  # cost of a new list in evaluations of forces
+WIDTH = 0.6  # relative rise of the cost of an evaluation per skin/d
 
 
 @dataclass(frozen=True, eq=False)
 class PairList:
     """Half list of the M pairs closer than σ + skin, sorted by i."""
 
-    i: np.ndarray  # (M,) uint32: unsigned, so that compiled code need not think of negative indices
+    i: np.ndarray  # (M,) uint32: unsigned, so that loops are compiled without code for negative indices
     j: np.ndarray  # (M,) uint32
     r0: np.ndarray  # (2, M)
     sigma: np.ndarray  # (M,) ρ_i + ρ_j
@@ -71,17 +71,16 @@ def is_stale(far, strain, shear, largest, skin):
 
 @compiled(False)
 def are_worn(moved, shear, then, largest, skin):
-    """Whether near pairs within `skin`, chosen at the shear `then`, may miss a contact; moved: since then."""
+    """Whether near pairs within `skin`, chosen at the shear `then`, may miss a contact; moved = max |Δo| since then."""
     stretch = np.sqrt(1.0 + 0.25 * then * then) + 0.5 * abs(then)
     return is_stale(stretch * moved, 0.0, shear - then, largest, skin)
 
 
 def tuned_skin(skin: float, steps: float, diameter: float, rebuild: float = REBUILD) -> float:
-    """Skin of the next list when the last one served for `steps` evaluations; lengths of one unit.
+    """Skin of the next list when the last one served for `steps` evaluations; lengths in one unit.
 
-    A list serves the longer the wider its skin, steps = v skin, and one evaluation costs (1 + WIDTH skin/d) as much as
-    without: with one worth `rebuild` evaluations the cost per evaluation is least at
-    skin² = rebuild d/(WIDTH v).
+    With steps = v skin, and `rebuild` the cost of a list, an evaluation costs 1 + WIDTH skin/d + rebuild/(v skin),
+    which is least at skin² = rebuild d/(WIDTH v). The result is kept in SKIN_RANGE and within half to 1.5 times `skin`.
     """
     best = math.sqrt(rebuild / WIDTH * diameter * skin / max(steps, 1))
     narrowest, widest = (limit * diameter for limit in SKIN_RANGE)
@@ -100,7 +99,7 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
 
 
 class ListedDisks:
-    """Disks since their pairs were listed: `reference` then, moved by `offsets` (N, 2) since, and the cell by `box`.
+    """Disks with a list of their pairs: `reference` as they were listed, moved by `offsets` (N, 2) and `box` since.
 
     skin: of the first list, in mean diameters; team: the threads that make lists
     """
@@ -113,24 +112,24 @@ class ListedDisks:
         self.list(disks)
 
     def list(self, disks: Disks):
-        """Go on from these disks, with a list of their pairs."""
+        """Take these disks as the reference of a new list."""
         self.reference, self._pairs = disks, None
         self.offsets = np.zeros((disks.n, 2))
 
     @property
     def pairs(self) -> PairList:
-        """Their half list, made when it is first asked for."""
+        """The half list of the reference, made at the first access."""
         if self._pairs is None:
             self._pairs = PairList.build(self.reference, self.skin)
         return self._pairs
 
     def fold(self):
-        """Put the moves into the coordinates and list the pairs anew."""
+        """Make the disks as they are now the reference of a new list."""
         self.list(self.disks)
 
     @property
     def box(self):
-        """Strain and shear (ε, g) of the cell since the list was made."""
+        """Strain and shear (ε, g) of the cell since the list was made; none here."""
         return 0.0, 0.0
 
     @property
@@ -139,13 +138,13 @@ class ListedDisks:
         return deformed(self.reference, self.offsets, *self.box)
 
     def stale(self, far: float | None = None) -> bool:
-        """Whether the list may miss a contact; far = max |o|, where it is known."""
+        """Whether the list may miss a contact; far = max |o|, computed if it is not given."""
         if far is None:
             far = float(np.hypot(*self.offsets.T).max())
         return bool(is_stale(far, *self.box, self.largest, self.skin))
 
     def tune(self, steps: float, rebuild: float = REBUILD):
-        """Choose the skin of the next list, this one having served for so many evaluations: see `tuned_skin`."""
+        """Choose the skin of the next list when this one served for `steps` evaluations: see `tuned_skin`."""
         self.skin = tuned_skin(self.skin, steps, self.diameter, rebuild)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from jampetsc.errors import InputError
 
 EXPONENTS = {"harmonic": 2.0, "hertzian": 2.5}
-LARGEST = 1e150  # k: squares of stresses are numbers, too
+LARGEST = 1e150  # largest k: squares of stresses then stay in the range of doubles
 STIFFNESSES = ("constant", "inverse-square-diameter")
 
 
@@ -30,14 +30,14 @@ def secant_stiffness(overlap, sigma, constants):
 
 @dataclass(frozen=True)
 class Potential:
-    """A repulsive contact potential. Raises InputError for an unknown name or k ≤ 0."""
+    """A repulsive contact potential. Raises InputError for an unknown name or k out of range."""
 
     kind: str = "harmonic"  # harmonic | hertzian
     stiffness: str = "constant"  # constant | inverse-square-diameter
     k: float = 1.0  # contact stiffness k, or k_e where the stiffness is k_e/σ²
 
     def __post_init__(self):
-        if self.kind not in tuple(EXPONENTS):  # which asks of no value that it be hashable
+        if self.kind not in tuple(EXPONENTS):  # a tuple, as a kind of a wrong type may not be hashable
             raise InputError(f"potential {self.kind!r}: choose one of {', '.join(EXPONENTS)}")
         if self.stiffness not in STIFFNESSES:
             raise InputError(f"stiffness {self.stiffness!r}: choose one of {', '.join(STIFFNESSES)}")

@@ -1,4 +1,4 @@
-"""Contacts of a packing: bond vectors to the last bit, overlaps, forces, rattlers, pressure and stress."""
+"""Contacts of a packing: bond vectors rounded once, overlaps, forces, rattlers, pressure and stress."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from jampetsc.core.disks import Disks
 
 TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
-FORCELESS = 1e-14  # … nor does one whose force is within rounding of none, in units of stiffness · d
-BALANCED = 1e-4  # max |F| / (p d) above which nobody would call forces balanced; `pack` leaves 1e-10
+FORCELESS = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
+BALANCED = 1e-4  # largest max |F| / (p d) of forces that are called balanced; `pack` leaves 1e-10
 RIGID = 3  # fewer contacts than this cannot hold a disk in two dimensions
 
 
@@ -103,14 +103,14 @@ def stress_tensor(contacts: Contacts, area: float):
 
 
 def disk_areas(disks: Disks):
-    """A_i = V ρ_i²/Σ ρ_j², (N,): each disk's share of the cell, its own area over φ. They add up to V."""
+    """A_i = V ρ_i²/Σ ρ_j², (N,): the area of the cell assigned to each disk, its own area over φ. They add up to V."""
     return disks.area * disks.radii**2 / np.sum(disks.radii**2)
 
 
 def disk_stresses(disks: Disks, contacts: Contacts):
     """Stress of every disk, σ_i = −1/(2A_i) Σ f r r/|r| over its contacts, (N, 2, 2), with A_i of `disk_areas`.
 
-    Half of each contact's virial to either disk: Σ A_i σ_i = σ V with σ of `stress_tensor`, exactly.
+    Each of its two disks has half of a contact's virial: Σ A_i σ_i = σ V with σ of `stress_tensor`, exactly.
     """
     virial = contacts.tension[:, None, None] * contacts.r[:, :, None] * contacts.r[:, None, :] / 2.0
     total = np.zeros((disks.n, 2, 2))
@@ -120,10 +120,10 @@ def disk_stresses(disks: Disks, contacts: Contacts):
 
 
 def find_rattlers(n: int, i, j, joined=lambda loose: loose):
-    """Mask (N,) of disks with fewer than three contacts, after removing such disks again and again.
+    """Mask (N,) of disks with fewer than three contacts, found by removing such disks until none is left.
 
     i, j     disks of each contact (M,), every contact from both its ends (`both_ends`)
-    joined   of a mask (N,) that is right for the disks whose contacts are listed here, the mask of all
+    joined   function that completes a mask (N,) which is right only for the disks whose contacts are given
     """
     rattler = np.zeros(n, bool)
     while True:
@@ -174,7 +174,7 @@ class State:
 
 
 def measure(disks: Disks) -> State:
-    """Contacts, rattlers, p, U, stress and force residual of a packing. Raises InputError for disks in one place."""
+    """Contacts, rattlers, p, U, stress and force residual of a packing. Raises InputError for disks at one place."""
     every = find_contacts(disks)
     if not every.distance.all():
         pair = int(np.argmin(every.distance))

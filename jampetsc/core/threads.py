@@ -1,12 +1,12 @@
-"""Threads that run one compiled function in step, each on its share of the disks.
+"""Threads that run one compiled function in step, each on a part of the disks.
 
 A minimisation is a few hundred thousand steps of a fraction of a millisecond, so threads may cost a microsecond
 per step at most: they are started once, each stays inside one compiled function (without python's global lock)
 for many steps, and they meet at barriers on a shared counter. Every thread takes the same decisions from the same
-sums: the shares are added in the same order whatever the number of threads.
+sums: partial sums are added in the same order whatever the number of threads.
 
-The system likes to wake a thread on the core that called it. Two that spin at a barrier and offer each other the core
-look to it like two programs at work, and it leaves them there, taking turns: so each begins by stepping aside.
+Linux tends to wake a thread on the core of the thread that woke it. Two threads that wait for each other there,
+spinning and yielding, both look busy and are left to share the core: so each begins by moving to a core of its own.
 """
 
 import ctypes
@@ -24,18 +24,18 @@ from numba.np.arrayobj import make_array
 
 from jampetsc.core.compiled import compiled
 
-LOOK = 32  # runs, of which the first is one thread's,
-TRIAL = 4  # so many of all: in the first ones they wake up, and find nothing in their caches
-HOPELESS = 3.0  # times slower than one alone: then no more of them
-SPINS = 2000  # looks at the counter before the core is offered to others: about a microsecond
-LISTENS = 4000  # such offers, one to three milliseconds, before a thread that has nothing to do goes to sleep
+PERIOD = 32  # runs after which both numbers of threads are tried again: one run of one thread,
+TRIAL = 4  # then this many of all: the first ones are slow, as threads wake up and their caches are empty;
+HOPELESS = 3.0  # but no more once all take this many times as long as one
+SPINS = 2000  # reads of the counter before the thread yields its core: about a microsecond
+YIELDS = 4000  # yields, one to three milliseconds, before a thread without a task goes to sleep
 
 _yield = types.ExternalFunction("sched_yield", types.int32())
 
 
 @intrinsic
 def _arrive(typing, counter):
-    """Add one to counter[0], seen by all threads; what was written before is seen as well. The new value."""
+    """Add one to counter[0] atomically, with earlier writes visible to all threads, and return the new value."""
 
     def generate(context, builder, signature, arguments):
         data = make_array(signature.args[0])(context, builder, arguments[0]).data
@@ -46,7 +46,7 @@ def _arrive(typing, counter):
 
 
 @intrinsic
-def _look(typing, counter):
+def _read(typing, counter):
     """The value of counter[0] as other threads have left it."""
 
     def generate(context, builder, signature, arguments):
@@ -64,7 +64,7 @@ def meet(counter, threads):
     mine = _arrive(counter)
     wanted = ((mine + threads - 1) // threads) * threads
     spins = 0
-    while _look(counter) < wanted:
+    while _read(counter) < wanted:
         spins += 1
         if spins > SPINS:
             _yield()
@@ -72,15 +72,15 @@ def meet(counter, threads):
 
 @compiled(False, nogil=True)
 def _listen(counter):
-    """Wait for the first of a new run to arrive, but not for long.
+    """Wait up to a few milliseconds for the first thread of the next run to arrive.
 
-    A core that fell asleep takes half a millisecond to wake, as long as ten steps. The first one to arrive does not
-    hold python's lock, for which this thread would fall asleep as well.
+    A core that fell asleep takes half a millisecond to wake, as long as ten steps. A thread that has arrived does not
+    hold python's global lock, for which this thread would fall asleep as well.
     """
-    looks = 0
-    while _look(counter) == 0 and looks < SPINS + LISTENS:
-        looks += 1
-        if looks > SPINS:
+    reads = 0
+    while _read(counter) == 0 and reads < SPINS + YIELDS:
+        reads += 1
+        if reads > SPINS:
             _yield()
 
 
@@ -89,7 +89,7 @@ _libc = ctypes.CDLL(None)
 
 
 def _core() -> int:
-    """The core that this thread runs on; −1 where the system does not tell."""
+    """The core that this thread runs on; −1 where the system does not say."""
     return _libc.sched_getcpu() if _LINUX else -1
 
 
@@ -98,32 +98,32 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if _LINUX else os.cpu_count() or 1
 
 
-def _step_aside(me, at):
-    """Let thread `me` go to another core than those that the ones before it began `at`."""
-    taken = set(at[:me])
+def _take_own_core(me, start_cores):
+    """Move thread `me` off the cores on which threads before it began, if it may use others; note its core."""
+    taken = set(start_cores[:me])
     if _LINUX and _core() in taken:
         allowed = os.sched_getaffinity(0)
         if free := allowed - taken:
             os.sched_setaffinity(0, free)
-            os.sched_setaffinity(0, allowed)  # where it is now, until the system knows better
-    at[me] = _core()
+            os.sched_setaffinity(0, allowed)  # it stays there until the scheduler moves it
+    start_cores[me] = _core()
 
 
-def _serve(me, at, tasks):
-    """Thread `me` of a team: run what is put into the queue `tasks`, say so, and listen for the next run, until None.
+def _serve(me, start_cores, tasks):
+    """Thread `me` of a team: run each task of the queue `tasks`, put its error or None into `done`; end at a task None.
 
-    Queues, as a pool of `concurrent.futures` takes 60 to 110 µs for a run where they take 10 to 30, and a list of 4096
-    disks with the steps that it serves for, 4 ms, takes two runs.
+    Queues cost 10 to 30 µs per run, a pool of `concurrent.futures` 60 to 110; a list of 4096 disks and the steps that
+    it serves for, 4 ms, take two runs.
     """
     while task := tasks.get():
         function, arguments, done, following = task
         error = None
         try:
-            _step_aside(me, at)
+            _take_own_core(me, start_cores)
             function(*arguments)
         except BaseException as raised:
             error = raised
-        del task, function, arguments  # they may hold the team
+        del task, function, arguments  # references to the team among them would keep it alive
         done.put(error)
         _listen(following)
 
@@ -132,29 +132,29 @@ class Team:
     """`size` threads at most, this one among them, that run compiled functions together.
 
     function(me, threads, counter, …) is to release the global lock, to meet on `counter` and to return
-    (status, steps, …), the same however many threads take part. So as many take part as get on faster: threads that
-    share their cores with other programs wait for each other longer than one alone would work.
+    (status, steps, …), the same however many threads take part. All take part or this one alone, whichever is faster:
+    threads that share their cores with other programs may wait for each other longer than one alone would work.
     """
 
     def __init__(self, size: int = 1):
         self.size = size
-        self._at = [-1] * size  # the cores on which threads began
+        self._start_cores = [-1] * size  # the cores on which threads began their last runs
         self._tasks = [SimpleQueue() for _ in range(1, size)]
         for me, tasks in enumerate(self._tasks, 1):
-            threading.Thread(target=_serve, args=(me, self._at, tasks), daemon=True).start()
+            threading.Thread(target=_serve, args=(me, self._start_cores, tasks), daemon=True).start()
             weakref.finalize(self, tasks.put, None)
         self._counter = np.zeros(1, np.int64)  # of the next run
         self._paces = {}  # (function, most threads) -> {threads: seconds per step, the last few times}
         self._runs = Counter()
 
     def run(self, function, shares: int, *arguments):
-        """What `function` returns on this thread, once all have returned; at most `shares` threads take part."""
+        """Run `function` on at most `shares` threads; return its result on this one, or raise an error of another."""
         most = min(self.size, shares)
         threads = self._fastest(function, most)
         counter, self._counter = self._counter, np.zeros(1, np.int64)
         compiled, done = bool(function.overloads), SimpleQueue()
         began = time.perf_counter()
-        self._at[0] = _core()
+        self._start_cores[0] = _core()
         for me in range(1, threads):
             self._tasks[me - 1].put((function, (me, threads, counter, *arguments), done, self._counter))
         mine = function(0, threads, counter, *arguments)
@@ -167,12 +167,12 @@ class Team:
         return mine
 
     def _fastest(self, function, most):
-        """All of `most` threads or one alone: what was faster of late, both tried again and again."""
+        """`most` or 1 threads, whichever was faster recently; both are tried again in every PERIOD of runs."""
         if most == 1:
             return 1
         key = function, most
         paces = self._paces.setdefault(key, {n: deque(maxlen=TRIAL) for n in (most, 1)})
-        turn = self._runs[key] % LOOK
+        turn = self._runs[key] % PERIOD
         self._runs[key] += 1
         if turn == 0 or not paces[1]:
             return 1

@@ -1,4 +1,4 @@
-"""What numba is told about arguments, and about what it may do with a function."""
+"""Types of arguments as numba gets them, and fastmath flags of compiled functions."""
 
 import importlib
 import pkgutil
@@ -51,21 +51,21 @@ VALUES = {
 
 
 @pytest.mark.parametrize("kind", [Two, Other, lambda a, b: (a, b)], ids=["two", "other", "tuple"])
-def test_a_tuple_is_of_the_type_that_numba_gives_it(kind):
-    """In whatever order they are met, and again."""
+def test_cached_types_are_those_of_numba(kind):
+    """For tuples of all pairs of values, and again when they are in the cache."""
     context = _TypeofContext(Purpose.argument)
     for _ in range(2):
         for first in VALUES.values():
             for second in VALUES.values():
                 value = kind(first, (second, first))
                 with pytest.MonkeyPatch.context() as patch:
-                    patch.setattr(compiled, "_kind", lambda _: None)
-                    wanted = compiled._remembered_type(value, context)
+                    patch.setattr(compiled, "_type_key", lambda _: None)
+                    wanted = compiled._cached_type(value, context)
                 assert typeof(value) == wanted
 
 
 def test_what_may_reorder_sums_is_compiled_into_its_callers():
-    """Of several copies, each optimised in its own way, the one that is run would depend on numba's cache."""
+    """Otherwise numba's cache would decide which of several differently optimised copies runs."""
     functions = set()
     for module in pkgutil.walk_packages(jampetsc.__path__, "jampetsc."):
         if not module.name.endswith("__main__"):

@@ -1,4 +1,4 @@
-"""Contacts, forces, rattlers and stress against loops over all pairs, differences, published values."""
+"""Contacts, forces, rattlers and stress against loops over all pairs, finite differences and published values."""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -94,9 +94,9 @@ def test_state_against_loops_over_all_images(name):
     np.testing.assert_allclose(total, disks.stress, rtol=1e-12, atol=1e-13 * disks.pressure)
 
 
-def test_rattlers_are_removed_again_and_again():
-    square = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]  # three contacts each: stays
-    tail = [(3, 4), (3, 5), (4, 5), (4, 6), (5, 6), (6, 7)]  # falls from its end: 7, then 6, then 4 and 5
+def test_rattlers_are_removed_until_none_is_left():
+    square = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]  # three contacts each: stay
+    tail = [(3, 4), (3, 5), (4, 5), (4, 6), (5, 6), (6, 7)]  # removed from its end: 7, then 6, then 4 and 5
     assert list(np.flatnonzero(find_rattlers(9, *both_ends(*np.array(square + tail).T)))) == [4, 5, 6, 7, 8]
     assert find_rattlers(8, *both_ends(*np.array(tail).T)).all()
 
@@ -114,8 +114,8 @@ def test_a_contact_that_only_just_touches_does_not_count():
     assert (measure(touching).contacts.overlap > 1e-14).all()
 
 
-def test_force_that_a_contact_needs_to_count():
-    """A millionth of a usual force; at vanishing pressure what rounding leaves of a bond that carries none."""
+def test_force_threshold():
+    """A millionth of a typical force p d; at vanishing pressure the rounding of a force."""
     disks = polydisperse()[0]
     d = 2.0 * disks.radii.mean()
     stiff = replace(disks, potential=replace(disks.potential, k=7.0))
@@ -129,7 +129,7 @@ def test_force_that_a_contact_needs_to_count():
         assert force_threshold(stiff, pressure) == pytest.approx(force_of_stiff * d, rel=1e-12, abs=0.0)
 
 
-def test_forces_that_do_not_balance_are_told_over_pressure_and_diameter():
+def test_imbalance_is_relative_to_pressure_and_diameter():
     disks, _ = polydisperse()
     moved = replace(disks, offset=disks.offset + np.eye(disks.n, 2, -5) * 1e-3)
     state = measure(moved)
@@ -176,13 +176,13 @@ def square(n=4, side=4.0):
     ],
     ids=lambda value: value if isinstance(value, str) else next(iter(value)),
 )
-def test_what_is_no_packing_is_refused(change, says):
+def test_invalid_packings_are_refused(change, says):
     assert Disks.from_positions(**square()).n == 4
     with pytest.raises(InputError, match=says):
         Disks.from_positions(**square() | change)
 
 
-def test_what_is_just_a_packing_is_one():
+def test_limits_of_valid_packings():
     """A disk as wide as its cell meets its image in a point; coordinates up to 2²⁸ keep their digits."""
     assert Disks.from_positions(**square() | {"cell": np.diag([4.0, 1.0])}).period == 1.0
     for turns in (0, 1, -9, 1000):  # the same lattice
@@ -206,12 +206,12 @@ def test_what_is_just_a_packing_is_one():
         ({"stiffness": None}, "stiffness None: choose one of"),
     ],
 )
-def test_potentials_that_there_are_not(change, says):
+def test_invalid_potentials_are_refused(change, says):
     with pytest.raises(InputError, match=says):
         Potential(**change)
 
 
-def test_disks_that_nothing_holds_have_no_coordination_and_no_force():
+def test_disks_without_contacts_have_no_coordination_and_no_force():
     disks = Disks.from_positions(**square(side=9.0))
     for loose in (disks, replace(disks, radii=0.4 * disks.radii)):
         state = measure(loose)
@@ -219,8 +219,8 @@ def test_disks_that_nothing_holds_have_no_coordination_and_no_force():
         assert state.rattlers.all()
 
 
-def test_a_rattler_that_is_pushed_is_no_lack_of_balance():
-    """One contact alone: its force counts in p, the disks in no residual."""
+def test_forces_on_rattlers_are_no_imbalance():
+    """A single contact: its force counts in p, its disks are rattlers and do not count in max_force."""
     disks = Disks.from_positions([[0.0, 0.0], [0.9, 0.0]], [0.5, 0.5], 4.0 * np.eye(2))
     state = measure(disks)
     assert state.pressure == pytest.approx(0.1 * 0.9 / 32.0) and state.max_force == 0.0

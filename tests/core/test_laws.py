@@ -66,7 +66,7 @@ def test_refused(name, options, says):
 
 
 @pytest.mark.parametrize("name", ["normal", "transverse", "sliding", "drag", "eta_f"])
-def test_weights_of_one_s_own_have_limits_too(name):
+def test_weights_of_a_law_without_a_family_have_limits_too(name):
     assert getattr(Law("own", **{name: 1e12}), name) == 1e12
     assert damping_law(normal=LARGEST).normal == LARGEST
     for weight in (-1e-300, 1.001e12, float("nan"), float("inf")):
@@ -89,8 +89,8 @@ def test_a_fluid_alone_does_not_damp_disks():
 
 
 @pytest.mark.parametrize("fluid", ["drag", "eta_f"])
-def test_a_power_law_is_one_of_contacts_alone(fluid):
-    """The fluid's part is linear, and is not left out in silence."""
+def test_power_laws_are_refused_with_a_fluid(fluid):
+    """The fluid's part is linear, and must not be left out silently."""
     law = Law("both", normal=1.0, **{fluid: 0.1})
     with pytest.raises(InputError, match="law both: the fluid dissipates, too: take one of contacts"):
         jampetsc.oscillate(published(), law, omega=1.0, strain=1e-6)

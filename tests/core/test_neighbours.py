@@ -37,7 +37,7 @@ def as_set(pairs):
 
 @pytest.fixture
 def plain(monkeypatch):
-    """Pairs are found without compiled code, as where nothing has loaded it."""
+    """`neighbour_pairs` runs without compiled code, as if that were not loaded."""
     monkeypatch.delitem(sys.modules, "jampetsc.core.pair_search")
 
 
@@ -59,7 +59,7 @@ def test_finds_every_pair_of_every_image_once(name, n, skin, plain):
 
 @pytest.mark.parametrize("name", CELLS)
 def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name, plain):
-    """A coordinate of −1e-17 cell vectors plus one is one, which no cell of the grid begins with."""
+    """A coordinate of −1e-17 cell vectors is wrapped to 1 by rounding, where no cell of the grid begins."""
     cell = np.array(CELLS[name])
     rng, edge = np.random.default_rng(3), -1e-17
     positions = rng.uniform(0.0, 1.0, (30, 2)) @ cell
@@ -73,7 +73,7 @@ def test_a_disk_a_rounding_error_outside_is_in_the_cell_or_beside_it(name, plain
 
 @pytest.mark.parametrize("name", CELLS)
 def test_ranges_of_rows_see_each_contact_from_both_ends(name, plain, monkeypatch):
-    """Also where they fill several of the chunks of disks whose neighbours are looked for at once."""
+    """Also where ranges are longer than CHUNK, the number of disks searched at a time."""
     rng = np.random.default_rng(7)
     cell = np.array(CELLS[name])
     positions, radii = rng.uniform(0, 1, (40, 2)) @ cell, rng.uniform(0.4, 0.6, 40)

@@ -1,4 +1,4 @@
-"""The pair list: complete until its rule calls it stale, whatever disks and cell do; the cell put upright again."""
+"""The pair list: complete until it is stale, whatever disks and cell do; near pairs, domains, skins, folding."""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -108,7 +108,7 @@ def test_no_touching_pair_is_missing_until_the_list_is_stale(kind):
 
 @pytest.mark.parametrize("skin", [0.0, 0.3, 4.0])
 def test_domains_list_each_pair_where_its_disks_are(skin):
-    """Once within a domain, from both sides across a border; on any number of threads the same to the last bit."""
+    """Once within a domain, in both domains across a border; on any number of threads the same to the last bit."""
     disks, borders = deformed(crowd(3, phi=0.6), np.zeros((60, 2)), 0.0, 0.7), np.array([0, 11, 12, 40, 64])
     half, home = PairList.build(disks, skin), np.searchsorted(borders, np.arange(60), "right")
     wanted = {}
@@ -123,20 +123,20 @@ def test_domains_list_each_pair_where_its_disks_are(skin):
     for one in found[1:]:
         last = one.end[-1]
         assert all(np.array_equal(a[..., :last], b[..., :last]) for a, b in zip(found[0], one, strict=True))
-    told = {}
+    by_domains = {}
     for d in range(4):
         for first, last, inside in ((one.begin[d], one.across[d], True), (one.across[d], one.end[d], False)):
             some = slice(first, last)
             assert (home[one.i[some]] == d + 1).all()
-            told |= dict.fromkeys(
+            by_domains |= dict.fromkeys(
                 zip(*(a[some].tolist() for a in (one.i, one.j, *one.r0)), strict=True), inside
             )
-    assert told == wanted and len(told) == one.end[-1]
+    assert by_domains == wanted and len(by_domains) == one.end[-1]
 
 
 @pytest.mark.parametrize("held", [0, 30, 2100])
 def test_the_disks_at_the_border_of_a_domain_are_its_first(held):
-    """Of those that are not held, which stay where they are."""
+    """The first `held` disks stay where they are; the rule is for the others."""
     disks, ends = crowd(4, n=6200, phi=0.8), borders(6200)
     order = domain_order(disks, held)
     assert np.array_equal(np.sort(order), np.arange(6200)) and np.array_equal(order[:held], np.arange(held))
@@ -151,7 +151,7 @@ def test_the_disks_at_the_border_of_a_domain_are_its_first(held):
 
 @pytest.mark.parametrize("borders", [(0, 60), (0, 23, 60)], ids=["one domain", "two domains"])
 def test_near_pairs_serve_until_they_are_worn(borders):
-    """Disks on straight ways under shear: every touching pair is among the near ones until then."""
+    """Disks move on straight lines under shear: every touching pair is among the near ones until then."""
     newcomers = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -197,7 +197,7 @@ def test_near_pairs_count_moves_and_shear_in_the_frame_they_were_chosen_in():
 
 
 def test_the_worst_case_is_just_covered():
-    """One pair, pulled together and turned as the bound allows: it touches when the list is stale, not before."""
+    """One pair that approaches as fast as the bound allows: it touches when the list becomes stale, not before."""
     skin, largest = 0.3, 1.0
     for strain, shear in [(0.0, 0.2), (0.0, -0.2), (-0.1, 0.0), (-0.05, 0.15)]:
         deform = np.exp(strain) * np.array([[1.0, shear], [0.0, 1.0]])
@@ -207,7 +207,7 @@ def test_the_worst_case_is_just_covered():
         assert far > 0
         assert not is_stale(far - 1e-9, strain, shear, largest, skin)
         assert is_stale(far + 1e-9, strain, shear, largest, skin)
-        meets = deform @ outward[:, 0] * apart  # where a pair lies that was so far apart in that direction
+        meets = deform @ outward[:, 0] * apart  # the bond after the deformation
         assert abs(np.hypot(*meets) - largest) < 1e-12
     assert not is_stale(0.0, 0.5, 0.0, 1.4, 0.02)  # a cell that grows never makes a list stale
     assert is_stale(0.0, -0.5, 0.0, 1.4, 0.02)
@@ -216,7 +216,7 @@ def test_the_worst_case_is_just_covered():
 def test_skin_follows_how_long_lists_serve():
     assert tuned_skin(0.2, 10, 1.0) > 0.2 > tuned_skin(0.2, 1000, 1.0) >= tuned_skin(0.2, 5000, 1.0)
     assert tuned_skin(0.5, 10, 1.0) == SKIN_RANGE[1] and tuned_skin(0.02, 5000, 1.0) == SKIN_RANGE[0]
-    for diameter in (1.0, 3.0):  # no more than half as much again, nor less than half; nor beyond the range
+    for diameter in (1.0, 3.0):  # at most 1.5 times the last skin, at least half of it, within SKIN_RANGE
         for skin, steps, best in (
             (0.2, 1, 0.3),
             (0.2, 0, 0.3),
@@ -225,7 +225,7 @@ def test_skin_follows_how_long_lists_serve():
             (0.03, 10**6, 0.02),
         ):
             assert tuned_skin(diameter * skin, steps, diameter) == pytest.approx(diameter * best)
-    # disks that move v⁻¹ per evaluation: the skin settles where rebuilds and width cost least together
+    # lists that serve v skin evaluations: the skin converges to that of the least cost
     for v in (100.0, 1000.0, 4000.0):
         skin = 0.3
         for _ in range(50):

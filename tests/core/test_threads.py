@@ -1,4 +1,4 @@
-"""Threads that step together: on cores of their own, as many as get on faster."""
+"""Teams of threads: cores of their own, errors, their end, and the choice of how many take part."""
 
 import os
 import threading
@@ -10,7 +10,7 @@ from numba import types
 
 from jampetsc.core import threads
 from jampetsc.core.compiled import compiled
-from jampetsc.core.threads import LOOK, TRIAL, Team, meet
+from jampetsc.core.threads import PERIOD, TRIAL, Team, meet
 
 _core = types.ExternalFunction("sched_getcpu", types.int32())
 
@@ -38,7 +38,7 @@ def test_threads_run_on_cores_of_their_own():
     assert np.mean(apart) > 0.5 or threads.cores() == 1
 
 
-def test_a_thread_may_go_where_it_might_before():
+def test_a_thread_keeps_its_allowed_cores():
     allowed, before = os.sched_getaffinity(0), os.listdir("/proc/self/task")
     team, others = Team(2), set(os.listdir("/proc/self/task")) - set(before)
     for _ in range(3):
@@ -47,7 +47,7 @@ def test_a_thread_may_go_where_it_might_before():
 
 
 def fails_elsewhere(me, size, counter, errors):
-    """Not compiled: only the thread that asked does not fail."""
+    """A function that is not compiled, and fails on all threads but the calling one."""
     if me:
         raise errors[me]
     return size, 1
@@ -56,7 +56,7 @@ def fails_elsewhere(me, size, counter, errors):
 fails_elsewhere.overloads = ()
 
 
-def test_an_error_of_any_thread_is_raised_and_the_team_goes_on():
+def test_an_error_of_any_thread_is_raised_and_the_team_still_works():
     team, error = Team(3), OSError("this one")
     team._fastest = lambda function, most: most
     for _ in range(2):
@@ -78,7 +78,7 @@ def test_the_threads_of_a_team_end_with_it():
 
 
 def chosen(team, runs, pace):
-    """How many threads take part in each of so many runs where n take pace(n) seconds per step."""
+    """Numbers of threads that take part in successive runs, where n threads take pace(n) seconds per step."""
     numbers = []
     for _ in range(runs):
         numbers.append(team._fastest("a function", 2))
@@ -87,17 +87,17 @@ def chosen(team, runs, pace):
 
 
 @pytest.mark.parametrize("slower", [1, 2])
-def test_as_many_threads_take_part_as_get_on_faster(slower):
+def test_the_faster_number_of_threads_is_chosen(slower):
     team, faster = Team(2), 3 - slower
     assert chosen(team, 1 + TRIAL, lambda n: 1.5 if n == slower else 1.0) == [1] + [2] * TRIAL
-    later = chosen(team, 2 * LOOK, lambda n: 1.5 if n == slower else 1.0)
-    assert later.count(faster) >= 2 * (LOOK - TRIAL) and later.count(slower) >= 1
+    later = chosen(team, 2 * PERIOD, lambda n: 1.5 if n == slower else 1.0)
+    assert later.count(faster) >= 2 * (PERIOD - TRIAL) and later.count(slower) >= 1
     # what has changed is noticed
-    changed = chosen(team, 3 * LOOK, lambda n: 1.5 if n == faster else 1.0)
-    assert changed[-LOOK:].count(slower) >= LOOK - TRIAL
+    changed = chosen(team, 3 * PERIOD, lambda n: 1.5 if n == faster else 1.0)
+    assert changed[-PERIOD:].count(slower) >= PERIOD - TRIAL
 
 
-def test_one_cold_start_decides_nothing_but_a_hopeless_trial_ends():
+def test_slow_first_runs_do_not_decide_but_a_hopeless_trial_ends():
     cold = iter([2.5, 2.0, 1.5, 1.0])
-    assert 1 not in chosen(Team(2), LOOK, lambda n: next(cold, 1.0) if n == 2 else 1.2)[1:]
-    assert chosen(Team(2), 2 * LOOK, lambda n: 50.0 if n == 2 else 1.0).count(2) == 2
+    assert 1 not in chosen(Team(2), PERIOD, lambda n: next(cold, 1.0) if n == 2 else 1.2)[1:]
+    assert chosen(Team(2), 2 * PERIOD, lambda n: 50.0 if n == 2 else 1.0).count(2) == 2
