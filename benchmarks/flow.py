@@ -121,15 +121,15 @@ def ours(name, disks, rate, threads=1):
         run.advance(200)
     run = begin()
     run.advance(20)
-    run.seen[:] = 0.0
+    run.tally[:] = 0.0
     steps = int(duration(disks.n) / step / (1 if name != "CD0" else 2))
     began, elapsed = time.process_time(), time.perf_counter()
     run.advance(steps)
     seconds, elapsed = time.process_time() - began, time.perf_counter() - elapsed
-    seen, area = dict(zip(TALLY, run.seen / steps, strict=True)), disks.area
-    stress = -(seen["elastic_xy"] + seen["viscous_xy"]) / area
-    pressure = (seen["elastic"] + seen["viscous"]) / (2 * area)
-    return seconds, steps, stress, pressure, seen["iterations"], elapsed
+    terms, area = dict(zip(TALLY, run.tally / steps, strict=True)), disks.area
+    stress = -(terms["elastic_xy"] + terms["viscous_xy"]) / area
+    pressure = (terms["elastic"] + terms["viscous"]) / (2 * area)
+    return seconds, steps, stress, pressure, terms["iterations"], elapsed
 
 
 def theirs(lmp, name, disks, rate, ranks=1):

@@ -1,6 +1,6 @@
-"""Connected clusters of touching disks, and velocities that have no mean in any of them.
+"""Connected clusters of touching disks, and removal of the mean velocity of each.
 
-Each domain finds those of its own disks; then those that touch across borders become one.
+Each domain finds the clusters of its own disks; then clusters that touch across borders are united.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ NONE = np.uint32(2**32 - 1)
 
 @compiled(False)
 def find_clusters_of(graph, d, u):
-    """Clusters of the disks of domain d by contacts within it, and their sums of u (N, 2)."""
+    """Clusters of the disks of domain d by contacts within it, with their sums of u (N, 2) and sizes, into `graph`."""
     # taken out of their tuple, or their references would be counted at every access
     column, number, root, over, queue = graph.column, graph.number, graph.root, graph.over, graph.queue
     first, last = np.uint32(graph.disks[d]), np.uint32(graph.disks[d + 1])
@@ -50,9 +50,9 @@ def _unite(over, a, b):
 
 @compiled(False)
 def unite_clusters(domains, graph):
-    """Make one of clusters of several domains that touch; returns (number, largest) of all.
+    """Unite clusters that touch across borders of domains; returns (number of clusters, disks of the largest).
 
-    Those with held disks keep their u: their sums become zero.
+    Clusters with held disks are to keep their u: their sums become zero.
     """
     root, over, total, size = graph.root, graph.over, graph.total, graph.size
     for d in range(len(graph.begin)):
@@ -64,7 +64,7 @@ def unite_clusters(domains, graph):
     number = largest = 0
     for a in range(len(root)):
         if root[a] == a:
-            top = over[over[a]]  # roots are less than what they are roots of, and known before
+            top = over[over[a]]  # over[a] ≤ a, so its own root is final already
             over[a] = top
             if top == a:
                 number += 1
@@ -80,7 +80,7 @@ def unite_clusters(domains, graph):
 
 @compiled(FAST, forceinline=True)
 def centre_clusters_of(graph, d, u):
-    """Take the mean of its cluster out of u (N, 2) for every disk of domain d; a disk alone has u = 0 then."""
+    """Subtract the mean of its cluster from u (N, 2) for every disk of domain d; a disk without contacts gets u = 0."""
     root, over, total, size = graph.root, graph.over, graph.total, graph.size
     for a in range(graph.disks[d], graph.disks[d + 1]):
         top = over[root[a]]
@@ -90,7 +90,7 @@ def centre_clusters_of(graph, d, u):
 
 @compiled(FAST)
 def survey_of(domains, o, shear, graph):
-    """(clusters, disks of the largest, largest δ/σ) at offsets o (N, 2) and `shear`, of which is the graph then."""
+    """(number of clusters, disks of the largest, largest δ/σ) at offsets o (N, 2) and `shear`; overwrites `graph`."""
     i, j, sigma, r0x, r0y = domains.i, domains.j, domains.sigma, domains.r0[0], domains.r0[1]
     deepest = 0.0
     for d in range(len(domains.begin)):

@@ -1,11 +1,11 @@
-"""Attributes that files of steady and quasistatic shear and of samples have in common."""
+"""Attributes common to files of steady shear, of quasistatic shear and of samples that jam."""
 
 from jampetsc.io.provenance import provenance
 from jampetsc.petsc import session
 
 
 def run_provenance(seconds: float, running=None, ranks: int = 1, law=None) -> dict:
-    """Attributes that say how a run came about; running: the session whose solvers it has used."""
+    """Attributes of how a run was made; running: the session whose solvers it used, None if it used none."""
     return provenance(
         versions=session.versions(),
         scalar_type=running and running.scalar_type,
@@ -18,6 +18,6 @@ def run_provenance(seconds: float, running=None, ranks: int = 1, law=None) -> di
 
 
 def facts_of_disks(disks) -> dict:
-    """Attributes of disks that do not change when these move."""
+    """Attributes of the potential of the disks."""
     potential = disks.potential
     return {"potential": potential.kind, "stiffness": potential.stiffness, "k": float(potential.k)}

@@ -1,11 +1,11 @@
-"""Which packings jam: samples at a packing fraction, by three protocols, and the minimum of the energy downhill.
+"""Which packings jam: samples at a packing fraction, by three protocols, each at a minimum of the energy.
 
 random    uniformly random disks: Vågberg's RAND ensemble (thesis sec. 4.7, after O'Hern et al., PRE 68, 011306
           (2003))
 shear     the minima along quasistatic shear of such a start (thesis sec. 4.7)
 compress  a thermal liquid, cooled slowly, quenched, and brought to the φ_J of that sample by changes of its cell
           (Vågberg et al., PRE 83, 031307 (2011), who find that φ_J depends on how it was cooled; their rates and
-          schedule are not told); it may be sheared between quench and search, which shows what shear leaves of that
+          schedule are not published); a shear between quench and search shows how much of that dependence survives it
 """
 
 from dataclasses import dataclass
@@ -24,36 +24,36 @@ from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.thermal import annealed
 
-SETTLED = 1e-4  # max |F| in k_e/d, to which a random start is relaxed before it is minimised
-STEP = 2e-3  # of φ, by which a sample that does not jam is compressed
-EXACT = 1e-5  # width of the bracket of φ_J
-DENSEST = 1.0  # φ at which the search for φ_J ends
-NEAR = 0.2  # gap between neighbours, in mean diameters
-PROTOCOLS = {  # options of each, and their values unless given
+SETTLED = 1e-4  # max |F| in k_e/d to which a random start is relaxed before it is minimised
+STEP = 2e-3  # of φ, in the search for φ_J before it is bracketed
+EXACT = 1e-5  # largest final width of the bracket of φ_J
+DENSEST = 1.0  # largest φ of the search for φ_J
+NEAR = 0.2  # largest gap between neighbours, in mean diameters
+PROTOCOLS = {  # options of each, and their defaults
     "random": {},
     "shear": {"step": 1e-3, "strain": 2.0, "discard": 1.0, "every": 0.02},
     "compress": {"temperature": 1e-3, "cooling_rate": 1e-2, "sweeps": 200, "step": None, "strain": None},
 }
-_OTHER = 1  # of the two generators of a seed: the start has the seed's own
+_THERMAL = 1  # appended to the seed of the random start, seeds the generator of its thermal moves
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """How samples are made; what belongs to other protocols is None."""
+    """How samples are made; options of other protocols are None."""
 
     name: str = "random"
-    step: float | None = None  # shear, compress: Δγ,
-    strain: float | None = None  # how far; of compress between quench and search
-    discard: float | None = None  # shear: before the first sample,
-    every: float | None = None  # and from one sample to the next
-    temperature: float | None = None  # compress: T of the liquid in k_e,
-    cooling_rate: float | None = None  # by how much ln T falls per sweep,
-    sweeps: int | None = None  # and sweeps before that
+    step: float | None = None  # shear, compress: Δγ
+    strain: float | None = None  # in all; compress: between quench and search
+    discard: float | None = None  # shear: strain before the first sample
+    every: float | None = None  # strain from one sample to the next
+    temperature: float | None = None  # compress: T of the liquid in k_e
+    cooling_rate: float | None = None  # decrease of ln T per sweep
+    sweeps: int | None = None  # sweeps at T before it cools
     separated: bool = False  # whether large disks start on one side of the cell, see `random_start`
 
     @classmethod
     def of(cls, name: str, *, separated=False, **options) -> "Protocol":
-        """The protocol of PROTOCOLS with these options; None is one that is not given.
+        """The protocol of PROTOCOLS with these options; an option that is None has its default.
 
         Raises InputError for options of another protocol and for those that do not go together.
         """
@@ -92,7 +92,7 @@ class Protocol:
 
     @property
     def facts(self) -> dict:
-        """What it has beside its name."""
+        """Its options that are set, by name."""
         known = {
             name: value for name, value in vars(self).items() if value is not None and value is not False
         }
@@ -100,7 +100,7 @@ class Protocol:
 
     @property
     def columns(self) -> tuple:
-        """What is known of a sample."""
+        """Names of the columns of its samples."""
         more = {"shear": ("strain",), "compress": ("phi_J", "segregation")}
         return "phi", "seed", "energy", "pressure", "jammed", "coordination", *more.get(self.name, ())
 
@@ -110,7 +110,7 @@ def samples(
 ) -> list[dict]:
     """The samples of one seed at φ, of disks of these radii (N,): `protocol.rows` rows, nan where no minimum is found.
 
-    The seed decides where the disks start, and how they move while they are hot.
+    The seed determines the random start and the thermal moves.
     """
     start = random_start(radii, phi, seed, potential, protocol.separated)
     known = {"phi": phi, "seed": seed}
@@ -124,23 +124,23 @@ def samples(
 
 
 def _quenched(start: Disks, solver, tolerance):
-    """(what is known of the minimum downhill, its disks, whether they jam); ({}, None, False) where none is found."""
+    """(columns of the minimum reached from `start`, its disks, whether they jam); ({}, None, False) if none is found."""
     try:
         disks = minimise(start, Goal(), solver, tolerance=tolerance).disks
     except ConvergenceError:
         return {}, None, False
     found = minimum_of(disks)
-    return _known(found, disks.n), disks, found.jammed
+    return _columns_of(found, disks.n), disks, found.jammed
 
 
-def _known(found, n):
-    """What a `Minimum` says, per disk."""
+def _columns_of(found, n):
+    """Columns of a `Minimum`, its energy per disk."""
     known = {"energy": found.energy / n, "jammed": float(found.jammed)}
     return known | {name: getattr(found, name) for name in ("pressure", "coordination")}
 
 
 def _sheared(protocol, start, solver, tolerance):
-    """Samples along quasistatic shear; those after a minimum that was not found are nan."""
+    """Rows of samples along quasistatic shear; empty from the first minimum on that is not found."""
     every, rows = max(1, round(protocol.every / protocol.step)), []
     try:
         slow = SlowShear(start, protocol.step, solver, tolerance)
@@ -149,31 +149,31 @@ def _sheared(protocol, start, solver, tolerance):
         while len(rows) < protocol.rows:
             for _ in range(every):
                 slow.advance()
-            rows.append({"strain": slow.strain, **_known(minimum_of(slow.disks), slow.disks.n)})
+            rows.append({"strain": slow.strain, **_columns_of(minimum_of(slow.disks), slow.disks.n)})
     except ConvergenceError:
         pass
     return rows + [{}] * (protocol.rows - len(rows))
 
 
-def _sheared_on(protocol, start, solver, tolerance):
-    """As `_quenched`: the minimum after quasistatic shear by `protocol.strain`."""
+def _minimum_after_shear(protocol, start, solver, tolerance):
+    """The same as `_quenched` returns, of the minimum after quasistatic shear by `protocol.strain`."""
     try:
         slow = SlowShear(start, protocol.step, solver, tolerance)
         for _ in range(round(protocol.strain / protocol.step)):
             slow.advance()
     except ConvergenceError:
         return {}, None, False
-    return _known(slow.found, start.n), slow.disks, slow.found.jammed
+    return _columns_of(slow.found, start.n), slow.disks, slow.found.jammed
 
 
 def _annealed(protocol, start, seed, solver, tolerance):
-    """The sample that a cooled liquid is quenched to, its φ_J, and how far its sizes have separated."""
-    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, _OTHER])))
+    """Row of the minimum that a cooled liquid is quenched to, with φ_J and segregation; empty if none is found."""
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, _THERMAL])))
     heat = protocol.temperature * start.potential.k
     cold = annealed(settle(start, SETTLED), heat, protocol.cooling_rate, protocol.sweeps, generator)
     known, disks, jammed = _quenched(cold, solver, tolerance)
     if disks is not None and protocol.strain:
-        known, disks, jammed = _sheared_on(protocol, disks, solver, tolerance)
+        known, disks, jammed = _minimum_after_shear(protocol, disks, solver, tolerance)
     if disks is None:
         return {}
     return known | {
@@ -183,10 +183,10 @@ def _annealed(protocol, start, seed, solver, tolerance):
 
 
 def jamming_density(disks: Disks, jammed: bool, solver, tolerance: float) -> tuple:
-    """(φ_J of a minimum, the loosest state that is known to jam): where its energy vanishes as the cell grows.
+    """(φ_J, disks of the loosest jammed state found): φ_J is where the energy of a minimum vanishes as the cell grows.
 
-    One that is not jammed is compressed first. φ_J is bracketed to EXACT, always from the loosest state that is known
-    to jam towards looser ones. (nan, None) where a minimum is not found.
+    disks: the minimum; if not jammed, it is compressed first. φ_J is bracketed to EXACT; every looser state is made
+    from the loosest jammed one. (nan, None) where a minimum is not found, or none jams up to DENSEST.
     """
     while not jammed:
         if disks.phi + STEP > DENSEST:
@@ -216,7 +216,7 @@ def _scaled(disks, phi):
 
 
 def segregation(disks: Disks) -> float:
-    """How far sizes have separated: the assortativity of being large among neighbours, 0 where mixed; nan of one size.
+    """Separation of sizes: assortativity of neighbours as large or small, 0 if mixed at random; nan for one size.
 
     Neighbours are disks with a gap of less than NEAR mean diameters.
     """

@@ -1,4 +1,4 @@
-"""What a run says in the end: means over the steady part with errors, the energy balance, and whether to trust them."""
+"""Results of a run: means over its steady part with errors, the energy balance, and warnings about them."""
 
 from dataclasses import dataclass
 
@@ -7,28 +7,28 @@ import numpy as np
 from jampetsc.analysis.averages import FEW, Average
 from jampetsc.flows.record import ON_WALLS
 
-UNBALANCED = 0.05  # of the dissipation, by which work may miss it
-ROWS = 20  # from which on the balance is looked at
+UNBALANCED = 0.05  # largest |mismatch| of the energy balance
+ROWS = 20  # fewest for which the balance is checked
 
 
 @dataclass(frozen=True)
 class Means:
-    """Averages of the series of a record over strain > discard; stresses are sums of their parts."""
+    """Averages of the series of a record over strain > discard; stress and pressure are sums of their parts."""
 
     shear_stress: Average
     pressure: Average
     coordination: Average
-    largest_cluster: float  # disks in the largest cluster of those that touch
-    walls: dict  # name -> Average of what is looked up on walls, where there are any
+    largest_cluster: float  # mean number of disks in the largest cluster of touching disks
+    walls: dict  # name -> Average of stress and pressure on walls; empty without walls
     parts: np.ndarray  # (3,) elastic, viscous and kinetic shear stress
-    strain: float  # that the means are over
+    strain: float  # over which the means are taken
     spacing: float  # strain between rows
     energy_balance: float  # σγ̇V/⟨D⟩
     mismatch: float  # (work − dissipation − growth of the energy) / dissipation
 
     @classmethod
     def of(cls, record, discard: float, rate: float, area: float) -> "Means | None":
-        """Means of a `flows.record.Record`; None where nothing is kept."""
+        """Means of a `flows.record.Record`; None if it has no rows after discard."""
         strain = record.series("strain")
         kept = strain > discard * (1 + 1e-12)
         if not kept.any():
@@ -37,7 +37,7 @@ class Means:
         stress, pressure = (record.series(name)[kept] for name in ("shear_stress", "pressure"))
         energy, spent = (record.series(name)[kept] for name in ("energy", "dissipation"))
         work = rate * area * stress.sum(1)
-        # Energies are means over rows too: their change is that between the middles of the first and the last.
+        # An energy is the mean over a row: their change is that from the middle of the first row to that of the last.
         inner = np.ones(len(work))
         inner[[0, -1]] = 0.5
         duration = spacing / rate
@@ -62,8 +62,8 @@ class Means:
         return self.shear_stress.time * self.spacing
 
     def warnings(self) -> list[str]:
-        """What a reader of the means must know, in lines."""
-        found = short(self.strain, self.spacing, self.shear_stress, self.pressure)
+        """Warnings about the means, one line each."""
+        found = short_run_warnings(self.strain, self.spacing, self.shear_stress, self.pressure)
         if self.shear_stress.drifts or self.pressure.drifts:
             found.append(
                 "the tenths of the run differ by more than its fluctuations explain: slow changes, or not steady yet; "
@@ -86,13 +86,13 @@ class Means:
         }
 
 
-def left_out(strain: float, discard: float | None) -> float:
-    """Strain before the means of a run: what is asked for, or 1 and at most half of the run."""
+def discarded_strain(strain: float, discard: float | None) -> float:
+    """Strain before the means of a run: `discard`, or by default 1, but at most half of the run."""
     return min(1.0, 0.5 * strain) if discard is None else discard
 
 
 def facts_of(**averages) -> dict:
-    """Attributes of averages by name: mean, error, and the independent samples that it is worth."""
+    """Attributes of averages by name: mean, error, and number of independent samples."""
     return {
         f"{name}_{part}": getattr(one, part)
         for name, one in averages.items()
@@ -100,13 +100,13 @@ def facts_of(**averages) -> dict:
     }
 
 
-def worth(shear_stress, pressure) -> str:
-    """How much the means of stress and pressure rest on."""
+def independent_samples(shear_stress, pressure) -> str:
+    """Independent samples of stress and pressure, in words."""
     return f"worth {shear_stress.samples:.0f} and {pressure.samples:.0f} independent values of sigma and p"
 
 
-def short(strain, spacing, *averages) -> list[str]:
-    """What to say of means over this strain, rows `spacing` apart, where one of them has FEW samples."""
+def short_run_warnings(strain, spacing, *averages) -> list[str]:
+    """Warning, if any, that one of the averages over `strain`, rows `spacing` apart, has too few samples (see FEW)."""
     least = min(averages, key=lambda one: one.samples)
     if least.enough:
         return []

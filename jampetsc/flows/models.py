@@ -28,13 +28,13 @@ QUALITY = 0.3  # Q below which damping is stiff and backward Euler takes over fr
 
 @dataclass(frozen=True)
 class Model:
-    """What flows.
+    """Damping and mass of the disks of a flow.
 
     law        damping law
     mass       m of every disk, 0: overdamped
     friction   δ, drag beside contact damping, in units of k_d
-    name       row of MODELS, if it is one
-    quality    Q = √(m k)/(k τ₁), which says the mass once the stiffness k is known, see `of_stiffness`
+    name       its name in MODELS, if it has one
+    quality    Q = √(m k)/(k τ₁), which sets the mass when the stiffness k is known, see `of_stiffness`
 
     Raises InputError for values out of range and where overdamped motion has no unique velocities.
     """
@@ -69,7 +69,7 @@ class Model:
             self._check_overdamped()
 
     def _check_overdamped(self):
-        """Raise InputError where forces do not decide the velocities."""
+        """Raise InputError where forces do not determine the velocities."""
         law = self.law
         remedy = f"give {named('mass')}"
         if law.couples_rotations:
@@ -93,7 +93,7 @@ class Model:
         return self.law.drag + self.friction
 
     def of_stiffness(self, k: float) -> "Model":
-        """The same with the mass Q² k τ₁² of its quality, where it has one."""
+        """The model with its mass, Q² k τ₁² if it was given by a quality Q."""
         if self.quality is None:
             return self
         return replace(self, mass=self.quality**2 * k * self.law.tau1**2, quality=None)
@@ -122,7 +122,7 @@ def model_of(name: str, *, mass=None, quality=None, friction=0.0, tau1=1.0) -> M
 
 
 def _maker(name):
-    """The function of a row of MODELS."""
+    """The function that makes the model of this name."""
     law, massive = MODELS[name]
 
     def make(**given):
@@ -147,7 +147,7 @@ globals().update({name: _maker(name) for name in MODELS})  # jampetsc.models.CD0
 
 @dataclass(frozen=True)
 class Scheme:
-    """How a model is integrated: the time step and the method that suits it."""
+    """How a model is integrated: time step, method and tolerance."""
 
     step: float  # Δt
     method: str  # "euler" | "heun" | "verlet" | "backward Euler"
@@ -169,8 +169,9 @@ def stiffest(disks) -> float:
 def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> Scheme:
     """The scheme that suits a model at this rate; `step` overrides its time step.
 
-    Times are those of the stiffest contact, k/σ² at the smallest σ, against damping c = kτ₁ × weight and mass m:
-    drag 0.2 c/k (unstable from 0.56), contacts 0.5 c/k (unstable from 2), velocity Verlet 0.1 min(m/c, √(m/k)).
+    Δt follows from the stiffest contact, k/σ² at the smallest σ, damping c = kτ₁ × weight and mass m: drag 0.2 c/k
+    (unstable from 0.56), contacts 0.5 c/k (unstable from 2), backward Euler 0.25 c/k, velocity Verlet
+    0.1 min(m/c, √(m/k)). c is the weakest of several without mass, the strongest with.
     """
     law, potential, stiffness = model.law, disks.potential, stiffest(disks)
     unit = potential.k * law.tau1
@@ -178,16 +179,16 @@ def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> S
     drag = unit * model.drag
     fast = rate * unit / stiffness > 5e-3
     if not model.mass:
-        slowest = 0.5 * min(weights) / stiffness if weights else 0.2 * drag / stiffness
+        longest = 0.5 * min(weights) / stiffness if weights else 0.2 * drag / stiffness
         method = "heun" if fast else "euler"
     else:
         swing = math.sqrt(model.mass / stiffness)
-        # A disk's moment of inertia is half its mass times ρ²: sliding brakes it so much the faster.
+        # A disk's moment of inertia is only ½ m ρ²: sliding damps its spin at a higher rate than its velocity.
         damping = max([*weights, drag, 4.0 * unit * law.sliding])
-        # What brakes a disk in every direction makes it follow the forces; else it flies between collisions of m/c.
+        # Damped in every direction, a disk follows the forces; else it flies freely between collisions that last m/c.
         braked = drag or (law.normal and law.transverse)
         if swing * stiffness / damping < QUALITY and braked and not law.couples_rotations:
-            method, slowest = "backward Euler", 0.25 * damping / stiffness
+            method, longest = "backward Euler", 0.25 * damping / stiffness
         else:
-            method, slowest = "verlet", 0.1 * min(model.mass / damping, swing)
-    return Scheme(step or min(slowest, STRAIN_STEP / rate), method, tolerance)
+            method, longest = "verlet", 0.1 * min(model.mass / damping, swing)
+    return Scheme(step or min(longest, STRAIN_STEP / rate), method, tolerance)

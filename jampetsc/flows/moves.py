@@ -1,4 +1,4 @@
-"""What time steps of steady shear are made of: what is constant, where disks are, moves of a domain's disks, sums."""
+"""Parts of the time steps of steady shear: their constants and arrays, moves of the disks of a domain, sums."""
 
 from typing import NamedTuple
 
@@ -8,52 +8,54 @@ from jampetsc.core.compiled import FAST, NUMBERS, compiled
 from jampetsc.core.domains import Domains, choose_near
 from jampetsc.core.pairs import are_worn, is_stale
 
-# Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², U, dissipation, iterations, steps
+# Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², energy U + kinetic, dissipation,
+# iterations, steps
 TALLY = ("elastic_xy", "elastic", "viscous_xy", "viscous", "kinetic_xy", "kinetic", "energy", "dissipation")
 TALLY += ("iterations", "steps")
-SUMMED = 8  # of them are sums over domains; each domain also has the farthest offset and the longest move
+# the first ones, sums over domains; the last two columns of `Space.sums` are max |o| and the longest move of a domain
+SUMMED = 8
 ITERATIONS, STEPS = (TALLY.index(name) for name in ("iterations", "steps"))
 DONE, STALE, BLOWN_UP, UNSOLVED = range(4)
-JUMP = 0.5  # σ_max: the longest move of one step; beyond it the step is unstable
-FAR = 1e300  # moved so far, no pairs are near any more
+JUMP = 0.5  # in units of σ_max, longest move of a stable step
+FAR = 1e300  # as path since near pairs were chosen: there are none yet
 
 
 class Task(NamedTuple):
-    """What the steps from one list to the next are."""
+    """Constants of the time steps from one pair list to the next."""
 
     law: tuple  # `Potential.constants`
     weights: tuple  # (c_∥, c_⊥, c_s) of contacts
-    drag: float
+    drag: float  # k_d
     mass: float
     rate: float
-    background: float  # η_F V
-    held: int  # the first so many disks keep u = 0
+    background: float  # η_F kτ₁ V, viscosity of the fluid
+    held: int  # number of disks, the first ones, that keep u = 0
     listed: tuple  # (σ_max, skin of the list, that of the near pairs)
     step: float  # Δt
     heun: bool
     tolerance: float  # of velocities
-    since: int  # steps since the list was made
+    since: int  # steps from the list to the first of these
 
 
 class Space(NamedTuple):
-    """Where disks are, and what goes with it."""
+    """Arrays that time steps read and write, shared by all threads."""
 
     listed: Domains
-    near: Domains
-    o: np.ndarray  # (N, 2)
-    ahead: np.ndarray  # (N, 2) where they go next
-    u: np.ndarray  # (N, 2)
+    near: Domains  # pairs within a thinner skin
+    o: np.ndarray  # (N, 2) offsets
+    ahead: np.ndarray  # (N, 2) offsets after the step, of the predictor or of the whole
+    u: np.ndarray  # (N, 2) non-affine velocities
     after: np.ndarray  # (2, N, 2) velocities at other times
     forces: np.ndarray  # (N, 2)
     sums: (
         np.ndarray
-    )  # (2, D, SUMMED + 2) of a domain, for two meetings: some threads still read those of the last one
-    seen: np.ndarray  # (TALLY,)
+    )  # (2, D, SUMMED + 2) of domains; used in turn, as some threads still read the previous ones
+    tally: np.ndarray  # (TALLY,) sums over time steps
 
 
 @compiled(False)
 def move(o, u, g, dt, out):
-    """out = o + dt (u_x − g u_y, u_y), all (n, 2); returns max |out| and the longest move, NaN where there is one."""
+    """out = o + dt (u_x − g u_y, u_y), all (n, 2); returns max |out| and the longest move, NaN if any is."""
     far = longest = total = 0.0
     for a in range(len(o)):
         dx = dt * (u[a, 0] - g * u[a, 1])
@@ -70,9 +72,10 @@ def move(o, u, g, dt, out):
 
 @compiled(NUMBERS, forceinline=True)
 def drift(o, forces, mobility, g, dt, u, out):
-    """u = mobility · forces, and out = o moved by it, (n, 2) each, in one pass: four would take half as long as forces.
+    """u = mobility · forces, and out = o moved by it, (n, 2) each.
 
-    Returns (max |out|, longest move, NaN where there is one, Σ u_x u_y, Σ |u|²).
+    In one pass: four of them would take half as long as the forces. Returns (max |out|, longest move, NaN if any is,
+    Σ u_x u_y, Σ |u|²).
     """
     far = longest = xy = squares = 0.0
     for a in range(len(o)):
@@ -91,10 +94,10 @@ def drift(o, forces, mobility, g, dt, u, out):
 
 @compiled(NUMBERS, forceinline=True)
 def kick(o, forces, predicted, task, g, u, a_last, after, out):
-    """Accelerations into a_last, u half a step on, and out = o moved by it, (n, 2) each, in one pass.
+    """Accelerations into a_last, u from half a step before to half a step after now, out = o moved by it, (n, 2) each.
 
-    forces: of bonds; `predicted`: the velocities now; `after`: those predicted for the next step. Returns as `drift`,
-    the sums of the velocities now.
+    forces: of bonds; `predicted`: velocities now; `after`: those predicted for the next step. Returns the same as
+    `drift`, with the sums of the velocities now.
     """
     drag, mass, rate, dt = task.drag, task.mass, task.rate, task.step
     far = longest = xy = squares = total = 0.0
@@ -128,55 +131,55 @@ def squares_of(u):
 
 
 @compiled(FAST, forceinline=True)
-def note(task, sums, xy, squares, seen):
-    """What one domain has of an instant into `seen`; sums: of its bonds, xy and squares: see `squares_of`."""
+def write_terms(task, bonds, xy, squares, row):
+    """The terms of TALLY of one domain into `row`; bonds: Sums of its forces; xy, squares: see `squares_of`."""
     alpha = 2.5 if task.law[1] else 2.0
-    seen[0] = sums.elastic_xy
-    seen[1] = sums.elastic_xx + sums.elastic_yy
-    seen[2] = sums.viscous_xy
-    seen[3] = sums.viscous_xx + sums.viscous_yy
-    seen[4] = task.mass * xy
-    seen[5] = task.mass * squares
-    seen[6] = sums.energy / alpha + 0.5 * task.mass * squares
-    seen[7] = sums.dissipation + task.drag * squares
+    row[0] = bonds.elastic_xy
+    row[1] = bonds.elastic_xx + bonds.elastic_yy
+    row[2] = bonds.viscous_xy
+    row[3] = bonds.viscous_xx + bonds.viscous_yy
+    row[4] = task.mass * xy
+    row[5] = task.mass * squares
+    row[6] = bonds.energy / alpha + 0.5 * task.mass * squares
+    row[7] = bonds.dissipation + task.drag * squares
 
 
 @compiled(False)
-def tell(task, sums, seen):
-    """Add what all domains have noted, sums (D, SUMMED + 2), to `seen`, and what the fluid behind the disks has."""
+def add_terms(task, sums, tally):
+    """Add a time step to `tally` (TALLY,): terms of all domains, sums (D, SUMMED + 2), and of the background fluid."""
     fluid = task.background * task.rate
     for s in range(SUMMED):
         total = 0.0
         for d in range(len(sums)):
             total += sums[d, s]
-        seen[s] += total
-    seen[2] -= fluid
-    seen[7] += fluid * task.rate
-    seen[STEPS] += 1.0
+        tally[s] += total
+    tally[2] -= fluid
+    tally[7] += fluid * task.rate
+    tally[STEPS] += 1.0
 
 
 @compiled(False)
-def verdict_of(far, longest, g, listed):
-    """What a move means for the list: listed = (σ_max, its skin, that of its near pairs)."""
+def status_of(far, longest, g, listed):
+    """BLOWN_UP, STALE or DONE after a move; far = max |o|, listed = (σ_max, skin of the list, skin of near pairs)."""
     if not longest <= JUMP * listed[0]:
         return BLOWN_UP
     return STALE if is_stale(far, 0.0, g, listed[0], listed[1]) else DONE
 
 
 @compiled(False)
-def reached(task, sums, g):
-    """(`verdict_of` the moves of all domains, the longest one)."""
+def joint_status(task, sums, g):
+    """(`status_of` the moves of all domains, longest move), from sums (D, SUMMED + 2)."""
     far = longest = 0.0
     for d in range(len(sums)):
         far = max(far, sums[d, SUMMED])
         move = sums[d, SUMMED + 1]
         longest = longest if move <= longest or longest != longest else move  # NaN stays
-    return verdict_of(far, longest, g, task.listed), longest
+    return status_of(far, longest, g, task.listed), longest
 
 
 @compiled(False)
 def own_domains(me, threads, space):
-    """(first, last + 1) of the domains of thread `me`, and its disks likewise."""
+    """(first, last + 1) of the domains of thread `me`, and of their disks."""
     disks = space.listed.disks
     number = len(disks) - 1
     first, last = me * number // threads, (me + 1) * number // threads
@@ -184,8 +187,11 @@ def own_domains(me, threads, space):
 
 
 @compiled(False)
-def with_near(space, task, mine, o, g, moved, then):
-    """Near pairs that serve at offsets o and shear g; (moved, then) as in `core.pairs.are_worn`, FAR at first."""
+def renew_near_pairs(space, task, mine, o, g, moved, then):
+    """Choose near pairs anew if the present ones may miss a contact at offsets o and shear g.
+
+    moved: path of the disks since they were chosen, FAR before the first time; then: shear at which they were. Returns
+    (moved, then) of the pairs that serve now; see `core.pairs.are_worn`."""
     largest, _, skin = task.listed
     if not are_worn(moved, g, then, largest, skin):
         return moved, then

@@ -1,4 +1,4 @@
-"""A run of quasistatic shear from its start, or from where it was stopped, to its result."""
+"""A run of quasistatic shear from its start, or from a checkpoint, to its result."""
 
 import time
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from jampetsc.analysis.averages import Average
 from jampetsc.core.disks import PLACES, Disks
 from jampetsc.flows.facts import facts_of_disks, run_provenance
-from jampetsc.flows.means import facts_of, left_out, short, worth
+from jampetsc.flows.means import discarded_strain, facts_of, independent_samples, short_run_warnings
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SHARE, SlowShear
 from jampetsc.flows.record import Record, remove_checkpoint, resumed, write_checkpoint, write_record
 from jampetsc.flows.run import INTERVAL, LINES
@@ -17,7 +17,7 @@ from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
 FORMAT = "jampetsc-shear"
-# per step: strain, then what `quasistatic_shear.Minimum` and `Step` have
+# of a step: strain, then the fields of `quasistatic_shear.Minimum` and `Step`
 COLUMNS = {
     "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "coordination": 0, "nonaffine": 0,
     "dissipated": 0, "plastic": 0, "evaluations": 0,
@@ -27,7 +27,7 @@ AVERAGED = ("shear_stress", "pressure", "energy", "coordination", "jammed", "pla
 
 @dataclass(frozen=True, eq=False)
 class SlowRun:
-    """One run: disks at the start, the attributes that say where they come from, strain of a step and of all."""
+    """One run: disks at the start, attributes of their origin, strain of a step and in all."""
 
     disks: Disks
     origin: dict
@@ -38,25 +38,25 @@ class SlowRun:
 
     @property
     def steps(self) -> int:
-        """How many there are."""
+        """Number of steps."""
         return max(1, int(np.ceil(self.strain / self.step - 1e-9)))
 
     @property
     def discard(self) -> float:
         """Strain before the means."""
-        return left_out(self.strain, self.given_discard)
+        return discarded_strain(self.strain, self.given_discard)
 
     @property
     def settings(self) -> dict:
-        """What decides the result, as plain values."""
+        """Everything that determines the result, as plain values."""
         names = ("step", "steps", "tolerance", "discard")
         return {"start": self.disks.fingerprint} | {name: getattr(self, name) for name in names}
 
 
 def execute(run: SlowRun, solver, to, last=None, team=None) -> str:
-    """Shear; what a user wants to read. The result goes into the outlet `to`, the last minimum to the file `last`.
+    """Shear, and return a summary. The result goes into the outlet `to`, the last minimum to the file `last`.
 
-    solver: `petsc.local.NewtonSolver` for the quenches; team: the `core.threads.Team` that does them.
+    solver: `petsc.local.NewtonSolver` for the quenches; team: the `core.threads.Team` that runs them.
 
     Raises ConvergenceError where no minimum is found.
     """
@@ -67,8 +67,8 @@ def execute(run: SlowRun, solver, to, last=None, team=None) -> str:
         record, state = kept
         slow.restore(state)
     saved = time.monotonic()
-    said = len(record) * LINES // run.steps
-    with Progress(LINES, "shear", done=said) as progress:
+    lines_done = len(record) * LINES // run.steps
+    with Progress(LINES, "shear", done=lines_done) as progress:
         if kept is not None:
             progress.note(f"{to}: goes on from strain {slow.strain:.6g}")
         while len(record) < run.steps:
@@ -77,8 +77,8 @@ def execute(run: SlowRun, solver, to, last=None, team=None) -> str:
             if time.monotonic() - saved > INTERVAL or len(record) == run.steps:
                 write_checkpoint(to.kept, record, slow.state(), run.settings)
                 saved = time.monotonic()
-            if len(record) * LINES // run.steps > said:
-                said += 1
+            if len(record) * LINES // run.steps > lines_done:
+                lines_done += 1
                 progress.step(f"strain {slow.strain:.4g}, p {slow.found.pressure:.4g}")
     after = record.series("strain") > run.discard * (1 + 1e-12)
     averages = {name: Average.of(record.series(name)[after]) for name in AVERAGED}  # jammed or not
@@ -111,12 +111,12 @@ def _facts(run, averages, slow, seconds):
 
 def _summary(run, to, averages, record):
     stress, pressure = averages["shear_stress"], averages["pressure"]
-    notes = short(run.strain - run.discard, run.step, stress, pressure)
+    notes = short_run_warnings(run.strain - run.discard, run.step, stress, pressure)
     cost, events = record.series("evaluations").mean(), int(record.series("plastic").sum())
     return (
         f"{to}: phi = {run.disks.phi:.6g}, {len(record)} steps of {run.step:g}, {cost:.0f} force evaluations each, "
         f"{events} plastic event{'s' * (events != 1)}\n"
         f"  sigma = {stress}, p = {pressure}, jammed {averages['jammed']}, "
-        f"Z = {averages['coordination']}; {worth(stress, pressure)}"
+        f"Z = {averages['coordination']}; {independent_samples(stress, pressure)}"
         + "".join(f"\n  note: {line}" for line in notes)
     )

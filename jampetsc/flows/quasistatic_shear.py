@@ -1,9 +1,8 @@
 """Quasistatic shear: an affine step of the cell, the minimum of the energy there, and again (Vågberg, thesis sec. 4.7).
 
 Between rearrangements the disks follow the cell by a displacement that is nearly the same from step to step: each
-step starts from the affine positions moved once more as in the step before, and goes down by `minimise.warm_start`,
-with a factor of the Hessian that serves for many steps. Only where that takes too long a quench is begun, by
-`minimise.minimise`.
+step starts from the affine positions displaced further as in the step before, and descends by `minimise.warm_start`,
+with a factor of the Hessian that serves for many steps. Only if that takes too long, `minimise.minimise` quenches.
 """
 
 from dataclasses import dataclass, replace
@@ -20,24 +19,26 @@ from jampetsc.minimise.minimise import UNJAMMED, Effort, minimise, stress_unit
 from jampetsc.minimise.newton import FORCE_FLOOR
 
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
-# mean diameters: the longest move of a disk on the way down, since longer ones leave the path of a rearrangement for
-# minima where fewer disks touch; and within a step of shear, for the next to begin with: farther, disks rearranged
+# mean diameters: longest move in one iteration of the descent, as longer ones leave the path of a rearrangement for
+# minima where fewer disks touch; and longest displacement in a step that the next one repeats: beyond it disks rearranged
 LONGEST = 0.01
-RENEWAL = 50  # steps after which everything but the disks is made anew
-AGED = 12  # evaluations of a step with the factor there is,
-FRESH = 40  # and with a new one, before disks are taken to rearrange
-RESTING = 3e-2  # max |F| / (p d) to which they then go down without one
-PATIENCE = 1500  # evaluations before a quench is begun
+RENEWAL = 50  # steps between two calls of `_renew`
+AGED = 12  # evaluations of a step with the present factor before a new one is made,
+FRESH = 40  # and with that one before disks are taken to rearrange
+RESTING = 3e-2  # max |F| / (p d) to which they then descend without a factor
+PATIENCE = 1500  # evaluations of a step, in all, before a quench is begun
 DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
-NEARBY = 3e-3  # mean diameters: disks that are apart by less may touch within the step
-ORDERED = 0.1  # mean diameters: the order of elimination is found as if disks apart by less touched,
-FILLED = 1.25  # and anew where a factor has grown by as much since
-SHARE = 0.25  # of G_A V Δγ²: what a step must dissipate to be a plastic event
+NEARBY = (
+    3e-3  # mean diameters: pairs with a smaller gap are in the Hessian, as they may touch within the step
+)
+ORDERED = 0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched,
+FILLED = 1.25  # and found anew if a factor has so many times the entries of the first one in that order
+SHARE = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """What is kept of a minimum."""
+    """Energy, stress and contacts of a minimum."""
 
     energy: float  # U
     shear_stress: float  # σ_xy
@@ -48,14 +49,14 @@ class Minimum:
 
 @dataclass(frozen=True)
 class Step:
-    """What is kept of a step.
+    """Displacement, dissipation and cost of a step.
 
     The work of the stress, by the trapezium rule, is stored or dissipated: V ½(σ + σ') Δγ = U' − U + E. On an elastic
-    branch |E| is the error of the rule, Δγ²/8 times the change of V dσ/dγ in the step, which lies below V G_A, the
-    modulus of affine motion. A plastic event is a step from a jammed state with E > ¼ G_A V Δγ²: disks rearranged.
+    branch |E| is the error of the rule, at most Δγ²/8 times the change of V dσ/dγ in the step, which lies below V G_A,
+    the modulus of affine motion. A plastic event is a step from a jammed state with E > ¼ G_A V Δγ²: disks rearranged.
     """
 
-    nonaffine: float  # rms displacement beside the affine one, in mean diameters
+    nonaffine: float  # rms non-affine displacement, in mean diameters
     dissipated: float  # E
     plastic: bool
     evaluations: int  # of forces
@@ -74,9 +75,9 @@ def minimum_of(disks: Disks) -> Minimum:
 
 
 class SlowShear(ListedDisks):
-    """Disks sheared step by step; `disks` is the last minimum, `found` what it is like, `effort` what it has cost.
+    """Disks sheared step by step; `disks`: the last minimum, `found`: its Minimum, `effort`: cost so far.
 
-    team: the threads of quenches; how many does not change anything.
+    team: the threads of quenches; their number does not change the result.
     Raises ConvergenceError where no minimum is found, as `minimise.minimise.minimise`.
     """
 
@@ -84,7 +85,7 @@ class SlowShear(ListedDisks):
         self.step, self.solver, self.tolerance, self.team = step, solver, tolerance, team
         self.effort = Effort()
         self.steps = 0
-        self.last = np.zeros((disks.n, 2))  # displacement beside the affine one in the last step,
+        self.last = np.zeros((disks.n, 2))  # non-affine displacement in the last step,
         self._moved = np.zeros((disks.n, 2))  # and in this one
         self._unit, self._law = stress_unit(disks), disks.potential.constants
         self._memory = compiled.nothing_remembered(disks.n)
@@ -113,15 +114,15 @@ class SlowShear(ListedDisks):
         return found.disks.folded()
 
     def list(self, disks):
-        """See `ListedDisks`; the disks are at a minimum, or near one."""
+        """See `ListedDisks`; `shear` is zero then."""
         super().list(disks)
         self.shear, self.area = 0.0, disks.area
 
     def _renew(self):
-        """Make everything anew that decides the last digits, so that a run may go on from here."""
+        """Fold the disks and make list, order and factor anew: from here `restore` repeats a run to the last bit."""
         self.fold()
         self._anchor = self.reference, self.last.copy(), self.steps, replace(self.effort)
-        self._arrange()
+        self._find_order()
         law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
         scale = float(law.scale(np.array(self.diameter)))
         usual = scale * (2.0 * pressure * self.diameter * scale / law.k) ** (1.0 / (law.alpha - 1.0))
@@ -129,8 +130,8 @@ class SlowShear(ListedDisks):
         self._factorise()
         self.found = self._minimum(self._forces())
 
-    def _arrange(self):
-        """An order of elimination for the disks where they are now."""
+    def _find_order(self):
+        """Find an order of elimination for the present positions."""
         r = self.pairs.r0 + (self.offsets[self.pairs.j] - self.offsets[self.pairs.i]).T
         r[0] += self.shear * r[1]
         near = np.hypot(*r) < self.pairs.sigma + ORDERED * self.diameter
@@ -138,7 +139,7 @@ class SlowShear(ListedDisks):
         self._entries = 0
 
     def _factorise(self):
-        """A factor of the Hessian as it is now, and nothing remembered."""
+        """Factorise the present Hessian, and clear the memory of L-BFGS."""
         while True:
             self._factor = compiled.factor_of(
                 self._order, self.pairs.arrays, self.offsets, self.shear, self._law,
@@ -148,13 +149,13 @@ class SlowShear(ListedDisks):
             self._entries = self._entries or entries
             if entries <= FILLED * self._entries:
                 break
-            self._arrange()
+            self._find_order()
         self._memory[2][0] = 0
         self.effort.newton_steps += 1
 
-    def _go_down(self, forces, share, budget):
+    def _descend(self, forces, tolerance, budget):
         scalars = (
-            self.largest, self.skin, self.area, self.shear, share, FORCE_FLOOR * self._stiffness * self.diameter,
+            self.largest, self.skin, self.area, self.shear, tolerance, FORCE_FLOOR * self._stiffness * self.diameter,
             UNJAMMED * self._unit, self.diameter, LONGEST * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
         return compiled.follow(
@@ -169,31 +170,31 @@ class SlowShear(ListedDisks):
         )
 
     def _follow(self):
-        """Down to the minimum; the sums of `bond_forces` there, None where it was lost."""
+        """Descend to the minimum; the sums of `bond_forces` there, None if it is not found within PATIENCE."""
         forces, spent = np.empty_like(self.offsets), 0
-        share, budget = self.tolerance, AGED
+        tolerance, budget = self.tolerance, AGED
         while spent < PATIENCE:
-            status, evaluations, sums = self._go_down(forces, share, budget)
+            status, evaluations, sums = self._descend(forces, tolerance, budget)
             spent += evaluations
             self.effort.evaluations += evaluations
-            if status == compiled.APART or (status == compiled.CONVERGED and share == self.tolerance):
+            if status == compiled.APART or (status == compiled.CONVERGED and tolerance == self.tolerance):
                 return sums
             if status == compiled.LOST:
                 return None
             if status == compiled.STALE:
                 self.fold()
-            elif share == self.tolerance and budget == FRESH:
-                # disks rearrange: the Hessian is not worth its factor until they come to rest
+            elif tolerance == self.tolerance and budget == FRESH:
+                # disks rearrange: until they come to rest a factor of the Hessian does not pay
                 self._factor = compiled.NO_FACTOR
                 self._memory[2][0] = 0
-                share, budget = max(2.0 * self.tolerance, RESTING), PATIENCE
+                tolerance, budget = max(2.0 * self.tolerance, RESTING), PATIENCE
             else:
                 self._factorise()
-                share, budget = self.tolerance, FRESH
+                tolerance, budget = self.tolerance, FRESH
         return None
 
     def advance(self) -> Step:
-        """One step. `found` is the minimum it ends in."""
+        """One step of shear, to the minimum that `found` describes."""
         if self.steps % RENEWAL == 0:
             self._renew()
         before, spent = self.found, self.effort.evaluations
@@ -205,8 +206,8 @@ class SlowShear(ListedDisks):
         if sums is None:
             here = self.disks
             self.list(self._quenched(here))
-            turns = (self.reference.base - here.base) + (self.reference.offset - here.offset)
-            self._moved += turns - np.round(turns @ np.linalg.inv(here.cell)) @ here.cell
+            displacement = (self.reference.base - here.base) + (self.reference.offset - here.offset)
+            self._moved += displacement - np.round(displacement @ np.linalg.inv(here.cell)) @ here.cell
             self._factorise()
             sums = self._forces()
         self.steps += 1
@@ -223,8 +224,8 @@ class SlowShear(ListedDisks):
         )
 
     def _forces(self):
-        """Sums of `bond_forces` as it is now."""
-        return self._go_down(np.empty_like(self.offsets), self.tolerance, 0)[2]
+        """Sums of `bond_forces` at the present positions."""
+        return self._descend(np.empty_like(self.offsets), self.tolerance, 0)[2]
 
     def _minimum(self, sums):
         disks, n = self.reference, self.reference.n
@@ -240,14 +241,14 @@ class SlowShear(ListedDisks):
         )
 
     def state(self) -> dict:
-        """Everything that goes on from here, but for the steps since all was made anew: `restore` takes them again."""
+        """Arrays and numbers for `restore`: the state at the last `_renew`, and the number of steps in all."""
         disks, last, steps, effort = self._anchor
         arrays = {name: getattr(disks, name) for name in PLACES} | {"last": last}
         counts = {"evaluations": effort.evaluations, "newton_steps": effort.newton_steps}
         return arrays | counts | {"anchor": steps, "steps": self.steps}
 
     def restore(self, state: dict) -> None:
-        """Go on from what `state` gave, to the last bit."""
+        """Return to the state that `state` gave, to the last bit, by repeating the steps since its `_renew`."""
         self.list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
         self.last, self.steps = np.asarray(state["last"], float), int(state["anchor"])
         self.effort = Effort(int(state["evaluations"]), int(state["newton_steps"]))

@@ -1,4 +1,4 @@
-"""The flow file: series over strain, snapshots, means with errors, and the state from which the run goes on.
+"""The flow file: series over strain, snapshots, means with errors, and the state from which a run is continued.
 
 A checkpoint holds the same but the means, see `io.checkpoint`.
 """
@@ -14,17 +14,17 @@ from jampetsc.io.checkpoint import Checkpoint, discard, folder_of
 from jampetsc.io.hdf5 import reading
 
 FORMAT = "jampetsc-flow"
-STATE = "state/"  # before the names of what a run goes on from
-# name -> columns, per row; the first six are means over the strain since the row before, the others are looked up
+STATE = "state/"  # prefix of the arrays from which a run is continued
+# name -> columns: strain and time at the end of a row, four means over the row, the others at its end again
 SERIES = {
     "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
     "coordination": 0, "clusters": 0, "largest_cluster": 0, "deepest_overlap": 0,
 }  # fmt: skip
 SNAPSHOTS = ("strain", "positions", "velocities", "cell", "images", "spins")  # spins where disks roll
-ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, looked up
+ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, at the end of a row
 LAYERS = 20  # of equal height between walls
 BETWEEN_WALLS = ON_WALLS | {"velocity_profile": LAYERS}
-_open = {}  # folder -> settings and checkpoint of a run of this process, which locks it
+_checkpoints = {}  # folder -> settings and checkpoint of a run of this process, which locks it
 
 
 class Record:
@@ -53,12 +53,12 @@ class Record:
         self.radii = disks.radii
 
     def series(self, name):
-        """(T,) or (T, 3) array of a column."""
+        """(T,) array of a column, or (T, C) of one that has C parts."""
         columns = self.columns[name]
         return np.array(self.rows[name], float).reshape((-1, columns) if columns else -1)
 
     def datasets(self) -> dict:
-        """Everything, as the file has it."""
+        """All arrays of the file but the state."""
         found = {name: self.series(name) for name in self.columns}
         if self.snapshots["strain"]:
             found |= {f"snapshots/{name}": np.array(kept) for name, kept in self.snapshots.items() if kept}
@@ -72,18 +72,18 @@ class Record:
             columns or SERIES | {name: size for name, size in BETWEEN_WALLS.items() if name in arrays}
         )
         record.rows = {name: list(np.asarray(arrays[name])) for name in record.columns}
-        if "snapshots/strain" in arrays:  # without images, and radii beside them, in older files
+        if "snapshots/strain" in arrays:  # older files have no images here, and radii only in the state
             found = {name: arrays.get(f"snapshots/{name}") for name in SNAPSHOTS}
             record.snapshots = {name: list(np.asarray(one)) for name, one in found.items() if one is not None}
-            beside = "snapshots/radii" in arrays
-            record.radii = np.asarray(arrays["snapshots/radii" if beside else f"{STATE}radii"])
+            has_radii = "snapshots/radii" in arrays
+            record.radii = np.asarray(arrays["snapshots/radii" if has_radii else f"{STATE}radii"])
         return record
 
 
 def write_record(writer, record: Record, state: dict, settings: dict, facts: dict) -> None:
-    """Give a writer the finished result: series, snapshots, state, settings and `facts`, attributes.
+    """Write the finished result: series, snapshots, state, settings, and the attributes `facts`.
 
-    Collective as the writer is. Raises as ResultWriter.
+    Collective if the writer is. Raises the errors of ResultWriter.
     """
     with writer:
         for name, array in record.datasets().items():
@@ -96,14 +96,14 @@ def write_record(writer, record: Record, state: dict, settings: dict, facts: dic
 def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
     """Put the run so far beside `out`, if that is not None; complete or not at all.
 
-    From then on, until `remove_checkpoint`, no other process may.
+    From then on, until `remove_checkpoint`, no other process may write it.
     """
     if out is None:
         return
-    known, checkpoint = _open.get(folder_of(out), (None, None))
+    known, checkpoint = _checkpoints.get(folder_of(out), (None, None))
     if known != settings:
         checkpoint = Checkpoint(out, settings)
-        _open[folder_of(out)] = settings, checkpoint
+        _checkpoints[folder_of(out)] = settings, checkpoint
     state = {f"{STATE}{name}": value for name, value in state.items()}
     checkpoint.save(0, {}, record.datasets() | state)
 
@@ -123,12 +123,12 @@ def check_space(to, disks: int, snapshots: int) -> None:
 def remove_checkpoint(out) -> None:
     """Delete the checkpoint of a run that is finished."""
     if out is not None:
-        _open.pop(folder_of(out), None)
+        _checkpoints.pop(folder_of(out), None)
         discard(folder_of(out))
 
 
 def record_of(result):
-    """(record, state, settings, attributes) of a flow, a `io.results.Result`. Raises InputError."""
+    """(record, state, settings, attributes) of a flow, an `io.results.Result`. Raises InputError."""
     attrs = result.attributes
     with reading(result.path):
         state = {name.removeprefix(STATE): result[name] for name in result if name.startswith(STATE)}
@@ -140,7 +140,7 @@ def resumed(out, settings: dict, columns=None):
     if out is None:
         return None
     checkpoint = Checkpoint(out, settings)
-    _open[folder_of(out)] = settings, checkpoint
+    _checkpoints[folder_of(out)] = settings, checkpoint
     if not checkpoint.done:
         return None
     arrays = checkpoint.fields(0)

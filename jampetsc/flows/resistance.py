@@ -1,19 +1,19 @@
-"""Velocities of disks that contacts hold to one another: the contact graph, its resistance matrix, its clusters.
+"""Velocities of disks coupled by contact damping: contact graph, resistance matrix, conjugate gradients.
 
 Without inertia the viscous forces balance the elastic ones,
 
     (A + s) u = b,    A u = Σ_j [c_⊥ (u_i − u_j) + (c_∥ − c_⊥) n n·(u_i − u_j)] over the contacts of i,
 
-b the forces at u = 0 (the affine flow moves contacts too) and s whatever holds a disk to the affine flow: drag,
+b the forces at u = 0 (the affine flow moves contacts too) and s what ties a disk to the affine flow: drag,
 friction, inertia over a time step. With s = 0 and both weights positive, A leaves one translation free for every
 connected cluster, on which b sums to zero. The limit s → 0⁺ is then: mean u = 0 in each cluster, and a disk
 without contacts follows the flow. Conjugate gradients solve the singular system as it is, from the last
-velocities; the means are taken out afterwards, so no small number enters.
+velocities; the means are subtracted afterwards (see `clusters`), so s needs no small value.
 
 The first `held` disks, those of walls, keep u = 0: their rows are left out, and a cluster that touches one has no free
 translation.
 
-Threads share the work by domains (see `core.domains`); every one takes all decisions from the same sums.
+Threads share the work by domains (see `core.domains`); all take the same decisions, from the same sums.
 """
 
 from typing import NamedTuple
@@ -23,34 +23,38 @@ import numpy as np
 from jampetsc.core.compiled import FAST, compiled
 from jampetsc.core.threads import meet
 
-SOLVES = 20_000  # iterations at most: far more than any tolerance above rounding takes
-# Contacts of a disk that its row has room for, itself where it has fewer: rows of one length are what processors
-# foresee. A few disks have more.
+SOLVES = 20_000  # most iterations: far more than any tolerance above rounding takes
+# Contacts in the row of a disk, padded with the disk itself: processors predict loops of one length. The further
+# contacts of a few disks are in `Graph.more`.
 WIDTH = 6
 
 
 class Graph(NamedTuple):
-    """Contacts of every disk; those of domain d that a row has no room for begin at 2 begin[d]."""
+    """Contacts of every disk; those of domain d beyond WIDTH begin at 2 begin[d] of `more`."""
 
     disks: np.ndarray  # (D + 1,) of the domains,
     begin: np.ndarray  # (D,) and where their pairs begin
-    column: np.ndarray  # (N, WIDTH) uint32
-    number: np.ndarray  # (N,) uint32
+    column: np.ndarray  # (N, WIDTH) uint32: the other disks
+    number: np.ndarray  # (N,) uint32: of contacts
     normals: np.ndarray  # (N, WIDTH, 2), zero where column is the disk itself, or (0, WIDTH, 2)
-    more: np.ndarray  # (2M', 2) uint32
+    more: np.ndarray  # (2M', 2) uint32: the disk itself and the other one
     more_normals: np.ndarray  # (2M', 2), or (0, 2)
     touching: np.ndarray  # (M',) uint32: pairs that touch, those of domain d from begin[d]
-    ends: np.ndarray  # (D, 3): of its touching pairs, first of those inside; of `more`
+    ends: (
+        np.ndarray
+    )  # (D, 3): ends of its touching pairs within the domain, of all of them, and of its `more`
     root: np.ndarray  # (N,) uint32: first disk of a disk's cluster within the domain,
-    over: np.ndarray  # (N,) uint32: and of such a one that of the whole cluster
-    queue: np.ndarray  # (N,) uint32
+    over: (
+        np.ndarray
+    )  # (N,) uint32: of these, a parent, after `unite_clusters` first disk of the whole cluster
+    queue: np.ndarray  # (N,) uint32: of the search for clusters
     total: np.ndarray  # (N, 2) sum of u over a cluster, at its first disk,
     size: np.ndarray  # (N,) int64: and its number of disks
     held: int
 
     @classmethod
     def room(cls, domains, n: int, held: int, with_normals: bool) -> "Graph":
-        """For the contacts of n disks among the pairs of domains."""
+        """Arrays for the contacts of n disks among the pairs of domains."""
         m, some = len(domains.i), int(with_normals)
         return cls(
             domains.disks, domains.begin, np.empty((n, WIDTH), np.uint32), np.empty(n, np.uint32),
@@ -62,7 +66,7 @@ class Graph(NamedTuple):
 
 @compiled(FAST, nogil=True, forceinline=True)
 def find_contacts_of(domains, d, o, shear, graph):
-    """Write the rows of domain d, with disks at offsets o (N, 2) and `shear`."""
+    """Write the contacts of domain d into `graph`, at offsets o (N, 2) and `shear`."""
     i, j, sigma = domains.i, domains.j, domains.sigma
     r0x, r0y = domains.r0[0], domains.r0[1]
     # taken out of their tuples, or their references would be counted at every access
@@ -114,8 +118,8 @@ def find_contacts_of(domains, d, o, shear, graph):
 
 
 @compiled(FAST, forceinline=True)
-def resist(graph, d, weights, hold, x, y):
-    """y = (A + hold) x for the disks of domain d, x, y (N, 2), zero for held ones; returns its share of x·y."""
+def multiply(graph, d, weights, hold, x, y):
+    """y = (A + hold) x for the disks of domain d, x, y (N, 2), zero for held ones; returns their part of x·y."""
     column, normals = graph.column, graph.normals
     along, across = weights[0], weights[1]
     extra = along - across
@@ -162,7 +166,7 @@ def resist(graph, d, weights, hold, x, y):
 
 @compiled(FAST, forceinline=True)
 def invert_diagonal(graph, d, weights, hold, inverse):
-    """1 / diagonal of A + hold into the rows (N, 2) of domain d; 1 where that is zero: nothing acts on such a disk."""
+    """1 / diagonal of A + hold into the rows of domain d of `inverse` (N, 2); 1 where no damping acts on a disk."""
     along, across = weights[0], weights[1]
     first, last, number = graph.disks[d], graph.disks[d + 1], graph.number
     for a in range(first, last):
@@ -181,30 +185,28 @@ def invert_diagonal(graph, d, weights, hold, inverse):
 
 
 class Search(NamedTuple):
-    """What conjugate gradients work with."""
+    """Work arrays of conjugate gradients."""
 
     q: np.ndarray  # (N, 2) (A + hold) p
     p: np.ndarray  # (N, 2) direction
     inverse: np.ndarray  # (N, 2) 1 / diagonal
-    sums: (
-        np.ndarray
-    )  # (2, D, 3) each domain's share of sums: of two meetings, as some threads still read the last ones
+    sums: np.ndarray  # (2, D, 3) of domains; used in beta, as some threads still read the previous ones
 
 
 @compiled(FAST, forceinline=True)
 def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, search):
     """Add to u (N, 2) the correction x with (A + hold) x = residual, both axes in one conjugate gradient.
 
-    residual = b − (A + hold) u, overwritten, until |residual| ≤ tolerance |b|. Jacobi. Returns the number of
-    iterations, −1 where SOLVES of them were not enough. By thread `me` of `threads`: see `core.threads`.
+    residual = b − (A + hold) u is overwritten; ends when |residual| ≤ tolerance |b|. Preconditioned by the diagonal.
+    Returns the number of iterations, −1 if SOLVES were not enough. By thread `me` of `threads`: see `core.threads`.
     """
     number = len(graph.begin)
     mine = range(me * number // threads, (me + 1) * number // threads)
-    # one loop over both axes: what follows is done for all coordinates alike
+    # flat: one loop over the coordinates of both axes
     x, r, q, p = u.reshape(-1), residual.reshape(-1), search.q.reshape(-1), search.p.reshape(-1)
     inverse, (sums, others) = search.inverse.reshape(-1), (search.sums[0], search.sums[1])
     for d in mine:
-        resist(graph, d, weights, hold, u, search.q)
+        multiply(graph, d, weights, hold, u, search.q)
         invert_diagonal(graph, d, weights, hold, search.inverse)
         goal = rho = size = 0.0
         for a in range(np.uint64(2 * graph.disks[d]), np.uint64(2 * graph.disks[d + 1])):
@@ -225,7 +227,7 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
         if size <= goal:
             return iteration
         for d in mine:
-            others[d, 0] = resist(graph, d, weights, hold, search.p, search.q)
+            others[d, 0] = multiply(graph, d, weights, hold, search.p, search.q)
         meet(counter, threads)
         curvature = 0.0
         for d in range(number):
@@ -246,9 +248,9 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
         for d in range(number):
             size += sums[d, 0]
             rho += sums[d, 1]
-        turn = rho / last
+        beta = rho / last
         for d in mine:
             for a in range(np.uint64(2 * graph.disks[d]), np.uint64(2 * graph.disks[d + 1])):
-                p[a] = inverse[a] * r[a] + turn * p[a]
+                p[a] = inverse[a] * r[a] + beta * p[a]
         meet(counter, threads)
     return -1

@@ -1,4 +1,4 @@
-"""A run of steady shear from its start, or from where it was stopped, to its file."""
+"""A run of steady shear from its start, or from a checkpoint, to its last row."""
 
 import time
 from dataclasses import dataclass, replace
@@ -10,23 +10,23 @@ from jampetsc.flows.means import UNBALANCED, Means
 from jampetsc.flows.moves import TALLY
 from jampetsc.flows.record import BETWEEN_WALLS, SERIES, Record, resumed, write_checkpoint
 from jampetsc.flows.shearing import Shear
-from jampetsc.flows.walls import seen_between_walls
+from jampetsc.flows.walls import wall_columns
 from jampetsc.progress import Progress
 
 ROW = 1e-2  # strain between rows: several per correlation strain (0.05 to 0.4)
-FEWEST_ROWS = 50  # of a short run
+FEWEST_ROWS = 50  # into which a short run is divided
 INTERVAL = 10.0  # seconds between checkpoints
 LINES = 50  # of progress in a log
-MOST = 1e12  # time steps
-BATCH = 20_000  # time steps between looks at signals
+MOST = 1e12  # time steps of a run
+BATCH = 20_000  # time steps of one compiled call: signals are handled between calls
 
 
 @dataclass(frozen=True)
 class Plan:
     """Rows and snapshots of a run: `steps` time steps to a row, `rows` of them in all.
 
-    After what is discarded there is a snapshot every so many rows, `every`, or, with a `factor`, at once and after 1,
-    factor, factor², … rows. A run that goes on keeps to that.
+    After what is discarded there is a snapshot every so count rows, `every`, or, with a `factor`, at once and after 1,
+    factor, factor², … rows. A continued run keeps this rule.
     """
 
     steps: int
@@ -37,18 +37,19 @@ class Plan:
 
     @classmethod
     def of(cls, rate, step, strain, discard, snapshots=0, steps=None, every=None, spacing="even") -> "Plan":
-        """The plan that covers `strain`; `steps` to a row where an earlier part of the run has decided.
+        """The plan that covers `strain`.
 
-        snapshots   how many: with `spacing` "even" the last one at the end, "log" at strains since `discard` that grow
+        steps       to a row, if an earlier part of the run has set it
+        snapshots   how count: with `spacing` "even" the last one at the end, "log" at strains since `discard` that grow
                     by a factor
         every       instead: strain from one to the next
 
         Raises InputError for more time steps or snapshots than there can be.
         """
-        many = strain / rate / step
-        if many > MOST:
+        total = strain / rate / step
+        if total > MOST:
             raise InputError(
-                f"{named('strain')} {strain:g}: {many:.2g} time steps of {step:.3g}, at most {MOST:.0e}: give a larger "
+                f"{named('strain')} {strain:g}: {total:.2g} time steps of {step:.3g}, at most {MOST:.0e}: give a larger "
                 f"{named('rate')} or {named('step')}, or a smaller {named('strain')}"
             )
         if steps is None:
@@ -77,23 +78,23 @@ class Plan:
 
     @classmethod
     def stored(cls, values: dict, strain_step: float) -> "Plan":
-        """The plan that `asdict` made; older ones have the number of `snapshots`."""
+        """The plan of a file, made by `asdict`; older files have the number of `snapshots` instead of `every`."""
         snapshots = values.pop("snapshots", 0)
         plan = cls(**values)
         return plan.spread(snapshots, plan.first_kept(strain_step))
 
     def spread(self, snapshots, first_kept) -> "Plan":
-        """With so many snapshots, evenly; where nothing is discarded the start is one of them."""
+        """The plan with so count snapshots, evenly; if nothing is discarded, the start is one of two or more."""
         if not snapshots:
             return self
         return replace(self, every=(self.rows - first_kept) / max(1, snapshots - (not first_kept)))
 
     def first_kept(self, strain_step: float) -> int:
-        """Rows that are left out of the means, with time steps of so much strain."""
+        """Number of rows before the means, with time steps of this strain."""
         return int(self.discard / (self.steps * strain_step) + 1e-9)
 
     def snapshots(self, first_kept: int) -> int:
-        """How many there are when the run is over; with a factor, as many at most: the first ones may share a row."""
+        """Their number at the end of the run; with a factor an upper bound, as the first ones may share a row."""
         kept = self.rows - first_kept
         if self.factor:
             return 2 + int(np.log(kept) / np.log(self.factor) + 1e-9)
@@ -111,10 +112,10 @@ class Plan:
 
 
 def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
-    """Shear until the plan's last row, from a checkpoint beside `out` where there is one of these settings.
+    """Shear until the plan's last row, from a checkpoint beside `out` if there is one with these settings.
 
-    A kill loses at most INTERVAL seconds; all, where out is None. Raises ConvergenceError where the time step is too
-    long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
+    A kill loses at most INTERVAL seconds and a row; everything if out is None. Raises ConvergenceError where the
+    time step is too long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
     """
     kept = resumed(out, settings)
     if kept is not None:
@@ -122,22 +123,22 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
         shear.restore(state)
     record = record or Record(SERIES | (BETWEEN_WALLS if shear.held else {}))
     first, began = len(record), time.monotonic()
-    photographed = plan.snapshot_rows(plan.first_kept(shear.rate * shear.scheme.step))
-    saved, said = began, first * LINES // plan.rows
-    with Progress(LINES, "flow", 0, said) as progress:
+    with_snapshot = plan.snapshot_rows(plan.first_kept(shear.rate * shear.scheme.step))
+    saved, lines_done = began, first * LINES // plan.rows
+    with Progress(LINES, "flow", 0, lines_done) as progress:
         if kept is not None:
             progress.note(f"{out}: goes on from strain {shear.strain:.6g}")
-        if not len(record) and 0 in photographed:
+        if not len(record) and 0 in with_snapshot:
             record.snapshot(shear.strain, shear.disks, shear.velocities_now(), shear.spins_now())
         while len(record) < plan.rows:
             _row(shear, plan.steps, record)
-            if len(record) in photographed:
+            if len(record) in with_snapshot:
                 record.snapshot(shear.strain, shear.disks, shear.velocities_now(), shear.spins_now())
             if time.monotonic() - saved > INTERVAL:
                 write_checkpoint(out, record, shear.state(), settings)
                 saved = time.monotonic()
-            if len(record) * LINES // plan.rows > said:
-                said += 1
+            if len(record) * LINES // plan.rows > lines_done:
+                lines_done += 1
                 means = check_balance(record, plan.discard, shear)
                 left = (time.monotonic() - began) / (len(record) - first) * (plan.rows - len(record))
                 progress.step(_line(shear, means, left))
@@ -145,22 +146,22 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
 
 
 def _row(shear, steps, record):
-    """One row: means over `steps` time steps, and a survey at their end."""
-    shear.seen[:] = 0.0
+    """Add a row to the record: means over `steps` time steps, and a survey at their end."""
+    shear.tally[:] = 0.0
     left = steps
     while left > 0:
         shear.advance(min(left, BATCH))
         left -= BATCH
-    seen = dict(zip(TALLY, shear.seen / shear.seen[TALLY.index("steps")], strict=True))
+    terms = dict(zip(TALLY, shear.tally / shear.tally[TALLY.index("steps")], strict=True))
     area, survey = shear.reference.area, shear.survey()
-    walls = seen_between_walls(shear) if shear.held else {}
+    walls = wall_columns(shear) if shear.held else {}
     record.add(
         strain=shear.strain,
         time=shear.strain / shear.rate,
-        shear_stress=[-seen[f"{part}_xy"] / area for part in ("elastic", "viscous", "kinetic")],
-        pressure=[seen[part] / (2.0 * area) for part in ("elastic", "viscous", "kinetic")],
-        energy=seen["energy"],
-        dissipation=seen["dissipation"],
+        shear_stress=[-terms[f"{part}_xy"] / area for part in ("elastic", "viscous", "kinetic")],
+        pressure=[terms[part] / (2.0 * area) for part in ("elastic", "viscous", "kinetic")],
+        energy=terms["energy"],
+        dissipation=terms["dissipation"],
         coordination=survey.coordination,
         clusters=survey.clusters,
         largest_cluster=survey.largest_cluster,
@@ -181,11 +182,11 @@ def check_balance(record, discard, shear) -> Means | None:
 
 
 def _line(shear, means, left):
-    """Where a run is, for a log."""
-    told = (
+    """Progress of a run, for a log."""
+    means_so_far = (
         "transient" if means is None else f"sigma {means.shear_stress.mean:.4g}, p {means.pressure.mean:.4g}"
     )
-    return f"strain {shear.strain:.4g}, {told}, {_duration(left)} left"
+    return f"strain {shear.strain:.4g}, {means_so_far}, {_duration(left)} left"
 
 
 def _duration(seconds):

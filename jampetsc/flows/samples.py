@@ -1,4 +1,4 @@
-"""Many samples of which packings jam: seeds at several packing fractions, shared by the ranks, and their result."""
+"""Many samples, jammed or not: seeds at several packing fractions, divided among the ranks, and their result."""
 
 import time
 from collections.abc import Sequence
@@ -15,13 +15,13 @@ from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
 FORMAT = "jampetsc-jam"
-ROUND = {"random": 20, "shear": 1, "compress": 2}  # seeds of a rank between two checkpoints
+ROUND = {"random": 20, "shear": 1, "compress": 2}  # starts of a rank between two checkpoints
 STIFFNESS = "inverse-square-diameter"
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What is to be made: samples of n disks by a protocol, of every seed at every φ."""
+    """Request for samples of n disks by a protocol, of every seed at every φ."""
 
     n: int
     phis: tuple  # M packing fractions
@@ -30,7 +30,7 @@ class Samples:
     sizes: str = "bidisperse"
     potential: str = "harmonic"
     tolerance: float = 1e-6  # max|F|/(p d) of a minimum
-    units: str | None = None  # in words
+    units: str | None = None  # units of the result, in words
 
     @property
     def tasks(self) -> list[tuple[float, int]]:
@@ -44,20 +44,20 @@ class Samples:
 
     @property
     def settings(self) -> dict:
-        """What decides the result, as plain values."""
+        """Everything that determines the result, as plain values."""
         seeds = self.seeds
-        told = [seeds.start, seeds.stop] if isinstance(seeds, range) else {"each": list(seeds)}
-        return {"seeds": told, "phi": list(self.phis)} | self.facts | vars(self.protocol)
+        listed = [seeds.start, seeds.stop] if isinstance(seeds, range) else {"each": list(seeds)}
+        return {"seeds": listed, "phi": list(self.phis)} | self.facts | vars(self.protocol)
 
     @property
     def facts(self) -> dict:
-        """What is the same for all samples."""
+        """Attributes that all samples share."""
         names = {"particle_count": "n", "sizes": "sizes", "potential": "potential", "tolerance": "tolerance"}
         return {fact: getattr(self, name) for fact, name in names.items()}
 
 
 def execute(asked: Samples, solver, to) -> Record:
-    """Make the samples, their result into the outlet `to`; the record of them, in the order of tasks. Collective.
+    """Make the samples, write their result into the outlet `to` and return their record, in order of tasks. Collective.
 
     solver: this rank's `petsc.local.NewtonSolver`.
     """

@@ -1,4 +1,4 @@
-"""Disks under steady shear as they are now: places, velocities, contacts, and the state from which a run goes on."""
+"""Disks under steady shear at the present time: positions, velocities, contacts, and the state to continue from."""
 
 from dataclasses import dataclass, replace
 
@@ -15,28 +15,28 @@ from jampetsc.flows.clusters import survey_of
 from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.resistance import Graph, Search
 
-NEAR = 0.2  # of the skin of a list is that of the near pairs which forces are computed of
-SORTED = 0.5  # strain after which disks are folded, and put anew into an order in which domains are compact
+NEAR = 0.2  # skin of the near pairs, of which forces are computed, relative to that of the list
+SORTED = 0.5  # strain between two sorts of the disks, which keep domains compact
 
 
 @dataclass(frozen=True)
 class Survey:
-    """What is told of a moment: contacts, their clusters, the deepest overlap."""
+    """Contacts at one instant: coordination, clusters, deepest overlap."""
 
     coordination: float  # Z, mean number of contacts of disks that move, rattlers included
-    clusters: int  # connected ones, single disks included
-    largest_cluster: int  # its disks
+    clusters: int  # of touching disks, single disks included
+    largest_cluster: int  # number of its disks
     deepest: float  # largest δ/σ
 
 
 class ShearedDisks(ListedDisks):
-    """N disks sheared at a rate γ̇ under Lees–Edwards conditions, as they are now; `shearing.Shear` moves them.
+    """N disks sheared at a rate γ̇ under Lees–Edwards conditions, at the present time; `shearing.Shear` moves them.
 
     The packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`, and `velocities_now()` are the
-    non-affine velocities. `seen` sums what every time step saw (see `moves.TALLY`). The first `held` disks are those of
-    walls, which go with the affine flow (see `walls`).
+    non-affine velocities. `tally` has sums over time steps (see `moves.TALLY`). The first `held` disks are those of
+    walls, which move with the affine flow (see `walls`).
 
-    Inside, many disks have an order of their own, from patch to patch: disk a here is disk order[a] of those given.
+    Internally many disks are sorted by place: disk a of all arrays is disk order[a] of those given.
     """
 
     ARRAYS = ("offsets", "velocities", "accelerations", "spins", "spin_rates")
@@ -48,14 +48,14 @@ class ShearedDisks(ListedDisks):
         n = disks.n
         self.unit = float(disks.potential.k * model.law.tau1)  # kτ₁, of all weights
         self.inertia = 0.5 * model.mass * disks.radii**2  # uniform disks
-        self.steps = 0  # time steps done in all
-        self.since = 0  # of them, since the list was made
+        self.steps = 0  # time steps in all
+        self.since = 0  # those since the list was made
         self.rebuilds = 0
         self.substeps = 0  # parts of steps that were divided
         self.velocities = np.zeros((n, 2))
         self.accelerations = np.zeros((n, 2))
         self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
-        self.seen = np.zeros(len(moves.TALLY))
+        self.tally = np.zeros(len(moves.TALLY))
         self._borders = np.minimum(borders(n), n)
         self.order, self._sorted_at = np.arange(n), -np.inf  # strain
         sums = np.zeros((2, len(self._borders) - 1, moves.SUMMED + 2))
@@ -68,7 +68,7 @@ class ShearedDisks(ListedDisks):
         self.started = False
 
     def list(self, disks):
-        """See `ListedDisks`; the disks are those at γ_ref."""
+        """See `ListedDisks`; γ_ref is the strain now."""
         super().list(disks)
         self.since = 0
         domains = Domains.build(disks, self.skin, self._borders, self.team)
@@ -83,7 +83,7 @@ class ShearedDisks(ListedDisks):
         self.list(self._sorted(super().disks))
 
     def _sorted(self, disks):
-        """The disks, from time to time folded, and they and all they have in an order in which domains are compact."""
+        """The disks; after each strain of SORTED folded, and sorted with their arrays so that domains are compact."""
         if abs(self.strain - self._sorted_at) < SORTED:
             return disks
         self._sorted_at, disks = self.strain, disks.folded()
@@ -95,8 +95,8 @@ class ShearedDisks(ListedDisks):
         return disks.reordered(order)
 
     @property
-    def _back(self):
-        """The order (N,) in which disks here are those given."""
+    def _given_order(self):
+        """Permutation (N,) from the internal order to that of the disks given."""
         return np.argsort(self.order)
 
     @property
@@ -121,13 +121,13 @@ class ShearedDisks(ListedDisks):
 
     @property
     def here(self) -> Disks:
-        """The packing as it is now, folded, in the order inside."""
+        """The packing at present, folded, in the internal order."""
         return super().disks.folded()
 
     @property
     def disks(self) -> Disks:
-        """The packing as it is now, folded."""
-        return self.here.reordered(self._back)
+        """The packing at present, folded."""
+        return self.here.reordered(self._given_order)
 
     def residual(self, u, rolling=None):
         """m u̇ (N, 2) at velocities u (N, 2); see `steps.residual_at`."""
@@ -137,7 +137,7 @@ class ShearedDisks(ListedDisks):
         return forces
 
     def task(self, part: float = 1.0) -> moves.Task:
-        """What compiled steps from here are, or such a part of them."""
+        """Constants of the compiled steps from here, with time steps of `part` of the scheme's."""
         unit, scheme = self.unit, self.scheme
         return moves.Task(
             law=self.reference.potential.constants,
@@ -155,24 +155,24 @@ class ShearedDisks(ListedDisks):
         )
 
     def _space(self, velocities):
-        return moves.Space(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.seen)
+        return moves.Space(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.tally)
 
     def survey(self) -> Survey:
-        """Contacts as they are now."""
+        """Contacts at present."""
         (domains, _), o, shear, held = self.lists, self.offsets, self.shear, self.held
         graph = Graph.room(domains, len(o), held, False)
         number, largest, deepest = survey_of(domains, o, shear, graph)
         return Survey(float(graph.number[held:].mean()), number, largest, deepest)
 
     def velocities_now(self) -> np.ndarray:
-        """Non-affine velocities (N, 2) at the positions as they are now, of `disks`; see `velocities_here`."""
-        return self.velocities_here()[self._back]
+        """Non-affine velocities (N, 2) at the present positions, in the order of `disks`; see `velocities_here`."""
+        return self.velocities_here()[self._given_order]
 
     def velocities_here(self) -> np.ndarray:
-        """Non-affine velocities (N, 2) at the positions as they are now, of `here`: those the next step begins with.
+        """Non-affine velocities (N, 2) at the present positions, in the order of `here`.
 
-        With them it takes its stresses and what is dissipated. By backward Euler they are the solution for that step:
-        those of the last one belong to the contacts that there were before it.
+        They are those of which the next step computes its stresses and dissipation. With contact damping or backward
+        Euler they are solved for here, as those of the last step belong to the contacts before it.
         """
         if self.scheme.method == "verlet":  # half a step on
             return self.velocities + 0.5 * self.scheme.step * self.accelerations
@@ -184,30 +184,30 @@ class ShearedDisks(ListedDisks):
         return u
 
     def spins_now(self) -> np.ndarray | None:
-        """Angular velocities (N,) at the same moment, of `disks`; None where disks do not roll."""
+        """Angular velocities (N,) at the same time, in the order of `disks`; None if disks do not roll."""
         if not self.model.law.couples_rotations:
             return None
-        return (self.spins + 0.5 * self.scheme.step * self.spin_rates)[self._back]
+        return (self.spins + 0.5 * self.scheme.step * self.spin_rates)[self._given_order]
 
     def state(self) -> dict:
-        """Everything that goes on from here, as arrays and numbers; `restore` takes it back to the last bit.
+        """The whole state as arrays and numbers, for `restore` to the last bit.
 
-        Disks are in the order they were given.
+        Disks are in the order in which they were given.
         """
-        back = self._back
+        back = self._given_order
         arrays, reference = (
             {name: getattr(self, name)[back] for name in self.ARRAYS},
             self.reference.reordered(back),
         )
         arrays |= {name: getattr(reference, name) for name in PLACES}
         counts = {name: getattr(self, name) for name in ("steps", "since", "rebuilds", "substeps")}
-        arrays |= {"seen": self.seen.copy(), "skin": self.skin, "started": self.started, **counts}
+        arrays |= {"seen": self.tally.copy(), "skin": self.skin, "started": self.started, **counts}
         return arrays | {"images": reference.images, "order": self.order, "sorted_at": self._sorted_at}
 
     def restore(self, state: dict) -> None:
-        """Go on from what `state` gave."""
+        """Return to the state that `state` gave."""
         self.skin = float(state["skin"])
-        # older files have no order: disks are as they were given, nor images
+        # older files have no images, and no order: disks are as given
         disks, self.order = self.disks, np.asarray(state.get("order", np.arange(len(self.order))), int)
         self._sorted_at = float(state.get("sorted_at", -np.inf))
         places = {name: np.asarray(state[name], float) for name in PLACES}
@@ -216,7 +216,7 @@ class ShearedDisks(ListedDisks):
         self.inertia = 0.5 * self.model.mass * self.reference.radii**2
         for name in self.ARRAYS:
             setattr(self, name, np.array(state[name], float)[self.order])
-        self.seen = np.array(state["seen"], float)
+        self.tally = np.array(state["seen"], float)
         self.steps, self.since, self.rebuilds = (int(state[name]) for name in ("steps", "since", "rebuilds"))
-        self.substeps = int(state.get("substeps", 0))  # which older files do not have
+        self.substeps = int(state.get("substeps", 0))  # not in older files
         self.started = bool(state["started"])

@@ -10,43 +10,45 @@ from jampetsc.flows import steps as compiled
 from jampetsc.flows.models import Model, Scheme, stiffest
 from jampetsc.flows.sheared import ShearedDisks
 
-REACH = 0.25  # of the largest diameter: what a disk moves at most in a part of a step that was divided
-SMALLEST = 2.0**-30  # of a time step: such a part has no end
-REBUILD = 25.0  # evaluations may go into a list: its width costs only where near pairs are chosen
+REACH = 0.25  # in units of the largest diameter, longest move of a disk in a part of a divided step
+SMALLEST = 2.0**-30  # part of a time step; if a disk jumps in this one too, the step is refused
+REBUILD = (
+    25.0  # cost of a list in force evaluations: high, as its width costs only when near pairs are chosen
+)
 
 
 class Shear(ShearedDisks):
-    """Disks that `advance` shears; `team` does the steps: how many threads it has does not change them."""
+    """Disks that `advance` shears, by the threads of `team`, whose number does not change the result."""
 
     def __init__(self, disks, model: Model, rate: float, scheme: Scheme, team: Team | None = None, held=0):
         super().__init__(disks, model, rate, scheme, team, held)
-        # steps beyond 2 c/k are unstable, in parts too
+        # time steps beyond 2 c/k are unstable: a few divided ones would not help
         weights = [self.unit * weight for weight in model.law.on_contacts if weight]
         self.divides = bool(
             weights and not model.mass and scheme.step * stiffest(disks) <= 2.0 * min(weights)
         )
 
     def advance(self, steps: int) -> None:
-        """So many time steps. Raises ConvergenceError where the time step is too long for them.
+        """Take so many time steps. Raises ConvergenceError where the time step is too long.
 
-        Without mass, contact damping leaves nearly free clusters that a start like any other drives apart fast: a step
-        in which a disk would jump is divided, see `_divide`, if it is short enough for the contacts themselves.
+        Without mass, contact damping leaves clusters nearly free, and overlaps of a start drive them apart fast: a step
+        in which a disk would jump is divided, see `_divide`, if it is stable for the contacts themselves.
         """
         if not self.started:
             self._start()
         while steps > 0:
             if self.divides:
-                before = self.offsets.copy(), self.velocities.copy(), self.seen.copy()
+                before = self.offsets.copy(), self.velocities.copy(), self.tally.copy()
             done, status = self._run(steps)
-            # a list that is stale before its first step is too narrow for what its predictor moves
+            # stale before the first step of a list: its skin is too narrow for the move of the predictor
             jumps = status == moves.BLOWN_UP or (status == moves.STALE and not done + self.since)
             if jumps and self.divides:
-                self.offsets, self.velocities, self.seen = before
+                self.offsets, self.velocities, self.tally = before
                 if done <= 1:
                     self._divide()
                     steps -= 1
                     continue
-                done, status = self._run(done - 1)  # the same once more, without the jump
+                done, status = self._run(done - 1)  # the same steps, without the one that jumps
             steps -= done
             self.steps += done
             self.since += done
@@ -58,19 +60,19 @@ class Shear(ShearedDisks):
                 self._refuse(status)
 
     def _divide(self):
-        """One time step in parts, halved until no disk moves by more than REACH in one; each part on a new list."""
+        """One time step in parts, halved until no disk moves by more than REACH in one; each part with a new list."""
         self.fold()
-        seen, sums, at, part = self.seen, np.zeros_like(self.seen), 0.0, 0.5
-        while at < 1.0:
+        tally, sums, completed, part = self.tally, np.zeros_like(self.tally), 0.0, 0.5
+        while completed < 1.0:
             before = self.velocities.copy()
-            self.seen = np.zeros_like(seen)
+            self.tally = np.zeros_like(tally)
             done, status = self._run(1, part)
             if status == moves.UNSOLVED:
                 self._refuse(status)
             farthest = np.sqrt(np.max(np.sum(self.offsets**2, axis=1)))
             if done and farthest <= REACH * self.largest:
-                sums += part * self.seen
-                at += part
+                sums += part * self.tally
+                completed += part
                 self.list(
                     deformed(self.reference, self.offsets, 0.0, part * self.rate * self.scheme.step).folded()
                 )
@@ -80,7 +82,7 @@ class Shear(ShearedDisks):
             self.offsets, self.velocities, part = np.zeros_like(self.offsets), before, 0.5 * part
             if part < SMALLEST:
                 self._refuse(moves.BLOWN_UP)
-        self.seen = seen + sums
+        self.tally = tally + sums
         self.steps += 1
 
     def _refuse(self, status):
@@ -95,7 +97,7 @@ class Shear(ShearedDisks):
         )
 
     def _start(self):
-        """Velocities and accelerations half a step apart, as velocity Verlet wants them."""
+        """For velocity Verlet, find the accelerations and set the velocities half a step back."""
         self.started = True
         if self.scheme.method != "verlet":
             return
@@ -110,12 +112,12 @@ class Shear(ShearedDisks):
 
     @property
     def _effort(self) -> float:
-        """Cost of a time step that depends on the length of the list, in elastic force evaluations."""
+        """Cost of those parts of a time step that grow with the list, in elastic force evaluations."""
         each = 1.5 if self.scheme.method == "verlet" else 5.0 if self.model.law.damps_contacts else 1.0
         return 2.0 * each if self.scheme.heun else each
 
     def _run(self, steps, part=1.0):
-        """Time steps, or such a part of them, with the list there is: (how many, status)."""
+        """At most `steps` time steps, of `part` of the scheme's, with the present list: (steps done, status)."""
         rest, run = (), compiled.drag_steps
         if self.scheme.method == "verlet":
             run, turning = compiled.massive_steps, None

@@ -1,4 +1,4 @@
-"""One run of steady shear: what is sheared and how far, from its beginning or on from an earlier one; its result."""
+"""One run of steady shear, new or continued: its definition, execution and result."""
 
 import time
 from dataclasses import asdict, dataclass, replace
@@ -10,7 +10,7 @@ from jampetsc.core.laws import Law
 from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.facts import facts_of_disks, run_provenance
-from jampetsc.flows.means import Means, left_out, worth
+from jampetsc.flows.means import Means, discarded_strain, independent_samples
 from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.record import (
     FORMAT,
@@ -28,9 +28,16 @@ from jampetsc.flows.walls import phi_between
 from jampetsc.io.hdf5 import attributes, check_format, open_file
 from jampetsc.io.packing_file import write_packing
 
-DEEPEST = 0.5  # overlap of two disks, in units of σ, beyond which a start is none of soft disks
-UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) of disks that do not touch; what a start left of overlaps fades only slowly
-KEPT = ("units", "seed", "sizes", "packing", "packing_sha256", "walls")  # attributes that a file hands on
+DEEPEST = 0.5  # largest overlap of two disks of a start, in units of σ
+UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
+KEPT = (
+    "units",
+    "seed",
+    "sizes",
+    "packing",
+    "packing_sha256",
+    "walls",
+)  # attributes of a file that a continued run keeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +49,12 @@ class FlowRun:
     rate: float
     scheme: Scheme
     plan: Plan
-    origin: dict  # attributes: where the disks come from, and how many, the first ones, are those of `walls`
-    before: tuple | None = None  # (Record, state) of the flow it goes on from
+    origin: dict  # attributes: origin of the disks; `walls`: how many, the first ones, make up walls
+    before: tuple | None = None  # (Record, state) of the flow that is continued
 
     @property
     def held(self) -> int:
-        """How many disks are those of walls."""
+        """Number of disks that make up walls."""
         return int(self.origin.get("walls", 0))
 
     @property
@@ -57,9 +64,9 @@ class FlowRun:
 
     @property
     def settings(self) -> dict:
-        """What decides the result, as plain values."""
+        """Everything that determines the result, as plain values."""
         return {
-            "model": asdict(self.model) | {"law": _weights(self.model.law)},
+            "model": asdict(self.model) | {"law": _law_values(self.model.law)},
             "rate": self.rate,
             "scheme": asdict(self.scheme),
             "plan": asdict(self.plan),
@@ -69,7 +76,7 @@ class FlowRun:
         }
 
 
-def _weights(law):
+def _law_values(law):
     names = ("label", "normal", "transverse", "sliding", "drag", "eta_f", "tau1")
     return {name: getattr(law, name) for name in names}
 
@@ -77,9 +84,9 @@ def _weights(law):
 def begun(
     disks, origin, model, rate, strain, *, discard=None, step=None, tolerance=1e-4, **snapshots
 ) -> FlowRun:
-    """A run from its beginning; `snapshots`, `every` and `spacing` as `Plan.of` takes them.
+    """A new run; `snapshots`, `every` and `spacing` as for `Plan.of`.
 
-    Raises InputError for disks that lie inside one another, and as `Plan.of`.
+    Raises InputError for overlaps beyond DEEPEST, and as `Plan.of`.
     """
     contacts = find_contacts(disks)
     deepest = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
@@ -89,12 +96,12 @@ def begun(
             f"quench it first: pack with {named('from_')}"
         )
     scheme = scheme_for(model, disks, rate, step, tolerance)
-    plan = Plan.of(rate, scheme.step, strain, left_out(strain, discard), **snapshots)
+    plan = Plan.of(rate, scheme.step, strain, discarded_strain(strain, discard), **snapshots)
     return FlowRun(disks, model, rate, scheme, plan, origin)
 
 
 def continued(earlier, strain) -> FlowRun:
-    """The run of an earlier flow, a `io.results.Result`, `strain` farther. Raises InputError."""
+    """The run that continues an earlier flow, an `io.results.Result`, by `strain`. Raises InputError."""
     record, state, settings, attrs = record_of(earlier)
     settings["model"]["law"] = Law(**settings["model"]["law"])
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
@@ -114,9 +121,9 @@ def is_flow(path) -> bool:
 
 
 def execute(run: FlowRun, to, last=None, team=None) -> Means:
-    """Do the run, its result into the outlet `to`, its last state as a packing to the file `last`.
+    """Do the run; its result goes into the outlet `to`, its last state as a packing to the file `last`.
 
-    team: the `core.threads.Team` that does the steps.
+    team: the `core.threads.Team` that runs the steps.
     Raises ConvergenceError as `flows.run.run`, and where disks never touch.
     """
     began = time.perf_counter()
@@ -125,7 +132,7 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
     shear = Shear(run.disks, run.model, run.rate, run.scheme, team, run.held)
     if run.before is not None:
         shear.restore(run.before[1])
-    settings = run.settings  # of where it begins: `before` grows
+    settings = run.settings  # now: they depend on the length of `before`, which grows
     record = shear_until(shear, run.plan, to.kept, settings, record)
     means = check_balance(record, run.plan.discard, shear)
     if means is None or means.pressure.mean < UNTOUCHED * run.rate * shear.unit:
@@ -139,7 +146,7 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
         protocol = f"steady shear, {run.model}, rate {run.rate:g}"
         write_packing(last, shear.disks.with_record(protocol=protocol), to.request)
     state = shear.state() | {"radii": run.disks.radii}
-    # a file that goes on in place is replaced last
+    # a flow file that is continued in place is replaced last
     write_record(to.writer(FORMAT), record, state, run.settings, facts)
     remove_checkpoint(to.kept)
     return means
@@ -169,7 +176,7 @@ def _facts(run, means, seconds):
 
 
 def summary(run: FlowRun, to, means: Means) -> str:
-    """What a user wants to read."""
+    """Summary of a run for its user, in lines."""
     walls = f" between walls of {run.held} disks" if run.held else ""
     lines = [
         f"{to}: {run.model}{walls}, phi = {run.phi:.6g}, rate {run.rate:g}, {run.scheme.method} with steps of "
@@ -178,7 +185,7 @@ def summary(run: FlowRun, to, means: Means) -> str:
         f"{means.parts[2]:.4g}), p = {means.pressure}, sigma/p = "
         f"{means.shear_stress.mean / means.pressure.mean:.4g}",
         f"  Z = {means.coordination}, energy balance {means.energy_balance:.4f}, correlation strain "
-        f"{means.correlation_strain:.2g}, {worth(means.shear_stress, means.pressure)}",
+        f"{means.correlation_strain:.2g}, {independent_samples(means.shear_stress, means.pressure)}",
     ]
     if means.walls:
         stress, pressure = means.walls.values()

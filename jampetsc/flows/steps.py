@@ -6,12 +6,12 @@ velocity in the laboratory, the same in every frame (Vågberg, thesis eqs. 4.1�
     ȯ = (u_x − g u_y, u_y),    u̇ = F/m − γ̇ u_y x̂  (SLLOD, 4.25)    or    F(u) = 0  without mass
 
 A move takes g in the middle of its step: exact for constant u. Every function steps until `steps` are done, the
-list is stale or something is wrong, and adds what it sees to `seen`, whose entries are the sums over time
-steps of TALLY. All begin with the forces at a list that is not stale and end with a move.
+list is stale or something is wrong, and adds the terms of TALLY of each time step to `tally`. A step begins with
+forces, from a list that is not stale, and ends with a move.
 
-All are run by a `core.threads.Team`, thread `me` of `threads`, each on its domains: it reads what any disk has and
-writes what its own have, to where nobody reads before the next meeting. So a step takes one meeting, two by Heun's
-method, and every thread takes the same decisions from the same sums.
+All are run by a `core.threads.Team`, thread `me` of `threads`, each on its domains: it reads arrays of all disks and
+writes rows of its own, where no other thread reads before the next barrier (`meet`). So a step takes one barrier, two
+by Heun's method, besides those of a solve for velocities. All threads take the same decisions, from the same sums.
 """
 
 from typing import NamedTuple
@@ -29,21 +29,21 @@ from jampetsc.flows.moves import (
     ITERATIONS,
     SUMMED,
     UNSOLVED,
+    add_terms,
     drift,
+    joint_status,
     kick,
     move,
-    note,
     own_domains,
-    reached,
+    renew_near_pairs,
     squares_of,
-    tell,
-    with_near,
+    write_terms,
 )  # fmt: skip
 from jampetsc.flows.resistance import Graph, Search, find_contacts_of, solve
 
 
 class Contacts(NamedTuple):
-    """What a search for velocities needs beside."""
+    """Contact graph and work arrays of a solve for velocities."""
 
     graph: Graph
     search: Search
@@ -51,20 +51,20 @@ class Contacts(NamedTuple):
 
 @compiled(FAST, nogil=True)
 def drag_steps(me, threads, counter, space, task, steps):
-    """Overdamped disks in a fluid, u = f/(k_d drag), by Euler or Heun: (status, steps done)."""
+    """Overdamped disks in a fluid, u = f/drag, by Euler or Heun: (status, steps done)."""
     first, last, begin, stop = own_domains(me, threads, space)
     mine = range(first, last)
     disks, forces, u, o, ahead = space.listed.disks, space.forces, space.u, space.o, space.ahead
-    mobility, room, turn, done, status = 1.0 / task.drag, block_room(), 0, 0, DONE
+    mobility, room, buffer, done, status = 1.0 / task.drag, block_room(), 0, 0, DONE
     moved, then = FAR, 0.0
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * task.step
         middle, later = g + 0.5 * task.rate * task.step, g + task.rate * task.step
-        moved, then = with_near(space, task, mine, o, g, moved, then)
+        moved, then = renew_near_pairs(space, task, mine, o, g, moved, then)
         longest = 0.0
         for part in range(2 if task.heun else 1):
             pairs, place, shear = (space.near, o, g) if part == 0 else (space.listed, ahead, later)
-            sums = space.sums[turn]
+            sums = space.sums[buffer]
             for d in mine:
                 own = slice(disks[d], disks[d + 1])
                 bonds = domain_forces(pairs, d, place, 0.0, shear, task.law, forces, None, None, room)
@@ -73,7 +73,7 @@ def drag_steps(me, threads, counter, space, task, steps):
                     far, longest, xy, squares = drift(
                         o[own], forces[own], mobility, middle, task.step, u[own], ahead[own]
                     )
-                    note(task, bonds, xy, squares, sums[d])
+                    write_terms(task, bonds, xy, squares, sums[d])
                 else:
                     f = forces[own]
                     for a in range(len(f)):
@@ -82,12 +82,12 @@ def drag_steps(me, threads, counter, space, task, steps):
                     far, longest = move(o[own], f, middle, task.step, o[own])
                 sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest
             meet(counter, threads)
-            turn = 1 - turn
-            status, longest = reached(task, sums, later)
+            buffer = 1 - buffer
+            status, longest = joint_status(task, sums, later)
             if part == 0 and task.heun and status != DONE:
                 return status, done
             if part == 0 and me == 0:
-                tell(task, sums, space.seen)
+                add_terms(task, sums, space.tally)
         if not task.heun:
             o, ahead = ahead, o
         done += 1
@@ -99,7 +99,7 @@ def drag_steps(me, threads, counter, space, task, steps):
 
 @compiled(FAST, forceinline=True)
 def residual_at(pairs, d, o, g, task, u, forces, rolling, room):
-    """m u̇ at velocities u into `forces`, what is not balanced in domain d: bonds, drag and SLLOD's shift of momentum.
+    """Net force m u̇ on the disks of domain d at velocities u into `forces`: bonds, drag and −m γ̇ u_y x̂ of SLLOD.
 
     Held disks have u̇ = 0. rolling: None, or (Ω, ρ, torques), each (N,); see `bond_forces`, whose Sums it returns.
     """
@@ -116,9 +116,9 @@ def residual_at(pairs, d, o, g, task, u, forces, rolling, room):
 
 @compiled(FAST, nogil=True, forceinline=True)
 def balance(me, threads, counter, space, task, contacts, pairs, o, g, u, room):
-    """Velocities at which forces balance, or that backward Euler gives a mass, into u.
+    """Solve for u: velocities at which forces balance, or with a mass those of a step of backward Euler.
 
-    Returns (UNSOLVED or DONE, iterations), all threads having met.
+    Returns (UNSOLVED or DONE, iterations), after a barrier.
     """
     first, last, _, _ = own_domains(me, threads, space)
     graph = contacts.graph
@@ -129,7 +129,8 @@ def balance(me, threads, counter, space, task, contacts, pairs, o, g, u, room):
     iterations = solve(
         me, threads, counter, graph, task.weights, hold, space.forces, u, task.tolerance, contacts.search
     )
-    # what no force decides: mean u of each cluster without inertia and drag, of all disks with inertia alone
+    # set to zero: mean u of each cluster, which no force determines without mass and drag; that of all disks with mass
+    # and neither drag nor walls, which forces do not change
     free = task.drag == 0.0 and task.mass == 0.0
     if free:
         for d in range(first, last):
@@ -163,7 +164,7 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * task.step
         middle, later = g + 0.5 * task.rate * task.step, g + task.rate * task.step
-        moved, then = with_near(space, task, mine, o, g, moved, then)
+        moved, then = renew_near_pairs(space, task, mine, o, g, moved, then)
         for part in range(2 if task.heun else 1):
             pairs, place, shear, v = (
                 (space.near, o, g, u) if part == 0 else (space.listed, ahead, later, after)
@@ -175,7 +176,7 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
             if status != DONE:
                 break
             if part == 0 and me == 0:
-                space.seen[ITERATIONS] += iterations
+                space.tally[ITERATIONS] += iterations
             if part == 0 and task.heun:
                 for d in mine:
                     own = slice(disks[d], disks[d + 1])
@@ -183,7 +184,7 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
                     space.sums[0, d, SUMMED], space.sums[0, d, SUMMED + 1] = far, longest
                     after[own] = u[own]
                 meet(counter, threads)
-                status, _ = reached(task, space.sums[0], later)
+                status, _ = joint_status(task, space.sums[0], later)
                 if status != DONE:
                     break
         if status != DONE:
@@ -198,14 +199,14 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
             bonds = domain_forces(
                 space.near, d, o, 0.0, g, task.law, space.forces, (u, task.rate, task.weights), None, room
             )
-            note(task, bonds, *squares_of(u[own]), sums[d])
+            write_terms(task, bonds, *squares_of(u[own]), sums[d])
             velocity = after[own] if task.heun else u[own]
             far, longest = move(o[own], velocity, middle, task.step, ahead[own])
             sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest
         meet(counter, threads)
-        status, longest = reached(task, sums, later)
+        status, longest = joint_status(task, sums, later)
         if me == 0:
-            tell(task, sums, space.seen)
+            add_terms(task, sums, space.tally)
         o, ahead = ahead, o
         done += 1
         moved += longest
@@ -215,13 +216,13 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
 
 
 class Turning(NamedTuple):
-    """Spins of disks that roll, each (N,)."""
+    """Spins Ω of disks that roll, each (N,)."""
 
     spins: np.ndarray  # Ω half a step ago
     rates: np.ndarray  # Ω̇ one step ago
     radii: np.ndarray
     inertia: np.ndarray
-    now: np.ndarray  # room for Ω now,
+    now: np.ndarray  # work arrays: Ω now,
     after: np.ndarray  # at the next step,
     torques: np.ndarray
 
@@ -235,7 +236,7 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
     first, last, begin, stop = own_domains(me, threads, space)
     mine = range(first, last)
     dt, forces, u, o, ahead = task.step, space.forces, space.u, space.o, space.ahead
-    disks, held, turn, done, status = space.listed.disks, task.held, 0, 0, DONE
+    disks, held, buffer, done, status = space.listed.disks, task.held, 0, 0, DONE
     predicted, after, room = space.after[0], space.after[1], block_room()
     for a in range(begin, stop):
         for axis in range(2):
@@ -250,8 +251,8 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
     moved, then = FAR, 0.0
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * dt
-        moved, then = with_near(space, task, mine, o, g, moved, then)
-        sums = space.sums[turn]
+        moved, then = renew_near_pairs(space, task, mine, o, g, moved, then)
+        sums = space.sums[buffer]
         for d in mine:
             own = slice(disks[d], disks[d + 1])
             motion = predicted, task.rate, task.weights
@@ -265,7 +266,7 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
                 o[own], forces[own], predicted[own], task, g + 0.5 * task.rate * dt,
                 u[own], a_last[own], after[own], ahead[own],
             )  # fmt: skip
-            note(task, bonds, xy, squares, sums[d])
+            write_terms(task, bonds, xy, squares, sums[d])
             sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest
             if turning is not None:
                 torques[disks[d] : held] = 0.0
@@ -275,10 +276,10 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
                     spin[a] += dt * spin_last[a]
                     then_on[a] = spin[a] + 0.5 * dt * spin_last[a]
         meet(counter, threads)
-        status, longest = reached(task, sums, g + task.rate * dt)
+        status, longest = joint_status(task, sums, g + task.rate * dt)
         if me == 0:
-            tell(task, sums, space.seen)
-        o, ahead, predicted, after, turn = ahead, o, after, predicted, 1 - turn
+            add_terms(task, sums, space.tally)
+        o, ahead, predicted, after, buffer = ahead, o, after, predicted, 1 - buffer
         if turning is not None:
             now, then_on = then_on, now
         done += 1

@@ -1,4 +1,4 @@
-"""g_y(x) of flow files: correlation of transverse velocities in their snapshots, with errors over these."""
+"""g_y(x) of flow files: correlation of transverse velocities, averaged over snapshots, with errors."""
 
 from dataclasses import dataclass
 
@@ -10,10 +10,10 @@ from jampetsc.analysis.velocities import lane_products
 from jampetsc.errors import InputError, named
 
 FORMAT = "jampetsc-velocity-correlation"
-ALIKE = ("model", "rate", "particle_count", "mass")  # what files that are averaged have in common
+ALIKE = ("model", "rate", "particle_count", "mass")  # attributes that files averaged together must share
 SAME_PHI = 1e-6
 BLOCKS, DRAWS = 10, 200
-LANE, BIN = 1.0, 1.0  # widths of a lane in y and of a bin in x, in mean diameters, unless told otherwise
+LANE, BIN = 1.0, 1.0  # widths of a lane in y and of a bin in x, in mean diameters, by default
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,11 @@ class LaneCorrelation:
     pairs: np.ndarray  # (D,)
     mean_square: float  # ⟨u_y²⟩/γ̇²
     snapshots: int
-    diameter: float  # mean one of the disks
-    minimum_errors: tuple = (np.nan, np.nan)  # standard errors of `minimum`, where there are snapshots enough
+    diameter: float  # mean diameter of the disks
+    minimum_errors: tuple = (
+        np.nan,
+        np.nan,
+    )  # standard errors of `minimum`; nan with fewer than 2 BLOCKS snapshots
 
     @property
     def centres(self):
@@ -36,7 +39,7 @@ class LaneCorrelation:
 
     @property
     def minimum(self) -> tuple[float, float]:
-        """(x, g_y) where it is least; x of the vertex of the parabola through three bins, where there are three."""
+        """(x, g_y) of the least value; x at the vertex of the parabola through it and both neighbours, if they exist."""
         return _minimum(self.centres, self.values)
 
 
@@ -51,7 +54,7 @@ def _minimum(x, g):
 
 
 def _minimum_errors(x, products, pairs, squares):
-    """Standard errors of (x, g_y) of the minimum, from BLOCKS of snapshots in a row, drawn anew."""
+    """Standard errors of (x, g_y) of the minimum, by bootstrap over BLOCKS of consecutive snapshots."""
     if len(squares) < 2 * BLOCKS:
         return np.nan, np.nan
     parts = [np.array_split(array, BLOCKS) for array in (products, pairs, squares)]

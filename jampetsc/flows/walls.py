@@ -2,15 +2,14 @@
 
 The cell stays that of Lees and Edwards, periodic in x, of height H. The disks of the lower row go with the affine
 flow, u = 0, and so do their images, which are the upper row: each row is rigid, and one slides past the other by
-γ̇H. Disks of the walls come first in all arrays (`held` of them). What is between the rows never touches through
-them. Disks with a mass are at rest, v = 0 in the frame of the middle, when the rows begin to slide. With y from the
+γ̇H. Disks of the walls come first in all arrays (`held` of them). Disks between the rows never touch across a
+row. Disks with a mass are at rest, v = 0 in the frame of the middle, when the rows begin to slide. With y from the
 middle between the rows and F the force of the contacts on a disk, the stress on the walls is
 
     σ_w = ½ (F_lower − F_upper)/L_x = σ + (1/V) Σ y F_x    over the disks that move,
 
-at every instant, from the virial of the bonds between the rows. Without mass and drag F = 0, and the walls feel the σ
-of the bulk; with mass they do so in the mean, σ with its kinetic part. Drag takes the difference, k_d Σ y u_x/V, into
-the fluid.
+at every instant, from the virial of the bonds between the rows. Without mass and drag F = 0 and σ_w = σ; with mass
+their means are equal, if σ includes its kinetic part. With drag the fluid takes the difference, k_d Σ y u_x/V.
 """
 
 import numpy as np
@@ -25,25 +24,27 @@ from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import Shear
 
 GAP = 0.05  # between the disks of a row, in units of their diameters: they never touch
-# time steps of a random start at rest, and their length in units of the smallest k_d d²/k_e
+# relaxation of a random start at zero rate: number of time steps, and their length in k_d d²/k_e of the smallest disk
 SETTLING = 2000, 0.05
 
 
 def phi_between(disks: Disks, held: int) -> float:
-    """Packing fraction of the disks that move, in the area that those of the walls leave of V = L_x H."""
+    """Packing fraction of the disks that move, in the area V = L_x H less that of the walls' disks."""
     areas = np.pi * disks.radii**2
     return float(np.sum(areas[held:]) / (disks.area - np.sum(areas[:held])))
 
 
 def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[Disks, int]:
-    """Disks of these radii (N,) at random between rows of some of the same sizes: (disks, how many are the wall's).
+    """Disks of these radii (N,), relaxed from random places between rows of the same sizes: (disks, wall disks).
 
     L_x and H are as equal as whole disks allow. Raises InputError where the rows leave no room between them.
     """
     radii = np.asarray(radii, float)
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
     area = np.pi * np.sum(radii**2) / phi
-    share = np.pi * np.mean(radii**2) / (2.0 * (1.0 + GAP) * radii.mean())  # area of a row over its length
+    share = (
+        np.pi * np.mean(radii**2) / (2.0 * (1.0 + GAP) * radii.mean())
+    )  # area of the disks of a row per length
     side = 0.5 * share + np.sqrt(0.25 * share**2 + area)
     row = generator.permutation(radii)
     number = 1 + int(np.argmin(np.abs(np.cumsum(2.0 * (1.0 + GAP) * row) - side)))
@@ -72,8 +73,8 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[D
     return rest.disks, number
 
 
-def seen_between_walls(shear: Shear) -> dict:
-    """What a row has of walls: the stress on them, and the velocity profile between them, now."""
+def wall_columns(shear: Shear) -> dict:
+    """Columns of a row of a run between walls: stress and pressure on them, and the velocity profile, at present."""
     u = shear.velocities_here()
     stress, pressure = stress_on_walls(shear, u)
     return {
@@ -101,7 +102,7 @@ def stress_on_walls(shear: Shear, u) -> tuple[float, float]:
     i, j, r0, sigma = shear.pairs.arrays
     lower = (i < shear.held) & (j >= shear.held)
     upper = (i >= shear.held) & (j < shear.held)
-    # the disk that moves is above the row, and stays there
+    # pairs whose moving disk is above the row, which it never crosses
     above = (lower & (r0[1] > 0)) | (upper & (r0[1] < 0))
     task = shear.task()
     motion = u, task.rate, task.weights

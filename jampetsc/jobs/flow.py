@@ -94,7 +94,7 @@ to the last bit; independent runs are faster side by side."""
         if earlier is not None:
             if earlier.format != self.FORMAT:
                 raise InputError(f"{earlier.path}: is no flow: give a packing, or a flow to go on from")
-            self._refuse_settled(earlier.path)
+            self._refuse_settings(earlier.path)
         elif self.start is None or self._own_settings:
             super().check()
             if self.rate is None:
@@ -110,7 +110,7 @@ to the last bit; independent runs are faster side by side."""
 
     @property
     def _in_memory(self):
-        """The earlier result in memory that is continued, or None."""
+        """The result in memory that is given as START, or None."""
         return None if self.start is None or isinstance(self.start, str | Disks) else self.start
 
     @property
@@ -125,7 +125,8 @@ to the last bit; independent runs are faster side by side."""
         """Parameters that only a new flow may be given: a continued one keeps its own."""
         return [name for name in self.settings() if name not in ("strain", "last", "threads")]
 
-    def _refuse_settled(self, path):
+    def _refuse_settings(self, path):
+        """Raise InputError for settings that belong to the flow at `path`, which is continued."""
         for name in self._own_settings:
             raise InputError(f"{named(name)}: {path} goes on as it was begun; leave it out (or start anew)")
 
@@ -144,7 +145,7 @@ to the last bit; independent runs are faster side by side."""
         return self._in_memory is not None or (isinstance(self.start, str) and is_flow(self.start))
 
     def check_outputs(self, to):
-        """As usual, but a continued flow may replace its own file."""
+        """See `Job`; but a continued flow may replace its own file."""
         from jampetsc.io.outputs import check_place, is_same
 
         if (
@@ -174,7 +175,7 @@ to the last bit; independent runs are faster side by side."""
         from jampetsc.flows.steady import continued
 
         earlier = opened(self.start)
-        self._refuse_settled(earlier.path)
+        self._refuse_settings(earlier.path)
         return continued(earlier, self.strain)
 
     def _new_run(self):

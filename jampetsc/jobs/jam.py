@@ -12,8 +12,8 @@ from jampetsc.core.potentials import EXPONENTS
 from jampetsc.errors import InputError
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
 
-PROTOCOLS = ("random", "shear", "compress")  # of `flows.jamming`
-MANY = 1_000_000  # samples of one run
+PROTOCOLS = ("random", "shear", "compress")  # the names of `flows.jamming.PROTOCOLS`
+MANY = 1_000_000  # most samples of one run
 
 
 @dataclass(frozen=True, eq=False)

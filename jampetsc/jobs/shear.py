@@ -7,8 +7,8 @@ from jampetsc.asking.parameters import asked
 from jampetsc.asking.starts import FromStart
 from jampetsc.errors import InputError, named
 
-MOST = 1e8  # steps
-FARTHEST = 1e4  # strain
+MOST = 1e8  # steps of a run
+FARTHEST = 1e4  # strain of a run
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from jampetsc.flows.shearing import Shear
 from jampetsc.io.outlet import Outlet
 
 
-def test_every_cluster_of_contacts_goes_with_the_flow():
+def test_the_mean_velocity_of_a_cluster_is_that_of_the_flow():
     thin = crowd(phi=0.55)
     run, contacts = shear("CD0", thin, rate=0.03, tolerance=1e-14), find_contacts(thin)
     velocities = run.velocities_now()
@@ -30,19 +30,19 @@ def test_every_cluster_of_contacts_goes_with_the_flow():
     assert 5 < number < thin.n
     for one in range(number):
         assert np.abs(velocities[cluster == one].mean(0)).max() < 1e-14
-    look = run.survey()
-    assert look.clusters == number and look.largest_cluster == np.bincount(cluster).max()
-    assert look.coordination == 2 * len(contacts) / thin.n
-    assert look.deepest == pytest.approx(np.max(contacts.overlap / contacts.sigma), rel=1e-12)
+    survey = run.survey()
+    assert survey.clusters == number and survey.largest_cluster == np.bincount(cluster).max()
+    assert survey.coordination == 2 * len(contacts) / thin.n
+    assert survey.deepest == pytest.approx(np.max(contacts.overlap / contacts.sigma), rel=1e-12)
 
 
 def history(run, rows=20, steps=10):
     """(σ, p) of consecutive pieces of a run."""
     found = []
     for _ in range(rows):
-        run.seen[:] = 0
+        run.tally[:] = 0
         run.advance(steps)
-        found.append([run.seen[0] + run.seen[2] + run.seen[4], run.seen[1] + run.seen[3]])
+        found.append([run.tally[0] + run.tally[2] + run.tally[4], run.tally[1] + run.tally[3]])
     return np.array(found)
 
 
@@ -69,8 +69,8 @@ def test_stress_does_not_depend_on_origin_images_tilt_or_skin(name):
     assert np.abs(history(wide, 20) / reference - 1).max() < 1e-11
 
 
-def test_unwrapped_coordinates_go_on_through_every_image():
-    """Disks that do not touch go with the affine flow, however often all is folded; others never jump."""
+def test_unwrapped_coordinates_are_continuous():
+    """Disks that do not touch follow the affine flow, however often they are folded; others never jump."""
     cell = np.array([[1.0, 0.0], [0.3, 2.0]])
     start = Disks.from_positions([[0.9, 0.3], [-0.4, 1.1], [0.2, 1.7]], [0.1, 0.1, 0.1], cell)
     layers = shear("RD0", start, rate=0.05, step=0.2, method="euler")
@@ -99,8 +99,8 @@ def test_unwrapped_coordinates_go_on_through_every_image():
 
 
 @pytest.mark.parametrize("name", ["RD0", "CD0", "CD", "rolling"])
-def test_a_state_goes_on_to_the_last_bit(name):
-    """With everything: what was seen, the skin as it was tuned, and whether the run had begun."""
+def test_a_run_continues_from_a_state_to_the_last_bit(name):
+    """With its tally, its tuned skin, and whether the run had begun."""
     one, other = shear(name, rate=0.1), shear(name, rate=0.1)
     fresh = one.state()
     other.restore(fresh)
@@ -120,13 +120,13 @@ def test_a_state_goes_on_to_the_last_bit(name):
 
 
 @pytest.mark.parametrize("name", ["RD0", "CD0", "RD"])
-def test_steps_that_are_far_too_long_are_noticed(name):
+def test_steps_that_are_far_too_long_are_an_error(name):
     run = shear(name, step=50.0)
     with pytest.raises(ConvergenceError, match="smaller step"):
         run.advance(1000)
 
 
-def test_velocities_that_are_not_found_are_told():
+def test_velocities_that_are_not_found_are_an_error():
     run = shear("CD0", crowd(16), tolerance=0.0)  # less than rounding leaves
     with pytest.raises(ConvergenceError, match="velocities not found to 0: raise tolerance"):
         run.advance(1)
@@ -135,7 +135,13 @@ def test_velocities_that_are_not_found_are_told():
 @pytest.mark.parametrize(
     "name, mass, rate, step, method",
     [
-        ("RD", 0.01, 1e-4, 0.25, "backward Euler"),  # light disks follow the forces where all are braked,
+        (
+            "RD",
+            0.01,
+            1e-4,
+            0.25,
+            "backward Euler",
+        ),  # light disks follow the forces if damped in all directions,
         ("CDn", 0.01, 1e-4, 1e-3, "verlet"),  # else they fly and collide
         ("CDt", 0.01, 1e-4, 1e-3, "verlet"),
         ("RD0", 0.0, 1e-3, 0.2, "euler"),
@@ -175,19 +181,19 @@ def test_the_time_step_suits_the_model(name, mass, rate, step, method):
         ({"drag": 1.0}, {"friction": 0.1}, "belongs to contact damping, not to some"),
     ],
 )
-def test_models_that_there_are_not(weights, more, says):
+def test_models_that_are_refused(weights, more, says):
     with pytest.raises(InputError, match=says):
         Model(Law("some", **weights), **more)
 
 
-def test_a_direction_that_no_contact_damps_may_be_held_by_friction_or_drag():
+def test_a_direction_that_no_contact_damps_may_be_damped_by_friction_or_drag():
     assert Model(Law("some", normal=1.0), friction=0.1).drag == 0.1
     assert Model(Law("some", normal=1.0, drag=0.2)).drag == 0.2
     assert Model(Law("some", normal=1.0, transverse=1.0)).mass == 0.0
 
 
-def test_time_steps_know_k_tau1_and_the_potential():
-    """In units in which forces are 4 times as large and damping times twice as long; of Hertzian disks k is 3/2."""
+def test_time_steps_depend_on_k_tau1_and_the_potential():
+    """With forces 4 times as large, damping times twice as long, and Hertzian disks, 3/2 times as stiff."""
     disks = crowd()
     stiff = replace(disks, potential=replace(disks.potential, k=4.0))
     for name in ("RD0", "CD0", "unequal"):
@@ -205,14 +211,14 @@ def test_time_steps_know_k_tau1_and_the_potential():
         for given in (disks, stiff):
             assert scheme_for(Model(Law("some", drag=1.0, tau1=tau1)), given, rate).method == method
     weak = Model(Law("some", normal=1.0, transverse=0.3))
-    assert scheme_for(weak, disks, 1e-4).step == pytest.approx(0.3 * 0.5)  # the weaker one decides
+    assert scheme_for(weak, disks, 1e-4).step == pytest.approx(0.3 * 0.5)  # set by the weaker one
     braked = Model(Law("some", normal=1.0, transverse=0.3, drag=3.0), 0.01)
-    assert scheme_for(braked, disks, 1e-4).step == pytest.approx(0.25 * 3.0)  # the strongest one decides
+    assert scheme_for(braked, disks, 1e-4).step == pytest.approx(0.25 * 3.0)  # set by the strongest one
     larger = Disks.from_positions(2 * disks.positions, 2 * disks.radii, 2 * disks.cell, disks.potential)
     assert scheme_for(Model(ROWS["RD0"][0]), larger, 1e-4).step == pytest.approx(4 * 0.2)  # k_e/d²
 
 
-def test_disks_of_walls_are_not_among_those_that_coordination_is_a_mean_over():
+def test_coordination_is_a_mean_over_disks_that_move():
     disks = crowd(16, phi=0.9)
     contacts = find_contacts(disks)
     run = Shear(disks, Model(ROWS["RD0"][0]), 0.02, Scheme(0.05, "euler", 1e-6), held=4)
@@ -221,8 +227,8 @@ def test_disks_of_walls_are_not_among_those_that_coordination_is_a_mean_over():
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_what_is_no_number_moves_too_far(bad):
-    """Comparisons with NaN are all false: sums tell of it, and the step counts as blown up."""
+def test_nan_and_inf_count_as_blown_up(bad):
+    """Comparisons with NaN are all false, so it is found in sums."""
     listed = 1.0, 0.5, 0.1
     for where in ((0, 0), (3, 0), (3, 1)):
         o, good = np.zeros((4, 2)), np.full((4, 2), 1e-3)
@@ -235,37 +241,37 @@ def test_what_is_no_number_moves_too_far(bad):
             moves.kick(o, good, good, task, 0.1, u.copy(), *room[:3])[:2],
         ]
         for far, longest in found:
-            assert moves.verdict_of(far, longest, 0.0, listed) == moves.BLOWN_UP
+            assert moves.status_of(far, longest, 0.0, listed) == moves.BLOWN_UP
             sums = np.zeros((3, moves.SUMMED + 2))  # of one domain of three
             sums[1, -2:] = far, longest
-            assert moves.reached(task, sums, 0.0)[0] == moves.BLOWN_UP
+            assert moves.joint_status(task, sums, 0.0)[0] == moves.BLOWN_UP
     far, longest = moves.move(o, good, 0.1, 0.1, np.empty_like(o))
-    assert moves.verdict_of(far, longest, 0.0, listed) == moves.DONE
+    assert moves.status_of(far, longest, 0.0, listed) == moves.DONE
 
 
-def test_a_step_in_which_a_disk_would_jump_is_done_in_parts():
-    """The same as steps that are a quarter as long: velocities, and the means over the step."""
+def test_a_step_in_which_a_disk_would_jump_is_divided():
+    """It has the velocities of four steps a quarter as long, and their means."""
     disks, model = crowd(24, phi=0.9), Model(ROWS["CD0"][0])
     long, short = (Shear(disks, model, 0.3, Scheme(step, "heun", 1e-13)) for step in (2.0, 0.5))
     long.advance(1)
     short.advance(4)
     assert (long.substeps, short.substeps, long.steps) == (4, 0, 1)
     assert long.velocities_now() == pytest.approx(short.velocities_now(), abs=1e-12)
-    assert long.seen == pytest.approx(short.seen / 4, abs=1e-12)
+    assert long.tally == pytest.approx(short.tally / 4, abs=1e-12)
     again = Shear(disks, model, 0.3, long.scheme)
     again.restore(long.state())
     assert again.substeps == 4
 
 
-def test_verdicts_of_a_step():
-    """More than half of the largest σ is a jump; a list is stale by its own rule, and a jump is told first."""
+def test_status_of_a_step():
+    """More than half of the largest σ is a jump; a list is stale by its own rule; a jump comes before that."""
     listed, done, stale, jump = (1.2, 0.5, 0.1), moves.DONE, moves.STALE, moves.BLOWN_UP
-    for far, longest, verdict in (
+    for far, longest, status in (
         (0.1, 0.6, done), (0.1, 0.6001, jump), (0.25, 0.1, done), (0.2501, 0.1, stale), (0.3, 0.7, jump),
         (0.1, np.nan, jump),
     ):  # fmt: skip
-        assert moves.verdict_of(far, longest, 0.0, listed) == verdict
-    assert moves.verdict_of(0.0, 0.0, 0.8, listed) == moves.verdict_of(0.0, 0.0, -0.8, listed) == moves.STALE
+        assert moves.status_of(far, longest, 0.0, listed) == status
+    assert moves.status_of(0.0, 0.0, 0.8, listed) == moves.status_of(0.0, 0.0, -0.8, listed) == moves.STALE
 
 
 def test_starts_of_soft_disks_overlap_by_half_at_most():
@@ -279,7 +285,7 @@ def test_starts_of_soft_disks_overlap_by_half_at_most():
 
 
 def one_pair(overlap, k=1.0):
-    """A flow of 16 disks of which two overlap and no others touch, that is to come."""
+    """A flow, not yet run, of 16 disks of which two overlap and no others touch."""
     places = 3.0 * np.array([[a, b] for a in range(4) for b in range(4)], float)
     places[1] = places[0] + [1.0 - overlap, 0.0]
     disks = Disks.from_positions(places, np.full(16, 0.5), 12.0 * np.eye(2), Potential(k=k))
@@ -292,7 +298,7 @@ def test_disks_that_touch_a_little_flow():
 
 
 @pytest.mark.parametrize("k", [1.0, 1e9])
-def test_disks_that_do_not_touch_are_told_in_units_of_k(k):
+def test_disks_that_do_not_touch_are_an_error_for_any_k(k):
     """One pair that overlaps by 1e-9 at the start presses with 1e-9 γ̇kτ₁ or so: that is no flow."""
     with pytest.raises(ConvergenceError, match=r"no two disks touched within the strain of 0\.02"):
         jobs.execute(one_pair(1e-9, k), Outlet())

@@ -1,4 +1,4 @@
-"""`jampetsc flow`: the file it leaves, going on after a kill and after the end, and what bad input gets."""
+"""`jampetsc flow`: its file, continuation after a kill and after the end, and errors of bad input."""
 
 import json
 import re
@@ -26,7 +26,7 @@ def flow(*words):
     return cli.main([str(word) for word in words])
 
 
-def test_ranks_that_a_flow_has_no_use_for_are_told(tmp_path):
+def test_unused_ranks_are_reported(tmp_path):
     words = "flow --n 16 --phi 0.86 --model RD0 --rate 1e-2 --strain 0.1".split()
     done = launch.run(2, "../jampetsc/__main__.py", *words, "--out", tmp_path / "f.h5")
     assert done.returncode == 0 and done.stderr.count("one rank does one flow") == 1
@@ -35,12 +35,12 @@ def test_ranks_that_a_flow_has_no_use_for_are_told(tmp_path):
 def test_progress_can_be_silenced(tmp_path, capsys):
     for words in (SMALL, ["flow", tmp_path / "flow.h5", "--strain", 0.1]):
         assert flow(*words, "--quiet", "--out", tmp_path / "flow.h5") == 0
-        text, told = capsys.readouterr()
-        assert "sigma" in text and told == ""
+        text, log = capsys.readouterr()
+        assert "sigma" in text and log == ""
 
 
 def test_steps_in_which_disks_would_jump_are_divided(tmp_path):
-    """Large clusters turn fast at their rims."""
+    """Large clusters rotate, fast at their rims."""
     words = "flow --n 64 --phi 0.9 --seed 2 --model CD0 --rate 0.3 --step 1 --strain 6".split()
     assert flow(*words, "--out", tmp_path / "f.h5") == 0
     result = jampetsc.load(tmp_path / "f.h5")
@@ -49,7 +49,7 @@ def test_steps_in_which_disks_would_jump_are_divided(tmp_path):
 
 @pytest.fixture
 def saved(monkeypatch):
-    """Checkpoints, one after every row; the first, or as many as are put into it, ends the run."""
+    """[n]: a checkpoint is written after every row, and the n-th one (n = 1 unless set) ends the run."""
     monkeypatch.setattr(running, "INTERVAL", -1.0)
     save, saved = running.write_checkpoint, [1]
 
@@ -66,8 +66,8 @@ def saved(monkeypatch):
 def test_the_file(tmp_path, capsys):
     out, last = tmp_path / "flow.h5", tmp_path / "last.h5"
     assert flow(*SMALL, "--snapshots", 4, "--out", out, "--last", last) == 0
-    text, told = capsys.readouterr()
-    lines = told.splitlines()
+    text, log = capsys.readouterr()
+    lines = log.splitlines()
     assert len(lines) == 50 and "transient" in lines[0]
     assert lines[-1].startswith("[50/50] strain 0.6, sigma ") and lines[-1].endswith(", 0 s left")
     result = jampetsc.load(out)
@@ -100,8 +100,8 @@ def test_the_file(tmp_path, capsys):
     assert np.abs(result["snapshots/velocities"][-1] - forces).max() < 1e-9
 
 
-def test_a_killed_run_goes_on_to_the_last_bit(tmp_path, saved, capsys):
-    """The same one; another command leaves its checkpoint alone."""
+def test_a_killed_run_continues_to_the_last_bit(tmp_path, saved, capsys):
+    """If its command is given again; another command does not use its checkpoint."""
     whole, out = tmp_path / "whole.h5", tmp_path / "out.h5"
     command = [*SMALL, "--snapshots", "3"]
     for saved[0], place, status in ((0, whole, 0), (40, out, 130)):
@@ -121,7 +121,7 @@ def test_a_killed_run_goes_on_to_the_last_bit(tmp_path, saved, capsys):
     assert jampetsc.load(place).attributes["rate"] == 2e-2
 
 
-def test_everything_that_decides_a_run_identifies_its_checkpoint():
+def test_a_checkpoint_is_identified_by_all_settings_of_its_run():
     disks = crowd(16)
 
     def settings(disks=disks, name="CD0", held=0, **more):
@@ -133,11 +133,11 @@ def test_everything_that_decides_a_run_identifies_its_checkpoint():
     found = [settings(**one) for one in [{}, *others, *({name: x} for name, x in numbers.items())]]
     assert len(set(found)) == 10 and settings() == found[0]
     job = jobs.begun(disks, {}, model("CD0"), 1e-2, 0.5)
-    assert replace(job, before=([0, 0], {})).settings != job.settings  # it goes on from another place
+    assert replace(job, before=([0, 0], {})).settings != job.settings  # it continues from another row
 
 
 @pytest.mark.parametrize("name", ["RD0", "CDn"])
-def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, name):
+def test_a_finished_run_continues_to_the_last_bit(tmp_path, name):
     mass = ["--mass", "1"] if name == "CDn" else []
     common = ["flow", "--n", 32, "--phi", 0.84, "--model", name, *mass, "--rate", 1e-2, "--discard", 0.1]
     one, two, farther = tmp_path / "one.h5", tmp_path / "two.h5", tmp_path / "farther.h5"
@@ -156,8 +156,8 @@ def test_a_finished_run_goes_on_to_the_last_bit(tmp_path, name):
     assert (tmp_path / "link.h5").is_symlink()
 
 
-def test_snapshots_go_on_with_the_run(tmp_path, monkeypatch):
-    """At the same strain from each other; room for all is asked for."""
+def test_a_continued_run_takes_more_snapshots(tmp_path, monkeypatch):
+    """At the same distance in strain; disk space is checked for all of them."""
     out, room = tmp_path / "flow.h5", []
     common = "flow --n 16 --phi 0.9 --model RD0 --rate 0.1 --strain 0.1 --discard 0 --snapshots 4".split()
     assert flow(*common, "--out", out) == 0
@@ -196,7 +196,7 @@ def test_a_packing_keeps_its_own_units(tmp_path):
     assert "packing_sha256" in jobs.KEPT and all(farther.get(name) == facts.get(name) for name in jobs.KEPT)
 
 
-def test_quality_and_the_stress_of_the_fluid_know_k_and_tau1(tmp_path):
+def test_quality_and_the_stress_of_the_fluid_are_in_units_of_k_and_tau1(tmp_path):
     """m = Q² k τ₁² and σ_F = η_F kτ₁ γ̇, here with k = 4 and τ₁ = 2."""
     packing, out, fluid = (tmp_path / name for name in ("p.h5", "flow.h5", "fluid.h5"))
     write_packing(packing, replace(crowd(16), potential=Potential(k=4.0)))
@@ -220,7 +220,7 @@ def test_a_law_of_the_linear_part(tmp_path):
     assert jampetsc.load(rolling).law["beta"] == 2
 
 
-BAD = [  # (what is given, parameter or words that are told); ranges: test_flow_jobs
+BAD = [  # (options, words of the message); ranges: test_flow_jobs
     ("--n 16 --phi 0.1 --strain 0.05 --discard 0.04", "no two disks touched"),
     ("--step 900", "--step"),
     ("--step 0.8", "work and dissipation differ"),  # nothing blows up
@@ -263,8 +263,8 @@ def test_bad_starts(tmp_path, capsys):
         assert not out.exists()
 
 
-def test_threads_are_a_matter_of_time_alone(tmp_path, capsys):
-    """Neither result nor request has them; a flow file may go on with others."""
+def test_threads_do_not_change_a_result(tmp_path, capsys):
+    """A flow file may be continued with another number of them."""
     files = [tmp_path / name for name in ("one.h5", "two.h5")]
     for threads, out in enumerate(files, 1):
         assert flow(*SMALL, "--threads", threads, "--out", out) == 0

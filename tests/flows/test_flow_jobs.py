@@ -1,4 +1,4 @@
-"""Flow, shear and jam as jobs: the range of every number, what does not go together, and what comes of it."""
+"""Flow, shear and jam as jobs: ranges of parameters, combinations that are refused, and the runs they ask for."""
 
 import inspect
 from dataclasses import replace
@@ -34,7 +34,7 @@ JAM = {"n": 16, "phi": 0.84, "seeds": "1:2"}
 QS = JAM | {"protocol": "shear"}
 COOL = JAM | {"protocol": "compress"}
 
-RANGES = [  # (job, what is given beside, parameter, values within, values beyond)
+RANGES = [  # (job, other parameters, parameter, values within its range, values beyond)
     (Flow, FLOW, "n", [16], [15, 10_000_001, 16.5]),
     (Flow, FLOW, "phi", [0.1, 1.0], [0.099, 1.01, NAN]),
     (Flow, FLOW, "seed", [0, LAST], [-1, LAST + 1]),
@@ -69,7 +69,7 @@ RANGES = [  # (job, what is given beside, parameter, values within, values beyon
     (Jam, COOL, "cooling_rate", [1e-6, 10.0], [0.99e-6, 10.1]),
     (Jam, COOL, "sweeps", [0, 10_000_000], [-1, 10_000_001]),
 ]  # fmt: skip
-REFUSED = [  # (job, what is given, parameter that is named first)
+REFUSED = [  # (job, parameters, the one that the message begins with)
     (Flow, {"n": 16, "phi": 0.8, "model": "RD0", "strain": 1.0}, "rate"),
     (Flow, {"n": 16, "phi": 0.8, "rate": 1e-2, "strain": 1.0}, "model"),
     (Flow, {"n": 16, "model": "RD0", "rate": 1e-2, "strain": 1.0}, "phi"),
@@ -98,7 +98,7 @@ REFUSED = [  # (job, what is given, parameter that is named first)
 
 
 @pytest.mark.parametrize(("job", "given", "name", "within", "beyond"), RANGES)
-def test_the_ends_of_a_range_belong_to_it_and_what_lies_beyond_is_refused(job, given, name, within, beyond):
+def test_a_range_includes_its_ends_and_values_beyond_are_refused(job, given, name, within, beyond):
     if name == "tau1" or name == "friction":
         given = given | {"model": "CD0"}
     for value in within:
@@ -110,7 +110,7 @@ def test_the_ends_of_a_range_belong_to_it_and_what_lies_beyond_is_refused(job, g
 
 
 @pytest.mark.parametrize(("job", "given", "name"), REFUSED)
-def test_what_does_not_go_together_is_refused(job, given, name):
+def test_parameters_that_do_not_fit_together_are_refused(job, given, name):
     with pytest.raises(InputError) as refused:
         made(job, given)
     assert str(refused.value).startswith((f"{name}:", f"{name} "))
@@ -125,7 +125,7 @@ def test_a_seventh_model_is_one_row(monkeypatch):
         models.model_of("RDt")
 
 
-def test_models_have_functions_with_the_options_that_they_have():
+def test_functions_of_models_have_the_options_of_their_model():
     made = {name: getattr(jampetsc.models, name) for name in models.MODELS}
     signatures = {name: set(inspect.signature(model).parameters) for name, model in made.items()}
     massive, friction = {"mass", "quality"}, {"friction"}
@@ -139,8 +139,8 @@ def test_models_have_functions_with_the_options_that_they_have():
         jampetsc.models.CDn()
 
 
-def test_a_model_is_told_as_it_is_asked_for():
-    """By name, by options, as an object and as a law: the same job, whose words mean it again."""
+def test_a_model_may_be_given_in_several_ways():
+    """By name, by options, as an object or as a law: the same job, which its settings make again."""
     own = {"n": 16, "phi": 0.7, "rate": 1e-2, "strain": 0.5}
     law = {"law": "contact", "rotations": False, "beta": 0.5, "tau1": 2.0, "friction": 0.125}
     damping = models.Model(ContactDamping(0.5, rotations=False, tau1=2.0), friction=0.125)
@@ -156,7 +156,7 @@ def test_a_model_is_told_as_it_is_asked_for():
         assert ("--no-rotations" in one.line()) == (model is damping)
 
 
-def test_a_flow_is_asked_for_as_told():
+def test_a_run_has_the_parameters_of_its_job():
     job = made(Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "friction": 0.125, "tau1": 2.0})
     run = job._new_run()
     assert (run.rate, run.model.mass, run.model.friction, run.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
@@ -186,12 +186,12 @@ def test_radii_of_ones_own_keep_their_unit():
     assert origin["units"] == starts.OWN_UNITS
 
 
-def test_disks_between_walls_are_told_with_how_many_make_them_up():
+def test_the_origin_of_disks_between_walls_has_the_number_of_wall_disks():
     disks, origin = Flow(**FLOW | {"n": 32, "phi": 0.5, "walls": True}).disks()
     assert 0 < origin["walls"] < disks.n and disks.n >= 32
 
 
-def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
+def test_the_origin_of_a_packing_has_its_checksum(tmp_path):
     write_packing(tmp_path / "p.h5", published())
     disks, origin = Flow(tmp_path / "p.h5", "RD0", rate=1e-2, strain=0.02).disks()
     _, (name, digest) = read_identified(tmp_path / "p.h5")
@@ -199,8 +199,8 @@ def test_a_packing_to_start_from_is_told_with_its_checksum(tmp_path):
     assert disks.fingerprint == published().fingerprint
 
 
-def test_what_stays_in_memory_leaves_no_files(tmp_path, monkeypatch):
-    """A flow goes on from one in memory as from its file, to the last bit, and its last state is a packing."""
+def test_a_result_in_memory_leaves_no_files(tmp_path, monkeypatch):
+    """A flow in memory is continued like its file, to the last bit, and its last state is a packing."""
     monkeypatch.chdir(tmp_path)
     job = {"model": jampetsc.models.CDn(mass=1.0), "rate": 1e-2, "discard": 0.1}
     one = jampetsc.flow(n=16, phi=0.86, strain=0.3, snapshots=2, **job)
@@ -227,18 +227,18 @@ def test_what_stays_in_memory_leaves_no_files(tmp_path, monkeypatch):
         {"tolerance": 1e-5}, {"model": models.RD(mass=1)}, {"n": 16}, {"walls": True},
     ],
 )  # fmt: skip
-def test_a_flow_that_goes_on_has_its_settings(more):
+def test_a_continued_flow_keeps_its_settings(more):
     asked = {"start": "f.h5", "strain": 1.0, "model": "CD0", "rate": 0.1} | more
     if more.keys() & {"n", "seed", "walls"}:
         with pytest.raises(InputError, match=f"{next(iter(more))}: belongs to f.h5"):
             Flow(**asked)
     else:
         with pytest.raises(InputError, match="goes on as it was begun; leave it out"):
-            Flow(**asked)._refuse_settled("f.h5")
-    Flow("f.h5", strain=1.0, last="p.h5")._refuse_settled("f.h5")
+            Flow(**asked)._refuse_settings("f.h5")
+    Flow("f.h5", strain=1.0, last="p.h5")._refuse_settings("f.h5")
 
 
-def test_samples_that_jam_are_asked_for_as_told():
+def test_samples_have_the_parameters_of_their_job():
     asked = Jam(n=16, phi="0.8:0.84:3", seeds="4:5").samples
     assert asked.tasks == [(pytest.approx(phi), seed) for phi in (0.8, 0.82, 0.84) for seed in (4, 5)]
     assert asked.protocol.name == "random" and asked.protocol.rows == 1 and asked.count == 6
@@ -256,7 +256,7 @@ def test_samples_that_jam_are_asked_for_as_told():
     assert tuple(PROTOCOLS) == jam.PROTOCOLS
 
 
-def test_samples_of_one_result_are_counted_with_their_rows(monkeypatch):
+def test_the_limit_of_samples_counts_all_rows_of_a_seed(monkeypatch):
     monkeypatch.setattr(jam, "MANY", 6)
     Jam(n=16, phi=[0.8, 0.9], seeds="1:3")
     Jam(n=16, phi=0.8, seeds="1:2", protocol="shear", strain=1.06)
@@ -274,7 +274,7 @@ def test_samples_of_one_result_are_counted_with_their_rows(monkeypatch):
         {"separated": True},
     ],
 )  # fmt: skip
-def test_a_checkpoint_of_samples_serves_the_same_job_alone(more):
+def test_a_checkpoint_of_samples_serves_only_the_same_job(more):
     plain = {name: value for name, value in (JAM | more).items() if name in ("protocol", *JAM)} | JAM
     settings = [Jam(**given).samples.settings for given in (JAM | more, plain)]
     assert settings[0] != settings[1] or more.keys() <= plain.keys()
@@ -283,7 +283,7 @@ def test_a_checkpoint_of_samples_serves_the_same_job_alone(more):
 
 
 @pytest.mark.parametrize("lost", [0, 1, 3])
-def test_samples_tell_their_share_pressure_and_what_is_lost(lost):
+def test_a_summary_has_jammed_fraction_pressure_and_lost_samples(lost):
     record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure", "phi_J")})
     for n in range(4):
         jammed, at = np.nan if n < lost else 1.0, 0.83 + 0.01 * n
@@ -294,11 +294,11 @@ def test_samples_tell_their_share_pressure_and_what_is_lost(lost):
     share = independent_share(np.r_[np.ones(4 - lost), 0.0])
     pressure = 1e-3 * (lost + 1 + 4)
     assert lines[0] == "j.h5: 6 samples of 16 disks"
-    told = f"phi = 0.84: jammed {share.value:.3f} ± {0.5 * (share.high - share.low):.2g} (as of {5 - lost} "
-    assert told in lines[1] and f"p of the jammed {pressure:.4g}, phi_J 0.85 ± 0.0076" in lines[1]
+    line = f"phi = 0.84: jammed {share.value:.3f} ± {0.5 * (share.high - share.low):.2g} (as of {5 - lost} "
+    assert line in lines[1] and f"p of the jammed {pressure:.4g}, phi_J 0.85 ± 0.0076" in lines[1]
     assert "phi = 0.85: no minimum found" in lines[2] and f"{lost + 1} samples reached no minimum" in lines[3]
 
 
-def test_a_start_that_is_refused_is_told_without_its_arrays():
+def test_a_message_names_a_refused_start_without_its_arrays():
     with pytest.raises(InputError, match="<16 disks>: is no flow"):
         jampetsc.flow(crowd(16), strain=1.0)

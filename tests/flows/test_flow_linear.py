@@ -23,7 +23,7 @@ LAWS = {
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)  # the sweep has its own tests on ranks, and flow is not on ranks here
+@pytest.mark.most_ranks(1)  # the sweep has its own tests on ranks, and flow runs on one rank
 @pytest.mark.parametrize("name", LAWS)
 def test_step_strain(session, shared_path, monkeypatch, name):
     family, options, words = LAWS[name]
@@ -41,10 +41,10 @@ def test_step_strain(session, shared_path, monkeypatch, name):
     rest = stress_tensor(find_contacts(disks), disks.area)[0, 1]
     times, found = [], []
     for pause in (50, 50, 100, 300, 500, 1000, 2000):
-        relaxing.seen[:] = 0.0
+        relaxing.tally[:] = 0.0
         times.append(0.01 * relaxing.steps)
         relaxing.advance(1)
-        found.append((-(relaxing.seen[0] + relaxing.seen[2]) / disks.area - rest) / STEP)
+        found.append((-(relaxing.tally[0] + relaxing.tally[2]) / disks.area - rest) / STEP)
         relaxing.advance(pause - 1)
     exact = spectrum.stress_relaxation(np.array(times[1:]))  # without the Dirac part of the step itself
     assert exact[0] > 1.05 * exact[-1]

@@ -1,4 +1,4 @@
-"""Time steps of steady shear, one by one, against their equations in plain numpy: what moves, and what is tallied."""
+"""Time steps of steady shear, one by one, against their equations in plain numpy: moves and tallies."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ SHEARED = 5e-3  # strain of a step
 
 
 class Numpy:
-    """Disks in a cell that is sheared, as they are now; no list, no offsets, all velocities in the laboratory."""
+    """Sheared disks at the present time; no list, no offsets, all velocities in the laboratory frame."""
 
     def __init__(self, disks, model, step, method, held):
         self.disks, self.model, self.method, self.held = disks, model, method, held
@@ -35,7 +35,7 @@ class Numpy:
         self.unit = disks.potential.k * model.law.tau1
         if held and model.mass:  # at rest when walls begin to slide: v_x = u_x + γ̇(y − H/2) = 0
             self.u[held:, 0] = -self.rate * (disks.positions[held:, 1] - 0.5 * disks.cell[1, 1])
-        self.seen = dict.fromkeys(TALLY, 0.0)
+        self.tally = dict.fromkeys(TALLY, 0.0)
         if method == "verlet":
             force, torques = self.forces(self.disks, self.u, self.spin)
             self.a, self.turn = force / model.mass, torques / self.inertia
@@ -54,7 +54,7 @@ class Numpy:
         return self.free(force, torques)
 
     def velocities(self, disks):
-        """Those without inertia, or of backward Euler."""
+        """Velocities without inertia, or those of a step of backward Euler."""
         law, mass, n = self.model.law, self.model.mass, disks.n
         if not mass and not law.damps_contacts:
             return self.forces(disks, 0.0 * self.u, self.spin)[0] / (self.unit * law.drag)
@@ -71,11 +71,11 @@ class Numpy:
         return u if self.held or self.model.drag else u - u.mean(axis=0)
 
     def moved(self, u):
-        """The disks a step later: each goes with u, and with the flow where it is on the way."""
+        """The disks a step later, by u, with the affine flow at the middle of the way."""
         half = 0.5 * self.step * u
         return deformed(deformed(self.disks, half, 0.0, SHEARED), half, 0.0, 0.0)
 
-    def tally(self, u, spin):
+    def add_terms(self, u, spin):
         contacts, law, mass = find_contacts(self.disks), self.model.law, self.model.mass
         pull = contacts.normal * contacts.force[:, None]
         *_, viscous, spent = sheared.forces(self.disks, law, self.rate, u, spin)
@@ -92,19 +92,19 @@ class Numpy:
             "dissipation": spent + self.unit * self.model.drag * np.sum(u * u) + fluid * self.rate,
             "steps": 1.0,
         }.items():
-            self.seen[name] += value
+            self.tally[name] += value
 
     def advance(self):
         if self.method == "verlet":
             u, spin = self.u + 0.5 * self.step * self.a, self.spin + 0.5 * self.step * self.turn
             force, torques = self.forces(self.disks, u, spin)
             self.a, self.turn = force / self.model.mass, torques / self.inertia
-            self.tally(u, spin)
+            self.add_terms(u, spin)
             self.u, self.spin = self.u + self.step * self.a, self.spin + self.step * self.turn
             self.disks = self.moved(self.u)
             return
         self.u = self.velocities(self.disks)
-        self.tally(self.u, self.spin)
+        self.add_terms(self.u, self.spin)
         velocity = self.u
         if self.method == "heun":
             velocity = 0.5 * (self.u + self.velocities(self.moved(self.u)))
@@ -119,16 +119,18 @@ def test_energy_is_balanced_at_every_instant(name):
     plain = Numpy(disks, Model(law, mass), 0.1, "euler", 0)
     u, spin = (rng.normal(0, 0.02, (24, 2)), rng.normal(0, 0.02, 24)) if mass else (None, plain.spin)
     u = u if mass else plain.velocities(disks)
-    plain.tally(u, spin)
-    seen, (force, torques) = plain.seen, plain.forces(disks, u, spin)
+    plain.add_terms(u, spin)
+    terms, (force, torques) = plain.tally, plain.forces(disks, u, spin)
 
     def energy(h):
         contacts = find_contacts(deformed(disks, h * u, 0.0, h * plain.rate))
         return disks.potential.energy(contacts.overlap, contacts.sigma).sum()
 
     change = (energy(h) - energy(-h)) / (2 * h) + (np.sum(u * force) + spin @ torques if mass else 0.0)
-    stress = seen["elastic_xy"] + seen["viscous_xy"] + seen["kinetic_xy"]
-    assert change == pytest.approx(-plain.rate * stress - seen["dissipation"], abs=1e-6 * seen["dissipation"])
+    stress = terms["elastic_xy"] + terms["viscous_xy"] + terms["kinetic_xy"]
+    assert change == pytest.approx(
+        -plain.rate * stress - terms["dissipation"], abs=1e-6 * terms["dissipation"]
+    )
 
 
 @pytest.mark.parametrize(
@@ -141,7 +143,7 @@ def test_energy_is_balanced_at_every_instant(name):
     ],
 )  # fmt: skip
 def test_steps_are_those_of_their_equations(name, method, held, step):
-    """Over lists that are made anew, and near pairs that are chosen anew."""
+    """Also when lists are made and near pairs are chosen anew."""
     law, mass = LAWS[name]
     disks = crowd(10, phi=0.9, kind="hertzian" if held else "harmonic")
     if held:
@@ -164,11 +166,11 @@ def test_steps_are_those_of_their_equations(name, method, held, step):
         (run.spin_rates, plain.turn),
     ):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10)
-    seen = dict(zip(TALLY, run.seen, strict=True))
+    terms = dict(zip(TALLY, run.tally, strict=True))
     solved = method == "backward Euler" or name in ("CD0", "unequal", "across")
-    assert (seen.pop("iterations") > 0) == solved
-    for name, value in seen.items():
-        assert value == pytest.approx(plain.seen[name], rel=1e-9, abs=1e-11), name
+    assert (terms.pop("iterations") > 0) == solved
+    for name, value in terms.items():
+        assert value == pytest.approx(plain.tally[name], rel=1e-9, abs=1e-11), name
 
 
 EXPLICIT = [(name, method) for name in ("RD0", "CD0") for method in ("euler", "heun")] + [
@@ -178,7 +180,7 @@ EXPLICIT = [(name, method) for name in ("RD0", "CD0") for method in ("euler", "h
 
 @pytest.mark.parametrize(("name", "method"), [*EXPLICIT, ("CD", "backward Euler"), ("RD", "verlet")])
 def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
-    """Of disks that stay where they are: 0.2 is not too much for this skin and 0.3 is. Heun's method looks ahead."""
+    """For disks without offsets a shear of 0.2 is within this skin, 0.3 is not. Heun's method tests its predictor."""
     law, mass = ROWS[name]
     places = np.array([[2.0, 2.0], [6.0, 2.5], [2.5, 6.0], [6.5, 6.5]])
     disks = Disks.from_positions(places, np.full(4, 0.5), 9.0 * np.eye(2))
@@ -186,7 +188,7 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     run.skin = 0.12  # the larger singular value of the deformation is 1.105 at 0.2, 1.161 at 0.3
     run.list(run.reference)
     assert run._run(9) == (2 if method == "heun" else 3, moves.STALE)
-    assert not run.offsets.any() and run.seen[TALLY.index("steps")] == (2 if method == "heun" else 3)
+    assert not run.offsets.any() and run.tally[TALLY.index("steps")] == (2 if method == "heun" else 3)
 
 
 SCHEMES = [
@@ -198,7 +200,7 @@ SCHEMES = [
 
 @pytest.mark.parametrize(("name", "method", "mass"), SCHEMES)
 def test_a_snapshot_is_of_one_instant(name, method, mass):
-    """Its positions and velocities dissipate what the step that begins there notes, while the flow starts too."""
+    """Its positions and velocities dissipate what the next step adds to the tally, also at the start of the flow."""
     law = ROWS[name][0]
     run = Shear(crowd(24, phi=0.9), Model(law, mass), 0.1, Scheme(0.05, method, 1e-12))
     for steps in (1, 5, 20):
@@ -206,33 +208,33 @@ def test_a_snapshot_is_of_one_instant(name, method, mass):
         disks, u, spins = run.disks, run.velocities_now(), run.spins + 0.025 * run.spin_rates
         *_, virial, spent = forces(disks, law, run.rate, u, spins)
         background = law.eta_f * law.tau1 * disks.area * run.rate
-        run.seen[:] = 0.0
+        run.tally[:] = 0.0
         run.advance(1)
-        noted = dict(zip(TALLY, run.seen, strict=True))
+        terms = dict(zip(TALLY, run.tally, strict=True))
         drag = law.drag * law.tau1 * np.sum(u**2)
-        assert noted["dissipation"] == pytest.approx(spent + drag + background * run.rate, rel=1e-9)
-        assert noted["viscous_xy"] == pytest.approx(virial[0, 1] - background, rel=1e-9, abs=1e-12)
-        assert noted["kinetic"] == pytest.approx(mass * np.sum(u**2), rel=1e-9)
+        assert terms["dissipation"] == pytest.approx(spent + drag + background * run.rate, rel=1e-9)
+        assert terms["viscous_xy"] == pytest.approx(virial[0, 1] - background, rel=1e-9, abs=1e-12)
+        assert terms["kinetic"] == pytest.approx(mass * np.sum(u**2), rel=1e-9)
 
 
 @pytest.mark.parametrize(("name", "method"), [("RD0", "heun"), ("CD0", "euler"), ("rolling", "verlet")])
-def test_looking_at_a_run_does_not_change_it(name, method):
-    """Not to the last bit, though velocities are found again, and more exactly than steps need them."""
+def test_reading_the_state_of_a_run_does_not_change_it(name, method):
+    """It stays the same to the last bit, though `velocities_now` solves for velocities once more."""
     law, mass = ROWS[name]
-    looked, left = (
+    read, unread = (
         Shear(crowd(10, phi=0.9), Model(law, mass), 0.25, Scheme(0.02, method, 1e-3)) for _ in range(2)
     )
-    assert not mass or not looked.velocities_now().any()  # massive disks start at rest
-    for run in (looked, left):
+    assert not mass or not read.velocities_now().any()  # massive disks start at rest
+    for run in (read, unread):
         for _ in range(5):
             run.advance(3)
-            if run is looked:
+            if run is read:
                 run.velocities_now(), run.survey(), run.disks, run.state()
-    for array in ("offsets", "velocities", "accelerations", "spins", "seen"):
-        assert np.array_equal(getattr(looked, array), getattr(left, array)), array
+    for array in ("offsets", "velocities", "accelerations", "spins", "tally"):
+        assert np.array_equal(getattr(read, array), getattr(unread, array)), array
 
 
-def test_a_start_is_put_into_its_upright_cell():
+def test_the_cell_of_a_start_is_reduced_to_the_smallest_tilt():
     disks = crowd(10, phi=0.9)
     turned = np.array([[1.0, 0.0], [3.0, 1.0]])
     far = replace(disks, cell_base=turned @ disks.cell_base, cell_offset=turned @ disks.cell_offset)
@@ -251,7 +253,7 @@ def many(n=6200):
 
 @pytest.mark.parametrize(("name", "method"), EXPLICIT)
 def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
-    """To the last bit on one to three threads; as one domain in the order given but for rounding, whatever order."""
+    """The same to the last bit on one to three threads; but for rounding also as one domain, in the order given."""
     law, mass = ROWS[name]
     disks, scheme = many(), Scheme(0.02, method, 1e-5)
     runs = [Shear(disks, Model(law, mass), 0.5, scheme, Team(threads)) for threads in (1, 2, 3)]
@@ -278,6 +280,6 @@ def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
     assert one.velocities_now() == pytest.approx(plain.velocities_now(), abs=1e-7)
     apart = (one.disks.positions - plain.disks.positions) @ np.linalg.inv(plain.disks.cell)
     assert np.abs(apart - np.round(apart)).max() < 1e-9
-    np.testing.assert_allclose(one.seen[: moves.SUMMED], plain.seen[: moves.SUMMED], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(one.tally[: moves.SUMMED], plain.tally[: moves.SUMMED], rtol=1e-6, atol=1e-6)
     for name in ("clusters", "largest_cluster"):
         assert getattr(one.survey(), name) == getattr(plain.survey(), name)

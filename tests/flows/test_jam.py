@@ -1,4 +1,4 @@
-"""`jampetsc jam`: samples that are what `pack` would make, the same on any number of ranks and after a kill."""
+"""`jampetsc jam`: samples against an independent program, the same on any number of ranks and after a kill."""
 
 import shutil
 
@@ -26,7 +26,7 @@ def one_rank(test):
 
 @pytest.fixture
 def solver(session):
-    """What proves minima, freed in the end."""
+    """The solver that proves minima, destroyed at the end."""
     from jampetsc.petsc.local import NewtonSolver
 
     solver = NewtonSolver()
@@ -57,7 +57,6 @@ def test_the_file(session, shared_path):
     dense = result["phi"] > 0.85
     assert jammed[dense].mean() > 0.5 > jammed[~dense].mean()
     assert (pressure[jammed == 1] > 0).all()
-    # harmonic: U = Σ f δ/2, so that a pressure goes with its energy; and Z is isostatic or more
     assert (result["coordination"][dense & (jammed == 1)] > 3.2).all()
     with session.alone():  # samples are shared between ranks
         one = jampetsc.jam(**GIVEN)
@@ -66,7 +65,7 @@ def test_the_file(session, shared_path):
 
 
 @one_rank
-def test_a_killed_run_goes_on(session, tmp_path, monkeypatch):
+def test_a_killed_run_continues(session, tmp_path, monkeypatch):
     whole = run(tmp_path / "whole.h5")
     monkeypatch.setitem(samples.ROUND, "random", 5)
     save = samples.write_checkpoint
@@ -82,7 +81,7 @@ def test_a_killed_run_goes_on(session, tmp_path, monkeypatch):
     shutil.copytree(tmp_path / "out.h5.resume", tmp_path / "other.h5.resume")
     parts = run(tmp_path / "out.h5")
     other = run(tmp_path / "other.h5", protocol="compress", cooling_rate=1, seeds="3:3")
-    assert len(other["phi_J"]) == 2  # begun anew: the checkpoint was of another protocol
+    assert len(other["phi_J"]) == 2  # from the beginning: the checkpoint is that of another protocol
     (tmp_path / "other.h5").unlink()
     assert np.array_equal(whole["energy"], parts["energy"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "whole.h5"]
@@ -106,7 +105,7 @@ def test_a_sample_is_brought_to_its_jamming_density(solver):
 
 @one_rank
 def test_sizes_that_are_separated_are_mixed_by_shear(solver):
-    """The start is as dense on both sides; what is searched for φ_J is the state at the end of the shear."""
+    """The start is as dense on both sides; the search for φ_J begins with the state at the end of the shear."""
     start = random_disks(24, 0.84, separated=True)
     large = start.radii > start.radii.mean()
     x = start.positions[:, 0] / start.cell[0, 0]
@@ -168,12 +167,17 @@ def test_results_of_other_protocols(session):
         (0.3, 0.3, 0.91, [0.6, 0.9]),  # the nearest number of steps: 0.3/0.1 is a little less than 3
         (0.26, 0.26, 0.79, [0.6, 0.9]),
         (0.24, 0.34, 0.83, [0.5, 0.7]),
-        (0.04, 0.2, 0.8, [0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]),  # one at least; then one is lost
+        (
+            0.04,
+            0.2,
+            0.8,
+            [0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0],
+        ),  # one step at least; the minimum of one is not found
     ],
 )
-def test_samples_are_so_many_whole_steps_apart(monkeypatch, every, discard, strain, strains):
+def test_samples_are_a_whole_number_of_steps_apart(monkeypatch, every, discard, strain, strains):
     class Steps:
-        """As SlowShear: disks that stay where they are."""
+        """In place of SlowShear: disks that do not move."""
 
         def __init__(self, disks, step, *_):
             self.disks, self.step, self.strain = disks, step, 0.0
@@ -191,15 +195,15 @@ def test_samples_are_so_many_whole_steps_apart(monkeypatch, every, discard, stra
     assert np.isnan(found[len(strains) :]).all()
 
 
-def test_a_liquid_begins_without_deep_overlaps(monkeypatch):
-    """Hot disks are those of the start, relaxed in their cell, at T in units of k."""
+def test_a_liquid_starts_without_deep_overlaps(monkeypatch):
+    """Thermal moves begin with the relaxed start, at T in units of k."""
     asked = []
 
-    def noted(disks, *given):
+    def record(disks, *given):
         asked.append((net_forces(disks.n, find_contacts(disks)), given))
         return disks
 
-    monkeypatch.setattr(jamming, "annealed", noted)
+    monkeypatch.setattr(jamming, "annealed", record)
     monkeypatch.setattr(jamming, "_quenched", lambda *_: ({}, None, False))
     protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=0.7, sweeps=3)
     law = Potential("harmonic", "inverse-square-diameter", 8.0)
@@ -211,7 +215,7 @@ def test_a_liquid_begins_without_deep_overlaps(monkeypatch):
 
 
 class Densities:
-    """As `jamming._quenched`, of disks that jam from φ_J on; what is asked for as number `lost` is not found."""
+    """In place of `jamming._quenched`: disks jam from φ_J on; the minimum number `lost` is not found."""
 
     def __init__(self, phi_J, lost=None):
         self.phi_J, self.lost, self.asked = phi_J, lost, []
@@ -225,7 +229,7 @@ class Densities:
 
 @pytest.mark.parametrize("phi_J", [0.8, 0.84321, 0.9])
 def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
-    """From either side, always going on from a state that jams; and there is none where one minimum is not found."""
+    """From either side, from jammed states to looser ones; nan if one minimum is not found."""
     disks = random_disks(16, 0.85)
 
     def search(**more):
@@ -253,7 +257,7 @@ def test_the_search_for_a_jamming_density_ends(monkeypatch):
 
 
 def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):
-    """Of shear all after it, too."""
+    """Under shear also all samples after it."""
 
     def lost(*_, **__):
         raise ConvergenceError("no minimum")
@@ -273,15 +277,15 @@ def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):
 
 @pytest.mark.parametrize("gap, found", [(0.199, 1.0), (0.201, np.nan)])
 def test_neighbours_are_a_fifth_of_a_diameter_apart_at_most(gap, found):
-    """Mean diameter 0.9: of two pairs of one kind each, those that are closer are counted."""
+    """Mean diameter 0.9: of two pairs, each of one size, only closer ones are counted."""
     apart = np.array([1.0, 0.8]) + gap * 0.9
     places = [[0.0, 0.0], [apart[0], 0.0], [5.0, 0.0], [5.0 + apart[1], 0.0]]
     disks = Disks.from_positions(places, [0.5, 0.5, 0.4, 0.4], 12 * np.eye(2))
     assert jamming.segregation(disks) == pytest.approx(found, nan_ok=True)
 
 
-def test_kinds_are_mixed_by_the_ends_that_pairs_have():
-    """A star: its centre, of one kind, touches all three others. Ends are half of either kind, pairs all unlike: −1."""
+def test_assortativity_of_a_star():
+    """The centre, of one kind, touches three of the other. Ends of pairs are half of each kind, all pairs unlike: −1."""
     assert assortativity([True, False, False, False], np.zeros(3, int), np.arange(1, 4)) == -1.0
     some = assortativity([True, True, False, False], np.array([0, 0, 0]), np.array([1, 2, 3]))
     assert some == pytest.approx((1 / 3 - (16 + 4) / 36) / (1 - (16 + 4) / 36))

@@ -1,4 +1,4 @@
-"""What a run of steady shear says of itself: rows and snapshots, means, balance of energy, warnings, its checkpoint."""
+"""Results of a run of steady shear: rows and snapshots, means, balance of energy, warnings, checkpoint."""
 
 import fcntl
 import shutil
@@ -25,9 +25,9 @@ RATE, AREA, SPACING = 0.1, 30.0, 0.02
 
 
 def recorded(rows, lost=1.0, loss=0.5, stress=(2.0, 0.3), **columns):
-    """Rows of a run whose stress grows steadily, which dissipates `loss` and says that it is `lost` times as much.
+    """Rows of a run whose stress grows steadily; it dissipates `loss`, but records `lost` times as much.
 
-    The energy takes the rest of the work: what is in a row is its mean, of a parabola here.
+    The energy takes the rest of the work; a row has its mean, of a parabola here.
     """
     record, step = Record(columns.get("columns", SERIES)), SPACING / RATE
     first, slope = stress
@@ -52,7 +52,7 @@ def means(record, discard=0.0):
     return Means.of(record, discard, RATE, AREA)
 
 
-def test_work_is_dissipated_or_kept():
+def test_work_is_dissipated_or_stored():
     found = means(recorded(40))
     assert abs(found.mismatch) < 1e-13
     assert found.energy_balance == pytest.approx(RATE * AREA * found.shear_stress.mean / 0.5)
@@ -61,14 +61,14 @@ def test_work_is_dissipated_or_kept():
     assert means(recorded(40, 1.2), discard=0.2).mismatch == pytest.approx(-1 / 6)
 
 
-def test_a_few_rows_and_what_dissipates_nothing_are_not_looked_at_for_balance():
+def test_the_balance_is_not_checked_for_few_rows_or_without_dissipation():
     assert means(recorded(ROWS - 1, 1.2)).mismatch == 0.0
     assert means(recorded(ROWS, 1.2)).mismatch == pytest.approx(-1 / 6)
     found = means(recorded(40, lost=0.0))
     assert np.isnan(found.energy_balance) and found.mismatch == 0.0
 
 
-def test_means_are_over_what_discard_leaves():
+def test_means_are_over_rows_after_discard():
     record = recorded(10)
     stress, pressure = record.series("shear_stress"), record.series("pressure")
     assert stress.shape == pressure.shape == (10, 3)
@@ -88,8 +88,8 @@ def test_means_are_over_what_discard_leaves():
     assert means(beside).facts()["wall_pressure_mean"] == 1.0
 
 
-def test_what_is_not_steady_is_told():
-    def told(stress, pressure):
+def test_a_run_that_is_not_steady_is_warned_of():
+    def warnings(stress, pressure):
         record, noise = Record(), np.random.default_rng(1).normal(0, 0.1, (1000, 2))
         for row in range(1000):
             values = dict.fromkeys(SERIES, 1.0) | {
@@ -100,15 +100,15 @@ def test_what_is_not_steady_is_told():
             record.add(**values)
         return means(record).warnings()
 
-    assert told(0.0, 0.0) == []
-    for drifts in (told(0.05, 0.0), told(0.0, 0.05)):
+    assert warnings(0.0, 0.0) == []
+    for drifts in (warnings(0.05, 0.0), warnings(0.0, 0.05)):
         assert len(drifts) == 1 and "not steady yet; discard more" in drifts[0]
     short = means(recorded(30)).warnings()
     assert "strain 0.6 after discard is short for a correlation strain of about" in short[0]
 
 
 @pytest.mark.parametrize("lost, balanced", [(0.96, True), (1.04, True), (0.94, False), (1.07, False)])
-def test_a_balance_is_off_on_either_side(lost, balanced):
+def test_too_much_and_too_little_dissipation_are_errors(lost, balanced):
     run = shear("RD0", crowd(16), rate=RATE)
     scale = run.reference.area / AREA  # the record's cell is another one
     record = recorded(40)
@@ -160,14 +160,14 @@ def test_more_steps_or_snapshots_than_there_can_be():
         (0.4, {"snapshots": 3}, [6, 8, 10], [12, 14]),
         (0.4, {"snapshots": 6}, [5, 6, 7, 8, 9, 10], [11, 12, 13, 14, 15]),
         (0.4, {"snapshots": 1}, [10], []),
-        (0.0, {"snapshots": 3}, [0, 5, 10], [15]),  # where nothing is discarded the start is one of them
+        (0.0, {"snapshots": 3}, [0, 5, 10], [15]),  # if nothing is discarded, the start is one of two or more
         (0.0, {"snapshots": 1}, [10], []),
         (0.4, {"every": 0.25}, [6, 9], [12, 14]),  # 2.5 rows, to even ones
         (0.0, {"snapshots": 5, "spacing": "log"}, [0, 1, 2, 5, 10], []),
         (0.2, {"snapshots": 5, "spacing": "log"}, [2, 3, 4, 6, 10], []),
     ],
 )
-def test_snapshots_after_what_is_discarded_go_on_as_they_began(discard, words, rows, further):
+def test_snapshots_of_a_continued_run_keep_their_spacing(discard, words, rows, further):
     plan = Plan.of(0.1, 1.0, 1.0, discard, **words)
     first = plan.first_kept(0.1)
     assert sorted(plan.snapshot_rows(first)) == rows
@@ -176,7 +176,7 @@ def test_snapshots_after_what_is_discarded_go_on_as_they_began(discard, words, r
         assert Plan.stored({"steps": 1, "rows": 10, "discard": discard, **words}, 0.1) == plan
 
 
-def test_a_row_is_what_a_run_has_seen():
+def test_a_row_has_means_over_its_steps():
     """Stress, pressure and energy of the packing at its time steps; contacts at the end."""
     run, record = shear("RD0", crowd(16, phi=0.9), rate=RATE, step=0.01), Record()
     state = measure(run.disks)
@@ -188,17 +188,17 @@ def test_a_row_is_what_a_run_has_seen():
     assert row["strain"] == pytest.approx(1e-3) and row["time"] == pytest.approx(0.01)
     _row(run, 3, record)
     contacts = find_contacts(run.disks)
-    assert record.series("time") == pytest.approx([0.01, 0.04]) and run.seen[-1] == 3
+    assert record.series("time") == pytest.approx([0.01, 0.04]) and run.tally[-1] == 3
     assert record.series("coordination")[1] == 2 * len(contacts) / 16
     assert record.series("deepest_overlap")[1] == pytest.approx(np.max(contacts.overlap / contacts.sigma))
     assert record.series("pressure")[1, 0] == pytest.approx(measure(run.disks).pressure, rel=0.1)
 
 
 def test_steps_are_taken_in_batches(monkeypatch):
-    """As many as a row has, between looks at signals."""
+    """A row of many steps takes several calls, between which signals are handled."""
     monkeypatch.setattr(running, "BATCH", 4)
     run, asked = shear("RD0", crowd(16), rate=RATE, step=0.01), []
-    monkeypatch.setattr(type(run), "advance", lambda _, steps: asked.append(steps) or run.seen.__iadd__(1.0))
+    monkeypatch.setattr(type(run), "advance", lambda _, steps: asked.append(steps) or run.tally.__iadd__(1.0))
     for steps in (3, 4, 11):
         asked.clear()
         _row(run, steps, Record())
@@ -206,8 +206,8 @@ def test_steps_are_taken_in_batches(monkeypatch):
 
 
 def test_time_left_in_words():
-    told = [_duration(seconds) for seconds in (0.4, 59.4, 60.0, 3599.0, 3600.0, 9000.0)]
-    assert told == ["0 s", "59 s", "1.0 min", "60.0 min", "1.0 h", "2.5 h"]
+    words = [_duration(seconds) for seconds in (0.4, 59.4, 60.0, 3599.0, 3600.0, 9000.0)]
+    assert words == ["0 s", "59 s", "1.0 min", "60.0 min", "1.0 h", "2.5 h"]
 
 
 def test_snapshots_need_room_twice(tmp_path, monkeypatch):
@@ -223,7 +223,7 @@ def test_snapshots_need_room_twice(tmp_path, monkeypatch):
                 check_space(Outlet(tmp_path / "x.h5"), 10, 7)
 
 
-def test_only_a_sound_checkpoint_of_the_same_job_goes_on(tmp_path):
+def test_only_an_intact_checkpoint_of_the_same_job_is_used(tmp_path):
     out, settings = tmp_path / "x.h5", {"rate": 1e-2, "start": "a"}
     assert resumed(out, settings) is None
     write_checkpoint(out, recorded(3), {"base": np.eye(2)}, settings)
@@ -231,7 +231,7 @@ def test_only_a_sound_checkpoint_of_the_same_job_goes_on(tmp_path):
     assert len(record) == 3 and np.array_equal(state["base"], np.eye(2))
     np.testing.assert_array_equal(record.series("energy"), recorded(3).series("energy"))
     with open(folder_of(out) / "lock") as lock, pytest.raises(BlockingIOError):
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # another process may not go on with it
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # another process may not use it
     assert resumed(out, settings | {"start": "b"}) is None
     (path,) = folder_of(out).glob("0*")
     path.write_bytes(path.read_bytes()[:-100])
@@ -275,7 +275,7 @@ def test_correlated_files_are_of_one_kind(tmp_path):
 
 
 def test_errors_of_a_correlation_are_those_between_snapshots(tmp_path):
-    """Of velocities that have none it is as far from zero as its error says; alone in its lane a disk has no pairs."""
+    """Without correlation the values differ from zero by about their errors; a disk alone in its lane has no pairs."""
     found = correlate_lanes([flow_file(tmp_path / "many.h5", snapshots=60)], 4, 0.4)
     assert len(found.values) == 20 and (found.errors > 0).all()
     assert 0.6 < np.sqrt(np.mean((found.values / found.errors) ** 2)) < 1.6

@@ -31,7 +31,7 @@ def dense(disks, weights, hold, held=0):
 
 @pytest.fixture(params=[(0.4, 1, 1.0), (0.86, 1, 1.0), (0.86, 3, 2.5)], ids=["loose", "dense", "domains"])
 def placed(request):
-    """(disks of now, offsets, shear since the list was made, domains); in the last case one is a giant."""
+    """(disks at present, offsets, shear since the list was made, domains); in the last case one disk is very large."""
     phi, number, giant = request.param
     disks = crowd(24, phi=phi)
     disks = replace(disks, radii=disks.radii * np.where(np.arange(24) == 9, giant, 1.0))
@@ -61,7 +61,7 @@ def test_the_matrix_is_that_of_the_contacts(placed, weights, held):
     for hold in (0.0, 0.7):
         matrix = dense(disks, weights, hold, held)
         x, y = np.random.default_rng(2).normal(size=(24, 2)), np.full((24, 2), 7.0)
-        product = sum(resistance.resist(graph, d, weights, hold, x, y) for d in range(number))
+        product = sum(resistance.multiply(graph, d, weights, hold, x, y) for d in range(number))
         wanted = (matrix @ x.ravel()).reshape(24, 2)
         wanted[:held] = 0.0
         np.testing.assert_allclose(y, wanted, rtol=0, atol=1e-13)
@@ -79,7 +79,7 @@ def clusters_of(contacts):
 
 
 @pytest.mark.parametrize("held", [0, 5])
-def test_every_cluster_of_contacts_loses_its_mean_velocity(placed, held):
+def test_the_mean_velocity_of_every_cluster_is_subtracted(placed, held):
     disks, domains = placed[0], placed[3]
     graph = graph_of(placed, (1.0, 1.0), held)
     number, of = clusters_of(find_contacts(disks))
@@ -97,8 +97,8 @@ def test_every_cluster_of_contacts_loses_its_mean_velocity(placed, held):
 
 
 @pytest.mark.parametrize("tolerance", [0.1, 1e-6])
-def test_a_solve_is_as_good_as_its_tolerance_and_no_better_than_it_takes(placed, tolerance):
-    """The residual over the right-hand side, not over what was left at the beginning; u is a start like any other."""
+def test_a_solve_meets_its_tolerance_and_is_not_far_more_exact(placed, tolerance):
+    """The tolerance is relative to the right-hand side, not to the first residual, whatever the initial u."""
     disks, number = placed[0], placed[3].number
     weights, hold = (1.3, 0.4, 0.0), 1e-3
     graph, matrix = graph_of(placed, weights), dense(disks, weights, hold)
@@ -125,7 +125,7 @@ def test_a_solve_is_as_good_as_its_tolerance_and_no_better_than_it_takes(placed,
     assert max(reached) > 0.1
 
 
-def test_a_survey_sees_the_clusters_and_the_deepest_overlap(placed):
+def test_a_survey_finds_the_clusters_and_the_deepest_overlap(placed):
     disks, offsets, shear, domains = placed
     graph, contacts = resistance.Graph.room(domains, 24, 0, False), find_contacts(disks)
     deepest = np.max(contacts.overlap / contacts.sigma, initial=0.0)

@@ -1,4 +1,4 @@
-"""`jampetsc shear`: minima along a quasistatic path, what the file holds, and going on after a kill."""
+"""`jampetsc shear`: minima along a quasistatic path, its file, and continuation after a kill."""
 
 from dataclasses import replace
 
@@ -25,13 +25,13 @@ SOFT = Potential("harmonic", "inverse-square-diameter")
 
 
 def shear(out, **more):
-    """64 disks above jamming, a result in a file; progress is told."""
+    """Result in a file of 64 disks above jamming, with lines of progress."""
     given = {"n": 64, "phi": 0.86, "seed": 2, "step": 1e-3, "strain": 0.06} | more
     return jampetsc.shear(**given, out=out, progress=True)
 
 
 def test_energy_grows_by_the_work_of_the_stress(session, tmp_path):
-    """dU/dγ = V σ along minima, but where disks rearrange; and every state is a minimum."""
+    """dU/dγ = V σ along minima, except where disks rearrange; and the last state is a minimum."""
     last = tmp_path / "last.h5"
     result = shear(tmp_path / "qs.h5", last=last)
     strain, energy, stress = (result[name] for name in ("strain", "energy", "shear_stress"))
@@ -55,7 +55,7 @@ def test_energy_grows_by_the_work_of_the_stress(session, tmp_path):
 
 @pytest.fixture
 def jammed(session):
-    """48 disks at φ = 0.87 that are sheared slowly, and the solver of their quench."""
+    """48 disks at φ = 0.87 to shear slowly, and the solver of their quench."""
     from jampetsc.petsc.local import NewtonSolver
 
     solver = NewtonSolver()
@@ -63,10 +63,10 @@ def jammed(session):
     solver.destroy()
 
 
-def test_plastic_events_are_what_cannot_be_undone(jammed):
-    """A step back leads to the energy of before, but after a plastic one."""
+def test_plastic_events_are_the_steps_that_cannot_be_reversed(jammed):
+    """A step back restores the energy, except after a plastic event."""
     slow = SlowShear(jammed[0], 2e-3, jammed[1], 1e-8)
-    undone, kept = [], []
+    elastic, plastic = [], []
     for _ in range(70):
         before, here = slow.found if slow.steps else None, slow.disks
         step = slow.advance()
@@ -74,13 +74,13 @@ def test_plastic_events_are_what_cannot_be_undone(jammed):
         back.advance()
         loss = back.found.energy - minimum_of(here).energy
         assert before is None or before.energy == pytest.approx(minimum_of(here).energy, rel=1e-9)
-        (kept if step.plastic else undone).append(abs(loss) / minimum_of(here).energy)
-    assert len(kept) >= 3 and len(undone) > 40
-    assert np.median(undone) < 1e-6 and np.quantile(undone, 0.95) < 1e-3 < min(kept)
+        (plastic if step.plastic else elastic).append(abs(loss) / minimum_of(here).energy)
+    assert len(plastic) >= 3 and len(elastic) > 40
+    assert np.median(elastic) < 1e-6 and np.quantile(elastic, 0.95) < 1e-3 < min(plastic)
 
 
-def test_what_is_followed_is_what_a_quench_finds(jammed):
-    """Minima of the same energy as L-BFGS and a proof find from the same affine step, in a tenth of the evaluations."""
+def test_the_descent_finds_the_minimum_of_a_quench(jammed):
+    """Minima of the same energy as L-BFGS and a proof find from the same affine step, in a fifth of the evaluations."""
     disks, solver = jammed
     slow = SlowShear(disks, 5e-4, solver, 1e-9)
     cost, same = Effort(), 0
@@ -98,8 +98,8 @@ def test_what_is_followed_is_what_a_quench_finds(jammed):
     assert evaluations < 0.2 * cost.evaluations
 
 
-def test_jammed_is_told_by_an_energy_in_units_of_k(jammed):
-    """Of the same disks, stiff or soft, along the same path."""
+def test_disks_are_jammed_by_their_energy_in_units_of_k(jammed):
+    """The same disks, stiff or soft, follow the same path."""
     disks, solver = jammed
     found = []
     for k in (1.0, 2.0**-50):
@@ -110,8 +110,8 @@ def test_jammed_is_told_by_an_energy_in_units_of_k(jammed):
     assert found[1] == pytest.approx(found[0], rel=1e-6) and found[0] * 2.0**-50 < 48 * ENERGY_CUT
 
 
-def test_a_step_begins_as_the_last_one_went_unless_disks_rearranged(jammed):
-    """Displacements of a hundredth of a diameter and more are not expected again."""
+def test_a_step_begins_with_the_last_displacement_unless_disks_rearranged(jammed):
+    """Displacements of a hundredth of a diameter and more are not repeated."""
     disks, solver = jammed
     slow, large = SlowShear(disks, 2e-3, solver, 1e-7), 0
     for _ in range(40):
@@ -124,8 +124,8 @@ def test_a_step_begins_as_the_last_one_went_unless_disks_rearranged(jammed):
     assert 0 < large < 40
 
 
-def test_disks_that_leave_the_cell_in_a_quench_have_not_gone_far(jammed, monkeypatch):
-    """They come in on the other side; the displacement is that of the nearest image."""
+def test_displacements_in_a_quench_are_to_the_nearest_image(jammed, monkeypatch):
+    """Disks that leave the cell enter on the other side."""
     monkeypatch.setattr(slowly, "PATIENCE", 0)  # every step ends by a quench
     disks, solver = jammed
     disks = minimise(disks, Goal(), solver, tolerance=1e-6).disks
@@ -139,8 +139,8 @@ def test_disks_that_leave_the_cell_in_a_quench_have_not_gone_far(jammed, monkeyp
     assert crossed > 0
 
 
-def test_every_way_down_ends_in_the_same_minimum(jammed, monkeypatch):
-    """With the factor there is, with a new one at once, without one for a while, and by a quench."""
+def test_all_ways_of_descent_end_in_the_same_minimum(jammed, monkeypatch):
+    """With the present factor, with a new one at once, without one for a while, and by a quench."""
     found, costs = [], []
     for constants in ({}, {"AGED": 1}, {"AGED": 1, "FRESH": 2, "RESTING": 1e-9}, {"PATIENCE": 0}):
         with monkeypatch.context() as context:
@@ -150,12 +150,12 @@ def test_every_way_down_ends_in_the_same_minimum(jammed, monkeypatch):
             steps = [slow.advance() for _ in range(4)]
             found.append([slow.found.energy, slow.found.shear_stress, *(step.nonaffine for step in steps)])
             costs.append(sum(step.evaluations for step in steps))
-    assert min(costs[2:]) > 3 * max(costs[:2])  # so they were ways of their own
+    assert min(costs[2:]) > 3 * max(costs[:2])  # so the ways differ
     assert np.allclose(found[1:], found[0], rtol=1e-6)
 
 
 def test_means_do_not_depend_on_the_step(session, tmp_path):
-    """σ and p with Δγ and Δγ/4, other trajectories after the first event, agree within their errors."""
+    """σ and p with Δγ and Δγ/4, whose trajectories differ after the first event, agree within their errors."""
     runs = (shear(tmp_path / f"{step}.h5", discard=0.5, step=step, strain=2.0) for step in (4e-3, 1e-3))
     whole, fine = (run.attributes for run in runs)
     for name in ("shear_stress", "pressure"):
@@ -172,7 +172,7 @@ def test_disks_below_jamming_have_no_energy(session, tmp_path):
     assert not result["plastic"][1:][loose[:-1]].any()
 
 
-def test_a_killed_run_goes_on_to_the_last_bit(session, tmp_path, monkeypatch):
+def test_a_killed_run_continues_to_the_last_bit(session, tmp_path, monkeypatch):
     whole = shear(tmp_path / "whole.h5", strain=0.07)
     monkeypatch.setattr(slowjob, "INTERVAL", -1.0)
     save, saved = slowjob.write_checkpoint, []
@@ -180,7 +180,7 @@ def test_a_killed_run_goes_on_to_the_last_bit(session, tmp_path, monkeypatch):
     def save_and_stop(*what):
         save(*what)
         saved.append(what)
-        if len(saved) == 60:  # after all was made anew once
+        if len(saved) == 60:  # after one `_renew` beside the first
             raise KeyboardInterrupt
 
     monkeypatch.setattr(slowjob, "write_checkpoint", save_and_stop)
@@ -193,7 +193,7 @@ def test_a_killed_run_goes_on_to_the_last_bit(session, tmp_path, monkeypatch):
         assert np.array_equal(whole[name], parts[name])
 
 
-def test_a_checkpoint_of_another_tolerance_is_left_alone(session, tmp_path, monkeypatch, capsys):
+def test_a_checkpoint_of_another_tolerance_is_not_used(session, tmp_path, monkeypatch, capsys):
     def save_and_stop(*what):
         save(*what)
         raise KeyboardInterrupt
@@ -208,16 +208,16 @@ def test_a_checkpoint_of_another_tolerance_is_left_alone(session, tmp_path, monk
 
 
 @pytest.mark.parametrize(("steps", "lines"), [(3, 3), (120, 50)])
-def test_progress_is_told_in_fifty_lines_at_most(session, tmp_path, capsys, steps, lines):
+def test_progress_has_fifty_lines_at_most(session, tmp_path, capsys, steps, lines):
     result = shear(tmp_path / "out.h5", strain=steps * 1e-3)
-    told = capsys.readouterr().err.splitlines()
-    assert len(told) == lines and told[0].startswith("[1/50] strain 0.00")
-    assert told[-1] == f"[{lines}/50] strain {steps * 1e-3:.4g}, p {result['pressure'][-1]:.4g}"
+    log = capsys.readouterr().err.splitlines()
+    assert len(log) == lines and log[0].startswith("[1/50] strain 0.00")
+    assert log[-1] == f"[{lines}/50] strain {steps * 1e-3:.4g}, p {result['pressure'][-1]:.4g}"
 
 
 @pytest.mark.most_ranks(2)
 def test_one_run_is_one_process(session, shared_path):
-    """Of several ranks all refuse, before they make anything."""
+    """All of several ranks refuse, before a file is made."""
     out = shared_path / "s.h5"
     line = f"shear --n 16 --phi 0.5 --step 0.01 --strain 0.01 --out {out}".split()
     if session.size == 1:

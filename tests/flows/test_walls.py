@@ -18,9 +18,9 @@ from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import (
     between_walls,
     phi_between,
-    seen_between_walls,
     stress_on_walls,
     velocity_profile,
+    wall_columns,
 )
 from jampetsc.minimise.sizes import radii_of
 
@@ -52,7 +52,7 @@ def test_the_start(channel):
 
 
 @pytest.mark.parametrize("name", ["RD0", "CD0", "rolling"])
-def test_walls_are_rigid_and_stand_in_the_affine_flow(channel, name):
+def test_walls_are_rigid_and_move_with_the_affine_flow(channel, name):
     run = shear(name, channel)
     disks, held = channel
     row = disks.positions[:held]
@@ -70,7 +70,7 @@ def test_walls_are_rigid_and_stand_in_the_affine_flow(channel, name):
 
 @pytest.mark.parametrize("name", ROWS)
 def test_forces_on_the_walls_balance_those_between_them(channel, name):
-    """σ_w = σ + Σ y F_x/V with y from the middle: without mass and drag F = 0, and the walls feel the bulk's σ."""
+    """σ_w = σ + Σ y F_x/V with y from the middle: without mass and drag F = 0 and σ_w = σ."""
     run = shear(name, channel)
     run.advance(300)
     u, forces, held = run.velocities_now(), np.empty_like(run.offsets), run.held
@@ -100,32 +100,32 @@ def test_a_prescribed_flow_has_its_profile(channel):
     y = run.disks.positions[:, 1] / run.disks.cell[1, 1] - 0.5
     unit, u = run.rate * run.disks.cell[1, 1], np.zeros_like(run.offsets)
     layer = (LAYERS * (y[run.held :] + 0.5)).astype(int)
-    filled = np.unique(layer)  # of 64 disks some layers beside the walls have none
+    filled = np.unique(layer)  # some layers beside the walls have none of the 64 disks
     assert len(filled) > 10
     linear = velocity_profile(run, u)  # u = 0: affine flow
     assert np.array_equal(np.isfinite(linear), np.isin(np.arange(LAYERS), filled))
     assert linear[filled] == pytest.approx(heights(LAYERS)[filled], abs=0.5 / LAYERS)
-    u[:, 0] = unit * (0.7 * np.sin(np.pi * y) ** 3 - y)  # v_x of my own
+    u[:, 0] = unit * (0.7 * np.sin(np.pi * y) ** 3 - y)  # a v_x of the test
     wanted = [np.mean(0.7 * np.sin(np.pi * y[run.held :][layer == one]) ** 3) for one in filled]
     assert velocity_profile(run, u)[filled] == pytest.approx(np.array(wanted), abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["RD0", "CD", "RD"])
 def test_disks_with_a_mass_are_at_rest_when_walls_begin_to_slide(channel, name):
-    profile = seen_between_walls(shear(name, channel))["velocity_profile"]
+    profile = wall_columns(shear(name, channel))["velocity_profile"]
     wanted = pytest.approx(1.0, abs=0.1) if name == "RD0" else pytest.approx(0.0, abs=1e-12)
     assert middle_share(np.nan_to_num(profile)) == wanted
 
 
-def test_what_the_walls_feel_in_the_mean_is_the_stress_of_the_bulk():
+def test_the_mean_stress_on_walls_is_that_of_the_bulk():
     """With mass: σ with its kinetic part, within the errors."""
     run = shear("CD", between_walls(1.2 * radii_of("bidisperse", 16), 0.84, 1, SOFT), rate=0.05, step=0.1)
     run.advance(200)
     walls, bulk = [], []
     for _ in range(400):
-        run.seen[:] = 0
+        run.tally[:] = 0
         run.advance(5)
-        bulk.append(-(run.seen[0] + run.seen[2] + run.seen[4]) / 5 / run.disks.area)
+        bulk.append(-(run.tally[0] + run.tally[2] + run.tally[4]) / 5 / run.disks.area)
         walls.append(stress_on_walls(run, run.velocities_now())[0])
     blocks = (np.array(walls) - np.array(bulk)).reshape(10, -1).mean(1)
     assert abs(blocks.mean()) < 4 * blocks.std(ddof=1) / np.sqrt(10)
@@ -158,7 +158,7 @@ def test_the_command(tmp_path, capsys):
     assert facts["wall_shear_stress_mean"] == pytest.approx(result["wall_shear_stress"][kept].mean())
     assert facts["wall_pressure_mean"] == pytest.approx(result["wall_pressure"][kept].mean())
     assert facts["wall_shear_stress_mean"] == pytest.approx(facts["shear_stress_mean"], rel=0.05)
-    # goes on to the last bit, with its walls
+    # continues with its walls; earlier rows stay as they are, to the last bit
     names = ("shear_stress", "wall_shear_stress", "wall_pressure", "velocity_profile")
     before = {name: result[name] for name in names}
     assert run("flow", out, "--strain", 0.2) == 0
@@ -180,13 +180,13 @@ def test_the_command(tmp_path, capsys):
     assert "--walls: belongs to" in capsys.readouterr().err
 
 
-def test_disks_between_walls_settle_alike_whatever_their_stiffness():
+def test_the_start_between_walls_does_not_depend_on_stiffness():
     starts = [between_walls(1.2 * radii_of("bidisperse", 16), 0.86, 3, Potential(k=k))[0] for k in (1.0, 4.0)]
     np.testing.assert_allclose(starts[0].positions, starts[1].positions, rtol=0, atol=1e-9)
 
 
 def test_disks_start_between_the_rows(monkeypatch):
-    """Each with its whole radius, in some of the height; rows have gaps of a twentieth of their diameters."""
+    """Whole disks, over the whole height between rows; gaps in a row are a twentieth of the diameters."""
     monkeypatch.setattr(walls, "SETTLING", (0, 0.05))
     radii = 1.2 * radii_of("bidisperse", 200)
     disks, held = between_walls(radii, 0.86, 1, SOFT)
