@@ -124,7 +124,7 @@ def samples(
 
 
 def _quenched(start: Disks, solver, tolerance):
-    """(columns of the minimum reached from `start`, its disks, whether they jam); ({}, None, False) if none is found."""
+    """(columns of the minimum found from `start`, its disks, whether they jam); ({}, None, False) without one."""
     try:
         disks = minimise(start, Goal(), solver, tolerance=tolerance).disks
     except ConvergenceError:

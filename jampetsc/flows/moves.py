@@ -25,7 +25,7 @@ class Task(NamedTuple):
 
     law: tuple  # `Potential.constants`
     weights: tuple  # (c_∥, c_⊥, c_s) of contacts
-    drag: float  # k_d
+    drag: float  # of a disk, force over velocity
     mass: float
     rate: float
     background: float  # η_F kτ₁ V, viscosity of the fluid
@@ -47,9 +47,7 @@ class Space(NamedTuple):
     u: np.ndarray  # (N, 2) non-affine velocities
     after: np.ndarray  # (2, N, 2) velocities at other times
     forces: np.ndarray  # (N, 2)
-    sums: (
-        np.ndarray
-    )  # (2, D, SUMMED + 2) of domains; used in turn, as some threads still read the previous ones
+    sums: np.ndarray  # (2, D, SUMMED + 2) of domains; two in turn: some threads still read the last ones
     tally: np.ndarray  # (TALLY,) sums over time steps
 
 
@@ -191,7 +189,8 @@ def renew_near_pairs(space, task, mine, o, g, moved, then):
     """Choose near pairs anew if the present ones may miss a contact at offsets o and shear g.
 
     moved: path of the disks since they were chosen, FAR before the first time; then: shear at which they were. Returns
-    (moved, then) of the pairs that serve now; see `core.pairs.are_worn`."""
+    (moved, then) of the pairs that serve now; see `core.pairs.are_worn`.
+    """
     largest, _, skin = task.listed
     if not are_worn(moved, g, then, largest, skin):
         return moved, then

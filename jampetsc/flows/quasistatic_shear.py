@@ -20,7 +20,7 @@ from jampetsc.minimise.newton import FORCE_FLOOR
 
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
 # mean diameters: longest move in one iteration of the descent, as longer ones leave the path of a rearrangement for
-# minima where fewer disks touch; and longest displacement in a step that the next one repeats: beyond it disks rearranged
+# minima where fewer disks touch; and longest displacement in a step that the next one repeats, else disks rearranged
 LONGEST = 0.01
 RENEWAL = 50  # steps between two calls of `_renew`
 AGED = 12  # evaluations of a step with the present factor before a new one is made,
@@ -28,9 +28,7 @@ FRESH = 40  # and with that one before disks are taken to rearrange
 RESTING = 3e-2  # max |F| / (p d) to which they then descend without a factor
 PATIENCE = 1500  # evaluations of a step, in all, before a quench is begun
 DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
-NEARBY = (
-    3e-3  # mean diameters: pairs with a smaller gap are in the Hessian, as they may touch within the step
-)
+NEARBY = 3e-3  # mean diameters: pairs with a smaller gap, which may touch within the step, are in the Hessian
 ORDERED = 0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched,
 FILLED = 1.25  # and found anew if a factor has so many times the entries of the first one in that order
 SHARE = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event

@@ -40,13 +40,9 @@ class Graph(NamedTuple):
     more: np.ndarray  # (2M', 2) uint32: the disk itself and the other one
     more_normals: np.ndarray  # (2M', 2), or (0, 2)
     touching: np.ndarray  # (M',) uint32: pairs that touch, those of domain d from begin[d]
-    ends: (
-        np.ndarray
-    )  # (D, 3): ends of its touching pairs within the domain, of all of them, and of its `more`
+    ends: np.ndarray  # (D, 3): ends of touching pairs within the domain, of all, and of `more`
     root: np.ndarray  # (N,) uint32: first disk of a disk's cluster within the domain,
-    over: (
-        np.ndarray
-    )  # (N,) uint32: of these, a parent, after `unite_clusters` first disk of the whole cluster
+    over: np.ndarray  # (N,) uint32: of these, parents; in the end, first disk of the whole cluster
     queue: np.ndarray  # (N,) uint32: of the search for clusters
     total: np.ndarray  # (N, 2) sum of u over a cluster, at its first disk,
     size: np.ndarray  # (N,) int64: and its number of disks
@@ -190,7 +186,7 @@ class Search(NamedTuple):
     q: np.ndarray  # (N, 2) (A + hold) p
     p: np.ndarray  # (N, 2) direction
     inverse: np.ndarray  # (N, 2) 1 / diagonal
-    sums: np.ndarray  # (2, D, 3) of domains; used in beta, as some threads still read the previous ones
+    sums: np.ndarray  # (2, D, 3) of domains; two in turn: some threads still read the last ones
 
 
 @compiled(FAST, forceinline=True)

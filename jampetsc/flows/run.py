@@ -18,14 +18,14 @@ FEWEST_ROWS = 50  # into which a short run is divided
 INTERVAL = 10.0  # seconds between checkpoints
 LINES = 50  # of progress in a log
 MOST = 1e12  # time steps of a run
-BATCH = 20_000  # time steps of one compiled call: signals are handled between calls
+BATCH = 20_000  # most time steps of one call: signals are handled between calls
 
 
 @dataclass(frozen=True)
 class Plan:
     """Rows and snapshots of a run: `steps` time steps to a row, `rows` of them in all.
 
-    After what is discarded there is a snapshot every so count rows, `every`, or, with a `factor`, at once and after 1,
+    After what is discarded there is a snapshot every so many rows, `every`, or, with a `factor`, at once and after 1,
     factor, factor², … rows. A continued run keeps this rule.
     """
 
@@ -40,17 +40,17 @@ class Plan:
         """The plan that covers `strain`.
 
         steps       to a row, if an earlier part of the run has set it
-        snapshots   how count: with `spacing` "even" the last one at the end, "log" at strains since `discard` that grow
+        snapshots   how many: with `spacing` "even" the last one at the end, "log" at strains since `discard` that grow
                     by a factor
         every       instead: strain from one to the next
 
         Raises InputError for more time steps or snapshots than there can be.
         """
-        total = strain / rate / step
-        if total > MOST:
+        needed = strain / rate / step
+        if needed > MOST:
             raise InputError(
-                f"{named('strain')} {strain:g}: {total:.2g} time steps of {step:.3g}, at most {MOST:.0e}: give a larger "
-                f"{named('rate')} or {named('step')}, or a smaller {named('strain')}"
+                f"{named('strain')} {strain:g}: {needed:.2g} time steps of {step:.3g}, at most {MOST:.0e}: give a "
+                f"larger {named('rate')} or {named('step')}, or a smaller {named('strain')}"
             )
         if steps is None:
             steps = max(1, round(min(ROW, strain / FEWEST_ROWS) / (rate * step)))
@@ -84,7 +84,7 @@ class Plan:
         return plan.spread(snapshots, plan.first_kept(strain_step))
 
     def spread(self, snapshots, first_kept) -> "Plan":
-        """The plan with so count snapshots, evenly; if nothing is discarded, the start is one of two or more."""
+        """The plan with so many snapshots, evenly; if nothing is discarded, the start is one of three or more."""
         if not snapshots:
             return self
         return replace(self, every=(self.rows - first_kept) / max(1, snapshots - (not first_kept)))

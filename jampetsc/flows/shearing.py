@@ -12,9 +12,7 @@ from jampetsc.flows.sheared import ShearedDisks
 
 REACH = 0.25  # in units of the largest diameter, longest move of a disk in a part of a divided step
 SMALLEST = 2.0**-30  # part of a time step; if a disk jumps in this one too, the step is refused
-REBUILD = (
-    25.0  # cost of a list in force evaluations: high, as its width costs only when near pairs are chosen
-)
+REBUILD = 25.0  # cost of a list in force evaluations; high, as width costs only when near pairs are chosen
 
 
 class Shear(ShearedDisks):

@@ -30,14 +30,7 @@ from jampetsc.io.packing_file import write_packing
 
 DEEPEST = 0.5  # largest overlap of two disks of a start, in units of σ
 UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
-KEPT = (
-    "units",
-    "seed",
-    "sizes",
-    "packing",
-    "packing_sha256",
-    "walls",
-)  # attributes of a file that a continued run keeps
+KEPT = ("units", "seed", "sizes", "packing", "packing_sha256", "walls")  # attributes of a continued run
 
 
 @dataclass(frozen=True, eq=False)

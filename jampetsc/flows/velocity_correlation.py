@@ -27,10 +27,7 @@ class LaneCorrelation:
     mean_square: float  # ⟨u_y²⟩/γ̇²
     snapshots: int
     diameter: float  # mean diameter of the disks
-    minimum_errors: tuple = (
-        np.nan,
-        np.nan,
-    )  # standard errors of `minimum`; nan with fewer than 2 BLOCKS snapshots
+    minimum_errors: tuple = (np.nan, np.nan)  # of `minimum`, standard; nan for fewer than 2 BLOCKS snapshots
 
     @property
     def centres(self):
@@ -39,7 +36,7 @@ class LaneCorrelation:
 
     @property
     def minimum(self) -> tuple[float, float]:
-        """(x, g_y) of the least value; x at the vertex of the parabola through it and both neighbours, if they exist."""
+        """(x, g_y) of the least value; x at the vertex of a parabola through it and both neighbours, if they exist."""
         return _minimum(self.centres, self.values)
 
 

@@ -42,9 +42,7 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[D
     radii = np.asarray(radii, float)
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
     area = np.pi * np.sum(radii**2) / phi
-    share = (
-        np.pi * np.mean(radii**2) / (2.0 * (1.0 + GAP) * radii.mean())
-    )  # area of the disks of a row per length
+    share = np.pi * np.mean(radii**2) / (2.0 * (1.0 + GAP) * radii.mean())  # area of a row's disks per length
     side = 0.5 * share + np.sqrt(0.25 * share**2 + area)
     row = generator.permutation(radii)
     number = 1 + int(np.argmin(np.abs(np.cumsum(2.0 * (1.0 + GAP) * row) - side)))

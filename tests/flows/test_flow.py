@@ -141,7 +141,7 @@ def test_velocities_that_are_not_found_are_an_error():
             1e-4,
             0.25,
             "backward Euler",
-        ),  # light disks follow the forces if damped in all directions,
+        ),  # light disks, damped in all directions: they follow forces,
         ("CDn", 0.01, 1e-4, 1e-3, "verlet"),  # else they fly and collide
         ("CDt", 0.01, 1e-4, 1e-3, "verlet"),
         ("RD0", 0.0, 1e-3, 0.2, "euler"),

@@ -285,7 +285,7 @@ def test_neighbours_are_a_fifth_of_a_diameter_apart_at_most(gap, found):
 
 
 def test_assortativity_of_a_star():
-    """The centre, of one kind, touches three of the other. Ends of pairs are half of each kind, all pairs unlike: −1."""
+    """The centre, of one kind, touches three of the other. Half of the ends are of each kind, all pairs unlike: −1."""
     assert assortativity([True, False, False, False], np.zeros(3, int), np.arange(1, 4)) == -1.0
     some = assortativity([True, True, False, False], np.array([0, 0, 0]), np.array([1, 2, 3]))
     assert some == pytest.approx((1 / 3 - (16 + 4) / 36) / (1 - (16 + 4) / 36))
