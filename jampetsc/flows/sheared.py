@@ -192,7 +192,7 @@ class ShearedDisks(ListedDisks):
     def state(self) -> dict:
         """The whole state as arrays and numbers, for `restore` to the last bit.
 
-        Disks are in the order in which they were given.
+        Disks are in the order in which they were given; `seen` is the tally.
         """
         back = self._given_order
         arrays, reference = (
