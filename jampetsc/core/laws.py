@@ -10,23 +10,27 @@ that can be chosen by name; a new law is one more row there. No other code depen
 forces, dissipation, null modes and command-line options all follow from weights and rows.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from jampetsc.errors import InputError, as_float, named
 
 LARGEST = 1e12  # largest weight
-LONGEST = 1e50  # longest τ₁, and 1/shortest: τ₁² times a weight then stays in the range of doubles
 
 
-def refuse_beyond(what: str, value, least: float = 0.0, most: float = LARGEST) -> None:
-    """Raise InputError, which begins with `what`, unless `value` is a number between `least` and `most`."""
+def refuse_beyond(what: str, value) -> None:
+    """Raise InputError, which begins with `what`, unless `value` is a number between 0 and LARGEST."""
+    number = _number(what, value)
+    if not 0 <= number <= LARGEST:  # nan does not
+        raise InputError(f"{what} {number:g}: must lie between 0 and {LARGEST:g}")
+
+
+def _number(what, value) -> float:
     try:
-        number = as_float(value)
+        return as_float(value)
     except (TypeError, ValueError):
         raise InputError(f"{what} {value!r}: must be a number") from None
-    if not least <= number <= most:  # nan does not
-        raise InputError(f"{what} {number:g}: must lie between {least:g} and {most:g}")
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,9 @@ class Law:
     def __post_init__(self):
         for name in WEIGHTS:
             refuse_beyond(f"{name} =", getattr(self, name))
-        refuse_beyond(named("tau1"), self.tau1, 1.0 / LONGEST, LONGEST)
+        tau1 = _number(named("tau1"), self.tau1)
+        if not 0 < tau1 < math.inf:
+            raise InputError(f"{named('tau1')} {tau1:g}: must be positive")
 
     @property
     def on_contacts(self) -> tuple[float, float, float]:

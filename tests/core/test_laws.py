@@ -53,7 +53,7 @@ def test_every_option_of_a_family_does_something(name):
         ("contact", {"beta": -1.0}, "beta -1: must lie between 0 and 1e"),
         ("contact", {"normal": float("nan")}, "normal nan: must lie"),
         ("stokes", {"eta_f": 10 * LARGEST}, "eta_f 1e+13: must lie"),
-        ("contact", {"tau1": 0.0}, "tau1 0: must lie between 1e-50 and 1e+50"),
+        ("contact", {"tau1": 0.0}, "tau1 0: must be positive"),
         ("contact", {"tau1": "slow"}, "tau1 'slow': must be a number"),
         ("contact", {"beta": None}, "beta None: must be a number"),
         ("contact", {"normal": 0.0, "beta": 0.0}, "nothing dissipates"),
@@ -72,8 +72,8 @@ def test_weights_of_a_law_without_a_family_have_limits_too(name):
     for weight in (-1e-300, 1.001e12, float("nan"), float("inf")):
         with pytest.raises(InputError, match=rf"{name} = .*: must lie between 0 and 1e\+12"):
             Law("own", **{name: weight})
-    for tau1 in (0.0, -1.0, 1e-51, float("inf"), float("nan")):
-        with pytest.raises(InputError, match=r"tau1 .*: must lie between"):
+    for tau1 in (0.0, -1.0, float("inf"), float("nan")):
+        with pytest.raises(InputError, match=r"tau1 .*: must be positive"):
             Law("own", normal=1.0, tau1=tau1)
 
 
