@@ -77,7 +77,7 @@ def domain_order(disks: Disks, held: int = 0):
     """
     places = disks.positions[held:]
     order = np.append(np.arange(held), held + spatial_order(places, disks.cell))
-    ends = np.minimum(borders(disks.n), disks.n)
+    ends = borders(disks.n)
     domains = Domains.build(disks.reordered(order), EDGE * float(np.mean(disks.radii)), ends)
     inside = np.ones(disks.n, bool)
     for across, end in zip(domains.across, domains.end, strict=True):

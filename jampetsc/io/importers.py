@@ -80,11 +80,10 @@ def _read_exchanged(content, index, format, radius, box, law):
             if box is None
             else f"has a box: leave out {named('box')}"
         )
-    its = {name: columns[name] for name in ("potential", "stiffness", "k") if name in columns}
-    its = {
-        name: value.item() for name, value in its.items() if np.ndim(value) == 0
-    }  # of an .npz, not of its disks
-    disks = Packing(*disks_of(columns, radius), own if box is None else box, **{**its, **law})
+    # an .npz may hold single values of these names; columns of other formats are of disks
+    own_law = {name: columns[name] for name in ("potential", "stiffness", "k") if name in columns}
+    law = {name: value.item() for name, value in own_law.items() if np.ndim(value) == 0} | law
+    disks = Packing(*disks_of(columns, radius), own if box is None else box, **law)
     return disks.with_record(protocol=format)
 
 
