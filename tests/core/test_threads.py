@@ -2,7 +2,6 @@
 
 import os
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -67,14 +66,14 @@ def test_an_error_of_any_thread_is_raised_and_the_team_still_works():
 
 
 def test_the_threads_of_a_team_end_with_it():
-    before = threading.active_count()
+    before = set(threading.enumerate())  # those of earlier teams may be about to end
     team = Team(4)
-    assert threading.active_count() == before + 3
+    new = set(threading.enumerate()) - before
+    assert len(new) == 3 and all(thread.is_alive() for thread in new)
     del team
-    deadline = time.monotonic() + 10.0
-    while threading.active_count() > before and time.monotonic() < deadline:
-        time.sleep(1e-3)
-    assert threading.active_count() == before
+    for thread in new:
+        thread.join(10.0)
+    assert not any(thread.is_alive() for thread in new)
 
 
 def chosen(team, runs, pace):
