@@ -26,7 +26,8 @@ class Plan:
     """Rows and snapshots of a run: `steps` time steps to a row, `rows` of them in all.
 
     After what is discarded there is a snapshot every so many rows, `every`, or, with a `factor`, at once and after 1,
-    factor, factor², … rows. A continued run keeps this rule.
+    factor, factor², … rows. A continued run keeps this rule. If nothing is discarded, the start is a snapshot, too,
+    unless one alone is asked for: `start` is False.
     """
 
     steps: int
@@ -34,6 +35,7 @@ class Plan:
     discard: float
     every: float = 0.0  # 0: no snapshots
     factor: float = 0.0
+    start: bool = True
 
     @classmethod
     def of(cls, rate, step, strain, discard, snapshots=0, steps=None, every=None, spacing="even") -> "Plan":
@@ -84,10 +86,12 @@ class Plan:
         return plan.spread(snapshots, plan.first_kept(strain_step))
 
     def spread(self, snapshots, first_kept) -> "Plan":
-        """The plan with so many snapshots, evenly; if nothing is discarded, the start is one of three or more."""
+        """The plan with so many snapshots, evenly."""
         if not snapshots:
             return self
-        return replace(self, every=(self.rows - first_kept) / max(1, snapshots - (not first_kept)))
+        start = snapshots > 1
+        between = snapshots - (start and not first_kept)
+        return replace(self, every=(self.rows - first_kept) / between, start=start)
 
     def first_kept(self, strain_step: float) -> int:
         """Number of rows before the means, with time steps of this strain."""
@@ -99,7 +103,7 @@ class Plan:
         if self.factor:
             return 2 + int(np.log(kept) / np.log(self.factor) + 1e-9)
         last = int(kept / self.every + 1e-9) if self.every else 0
-        return last + (last > 1 and not first_kept)
+        return last + (last > 0 and self.start and not first_kept)
 
     def snapshot_rows(self, first_kept: int) -> set:
         """Rows after which a snapshot is taken; 0: the start."""
@@ -107,7 +111,7 @@ class Plan:
         if self.factor:
             after = np.r_[0.0, self.factor ** np.arange(count - 1)]
         else:
-            after = self.every * (np.arange(count) + (count == 1 or first_kept > 0))
+            after = self.every * (np.arange(count) + (first_kept > 0 or not self.start))
         return set((first_kept + np.round(after)).astype(int).tolist())
 
 

@@ -160,8 +160,10 @@ def test_more_steps_or_snapshots_than_there_can_be():
         (0.4, {"snapshots": 3}, [6, 8, 10], [12, 14]),
         (0.4, {"snapshots": 6}, [5, 6, 7, 8, 9, 10], [11, 12, 13, 14, 15]),
         (0.4, {"snapshots": 1}, [10], []),
-        (0.0, {"snapshots": 3}, [0, 5, 10], [15]),  # without discard the start is one of three or more
+        (0.0, {"snapshots": 3}, [0, 5, 10], [15]),  # without discard the start is one of several
+        (0.0, {"snapshots": 2}, [0, 10], []),
         (0.0, {"snapshots": 1}, [10], []),
+        (0.0, {"every": 1.0}, [0, 10], []),
         (0.4, {"every": 0.25}, [6, 9], [12, 14]),  # 2.5 rows, to even ones
         (0.0, {"snapshots": 5, "spacing": "log"}, [0, 1, 2, 5, 10], []),
         (0.2, {"snapshots": 5, "spacing": "log"}, [2, 3, 4, 6, 10], []),
