@@ -24,7 +24,7 @@ class Means:
     strain: float  # over which the means are taken
     spacing: float  # strain between rows
     energy_balance: float  # σγ̇V/⟨D⟩
-    mismatch: float  # (work − dissipation − growth of the energy) / dissipation
+    mismatch: float  # (work − dissipation − growth of the energy) / dissipation; nan if there are too few rows to tell
 
     @classmethod
     def of(cls, record, discard: float, rate: float, area: float) -> "Means | None":
@@ -53,7 +53,7 @@ class Means:
             spacing * int(kept.sum()),
             spacing,
             float(work.sum() / spent.sum()) if spent.any() else np.nan,
-            excess / total if len(work) >= ROWS and total > 0 else 0.0,
+            excess / total if len(work) >= ROWS and total > 0 else np.nan,
         )
 
     @property
@@ -68,6 +68,11 @@ class Means:
             found.append(
                 "the tenths of the run differ by more than its fluctuations explain: slow changes, or not steady yet; "
                 "discard more"
+            )
+        if np.isnan(self.mismatch):
+            found.append(
+                f"fewer than {ROWS} rows after discard: that work and dissipation balance was not checked; give a "
+                "smaller step or a longer strain"
             )
         return found
 

@@ -16,7 +16,7 @@ from jampetsc.progress import Progress
 ROW = 1e-2  # strain between rows: several per correlation strain (0.05 to 0.4)
 FEWEST_ROWS = 50  # into which a short run is divided
 INTERVAL = 10.0  # seconds between checkpoints
-LINES = 50  # of progress in a log
+LINES = 50  # of progress in a log, at most
 MOST = 1e12  # time steps of a run
 BATCH = 20_000  # most time steps of one call: signals are handled between calls
 
@@ -128,8 +128,9 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
     record = record or Record(SERIES | (BETWEEN_WALLS if shear.held else {}))
     first, began = len(record), time.monotonic()
     with_snapshot = plan.snapshot_rows(plan.first_kept(shear.rate * shear.scheme.step))
-    saved, lines_done = began, first * LINES // plan.rows
-    with Progress(LINES, "flow", 0, lines_done) as progress:
+    saved, lines = began, min(LINES, plan.rows)
+    lines_done = first * lines // plan.rows
+    with Progress(lines, "flow", 0, lines_done) as progress:
         if kept is not None:
             progress.note(f"{out}: goes on from strain {shear.strain:.6g}")
         if not len(record) and 0 in with_snapshot:
@@ -141,7 +142,7 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
             if time.monotonic() - saved > INTERVAL:
                 write_checkpoint(out, record, shear.state(), settings)
                 saved = time.monotonic()
-            if len(record) * LINES // plan.rows > lines_done:
+            if len(record) * lines // plan.rows > lines_done:
                 lines_done += 1
                 means = check_balance(record, plan.discard, shear)
                 left = (time.monotonic() - began) / (len(record) - first) * (plan.rows - len(record))
