@@ -9,6 +9,7 @@ Importing this module starts nothing; `start` does, once per process:
     s.report_unused()                       # makes PETSc print at its end the options that nothing has read
 """
 
+import atexit
 import contextlib
 import gc
 import importlib
@@ -145,6 +146,12 @@ class Session:
         PETSc.Options().delValue(QUIET)  # not for the record: the user did not give it
         self._for_solvers = not all(map(is_petscs_own, names))  # whether options of solvers were given
         self._defaults = set()
+        atexit.register(self._forget_defaults)
+
+    def _forget_defaults(self):
+        """Delete the defaults: PETSc from 3.19 on reports at its end what nothing has read, as after an error."""
+        for name in self._defaults:
+            self.PETSc.Options().delValue(name)
 
     def _work_on(self, comm):
         self.comm, self.rank, self.size = comm, comm.rank, comm.size
@@ -187,11 +194,8 @@ class Session:
 
     def report_unused(self):
         """Make PETSc print, when it ends, the solvers' options that nothing has read on rank 0 (its -options_left)."""
-        database = self.PETSc.Options()
-        for name in self._defaults:
-            database.delValue(name)  # not given by the user
         if self._for_solvers and "options_left" not in self.options():
-            database.setValue("options_left", True)
+            self.PETSc.Options().setValue("options_left", True)
 
     def stage(self, name):
         """A PETSc log stage as a context: -log_view sums what runs inside under `name`. Collective."""

@@ -131,11 +131,11 @@ def test_an_independent_program_finds_the_same_states(solver, kind):
     alpha, side = law.alpha, disks.cell[0, 0]
     _, *row = independent.quenched(disks.positions, disks.radii, side, 0.0, alpha)
     assert row == [pytest.approx(known[name], rel=1e-7) for name in ("energy", "pressure")]
-    slow, found = jamming.SlowShear(disks, 5e-3, solver, 1e-8), []
-    for _ in range(6):
+    slow, found = jamming.SlowShear(disks, 2e-3, solver, 1e-8), []
+    for _ in range(4):  # before disks rearrange: which state they fall into then is a matter of rounding
         slow.advance()
         found.append((slow.found.energy / 16, slow.found.pressure))
-    _, *rows = independent.sheared(disks.positions, disks.radii, side, 5e-3, 6, alpha)
+    _, *rows = independent.sheared(disks.positions, disks.radii, side, 2e-3, 4, alpha)
     assert np.allclose(np.transpose(rows), found, rtol=1e-5) and np.ptp(rows[1]) > 0.01 * rows[1][0]
     phi_J, _ = jamming.jamming_density(disks, True, solver, 1e-8)
     width = 3e-4  # of the bracket there
