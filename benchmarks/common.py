@@ -8,6 +8,7 @@ import resource
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent / "packings"  # not in git: made when first needed
@@ -86,6 +87,19 @@ def both_included(text: str) -> range:
     """The numbers of A:B, for an option."""
     first, last = map(int, text.split(":"))
     return range(first, last + 1)
+
+
+@contextmanager
+def saved_page(path):
+    """A page for a picture in the package's style, which is written to the file `path` in the end."""
+    from jampetsc.plots.page import Page
+    from jampetsc.plots.style import drawn_in, save
+
+    with drawn_in():
+        page = Page()
+        yield page
+        page.finish()
+        save(page.figure, path)
 
 
 def folder_and_picture(doc: str, picture: str):

@@ -9,7 +9,7 @@ of f(φ), the share that jams, which is the distribution of their φ_J.
 from dataclasses import dataclass
 
 import numpy as np
-from common import folder_and_picture
+from common import folder_and_picture, saved_page
 
 import jampetsc
 from jampetsc.analysis.averages import Average, mean_of_averages
@@ -17,7 +17,6 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
-from jampetsc.plots.page import saved_page
 
 MIXED, SEPARATED = "mixed", "separated"
 DECADES = np.arange(-44.0, 0.5, 1.0)  # of U/N in the picture

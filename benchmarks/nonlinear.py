@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from common import folder_and_picture
+from common import folder_and_picture, saved_page
 from scipy.optimize import brentq
 from scipy.special import gamma
 
@@ -28,7 +28,6 @@ from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.statistics import draws_of
 from jampetsc.io.reader import load
 from jampetsc.plots import style
-from jampetsc.plots.page import saved_page
 
 DRAWS = 1000
 PARTS = {"G'": np.real, "G''": np.imag}

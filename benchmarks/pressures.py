@@ -8,14 +8,13 @@ y of P(p) ~ p^(1/y − 1) below cuts at ½, ¼ and ⅛ of ⟨p⟩, and its limit
 from dataclasses import dataclass
 
 import numpy as np
-from common import folder_and_picture
+from common import folder_and_picture, saved_page
 
 import jampetsc
 from jampetsc.analysis.jamming import memory
 from jampetsc.core.potentials import EXPONENTS
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
-from jampetsc.plots.page import saved_page
 
 NAMES = {"random": "RAND", "shear": "QS"}
 BINS = 4  # per decade of p,

@@ -16,11 +16,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from common import environment, machine
+from common import environment, machine, saved_page
 
 from jampetsc import load
-from jampetsc.plots.page import Page
-from jampetsc.plots.style import PAGE, drawn_in, looks, save
+from jampetsc.plots.style import PAGE, looks
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.compare import certified
 
@@ -116,8 +115,7 @@ def exponent(n, values) -> float:
 
 def draw(rows, path) -> None:
     """Processor time and memory against N; each legend has the exponents."""
-    with drawn_in():
-        page = Page()
+    with saved_page(path) as page:
         for ax, quantity, label in zip(
             page.panels(1, 2, PAGE, 3.4),
             ("processor", "memory"),
@@ -133,8 +131,6 @@ def draw(rows, path) -> None:
                     ax.plot(n, values, markersize=4, label=name, **look)
             ax.set(xscale="log", yscale="log", xlabel="$N$", ylabel=label)
             page.legend(ax, first="upper left", title="exponents")
-        page.finish()
-        save(page.figure, path)
 
 
 def main():

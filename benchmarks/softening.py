@@ -10,12 +10,11 @@ from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
-from common import folder_and_picture
+from common import folder_and_picture, saved_page
 
 from jampetsc.analysis.statistics import draws_of, mean_with_error
 from jampetsc.io.reader import load
 from jampetsc.plots import style
-from jampetsc.plots.page import saved_page
 
 CHANGED = 0.1  # of |G*|: what ends linear response
 DRAWS = 1000

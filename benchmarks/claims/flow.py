@@ -4,7 +4,7 @@ import numpy as np
 
 from claims.shared import WITHIN, Row, claim, rates_of, size_of, slope_with_error
 from jampetsc.analysis.order import six_fold_order
-from jampetsc.analysis.profiles import heights, mean_profile, middle_share
+from jampetsc.analysis.profiles import heights, mean_profile
 from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.plots.flowcurves import regimes
@@ -16,6 +16,7 @@ NEWTONIAN = 1.0 - 1.1 / 3.5  # γ̇/p ~ γ̇^this at φ_J, with V's y/zν
 
 
 EXTRAPOLATED = 4e-3  # γ̇ below which the limit γ̇ → 0 is extrapolated from
+MIDDLE = 0.6  # of the height between walls: layers beside them may slip
 
 
 def slower(rows, most):
@@ -172,6 +173,13 @@ def extrapolated_fluidity(rates, p, error):
     weights = p**2 / (rates * error)
     (slope, inverse), covariance = np.polyfit(rates**NEWTONIAN, rates / p, 1, w=weights, cov="unscaled")
     return inverse, slope, np.sqrt(covariance[1, 1])
+
+
+def middle_share(profile) -> float:
+    """Shear rate in the middle of the cell (MIDDLE of its height) in units of γ̇: 1 where v_x is linear."""
+    y = heights(len(profile))
+    inner = np.abs(y) < 0.5 * MIDDLE
+    return float(np.polyfit(y[inner], profile[inner], 1)[0])
 
 
 @claim("walls")

@@ -1,4 +1,4 @@
-"""Velocity profiles of flow between walls: means over windows of strain, and how far from linear they are.
+"""Velocity profiles of flow between walls, as means over windows of strain.
 
 A flow file has v_x/(γ̇H) in layers of equal height between the walls, row by row of its series (`flows.walls`); −½
 and ½ are the walls, and y/H − ½ is the linear profile.
@@ -9,8 +9,6 @@ import numpy as np
 from jampetsc.analysis.averages import Average
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
-
-MIDDLE = 0.6  # of the height: layers beside the walls may slip
 
 
 def heights(layers: int) -> np.ndarray:
@@ -39,10 +37,3 @@ def mean_profile(results, low: float, high: float):
     if len(means) == 1:
         return np.array(means[0]), np.array(errors[0])
     return mean_with_error(means)
-
-
-def middle_share(profile) -> float:
-    """Shear rate in the middle of the cell (MIDDLE of its height) in units of γ̇: 1 where v_x is linear."""
-    y = heights(len(profile))
-    inner = np.abs(y) < 0.5 * MIDDLE
-    return float(np.polyfit(y[inner], profile[inner], 1)[0])

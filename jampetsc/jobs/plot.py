@@ -107,6 +107,4 @@ Every result is drawn without --kind; a wrong name after --kind lists those ther
         chosen = {name: getattr(self, name) for name in ("size", "xlim", "ylim", "style")}
         chosen["label"] = self.label or ()
         out = None if to.path is None else str(to.path)
-        return (
-            f"{out}: {draw(items, self.kind, out=out, csv=self.csv, chosen=chosen, **self.options)[1].text}"
-        )
+        return f"{out}: {draw(items, self.kind, out=out, csv=self.csv, chosen=chosen, **self.options).text}"

@@ -10,7 +10,6 @@ from jampetsc.analysis.collapse import PARAMETERS, Points, words_of
 from jampetsc.analysis.collapse_errors import degrees_above
 from jampetsc.analysis.collapse_fit import ranges
 from jampetsc.analysis.jamming import runs_of, share_of
-from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
 
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
@@ -112,15 +111,10 @@ def _mean(runs, observable):
     """(value, error) of what `_rows` gives for one φ and scale."""
     if isinstance(runs[0], tuple):
         return mean_of_runs(*np.array(runs, float).T)
-    single = all(len(run) == 1 for run in runs)
     if observable == "jammed":
         share = share_of(runs)
         return share.value, 0.5 * (share.high - share.low)
-    if single:
-        values = np.concatenate(runs)
-        return tuple(float(part) for part in mean_with_error(values))
-    averages = [Average.of(run) for run in runs]
-    return mean_of_averages(averages)
+    return mean_of_averages([Average.of(run) for run in runs])
 
 
 def files_of(rows, finite_size, where) -> list[str]:

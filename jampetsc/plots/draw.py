@@ -3,17 +3,19 @@
 import difflib
 import importlib
 import os
+from pathlib import Path
 
 from jampetsc.asking.kinds import refuse_repeated
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import write_whole
 from jampetsc.io.ensemble import Ensemble
-from jampetsc.io.outputs import PICTURE, TABLE
+from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.reader import load
-from jampetsc.plots import numbers, style
+from jampetsc.plots import numbers
 from jampetsc.plots.page import Page
 from jampetsc.plots.picture import PICTURES, Picture
+from jampetsc.plots.style import FORMATS, save
 
 MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
     "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "flowcurves",
@@ -65,11 +67,11 @@ def plot(
     """
     items = list(results) if isinstance(results, list | tuple) else [results]
     chosen = {"size": size, "xlim": xlim, "ylim": ylim, "label": label, "style": style}
-    return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more)[1].given_back
+    return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more).given_back
 
 
-def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> tuple[str, Page]:
-    """(kind, Page): as `plot`; chosen: size, xlim and so on."""
+def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> Page:
+    """As `plot`; chosen: size, xlim and so on."""
     options = {name: value for name, value in options.items() if value is not None}
     kinds = asked_kinds(kind, options)
     found, names, studies = [], [], False
@@ -79,21 +81,23 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
         some = of_study(one, kinds) if isinstance(one, Ensemble) else [one]
         studies = studies or isinstance(one, Ensemble)
         found, names = found + some, names + [str(getattr(part, "path", name)) for part in some]
-    kind = choose(kinds, found, names)
-    picture = PICTURES[kind]
+    picture = PICTURES[choose(kinds, found, names)]
     if studies and "statistic" in picture.keywords:
         options.setdefault("statistic", "mean")
     refuse_repeated(found)
-    inputs = [name for name in names if name]
-    for place, what in ((out, PICTURE), (csv, TABLE)):
-        if place is not None:
-            style.check(place, what, [*inputs, *filter(None, [options.get("packing")])])
+    inputs = [name for name in (*names, options.get("packing")) if name]
+    for name, place, what, endings in (("out", out, PICTURE, FORMATS), ("csv", csv, TABLE, (".csv",))):
+        if place is None:
+            continue
+        if Path(place).suffix.lower() not in endings:
+            raise InputError(f"{name} {place}: give it the ending {' or '.join(endings)}")
+        check_output(place, what, inputs)
     drawn = picture.draw(found, ax, **chosen or {}, **options)
     if out is not None:
-        style.save(drawn.figure, out)
+        save(drawn.figure, out)
     if csv is not None:
         write_whole(csv, numbers.written(drawn.axes))
-    return kind, drawn
+    return drawn
 
 
 def asked_kinds(kind, options) -> list[str]:

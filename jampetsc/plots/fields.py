@@ -74,29 +74,24 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     if fields.rotation is not None:
         spin = [turn * rotation for turn, (_, rotation) in zip(turns, found, strict=True)]
     omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
-    draw_fields(page, disks, omega, motion, spin, particles, phase, "u" if total else r"\tilde u")
-    shown = ", ".join(f"{w:g}" for w in omega)
-    kind = "total" if total else "non-affine"
-    return f"{kind} displacement fields at omega tau1 = {shown}, in phase with the {phase}"
-
-
-def draw_fields(page, disks, omega, displacement, rotation, particles, phase, symbol) -> None:
-    """Complex fields (F, n, 2) per strain amplitude and rotations (F, n) or None at two instants of each cycle."""
     if len(omega) > COLUMNS:
         raise InputError(f"{len(omega)} frequencies: one picture holds {COLUMNS}; choose some with omega")
-    single, panels = len(omega) == 1, []
+    symbol, single, panels = "u" if total else r"\tilde u", len(omega) == 1, []
     for part, (take, name) in enumerate(INSTANTS[phase]):
         for f, w in enumerate(omega):
             frequency, instant = rf"$\omega\tau_1={power_or_number(w)}$", name.format(symbol)
             title = f"{instant},  {frequency}" if single else "" if part else frequency
-            spin = None if rotation is None else take(rotation[f])
-            panels.append((title, take(displacement[f]), spin, "" if single or f else instant))
+            rolls = None if spin is None else take(spin[f])
+            panels.append((title, take(motion[f]), rolls, "" if single or f else instant))
     _draw(page, disks, panels, particles, rf"{symbol}/\gamma", 1 if single else 2)
-    if rotation is not None:
+    if spin is not None:
         shown = ScalarMappable(Normalize(-_RANGE, _RANGE), _colours())
         settings = {"shrink": 0.5, "aspect": 18, "pad": 0.01, "ticks": (-_RANGE, 0, _RANGE)}
         bar = page.figure.colorbar(shown, ax=page.axes, label=r"$\theta/\theta_{\rm rms}$", **settings)
         bar.ax.tick_params(length=2, labelsize=_SMALL)
+    shown = ", ".join(f"{w:g}" for w in omega)
+    kind = "total" if total else "non-affine"
+    return f"{kind} displacement fields at omega tau1 = {shown}, in phase with the {phase}"
 
 
 @picture("response", "quasistatic", options=(PACKING,), single=True)
@@ -107,7 +102,7 @@ def plot_response(results, page, packing=None):
     if not result.attributes["prestress"]:
         fields = {"no pre-stress": "nonaffine"}
     panels = [(title, result[name]) for title, name in fields.items()]
-    draw_panels(page, packing_of(result, packing), panels, result["particles"], r"u_{\rm na}/\gamma")
+    _draw_real(page, packing_of(result, packing), panels, result["particles"], r"u_{\rm na}/\gamma")
     return f"quasistatic response, {' and '.join(fields)}"
 
 
@@ -119,7 +114,7 @@ def plot_mode(results, page, packing=None, mode=(1,)):
     """Modes on the packing, numbered from 1. Raises InputError for one that the file does not hold."""
     (result,) = results
     panels = chosen_modes(result, mode)
-    draw_panels(page, packing_of(result, packing), panels, result["particles"], r"\varphi")
+    _draw_real(page, packing_of(result, packing), panels, result["particles"], r"\varphi")
     return f"mode {','.join(map(str, np.ravel(mode)))}"
 
 
@@ -130,24 +125,21 @@ def plot_velocities(results, page):
     disks = snapshot(result)
     field = result["snapshots/velocities"][-1] / float(result.attributes["rate"])
     strain = result["snapshots/strain"][-1]
-    draw_panels(page, disks, [(rf"$\gamma={strain:.4g}$", field)], np.arange(disks.n), r"u/\dot\gamma")
+    _draw_real(page, disks, [(rf"$\gamma={strain:.4g}$", field)], np.arange(disks.n), r"u/\dot\gamma")
     return f"non-affine velocities at strain {strain:.4g}"
 
 
-def draw_panels(page, disks, panels, particles, symbol) -> None:
-    """Real fields on the packing, side by side: panels [(title, field (n, 2)), …], `symbol` their name in TeX.
-
-    particles (n,) rows of `disks`. Below each panel stands how many times the field its arrows are.
-    Raises InputError for more panels than fit.
-    """
+def _draw_real(page, disks, panels, particles, symbol):
+    """Panels [(title, field), …] side by side, without rotations. Raises InputError for more panels than fit."""
     if len(panels) > COLUMNS:
         raise InputError(f"{len(panels)} fields: one picture holds {COLUMNS}; choose fewer")
-    panels = [(title, field, None, "") for title, field in panels]
-    _draw(page, disks, panels, particles, symbol, 1)
+    _draw(page, disks, [(title, field, None, "") for title, field in panels], particles, symbol, 1)
 
 
 def _draw(page, disks, panels, particles, symbol, rows):
-    """Panels [(title, field, rotations or None, name of the row), …] on cells of one size."""
+    """Panels [(title, field (n, 2), rotations (n,) or None, name of the row), …] on the packing; particles (n,) rows of
+    `disks`, `symbol` the name of the fields in TeX. Below each stands how many times the field its arrows are.
+    """
     width = COLUMN if len(panels) // rows <= 2 else PAGE
     axes = framed(page, [disks.cell] * len(panels), rows, width, linewidth=0.4)
     centres = wrap(disks.positions, disks.cell)

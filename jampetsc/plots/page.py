@@ -1,7 +1,6 @@
 """The panels of a picture, on a new figure or on axes of the caller; limits, ticks, legends."""
 
 import string
-from contextlib import contextmanager
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -9,7 +8,7 @@ from matplotlib.figure import Figure
 
 from jampetsc.errors import InputError
 from jampetsc.plots.logaxes import clear_corner, limits_kept, set_ticks, thin_ticks
-from jampetsc.plots.style import COLUMN, drawn_in, hidden, save
+from jampetsc.plots.style import COLUMN, hidden
 
 HEIGHT = 2.9  # inches of a picture of one panel
 _LEAST = 1.6  # highest over lowest of a log axis
@@ -165,16 +164,6 @@ class Page:
             self._place(*wanted)
         for axis in short:
             thin_ticks(axis)
-
-
-@contextmanager
-def saved_page(path):
-    """A page in the package's style, which is written to the file `path` in the end. Raises JampetscError."""
-    with drawn_in():
-        page = Page()
-        yield page
-        page.finish()
-        save(page.figure, path)
 
 
 def band(ax, x, low, high, name, **look) -> None:

@@ -55,17 +55,12 @@ class Picture:
     ) -> Page:  # fmt: skip
         """Draw results of `jampetsc.load` on the axes `ax` or on a new figure; `text` of the Page describes them.
 
-        Parameters as in `draw.plot`; options: those of this kind of picture.
+        Parameters as in `draw.plot`; options: those of this kind of picture, `keywords`.
 
-        Raises InputError for files that it cannot show, and for an option that it does not have.
+        Raises InputError for files that it cannot show, and for values that an option cannot have.
         """
-        known = self.keywords
         for name, value in options.items():
-            if name not in known:
-                raise InputError(
-                    f"{name}: is no option of {self.kind} pictures: {', '.join(known) or 'they have none'}"
-                )
-            known[name].read(value)  # which refuses what it cannot be
+            self.keywords[name].read(value)
         page = Page(ax, size, [label] if isinstance(label, str) else label)
         if ax is not None and size is not None:
             raise InputError("size: is of a new figure: leave it out where ax is given")

@@ -126,18 +126,19 @@ def plot_profiles(results, page):
 
 
 def lanes_of(results) -> list:
-    """[(label, x (D,), g_y (D,), error (D,))] of files of g_y, and of flow files with snapshots, kind by kind.
+    """[(label, x (D,), g_y (D,), error (D,))] of files of g_y, or of flow files with snapshots, kind by kind.
 
     Flow files are correlated with the defaults of `jampetsc correlate`. Raises InputError without snapshots.
     """
     found = []
-    for result in (one for one in results if one.format == FORMAT):
-        a = result.attributes
-        label = rf"{a['model']}, $\phi={float(a['phi']):.5g}$, $\dot\gamma={number(float(a['rate']))}$"
-        found.append((label, result["x"], result["g_y"], result["g_y_error"]))
-    flows = (one for one in results if one.format != FORMAT)
-    groups = grouped(flows, lambda one: (kind_of(one), float(one.attributes["rate"])))
-    names = labels_of([kind for kind, _ in sorted(groups)]) if groups else []
+    if results[0].format == FORMAT:
+        for result in results:
+            a = result.attributes
+            label = rf"{a['model']}, $\phi={float(a['phi']):.5g}$, $\dot\gamma={number(float(a['rate']))}$"
+            found.append((label, result["x"], result["g_y"], result["g_y_error"]))
+        return found
+    groups = grouped(results, lambda one: (kind_of(one), float(one.attributes["rate"])))
+    names = labels_of([kind for kind, _ in sorted(groups)])
     for ((_, rate), some), name in zip(sorted(groups.items()), names, strict=True):
         g = correlate_lanes(some, LANE, BIN)
         found.append((rf"{name}, $\dot\gamma={number(rate)}$", g.centres, g.values, g.errors))

@@ -18,7 +18,6 @@ from matplotlib.lines import Line2D
 
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import write_whole
-from jampetsc.io.outputs import PICTURE, check_output
 
 COLUMN, PAGE = 3.4, 7.0  # inches: one and two columns of a journal
 GREY = "0.45"
@@ -145,14 +144,6 @@ def drawn_in(style=None, own=True):
             why = str(error).splitlines()[0]
             raise InputError(f"style {style}: {why}: give a style file of matplotlib") from None
         yield
-
-
-def check(path, what, inputs=()) -> None:
-    """Raise InputError unless a picture or a table of its numbers may be put at `path`; inputs: files that are read."""
-    option, endings = ("out", FORMATS) if what == PICTURE else ("csv", (".csv",))
-    if Path(path).suffix.lower() not in endings:
-        raise InputError(f"{option} {path}: give it the ending {' or '.join(endings)}")
-    check_output(path, what, inputs)
 
 
 def save(fig, path) -> None:

@@ -34,26 +34,23 @@ def units_of(result) -> Units:
     return Units(found["k"], found["tau1"], None if pressure is None else pressure / found["k"])
 
 
-_VAGBERG = (  # energy, stress, rate, viscosity and length
+UNITS = ("energy", "stress", "rate", "viscosity", "length")
+_VAGBERG = (
     r"k_{\rm e}", r"k_{\rm e}/d_{\rm s}^2", r"k_{\rm e}/k_{\rm d}d_{\rm s}^2", r"k_{\rm d}", r"d_{\rm s}"
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class FlowUnits:
-    """Units by which numbers of flow, shear and jam files are divided, and their names in TeX without dollars."""
+    """Units by which numbers of flow, shear and jam files are divided: energies and stresses by k, rates by 1/τ₁."""
 
-    k: float  # of energies and stresses
-    tau1: float  # 1/τ₁ of rates
-    energy: str
-    stress: str
-    rate: str
-    viscosity: str
-    length: str  # "" where it is that of a packing, which has no name
+    k: float
+    tau1: float
+    names: tuple  # of UNITS in TeX without dollars; "" for the length of a packing, which has none
 
     def label(self, symbol, unit) -> str:
-        """Words for an axis: the symbol in TeX, and one of the units by its name here, where there is one."""
-        text = getattr(self, unit)
+        """Words for an axis: the symbol in TeX, and the name of one of UNITS, where there is one."""
+        text = self.names[UNITS.index(unit)]
         return rf"${symbol}\ [{text}]$" if text else f"${symbol}$"
 
 
@@ -71,7 +68,7 @@ def flow_units(results) -> FlowUnits:
             texts = (r"k_{\rm e}", r"k_{\rm e}", r"1/\tau_1", r"k_{\rm e}\tau_1", "")  # over the unit of area
         else:
             texts = ("k", "k", r"1/\tau_1", r"k\tau_1", "")  # times the packing's unit of area
-        found = FlowUnits(own.k, own.tau1, *texts)
+        found = FlowUnits(own.k, own.tau1, texts)
         first = first or found
         if found != first:
             raise InputError(

@@ -12,9 +12,8 @@ from pathlib import Path
 from jampetsc.io.packing_file import read_identified
 from jampetsc.io.provenance import git_commit
 from jampetsc.progress import Progress
-from jampetsc.speed_accuracy import choices, ensembles
+from jampetsc.speed_accuracy import choices, ensembles, table
 from jampetsc.speed_accuracy.advice import advise
-from jampetsc.speed_accuracy.table import Table
 from jampetsc.version import VERSION
 
 
@@ -35,12 +34,12 @@ def measure(job, out) -> str:
         progress.note(f"{len(todo)} runs{f' and {count} packings with one each' if packs else ''} to do")
         rows += [bench.measure(choice) for choice in todo]
         rows += [ensembles.measure(bench, pack) for pack in packs]
-    table = Table(rows, _facts(job, out, bench.reference, load) + remarks + more)
-    table.write(out)
+    facts = [*_facts(job, out, bench.reference, load), *remarks, *more]
+    table.write(out, rows, facts)
     from jampetsc.plots.trade import plot_trade  # only now: matplotlib's memory is the runs' until then
 
     plot_trade(rows, bench.reference.certified, picture)
-    lines = [str(table), "", *table.facts, "", *advise(rows), "", f"{out}, {picture}"]
+    lines = [table.as_text(rows), "", *facts, "", *advise(rows), "", f"{out}, {picture}"]
     return "\n".join(lines)
 
 

@@ -50,47 +50,41 @@ class Row:
         return math.nan if math.isnan(self.error_storage) else max(self.error_storage, self.error_loss)
 
 
-@dataclass(frozen=True)
-class Table:
-    """Rows in the order of measurement; `facts` are lines about packing, law, machine and reference."""
+def write(path, rows, facts) -> None:
+    """Write rows as CSV, complete or not at all: comment lines with #, a header, a line per row.
 
-    rows: list[Row]
-    facts: list[str]
+    facts   lines about packing, law, machine and reference
+    """
+    told = [f"{one.name}: {one.metadata['meaning']}" for one in fields(Row) if one.metadata]
+    above = "".join(f"# {line}\n" for line in [*facts, *told])
+    cells = ({name: _cell(value) for name, value in vars(row).items()} for row in rows)
+    write_whole(path, (above + comma_separated([one.name for one in fields(Row)], cells)).encode())
 
-    def write(self, path) -> None:
-        """Write the CSV, complete or not at all: comment lines with #, a header, a line per row."""
-        told = [f"{one.name}: {one.metadata['meaning']}" for one in fields(Row) if one.metadata]
-        above = "".join(f"# {line}\n" for line in [*self.facts, *told])
-        rows = ({name: _cell(value) for name, value in vars(row).items()} for row in self.rows)
-        write_whole(path, (above + comma_separated([one.name for one in fields(Row)], rows)).encode())
 
-    @property
-    def resolved(self) -> float:
-        """The bound of the reference: smaller errors are not resolved."""
-        return next((row.certified for row in self.rows if row.group == "reference"), 0.0)
+def as_text(rows) -> str:
+    """Rows, the reference first, as lines of text; errors below the bound of the reference are not resolved."""
+    shown = [
+        one
+        for one in fields(Row)
+        if one.metadata.get("title") and any(not math.isnan(getattr(row, one.name)) for row in rows)
+    ]
+    lines = [["", "choice", *(one.metadata["title"] for one in shown), "note"]]
+    before = None
+    for row in rows:
+        cells = [_text(row, column, rows[0].certified) for column in shown]
+        lines.append([row.group if row.group != before else "", row.choice, *cells, row.note])
+        before = row.group
+    lines = aligned(lines)
+    lines.insert(1, ["-" * len(cell) for cell in lines[0]])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
-    def _text(self, row, column):
-        value = getattr(row, column.name)
-        if math.isnan(value):
-            return ""
-        small = column.name.startswith(("error_", "window_")) and value < self.resolved
-        return f"< {self.resolved:.0e}" if small else format(value, column.metadata["form"])
 
-    def __str__(self):
-        shown = [
-            one
-            for one in fields(Row)
-            if one.metadata.get("title") and any(not math.isnan(getattr(row, one.name)) for row in self.rows)
-        ]
-        lines = [["", "choice", *(one.metadata["title"] for one in shown), "note"]]
-        before = None
-        for row in self.rows:
-            cells = [self._text(row, column) for column in shown]
-            lines.append([row.group if row.group != before else "", row.choice, *cells, row.note])
-            before = row.group
-        lines = aligned(lines)
-        lines.insert(1, ["-" * len(cell) for cell in lines[0]])
-        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+def _text(row, column, resolved):
+    value = getattr(row, column.name)
+    if math.isnan(value):
+        return ""
+    small = column.name.startswith(("error_", "window_")) and value < resolved
+    return f"< {resolved:.0e}" if small else format(value, column.metadata["form"])
 
 
 def _cell(value):

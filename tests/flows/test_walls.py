@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from claims.flow import middle_share
 from sheared import ROWS
 
 import jampetsc
-from jampetsc.analysis.profiles import heights, mean_profile, middle_share
+from jampetsc.analysis.profiles import heights, mean_profile
 from jampetsc.cli import main as cli
 from jampetsc.core.kernel import bond_forces
 from jampetsc.core.potentials import Potential

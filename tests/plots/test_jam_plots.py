@@ -214,7 +214,7 @@ def test_files_of_samples_and_of_shear_go_together_in_some_pictures():
         (both, "pressures", "P(p) of the jammed samples of 2 files"),
         (both, None, "f(phi), the share of samples that jam, of 2 files"),
     ):
-        assert draw(files, kind)[1].text == says
+        assert draw(files, kind).text == says
     with pytest.raises(
         InputError, match=r"a\.h5 is a jam file, s\.h5 a shear file: one picture shows one or"
     ):

@@ -141,7 +141,7 @@ def test_every_format_is_twice_the_same_whatever_matplotlibrc_says(
     ],
 )
 def test_the_kind_follows_from_files_and_options(files, options, says, folder):
-    assert says in draw([folder / f"{name}.h5" for name in files.split()], **options)[1].text
+    assert says in draw([folder / f"{name}.h5" for name in files.split()], **options).text
 
 
 @pytest.mark.parametrize("kind", ["moduli", "collapse"])
@@ -349,7 +349,7 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
     beside.rename(moved)
     with pytest.raises(InputError, match=r"its packing packing\.h5 is not beside it: give it with packing"):
         draw([with_fields], "fields")
-    assert "fields at" in draw([with_fields], packing=moved)[1].text
+    assert "fields at" in draw([with_fields], packing=moved).text
     write_packing(beside, samples.published("hertzian"))
     with pytest.raises(
         InputError, match=r"packing\.h5: is not the packing that fields\.h5 was made from \(sha256"

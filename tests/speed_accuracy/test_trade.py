@@ -22,11 +22,11 @@ from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.petsc import launcher
 from jampetsc.plots.trade import draw_trade
 from jampetsc.progress import Progress
-from jampetsc.speed_accuracy import choices, ensembles, measure, processes
+from jampetsc.speed_accuracy import choices, ensembles, measure, processes, table
 from jampetsc.speed_accuracy.advice import advise
 from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_interpolate
 from jampetsc.speed_accuracy.job import Trade
-from jampetsc.speed_accuracy.table import Row, Table
+from jampetsc.speed_accuracy.table import Row
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -427,7 +427,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     monkeypatch.setattr(choices.Bench, "run", lambda *_: (processes.Outcome(0, 1.5, 100.0, ""), curve))
     monkeypatch.setattr("jampetsc.plots.trade.plot_trade", lambda *words: drawn.append(words))
     text = measure.measure(asked(packing, ensemble=True), tmp_path / "t.csv")
-    table = (tmp_path / "t.csv").read_text()
+    written = (tmp_path / "t.csv").read_text()
     for line in (
         f"command: jampetsc trade {packing} --out {tmp_path}/t.csv --choices '' --ensemble --omega 1e-08:10.0:91",
         f"packing: p.h5, N = 64, p = 1e-06, sha256 {read_packing(packing).fingerprint}",
@@ -436,15 +436,15 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
         "critical window: omega = 1e-05 to 0.1",
         f"ensemble: left out, the radii of {packing} cannot be drawn anew by `jampetsc pack`",
     ):
-        assert f"# {line}\n" in table and line in text.splitlines()
-    assert "runs: one process each; " in table and "PETSc 3.99; 2" in table
+        assert f"# {line}\n" in written and line in text.splitlines()
+    assert "runs: one process each; " in written and "PETSc 3.99; 2" in written
     assert text.endswith(f"{tmp_path}/t.csv, {tmp_path}/t.png")
     assert "for a first look" in text and [row.group for row in drawn[0][0]] == ["reference"]
     assert drawn[0][1:] == (pytest.approx(2**0.5 * 1e-6), tmp_path / "t.png")
     curve.omega, curve.G = curve.omega[:9], curve.G[:9]
-    table = measure.measure(asked(packing, omega="1,2", choices=["frequencies"], ranks=2), tmp_path / "t.csv")
+    text = measure.measure(asked(packing, omega="1,2", choices=["frequencies"], ranks=2), tmp_path / "t.csv")
     for told in ("runs: mpirun -n 2; ", "critical window, 10 p/k", "left out, it needs"):
-        assert told in table
+        assert told in text
 
 
 # What is made of them
@@ -599,7 +599,8 @@ def test_advice_on_packings(fields, more, told):
 
 
 def test_a_table_reads_back_and_tells_what_is_resolved(tmp_path):
-    Table([*ROWS, replace(ROWS[5], choice="x", seconds=1 / 3)], ["packing: p.h5"]).write(tmp_path / "t.csv")
+    rows = [*ROWS, replace(ROWS[5], choice="x", seconds=1 / 3)]
+    table.write(tmp_path / "t.csv", rows, ["packing: p.h5"])
     text = (tmp_path / "t.csv").read_text()
     assert text.startswith("# packing: p.h5\n")
     assert {field.name for field in fields(Row) if f"# {field.name}: " not in text} == {"failed"}
@@ -608,7 +609,7 @@ def test_a_table_reads_back_and_tells_what_is_resolved(tmp_path):
     assert [read["method", name]["seconds"] for name in ("direct, iterative.opts", "x")] == ["", "0.333333"]
     assert [row["failed"] for row in read.values()] == ["0"] * 5 + ["1"] + ["0"] * 5 + ["1"]
     small = {"error_storage": 1e-15, "error_loss": 2e-12, "window_storage": 1e-15, "window_loss": 1e-12}
-    lines = str(Table([*ROWS, Row("method", "direct", 1e-15, stderr_loss=1e-15, **small)], [])).splitlines()
+    lines = table.as_text([*ROWS, Row("method", "direct", 1e-15, stderr_loss=1e-15, **small)]).splitlines()
     assert len({len(line) for line in lines}) == 1 and "memory" not in lines[0]  # nothing known: no column
     groups = [line.split("|")[1].strip() for line in lines[:6]]
     assert groups == ["", "-" * 11, "reference", "accuracy", "", ""]
