@@ -8,7 +8,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import MARKERS, drawn_in
 
@@ -21,21 +20,6 @@ class Held(dict):
     def __init__(self, arrays, attributes, path="a.h5", format=""):
         super().__init__(arrays)
         self.attributes, self.path, self.format = attributes, Path(path), format
-
-
-def put(held, writer):
-    """The writer, of a file or in memory, with what is held in it."""
-    for name, values in held.items():
-        writer.dataset(name, values)
-    writer.attributes(**held.attributes)
-    return writer
-
-
-def written(path, held) -> str:
-    """A file with what is held."""
-    with ResultWriter(path, held.format) as writer:
-        put(held, writer)
-    return str(path)
 
 
 def figure_of(plot, results, **settings):

@@ -14,6 +14,7 @@ from jampetsc.core.laws import Law, Physics, damping_law
 from jampetsc.core.potentials import Potential
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
+from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.jobs.sweep import Sweep
 from jampetsc.linear.run import Run
@@ -132,12 +133,12 @@ def put(path, disks, comm):
 
 
 def stored(path, kind, arrays, **attributes):
-    """The path of a result file of this kind, with these arrays and attributes."""
+    """The path of a result file of this kind with these arrays and attributes; for None the result, in memory."""
     with ResultWriter(path, f"jampetsc-{kind}") as writer:
         for name, values in arrays.items():
             writer.dataset(name, values)
         writer.attributes(**attributes)
-    return path
+    return path or collected(writer)
 
 
 def run_of(

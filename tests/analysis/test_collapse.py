@@ -16,8 +16,7 @@ from jampetsc.analysis.collapse_fit import minima
 from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
-from jampetsc.io.reader import collected, load
-from jampetsc.io.result_file import ResultWriter
+from jampetsc.io.reader import load
 from jampetsc.jobs.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.plots.scaling import plot_branches, plot_scaling
 from jampetsc.studies.table import table_text
@@ -393,11 +392,8 @@ def test_the_command_on_a_study(study, tmp_path, capsys):
 
 
 def test_flows_in_memory_are_scaled_as_their_files_are(study):
-    flows, held = [load(path) for path in sorted(study.glob("0.84*-*.h5"))], []
-    for flow in flows:
-        writer = ResultWriter(None, flow.format)
-        writer.attributes(**flow.attributes)
-        held.append(collected(writer))
+    flows = [load(path) for path in sorted(study.glob("0.84*-*.h5"))]
+    held = [stored(None, "flow", {}, **flow.attributes) for flow in flows]
     how = {"observable": "pressure", "fit": ["phi_J", "y=1.1", "znu"], "degree": 1, "range": (0.8, 0.9)}
     one, other = jampetsc.collapse(*held, **how), jampetsc.collapse(*flows, **how)
     assert one.file is None and set(one) == set(other)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import written
+from samples import stored
 from test_jam_plots import jam_of, shear_of
 from test_picture_limits import curve
 from test_plots import write_sweep
@@ -34,10 +34,10 @@ def folder(tmp_path_factory):
     """Sweeps of five packings at two pressures each, one unstable to shear, one about to be; a packing, and samples."""
     folder = tmp_path_factory.mktemp("study")
     commands = {"packing.h5": "pack", "jam.h5": "jam", "shear.h5": "shear"}
-    written(folder / "jam.h5", jam_of(path="jam.h5"))
-    written(
-        folder / "shear.h5", shear_of(np.tile([1, 1, 1, 0], 20), phi=0.9, **jam_of().attributes | {"k": 1.0})
-    )
+    jam = jam_of()
+    shear = shear_of(np.tile([1, 1, 1, 0], 20), phi=0.9, **jam.attributes | {"k": 1.0})
+    for kind, one in (("jam", jam), ("shear", shear)):
+        stored(folder / f"{kind}.h5", kind, one, **one.attributes)
     values = np.array([-0.5, 0.0, 1.5, 2.5, 3.5])
     for one in sweeps_of(values) + sweeps_of(values, 1e-3):
         write_sweep(folder / one.name, one.pressure, OMEGA, one.G, **one.attributes)

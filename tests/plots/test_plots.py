@@ -8,7 +8,9 @@ import matplotlib
 import numpy as np
 import pytest
 import samples
-from drawn import Held, bands, drawn_by, figure_of, lines, put, require_arrows, written
+from drawn import bands, drawn_by, figure_of, lines, require_arrows
+from samples import stored
+from test_picture_limits import curve
 
 import jampetsc
 from jampetsc.cli import main as cli
@@ -17,10 +19,8 @@ from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
-from jampetsc.io.reader import collected
-from jampetsc.io.result_file import ResultWriter
 from jampetsc.plots import periodic
-from jampetsc.plots.curves import Curve, group_curves
+from jampetsc.plots.curves import group_curves
 from jampetsc.plots.draw import draw
 from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
@@ -40,8 +40,10 @@ def modulus(omega, pressure):
     return 0.5 * np.sqrt(pressure) + 0.3 * s[:, 0] + np.sum(weights * s / (s + rates), axis=1)
 
 
-def held_sweep(pressure=1e-3, omega=OMEGA, G=None, bound=1e-9, packing=None, fields=None, **attributes):
-    """A sweep; fields is (omega, displacement, rotation or None, particles)."""
+def sweep_of(
+    pressure=1e-3, omega=OMEGA, G=None, bound=1e-9, packing=None, fields=None, path=None, **attributes
+):
+    """A sweep in memory, or a file of it; fields is (omega, displacement, rotation or None, particles)."""
     arrays = {"omega": omega, "G": modulus(omega, pressure) if G is None else G}
     arrays |= {"error_bound": np.full(len(omega), bound)}
     attributes = {"law": "contact", "beta": 1.0, "pressure": pressure, "k": 1.0, "tau1": 1.0} | attributes
@@ -50,17 +52,12 @@ def held_sweep(pressure=1e-3, omega=OMEGA, G=None, bound=1e-9, packing=None, fie
     if fields is not None:
         names = ("fields/omega", "fields/displacement", "fields/rotation", "particles")
         arrays |= {name: values for name, values in zip(names, fields, strict=True) if values is not None}
-    return Held(arrays, attributes, format="jampetsc-sweep")
-
-
-def sweep_of(*what, **more):
-    """A sweep in memory: `held_sweep`."""
-    return collected(put(held_sweep(*what, **more), ResultWriter(None, "jampetsc-sweep")))
+    return stored(path, "sweep", arrays, **attributes)
 
 
 def write_sweep(path, *what, **more):
-    """A file of a sweep: `held_sweep`."""
-    return written(path, held_sweep(*what, **more))
+    """A file of a sweep: `sweep_of`."""
+    return str(sweep_of(*what, path=path, **more))
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +69,7 @@ def folder(tmp_path_factory):
     write_packing(folder / "packing.h5", samples.published())
     write_fields(folder)
     write_sweep(folder / "none.h5", G=np.full(45, np.nan))
-    written(folder / "modes.h5", Held({"eigenvalues": np.ones(3)}, {}, format="jampetsc-modes"))
+    stored(folder / "modes.h5", "modes", {"eigenvalues": np.ones(3)})
     ones = np.ones((6, 16, 2), complex)
     (folder / "taken.png").mkdir()
     for name, omega, particles in (
@@ -170,13 +167,6 @@ def test_unusual_sweeps_are_drawn_without_complaint(case, recwarn):
     assert not [str(w.message) for w in recwarn]
 
 
-def curve(pressure, **attributes):
-    G = modulus(OMEGA, pressure or 1e-3)
-    return Curve(
-        "a.h5", OMEGA, G, np.zeros((2, len(OMEGA))), pressure, {"law": "contact", "beta": 1.0} | attributes
-    )
-
-
 @pytest.mark.parametrize(
     ("differing", "labels"),
     [
@@ -191,7 +181,7 @@ def curve(pressure, **attributes):
     ],
 )  # fmt: skip
 def test_labels_tell_what_differs(differing, labels):
-    title, groups = group_curves([curve(**{"pressure": 1e-3} | more) for more in differing])
+    title, groups = group_curves([curve(**{"law": "contact", "beta": 1.0} | more) for more in differing])
     assert title == "" and [group.label for group in groups] == labels
 
 
@@ -203,7 +193,7 @@ def test_two_sweeps_in_memory_are_two():
 
 
 def test_sweeps_of_one_pressure_share_a_label():
-    title, groups = group_curves([curve(1e-2), curve(1e-4), curve(1.0000001e-4), curve(1e-3)])
+    title, groups = group_curves([curve(pressure=p) for p in (1e-2, 1e-4, 1.0000001e-4, 1e-3)])
     assert title == "$p/k$" and [len(group.curves) for group in groups] == [2, 1, 1]
     assert [group.label for group in groups] == ["$10^{-4}$", "$10^{-3}$", "$10^{-2}$"]
 
@@ -211,7 +201,7 @@ def test_sweeps_of_one_pressure_share_a_label():
 def test_both_moduli_with_their_bounds_are_drawn_and_collapsed():
     """G' solid and filled, G'' dashed and open, each in its own band."""
     G, p = modulus(OMEGA, 4e-4), 4e-4
-    one = replace(curve(p), bounds=np.stack((0.1 * G.real, 0.2 * G.imag)))
+    one = replace(curve(pressure=p, omega=OMEGA, G=G), bounds=np.stack((0.1 * G.real, 0.2 * G.imag)))
     for plot, x, unit in ((plot_moduli, OMEGA, 1.0), (plot_collapse, OMEGA / p, p**0.5)):
         low = slice(None) if plot is plot_moduli else OMEGA <= 1.0
         ax = figure_of(plot, [one]).axes[0]
@@ -231,7 +221,7 @@ def luminance(colour):
 
 
 def test_colours_grow_lighter_with_pressure_and_stay_visible_on_white():
-    _, groups = group_curves([curve(p) for p in np.geomspace(1e-5, 1e-1, 5)])
+    _, groups = group_curves([curve(pressure=p) for p in np.geomspace(1e-5, 1e-1, 5)])
     shades = [luminance(g.colour) for g in groups]
     assert (np.diff(shades) > 0.02).all()
     assert shades[-1] < 0.65

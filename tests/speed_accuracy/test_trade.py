@@ -6,7 +6,6 @@ from dataclasses import fields, replace
 import launch
 import numpy as np
 import pytest
-from drawn import drawn_by, lines
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread
@@ -20,7 +19,6 @@ from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.petsc import launcher
-from jampetsc.plots.trade import draw_trade
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, measure, processes, table
 from jampetsc.speed_accuracy.advice import advise
@@ -616,14 +614,3 @@ def test_a_table_reads_back_and_tells_what_is_resolved(tmp_path):
     assert [cell.strip() for cell in lines[-1].split("|")][3:] == [
         "0.00", "", "< 1e-12", "2.0e-12", "< 1e-12", "1.0e-12", "", "", "1.0e-15", "", "",
     ]  # fmt: skip
-
-
-def test_points_of_the_picture_are_times_of_runs_and_errors_of_both_moduli():
-    run = Row("method", "direct, MUMPS", 2.0, 5.0, **errors(1e-2, 3e-2))
-    exact = Row("physics", "without rotations", 3.0, 5.0, **errors(1e-13, 1e-6))
-    points = lines(drawn_by(draw_trade, [run, exact], 1e-12).axes[0], 1)
-    for row, (filled, empty) in zip((run, exact), (points[:2], points[2:4]), strict=True):
-        assert (filled[0], empty[0]) == (row.seconds, row.seconds)
-        # what is not resolved is drawn at the bound of the reference
-        assert (filled[1], empty[1]) == (max(row.error_storage, 1e-12), row.error_loss)
-        assert filled[3] != "white" and empty[3] == "white"
