@@ -6,10 +6,10 @@ import numpy as np
 
 import jampetsc
 from claims.shared import LARGE, NEAR, Row, by_decades, claim, line_through, near_jamming, size_of, verdict
-from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size
 from jampetsc.analysis.scaling import collapse_spread, critical_exponents, local_slope
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.plots.curves import curve_of
+from jampetsc.plots.finite_size import FEWEST
 
 BOTH = (("no_prestress_", "without pre-stress"), ("", "with pre-stress"))
 WINDOW = 50.0, 0.1  # critical frequencies, from so many p/k to so many 1/τ₁
@@ -373,11 +373,13 @@ def growth_with_size(rows, name):
         if len(scaled) < FEWEST:
             continue
         n = max(size for size, *_ in scaled)
-        line = logarithm_of_size(*np.transpose(scaled))
+        sizes, means, errors = np.transpose(scaled)
+        (slope, constant), covariance = np.polyfit(np.log(sizes), means, 1, w=1.0 / errors, cov="unscaled")
         told = ", ".join(f"{value:.3f}({1000 * error:.0f}) at {size:g}" for size, value, error in scaled)
         expected = (
             "> 0: random forces in an elastic medium" if subtracted else "0: no length but the size of disks"
         )
-        note = f"{expected}; means {told}; a = {line.power(n):.2f} at N = {n:g}"
+        power = 1.0 + slope / (constant + slope * np.log(n))  # 1 + d ln(A + B ln N)/d ln N
+        note = f"{expected}; means {told}; a = {power:.2f} at N = {n:g}"
         what = f"{name}, without pre-stress, p = {level:g}: B of √p {'(η₀ − η_F)' if subtracted else 'η₀'} = A + B ln N"
-        yield Row(what, None, line.slope, line.slope_error, note, size_of(rows))
+        yield Row(what, None, slope, np.sqrt(covariance[0, 0]), note, size_of(rows))

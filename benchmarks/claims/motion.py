@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from claims.medium import dragged, first_root, solid
 from claims.shared import WITHIN, Row, claim
 from jampetsc.analysis.correlation_lengths import (
     LONGEST,
@@ -10,7 +11,6 @@ from jampetsc.analysis.correlation_lengths import (
     medium_collapse,
     stokes_collapse,
 )
-from jampetsc.analysis.medium import dragged, first_root, solid
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.correlation import correlation_curve

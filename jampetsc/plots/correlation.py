@@ -13,7 +13,6 @@ from jampetsc.analysis.correlation_lengths import (
     medium_collapse,
     stokes_collapse,
 )
-from jampetsc.analysis.medium import dragged, first_root, solid
 from jampetsc.asking.kinds import FREQUENCIES
 from jampetsc.asking.parameters import NUMBER
 from jampetsc.errors import InputError, named
@@ -40,6 +39,9 @@ SYMBOLS = {"stress": r"$u_y/\sigma$", "strain": r"$u_y/\gamma$"}
 _LEGEND_ROWS = 5  # more frequencies than this get a colour bar instead
 _FEW = 3  # so many or fewer: bands and the other lane widths are drawn too
 _SAME = 0.01  # frequencies closer than this, relatively, are one
+# l/L in a medium that random stresses stir, at low frequency: Re u_y of a solid, and Im u_y under Stokes drag
+# (docs/physics.md; benchmarks/claims/medium.py)
+MEDIUM = (0.1691383468239038, 0.24575240074885307)
 OMEGA = option(
     "omega", FREQUENCIES, "fields: at these frequencies (default: up to four); correlation: one at which to compare "
     "files, or several of one file", "w1,w2,…",
@@ -237,7 +239,7 @@ def _fit(axes, curves):
 @picture("length", "correlation", options=(LOG,))
 def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
     """(a) l/L against ωτ₁; for Stokes drag two collapses: (b) l (−ln p)^exponent against ω/p^½ (BT), p in units of k,
-    and (c) l against √(|G*|/ω), the length of an elastic medium (`analysis.medium`), if the files have G*.
+    and (c) l against √(|G*|/ω), the length of an elastic medium (docs/physics.md), if the files have G*.
 
     Filled symbols: Re u_y; open ones: Im u_y. Dotted: L/4, and the lengths for random stresses at low frequency, .169 L
     and .246 L. Raises InputError if no C has a root, a pressure is unknown, or files have different phases.
@@ -271,8 +273,8 @@ def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
                 look |= {"markerfacecolor": "white"} if part else {}
                 points(ax, x, y, error, label=hidden(f"{name}, {group.label}"), **look)
     axes[0].axhline(0.25, color="0.4", linewidth=0.6, linestyle=":", zorder=0)
-    for factor, shade in ((solid, "0.2"), (dragged, "0.6")):
-        axes[0].axhline(first_root(factor), color=shade, linewidth=0.6, linestyle="--", zorder=0)
+    for length, shade in zip(MEDIUM, ("0.2", "0.6"), strict=True):
+        axes[0].axhline(length, color=shade, linewidth=0.6, linestyle="--", zorder=0)
     handles = [entry(g.label, g.colour, marker=g.marker) for g in groups]
     for name, dash, part in _PARTS:
         face, label = "white" if part else "0.2", f"{name} {SYMBOLS[curves[0].phase]}"

@@ -1,9 +1,14 @@
-"""Finite-size scaling of η₀ (BT Fig. 8): η₀/N^a against pN², and √p (η₀ − η_F) against N, of quasistatic files."""
+"""Finite-size scaling of η₀ (BT Fig. 8): η₀/N^a against pN², and √p (η₀ − η_F) against N, of quasistatic files.
+
+One contact more or less than isostatic is felt where ΔZ ~ p^½ is of the order of 1/N, that is pN² ~ 1: there η₀/N^a is
+constant below and falls as (pN²)^(−a/2) above, where η₀ ~ p^(−a/2) does not depend on N. Under Stokes drag it does:
+random forces make an isotropic elastic medium move by ⟨|u_na|²⟩ ~ ∫d²k/k² from 2π/L to 1/d, so √p (η₀ − η_F) =
+A + B ln N, which over a range of N looks like a = 1 + d ln(A + B ln N)/d ln N.
+"""
 
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
-from jampetsc.analysis.finite_size import FEWEST, logarithm_of_size
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.asking.parameters import NUMBER
 from jampetsc.errors import InputError, named
@@ -25,6 +30,7 @@ from jampetsc.plots.units import units_of
 HEIGHT = 3.0  # inches
 LARGE = 30.0  # pN² from which on a packing counts as large
 CRITICAL = 2e-3  # p/k up to which √p η₀ does
+FEWEST = 3  # sizes of a line in ln N
 SIZE_POWER = option(
     "size_power", NUMBER, "finite-size: eta0 over N^A against pN^2 (default 1)", "A", low=0, high=10
 )
@@ -114,8 +120,8 @@ def _draw_sizes(page, ax, groups):
         points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
         known = np.isfinite(error) & (error > 0)
         if known.sum() >= FEWEST:
-            line = logarithm_of_size(n[known], y[known], error[known])
-            ax.plot(n, line.constant + line.slope * np.log(n), color=look["color"], linewidth=0.8, zorder=1)
+            slope, constant = np.polyfit(np.log(n[known]), y[known], 1, w=1.0 / error[known])
+            ax.plot(n, constant + slope * np.log(n), color=look["color"], linewidth=0.8, zorder=1)
     ax.set_ylim(0.0, None)
     page.legend(ax, title="$p/k$", named=False)
     ax.xaxis.set_major_locator(FixedLocator(sorted({size for sizes in large.values() for size in sizes})))

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from claims.medium import dragged, solid
+from claims.medium import first_root as first_root_of
 from claims.motion import stokes
 from drawn import bands, bars, figure_of, lines, told
 from samples import stored
@@ -13,15 +15,13 @@ from jampetsc.analysis import correlations
 from jampetsc.analysis.correlation_lengths import length_spread, stokes_collapse
 from jampetsc.analysis.correlations import ENOUGH_PACKINGS, correlate, first_root
 from jampetsc.analysis.lane_sums import LaneSums, bin_edges, grid_cells, lane_sums
-from jampetsc.analysis.medium import dragged, solid
-from jampetsc.analysis.medium import first_root as first_root_of
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
 from jampetsc.jobs.correlate_sweeps import refuse_mixture
-from jampetsc.plots.correlation import correlation_curve, plot_correlation, plot_lengths
+from jampetsc.plots.correlation import MEDIUM, correlation_curve, plot_correlation, plot_lengths
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -508,8 +508,8 @@ def test_roots_of_a_medium_stirred_by_random_stresses():
     """At low frequency −ln 2 sin(πδ) falls to zero at 1/6, and lanes of a square cell move that a little; a field of
     1/k³ is nearly the longest wave. At finite frequency the length is √(|G*|/nω), with a number of order one.
     """
-    assert first_root_of(solid) == pytest.approx(0.169, abs=5e-4)
-    assert first_root_of(dragged) == pytest.approx(0.246, abs=5e-4)
+    assert [first_root_of(solid), first_root_of(dragged)] == pytest.approx(MEDIUM, rel=1e-9)
+    assert pytest.approx((0.169, 0.246), abs=5e-4) == MEDIUM
     for part, slow in ((np.real, solid), (np.imag, dragged)):
         assert first_root_of(stokes(part, length=100.0)) == pytest.approx(first_root_of(slow), abs=1e-4)
     for angle, phase, wanted in (

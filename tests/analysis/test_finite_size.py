@@ -8,7 +8,6 @@ import pytest
 from claims.moduli import size_scaling
 from drawn import bars, figure_of, lines, require_inside, told
 
-from jampetsc.analysis.finite_size import logarithm_of_size
 from jampetsc.analysis.statistics import half_width, log_median, median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
@@ -37,21 +36,6 @@ def test_the_power_of_size_and_its_error():
     assert np.std(off) == pytest.approx(fit.error, rel=0.15)
     scattered = size_scaling(n, p, noisy, 1e-4 * eta0)  # errors that are far too small are made larger
     assert scattered.error == pytest.approx(fit.error, rel=0.8)
-
-
-def test_a_logarithm_of_size_and_its_error_by_hand():
-    """Equal errors s: that of the slope is s/√Σ(ln N − mean)²; a = 1 + B/(A + B ln N)."""
-    line = logarithm_of_size(SIZES, 0.1 + 0.04 * np.log(SIZES), np.full(3, 0.01))
-    assert (line.constant, line.slope) == (pytest.approx(0.1), pytest.approx(0.04))
-    assert line.slope_error == pytest.approx(0.01 / np.sqrt(2 * np.log(4.0) ** 2)) and line.dof == 1
-    assert line.power(256) == pytest.approx(1 + 0.04 / (0.1 + 0.04 * np.log(256)))
-
-
-def test_what_cannot_be_fitted():
-    with pytest.raises(InputError, match="value -1: must be positive"):
-        logarithm_of_size(SIZES, [-1.0, 1.0, 1.0], np.ones(3))
-    with pytest.raises(InputError, match="2 points: at least 3 are needed"):
-        logarithm_of_size(SIZES[:2], np.ones(2), np.ones(2))
 
 
 def test_the_logarithm_of_a_median_has_half_the_interval_as_its_error():
