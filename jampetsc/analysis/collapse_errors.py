@@ -20,7 +20,6 @@ from jampetsc.errors import InputError
 SIGMAS = 2.0  # of the ends, where χ² is SIGMAS² above the least
 HIGHER = (2, 4)  # added to the degree: as many even as odd terms
 UNEVEN = 1.5  # ratio of the longer to the shorter side of an error from which both are reported
-DRAWN = 200  # places along x at which f₀ and f₁ are kept
 _ACCURACY = 0.02  # of an end, in its distance from the best
 _BETTER = 0.01  # a fit whose χ² is lower by this replaces the best so far
 _STRETCH, _STEPS = 3.0, 20  # most growth from step to step outwards; fewest steps that cover the range
@@ -111,29 +110,6 @@ def drift(points: Points, form: Form) -> list:
                 raise
             break
     return found
-
-
-def arrays_of(points: Points, cuts: list) -> dict:
-    """{name: array} of a collapse: points, f₀ and f₁ along x, and parameters against the cut; cuts: of `drift`."""
-    _, fit, _ = cuts[0]
-    x = fit.x(points)
-    along = np.linspace(x.min(), x.max(), DRAWN)
-    parts = dict(zip(("leading", "correction"), fit.terms(points), strict=True))
-    curves = dict(zip(("curve/f0", "curve/f1"), fit.functions(along), strict=True))
-    free = fit.form.free
-    return {
-        "phi": points.phi,
-        "value": points.value,
-        "error": points.error,
-        "x": x,
-        **parts,
-        "curve/x": along,
-        **curves,
-        "drift/cut": np.array([cut for cut, _, _ in cuts]),
-        "drift/parameters": np.array([[one.parameters[name] for name in free] for _, one, _ in cuts]),
-        "drift/errors": np.array([[some[name].error for name in free] for _, _, some in cuts]),
-        "drift/chi2_per_dof": np.array([one.chi2 / one.dof for _, one, _ in cuts]),
-    }
 
 
 def degrees_above(points: Points, form: Form) -> list[int]:

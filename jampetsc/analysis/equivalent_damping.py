@@ -92,7 +92,3 @@ class EquivalentDamping:
                 break
         with np.errstate(over="ignore"):
             return np.exp(x)
-
-    def amplitude(self, omega):
-        """Relative motion u₀/ρ₀ of a contact, in the shape of omega."""
-        return self.stress / np.sqrt(1.0 + self.frequency(omega) ** 2)

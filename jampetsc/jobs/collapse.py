@@ -13,6 +13,7 @@ from jampetsc.errors import InputError, as_float, named
 from jampetsc.jobs.sources import WHERE, rows_named, write_derived
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
+DRAWN = 200  # places along x at which f₀ and f₁ are kept
 SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
 
 
@@ -122,20 +123,32 @@ examples:
         cuts = drift(points, form)
         _, fit, found = cuts[0]
         notes = scaling.notes_of(points, fit, found, self.finite_size)
-        arrays = self._arrays(points, data, used, cuts)
+        arrays = {"N": data.size[used], "runs": data.runs[used]} | self._arrays(points, fit, cuts)
         write_derived(
             to, self.FORMAT, results, began, arrays, **self._attributes(results[0], fit, found, notes)
         )
         return _summary(to, self, points, cuts, notes)
 
-    def _arrays(self, points, data, used, cuts):
-        from jampetsc.analysis.collapse_errors import arrays_of
+    def _arrays(self, points, fit, cuts):
+        """{name: array}: points, f₀ and f₁ along x, and parameters against the cut; cuts: of `drift`."""
+        import numpy as np
 
-        found = arrays_of(points, cuts)
-        if self.finite_size:
-            found["drift/cut"] = _shown(found["drift/cut"], True)
-        size = {"size": 1 / points.scale} if self.finite_size else {"rate": points.scale}
-        return {"N": data.size[used], "runs": data.runs[used]} | size | found
+        x, free = fit.x(points), fit.form.free
+        along = np.linspace(x.min(), x.max(), DRAWN)
+        return {
+            **({"size": 1 / points.scale} if self.finite_size else {"rate": points.scale}),
+            "phi": points.phi,
+            "value": points.value,
+            "error": points.error,
+            "x": x,
+            **dict(zip(("leading", "correction"), fit.terms(points), strict=True)),
+            "curve/x": along,
+            **dict(zip(("curve/f0", "curve/f1"), fit.functions(along), strict=True)),
+            "drift/cut": _shown(np.array([cut for cut, _, _ in cuts]), self.finite_size),
+            "drift/parameters": np.array([[one.parameters[name] for name in free] for _, one, _ in cuts]),
+            "drift/errors": np.array([[some[name].error for name in free] for _, _, some in cuts]),
+            "drift/chi2_per_dof": np.array([one.chi2 / one.dof for _, one, _ in cuts]),
+        }
 
     def _attributes(self, first, fit, found, notes):
         from jampetsc.analysis.collapse import words_of

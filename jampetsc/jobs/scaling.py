@@ -88,7 +88,8 @@ def _rows(result, observable, finite_size):
     if finite_size:
         if observable not in result:
             raise InputError(f"{result.path}: holds no {observable}: choose pressure or jammed")
-        values, many = _of_jammed(result, observable).astype(float), "seed" in result
+        values, many = result[observable].astype(float), "seed" in result
+        values[result["jammed"] == 0] = 0.0
         known = ((*run, rows[np.isfinite(values[rows])]) for *run, rows in runs_of(result))
         return [
             (phi, scale, f"seed {seed:g}" if many else origin, values[rows])
@@ -99,12 +100,6 @@ def _rows(result, observable, finite_size):
         raise InputError(f"{result.path}: {named('observable')} jammed goes with {named('finite_size')}")
     samples = a.get(f"{observable}_samples", math.inf)  # older files do not have it
     return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"], samples))]
-
-
-def _of_jammed(result, observable):
-    """An observable of the states of a jam or shear file, 0 where they are not jammed."""
-    values = result[observable]
-    return values if observable == "jammed" else np.where(result["jammed"] == 0, 0.0, values)
 
 
 def _mean(runs, observable):

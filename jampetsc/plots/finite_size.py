@@ -102,21 +102,18 @@ def _draw_collapse(ax, groups, styles, power, subtracted):
             ax.plot(guide, level * guide ** (-power / 2), "--", color=GREY, linewidth=0.8, zorder=1)
 
 
-def scaled_by_pressure(files) -> tuple[float, float]:
-    """(mean, standard error) of √p (η₀ − η_F) without pre-stress over files of one pressure, k = τ₁ = 1."""
-    scaled = [np.sqrt(units_of(one).pressure) * viscosity_of(one, subtracted=True) for one in files]
-    return tuple(float(value) for value in mean_with_error(scaled))
-
-
 def _draw_sizes(page, ax, groups):
-    large = {}  # {p/k: {N: files}}
+    large = {}  # {p/k: {N: (mean, error) of √p (η₀ − η_F)}}
     for size, levels in groups.items():
         for level, files in levels.items():
             if level * size**2 > LARGE and level < CRITICAL:
-                large.setdefault(level, {})[size] = files
+                scaled = [
+                    np.sqrt(units_of(one).pressure) * viscosity_of(one, subtracted=True) for one in files
+                ]
+                large.setdefault(level, {})[size] = mean_with_error(scaled)
     for (level, sizes), look in looks(sorted(large.items())):
         n = np.array(list(sizes))
-        y, error = np.transpose([scaled_by_pressure(files) for files in sizes.values()])
+        y, error = np.transpose(list(sizes.values()))
         points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
         known = np.isfinite(error) & (error > 0)
         if known.sum() >= FEWEST:

@@ -53,7 +53,6 @@ class Claims:
             raise write_error(self.folder, error) from None
         self._finished = self._failed = 0
         self._looked = -1.0
-        self._taken = set()  # names of files seen when another rank was found to have been faster
 
     def _file(self, task, ending=""):
         return self.folder / f"{quote(task, safe='')}{ending}"
@@ -69,14 +68,7 @@ class Claims:
 
     def take(self, task) -> bool:
         """Claim a task; False if another rank has it."""
-        path = self._file(task)
-        if path.name in self._taken:
-            return False
-        if self._made(path):
-            return True
-        # all tasks that others have: one listing instead of one attempt for each
-        self._taken = set(os.listdir(self.folder))
-        return False
+        return self._made(self._file(task))
 
     def settle(self, task, done: bool) -> None:
         """Announce the outcome of a task, after its record was written."""

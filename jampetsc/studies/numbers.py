@@ -10,14 +10,8 @@ from jampetsc.io.reader import load
 from jampetsc.speed_accuracy.compare import FEWEST, critical, slopes
 
 WORDS = ("law", "model", "method", "packing", "phase")  # text attributes that are columns
-NOT = (
-    "ranks",
-    "wall_seconds",
-    "negative_modes",
-    "requested_n",
-    "requested_pressure",
-    "requested_phi",
-)  # no columns
+# numbers that are no columns
+NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")
 
 
 def numbers_of(path) -> dict:

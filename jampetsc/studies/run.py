@@ -59,9 +59,8 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
             claims.end()
             made = {record["task"]: record for some in new for record in some}
             rows = _write_table(folder, tasks, records | made, runner)
-            if isinstance(source, bytes) and not is_same(
-                path, folder / COPY
-            ):  # it may have been edited meanwhile
+            # it may have been edited meanwhile
+            if isinstance(source, bytes) and not is_same(path, folder / COPY):
                 write_whole(folder / COPY, source)
             return rows
 
@@ -106,10 +105,8 @@ def _open(folder, path, lock) -> Claims:
     """Take the folder for this study; the claims of its run."""
     check_folder(folder, path)
     try:
-        for made in (
-            folder,
-            folder / JOURNAL,
-        ):  # the journal shows that table.csv and study.toml are a study's
+        # the journal shows that table.csv and study.toml are a study's
+        for made in (folder, folder / JOURNAL):
             made.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
         raise InputError(f"{made}: is no folder: choose another folder") from None
@@ -148,10 +145,8 @@ class _Work:
         self.made = []  # records of this rank
         self.progress = Progress(len(tasks), "study", rank=0)
         self.estimated, self.rest = -1.0, ""  # when the time left was estimated, and how much it is, in words
-        self.refresh, self.refreshed = (
-            refresh,
-            time.monotonic(),
-        )  # writes the table while the study runs, on rank 0
+        # writes the table while the study runs, on rank 0
+        self.refresh, self.refreshed = refresh, time.monotonic()
 
     def _there(self, task):
         """The inputs of a task whose files were made; waits for those that other ranks are making."""

@@ -38,9 +38,9 @@ def test_the_root_is_the_only_one_and_grows_with_frequency(alpha, stress):
 
 @pytest.mark.parametrize("alpha", [0.5, 2 / 3, 1.0, 1.7])
 def test_equal_energy_per_cycle(alpha):
-    """The power-law force and its dashpot dissipate alike at the amplitude u₀: BT 25, by quadrature."""
+    """The power-law force and its dashpot dissipate alike at the amplitude u₀ = σ₀/√(1 + Ω²): BT 25, by quadrature."""
     damping, omega = EquivalentDamping(alpha, 1e-3), 0.7
-    speed = damping.amplitude(omega) * omega
+    speed = 1e-3 / math.hypot(1.0, damping.frequency(omega)) * omega
     shape, _ = quad(
         lambda phase: abs(math.cos(phase)) ** (alpha + 1), 0, 2 * math.pi, points=(1.5708, 4.7124)
     )
