@@ -52,8 +52,11 @@ def values_of(job, table: dict, where: str) -> list:
     options = {one.word[2:]: one for one in parameters(job).values() if one.place == OPTION}
     lists = []
     for key, value in table.items():
-        if key in OWN or (key not in options and not (key == "seeds" and "seed" in options)):
-            raise InputError(f"{where}: {_unknown(key, options)}")
+        if key in OWN:
+            raise InputError(f"{where}: {key}: the study itself gives it: leave it out")
+        if key not in options and not (key == "seeds" and "seed" in options):
+            hint = did_you_mean(key, set(options) - set(OWN))
+            raise InputError(f"{where}: {key}: no such option{hint}")
         lists.append(_values(options, key, value, where))
     return lists
 
@@ -82,17 +85,10 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
                 raise InputError(
                     f"{where}: {key} {value}: several in one string: write a list, {key} = [{value}]"
                 )
-        defaults = {one.name: None if one.required else one.default for one, _ in chosen}
-        changed = {name: value for name, value in given.items() if value != defaults[name]}
+        changed = {one.name: given[one.name] for one, _ in chosen if given[one.name] != one.default}
         options = {name: number_of(value) for name, value in given.items()}
         found.append(Choice(options, changed, asked))
     return found
-
-
-def _unknown(key, options):
-    if key in OWN:
-        return f"{key}: the study itself gives it: leave it out"
-    return f"{key}: no such option{did_you_mean(key, set(options) - set(OWN))}"
 
 
 def _values(options, key, value, where):
@@ -106,9 +102,8 @@ def _values(options, key, value, where):
         if _is_switch(one) and not isinstance(each, bool):
             raise InputError(f"{where}: {key} = {each!r}: is a switch: write true or false")
         if not _is_switch(one) and (isinstance(each, bool) or not isinstance(each, int | float | str)):
-            raise InputError(
-                f"{where}: {key} = {_toml(each)}: must be a number or a string, or a list of such"
-            )
+            text = str(each).lower() if isinstance(each, bool) else str(each)
+            raise InputError(f"{where}: {key} = {text}: must be a number or a string, or a list of such")
     return one, values
 
 
@@ -124,10 +119,6 @@ def _seeds(value, where):
         return seeds_of(value)
     except (InputError, ValueError) as error:
         raise InputError(f"{where}: seeds {value}: {error}") from None
-
-
-def _toml(value):
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _typed(one, value):

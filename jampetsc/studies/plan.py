@@ -145,7 +145,7 @@ def _starts(kind, found, where):
         return [(task,) for task in files]
     groups = {}
     for task in files:
-        groups.setdefault(_identity(task, without_seed=True), []).append(task)
+        groups.setdefault(_identity(task), []).append(task)
     return [tuple(group) for group in groups.values()]
 
 
@@ -173,7 +173,7 @@ def _task(command, choice, inputs):
     of = [task.name for task in inputs]
     if KINDS[command].on is SEEDS:  # with more seeds it is the same task, done again
         shared.pop(SEED, None)
-        of = [_identity(task, without_seed=True) for task in inputs[:1]]
+        of = [_identity(task) for task in inputs[:1]]
     columns = {**shared, **choice.given}
     digest = hashlib.sha256(json.dumps([command, choice.changed, of], sort_keys=True).encode()).hexdigest()[
         :HASH
@@ -199,9 +199,7 @@ def _rung(choice, above):
     return above[ladder]
 
 
-def _identity(task, without_seed=False):
-    """Command, settings and inputs of a task as JSON; without_seed: the same for all members of an ensemble."""
-    changed = {name: value for name, value in task.choice.changed.items() if name != SEED or not without_seed}
-    return json.dumps(
-        [task.command, changed, [_identity(one, without_seed) for one in task.inputs]], sort_keys=True
-    )
+def _identity(task):
+    """Command, settings and inputs of a task as JSON, without seeds: the same for all members of an ensemble."""
+    changed = {name: value for name, value in task.choice.changed.items() if name != SEED}
+    return json.dumps([task.command, changed, [_identity(one) for one in task.inputs]], sort_keys=True)
