@@ -9,7 +9,6 @@ import math
 import numpy as np
 
 LEVEL = 0.6827  # of an interval: one standard deviation to either side of a normal distribution
-FEW = 6  # samples below which twice an error holds less than 92 % of cases
 
 
 @functools.lru_cache
@@ -23,14 +22,6 @@ def half_width(degrees: float) -> float:
 def small_sample_factor(count: int) -> float:
     """Factor on the scatter of statistics resampled from `count` = n samples: √(n/(n−1)) times Student's t of n − 1."""
     return math.sqrt(count / (count - 1)) * half_width(count - 1) if count > 1 else math.nan
-
-
-def small_sample_note(count: int, what: str) -> str:
-    """A remark on the errors of so few samples; "" from FEW samples on."""
-    if count >= FEW:
-        return ""
-    rough = "no error" if count < 2 else "rough errors: twice the error holds less than 92 % of cases"
-    return f"; {count} {what}{'s' * (count != 1)} only: {rough}"
 
 
 def mean_with_error(values) -> tuple:

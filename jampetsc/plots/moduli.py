@@ -9,7 +9,6 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
 from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
-from jampetsc.analysis.statistics import small_sample_note
 from jampetsc.asking.parameters import NUMBER, WORD
 from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
@@ -23,6 +22,7 @@ _FEW = 16  # so many frequencies or fewer: a marker on each
 _SPACED = 8  # markers along a longer curve
 _LEGEND_ROWS = 7  # more pressures than this get a colour bar instead
 _BOTH = (STORAGE, LOSS)
+ROUGH = 6  # packings below which twice an error holds less than 92 % of cases
 STATISTIC = option(
     "statistic", WORD, "moduli, storage, loss, collapse: mean or median of packings of one kind (of a study: mean)",
     choices=tuple(STATISTICS),
@@ -92,7 +92,10 @@ def averaged(results, statistic):
     what = f"{statistic}, 68 % interval" + (
         f"\n{STORAGE} < 0 in {negative} of {len(curves)}" if negative else ""
     )
-    text = f", {words} over packings with errors{below}{small_sample_note(fewest, 'packing')}"
+    text = f", {words} over packings with errors{below}"
+    if fewest < ROUGH:
+        rough = "no error" if fewest < 2 else "rough errors: twice the error holds less than 92 % of cases"
+        text += f"; {fewest} packing{'s' * (fewest != 1)} only: {rough}"
     return average_curves(curves, statistic), what, text
 
 
