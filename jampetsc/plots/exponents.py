@@ -56,7 +56,7 @@ def draw_exponents(curves, page) -> str:
 
     Panels: ½ d ln|G*² − G₀²|/d ln ω and arg(G*² − G₀²)/π, both above ω* only; G''/G', 1 in the critical regime;
     d ln G''/d ln ω, which passes ¾ where that ends. Means over the packings of a group, each with its own G₀, and
-    errors as bands. Raises InputError for a sweep that does not begin in the quasistatic limit.
+    errors as bands. Raises InputError where frequencies differ, or do not begin in the quasistatic limit.
     """
     title, groups = group_curves(curves)
     names = [label for label, *_ in _PANELS]
@@ -66,30 +66,22 @@ def draw_exponents(curves, page) -> str:
         for level in levels:
             ax.axhline(level, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
     for group in groups:
-        omega, samples, above = exponent_samples(group.curves)
-        for ax, values, (_, _, _, limited) in zip(axes, samples, _PANELS, strict=True):
+        omega, samples, limits = group.curves[0].omega, [], []
+        require_same_frequencies(group.curves)
+        for curve in group.curves:
+            G, limit = curve.G, low_frequency_limit(curve.omega, curve.G)
+            limits.append(limit)
+            slopes = critical_exponents(omega, G, limit.modulus)
+            samples.append((*slopes, G.imag / G.real, local_slope(omega, G.imag)))
+        modulus, viscosity = np.mean([(limit.modulus, limit.viscosity) for limit in limits], axis=0)
+        above = omega > modulus / viscosity  # ω* of their mean
+        for ax, values, (_, _, _, limited) in zip(axes, np.swapaxes(samples, 0, 1), _PANELS, strict=True):
             shown = above if limited else slice(None)
             mean, error = mean_with_error(values[:, shown])
             ax.plot(omega[shown], mean, color=group.colour, label=hidden(group.label))
             band(ax, omega[shown], mean - error, mean + error, group.label, color=group.colour)
     page.legend(axes[0], [entry(group.label, group.colour) for group in groups], title)
     return f"local exponents of G* against omega of {count(curves)}"
-
-
-def exponent_samples(curves):
-    """(ωτ₁ (M,), four (curves, M) as in `plot_exponents`, (M,) whether ω is above ω* of their mean) of one group.
-
-    Raises InputError where frequencies differ, or do not begin in the quasistatic limit.
-    """
-    omega = curves[0].omega
-    require_same_frequencies(curves)
-    limits = [low_frequency_limit(curve.omega, curve.G) for curve in curves]
-    samples = []
-    for G, limit in ((curve.G, limit) for curve, limit in zip(curves, limits, strict=True)):
-        slopes = critical_exponents(omega, G, limit.modulus)
-        samples.append((*slopes, G.imag / G.real, local_slope(omega, G.imag)))
-    modulus, viscosity = np.mean([(limit.modulus, limit.viscosity) for limit in limits], axis=0)
-    return omega, np.swapaxes(samples, 0, 1), omega > modulus / viscosity
 
 
 def draw_pressure_exponents(results, page) -> str:

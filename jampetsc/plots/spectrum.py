@@ -66,11 +66,17 @@ def plot_relaxation(results, page):
     x = [r"$\tau/\tau_1$"] * 2 + [r"$t/\tau_1$"] * 2
     y = [r"$H/k$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", r"$G(t)/k$", r"$J(t)\,k$"]
     axes = page.panels(2, 2, PAGE, HEIGHT, x=x, y=y, log=["xy", "x", "xy", "xy"])
-    for ax, draw in zip(axes, (_spectrum, _cumulative, _relaxation, _creep), strict=True):
-        for group in groups:
-            for curve in group.curves:
-                look = {"color": group.colour, "label": hidden(f"{group.label}, {curve.name}")}
-                draw(ax, curve, len(curves) <= _FEW, look)
+    few = len(curves) <= _FEW
+    for group in groups:
+        for curve in group.curves:
+            look = {"color": group.colour, "label": hidden(f"{group.label}, {curve.name}")}
+            t, rates, total = curve.transient, curve.spectrum.rates, np.cumsum(curve.spectrum.weights)
+            _draw_spectrum(axes[0], curve, few, look)
+            # steps at the modes, whose number is that of the reduced pencil
+            axes[1].step(1.0 / rates, total, where="post", marker="." if few else None, markersize=3, **look)
+            axes[2].plot(*_positive(t.time, t.G), **look)
+            dash = "-" if t.retardation.growth_rate == 0 else DASHED
+            axes[3].plot(*_positive(t.creep_time, t.J), linestyle=dash, **look)
     axes[1].set_ylim(0.0, 1.05 * max(curve.spectrum.weights.sum() for curve in curves))
     _notes(page, axes, curves)
     if len(groups) > 1 or title:
@@ -83,7 +89,7 @@ def _positive(x, y):
     return x[shown], y[shown]
 
 
-def _spectrum(ax, curve, few, look):
+def _draw_spectrum(ax, curve, few, look):
     """H averaged over its window; for few spectra also the mean of H between modes, as steps."""
     t, spectrum = curve.transient, curve.spectrum
     tau, H = _positive(t.tau, np.where(t.H >= _SHARE * t.H.max(initial=0.0), t.H, 0.0))
@@ -95,23 +101,6 @@ def _spectrum(ax, curve, few, look):
         middle, between = _positive(np.sqrt(times[1:] * times[:-1]), between)
         seen = between >= _SHARE * between.max()
         ax.update_datalim(np.column_stack((middle[seen], between[seen])))
-
-
-def _cumulative(ax, curve, few, look):
-    """Weight of all modes up to τ: steps at the modes, whose number is that of the reduced pencil."""
-    total = np.cumsum(curve.spectrum.weights)
-    ax.step(
-        1.0 / curve.spectrum.rates, total, where="post", marker="." if few else None, markersize=3, **look
-    )
-
-
-def _relaxation(ax, curve, few, look):
-    ax.plot(*_positive(curve.transient.time, curve.transient.G), **look)
-
-
-def _creep(ax, curve, few, look):
-    dash = "-" if curve.transient.retardation.growth_rate == 0 else DASHED
-    ax.plot(*_positive(curve.transient.creep_time, curve.transient.J), linestyle=dash, **look)
 
 
 def _notes(page, axes, curves):
