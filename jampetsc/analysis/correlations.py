@@ -9,13 +9,12 @@ L = |a₁|, so C is even about δ = L/2.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.analysis.lane_sums import LaneSums, grid_cells, lane_sums
+from jampetsc.analysis.lane_sums import LaneSums
 from jampetsc.analysis.statistics import draws_of, small_sample_factor
-from jampetsc.errors import InputError, about
+from jampetsc.errors import InputError
 
 ENOUGH_PACKINGS = 5  # from so many on, whole packings are resampled
 SAMPLES = 200  # of the bootstrap
@@ -61,62 +60,6 @@ def correlate(packings) -> Correlation:
     value_errors, (root_error, minimum_error) = errors[:, :-2], errors[:, -2:].T
     pairs = int(units.pairs.sum())
     return Correlation(separation, values, value_errors, root, root_error, minimum, minimum_error, pairs)
-
-
-class Motion(NamedTuple):
-    """Fields of one packing: F of them, n disks."""
-
-    name: object  # for messages
-    positions: np.ndarray  # (n, 2)
-    cell: np.ndarray  # (2, 2)
-    transverse: np.ndarray  # (F, n) complex: u_y
-    diameter: float  # mean one of the disks
-
-
-@dataclass(frozen=True, eq=False)
-class LaneCorrelations:
-    """C(δ) of complex fields of several packings in lanes of several widths: a Correlation of 2F real fields each."""
-
-    results: list
-    widths: np.ndarray  # (lanes,) such that lanes fill the cell
-    length: float  # L
-    diameter: float
-
-    @property
-    def arrays(self) -> dict:
-        """{name: array} as files hold them, lengths in the units of the packings; (lanes, F, 2, …): Re, Im."""
-        return {
-            "lane_width": self.widths,
-            "delta": self.length * np.array([result.separation for result in self.results]),
-            "C": self._parts("values"),
-            "C_error": self._parts("errors"),
-            "length": self.length * self._parts("root"),
-            "length_error": self.length * self._parts("root_error"),
-            "minimum": self.length * self._parts("minimum"),
-            "minimum_error": self.length * self._parts("minimum_error"),
-        }
-
-    def _parts(self, name):
-        stacked = np.array([getattr(result, name) for result in self.results])
-        return stacked.reshape(len(self.results), -1, 2, *stacked.shape[2:])
-
-
-def correlate_motions(motions, lanes) -> LaneCorrelations:
-    """C(δ) of `Motion`s with as many fields each, in lanes of these widths in mean diameters.
-
-    Raises InputError for lanes that do not fit, naming the packing.
-    """
-    cells = grid_cells(motions[0].cell[0, 0], motions[0].diameter)
-    sums = [[] for _ in lanes]
-    for motion in motions:
-        parts = np.stack((motion.transverse.real, motion.transverse.imag), axis=1)
-        parts = parts.reshape(2 * len(motion.transverse), -1)
-        for width, found in zip(lanes, sums, strict=True):
-            with about(motion.name):
-                found.append(lane_sums(motion.positions, motion.cell, parts, width * motion.diameter, cells))
-    length, diameter = np.mean([(motion.cell[0, 0], motion.diameter) for motion in motions], axis=0)
-    widths = np.array([found[0].width for found in sums])
-    return LaneCorrelations([correlate(found) for found in sums], widths, length, diameter)
 
 
 def _units(packings) -> LaneSums:

@@ -5,8 +5,9 @@ import time
 
 import numpy as np
 
-from jampetsc.analysis.correlations import Motion, correlate_motions
-from jampetsc.errors import InputError, named
+from jampetsc.analysis.correlations import correlate
+from jampetsc.analysis.lane_sums import grid_cells, lane_sums
+from jampetsc.errors import InputError, about, named
 from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
 from jampetsc.jobs.sources import write_derived
 
@@ -32,29 +33,59 @@ def run(job, sweeps, to) -> str:
                 f"with {named('omega')}"
             )
     G = np.mean([sweep.modulus(omega) for sweep, omega in zip(sweeps, frequencies, strict=True)], axis=0)
-    found = correlate_motions(motions, lanes)
+    results, widths = _correlated(sweeps, motions, lanes)
+    length, diameter = np.mean([(disks.cell[0, 0], _diameter(disks)) for disks, *_ in motions], axis=0)
+    arrays = {"omega": frequencies[0], "G": G, "lane_width": widths}
+    arrays |= {"delta": length * np.array([one.separation for one in results])}
+    for name, what, unit in (
+        ("C", "values", 1.0), ("C_error", "errors", 1.0), ("length", "root", length),
+        ("length_error", "root_error", length), ("minimum", "minimum", length),
+        ("minimum_error", "minimum_error", length),
+    ):  # fmt: skip
+        values = np.array([getattr(one, what) for one in results])
+        arrays[name] = unit * values.reshape(
+            len(results), -1, 2, *values.shape[2:]
+        )  # Re and Im of each field
     write_derived(
-        *(to, job.FORMAT, sweeps, began, {"omega": frequencies[0], "G": G, **found.arrays}),
+        *(to, job.FORMAT, sweeps, began, arrays),
         **_mean_pressure(sweeps),
         phase=phase,
         packings=len(sweeps),
-        L=found.length,
-        mean_diameter=found.diameter,
-        pairs=[result.pairs for result in found.results],
+        L=length,
+        mean_diameter=diameter,
+        pairs=[one.pairs for one in results],
     )
-    return _summary(to, len(sweeps), frequencies[0], phase, lanes, found)
+    return _summary(to, len(sweeps), frequencies[0], phase, lanes, results, length / diameter)
+
+
+def _diameter(disks):
+    """The mean one."""
+    return 2.0 * float(disks.radii.mean())
+
+
+def _correlated(sweeps, motions, lanes):
+    """(a Correlation for each width of a lane, these widths such that lanes fill the cell) of what `_motion` gives.
+
+    Raises InputError for lanes that do not fit, naming the sweep.
+    """
+    first, sums = motions[0][0], [[] for _ in lanes]
+    cells = grid_cells(first.cell[0, 0], _diameter(first))
+    for sweep, (disks, particles, fields) in zip(sweeps, motions, strict=True):
+        for width, found in zip(lanes, sums, strict=True):
+            with about(sweep.path):
+                places = disks.positions[particles]
+                found.append(lane_sums(places, disks.cell, fields, width * _diameter(disks), cells))
+    return [correlate(found) for found in sums], np.array([found[0].width for found in sums])
 
 
 def _motion(job, sweep, phase):
-    """(Motion, frequencies (F,)) of the fields of a sweep."""
+    """((disks, rows of those in the fields (n,), u_y (2F, n): Re and Im of each), frequencies (F,)) of a sweep."""
     stored = sweep.fields.omega
     rows = chosen_frequencies(sweep, stored[np.argsort(stored)] if job.omega is None else job.omega)
     disks = packing_of(sweep, job.packing)
     particles = particle_rows(sweep, disks)
     transverse = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, 1] for row in rows]
-    diameter = 2.0 * float(disks.radii.mean())
-    motion = Motion(sweep.path, disks.positions[particles], disks.cell, np.array(transverse), diameter)
-    return motion, stored[rows]
+    return (disks, particles, [part for u in transverse for part in (u.real, u.imag)]), stored[rows]
 
 
 def refuse_mixture(sweeps):
@@ -92,9 +123,8 @@ def _mean_pressure(sweeps):
     return {"pressure": sum(known) / len(known)} if known else {}
 
 
-def _summary(to, packings, omega, phase, lanes, found) -> str:
-    """Lengths in diameters for the first lane width, and how much C differs at the other widths."""
-    results, size = found.results, found.length / found.diameter
+def _summary(to, packings, omega, phase, lanes, results, size) -> str:
+    """Lengths in diameters for the first lane width, and how much C differs at the other widths; size: L in these."""
     first = results[0]
     lines = [
         f"{to}: {packings} packing{'s' * (packings > 1)}, L = {size:.4g} d, lanes of {lanes[0]:g} d, "
