@@ -33,12 +33,14 @@ class Points:
     scale: np.ndarray  # b: γ̇, or 1/L
     value: np.ndarray
     error: np.ndarray  # one standard error, positive
+    size: np.ndarray | None = None  # N
+    runs: np.ndarray | None = None  # how many runs or samples each is the mean of
 
     def __len__(self):
         return len(self.phi)
 
     def __getitem__(self, rows) -> "Points":
-        return Points(self.phi[rows], self.scale[rows], self.value[rows], self.error[rows])
+        return Points(*(None if values is None else values[rows] for values in vars(self).values()))
 
     def within(self, low: float, high: float, largest: float) -> np.ndarray:
         """Mask (M,) of those with low ≤ φ ≤ high and b ≤ largest, but for rounding."""

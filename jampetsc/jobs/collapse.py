@@ -113,20 +113,17 @@ examples:
 
         began, form = time.perf_counter(), self.form
         results = [opened(one) for one in self._named()]
-        data = scaling.read_points(results, self.observable, self.finite_size)
+        points = scaling.read_points(results, self.observable, self.finite_size)
         low, high = self.range or (0.0, math.inf)
         largest = math.inf if self.cut is None else self.cut**-0.5 if self.finite_size else self.cut
-        used = data.points.within(low, high, largest)
-        if not used.any():
+        points = points[points.within(low, high, largest)]
+        if not len(points):
             raise InputError(f"{results[0].path}: no points are left by {named('cut')} and {named('range')}")
-        points = data.points[used]
         cuts = drift(points, form)
         _, fit, found = cuts[0]
         notes = scaling.notes_of(points, fit, found, self.finite_size)
-        arrays = {"N": data.size[used], "runs": data.runs[used]} | self._arrays(points, fit, cuts)
-        write_derived(
-            to, self.FORMAT, results, began, arrays, **self._attributes(results[0], fit, found, notes)
-        )
+        arrays, facts = self._arrays(points, fit, cuts), self._attributes(results[0], fit, found, notes)
+        write_derived(to, self.FORMAT, results, began, arrays, **facts)
         return _summary(to, self, points, cuts, notes)
 
     def _arrays(self, points, fit, cuts):
@@ -136,6 +133,8 @@ examples:
         x, free = fit.x(points), fit.form.free
         along = np.linspace(x.min(), x.max(), DRAWN)
         return {
+            "N": points.size,
+            "runs": points.runs,
             **({"size": 1 / points.scale} if self.finite_size else {"rate": points.scale}),
             "phi": points.phi,
             "value": points.value,

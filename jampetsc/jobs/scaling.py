@@ -1,7 +1,6 @@
 """The data of a collapse, points of an observable against φ and rate or size from results; its outcome in words."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,16 +19,7 @@ SAME_PHI = 6  # decimals
 UNLIKELY = 0.01  # probability of χ² below which the form is wrong, or the errors are
 
 
-@dataclass(frozen=True, eq=False)
-class Data:
-    """Points, and where they come from."""
-
-    points: Points
-    size: np.ndarray  # (M,) N
-    runs: np.ndarray  # (M,) how many runs or samples each is the mean of
-
-
-def read_points(results, observable: str, finite_size: bool) -> Data:
+def read_points(results, observable: str, finite_size: bool) -> Points:
     """The observable of all files, averaged over those of one φ and rate or size.
 
     Raises InputError for files of several kinds, or of a kind that is not scaled so, and for one that is there twice.
@@ -55,7 +45,7 @@ def read_points(results, observable: str, finite_size: bool) -> Data:
         raise InputError(
             f"{results[0].path}: N = {min(size):g}, others up to {max(size):g}: rates are scaled at one N; choose files"
         )
-    return Data(Points(phi, scale, value, error), size, count)
+    return Points(phi, scale, value, error, size, count)
 
 
 def _check(result, first, finite_size):

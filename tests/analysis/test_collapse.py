@@ -406,7 +406,7 @@ def test_flows_in_memory_are_scaled_as_their_files_are(study):
 def test_slow_shear_counts_after_its_discard(tmp_path):
     file = write_shear(tmp_path / "qs.h5", np.r_[np.ones(5), 0, 0, 0, 1, 0], 0.84, 64, 0.5)
     for name in ("jammed", "pressure"):
-        points = read_points([file], name, True).points
+        points = read_points([file], name, True)
         assert points.value == pytest.approx([0.2]) and points.scale == pytest.approx([1 / 8])
         assert points.error[0] > 0.1
 
@@ -420,18 +420,18 @@ def test_points_of_jam_files_are_shares_and_means_with_their_errors(tmp_path):
     file = write_jam(tmp_path / "a.h5", 64, jammed, pressure)
     data = read_points([file], "jammed", True)
     shares = [jamming.independent_share(row[np.isfinite(row)]) for row in jammed]
-    np.testing.assert_allclose(data.points.value, [share.value for share in shares])
-    np.testing.assert_allclose(data.points.error, [0.5 * (share.high - share.low) for share in shares])
+    np.testing.assert_allclose(data.value, [share.value for share in shares])
+    np.testing.assert_allclose(data.error, [0.5 * (share.high - share.low) for share in shares])
     assert data.runs.tolist() == [6, 6, 6, 5]
-    assert (data.size == 64).all() and (data.points.scale == 1 / 8).all()
+    assert (data.size == 64).all() and (data.scale == 1 / 8).all()
     data = read_points([file], "pressure", True)
-    assert data.points.phi.tolist() == [0.83, 0.84, 0.85]
+    assert data.phi.tolist() == [0.83, 0.84, 0.85]
     values = [np.where(row == 1, p, 0.0) for row, p in zip(jammed[1:], pressure[1:], strict=True)]
     values[2] = values[2][:5]  # one that reached no minimum
-    np.testing.assert_allclose(data.points.value, [some.mean() for some in values], rtol=1e-15)
-    np.testing.assert_allclose(data.points.error, [mean_with_error(some)[1] for some in values])
+    np.testing.assert_allclose(data.value, [some.mean() for some in values], rtol=1e-15)
+    np.testing.assert_allclose(data.error, [mean_with_error(some)[1] for some in values])
     alone = write_jam(tmp_path / "b.h5", 64, [[1]], [[2e-3]], (0.84,))
-    assert np.isnan(read_points([alone], "pressure", True).points.error).all()
+    assert np.isnan(read_points([alone], "pressure", True).error).all()
 
 
 def test_what_one_seed_gives_in_a_row_is_one_run(tmp_path):
@@ -442,8 +442,8 @@ def test_what_one_seed_gives_in_a_row_is_one_run(tmp_path):
     path = stored(tmp_path / "s.h5", "jam", columns, particle_count=64, potential="harmonic")
     data = read_points([load(path)], "pressure", True)
     value, error = mean_of_averages([Average.of(run) for run in pressure])
-    assert data.runs.tolist() == [2] and data.points.value == value
-    assert data.points.error == pytest.approx(error)
+    assert data.runs.tolist() == [2] and data.value == value
+    assert data.error == pytest.approx(error)
 
 
 def test_flows_of_one_state_are_averaged_each_observable_with_its_own_error(tmp_path):
@@ -453,14 +453,14 @@ def test_flows_of_one_state_are_averaged_each_observable_with_its_own_error(tmp_
         return read_points(flows, observable, False)
 
     data = points_of(*((0.84, {"pressure_mean": p, "pressure_error": 1e-6}) for p in (1e-3, 3e-3)))
-    assert data.points.value == pytest.approx([2e-3]) and data.runs == [2] and data.size == [1024]
-    assert data.points.error == pytest.approx([half_width(1) * 1e-3])
+    assert data.value == pytest.approx([2e-3]) and data.runs == [2] and data.size == [1024]
+    assert data.error == pytest.approx([half_width(1) * 1e-3])
     for off, runs in ((3e-7, [2]), (2e-6, [1, 1])):  # φ is one to six decimals
         assert points_of((0.84, {}), (0.84 + off, {})).runs.tolist() == runs
     more = {"shear_stress_mean": 7e-4, "shear_stress_error": 3e-5, "pressure_error": 1e-5}
-    points = points_of((0.84, more), observable="shear_stress").points
+    points = points_of((0.84, more), observable="shear_stress")
     assert (points.value, points.error, points.scale) == ([7e-4], [3e-5], [1e-3])
-    assert points_of((0.84, more)).points.error == [1e-5]
+    assert points_of((0.84, more)).error == [1e-5]
 
 
 @pytest.mark.parametrize("name", ALIKE)
@@ -477,7 +477,7 @@ def test_samples_of_shear_may_stand_beside_those_of_a_protocol_but_each_counts_o
     random = write_jam(tmp_path / "a.h5", 64, np.ones((4, 3)), protocol="random")
     slow = write_shear(tmp_path / "qs.h5", np.ones(20), 0.84375, 256, 1.0)
     data = read_points([random, slow], "jammed", True)
-    assert sorted(data.points.phi) == [0.82, 0.83, 0.84, 0.84375, 0.85] and sorted(data.size)[-1] == 256
+    assert sorted(data.phi) == [0.82, 0.83, 0.84, 0.84375, 0.85] and sorted(data.size)[-1] == 256
     cooled = write_jam(tmp_path / "b.h5", 144, np.ones((4, 3)), protocol="compress")
     with pytest.raises(InputError, match=r"b\.h5: protocol compress, but a\.h5 has random"):
         read_points([random, cooled], "jammed", True)
@@ -533,7 +533,7 @@ def test_a_file_of_sizes_holds_what_was_fitted_in_words_of_the_command(tmp_path,
     assert found["N"].tolist() == [400, 256, 144, 64] * 3 and np.allclose(found["size"] ** 2, found["N"])
     assert found["phi"].tolist() == [0.82] * 4 + [0.83] * 4 + [0.84] * 4 and (found["runs"] == 40).all()
     assert np.allclose(found["x"], (found["phi"] - a["phi_J"]) * found["size"])
-    data = read_points([load(path) for path in files], "jammed", True).points
+    data = read_points([load(path) for path in files], "jammed", True)
     points = data[(data.phi < 0.845) & (data.scale < 0.13)]
     for name in ("value", "error"):
         np.testing.assert_allclose(found[name], getattr(points, name))
