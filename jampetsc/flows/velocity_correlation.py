@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.averages import Average
-from jampetsc.analysis.statistics import draws_of
+from jampetsc.analysis.statistics import draws_of, small_sample_factor
 from jampetsc.analysis.velocities import lane_products
 from jampetsc.errors import InputError, named
 
@@ -22,7 +22,7 @@ class LaneCorrelation:
 
     edges: np.ndarray  # (D + 1,)
     values: np.ndarray  # (D,) nan where there are no pairs
-    errors: np.ndarray  # (D,) one standard error, over snapshots
+    errors: np.ndarray  # (D,) one standard error, over snapshots; nan where values are
     pairs: np.ndarray  # (D,)
     mean_square: float  # ⟨u_y²⟩/γ̇²
     snapshots: int
@@ -62,7 +62,7 @@ def _minimum_errors(x, products, pairs, squares):
         with np.errstate(invalid="ignore"):
             g = products[draw].sum(0) / pairs[draw].sum(0) / squares[draw].mean()
         found.append(_minimum(x, g))
-    return tuple(float(error) for error in np.std(found, axis=0, ddof=1))
+    return tuple((small_sample_factor(BLOCKS) * np.std(found, axis=0, ddof=1)).tolist())
 
 
 def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
@@ -114,11 +114,13 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
             squares.append(np.mean(u[:, 1] ** 2))
     products, pairs = np.array(products), np.array(pairs)
     square, counts = float(np.mean(squares)), pairs.sum(0)
-    with np.errstate(invalid="ignore"):
+    squares = np.array(squares)
+    with np.errstate(invalid="ignore", divide="ignore"):
         values = products.sum(0) / counts / square
-    # a snapshot's part of the sum, relative to the mean number of pairs: its mean is the value
-    shares = products / np.where(counts > 0, counts / len(pairs), 1.0) / square
-    errors = np.array([Average.of(column).error for column in shares.T])
+        # what each snapshot adds to the ratio of these sums, to first order: motions that are faster are so in both
+        moved = (products / square - values * pairs) * (len(pairs) / counts)
+        moved -= values * (squares / square - 1.0)[:, None]
+    errors = np.array([Average.of(column).error for column in moved.T])
     rate = float(first.attributes["rate"])
-    least = _minimum_errors(0.5 * (edges[:-1] + edges[1:]), products, pairs, np.array(squares))
+    least = _minimum_errors(0.5 * (edges[:-1] + edges[1:]), products, pairs, squares)
     return LaneCorrelation(edges, values, errors, counts, square / rate**2, len(pairs), diameter, least)

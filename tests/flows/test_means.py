@@ -258,7 +258,26 @@ def test_a_bin_without_pairs_has_no_value(tmp_path):
     empty = found.pairs == 0
     assert empty.any() and not empty.all()
     np.testing.assert_array_equal(np.isnan(found.values), empty)
-    assert np.isfinite(found.errors).all() and not found.errors[empty].any()
+    np.testing.assert_array_equal(np.isnan(found.errors), empty)
+
+
+def test_faster_motions_alone_are_no_error_of_a_correlation(tmp_path):
+    """The same places and directions in all snapshots at different speeds: g_y is the same in each of them."""
+    one = flow_file(tmp_path / "one.h5", snapshots=1)
+    places, u, cells = (one[f"snapshots/{name}"] for name in ("positions", "velocities", "cell"))
+    speeds = np.random.default_rng(2).uniform(0.5, 2.0, (40, 1, 1))
+    arrays = {
+        "positions": np.repeat(places, 40, 0),
+        "velocities": speeds * u,
+        "cell": np.repeat(cells, 40, 0),
+    }
+    arrays = {f"snapshots/{name}": values for name, values in arrays.items()} | {
+        "state/radii": np.full(30, 0.25)
+    }
+    faster = load(stored(tmp_path / "faster.h5", "flow", arrays, **dict(one.attributes)))
+    found = correlate_lanes([faster], 4, 2)
+    np.testing.assert_allclose(found.values, correlate_lanes([one], 4, 2).values)
+    assert (found.errors < 1e-12).all() and max(found.minimum_errors) < 1e-12
 
 
 def test_correlated_files_are_of_one_kind(tmp_path):
