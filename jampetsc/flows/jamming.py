@@ -34,7 +34,8 @@ PROTOCOLS = {  # options of each, and their defaults
     "shear": {"step": 1e-3, "strain": 2.0, "discard": 1.0, "every": 0.02},
     "compress": {"temperature": 1e-3, "cooling_rate": 1e-2, "sweeps": 200, "step": None, "strain": None},
 }
-_THERMAL = 1  # appended to the seed of the random start, seeds the generator of its thermal moves
+SAME_PHI = 1e-12  # packing fractions are alike, and have the same samples, but for so much rounding
+_THERMAL = 1  # appended to the seeds of the random start, seeds the generator of its thermal moves
 
 
 @dataclass(frozen=True)
@@ -110,14 +111,16 @@ def samples(
 ) -> list[dict]:
     """The samples of one seed at φ, of disks of these radii (N,): `protocol.rows` rows, nan where no minimum is found.
 
-    The seed determines the random start and the thermal moves.
+    The seed and φ determine the random start and the thermal moves: from the same places, samples at neighbouring φ
+    would jam together, and fits to several φ take them as independent.
     """
-    start = random_start(radii, phi, seed, potential, protocol.separated)
+    seeds = [seed, round(phi / SAME_PHI)]
+    start = random_start(radii, phi, seeds, potential, protocol.separated)
     known = {"phi": phi, "seed": seed}
     if protocol.name == "shear":
         found = _sheared(protocol, settle(start, SETTLED), solver, tolerance)
     elif protocol.name == "compress":
-        found = [_annealed(protocol, start, seed, solver, tolerance)]
+        found = [_annealed(protocol, start, seeds, solver, tolerance)]
     else:
         found = [_quenched(settle(start, SETTLED), solver, tolerance)[0]]
     return [dict.fromkeys(protocol.columns, np.nan) | known | one for one in found]
@@ -166,9 +169,9 @@ def _minimum_after_shear(protocol, start, solver, tolerance):
     return _columns_of(slow.found, start.n), slow.disks, slow.found.jammed
 
 
-def _annealed(protocol, start, seed, solver, tolerance):
+def _annealed(protocol, start, seeds, solver, tolerance):
     """Row of the minimum that a cooled liquid is quenched to, with φ_J and segregation; empty if none is found."""
-    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, _THERMAL])))
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence([*seeds, _THERMAL])))
     heat = protocol.temperature * start.potential.k
     cold = annealed(settle(start, SETTLED), heat, protocol.cooling_rate, protocol.sweeps, generator)
     known, disks, jammed = _quenched(cold, solver, tolerance)

@@ -42,11 +42,12 @@ def start_phi(pressure: float) -> float:
     return 0.85 + 3.5 * pressure
 
 
-def random_start(radii, phi: float, seed: int, potential: Potential, separated: bool = False) -> Disks:
+def random_start(radii, phi: float, seed, potential: Potential, separated: bool = False) -> Disks:
     """Disks at uniformly random places in a square cell of packing fraction `phi`, in spatial order.
 
     separated: those above the mean radius at x < s L_x, the others beyond, s such that both sides have this `phi`.
-    The generator is PCG64 seeded by SeedSequence(seed): the same packing on every machine and every rank.
+    The generator is PCG64 seeded by SeedSequence(seed), a number or several: the same packing on every machine and
+    every rank.
     """
     radii = np.asarray(radii, float)
     side = np.sqrt(np.pi * np.sum(radii**2) / phi)

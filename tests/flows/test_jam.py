@@ -65,6 +65,14 @@ def test_the_file(session, shared_path):
 
 
 @one_rank
+def test_samples_at_neighbouring_packing_fractions_are_independent(session):
+    """From the same places they would have the same energies; rounding of φ makes no others."""
+    found = jampetsc.jam(n=16, phi=[0.88, 0.88 + 1e-9], seeds="1:3")["energy"].reshape(2, 3)
+    assert (np.abs(found[0] / found[1] - 1.0) > 1e-3).all()
+    assert np.allclose(jampetsc.jam(n=16, phi=[0.88 + 1e-16], seeds="1:3")["energy"], found[0], rtol=1e-6)
+
+
+@one_rank
 def test_a_killed_run_continues(session, tmp_path, monkeypatch):
     whole = run(tmp_path / "whole.h5")
     monkeypatch.setitem(samples.ROUND, "random", 5)
@@ -208,7 +216,7 @@ def test_a_liquid_starts_without_deep_overlaps(monkeypatch):
     protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=0.7, sweeps=3)
     law = Potential("harmonic", "inverse-square-diameter", 8.0)
     start = random_disks(16, 0.9, potential=law)
-    assert jamming._annealed(protocol, start, 1, None, 1e-6) == {}
+    assert jamming._annealed(protocol, start, [1], None, 1e-6) == {}
     forces, (heat, *given, _) = asked[0]
     assert np.abs(net_forces(16, find_contacts(start))).max() > 0.1 and np.abs(forces).max() < 1e-4
     assert heat == pytest.approx(0.8) and given == [0.7, 3]
