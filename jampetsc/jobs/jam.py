@@ -110,11 +110,7 @@ A killed run continues when the same command is given again. Options of the Newt
         from jampetsc.flows.samples import execute
         from jampetsc.petsc import local
 
-        solver = local.NewtonSolver()
-        try:
-            return _summary(self.n, execute(self.samples, solver, to), to)
-        finally:
-            solver.destroy()
+        return _summary(self.n, execute(self.samples, local.NewtonSolver(), to), to)
 
 
 def _summary(n, record, to) -> str:

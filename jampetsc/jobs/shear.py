@@ -54,8 +54,4 @@ prefix -newton_."""
         if size > 1:
             raise InputError(f"shear on {size} ranks: one run is one process; a study runs many")
         run = SlowRun(*self.disks(), self.step, self.strain, self.tolerance, self.discard)
-        solver = local.NewtonSolver()
-        try:
-            return execute(run, solver, to, self.last, self.team)
-        finally:
-            solver.destroy()
+        return execute(run, local.NewtonSolver(), to, self.last, self.team)

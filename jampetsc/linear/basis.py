@@ -175,11 +175,6 @@ class RationalBasis:
         with np.errstate(divide="ignore"):  # φ = 0 at a shift
             return np.sum(np.log(np.abs(s - self.shifts)) - np.log(np.abs(s + self.rates)), axis=1)
 
-    def destroy(self):
-        """Free the work vectors."""
-        self._in.destroy()
-        self._out.destroy()
-
 
 def field_at(pencil, factor, s: float):
     """x(s) = −(K + sB)⁻¹(k_γ + s b_γ), (n_local,), with the factor of K + sB. Collective.
@@ -190,6 +185,4 @@ def field_at(pencil, factor, s: float):
     pencil.k_gamma.copy(x)
     x.axpy(s, pencil.b_gamma)
     factor.solve(x, x)  # with refinement, since everything that follows starts from this field
-    field = -x.getArray()
-    x.destroy()
-    return field
+    return -x.getArray()

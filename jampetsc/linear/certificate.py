@@ -22,8 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.mechanics.assembly import ROW
-from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.mechanics.assembly import ROW, Pencil
 
 EPSILON = float(np.finfo(float).eps)
 # rounding of a contact's motion, relative to its terms: bond, distance, normal, products, sum; also of sums of forces
@@ -90,12 +89,10 @@ class Trial:
 class Functional:
     """G*, residual and bound of trial fields of one pencil. All methods are collective."""
 
-    def __init__(self, compatibility: Compatibility):
-        self.compatibility = compatibility
-        self.pencil = compatibility.pencil
-        self.network = self.pencil.network
-        squares = compatibility.g**2
-        affine = np.array([compatibility.size_K @ squares, compatibility.w_B @ squares])
+    def __init__(self, pencil: Pencil):
+        self.pencil, self.network = pencil, pencil.network
+        c = self.compatibility = pencil.compatibility
+        affine = np.array([c.size_K @ c.g**2, c.w_B @ c.g**2])
         self.affine = np.sqrt(self.network.sum(affine))
 
     def trial(self, omega, x, strain: float = 1.0) -> Trial:
@@ -103,7 +100,7 @@ class Functional:
         c = self.compatibility
         a = c.motions(x) + strain * c.g
         left = c.forces((c.w_K + 1j * omega * c.w_B) * a) + 1j * omega * c.drag * x
-        c.pencil.project(left)  # no net force but for rounding, which drag alone would not hold back
+        self.pencil.project(left)  # no net force but for rounding, which drag alone would not hold back
         return Trial(omega, x, a, strain, left)
 
     def norm(self, forces, diagonal) -> float:
@@ -165,10 +162,10 @@ class Functional:
     def field_bound(self, found: Certified, x) -> float:
         """Bound on the error of the field x that was certified, see `field_bound`: an estimate where K is not ≥ 0."""
         squared = 2.0 * np.sqrt(2.0) * found.error * self.network.area  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
-        return field_bound(self.compatibility, found.omega, x, squared)
+        return field_bound(self.pencil, found.omega, x, squared)
 
 
-def field_bound(compatibility: Compatibility, omega: float, x, squared: float, size: float = 0.0) -> float:
+def field_bound(pencil: Pencil, omega: float, x, squared: float, size: float = 0.0) -> float:
     """Bound on the relative error ‖x − exact‖ / ‖x‖ of a field in the energy norm ‖x‖² = xᴴ(K + ωB) x. Collective.
 
     x        non-affine field (n_local,), complex
@@ -179,8 +176,7 @@ def field_bound(compatibility: Compatibility, omega: float, x, squared: float, s
 
     Translations and gear modes have no energy and do not count. Where K has negative modes this is not a bound.
     """
-    c = compatibility
-    network = c.pencil.network
+    c, network = pencil.compatibility, pencil.network
     a = np.abs(c.motions(x)) ** 2
     x2 = np.abs(x) ** 2
     local = np.array([(c.w_K + omega * c.w_B) @ a + omega * c.drag @ x2, c.reach(omega) @ x2])

@@ -17,7 +17,7 @@ import numpy as np
 
 from jampetsc.analysis.distribution import Distribution
 from jampetsc.linear.elastic import ElasticResponse
-from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.mechanics.assembly import Pencil
 from jampetsc.petsc.inertia import SHIFT
 
 LOWEST = (10, 50, 200)  # numbers of lowest modes whose joint motion is recorded, as far as so many were found
@@ -35,21 +35,20 @@ class Contributions:
     whole: dict  # QUANTITIES -> the median of the whole response, the affine part of Δu∥ and Δu⊥ included
 
 
-def contributions_of(compatibility: Compatibility, values, vectors, force) -> Contributions | None:
+def contributions_of(pencil: Pencil, values, vectors, force) -> Contributions | None:
     """Contributions of modes to the response of their network; None where zero modes leave it undetermined, and where
     it is affine, as in a crystal. Collective.
 
     values (m,) λ > 0 in k, increasing; vectors (m, n_local, 2) φ of unit length; force (m,) F, the same on all ranks
     """
-    network = compatibility.pencil.network
+    network = pencil.network
     if values[0] <= SHIFT:
         return None
     elastic = ElasticResponse(network)
     shear = elastic.shear()
     field, _ = elastic.pencil.split(shear.x)
-    imposed = elastic.compatibility.g.reshape(-1, 2)
+    imposed = elastic.pencil.compatibility.g.reshape(-1, 2)
     affine = elastic.pencil.k_gg
-    elastic.destroy()
     if affine - shear.value <= AFFINE * abs(affine):
         return None
     comm, motions = network.comm, shear.motions - imposed
@@ -58,7 +57,7 @@ def contributions_of(compatibility: Compatibility, values, vectors, force) -> Co
     median = {name: np.empty(len(count)) for name in QUANTITIES}
     products, alone, moved = np.empty((len(values), 2)), np.zeros_like(motions), np.zeros_like(field)
     for row, (weight, vector) in enumerate(zip(weights, vectors, strict=True)):
-        motion = weight * compatibility.motions(vector.ravel()).reshape(-1, 2)
+        motion = weight * pencil.compatibility.motions(vector.ravel()).reshape(-1, 2)
         products[row] = np.sum(motion * motions, axis=0)
         alone += motion
         moved += weight * vector

@@ -14,7 +14,6 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.linear.certificate import EPSILON, Certified, Functional, SingularBound
 from jampetsc.mechanics.assembly import Pencil
-from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import least_singular_value
 from jampetsc.petsc.complexform import ComplexForm
@@ -41,8 +40,7 @@ class FrequencySolver:
 
     def __init__(self, pencil: Pencil, positive_semidefinite: bool = False):
         self.pencil, self.positive_semidefinite = pencil, positive_semidefinite
-        self.compatibility = build_compatibility(pencil)
-        self.functional = Functional(self.compatibility)
+        self.functional = Functional(pencil)
         self.form = ComplexForm(pencil.K, pencil.B)
         session = current()
         self.ksp = mumps.make_ksp(session.comm, PREFIX, DEFAULTS)
@@ -148,11 +146,6 @@ class FrequencySolver:
             return root * y, left, self.functional.norm(root * y, 1.0)
 
         return SingularBound(omega, diagonal, least_singular_value(start, step))
-
-    def destroy(self):
-        """Free all solver objects. Collective."""
-        for item in (self.ksp, self.form, self.compatibility):
-            item.destroy()
 
 
 def _enough(result: Certified) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 from jampetsc.core.laws import UNDAMPED
 from jampetsc.linear.refined_solve import Relaxed, relax
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.minimum import require_unique_response
 from jampetsc.mechanics.network import Network
 from jampetsc.petsc.cholesky import NotPositiveDefinite
@@ -26,7 +25,6 @@ class ElasticResponse:
     def __init__(self, network: Network):
         self.network = network
         self.pencil = assemble(network, UNDAMPED)
-        self.compatibility = build_compatibility(self.pencil)
         try:
             self.factor = ShiftedFactor(self.pencil.K.copy(), "K")
         except NotPositiveDefinite:
@@ -37,7 +35,7 @@ class ElasticResponse:
 
     def shear(self) -> Relaxed:
         """Response to a unit simple shear u_x = γ y: motions a∥, a⊥ per contact; value = G₀ V."""
-        return self._respond(self.compatibility.g, "response to shear")
+        return self._respond(self.pencil.compatibility.g, "response to shear")
 
     def compression(self) -> Relaxed:
         """Response to a unit isotropic expansion u = ε r: motions a∥, a⊥ per contact; value = d²U/dε²."""
@@ -48,10 +46,5 @@ class ElasticResponse:
         )
 
     def _respond(self, g, what):
-        return relax(self.compatibility, self.compatibility.w_K, self.factor.solve, g, what)
-
-    def destroy(self):
-        """Free the matrices and the factor."""
-        self.factor.destroy()
-        self.compatibility.destroy()
-        self.pencil.destroy()
+        c = self.pencil.compatibility
+        return relax(c, c.w_K, self.factor.solve, g, what)

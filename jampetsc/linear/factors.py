@@ -98,17 +98,11 @@ class Distributed:
         rhs.setArray(v)
         held = list(self._held)  # first, before they make room for the others
         found = {s: self._factor(s).energy(rhs) for s in sorted(self.shifts, key=lambda s: s not in held)}
-        rhs.destroy()
         return {s: found[s] for s in self.shifts}
 
     def least_eigenvalue(self, s: float) -> float:
         """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s one of `shifts`."""
         return self._factor(s).least_eigenvalue()
-
-    def destroy(self):
-        """Free the factors."""
-        for factor in self._held.values():
-            factor.destroy()
 
 
 class SideBySide:
@@ -197,9 +191,7 @@ class SideBySide:
         x = self.whole.K.createVecRight()
         x.setArray(source)
         factor.solve(x, x)
-        solution = x.getArray().copy()
-        x.destroy()
-        return solution
+        return x.getArray()
 
     def _chain(self, s, source, count):
         """Vectors (m, unknowns): (K + sB)⁻¹ applied to `source`, then to B times the vector before, orthonormal in B.
@@ -211,7 +203,6 @@ class SideBySide:
             if not basis.append(self._solve_whole(self.mine[s], source), s):
                 break
             source = basis.images[-1]
-        basis.destroy()
         return basis.vectors
 
     def energies(self, v) -> dict[float, tuple[float, float]]:
@@ -219,16 +210,9 @@ class SideBySide:
         rhs = current().PETSc.Vec().createWithArray(self._gather(v), comm=current().PETSc.COMM_SELF)
         with agreed(self.comm):
             mine = {s: factor.energy(rhs) for s, factor in self.mine.items()}
-        rhs.destroy()
         return {s: energy for part in self.comm.allgather(mine) for s, energy in part.items()}
 
     def least_eigenvalue(self, s: float) -> float:
         """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s a shift at hand."""
         found = self._by_owner(s, lambda factor: factor.least_eigenvalue())
         return self.comm.bcast(found, root=self.owner[s])
-
-    def destroy(self):
-        """Free the factors and the copy of the pencil."""
-        for factor in self.mine.values():
-            factor.destroy()
-        self.whole.destroy()

@@ -17,7 +17,6 @@ from jampetsc.linear.basis import RationalBasis
 from jampetsc.linear.certificate import EPSILON, ROUNDING, field_bound
 from jampetsc.linear.residual import Residual
 from jampetsc.mechanics.assembly import ROW
-from jampetsc.mechanics.compatibility import Compatibility
 
 
 class Galerkin:
@@ -27,9 +26,9 @@ class Galerkin:
     quasistatic (n_local,) the field x(ω → 0) in the space; modes (n_local, m) with rates λ, orthonormal in B
     """
 
-    def __init__(self, basis: RationalBasis, compatibility: Compatibility):
-        self.compatibility = compatibility
-        self.network = compatibility.pencil.network
+    def __init__(self, basis: RationalBasis):
+        self.pencil, self.network = basis.pencil, basis.pencil.network
+        compatibility = self.pencil.compatibility
         comm = self.network.comm
         fields = np.column_stack((basis.x0, *basis.vectors))
         rates = np.empty(0)
@@ -57,18 +56,18 @@ class Galerkin:
         """The residual of this solution. To be called once: the motions are handed over to it, not kept twice."""
         motions, self._motions = self._motions, None
         fields = self.quasistatic, self.modes
-        return Residual(self.compatibility, motions, fields, self.spectrum.rates, self.loads)
+        return Residual(self.pencil, motions, fields, self.spectrum.rates, self.loads)
 
     def _projected(self, fields, motions):
         """Vᵀ K V and Vᵀ B V, (m, m) each, from the motions of V."""
-        c = self.compatibility
+        c = self.pencil.compatibility
         K, B = tall.gram(motions, c.w_K), tall.gram(motions, c.w_B)
         return self.network.sum(K), self.network.sum(
-            B + tall.gram(fields, c.drag) if c.pencil.law.drag else B
+            B + tall.gram(fields, c.drag) if self.pencil.law.drag else B
         )
 
     def _finish(self, motions, rates):
-        c, volume = self.compatibility, self.network.area
+        c, volume = self.pencil.compatibility, self.network.area
         still, modes, field = motions[:, 0], motions[:, 1:], self.quasistatic
         loads = modes.T @ (c.w_B * still) + self.modes.T @ (c.drag * field)
         loads = self.network.sum(loads)  # h: viscous force of the quasistatic flow on each mode
@@ -124,7 +123,7 @@ class Galerkin:
         norms = np.sqrt(self._norms[0] + omega * self._norms[1])
         size = norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
         squared = np.sqrt(2.0) * error * self.network.area
-        return field_bound(self.compatibility, omega, self.field(omega), squared, size)
+        return field_bound(self.pencil, omega, self.field(omega), squared, size)
 
 
 def _rounding(size, reach):

@@ -20,7 +20,6 @@ from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.linear.contributions import Contributions, contributions_of
 from jampetsc.linear.record import run_record
 from jampetsc.mechanics.assembly import Pencil, assemble
-from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.minimum import require_minimum
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.petsc.eigen import lowest
@@ -77,32 +76,26 @@ def lowest_modes(
     """
     stiffness = network.max(network.contacts.stiffness)
     pencil = assemble(network, UNDAMPED, pinned=False)
-    compatibility = build_compatibility(pencil)
-    try:
-        if not proved:
-            require_minimum(network)
-        if below is not None:
-            count = count_below(pencil.K, below, "K − λ") - pencil.pieces.translations
-            if count <= 0:
-                raise InputError(
-                    f"{named('below')} {below:g}: no mode lies there; raise it, or ask for a number with "
-                    f"{named('count')}"
-                )
-        there = pencil.unknowns - pencil.pieces.translations
-        wanted = there if count is None else count
-        pairs, kept, shift = _certified(pencil, compatibility, wanted, there, stiffness)
-        return _describe(pencil, compatibility, pairs[:kept], shift, kept == there)
-    finally:
-        compatibility.destroy()
-        pencil.destroy()
+    if not proved:
+        require_minimum(network)
+    if below is not None:
+        count = count_below(pencil.K, below, "K − λ") - pencil.pieces.translations
+        if count <= 0:
+            raise InputError(
+                f"{named('below')} {below:g}: no mode lies there; raise it, or ask for a number with {named('count')}"
+            )
+    there = pencil.unknowns - pencil.pieces.translations
+    wanted = there if count is None else count
+    pairs, kept, shift = _certified(pencil, wanted, there, stiffness)
+    return _describe(pencil, pairs[:kept], shift, kept == there)
 
 
-def _certified(pencil, compatibility, count, there, stiffness):
+def _certified(pencil, count, there, stiffness):
     """(pairs, m, μ): eigenpairs of which the first m ≥ count of all `there` are those below μ, by inertia."""
     wanted, pairs = count, None
     for _ in range(ATTEMPTS):
         if pairs is None:
-            pairs = _with_quotients(lowest(pencil, wanted, stiffness), compatibility)
+            pairs = _with_quotients(lowest(pencil, wanted, stiffness), pencil)
         worst = pairs.residuals.max()
         if not worst <= RESIDUAL * stiffness:
             raise ConvergenceError(
@@ -121,7 +114,7 @@ def _certified(pencil, compatibility, count, there, stiffness):
             return pairs, kept, shift
         # Lanczos finds one vector of equal eigenvalues, others only by rounding: search orthogonally to those found.
         more = lowest(pencil, max(1, min(counted, there) - kept), stiffness, known=pairs.vectors)
-        pairs = _with_quotients(_together(pairs, more), compatibility)
+        pairs = _with_quotients(_together(pairs, more), pencil)
     raise ConvergenceError(
         f"{len(pairs.values)} modes were found and their count does not agree with inertia: some of a cluster are "
         "missed; try a larger -modes_eps_ncv"
@@ -149,10 +142,10 @@ def _together(pairs, more):
     )
 
 
-def _with_quotients(pairs, compatibility):
+def _with_quotients(pairs, pencil):
     """The same pairs with λ = Σ w a², summed contact by contact: small eigenvalues keep their digits."""
-    values = np.array([compatibility.w_K @ compatibility.motions(vector) ** 2 for vector in pairs.vectors])
-    values = compatibility.pencil.network.sum(values)
+    c = pencil.compatibility
+    values = pencil.network.sum(np.array([c.w_K @ c.motions(vector) ** 2 for vector in pairs.vectors]))
     return replace(pairs, values=values)[np.argsort(values, kind="stable")]
 
 
@@ -168,13 +161,13 @@ def _cut(values, count, there, stiffness):
     return (there, float(values[-1])) if len(values) == there else (None, None)
 
 
-def _describe(pencil: Pencil, compatibility, pairs, shift, complete):
+def _describe(pencil: Pencil, pairs, shift, complete):
     network, m = pencil.network, len(pairs.values)
     sums = np.empty((m, 4))
     push = pencil.k_gamma.getArray()
     for row, vector in enumerate(pairs.vectors):
         squares = np.sum(vector.reshape(-1, 2) ** 2, axis=1)
-        motions = compatibility.motions(vector).reshape(-1, 2)
+        motions = pencil.compatibility.motions(vector).reshape(-1, 2)
         sums[row] = *np.sum(motions**2, axis=0), np.sum(squares**2), push @ vector
     sums = network.sum(sums)
     contacts, force = network.contact_count, sums[:, 3]
@@ -183,7 +176,7 @@ def _describe(pencil: Pencil, compatibility, pairs, shift, complete):
         network, pairs.values, fields, pairs.residuals,
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
         participation_ratio=1.0 / (network.n * sums[:, 2]),
-        shear_force=force, contributions=contributions_of(compatibility, pairs.values, fields, force),
+        shear_force=force, contributions=contributions_of(pencil, pairs.values, fields, force),
         inertia_count=m, inertia_shift=shift, complete=complete,
         method=pairs.method, restarts=pairs.iterations,
     )  # fmt: skip

@@ -70,12 +70,8 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
     ConvergenceError where a solve is not accurate.
     """
     elastic = ElasticResponse(network)
-    try:
-        shear, compression = elastic.shear(), elastic.compression()
-        nonaffine, _ = elastic.pencil.split(shear.x)
-        G_affine = elastic.pencil.k_gg / network.area
-    finally:
-        elastic.destroy()
+    shear, compression = elastic.shear(), elastic.compression()
+    nonaffine, _ = elastic.pencil.split(shear.x)
     field = nonaffine if law.holds_translations else shear.x.reshape(-1, 2)
     return Quasistatic(
         network,
@@ -84,7 +80,7 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
         *shear.motions.T,
         viscosity.quasistatic(field),
         G0=shear.value / network.area,
-        G_affine=G_affine,
+        G_affine=elastic.pencil.k_gg / network.area,
         bulk_modulus=_bulk_modulus(network, compression),
         identity_difference=shear.defect,
         field_error=max(shear.error, compression.error),
@@ -132,7 +128,6 @@ def _solve_all(network, law, betas):
         responses = {name: solve(one, law, viscosity) for name, one in networks.items()}
     with session.stage("eta_inf"):
         eta_inf = viscosity.infinite()
-    viscosity.destroy()
     with session.stage("beta"):
         scan = [(beta, *_viscosities(network, law.altered(beta=beta), responses)) for beta in betas]
     return Outcome(
@@ -151,9 +146,7 @@ def _viscosities(network, law, responses):
     """(η₀, η₀ without pre-stress, η_∞) of another law: the quasistatic fields do not depend on it."""
     viscosity = Viscosity(network, law)
     eta0 = [viscosity.quasistatic(response.field).eta0 for response in responses.values()]
-    found = eta0[0], eta0[-1], viscosity.infinite()
-    viscosity.destroy()
-    return found
+    return eta0[0], eta0[-1], viscosity.infinite()
 
 
 def _write(writer, outcome):

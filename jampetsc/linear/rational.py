@@ -21,7 +21,6 @@ from jampetsc.linear.factors import closest, make_factors
 from jampetsc.linear.galerkin import Galerkin
 from jampetsc.linear.residual import ResidualBound, energy_between, positive
 from jampetsc.mechanics.assembly import Pencil
-from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.petsc.session import current
 
 VECTORS = 8  # made at a time with one factor: a solve is some twentieth of a factorisation
@@ -44,7 +43,6 @@ class RationalSweep:
 
     def __init__(self, pencil: Pencil, omega, accuracy: float, parallel: str = "auto"):
         self.pencil, self.accuracy = pencil, accuracy
-        self.compatibility = build_compatibility(pencil)
         self.comm = pencil.network.comm
         self.omega = self.comm.bcast(np.asarray(omega, float))
         self.largest_rate = largest_rate(pencil)
@@ -81,7 +79,7 @@ class RationalSweep:
         while not (shifts := on_root(self.comm, self._choose)):
             self._certified += 1
             with current().stage("projection"):
-                self.galerkin = Galerkin(self.basis, self.compatibility)
+                self.galerkin = Galerkin(self.basis)
                 self.certificate = self._certify(self.galerkin)
             if on_root(self.comm, self._is_met):
                 break
@@ -165,7 +163,7 @@ class RationalSweep:
 
     def _set_basis(self, basis):
         self.basis = basis
-        c = self.compatibility
+        c = self.pencil.compatibility
         motions = c.motions(basis.x0) + c.g
         local = [c.w_K @ motions**2, c.dissipation(motions, basis.x0)]
         self._still = self.pencil.network.sum(np.array(local))
@@ -240,13 +238,6 @@ class RationalSweep:
     def error_at(self, omega: float) -> float:
         """Bound on |ΔG*| at one of the frequencies, rounding left out."""
         return float(self.certificate.error[np.searchsorted(self.omega, omega)])
-
-    def destroy(self):
-        """Free all objects of PETSc made here."""
-        self.factors.destroy()
-        self.compatibility.destroy()
-        if self.basis is not None:
-            self.basis.destroy()
 
 
 def largest_rate(pencil: Pencil) -> float:

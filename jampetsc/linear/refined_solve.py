@@ -42,7 +42,7 @@ def relax(compatibility: Compatibility, weights, solve, g, what: str, start=None
     Raises ConvergenceError where the field is not certain to 1e-8 in the energy norm, or where E in its two
     forms differs by more than 1e-8.
     """
-    C, network = compatibility.C, compatibility.pencil.network
+    C, network = compatibility.C, compatibility.network
     x, a = C.createVecs()
     r, z = x.duplicate(), x.duplicate()
     if start is None:
@@ -68,8 +68,6 @@ def relax(compatibility: Compatibility, weights, solve, g, what: str, start=None
         np.array([weights @ motions**2 + of_drag, size @ motions**2 + of_drag, size @ g**2])
     )
     defect = abs(x.dot(r)) / (after + FLOOR * before) if start is None else 0.0
-    for vector in (x, a, r, z):
-        vector.destroy()
     error = float(np.sqrt(energies[2] / before))
     if not (error <= LARGEST_ERROR and defect <= LARGEST_DEFECT):
         raise ConvergenceError(

@@ -29,8 +29,7 @@ from scipy.linalg import solve_triangular
 from jampetsc.collective import on_root
 from jampetsc.linear import tall
 from jampetsc.linear.certificate import EPSILON
-from jampetsc.mechanics.assembly import ROW
-from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.mechanics.assembly import ROW, Pencil
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 
 SUMMED = 2.0 * EPSILON  # rounding of the sum over the contacts of a disk, relative to its terms
@@ -91,8 +90,8 @@ class Residual:
     fields    x_qs (n_local,) and the modes (n_local, m)
     """
 
-    def __init__(self, compatibility: Compatibility, motions, fields, rates, loads):
-        c = self.compatibility = compatibility
+    def __init__(self, pencil: Pencil, motions, fields, rates, loads):
+        self.pencil, c = pencil, pencil.compatibility
         self.rates, self.loads = rates, loads
         (quasistatic, mode_fields), still, modes = fields, motions[:, 0], motions[:, 1:]
         self._fast, self._flow = still - modes @ loads, quasistatic - mode_fields @ loads
@@ -104,7 +103,7 @@ class Residual:
             forces = c.forces((c.w_K - rate * c.w_B) * modes[:, j])
             self.columns[:, j + 2] = forces - (rate * c.drag) * mode_fields[:, j]
         for column in self.columns.T:
-            c.pencil.project(column)  # no net force but for rounding, which drag alone would not hold back
+            pencil.project(column)  # no net force but for rounding, which drag alone would not hold back
 
     def weights(self, omega):
         """w(iω), complex (m + 2, M)."""
@@ -116,7 +115,7 @@ class Residual:
 
         With D = `diagonal`, at least `reach(s)`: |D^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + s w_B) for forces f of contacts.
         """
-        c = self.compatibility
+        c = self.pencil.compatibility
         size = np.abs(c.w_K) + s * c.w_B
         inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
         of_K, of_both, of_B = inverse * c.w_K**2, inverse * c.w_K * c.w_B, inverse * c.w_B**2
@@ -128,7 +127,7 @@ class Residual:
         terms[0] = of_K @ self._still**2
         terms[1] = of_B @ self._fast**2 + on_disks @ self._flow**2
         terms[2:] = sums[0] - 2.0 * rates * sums[1] + rates**2 * (sums[2] + of_fields)
-        return SUMMED * np.sqrt(ROW * np.maximum(c.pencil.network.sum(terms), 0.0))
+        return SUMMED * np.sqrt(ROW * np.maximum(self.pencil.network.sum(terms), 0.0))
 
 
 class ResidualBound:
@@ -141,7 +140,7 @@ class ResidualBound:
     def __init__(self, residual: Residual, factors, q, energies, largest_rate: float, omega):
         self.residual, self.factors, self.omega = residual, factors, omega
         self.largest_rate = largest_rate
-        self.pencil = residual.compatibility.pencil
+        self.pencil = residual.pencil
         self.network = self.pencil.network
         self.shift_bounds = [self._first_shift_bound()]
         self.directions = np.empty((len(q), 0))
@@ -165,7 +164,7 @@ class ResidualBound:
         return self._shift_bound_from(s, diagonal, self.factors.least_eigenvalue(s))
 
     def _shift_bound_from(self, s, diagonal, least):
-        reach = np.maximum(self.residual.compatibility.reach(s), self.pencil.diagonal(s))
+        reach = np.maximum(self.pencil.compatibility.reach(s), self.pencil.diagonal(s))
         stretch = self.network.max(reach / diagonal)
         return ShiftBound(s, diagonal, least, np.sqrt(stretch) * self.residual.rounding(s, reach))
 

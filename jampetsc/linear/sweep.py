@@ -68,8 +68,6 @@ def _rationally(run, pencil, checkpoint):
     extra = {"factorisations": sweep.factorisations, "vectors": sweep.basis.size}
     reduced = {name: getattr(galerkin.spectrum, name) for name in ("G0", "eta_inf", "rates", "weights")}
     _write(run, pencil, run.omega, G, bounds, fields, extra, reduced)
-    sweep.destroy()
-    pencil.destroy()
     return run.omega, G, bounds
 
 
@@ -119,8 +117,6 @@ def _directly(run, pencil, checkpoint):
         extra["failed_omega"] = run.asked(run.omega[sorted(failures)])
     kept = replace(run, field_omega=run.omega[stored])
     _write(kept, pencil, omega, G, bounds, _stored_fields(checkpoint, stored), extra)
-    solver.destroy()
-    pencil.destroy()
     if failures:
         first = failures[min(failures)]
         raise ConvergenceError(

@@ -18,7 +18,6 @@ from jampetsc.core.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.linear.refined_solve import relax
 from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import Network
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.matrices import set_diagonal
@@ -46,14 +45,13 @@ class Viscosity:
     def __init__(self, network: Network, law: Law):
         self.network, self.law = network, law
         self.pencil = assemble(network, law)
-        self.compatibility = build_compatibility(self.pencil)
 
     def quasistatic(self, displacement) -> Flow:
         """η₀ of the field `displacement` (n_local, 2), non-affine per unit strain.
 
         With drag, the mean of each piece must be zero; without, the displacements of pinned disks.
         """
-        network, law, c = self.network, self.law, self.compatibility
+        network, law, c = self.network, self.law, self.pencil.compatibility
         start = np.zeros((len(displacement), law.dofs))
         start[:, :2] = displacement
         parts = {}
@@ -63,9 +61,7 @@ class Viscosity:
         if not law.damps_contacts:
             return Flow(parts, None, None)
         if law.couples_rotations:
-            solve, destroy = self._turns()
-            flow = relax(c, c.w_B, solve, c.g, "rotations of the quasistatic flow", start.ravel())
-            destroy()
+            flow = relax(c, c.w_B, self._turns(), c.g, "rotations of the quasistatic flow", start.ravel())
             motions, rotation = flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
         else:
             motions, rotation = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None
@@ -77,9 +73,7 @@ class Viscosity:
         )
 
     def _turns(self):
-        """(solve, destroy): solve(rhs, out) solves for the angles only, with B_θθ, one angle pinned in each bipartite
-        piece.
-        """
+        """solve(rhs, out) that solves for the angles only, with B_θθ, one angle pinned in each bipartite piece."""
         PETSc = current().PETSc
         first, last = self.network.first, self.network.last
         rows = PETSc.IS().createStride(last - first, 3 * first + 2, 3, comm=self.network.comm)
@@ -95,26 +89,20 @@ class Viscosity:
             out.zeroEntries()
             out.getArray()[2::3] = work.getArray()
 
-        def destroy():
-            factor.destroy()
-            for item in (work, rows):
-                item.destroy()
-
-        return solve, destroy
+        return solve
 
     def infinite(self) -> float:
         """η_∞, in kτ₁.
 
         Raises InputError where B has zero modes besides translations and gears.
         """
-        c = self.compatibility
+        c = self.pencil.compatibility
         if not self.law.damps_contacts:  # disks that follow the affine flow dissipate nothing but η_F
             return c.drag_gg / self.network.area
         block = self.pencil.B.copy()
         set_diagonal(block, self.pencil.pins, self.network.damping(self.law))
         factor = self._factor(block)
         relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation", drag=c.drag)
-        factor.destroy()
         return (relaxed.value + c.drag_gg) / self.network.area
 
     def _factor(self, block):
@@ -125,8 +113,3 @@ class Viscosity:
                 f"B of {self.law} has moves without dissipation besides translations: η is not unique; "
                 "raise the pressure or the weights of the law"
             ) from None
-
-    def destroy(self):
-        """Free the matrices."""
-        self.compatibility.destroy()
-        self.pencil.destroy()

@@ -13,8 +13,9 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import coo_array
 
-from jampetsc.core.forms import linear_forms, squares
+from jampetsc.core.forms import squares
 from jampetsc.core.laws import Law
+from jampetsc.mechanics.compatibility import Compatibility, build_compatibility, forms_of, weights
 from jampetsc.mechanics.network import Network, Pieces, find_pieces
 from jampetsc.petsc.matrices import diagonal_of, distributed_matrix
 from jampetsc.petsc.session import current
@@ -56,6 +57,11 @@ class Pencil:
         local -= self.pieces.mean(self.network, local)
 
     @cached_property
+    def compatibility(self) -> Compatibility:
+        """The relative motions of which K and B are sums of squares. Collective."""
+        return build_compatibility(self.network, self.law, self.pins)
+
+    @cached_property
     def diagonals(self):
         """The diagonals of K and of B, (n_local,) each, real. Collective."""
         return diagonal_of(self.K), diagonal_of(self.B)
@@ -92,29 +98,6 @@ class Pencil:
         values = np.asarray(x).reshape(-1, self.law.dofs)
         displacement = values[:, :2] - self.pieces.mean(self.network, values[:, :2])
         return displacement, values[:, 2].copy() if self.law.couples_rotations else None
-
-    def destroy(self):
-        """Free the PETSc objects. Collective."""
-        for item in (self.K, self.B, self.k_gamma, self.b_gamma):
-            item.destroy()
-
-
-def forms_of(network: Network, dofs: int):
-    """`linear_forms` of the network's contacts, with angles where a disk has three unknowns."""
-    c = network.contacts
-    rims = (network.radii[c.i], network.radii[c.j]) if dofs == 3 else None
-    return linear_forms(c.normal, c.r[:, 1], rims)
-
-
-def weights(network: Network, law: Law):
-    """Weights of the squares of `forms_of`, per contact, complex (M, forms): real part for K, imaginary for B."""
-    c = network.contacts
-    w = np.zeros((len(c), 3), complex)
-    w[:, 0] = c.stiffness
-    if network.prestress:
-        w[:, 1] = -c.tension
-    w += 1j * network.damping(law) * np.array(law.on_contacts)
-    return w[:, : law.dofs]
 
 
 def assemble(network: Network, law: Law, pinned: bool = True) -> Pencil:

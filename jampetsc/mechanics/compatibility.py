@@ -10,11 +10,14 @@ motions are far smaller than the displacements, and here their difference is tak
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from jampetsc.mechanics.assembly import Pencil, forms_of, weights
+from jampetsc.core.forms import linear_forms
+from jampetsc.core.laws import Law
+from jampetsc.mechanics.network import Network
 from jampetsc.petsc.matrices import distributed_matrix
 
 
@@ -22,7 +25,7 @@ from jampetsc.petsc.matrices import distributed_matrix
 class Compatibility:
     """C, g and the weights. Rows are distributed with the contacts, each contact once, with its lower-numbered disk."""
 
-    pencil: Pencil
+    network: Network
     C: object  # PETSc.Mat, one row per form and contact
     forms: int  # rows per contact: a∥, a⊥ and, where disks roll, a⊥ᶜ
     g: np.ndarray  # (rows,) local, per unit strain
@@ -47,13 +50,17 @@ class Compatibility:
         """
         return self.reach_K + s * self.reach_B
 
+    @cached_property
+    def _vectors(self):
+        return self.C.createVecs()
+
     def motions(self, x):
         """C x, (rows,) local, for local unknowns x (n_local,), real or complex in either build. Collective."""
-        return self._through(self.C.mult, x, *self.C.createVecs())
+        return self._through(self.C.mult, x, *self._vectors)
 
     def forces(self, a):
         """Cᵀ a, (n_local,), for a (rows,), real or complex in either build. Collective."""
-        return self._through(self.C.multTranspose, a, *reversed(self.C.createVecs()))
+        return self._through(self.C.multTranspose, a, *reversed(self._vectors))
 
     def _through(self, multiply, values, source, target):
         def once(part):
@@ -62,16 +69,26 @@ class Compatibility:
             return target.getArray().copy()
 
         if np.iscomplexobj(values) and not np.iscomplexobj(source.getArray()):
-            result = once(values.real) + 1j * once(values.imag)
-        else:
-            result = once(values)
-        source.destroy()
-        target.destroy()
-        return result if np.iscomplexobj(values) else result.real
+            return once(values.real) + 1j * once(values.imag)
+        return once(values) if np.iscomplexobj(values) else once(values).real
 
-    def destroy(self):
-        """Free C. Collective."""
-        self.C.destroy()
+
+def forms_of(network: Network, dofs: int):
+    """`linear_forms` of the network's contacts, with angles where a disk has three unknowns."""
+    c = network.contacts
+    rims = (network.radii[c.i], network.radii[c.j]) if dofs == 3 else None
+    return linear_forms(c.normal, c.r[:, 1], rims)
+
+
+def weights(network: Network, law: Law):
+    """Weights of the squares of `forms_of`, per contact, complex (M, forms): real part for K, imaginary for B."""
+    c = network.contacts
+    w = np.zeros((len(c), 3), complex)
+    w[:, 0] = c.stiffness
+    if network.prestress:
+        w[:, 1] = -c.tension
+    w += 1j * network.damping(law) * np.array(law.on_contacts)
+    return w[:, : law.dofs]
 
 
 def stacked(forms):
@@ -80,9 +97,8 @@ def stacked(forms):
     return rows, np.stack([on_gamma for *_, on_gamma in forms], axis=1)
 
 
-def build_compatibility(pencil: Pencil) -> Compatibility:
-    """C of a pencil, with zero columns for its pinned unknowns. Collective."""
-    network, law = pencil.network, pencil.law
+def build_compatibility(network: Network, law: Law, pins) -> Compatibility:
+    """C of a network under a law, with zero columns for pinned unknowns. Collective."""
     once = network.contacts.i < network.contacts.j
     i, j = network.contacts.i[once], network.contacts.j[once]
     forms, w = forms_of(network, law.dofs), weights(network, law)
@@ -98,7 +114,7 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     at = (np.abs(w.real) + 1j * w.imag)[:, None, :] @ rows[..., :d] ** 2
     starts = np.searchsorted(network.contacts.i, np.arange(network.first, network.last))
     reach = np.add.reduceat(at[:, 0], starts).ravel()
-    reach[np.isin(np.arange(network.first * d, network.last * d), pencil.pins)] = 0.0
+    reach[np.isin(np.arange(network.first * d, network.last * d), pins)] = 0.0
     damping = network.damping(law)
     drag = np.zeros((network.last - network.first, d))
     drag[:, :2] = damping * law.drag
@@ -106,13 +122,13 @@ def build_compatibility(pencil: Pencil) -> Compatibility:
     w, values, g = w[once], rows[once], g[once]
     columns = np.concatenate((i[:, None] * d + np.arange(d), j[:, None] * d + np.arange(d)), axis=1)
     columns = np.broadcast_to(columns[:, None, :], values.shape)
-    values[np.isin(columns, pencil.pins)] = 0.0
+    values[np.isin(columns, pins)] = 0.0
     local = csr_array(
-        (values.ravel(), columns.ravel(), np.arange(m * f + 1) * 2 * d), shape=(m * f, pencil.unknowns)
+        (values.ravel(), columns.ravel(), np.arange(m * f + 1) * 2 * d), shape=(m * f, network.n * d)
     )
     local.sort_indices()
     C = distributed_matrix(network.comm, local, local.data, (network.last - network.first) * d)
     return Compatibility(
-        pencil, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real, reach.imag,
+        network, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real, reach.imag,
         drag.ravel(), damping * law.eta_f * network.area,
     )  # fmt: skip

@@ -42,7 +42,6 @@ def asymmetry(matrix) -> float:
     difference.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     norm = matrix.norm(PETSc.NormType.FROBENIUS)
     result = difference.norm(PETSc.NormType.FROBENIUS) / norm if norm else 0.0
-    difference.destroy()
     return float(result)
 
 
@@ -53,20 +52,17 @@ def examine(network: Network, law: Law) -> Examination:
     """
     pencil = assemble(network, law)
     roots = pencil.pieces.roots
-    try:
-        return Examination(
-            contacts=network.contact_count,
-            unknowns=pencil.unknowns,
-            dofs=law.dofs,
-            nonzeros=int(pencil.K.getInfo(current().PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]),
-            pieces=len(roots),
-            gears=int(np.count_nonzero(pencil.pieces.bipartite[roots])),
-            pins=len(pencil.pins),
-            asymmetry_K=asymmetry(pencil.K),
-            asymmetry_B=asymmetry(pencil.B),
-            with_prestress=count_modes(replace(network, prestress=True)),
-            without_prestress=count_modes(network.unstressed()),
-            damping=count_eigenvalues(pencil.B, "B", pencil.pins),
-        )
-    finally:
-        pencil.destroy()
+    return Examination(
+        contacts=network.contact_count,
+        unknowns=pencil.unknowns,
+        dofs=law.dofs,
+        nonzeros=int(pencil.K.getInfo(current().PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]),
+        pieces=len(roots),
+        gears=int(np.count_nonzero(pencil.pieces.bipartite[roots])),
+        pins=len(pencil.pins),
+        asymmetry_K=asymmetry(pencil.K),
+        asymmetry_B=asymmetry(pencil.B),
+        with_prestress=count_modes(replace(network, prestress=True)),
+        without_prestress=count_modes(network.unstressed()),
+        damping=count_eigenvalues(pencil.B, "B", pencil.pins),
+    )

@@ -163,8 +163,7 @@ def _write_petsc(comm, path, matrices):
         viewer = PETSc.Viewer().createBinary(str(file), "w", comm=comm)  # rank 0 writes
         for item in (*(getattr(matrices, name) for name in (*SPARSE, *VECTORS)), numbers, *sets):
             item.view(viewer)
-        for item in (viewer, numbers, *sets):
-            item.destroy()
+        viewer.destroy()  # it writes the last of it
         on_root(comm, lambda: write_whole(path, file.read_bytes()))
     finally:
         if first:

@@ -21,11 +21,8 @@ def count_modes(network: Network) -> Inertia:
 
     Raises as `count_eigenvalues`.
     """
-    pencil = assemble(network, UNDAMPED, pinned=False)
-    try:
-        return count_eigenvalues(pencil.K, f"K {'with' if network.prestress else 'without'} pre-stress")
-    finally:
-        pencil.destroy()
+    K = assemble(network, UNDAMPED, pinned=False).K
+    return count_eigenvalues(K, f"K {'with' if network.prestress else 'without'} pre-stress")
 
 
 def negative_modes(network: Network) -> tuple[int, str]:
@@ -34,15 +31,10 @@ def negative_modes(network: Network) -> tuple[int, str]:
     It is 0 if the Cholesky factorisation of K succeeds and proves it; otherwise they are counted by inertia. Raises as
     `count_modes`.
     """
-    pencil = assemble(network, UNDAMPED)
     try:
-        factor = ShiftedFactor(pencil.K.copy(), "K")
-        proved = factor.prove()
-        factor.destroy()
+        proved = ShiftedFactor(assemble(network, UNDAMPED).K, "K").prove()
     except NotPositiveDefinite:
         proved = False
-    finally:
-        pencil.destroy()
     return (0, BY_CHOLESKY) if proved else (count_modes(network).negative, BY_INERTIA)
 
 

@@ -9,13 +9,12 @@ with S the integral in time of `cycle`. Each step alone would minimise ½QᵀKQ 
 map, S being antisymmetric, which has one zero where K has no negative modes.
 """
 
-import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.mechanics.assembly import Pencil
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.response import Drive
@@ -29,16 +28,16 @@ class Contacts:
     the others.
     """
 
-    def __init__(self, compatibility: Compatibility):
-        network, law = compatibility.pencil.network, compatibility.pencil.law
-        self.compatibility, self.network = compatibility, network
+    def __init__(self, pencil: Pencil):
+        network, compatibility = pencil.network, pencil.compatibility
+        self.pencil, self.C, self.network = pencil, compatibility.C, network
         self.length = np.sqrt(network.area)
         self.g = compatibility.g / self.length
         self.w_K, self.forms = compatibility.w_K, compatibility.forms
-        weights = np.array(law.on_contacts[: self.forms])
+        weights = np.array(pencil.law.on_contacts[: self.forms])
         self.damped = np.flatnonzero(weights)  # indices of forms
         self.roots = np.sqrt(weights[self.damped])
-        self.rows, self.unknowns = compatibility.C.getLocalSize()
+        self.rows, self.unknowns = self.C.getLocalSize()
         self.count = self.rows // self.forms  # of contacts
         self._products = {}
 
@@ -59,22 +58,19 @@ class Contacts:
 
     def motions(self, x, strain):
         """Relative motions (m, rows) for x (m, unknowns) and strain γL (m,), which all ranks give."""
-        return self._product(self.compatibility.C.matMult, x) + np.outer(strain, self.g)
+        return self._product(self.C.matMult, x) + np.outer(strain, self.g)
 
     def forces(self, tensions):
         """Forces of tensions (m, rows): on the unknowns, (m, unknowns), and on γL, (m,), alike on all ranks."""
-        return self._product(self.compatibility.C.transposeMatMult, tensions), self.network.sum(
-            tensions @ self.g
-        )
+        return self._product(self.C.transposeMatMult, tensions), self.network.sum(tensions @ self.g)
 
     def squares(self, g):
         """Of each damped row of (C, g): its columns (rows, e), last γL, and products of entries (rows, e, e)."""
-        _, columns, values = self.compatibility.C.getValuesCSR()
+        _, columns, values = self.C.getValuesCSR()
         rows = (np.arange(self.count)[:, None] * self.forms + self.damped).ravel()
-        pencil = self.compatibility.pencil
         felt, values = (
-            np.column_stack((part.reshape(self.rows, 2 * pencil.law.dofs), strain))[rows]
-            for part, strain in ((columns, np.full(self.rows, pencil.unknowns)), (values.real, g))
+            np.column_stack((part.reshape(self.rows, 2 * self.pencil.law.dofs), strain))[rows]
+            for part, strain in ((columns, np.full(self.rows, self.pencil.unknowns)), (values.real, g))
         )
         return felt, values[:, :, None] * values[:, None, :]
 
@@ -85,11 +81,6 @@ class Contacts:
     def add_damping(self, tensions, f):
         """Add the damping forces f (m, contacts, damped) to tensions (m, rows), in place."""
         tensions.reshape(len(f), self.count, self.forms)[..., self.damped] += self.roots * f
-
-    def destroy(self):
-        """Free the matrices of `_product`."""
-        for matrix in itertools.chain(*self._products.values()):
-            matrix.destroy()
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,7 +123,8 @@ class _Motion:
         try:
             for n in range(steps // 2):
                 times = [dt * (n + part) for part in (STAGE, 1.0)]
-                places, u, ends = stages.step(places, gamma, [self.drive.at(time) for time in times], last)
+                imposed = [self.drive.at(time) for time in times]
+                places, u, ends = stages.step(springs, places, gamma, imposed, last)
                 gamma, last = ends[1].gamma, (u, ends[1].rate)
                 rows += [
                     (time, dt * weight, *self._measured(end))
@@ -203,11 +204,8 @@ class SteppedOscillation:
         """
         motion = self._motion(drive)
         units = motion.units
-        try:
-            half = _Repeated(motion, self.steps // 2, np.zeros(2 * self.network.n + 1))
-            whole = _Repeated(motion, self.steps, half.start)
-        finally:
-            motion.matrix.destroy()
+        half = _Repeated(motion, self.steps // 2, np.zeros(2 * self.network.n + 1))
+        whole = _Repeated(motion, self.steps, half.start)
         last, moduli = whole.last, whole.last.moduli
         softer, unbalanced = np.array([last.softened, last.unbalanced]) / (np.pi * moduli.strain**2)
         error = abs(moduli.G - half.last.moduli.G) + half.error + whole.error + softer + unbalanced
@@ -250,7 +248,6 @@ class SteppedOscillation:
                 with np.errstate(divide="ignore", invalid="ignore"):  # of a motion that underflows
                     speed = motion.half(np.zeros(2 * self.network.n + 1), PILOT_STEPS).speed
             except ConvergenceError:
-                motion.matrix.destroy()
                 if log_strain == upper:
                     raise
                 lower = log_strain
@@ -259,7 +256,6 @@ class SteppedOscillation:
             if not drive.stress_controlled or 1.0 / NEAR <= speed / rho0 <= NEAR:
                 motion.moves_at(speed)
                 return motion
-            motion.matrix.destroy()
             slower = np.log(max(speed / rho0, TOLERANCE))  # slower motion has forces below the tolerance
             if slower < np.log(LINEAR_BELOW):  # forces are linear there; by the power law it is slower still
                 upper = log_strain

@@ -86,7 +86,7 @@ class MovingContacts(ListedDisks):
         Raises ConvergenceError if the step is too long.
         """
         while True:
-            found = self.stages.step(self.offsets, self.gamma, imposed, (self.u, self.rate))
+            found = self.stages.step(self, self.offsets, self.gamma, imposed, (self.u, self.rate))
             if found is not None:
                 break
             if not self._served:  # a new list is stale within one step

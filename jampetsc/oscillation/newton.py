@@ -4,8 +4,6 @@ A step solves the linear equations of all times together by FGMRES, precondition
 (`preconditioner`); damping forces are eliminated exactly.
 """
 
-from types import SimpleNamespace
-
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError
@@ -42,24 +40,22 @@ class Newton:
     def __init__(self, equations: Equations):
         session = current()
         PETSc = session.PETSc
-        self.equations = equations
         comm = equations.contacts.network.comm
         self.iterations = self.linear_iterations = 0
-        self.preconditioner = HarmonicPreconditioner(
-            equations.contacts, equations.cycle, equations.drive.stress_controlled
-        )
+        session.free_dropped(comm)
+        self._linearised = linearised = _Linearised(equations)
         sizes = ((equations.size, None), (equations.size, None))
-        self.jacobian = PETSc.Mat().createPython(sizes, SimpleNamespace(mult=self._derivative), comm=comm)
-        self.x, self.left = self.jacobian.createVecs()
+        jacobian = PETSc.Mat().createPython(sizes, linearised, comm=comm)
+        self.x, self.left = jacobian.createVecs()
         session.set_defaults({PREFIX + name: value for name, value in DEFAULTS.items()})
         self.snes = snes = PETSc.SNES().create(comm)
         snes.setOptionsPrefix(PREFIX)
-        snes.setFunction(self._function, self.left)
-        snes.setJacobian(self._linearise, self.jacobian)
+        snes.setFunction(linearised.function, self.left)
+        snes.setJacobian(linearised.linearise, jacobian)
         ksp = snes.getKSP()
         ksp.setPCSide(PETSc.PC.Side.RIGHT)
         ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(SimpleNamespace(apply=self._precondition))
+        ksp.getPC().setPythonContext(linearised)
         snes.setFromOptions()
         if snes.getType() not in NEWTON:
             raise InputError(
@@ -77,7 +73,7 @@ class Newton:
         self.iterations += self.snes.getIterationNumber()
         self.linear_iterations += self.snes.getLinearSolveIterations()
         # Options may make SNES call anything converged: only the residual of the equations counts.
-        self._function(self.snes, self.x, self.left)
+        self._linearised.function(self.snes, self.x, self.left)
         left = self.left.norm()
         if not left <= tolerance:
             raise ConvergenceError(
@@ -87,22 +83,38 @@ class Newton:
             )
         return self.x.getArray().copy()
 
-    def _function(self, snes, x, f):
+
+class _Linearised:
+    """The equations, their derivative and its preconditioner as PETSc calls them.
+
+    It knows nothing of the solver: python's garbage collection does not see that PETSc holds it.
+    """
+
+    def __init__(self, equations: Equations):
+        self.equations = equations
+        self.preconditioner = HarmonicPreconditioner(
+            equations.contacts, equations.cycle, equations.drive.stress_controlled
+        )
+
+    def function(self, snes, x, f):
+        """f ← the residual at x."""
         self.equations.residual(
             self.equations.split(x.getArray(readonly=True)), self.equations.split(f.getArray())
         )
 
-    def _linearise(self, snes, x, J, P):
+    def linearise(self, snes, x, J, P):
+        """Take the derivative at x."""
         equations = self.equations
         state = equations.split(x.getArray(readonly=True))
         self.tangent = equations.law.tangent(equations.motions(state), state.f)
         self.preconditioner.update(self.tangent.mean_stiffness())
 
-    def _derivative(self, matrix, x, y):
+    def mult(self, matrix, x, y):
+        """y ← the derivative times x."""
         split = self.equations.split
         self.equations.derivative(self.tangent, split(x.getArray(readonly=True)), split(y.getArray()))
 
-    def _precondition(self, pc, x, y):
+    def apply(self, pc, x, y):
         """Eliminate the damping forces exactly and precondition the rest for each harmonic."""
         equations, tangent = self.equations, self.tangent
         contacts = equations.contacts
@@ -117,9 +129,3 @@ class Newton:
             out.rate[:] = rate
         z = contacts.damping_motions(contacts.motions(out.v, rate))
         out.f[:] = tangent.forces(z) - eliminated
-
-    def destroy(self):
-        """Free PETSc's objects."""
-        self.preconditioner.destroy()
-        for item in (self.snes, self.jacobian, self.x, self.left):
-            item.destroy()

@@ -33,7 +33,7 @@ class HarmonicPreconditioner:
 
     def __init__(self, contacts: Contacts, cycle: Cycle, bordered: bool):
         self._contacts, self._cycle = contacts, cycle
-        comm, pencil = contacts.network.comm, contacts.compatibility.pencil
+        comm, pencil = contacts.network.comm, contacts.pencil
         ends = np.arange(comm.size + 1) * len(cycle.orders) // comm.size
         self._shares = [slice(*pair) for pair in itertools.pairwise(ends)]
         self._mine = self._shares[comm.rank]
@@ -90,11 +90,6 @@ class HarmonicPreconditioner:
         solved = [factor.solve(one) for factor, one in zip(self._factor_of, right, strict=True)]
         return np.array(solved).reshape(right.shape)
 
-    def destroy(self):
-        """Free the factors."""
-        for factor in self._factors:
-            factor.destroy()
-
 
 class _Factor:
     """H = K/Ω + B̄ on one rank, scaled to a unit diagonal and factorised."""
@@ -122,7 +117,3 @@ class _Factor:
         self._right.setArray(self._scale * right)
         self._cholesky.ksp.solve(self._right, self._solution)
         return self._scale * self._solution.getArray()
-
-    def destroy(self):
-        for item in (self._cholesky, self._right, self._solution):
-            item.destroy()

@@ -42,18 +42,14 @@ def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int 
     """
     start = start.near(disks)
     runs, strained, begin = [], 0.0, (start.displacement, start.velocity, start.gamma, start.rate)
-    try:
-        for count in (steps // 2, steps):
-            run = Cycles(disks, law, start, count, strained)
-            runs.append(run)
-            run.motion.displace(*begin)
-            run.repeat(cycles)
-            now = run.motion
-            disks, strained = now.disks, now.gamma
-            begin = 0.0 * now.u[:, :2], now.velocities, now.gamma, now.rate
-    finally:
-        for run in runs:
-            run.motion.matrix.destroy()
+    for count in (steps // 2, steps):
+        run = Cycles(disks, law, start, count, strained)
+        runs.append(run)
+        run.motion.displace(*begin)
+        run.repeat(cycles)
+        now = run.motion
+        disks, strained = now.disks, now.gamma
+        begin = 0.0 * now.u[:, :2], now.velocities, now.gamma, now.rate
     half, whole = runs
     last = whole.done[-1]
     return Response(

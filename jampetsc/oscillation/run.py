@@ -13,8 +13,6 @@ from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.record import run_record
-from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.oscillation.dashpots import LINEAR_BELOW
 from jampetsc.oscillation.halfcycles import SteppedOscillation
@@ -36,25 +34,15 @@ class _Solver(NamedTuple):
     facts: dict  # attributes of the file
 
 
-@contextlib.contextmanager
-def _solver(job, disks: Disks, network: Network):
-    """The _Solver of a job for a packing. Collective. What it holds is freed, but not after an exception.
-
-    An exception may be of one rank alone, and freeing is collective.
-    """
-    law, rho0, items = job.physics.law, 2.0 * float(disks.radii.mean()), []
-    moving, sticks = job.contacts == "moving", job.alpha < LEAST_ALPHA
+def _solver(job, disks: Disks, network: Network) -> _Solver:
+    """The _Solver of a job for a packing. Collective."""
+    law, moving, sticks = job.physics.law, job.contacts == "moving", job.alpha < LEAST_ALPHA
     alone, steps = moving or sticks, START_STEPS if moving else job.steps
     with current().alone() if alone else contextlib.nullcontext():
         if alone:
             network = build_network(disks, current().comm, job.prestress)
-        if sticks:
-            oscillation = SteppedOscillation(network, law, rho0, steps)
-        else:
-            items.append(assemble(network, law))
-            items.append(build_compatibility(items[0]))
-            items.append(SteadyOscillation(items[1], rho0, steps))
-            oscillation = items[2]
+        kind = SteppedOscillation if sticks else SteadyOscillation
+        oscillation = kind(network, law, 2.0 * float(disks.radii.mean()), steps)
 
     def with_moving_contacts(drive):
         return repeat_cycles(disks, law, oscillation.start(drive), job.steps, job.cycles)
@@ -63,9 +51,7 @@ def _solver(job, disks: Disks, network: Network):
         facts = {"solver": "steps", "regularisation": LINEAR_BELOW**job.alpha if job.alpha != 1.0 else 0.0}
     else:
         facts = {"solver": "cycle", "regularisation": relative_softening(job.alpha)}
-    yield _Solver(with_moving_contacts if moving else oscillation.solve, alone, facts)
-    for item in reversed(items):
-        item.destroy()
+    return _Solver(with_moving_contacts if moving else oscillation.solve, alone, facts)
 
 
 def solve(job, to: Outlet) -> dict:
@@ -82,9 +68,9 @@ def solve(job, to: Outlet) -> dict:
     with session.stage("assembly"), about(source_name(job.packing)):
         network = build_network(disks, session.comm, job.prestress)
         _require_stable(network, job.control)
-    with _solver(job, disks, network) as solver:
-        checkpoint = to.checkpoint(job.key(identity), session.comm)
-        failures = _solve_all(job, solver, checkpoint)
+    solver = _solver(job, disks, network)
+    checkpoint = to.checkpoint(job.key(identity), session.comm)
+    failures = _solve_all(job, solver, checkpoint)
     if not checkpoint.done:
         raise next(iter(failures.values()))
     arrays = _arrays(job, checkpoint.done)
@@ -117,10 +103,7 @@ def _require_stable(network: Network, control: str):
     one more negative mode: the equations still have a periodic solution then, but an unstable one.
     """
     elastic = ElasticResponse(network)  # refuses packings with negative or floppy modes
-    try:
-        modulus = elastic.shear().value / network.area if control == "stress" else np.inf
-    finally:
-        elastic.destroy()
+    modulus = elastic.shear().value / network.area if control == "stress" else np.inf
     if not modulus > 0.0:
         raise InputError(
             f"its shear modulus is {modulus:.2g}: no stress can be imposed on such a packing; impose a "

@@ -160,7 +160,7 @@ class Stages:
     """
 
     def __init__(self, springs: Springs, matrix: StepMatrix, h: float, scale: float):
-        self.springs, self.h, self._matrix = springs, h, matrix
+        self.h, self._matrix = h, matrix
         self.unit = springs.stiffness * springs.largest  # of forces
         self.tolerance = max(TOLERANCE * scale, ROUNDED) * self.unit
         self.finest = max(self.tolerance, NOISE * self.unit)  # smallest force that counts
@@ -171,9 +171,10 @@ class Stages:
         if h != self.h:
             self.h, self._worn = h, True
 
-    def step(self, places, gamma, imposed, last):
+    def step(self, springs: Springs, places, gamma, imposed, last):
         """(places, velocities, StageEnds) after a step of two stages, or None if the pair list is too small for it.
 
+        springs         those that the Stages were made for
         places, gamma   positions (N, 2) and strain at its beginning
         imposed         (Imposed, Imposed) at the ends of the stages
         last            velocities (N, dofs) and strain rate before the step
@@ -182,7 +183,7 @@ class Stages:
         """
         base, ends = places, []
         for one in imposed:
-            found = self._stage(base, gamma, one, last)
+            found = self._stage(springs, base, gamma, one, last)
             if found is None:
                 return None
             places, u, end = found
@@ -192,9 +193,9 @@ class Stages:
             gamma += (1.0 - STAGE) / STAGE * (end.gamma - gamma)
         return places, u, ends
 
-    def _stage(self, base, gamma, imposed, last):
+    def _stage(self, springs, base, gamma, imposed, last):
         """(places, velocities, StageEnd), or None."""
-        springs, free = self.springs, imposed.free
+        free = imposed.free
         start = (gamma, 0.0) if free else (imposed.gamma, imposed.rate)
         problem = _Problem(springs, self.h, base, *start, imposed)
         q = np.zeros(springs.n * springs.dofs + 1)
@@ -253,15 +254,15 @@ class Stages:
         found = []
         for place in (q, ahead):
             state = problem.state(place)
-            if self.springs.covers(state):
-                found.append((place, self.springs.dashpots(state)))
+            if problem.springs.covers(state):
+                found.append((place, problem.springs.dashpots(state)))
         if found[0][1] is found[-1][1]:
             return found[0][1]
         return min(found, key=lambda one: np.abs(problem.at(*one).left).max())[1]
 
     def _search(self, problem, dashpots, q, step, curvature, left):
         """(q, _Trial) at a point of a curved step where the force along it is small."""
-        force, reach = np.vdot(step, left), self.springs.reach
+        force, reach = np.vdot(step, left), problem.springs.reach
         longest = min(BENT * reach / problem.farthest(step), np.sqrt(reach / problem.farthest(curvature)))
         length, lower, upper = min(1.0, longest), (0.0, 1.0), None
         for _ in range(TRIES):

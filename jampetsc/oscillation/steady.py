@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.core.laws import Law
 from jampetsc.errors import ConvergenceError
-from jampetsc.mechanics.compatibility import Compatibility
+from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.network import Network
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Contacts, Equations
 from jampetsc.oscillation.newton import Newton
@@ -37,15 +39,14 @@ class Steady(Response):
 
 
 class SteadyOscillation:
-    """All oscillations of one packing and law. Methods are collective.
+    """All oscillations of one packing and law. Collective.
 
     rho0: mean diameter, the length in the power law
     """
 
-    def __init__(self, compatibility: Compatibility, rho0: float, steps: int, stiffest: float = STIFFEST):
-        pencil = compatibility.pencil
-        self.law, self.network = pencil.law, pencil.network
-        self.contacts = Contacts(compatibility)
+    def __init__(self, network: Network, law: Law, rho0: float, steps: int, stiffest: float = STIFFEST):
+        self.law, self.network = law, network
+        self.contacts = Contacts(assemble(network, law))
         self.steps, self.stiffest, self.rho0 = steps, stiffest, rho0
         self.power = PowerLaw.of(self.law, self.network.k, rho0)
 
@@ -103,10 +104,6 @@ class SteadyOscillation:
         speed = found.speed / drive.omega
         return Start.of(network, drive, moved, velocity, gamma, rate, strain, abs(found.G), speed)
 
-    def destroy(self):
-        """Free the vectors made here."""
-        self.contacts.destroy()
-
     def _scales(self, drive) -> tuple[float, float]:
         """Estimates of the amplitudes of strain and |z|: for springs alone or, if smaller, for dashpots alone."""
         strain, k = drive.amplitude, self.network.k
@@ -143,12 +140,9 @@ class SteadyOscillation:
                 state.rate[:] = cycle.samples(waves[:, -1])
             state.f[:] = equations.law.forces(equations.motions(state), FLOOR * speed)
         newton = Newton(equations)
-        try:
-            size = equations.force * np.sqrt(0.5 * cycle.m)
-            tolerance = TOLERANCE if cycle.steps == self.steps else HALF_TOLERANCE
-            return _Run(equations, newton.solve(values, tolerance * size), newton)
-        finally:
-            newton.destroy()
+        size = equations.force * np.sqrt(0.5 * cycle.m)
+        tolerance = TOLERANCE if cycle.steps == self.steps else HALF_TOLERANCE
+        return _Run(equations, newton.solve(values, tolerance * size), newton)
 
 
 class _Run:

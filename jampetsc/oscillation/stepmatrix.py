@@ -27,7 +27,8 @@ class StepMatrix:
 
     def __init__(self, springs):
         self._solver = NewtonSolver(PREFIX, "the matrix of a time step", proves=False)
-        self._springs, self._length, self._mu = springs, float(np.sqrt(springs.area)), 0.0
+        self._n, self._dofs, self._rims = springs.n, springs.dofs, springs.rims
+        self._stiffness, self._length, self._mu = springs.stiffness, float(np.sqrt(springs.area)), 0.0
         self.factorisations, self.pairs = 0, None
 
     def factorise(self, bonds: Bonds, dashpots: Dashpots, damping, free: bool):
@@ -36,17 +37,16 @@ class StepMatrix:
         damping     (contacts, damped, damped) df/dz over h
         free        whether the strain is unknown
         """
-        springs, pairs = self._springs, bonds.pairs
-        n, d, every = springs.n, springs.dofs, np.ones(springs.n, bool)
+        n, d, pairs, every = self._n, self._dofs, bonds.pairs, np.ones(self._n, bool)
         if pairs is not self.pairs:
             self.pairs, self._pattern = pairs, Pattern(pairs, n, d)
-        rows, sheared = motion_rows(bonds, springs.rims, d)
+        rows, sheared = motion_rows(bonds, self._rims, d)
         weights = np.column_stack((bonds.stiffness, -bonds.force / bonds.distance))
         blocks = np.einsum("cf,cfx,cfy->cxy", weights, rows[:, :2], rows[:, :2])
         viscous, mixed, alone = dashpots.squares(damping)
         blocks[dashpots.touching] += viscous
         blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]
-        least = LEAST_SHIFT * max(springs.stiffness, float(np.abs(viscous).max(initial=0.0)))
+        least = LEAST_SHIFT * max(self._stiffness, float(np.abs(viscous).max(initial=0.0)))
         self._mu = max(self._mu / RAISED, least)
         self._border, unheld = None, self._unheld(bonds)
         while True:
@@ -76,12 +76,8 @@ class StepMatrix:
 
     def _unheld(self, bonds):
         """Stiffness added to rattlers, (N, 1), else 0: more than the −f/r by which contacts push them aside."""
-        n, (i, j), touching = self._springs.n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
+        n, (i, j), touching = self._n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
         push = bonds.force / bonds.distance
         aside = gathered(np.column_stack((push, push)), i, j, n)
         rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]))
         return np.where(rattlers[:, None], 2.0 * aside, 0.0)
-
-    def destroy(self):
-        """Free the factor."""
-        self._solver.destroy()

@@ -48,8 +48,5 @@ def elimination_order(n: int, i, j):
         csr=(indptr, (entries % n).astype(petsc.IntType), np.ones(len(entries))),
         comm=petsc.COMM_SELF,
     )
-    rows, columns = pattern.getOrdering("amd" if suitesparse() else "qmd")
-    order = rows.getIndices().astype(np.uint32)
-    for item in (pattern, rows, columns):
-        item.destroy()
-    return order
+    rows, _ = pattern.getOrdering("amd" if suitesparse() else "qmd")
+    return rows.getIndices().astype(np.uint32)

@@ -135,7 +135,6 @@ class Cholesky:
         x = rhs.duplicate()
         left = self.solve(rhs, x)
         e = x.dot(rhs) + x.dot(self._left)
-        x.destroy()
         return float(e), left
 
     def prove(self) -> bool:
@@ -154,14 +153,7 @@ class Cholesky:
             self.solve(b, x)
         except ConvergenceError as error:
             self.doubt = str(error)
-        for vector in (x, b):
-            vector.destroy()
         return not self.doubt
-
-    def destroy(self) -> None:
-        """Free the factor and the matrix."""
-        for item in (self.ksp, self.matrix, self._left, self._step):
-            item.destroy()
 
 
 def doubt(ksp, null_pivots: bool = False) -> str:

@@ -56,11 +56,6 @@ class ComplexForm:
         solution = self.x.getArray().copy()
         return solution.view(complex) if self._doubled else solution
 
-    def destroy(self):
-        """Free the matrices and vectors made here."""
-        for item in (self.A, self.x, self.b, *((self._K, self._B) if self._doubled else ())):
-            item.destroy()
-
 
 def _blocks(matrix, block):
     """A real matrix with each entry replaced by itself times a (2, 2) block."""

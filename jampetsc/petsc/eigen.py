@@ -8,7 +8,6 @@ The shift σ < 0 lies just below the spectrum, so K − σ is positive definite;
 are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.)
 """
 
-import contextlib
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,31 +114,23 @@ def _krylov(pencil, moves, count, stiffness):
         pc.setType("python")
         pc.setPythonContext(_BlockFactor(pencil.K, SHIFT * stiffness))
     eps.setDeflationSpace(deflated)
-    try:
-        eps.solve()
-        found, reason = eps.getConverged(), eps.getConvergedReason()
-        if found < count:
-            raise ConvergenceError(
-                f"SLEPc found {found} of {count} modes in {eps.getIterationNumber()} restarts (reason "
-                f"{reason}); try a larger "
-                "-modes_eps_ncv or -modes_eps_max_it"
-            )
-        values = np.array([eps.getEigenvalue(row).real for row in range(found)])
-        vector = pencil.K.createVecRight()
-        vectors = np.empty((found, vector.getLocalSize()))
-        residuals = np.empty(found)
-        for row in range(found):
-            eps.getEigenvector(row, vector)
-            vectors[row] = vector.getArray()
-            residuals[row] = eps.computeError(row, SLEPc.EPS.ErrorType.ABSOLUTE)
-        vector.destroy()
-        pairs = Eigenpairs(values, vectors, residuals, eps.getType(), eps.getIterationNumber())
-        return pairs[np.argsort(values, kind="stable")]
-    finally:
-        for item in (eps, *deflated):
-            # after an exception raised while the factor is applied (a signal), PETSc does not destroy the EPS
-            with contextlib.suppress(current().PETSc.Error):
-                item.destroy()
+    eps.solve()
+    found, reason = eps.getConverged(), eps.getConvergedReason()
+    if found < count:
+        raise ConvergenceError(
+            f"SLEPc found {found} of {count} modes in {eps.getIterationNumber()} restarts (reason {reason}); try a "
+            "larger -modes_eps_ncv or -modes_eps_max_it"
+        )
+    values = np.array([eps.getEigenvalue(row).real for row in range(found)])
+    vector = pencil.K.createVecRight()
+    vectors = np.empty((found, vector.getLocalSize()))
+    residuals = np.empty(found)
+    for row in range(found):
+        eps.getEigenvector(row, vector)
+        vectors[row] = vector.getArray()
+        residuals[row] = eps.computeError(row, SLEPc.EPS.ErrorType.ABSOLUTE)
+    pairs = Eigenpairs(values, vectors, residuals, eps.getType(), eps.getIterationNumber())
+    return pairs[np.argsort(values, kind="stable")]
 
 
 def _solver(matrix, count, stiffness):
@@ -163,6 +154,7 @@ def _solver(matrix, count, stiffness):
         **(cholmod if alone else {"st_mat_mumps_icntl_7": "2"}),
     }
     session.set_defaults({PREFIX + name: value for name, value in defaults.items()})
+    session.free_dropped(matrix.getComm())
     eps = SLEPc.EPS().create(matrix.getComm())
     eps.setOptionsPrefix(PREFIX)
     eps.setOperators(matrix)
@@ -199,6 +191,4 @@ def _residuals(K, values, vectors):
         K.mult(x, y)
         y.axpy(-value, x)
         residuals[row] = y.norm()
-    x.destroy()
-    y.destroy()
     return residuals

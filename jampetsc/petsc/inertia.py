@@ -47,12 +47,7 @@ def count_eigenvalues(matrix, what: str, pins=()) -> Inertia:
     diagonal.setArray(1.0 / np.sqrt(np.where(values > 0, values, 1.0)))
     scaled.diagonalScale(diagonal, diagonal)
     set_diagonal(scaled, pins, 1.0)
-
-    try:
-        below_plus, below_minus = _negative(scaled, (-SHIFT, 2.0 * SHIFT), what)
-    finally:
-        for item in (scaled, diagonal):
-            item.destroy()
+    below_plus, below_minus = _negative(scaled, (-SHIFT, 2.0 * SHIFT), what)
     positive = matrix.getSize()[0] - below_plus - len(pins)
     return Inertia(below_minus, below_plus - below_minus, positive)
 
@@ -61,23 +56,18 @@ def _negative(matrix, shifts, what):
     """Numbers of negative eigenvalues (negative pivots) of a matrix after each of the shifts, which accumulate."""
     ksp = mumps.make_ksp(matrix.getComm(), PREFIX, DEFAULTS | MUMPS | NULL_PIVOTS)
     found = []
-    try:
-        for shift in shifts:
-            matrix.shift(shift)
-            mumps.factorise(ksp, matrix, what)
-            if reason := doubt(ksp, null_pivots=True):
-                raise InputError(
-                    f"{reason}: that would count no eigenvalues of {what}; leave this option out"
-                )
-            negative, null, _ = ksp.getPC().getFactorMatrix().getInertia()
-            if null:
-                raise ConvergenceError(
-                    f"{what}: {null} pivots of L D Lᵀ are zero to rounding, so how many eigenvalues are negative is "
-                    "not certain"
-                )
-            found.append(negative)
-    finally:
-        ksp.destroy()
+    for shift in shifts:
+        matrix.shift(shift)
+        mumps.factorise(ksp, matrix, what)
+        if reason := doubt(ksp, null_pivots=True):
+            raise InputError(f"{reason}: that would count no eigenvalues of {what}; leave this option out")
+        negative, null, _ = ksp.getPC().getFactorMatrix().getInertia()
+        if null:
+            raise ConvergenceError(
+                f"{what}: {null} pivots of L D Lᵀ are zero to rounding, so how many eigenvalues are negative is not "
+                "certain"
+            )
+        found.append(negative)
     return found
 
 
@@ -87,9 +77,5 @@ def count_below(matrix, value: float, what: str) -> int:
     One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails, InputError for options with which its
     pivots prove nothing.
     """
-    shifted = matrix.copy()
-    try:
-        (found,) = _negative(shifted, (-value,), what)
-    finally:
-        shifted.destroy()
+    (found,) = _negative(matrix.copy(), (-value,), what)
     return found

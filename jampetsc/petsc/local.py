@@ -33,7 +33,6 @@ class NewtonSolver:
         """
         pattern = (indptr, indices)
         if self._cholesky is None or not all(map(np.array_equal, pattern, self._pattern)):
-            self.destroy()
             size = len(indptr) - 1
             matrix = self._petsc.Mat().createSBAIJ(
                 (size, size), 1, csr=(indptr, indices, values), comm=self._petsc.COMM_SELF
@@ -48,7 +47,7 @@ class NewtonSolver:
         try:
             self._cholesky.factorise()
         except NotPositiveDefinite:
-            self.destroy()
+            self._cholesky = None  # its memory is freed
             return False
         if self._proves and self._cholesky.doubt:
             raise InputError(f"{self._cholesky.doubt}: that would prove no minimum; leave this option out")
@@ -65,11 +64,3 @@ class NewtonSolver:
         from jampetsc.petsc.blocks import elimination_order  # loads scipy, which a quench does without
 
         return elimination_order(n, i, j)
-
-    def destroy(self) -> None:
-        """Free the factor and the matrix."""
-        if self._cholesky is not None:
-            self._cholesky.destroy()
-            self._right.destroy()
-            self._solution.destroy()
-        self._cholesky = None

@@ -35,10 +35,7 @@ def whole_matrix(matrix):
 
 def diagonal_of(matrix):
     """This rank's part of the diagonal, (n_local,), real. Collective."""
-    diagonal = matrix.getDiagonal()
-    values = diagonal.getArray().real.copy()
-    diagonal.destroy()
-    return values
+    return matrix.getDiagonal().getArray().real.copy()
 
 
 def set_diagonal(matrix, rows, value: float) -> None:
@@ -47,4 +44,3 @@ def set_diagonal(matrix, rows, value: float) -> None:
     diagonal = matrix.getDiagonal()
     diagonal.getArray()[rows[(rows >= first) & (rows < last)] - first] = value
     matrix.setDiagonal(diagonal)
-    diagonal.destroy()

@@ -37,6 +37,7 @@ def negative_pivots(pc) -> int:
 def make_ksp(comm, prefix: str, defaults: dict):
     """A PETSc.KSP with the options of this prefix, `defaults` where the user gives none. Collective."""
     current().set_defaults({prefix + name: value for name, value in defaults.items()})
+    current().free_dropped(comm)
     ksp = current().PETSc.KSP().create(comm)
     ksp.setOptionsPrefix(prefix)
     ksp.setFromOptions()

@@ -214,8 +214,15 @@ class Session:
         A full garbage collection, tens of milliseconds: not for every step of a fast loop.
         """
         gc.collect()
+        self.free_dropped(self.comm)
+
+    def free_dropped(self, comm):
+        """Free the PETSc objects of the ranks of `comm` to which all of them have dropped their references. Collective.
+
+        An object of one rank is freed with its last reference; PETSc keeps those of several until all ranks come here.
+        """
         if hasattr(self.PETSc, "garbage_cleanup"):  # petsc4py ≥ 3.18
-            self.PETSc.garbage_cleanup(self.comm)
+            self.PETSc.garbage_cleanup(comm)
 
 
 def versions():

@@ -6,7 +6,6 @@ Scaled symmetrically to a unit diagonal first: at small s the θ block is of ord
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite, least_eigenvalue
 from jampetsc.petsc.session import current
 
@@ -24,6 +23,17 @@ def _add(matrix, s, B):
     matrix.axpy(s, B, structure=current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
 
 
+def _scaled(project, scale):
+    """`project` for solutions that are scaled like a matrix, by a PETSc vector."""
+
+    def project_scaled(x):
+        unscaled = x * scale.getArray()
+        project(unscaled)
+        x[:] = unscaled / scale.getArray()
+
+    return project_scaled
+
+
 class ShiftedFactor:
     """A⁻¹ for one matrix A, which the factor takes over and changes. Collective on the ranks of the matrix.
 
@@ -38,7 +48,8 @@ class ShiftedFactor:
     def __init__(self, matrix, what: str, project=None):
         self.project = project
         self.scale, self.work = matrix.createVecs()
-        self.cholesky = Cholesky(matrix, PREFIX, what, None if project is None else self._project_scaled)
+        scaled = None if project is None else _scaled(project, self.scale)
+        self.cholesky = Cholesky(matrix, PREFIX, what, scaled)
         self._factorise()
 
     def renew(self, K, B, s: float, what: str) -> None:
@@ -57,15 +68,11 @@ class ShiftedFactor:
         matrix.getDiagonal(self.scale)
         diagonal = self.scale.getArray()
         unfit = int(np.count_nonzero(~(diagonal > 0)))
-        try:
-            if matrix.getComm().tompi4py().allreduce(unfit):
-                raise NotPositiveDefinite(f"{what} is not positive definite")
-            self.scale.setArray(1.0 / np.sqrt(diagonal))
-            matrix.diagonalScale(self.scale, self.scale)
-            self.cholesky.factorise()
-        except ConvergenceError:
-            self.destroy()
-            raise
+        if matrix.getComm().tompi4py().allreduce(unfit):
+            raise NotPositiveDefinite(f"{what} is not positive definite")
+        self.scale.setArray(1.0 / np.sqrt(diagonal))
+        matrix.diagonalScale(self.scale, self.scale)
+        self.cholesky.factorise()
 
     def _scale(self, rhs):
         """`work` ← the right-hand side, projected and scaled like the matrix."""
@@ -73,13 +80,6 @@ class ShiftedFactor:
         if self.project is not None:
             self.project(self.work.getArray())
         self.work.pointwiseMult(self.work, self.scale)
-
-    def _project_scaled(self, x):
-        """`project` for a solution that is scaled like the matrix."""
-        scale = self.scale.getArray()
-        unscaled = x * scale
-        self.project(unscaled)
-        x[:] = unscaled / scale
 
     def prove(self) -> bool:
         """Whether the factorisation proves that A is positive definite, see `Cholesky.prove`. Collective."""
@@ -124,12 +124,4 @@ class ShiftedFactor:
                 left = largest * self.solve(rhs, out)
             return out.getArray().copy(), left, out.norm()
 
-        least = least_eigenvalue(start, step)
-        for vector in (out, rhs):
-            vector.destroy()
-        return least
-
-    def destroy(self) -> None:
-        """Free the factor. Collective."""
-        for item in (self.cholesky, self.scale, self.work):
-            item.destroy()
+        return least_eigenvalue(start, step)
