@@ -129,8 +129,6 @@ def references(disks, network, physics, omega):
     pencil = assemble(replace(network, prestress=physics.prestress), physics.law)
     solver = FrequencySolver(pencil)
     found = [solver.solve(w, np.inf) for w in omega]  # to what it can say, which counts as its own error
-    solver.destroy()
-    pencil.destroy()
     return np.array([f.G for f in found]), np.array([f.bounds for f in found]), None
 
 
@@ -141,14 +139,10 @@ def sweep(network, physics, omega, accuracy):
 
     pencil = assemble(replace(network, prestress=physics.prestress), physics.law)
     rational = RationalSweep(pencil, omega, accuracy)
-    try:
-        while shifts := rational.next_shifts():
-            rational.add_shifts(shifts)
-        G, bounds = rational.certificate.G, rational.certificate.bounds
-        return G, bounds, rational.factorisations, rational.basis.size
-    finally:
-        for item in (rational, pencil):
-            item.destroy()
+    while shifts := rational.next_shifts():
+        rational.add_shifts(shifts)
+    G, bounds = rational.certificate.G, rational.certificate.bounds
+    return G, bounds, rational.factorisations, rational.basis.size
 
 
 def run_one(path, accuracies, points, count):

@@ -22,8 +22,8 @@ SAME = 1e-3  # change of G* from cycle to cycle, relatively
 class Equations:
     """m v̇ = F cos ωt − K Q − Zᵀ f(Z v), Q̇ = v, with the strain as the last unknown and pinned unknowns left out."""
 
-    def __init__(self, compatibility, c, alpha, omega, stress):
-        pencil = compatibility.pencil
+    def __init__(self, pencil, c, alpha, omega, stress):
+        compatibility = pencil.compatibility
         indptr, columns, values = compatibility.C.getValuesCSR()
         C = sp.csr_matrix((values, columns, indptr), shape=compatibility.C.getSize())
         self.free = np.setdiff1d(np.arange(pencil.unknowns), pencil.pins)
@@ -78,8 +78,6 @@ def main():
 
     from jampetsc.core.laws import damping_law
     from jampetsc.io.packing_file import read_packing
-    from jampetsc.mechanics.assembly import assemble
-    from jampetsc.mechanics.compatibility import build_compatibility
     from jampetsc.mechanics.network import build_network
     from jampetsc.oscillation.response import Drive
     from jampetsc.oscillation.steady import SteadyOscillation
@@ -87,8 +85,8 @@ def main():
 
     disks = read_packing(path)
     network = build_network(disks, session.start("real").comm)
-    compatibility = build_compatibility(assemble(network, damping_law(exponent=args.alpha)))
-    oscillation = SteadyOscillation(compatibility, 2.0 * float(disks.radii.mean()), args.steps)
+    law = damping_law(exponent=args.alpha)
+    oscillation = SteadyOscillation(network, law, 2.0 * float(disks.radii.mean()), args.steps)
     begun = time.perf_counter(), time.process_time()
     found = oscillation.solve(Drive(args.omega, args.stress, stress_controlled=True))
     ours = time.perf_counter() - begun[0], time.process_time() - begun[1]
@@ -99,7 +97,8 @@ def main():
         flush=True,
     )
 
-    equations = Equations(compatibility, oscillation.power.coefficient, args.alpha, args.omega, args.stress)
+    power, pencil = oscillation.power, oscillation.contacts.pencil
+    equations = Equations(pencil, power.coefficient, args.alpha, args.omega, args.stress)
     first = oscillation.equivalent(Drive(args.omega, args.stress, stress_controlled=True))[0].waves
     kept = np.append(equations.free, first.shape[1] - 1)
     Q, v = (first[0] / (1j * args.omega)).real[kept], first[0].real[kept]

@@ -54,7 +54,7 @@ def rational(path, chosen):
     end, used = time.perf_counter(), time.process_time() - used
     solves = running.PETSc.Log.Event("MatSolve").getPerfInfo()["count"]
     once = time.process_time()
-    ShiftedFactor(shifted(pencil.K, pencil.B, 1e-3), "K + sB").destroy()
+    ShiftedFactor(shifted(pencil.K, pencil.B, 1e-3), "K + sB")
     once = time.process_time() - once
     if running.rank == 0:
         report(

@@ -1,11 +1,7 @@
 """Solvers of oscillations of a packing, as tests of several rooms ask for them."""
 
-from contextlib import contextmanager
-
 from samples import network_of
 
-from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.compatibility import build_compatibility
 from jampetsc.oscillation.halfcycles import SteppedOscillation
 from jampetsc.oscillation.powerlaw import STIFFEST
 from jampetsc.oscillation.steady import SteadyOscillation
@@ -17,15 +13,10 @@ def mean_diameter(disks):
     return 2.0 * float(disks.radii.mean())
 
 
-@contextmanager
 def steady_oscillation(disks, physics, steps, stiffest=STIFFEST):
     """A SteadyOscillation of these disks. Collective."""
-    pencil = assemble(network_of(disks, physics, current().comm), physics.law)
-    compatibility = build_compatibility(pencil)
-    oscillation = SteadyOscillation(compatibility, mean_diameter(disks), steps, stiffest)
-    yield oscillation
-    for item in (oscillation, compatibility, pencil):
-        item.destroy()
+    network = network_of(disks, physics, current().comm)
+    return SteadyOscillation(network, physics.law, mean_diameter(disks), steps, stiffest)
 
 
 def stepped_oscillation(disks, physics, steps):

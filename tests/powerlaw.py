@@ -213,9 +213,7 @@ class Friction(Motion):
 
 def slow_moduli(network, disks, alpha, omega, strain):
     """(G', G'') of contacts that move as in slow shear, and of what that dissipates: ∝ ω^α γ₀^(α−1). Collective."""
-    elastic = ElasticResponse(network)
-    shear = elastic.shear()
-    elastic.destroy()
+    shear = ElasticResponse(network).shear()
     total = network.sum(np.sum(np.sum(shear.motions[:, :2] ** 2, axis=1) ** (0.5 * (1 + alpha))))
     phase = (np.arange(100_000) + 0.5) * np.pi / 100_000
     cycle = 2 * np.pi * np.mean(np.sin(phase) ** (1 + alpha))

@@ -8,9 +8,9 @@ from jampetsc.mechanics.assembly import assemble
 
 
 class Sweep:
-    """The sweep of `disks` for `physics`, finished; a context manager. Collective.
+    """The sweep of `disks` for `physics`. Collective.
 
-    G (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|; galerkin, basis and sweep as the package made them
+    Of a finished one G (M,), bounds (M, 3) on |ΔG*|, |ΔG'|, |ΔG''|; galerkin, basis and sweep as the package made them
     """
 
     def __init__(self, disks, physics, omega, accuracy, comm, parallel="auto"):
@@ -18,23 +18,16 @@ class Sweep:
         self.network = network_of(disks, physics, comm)
         self.pencil = assemble(self.network, physics.law)
         self.sweep = RationalSweep(self.pencil, self.omega, accuracy, parallel)
-        self.compatibility = self.sweep.compatibility
+        self.compatibility = self.pencil.compatibility
 
-    def __enter__(self):
-        try:
-            while shifts := self.sweep.next_shifts():
-                self.sweep.add_shifts(shifts)
-            found = self.sweep.certificate
-            self.galerkin, self.G, self.bounds = self.sweep.galerkin, found.G, found.bounds
-        except BaseException:
-            self.__exit__()
-            raise
+    def solved(self):
+        """The same, finished."""
+        while shifts := self.sweep.next_shifts():
+            self.sweep.add_shifts(shifts)
+        found = self.sweep.certificate
+        self.galerkin, self.G, self.bounds = self.sweep.galerkin, found.G, found.bounds
         self.basis = self.sweep.basis
         return self
-
-    def __exit__(self, *_):
-        for item in (self.sweep, self.pencil):
-            item.destroy()
 
 
 def errors(G, exact):

@@ -165,7 +165,9 @@ class Job:
                 LOG.debug(
                     "PETSc %s, %s scalars, %d ranks: %s", version, running.scalar_type, running.size, self
                 )
-            return self.work(to)
+            summary = self.work(to)
+            running.free_dropped(running.comm)
+            return summary
         from jampetsc.collective import on_root  # and numpy: not before `cli.main` has said how many threads
 
         comm = None if alone else session.communicator()

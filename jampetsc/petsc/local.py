@@ -33,7 +33,7 @@ class NewtonSolver:
         """
         pattern = (indptr, indices)
         if self._cholesky is None or not all(map(np.array_equal, pattern, self._pattern)):
-            size = len(indptr) - 1
+            self._cholesky, size = None, len(indptr) - 1  # the old factor makes room for the new one
             matrix = self._petsc.Mat().createSBAIJ(
                 (size, size), 1, csr=(indptr, indices, values), comm=self._petsc.COMM_SELF
             )

@@ -217,11 +217,12 @@ class Session:
         self.free_dropped(self.comm)
 
     def free_dropped(self, comm):
-        """Free the PETSc objects of the ranks of `comm` to which all of them have dropped their references. Collective.
+        """Free PETSc's objects of this rank, and of those of `comm`, that python has dropped. Collective over comm.
 
-        An object of one rank is freed with its last reference; PETSc keeps those of several until all ranks come here.
+        PETSc keeps objects of several ranks, 3.18 also those of one, until all of them come here.
         """
         if hasattr(self.PETSc, "garbage_cleanup"):  # petsc4py ≥ 3.18
+            self.PETSc.garbage_cleanup(self.PETSc.COMM_SELF)
             self.PETSc.garbage_cleanup(comm)
 
 

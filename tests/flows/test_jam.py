@@ -26,12 +26,10 @@ def one_rank(test):
 
 @pytest.fixture
 def solver(session):
-    """The solver that proves minima, destroyed at the end."""
+    """The solver that proves minima."""
     from jampetsc.petsc.local import NewtonSolver
 
-    solver = NewtonSolver()
-    yield solver
-    solver.destroy()
+    return NewtonSolver()
 
 
 def random_disks(n, phi, seed=1, potential=POTENTIAL, unit=1.0, **more):

@@ -58,9 +58,7 @@ def jammed(session):
     """48 disks at φ = 0.87 to shear slowly, and the solver of their quench."""
     from jampetsc.petsc.local import NewtonSolver
 
-    solver = NewtonSolver()
-    yield settle(random_start(1.2 * radii_of("bidisperse", 48), 0.87, 1, SOFT), 1e-6), solver
-    solver.destroy()
+    return settle(random_start(1.2 * radii_of("bidisperse", 48), 0.87, 1, SOFT), 1e-6), NewtonSolver()
 
 
 def test_plastic_events_are_the_steps_that_cannot_be_reversed(jammed):

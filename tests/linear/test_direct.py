@@ -35,18 +35,9 @@ pytestmark = pytest.mark.scalar("complex", "real")
 OMEGA = (1e-10, 1e-6, 1e-3, 1.0, 1e3)
 
 
-class Solver(FrequencySolver):
-    """A solver that frees its pencil as well; a context manager."""
-
-    def __init__(self, disks, physics, comm, positive=False):
-        super().__init__(assemble(network_of(disks, physics, comm), physics.law), positive)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.destroy()
-        self.pencil.destroy()
+def solver_of(disks, physics, comm, positive=False):
+    """The FrequencySolver of these disks. Collective."""
+    return FrequencySolver(assemble(network_of(disks, physics, comm), physics.law), positive)
 
 
 def compare(found, wanted, accuracy, what):
@@ -62,11 +53,11 @@ def test_published_moduli(session, case):
     """Nine laws at eleven frequencies in 50-digit arithmetic; printed to 14 digits. By both methods."""
     parameters = dict(case["parameters"])
     law, omegas = physics(parameters.pop("law"), **parameters), case["omega"]
-    with Solver(published(), law, session.comm) as solver:
-        found = [(np.array([solver.solve(omega, 1e-9).G for omega in omegas]), 1e-12)]
+    solver = solver_of(published(), law, session.comm)
+    found = [(np.array([solver.solve(omega, 1e-9).G for omega in omegas]), 1e-12)]
     if session.scalar_type == "real":
-        with Sweep(published(), law, omegas, 1e-10, session.comm) as sweep:
-            found.append((sweep.G, 1e-10))
+        sweep = Sweep(published(), law, omegas, 1e-10, session.comm).solved()
+        found.append((sweep.G, 1e-10))
     for G, rtol in found:
         np.testing.assert_allclose(G.real, case["G_storage"], rtol=rtol)
         np.testing.assert_allclose(G.imag, case["G_loss"], rtol=rtol)
@@ -79,20 +70,20 @@ def test_against_the_dense_reference(session, sample):
     accuracy = 1e-8 if sample == "gears" else 1e-10
     omegas = OMEGA if session.size == 1 else (1e-6, 1.0)  # ranks that share a factor take long
     for law in laws_of(sample, session.size):
-        with Solver(SAMPLES[sample](), LAWS[law], session.comm) as solver:
-            for omega in omegas:
-                found = solver.solve(omega, 1e-6)
-                compare(found, modulus(sample, law, omega), accuracy, (law, omega))
+        solver = solver_of(SAMPLES[sample](), LAWS[law], session.comm)
+        for omega in omegas:
+            found = solver.solve(omega, 1e-6)
+            compare(found, modulus(sample, law, omega), accuracy, (law, omega))
 
 
 @pytest.mark.parametrize("name", [str(physics()), str(physics("stokes"))])
 def test_field(session, name):
     """x is the non-affine motion per unit strain, up to moves that cost nothing: translations, but for drag."""
     law, exact = LAWS[name], reference("strips", name)
-    with Solver(SAMPLES["strips"](), law, session.comm) as solver:
-        solver.solve(0.1, 1e-6)
-        x = np.concatenate(session.comm.allgather(solver.x))
-        rows = unknowns(solver.pencil.network, law.law.dofs, exact.disks)
+    solver = solver_of(SAMPLES["strips"](), law, session.comm)
+    solver.solve(0.1, 1e-6)
+    x = np.concatenate(session.comm.allgather(solver.x))
+    rows = unknowns(solver.pencil.network, law.law.dofs, exact.disks)
     wanted = exact.solution(0.1)[0][rows]
     difference = x - wanted if law.law.drag else without(exact.free_moves()[rows], x - wanted)
     np.testing.assert_allclose(difference.astype(complex), 0, atol=1e-10 * float(np.abs(wanted).max()))
@@ -105,8 +96,8 @@ def test_disks_far_from_a_minimum(session):
     disks = Disks.from_positions(places, np.full(16, 0.5), 3.0 * np.eye(2))
     exact = Reference(disks, physics())
     assert np.diag(exact.K).min() < -1.0
-    with Solver(disks, physics(), session.comm) as solver:
-        compare(solver.solve(1e-3, 1e-6), exact.modulus(1e-3), 1e-10, "far from a minimum")
+    solver = solver_of(disks, physics(), session.comm)
+    compare(solver.solve(1e-3, 1e-6), exact.modulus(1e-3), 1e-10, "far from a minimum")
 
 
 # type of KSP, type of PC, tolerance, iterations; a second solver of each kind keeps its factor
@@ -131,7 +122,7 @@ def test_no_solver_makes_a_bound_false(session, hostile, sample, positive):
         return  # slow there, and no other than on one rank
     kind, pc, rtol, iterations = hostile
     for law in (physics(), physics("stokes")):
-        solver = Solver(SAMPLES[sample](), law, session.comm, positive)
+        solver = solver_of(SAMPLES[sample](), law, session.comm, positive)
         solver.ksp.setType(kind)
         solver.ksp.getPC().setType(pc)
         solver.ksp.setTolerances(rtol=rtol, max_it=iterations)
@@ -148,33 +139,32 @@ def test_no_solver_makes_a_bound_false(session, hostile, sample, positive):
             else:
                 assert positive or solver.singular_bound.omega == omega  # it serves at others only if K ≥ 0
             compare(found, modulus(sample, str(law), omega), np.inf, (law, omega))
-        solver.__exit__()
 
 
 @pytest.mark.most_ranks(2)
 @pytest.mark.parametrize("law", [physics(), physics("stokes")], ids=str)
 def test_a_singular_bound_holds(session, law):
     """No r makes more of A⁻¹ than said, at its own frequency and, where K ≥ 0, at others; a wrong factor has none."""
-    with Solver(published(), law, session.comm) as solver:
-        K, B = dense(solver.pencil.K), dense(solver.pencil.B)
-        free = np.delete(np.arange(len(K)), solver.pencil.pins)
-        moves = 2 if law.law.drag else 0  # translations, along which no force is left
+    solver = solver_of(published(), law, session.comm)
+    K, B = dense(solver.pencil.K), dense(solver.pencil.B)
+    free = np.delete(np.arange(len(K)), solver.pencil.pins)
+    moves = 2 if law.law.drag else 0  # translations, along which no force is left
 
-        def gain(omega, diagonal):
-            A = (K + 1j * omega * B)[np.ix_(free, free)] / np.sqrt(np.outer(diagonal, diagonal))
-            return 1.0 / np.linalg.svd(A, compute_uv=False)[-1 - moves]
+    def gain(omega, diagonal):
+        A = (K + 1j * omega * B)[np.ix_(free, free)] / np.sqrt(np.outer(diagonal, diagonal))
+        return 1.0 / np.linalg.svd(A, compute_uv=False)[-1 - moves]
 
-        solver.solve(1.0, 1e-6)
-        lower = solver._find_singular_bound(1.0)
-        diagonal = np.concatenate(session.comm.allgather(lower.diagonal))[free]
-        exact = replace(lower, least=1.0 / gain(1.0, diagonal))
-        assert 1e-4 * exact.least < lower.least <= exact.least
-        for omega in (1e-3, 1.0, 30.0):
-            assert gain(omega, diagonal) <= 1.000001 * exact.reach(omega)
-        wrong = solver.form.A.copy()
-        wrong.scale(1e6)
-        solver.ksp.setOperators(solver.form.A, wrong)
-        assert solver._find_singular_bound(1.0).least == 0.0
+    solver.solve(1.0, 1e-6)
+    lower = solver._find_singular_bound(1.0)
+    diagonal = np.concatenate(session.comm.allgather(lower.diagonal))[free]
+    exact = replace(lower, least=1.0 / gain(1.0, diagonal))
+    assert 1e-4 * exact.least < lower.least <= exact.least
+    for omega in (1e-3, 1.0, 30.0):
+        assert gain(omega, diagonal) <= 1.000001 * exact.reach(omega)
+    wrong = solver.form.A.copy()
+    wrong.scale(1e6)
+    solver.ksp.setOperators(solver.form.A, wrong)
+    assert solver._find_singular_bound(1.0).least == 0.0
 
 
 @pytest.mark.most_ranks(1)
@@ -213,23 +203,21 @@ def test_least_singular_value_is_a_lower_bound():
 def test_what_is_asked_is_what_is_certified(session):
     """Of G'' as well, which sliding rows of gears without pre-stress leave 1e-10 of nothing."""
     refused, law = 0, physics(prestress=False)
-    with Solver(SAMPLES["gears"](), law, session.comm) as solver:
-        for accuracy in np.geomspace(1e-4, 1e-10, 4):
-            try:
-                found = solver.solve(1e-10, accuracy)
-            except ConvergenceError:
-                refused += 1
-            else:
-                assert (
-                    found.bounds[1] <= accuracy * found.G.real and found.bounds[2] <= accuracy * found.G.imag
-                )
+    solver = solver_of(SAMPLES["gears"](), law, session.comm)
+    for accuracy in np.geomspace(1e-4, 1e-10, 4):
+        try:
+            found = solver.solve(1e-10, accuracy)
+        except ConvergenceError:
+            refused += 1
+        else:
+            assert found.bounds[1] <= accuracy * found.G.real and found.bounds[2] <= accuracy * found.G.imag
     assert 0 < refused < 4
 
 
 @pytest.mark.most_ranks(2)
 def test_a_singular_bound_is_renewed_where_it_is_too_coarse(session):
     """Fourteen decades further on: the bound is as small as it was."""
-    solver = Solver(published(), physics(), session.comm, True)
+    solver = solver_of(published(), physics(), session.comm, True)
     for omega in (1e-10, 1e-9, 1e8):
         found = solver.solve(omega, 1e-3)
         assert max(found.bounds[1] / found.G.real, found.bounds[2] / found.G.imag) < 1e-11
@@ -244,40 +232,38 @@ def test_the_bound_of_a_wrong_field(session):
     """Of a field that is off by noise the bound is never less than the error, and like it of second order."""
     law, omega = str(physics()), 0.01
     exact = modulus("published", law, omega)
-    with Solver(published(), LAWS[law], session.comm) as solver:
-        solver.solve(omega, 1e-10)
-        right = solver.x
-        noise = np.random.default_rng(session.rank).normal(size=(2, len(right)))
-        pins = solver.pencil.pins - solver.pencil.K.getOwnershipRange()[0]
-        noise[:, pins[(pins >= 0) & (pins < noise.shape[1])]] = 0.0
-        bounds = []
-        for size in (1e-1, 1e-3, 1e-5):
-            trial = solver.functional.trial(omega, right + size * (noise[0] + 1j * noise[1]))
-            found = solver.functional.certify(trial, solver.singular_bound)
-            error = abs(found.G - exact)
-            assert error <= found.bounds[0]
-            bounds.append(found.error / size**2)
-        np.testing.assert_allclose(bounds, bounds[0], rtol=0.1)
+    solver = solver_of(published(), LAWS[law], session.comm)
+    solver.solve(omega, 1e-10)
+    right = solver.x
+    noise = np.random.default_rng(session.rank).normal(size=(2, len(right)))
+    pins = solver.pencil.pins - solver.pencil.K.getOwnershipRange()[0]
+    noise[:, pins[(pins >= 0) & (pins < noise.shape[1])]] = 0.0
+    bounds = []
+    for size in (1e-1, 1e-3, 1e-5):
+        trial = solver.functional.trial(omega, right + size * (noise[0] + 1j * noise[1]))
+        found = solver.functional.certify(trial, solver.singular_bound)
+        error = abs(found.G - exact)
+        assert error <= found.bounds[0]
+        bounds.append(found.error / size**2)
+    np.testing.assert_allclose(bounds, bounds[0], rtol=0.1)
 
 
 @pytest.mark.most_ranks(2)
 def test_what_cannot_be_solved_is_an_error(session):
     """On all ranks, where the solution of one is no number."""
-    with Solver(published(), physics(), session.comm) as solver:
-        solver.ksp.setType("gmres")
-        solver.ksp.getPC().setType("none")
-        solver.ksp.setTolerances(max_it=2)
-        with pytest.raises(ConvergenceError, match=r"ω = 0\.01: KSP stopped with DIVERGED_M"):
-            solver.solve(0.01, 1e-6)
-        solver.ksp.setType("preonly")
-        with pytest.raises(ConvergenceError, match=r"ω = 0\.01: G' = .* only known to .* after refinement"):
-            solver.solve(0.01, 1e-10)
-        solve = solver.form.solve
-        solver.form.solve = lambda *words: (
-            solve(*words) * (np.nan if session.rank == session.size - 1 else 1.0)
-        )
-        with pytest.raises(ConvergenceError, match=r"ω = 0\.01: KSP gave what is no number"):
-            solver.solve(0.01, 1e-6)
+    solver = solver_of(published(), physics(), session.comm)
+    solver.ksp.setType("gmres")
+    solver.ksp.getPC().setType("none")
+    solver.ksp.setTolerances(max_it=2)
+    with pytest.raises(ConvergenceError, match=r"ω = 0\.01: KSP stopped with DIVERGED_M"):
+        solver.solve(0.01, 1e-6)
+    solver.ksp.setType("preonly")
+    with pytest.raises(ConvergenceError, match=r"ω = 0\.01: G' = .* only known to .* after refinement"):
+        solver.solve(0.01, 1e-10)
+    solve = solver.form.solve
+    solver.form.solve = lambda *words: solve(*words) * (np.nan if session.rank == session.size - 1 else 1.0)
+    with pytest.raises(ConvergenceError, match=r"ω = 0\.01: KSP gave what is no number"):
+        solver.solve(0.01, 1e-6)
 
 
 @pytest.mark.most_ranks(2)
@@ -333,21 +319,21 @@ def test_a_singular_bound_serves_elsewhere_only_where_K_is_known_to_have_no_nega
 def test_a_factor_of_another_frequency_will_do(session):
     """With -freq_ksp_reuse_preconditioner a factor serves until it no longer converges."""
     law = str(physics())
-    with Solver(published(), LAWS[law], session.comm) as solver:
-        solver.reuse = True
-        solver.ksp.setType("gmres")
-        solver.ksp.setTolerances(rtol=1e-8, max_it=30)
-        grid = np.geomspace(1e-6, 1e2, 9)
-        for omega in grid:
-            compare(solver.solve(omega, 1e-9), modulus("published", law, omega), 1e-9, omega)
-        assert 1 < solver.factorisations < len(grid)
+    solver = solver_of(published(), LAWS[law], session.comm)
+    solver.reuse = True
+    solver.ksp.setType("gmres")
+    solver.ksp.setTolerances(rtol=1e-8, max_it=30)
+    grid = np.geomspace(1e-6, 1e2, 9)
+    for omega in grid:
+        compare(solver.solve(omega, 1e-9), modulus("published", law, omega), 1e-9, omega)
+    assert 1 < solver.factorisations < len(grid)
 
 
 def test_the_matrix_is_scaled_to_a_unit_diagonal(session):
     """At every frequency: angles are of order ω."""
-    with Solver(published(), physics(), session.comm) as solver:
-        K, B = (np.diag(dense(matrix)) for matrix in (solver.pencil.K, solver.pencil.B))
-        for omega in (1e-6, 1.0, 1e4):
-            solver.form.set(omega)
-            magnitude = np.concatenate(session.comm.allgather(solver.form.magnitude))
-            np.testing.assert_allclose(magnitude, np.abs(K + 1j * omega * B), rtol=1e-14)
+    solver = solver_of(published(), physics(), session.comm)
+    K, B = (np.diag(dense(matrix)) for matrix in (solver.pencil.K, solver.pencil.B))
+    for omega in (1e-6, 1.0, 1e4):
+        solver.form.set(omega)
+        magnitude = np.concatenate(session.comm.allgather(solver.form.magnitude))
+        np.testing.assert_allclose(magnitude, np.abs(K + 1j * omega * B), rtol=1e-14)

@@ -31,9 +31,9 @@ def test_small_packings(session, sample, law):
     exact = Reference(sample(), law)
     wanted = np.array([exact.modulus(omega) for omega in OMEGA])
     for accuracy in (1e-2, 1e-10):
-        with Sweep(sample(), law, OMEGA, accuracy, session.comm) as found:
-            judge(found.G, found.bounds, wanted, accuracy, (law, accuracy))
-            assert found.galerkin.spectrum.weights.min(initial=0.0) >= 0.0
+        found = Sweep(sample(), law, OMEGA, accuracy, session.comm).solved()
+        judge(found.G, found.bounds, wanted, accuracy, (law, accuracy))
+        assert found.galerkin.spectrum.weights.min(initial=0.0) >= 0.0
 
 
 @pytest.mark.parametrize("omega", [1e-14, 1e8], ids=str)
@@ -42,8 +42,8 @@ def test_small_packings(session, sample, law):
 )
 def test_one_frequency_alone(session, law, omega):
     disks, _ = polydisperse(0)
-    with Sweep(disks, law, [omega], 1e-8, session.comm) as found:
-        judge(found.G, found.bounds, np.array([Reference(disks, law).modulus(omega)]), 1e-8, law)
+    found = Sweep(disks, law, [omega], 1e-8, session.comm).solved()
+    judge(found.G, found.bounds, np.array([Reference(disks, law).modulus(omega)]), 1e-8, law)
 
 
 @pytest.mark.parametrize(
@@ -58,8 +58,8 @@ def test_motions_that_hardly_dissipate(session, sample, law, share):
     disks, omega = SAMPLES[sample](), np.geomspace(1e-8, 1e2, 15)
     exact = Reference(disks, law)
     wanted = np.array([exact.modulus(one) for one in omega])
-    with Sweep(disks, law, omega, 1e-6, session.comm) as found:
-        judge(found.G, share * found.bounds, wanted, 1e-6, sample)
+    found = Sweep(disks, law, omega, 1e-6, session.comm).solved()
+    judge(found.G, share * found.bounds, wanted, 1e-6, sample)
 
 
 def test_a_negative_shear_modulus_is_no_instability(session):
@@ -67,6 +67,6 @@ def test_a_negative_shear_modulus_is_no_instability(session):
     packings = ((disks, Reference(disks, physics())) for disks, _ in map(polydisperse, range(10)))
     disks, exact = next(one for one in packings if one[1].quasistatic()[1] < 0)
     wanted = np.array([exact.modulus(omega) for omega in OMEGA])
-    with Sweep(disks, physics(), OMEGA, 1e-6, session.comm) as found:
-        assert found.galerkin.spectrum.G0 < 0
-        judge(found.G, found.bounds, wanted, 1e-6, "negative")
+    found = Sweep(disks, physics(), OMEGA, 1e-6, session.comm).solved()
+    assert found.galerkin.spectrum.G0 < 0
+    judge(found.G, found.bounds, wanted, 1e-6, "negative")

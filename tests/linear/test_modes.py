@@ -182,7 +182,6 @@ def test_residuals_are_those_of_the_modes(session):
     K = exact.K[:-1, :-1].astype(float)
     left = K @ vectors.T - wanted[:3] * vectors.T
     np.testing.assert_allclose(found, np.linalg.norm(left[rows], axis=0), rtol=1e-10)
-    pencil.destroy()
 
 
 @pytest.mark.most_ranks(1)

@@ -87,7 +87,6 @@ def test_a_rank_may_own_rattlers_only(session):
     pencil = assemble(network, physics().law)
     assert pencil.k_gg == pytest.approx(float(reference("strips", str(physics())).K[-1, -1]), rel=1e-13)
     assert len(pencil.pins) == 4
-    pencil.destroy()
 
 
 def test_too_few_contacts_are_below_jamming(session):

@@ -52,22 +52,19 @@ PROVING = [
 @pytest.fixture
 def factor(session):
     """factor(dense, options): a Cholesky of this matrix with a prefix that nothing else has, not yet factorised."""
-    database, made = session.PETSc.Options(), []
+    database = session.PETSc.Options()
 
     def make(dense, options=(), project=None):
         prefix = f"trial{next(NUMBER)}_"
         for option in options:
             name, _, value = option.partition(" ")
             database.setValue(prefix + name, value or None)
-        made.append(Cholesky(spread(session.comm, dense), prefix, "A", project))
-        return made[-1]
+        return Cholesky(spread(session.comm, dense), prefix, "A", project)
 
     yield make
     for name in database.getAll():
         if name.startswith("trial"):
             database.delValue(name)
-    for cholesky in made:
-        cholesky.destroy()
 
 
 def definite(n=12):
@@ -269,7 +266,6 @@ def test_a_newton_solver_sees_that_a_pattern_has_changed(session):
         dense = 2.0 * np.eye(3)
         dense[0, columns[1]] = dense[columns[1], 0] = -1.0
         np.testing.assert_allclose(dense @ solver.solve(np.arange(1.0, 4.0)), [1.0, 2.0, 3.0], rtol=1e-14)
-    solver.destroy()
 
 
 def test_lack_of_memory_is_said():
@@ -341,7 +337,7 @@ def test_a_packing_that_is_not_at_rest_is_not_certified(session, tmp_path, capfd
 def test_softness_is_counted_where_it_cannot_be_told_from_nothing(session):
     """Two springs a million million times weaker than the others: what they hold is softer than solves can tell."""
     network = build_network(SAMPLES["isostatic"](), session.comm, prestress=False)
-    ElasticResponse(network).destroy()
+    ElasticResponse(network)
     pairs = pairs_of(network)
     degree = np.bincount(np.ravel(pairs))
     free = [pair for pair in pairs if (degree[list(pair)] > 3).all()]

@@ -40,8 +40,8 @@ def drive_of(omega, stress=None, strain=None):
 @cache
 def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=STIFFEST):
     """The Steady of the published packing, solved once. Collective."""
-    with shaker(alpha, steps, stiffest) as oscillation:
-        return oscillation.solve(drive_of(omega, stress, strain))
+    oscillation = shaker(alpha, steps, stiffest)
+    return oscillation.solve(drive_of(omega, stress, strain))
 
 
 @pytest.mark.most_ranks(1)
@@ -58,8 +58,8 @@ def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=ST
 )
 def test_against_integration_in_time(alpha, omega, imposed):
     """A cycle integrated from the steady state that was found comes back to it, with the same modulus."""
-    with shaker(alpha) as oscillation:
-        found, network = oscillation.solve(drive_of(omega, **imposed)), oscillation.network
+    oscillation = shaker(alpha)
+    found, network = oscillation.solve(drive_of(omega, **imposed)), oscillation.network
     motion = Motion(published(), physics(exponent=alpha), omega, **imposed)
     rows = unknowns(network, motion.exact.dofs, motion.exact.disks)
     orders = np.arange(1, 2 * len(found.velocity), 2)
@@ -86,15 +86,13 @@ def test_against_integration_in_time(alpha, omega, imposed):
 )
 def test_linear_damping_is_the_sweep(options, imposed):
     omega = np.array([1e-4, 3e-2, 5.0])
-    with (
-        Sweep(published(), physics(**options), omega, 1e-8, current().comm) as sweep,
-        shaker(1.0, 16, **options) as oscillation,
-    ):
-        for at, bound, G in zip(omega, sweep.bounds[:, 0], sweep.G, strict=True):
-            found = oscillation.solve(drive_of(at, **imposed))
-            assert abs(found.G - G) <= found.error + bound
-            assert found.error < 1e-6 * abs(G)
-            assert np.all(abs(found.harmonics) < 1e-6)
+    sweep = Sweep(published(), physics(**options), omega, 1e-8, current().comm).solved()
+    oscillation = shaker(1.0, 16, **options)
+    for at, bound, G in zip(omega, sweep.bounds[:, 0], sweep.G, strict=True):
+        found = oscillation.solve(drive_of(at, **imposed))
+        assert abs(found.G - G) <= found.error + bound
+        assert found.error < 1e-6 * abs(G)
+        assert np.all(abs(found.harmonics) < 1e-6)
 
 
 @pytest.mark.most_ranks(1)
@@ -145,16 +143,15 @@ def test_regularisation_does_not_matter():
 
 def test_only_what_is_left_of_the_equations_counts():
     """SNES may be told to call anything converged."""
-    with shaker(0.5, 16) as oscillation:
-        contacts, law = oscillation.contacts, oscillation.power.softened(1e-8)
-        equations = Equations(contacts, Cycle(16, OMEGA), law, Drive(OMEGA, STRESS, True), STRESS, 1.0)
-        newton = Newton(equations)
-        newton.snes.setType("ksponly")
-        start = np.full(equations.size, 1e-9)
-        with pytest.raises(ConvergenceError, match="times what is allowed is left"):
-            newton.solve(start, 1e-9 * STRESS)
-        assert newton.snes.getConvergedReason() > 0
-        newton.destroy()
+    oscillation = shaker(0.5, 16)
+    contacts, law = oscillation.contacts, oscillation.power.softened(1e-8)
+    equations = Equations(contacts, Cycle(16, OMEGA), law, Drive(OMEGA, STRESS, True), STRESS, 1.0)
+    newton = Newton(equations)
+    newton.snes.setType("ksponly")
+    start = np.full(equations.size, 1e-9)
+    with pytest.raises(ConvergenceError, match="times what is allowed is left"):
+        newton.solve(start, 1e-9 * STRESS)
+    assert newton.snes.getConvergedReason() > 0
 
 
 @pytest.mark.most_ranks(1)
@@ -162,9 +159,9 @@ def test_only_what_is_left_of_the_equations_counts():
 def test_slow_limit(alpha):
     """At low frequency contacts move as in slow shear, and G'' is what that dissipates."""
     omega = 1e-12 if alpha == 0.5 else 1e-9
-    with shaker(alpha, rotations=False) as oscillation:
-        found = oscillation.solve(drive_of(omega, strain=1e-4))
-        storage, loss = slow_moduli(oscillation.network, published(), alpha, omega, 1e-4)
+    oscillation = shaker(alpha, rotations=False)
+    found = oscillation.solve(drive_of(omega, strain=1e-4))
+    storage, loss = slow_moduli(oscillation.network, published(), alpha, omega, 1e-4)
     assert found.G.imag == pytest.approx(loss, rel=1e-2)
     assert found.G.real == pytest.approx(storage, rel=1e-2)
     assert found.G.imag < 0.05 * found.G.real
@@ -182,16 +179,15 @@ def test_the_command_has_the_mean_diameter_for_its_length_and_leaves_no_checkpoi
 @pytest.mark.parametrize("diagonal", [0.2, -1.0, np.nan])
 def test_a_factor_that_fails_on_one_rank_fails_on_all(session, diagonal):
     """Ranks share the harmonics, each with factors of its own; so much of its diagonal is not positive definite."""
-    with shaker(0.5, 16) as oscillation:
-        contacts = oscillation.contacts
-        preconditioner = HarmonicPreconditioner(contacts, Cycle(16, OMEGA), True)
-        stiffness = np.ones((contacts.count, len(contacts.damped)))
-        preconditioner.update(stiffness)
-        if session.rank == session.size - 1:
-            preconditioner._K.setdiag(diagonal * preconditioner._K.diagonal())
-        with pytest.raises(NotPositiveDefinite, match=r"K/Ω \+ B at Ω = "):
-            preconditioner.update(1e-12 * stiffness)
-        preconditioner.destroy()
+    oscillation = shaker(0.5, 16)
+    contacts = oscillation.contacts
+    preconditioner = HarmonicPreconditioner(contacts, Cycle(16, OMEGA), True)
+    stiffness = np.ones((contacts.count, len(contacts.damped)))
+    preconditioner.update(stiffness)
+    if session.rank == session.size - 1:
+        preconditioner._K.setdiag(diagonal * preconditioner._K.diagonal())
+    with pytest.raises(NotPositiveDefinite, match=r"K/Ω \+ B at Ω = "):
+        preconditioner.update(1e-12 * stiffness)
 
 
 @pytest.mark.least_ranks(2)

@@ -40,8 +40,8 @@ def stepped(alpha, omega, amplitude, stress=False, steps=8, **options):
 def test_steps_in_time_are_the_whole_cycle(stress, sample):
     weights = {"normal": 0.5, "beta": 1.5}
     drive = Drive(frequency(0.5, 0.3, 1e-4), 1e-4, stress)
-    with steady_oscillation(SAMPLES[sample](), physics(exponent=0.5, **weights), 32) as whole:
-        exact = whole.solve(drive)
+    whole = steady_oscillation(SAMPLES[sample](), physics(exponent=0.5, **weights), 32)
+    exact = whole.solve(drive)
     found = stepped(0.5, drive.omega, 1e-4, stress, 16, sample=sample, **weights)
     assert abs(found.G - exact.G) <= found.error + exact.error
     assert found.error < 1e-2 * abs(exact.G) and abs(found.energy_balance) < 1e-2
@@ -58,8 +58,8 @@ def test_steps_in_time_are_the_whole_cycle(stress, sample):
     ],
 )
 def test_linear_damping_is_the_sweep(stress, options):
-    with Sweep(published(), physics(**options), np.array([3e-2]), 1e-8, current().comm) as sweep:
-        G, bound = sweep.G[0], sweep.bounds[0, 0]
+    sweep = Sweep(published(), physics(**options), np.array([3e-2]), 1e-8, current().comm).solved()
+    G, bound = sweep.G[0], sweep.bounds[0, 0]
     found = stepped(1.0, 3e-2, 1e-4, stress, 16, **options)
     assert abs(found.G - G) <= found.error + bound < 2e-2 * abs(G)
 
@@ -199,8 +199,8 @@ def test_half_cycles_are_mixed():
 def test_steps_in_time_begin_as_the_cycle_does(alpha, stress, off):
     """Where what is imposed grows through zero: moves, velocities and sizes are those of the cycle at once."""
     drive = Drive(frequency(alpha, 0.1, 1e-4), 1e-4, stress)
-    with steady_oscillation(published(), physics(exponent=alpha, rotations=False), 64) as whole:
-        exact = whole.start(drive)
+    whole = steady_oscillation(published(), physics(exponent=alpha, rotations=False), 64)
+    exact = whole.start(drive)
     found = oscillation(alpha, 32, rotations=False).start(drive)
     for name in ("displacement", "velocity"):
         a, b = (getattr(start, name) - getattr(start, name).mean(axis=0) for start in (found, exact))

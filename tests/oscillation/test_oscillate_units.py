@@ -80,16 +80,16 @@ def start_of(alpha, scaled, drive):
     """The Start of this packing under a drive."""
     if alpha < 0.45:
         return stepped_oscillation(packing(scaled), law_of(alpha, scaled), 8).start(drive)
-    with steady_oscillation(packing(scaled), law_of(alpha, scaled), 16, 1e3) as oscillation:
-        return oscillation.start(drive)
+    oscillation = steady_oscillation(packing(scaled), law_of(alpha, scaled), 16, 1e3)
+    return oscillation.start(drive)
 
 
 @pytest.mark.parametrize("stress", [True, False])
 def test_cycles_at_once(stress):
     found = []
     for scaled in (False, True):
-        with steady_oscillation(packing(scaled), law_of(0.5, scaled), 16, 1e3) as oscillation:
-            found.append(oscillation.solve(drive_of(0.5, 0.3, 1e-3, stress, scaled)))
+        oscillation = steady_oscillation(packing(scaled), law_of(0.5, scaled), 16, 1e3)
+        found.append(oscillation.solve(drive_of(0.5, 0.3, 1e-3, stress, scaled)))
     compare(*found, LARGER, 1e-6, ("velocity", "speed", "energy_balance"))
 
 
