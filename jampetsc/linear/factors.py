@@ -1,7 +1,7 @@
 """The factorisations of a rational sweep, and the two ways to use ranks for them.
 
-Distributed  one factorisation at a time, distributed over all ranks: for matrices that fill more than one rank's memory
-SideBySide   every rank holds all of K + sB and factorises a shift of its own: no communication where the time goes
+shared        one factorisation at a time, by all ranks: for matrices that fill more than the memory of one
+side by side  every rank holds all of K + sB and factorises a shift of its own: no communication where the time goes
 """
 
 import itertools
@@ -21,12 +21,11 @@ BYTES = 60.0  # of a factor and its matrix per n log₂ n, n unknowns: 60 to 61 
 ALONE = 400_000  # unknowns up to which every rank holds whole matrices: a factor then takes about 1 GB
 
 
-def make_factors(pencil: Pencil, parallel: str = "auto"):
-    """SideBySide for "shifts", Distributed for "matrix"; "auto" chooses by number of unknowns and ranks. Collective."""
+def side_by_side(pencil: Pencil, parallel: str) -> bool:
+    """Whether each rank has shifts of its own: for "shifts", and for "auto" by number of unknowns and ranks."""
     size = pencil.network.comm.size
-    if parallel == "auto":
-        parallel = "shifts" if 1 < size <= MOST_AT_ONCE and pencil.unknowns <= ALONE else "matrix"
-    return SideBySide(pencil) if parallel == "shifts" and size > 1 else Distributed(pencil)
+    few = size <= MOST_AT_ONCE and pencil.unknowns <= ALONE
+    return size > 1 and (parallel == "shifts" or (parallel == "auto" and few))
 
 
 def most_held(pencil: Pencil) -> int:
@@ -51,88 +50,63 @@ def closest(shifts, s):
     return next((at for at in shifts if 1.0 / SAME_SHIFT < at / s < SAME_SHIFT), None)
 
 
-class Distributed:
-    """One factor at a time on all ranks. Methods are collective.
+class Factors:
+    """Factors of K + sB at some shifts. Methods are collective; what fails on one rank is raised on all.
 
-    As many are kept as fit into `SHARE` of the memory; others are freed, and made again when they are needed.
+    Of those that all ranks share as many are kept as fit into `SHARE` of the memory; others are freed, and made again
+    when they are needed. Side by side each rank grows a short Krylov chain of its own from the residual of the basis;
+    together they span what they would have one after the other (parallel rational Krylov, Berljafa & Güttel 2017).
+
+    parallel   "shifts" (side by side), "matrix" (shared) or "auto"
+    width      number of shifts factorised at the same time
     """
 
-    width = 1  # number of shifts factorised at the same time
+    def __init__(self, pencil: Pencil, parallel: str = "auto"):
+        self.pencil, self.comm = pencil, pencil.network.comm
+        self._alone = side_by_side(pencil, parallel)
+        self.width = min(self.comm.size, MOST_AT_ONCE) if self._alone else 1
+        self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
+        self.whole = pencil.gathered() if self._alone else pencil  # what is factorised
+        self.owner: dict[float, int] = {}  # rank that has the factor of a shift; 0 if all share it
+        self._held: dict[
+            float, ShiftedFactor
+        ] = {}  # factors in this rank's memory, the one used last at the end
+        self._most = np.inf if self._alone else most_held(pencil)
 
-    def __init__(self, pencil: Pencil):
-        self.pencil = pencil
-        self.shifts: list[float] = []  # of all factors, freed ones included
-        self._held: dict[float, ShiftedFactor] = {}  # factors in memory, the one used last at the end
-        self._most = most_held(pencil)
+    @property
+    def shifts(self) -> list[float]:
+        """Shifts of all factors, freed ones included."""
+        return list(self.owner)
+
+    def _is_mine(self, s):
+        return not self._alone or self.owner[s] == self.comm.rank
 
     def _factor(self, s):
         """The factor of K + sB."""
         factor = self._held.pop(s, None)
         if factor is None and len(self._held) == self._most:
             factor = self._held.pop(next(iter(self._held)))
-            factor.renew(self.pencil.K, self.pencil.B, s, _named(s))
-        self._held[s] = factor or _new_factor(self.pencil, s)
+            factor.renew(self.whole.K, self.whole.B, s, _named(s))
+        self._held[s] = factor or _new_factor(self.whole, s)
         return self._held[s]
 
-    def factorise(self, shifts) -> None:
-        """Make sure that each shift has a factor near it."""
-        for s in shifts:
-            if closest(self.shifts, s) is None:
-                self._factor(s)
-                self.shifts.append(s)
-
-    def field(self, s: float):
-        """(shift, x): the field x (n_local,) at the shift next to s that there is a factor of, see `field_at`."""
-        s = closest(self.shifts, s)
-        return s, field_at(self.pencil, self._factor(s), s)
-
-    def extend(self, basis: RationalBasis, shifts, count: int) -> None:
-        """Add `count` vectors at each shift."""
-        for s in shifts:
-            at = closest(self.shifts, s)
-            basis.extend(self._factor(at), at, count)
-
-    def energies(self, v) -> dict[float, tuple[float, float]]:
-        """vᵀ(K + sB)⁻¹v for every shift s there is, as `ShiftedFactor.energy` has it; v (n_local,)."""
-        rhs = self.pencil.K.createVecRight()
-        rhs.setArray(v)
-        held = list(self._held)  # first, before they make room for the others
-        found = {s: self._factor(s).energy(rhs) for s in sorted(self.shifts, key=lambda s: s not in held)}
-        return {s: found[s] for s in self.shifts}
-
-    def least_eigenvalue(self, s: float) -> float:
-        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s one of `shifts`."""
-        return self._factor(s).least_eigenvalue()
-
-
-class SideBySide:
-    """A shift per rank. Methods are collective; what fails on one rank is raised on all.
-
-    Each rank grows a short Krylov chain of its own from the residual of the basis; together the chains span
-    what they would have one after the other (parallel rational Krylov, Berljafa & Güttel 2017).
-    """
-
-    def __init__(self, pencil: Pencil):
-        self.pencil = pencil
-        self.comm = pencil.network.comm
-        self.width = min(self.comm.size, MOST_AT_ONCE)
-        self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
-        self.whole = pencil.gathered()
-        self.mine: dict[float, ShiftedFactor] = {}
-        self.owner: dict[float, int] = {}  # rank that has the factor of a shift
-
-    @property
-    def shifts(self) -> list[float]:
-        """Shifts of the present factors."""
-        return list(self.owner)
+    def _by_owner(self, s, action):
+        """What a function finds with the factor of s, on the ranks that have it; None on the others."""
+        with agreed(self.comm):
+            return action(self._factor(s)) if self._is_mine(s) else None
 
     def _gather(self, local):
+        """All rows of a vector, as the factors have them."""
+        if not self._alone:
+            return local
         whole = np.empty(self.rows.sum(), local.dtype)
         self.comm.Allgatherv(np.ascontiguousarray(local), (whole, self.rows))
         return whole
 
     def _scatter(self, whole, owner):
         """This rank's rows of a vector that `owner` has whole."""
+        if not self._alone:
+            return whole
         local = np.empty(self.rows[self.comm.rank])
         send = None if whole is None else (np.ascontiguousarray(whole), self.rows)
         self.comm.Scatterv(send, local, root=owner)
@@ -143,9 +117,8 @@ class SideBySide:
         new = [s for s in shifts if closest(self.owner, s) is None]
         self.owner |= dict(zip(new, itertools.cycle(range(self.width)), strict=False))
         with agreed(self.comm):
-            for s in new:
-                if self.owner[s] == self.comm.rank:
-                    self.mine[s] = _new_factor(self.whole, s)
+            for s in filter(self._is_mine, new):
+                self._factor(s)
 
     def field(self, s: float):
         """(shift, x): the field x (n_local,) at the shift next to s that there is a factor of, see `field_at`."""
@@ -154,15 +127,19 @@ class SideBySide:
         return s, self._scatter(x, self.owner[s])
 
     def extend(self, basis: RationalBasis, shifts, count: int) -> None:
-        """Add `count` vectors at each shift; the chains grow at the same time."""
+        """Add `count` vectors at each shift; side by side their chains grow at the same time."""
+        shifts = [closest(self.owner, s) for s in shifts]
+        if not self._alone:
+            for s in shifts:
+                basis.extend(self._factor(s), s, count)
+            return
         q, more = basis.residual()
         if basis.complete or not more:
             basis.complete = True
             return
-        shifts = [closest(self.owner, s) for s in shifts]
         source = self._gather(q)
         with agreed(self.comm):
-            chains = {s: self._chain(s, source, count) for s in shifts if s in self.mine}
+            chains = {s: self._chain(s, source, count) for s in filter(self._is_mine, shifts)}
         for s in shifts:
             chain = chains.get(s, [])
             length = self.comm.bcast(len(chain), root=self.owner[s])
@@ -182,11 +159,6 @@ class SideBySide:
         x = self._by_owner(s, lambda factor: self._solve_whole(factor, whole))
         return self._scatter(x, self.owner[s])
 
-    def _by_owner(self, s, action):
-        """What a function finds with the factor of s, on the rank that has it; None on the others."""
-        with agreed(self.comm):
-            return action(self.mine[s]) if s in self.mine else None
-
     def _solve_whole(self, factor, source):
         x = self.whole.K.createVecRight()
         x.setArray(source)
@@ -200,19 +172,23 @@ class SideBySide:
         """
         basis = RationalBasis(self.whole, np.inf, np.zeros(len(source)))
         for _ in range(count):
-            if not basis.append(self._solve_whole(self.mine[s], source), s):
+            if not basis.append(self._solve_whole(self._factor(s), source), s):
                 break
             source = basis.images[-1]
         return basis.vectors
 
     def energies(self, v) -> dict[float, tuple[float, float]]:
-        """vᵀ(K + sB)⁻¹v for every shift s at hand, as `ShiftedFactor.energy` has it; v (n_local,)."""
-        rhs = current().PETSc.Vec().createWithArray(self._gather(v), comm=current().PETSc.COMM_SELF)
+        """vᵀ(K + sB)⁻¹v for each of `shifts`, as `ShiftedFactor.energy` has it; v (n_local,)."""
+        rhs = self.whole.K.createVecRight()
+        rhs.setArray(self._gather(v))
+        held = list(self._held)  # first, before they make room for the others
+        mine = sorted(filter(self._is_mine, self.shifts), key=lambda s: s not in held)
         with agreed(self.comm):
-            mine = {s: factor.energy(rhs) for s, factor in self.mine.items()}
-        return {s: energy for part in self.comm.allgather(mine) for s, energy in part.items()}
+            found = {s: self._factor(s).energy(rhs) for s in mine}
+        every = {s: energy for part in self.comm.allgather(found) for s, energy in part.items()}
+        return {s: every[s] for s in self.shifts}
 
     def least_eigenvalue(self, s: float) -> float:
-        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s a shift at hand."""
+        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s one of `shifts`."""
         found = self._by_owner(s, lambda factor: factor.least_eigenvalue())
         return self.comm.bcast(found, root=self.owner[s])

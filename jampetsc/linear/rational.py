@@ -17,7 +17,7 @@ from jampetsc.collective import on_root
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.linear.basis import RationalBasis
 from jampetsc.linear.certificate import Certified
-from jampetsc.linear.factors import closest, make_factors
+from jampetsc.linear.factors import Factors, closest
 from jampetsc.linear.galerkin import Galerkin
 from jampetsc.linear.residual import ResidualBound, energy_between, positive
 from jampetsc.mechanics.assembly import Pencil
@@ -38,7 +38,7 @@ class RationalSweep:
 
     When no shifts are left, `certificate` has what was found.
 
-    omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each; parallel as for `make_factors`.
+    omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each; parallel as for `Factors`.
     """
 
     def __init__(self, pencil: Pencil, omega, accuracy: float, parallel: str = "auto"):
@@ -50,7 +50,7 @@ class RationalSweep:
         if not np.isfinite(self.rate):
             of_K, of_B = pencil.largest
             self.rate = of_K / of_B
-        self.factors = make_factors(pencil, parallel)
+        self.factors = Factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
         self.certificate: Certified | None = None  # the last of so many, of the solution `galerkin`:

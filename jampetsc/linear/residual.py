@@ -133,7 +133,7 @@ class Residual:
 class ResidualBound:
     """Bound on √2 rᴴ(K + ωB)⁻¹r at frequencies ω (M,), from the factors that exist. Methods are collective.
 
-    factors      of `make_factors`
+    factors      `Factors` of the pencil
     q, energies  the direction that r has but for inexact solves, (n_local,), and its `factors.energies`
     """
 

@@ -229,8 +229,8 @@ def test_fields_and_their_bounds(session, name):
 
 @pytest.mark.parametrize("parallel", ["shifts", "matrix"])
 def test_a_job_shares_among_ranks_what_it_is_asked_to(session, monkeypatch, parallel):
-    asked, make = [], rational.make_factors
-    monkeypatch.setattr(rational, "make_factors", lambda pencil, how: asked.append(how) or make(pencil, how))
+    asked, make = [], rational.Factors
+    monkeypatch.setattr(rational, "Factors", lambda pencil, how: asked.append(how) or make(pencil, how))
     sweep_module.solve(run_of(published(), physics(), [1e-2], accuracy=1e-4, parallel=parallel))
     assert asked == [parallel]
 

@@ -15,7 +15,7 @@ from jampetsc.linear import factors
 from jampetsc.linear.basis import RationalBasis, field_at
 from jampetsc.linear.certificate import EPSILON, field_bound
 from jampetsc.linear.direct import FrequencySolver
-from jampetsc.linear.factors import SideBySide, closest
+from jampetsc.linear.factors import Factors, closest
 from jampetsc.linear.galerkin import Galerkin, _graded_eigen
 from jampetsc.linear.rational import largest_rate
 from jampetsc.linear.residual import ResidualBound, energy_between, positive, transfer
@@ -304,46 +304,45 @@ def test_bounds_are_the_same_in_any_unit_of_length(session, law):
 
 
 @pytest.mark.parametrize(
-    ("ranks", "unknowns", "asked", "kind"),
+    ("ranks", "unknowns", "asked", "alone"),
     [
-        (1, 100, "auto", "Distributed"),
-        (2, 100, "auto", "SideBySide"),
-        (4, 400_000, "auto", "SideBySide"),
-        (4, 400_001, "auto", "Distributed"),
-        (5, 100, "auto", "Distributed"),
-        (5, 400_001, "shifts", "SideBySide"),
-        (1, 100, "shifts", "Distributed"),
-        (2, 100, "matrix", "Distributed"),
+        (1, 100, "auto", False),
+        (2, 100, "auto", True),
+        (4, 400_000, "auto", True),
+        (4, 400_001, "auto", False),
+        (5, 100, "auto", False),
+        (5, 400_001, "shifts", True),
+        (1, 100, "shifts", False),
+        (2, 100, "matrix", False),
     ],
 )
-def test_how_ranks_are_used(monkeypatch, ranks, unknowns, asked, kind):
+def test_how_ranks_are_used(ranks, unknowns, asked, alone):
     """Side by side where a matrix fits a rank's memory and no more shifts are made at once than are needed."""
-    for name in ("Distributed", "SideBySide"):
-        monkeypatch.setattr(factors, name, lambda pencil, name=name: name)
     network = SimpleNamespace(comm=SimpleNamespace(size=ranks))
-    assert factors.make_factors(SimpleNamespace(network=network, unknowns=unknowns), asked) == kind
+    assert factors.side_by_side(SimpleNamespace(network=network, unknowns=unknowns), asked) == alone
 
 
+@pytest.mark.least_ranks(2)
 def test_ranks_side_by_side_find_several_vectors_alone(session):
     """Orthonormal in B; what is not new ends them."""
     pencil = pencil_of(session, physics(rotations=False))
-    side, B = factors.SideBySide(pencil), dense(pencil.B)
+    side, B = Factors(pencil, "shifts"), dense(pencil.B)
     side.factorise([1e-3, 1e-1])
     source = np.random.default_rng(4).normal(size=side.rows.sum())
-    for s in side.mine:
+    for s in side._held:
         chain = side._chain(s, source, 3)
         np.testing.assert_allclose(chain @ B @ chain.T, np.eye(3), atol=1e-8)
         assert len(side._chain(s, 0.0 * source, 3)) == 0
 
 
 def test_shifts_go_to_ranks_in_turn(session):
-    side = factors.SideBySide(pencil_of(session, physics()))
+    side = Factors(pencil_of(session, physics()), "shifts")
     side.factorise([1e-3, 1e-1])
     side.factorise([1.2e-3, 10.0])  # the first of which is near enough to one at hand
-    assert side.shifts == [1e-3, 1e-1, 10.0]
+    assert side.shifts == list(side.energies(side.pencil.k_gamma.getArray())) == [1e-3, 1e-1, 10.0]
     if session.size == 2:
         assert list(side.owner.values()) == [0, 1, 0]
-        assert list(side.mine) == [[1e-3, 10.0], [1e-1]][session.rank]
+        assert sorted(side._held) == [[1e-3, 10.0], [1e-1]][session.rank]
 
 
 @pytest.mark.least_ranks(2)
@@ -355,12 +354,12 @@ def test_what_fails_on_one_rank_fails_on_all(session, what):
         raise ConvergenceError("lost on one rank")
 
     pencil = pencil_of(session, physics())
-    side = SideBySide(pencil)
+    side = Factors(pencil, "shifts")
     side.factorise([1e-2, 10.0])
     s = next(s for s, rank in side.owner.items() if rank == session.size - 1)
     basis = RationalBasis(pencil, *side.field(1e-2))
-    if s in side.mine:
-        side.mine[s] = SimpleNamespace(solve=lost, energy=lost, least_eigenvalue=lost)
+    if s in side._held:
+        side._held[s] = SimpleNamespace(solve=lost, energy=lost, least_eigenvalue=lost)
     force = pencil.k_gamma.getArray()
     calls = {
         "factorise": lambda: side.factorise([1.0, -0.1]),
