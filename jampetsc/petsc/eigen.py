@@ -86,13 +86,19 @@ class _BlockFactor:
     def __init__(self, matrix, shift):
         from jampetsc.petsc import blocks  # compiled code, slow to load
 
-        self._solve = blocks.factorised(matrix, shift)
+        self._solve, self.stopped = blocks.factorised(matrix, shift), None
         if self._solve is None:
             raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")
 
     def apply(self, pc, b, x):
-        """x = (K − σ)⁻¹ b."""
-        x.setArray(self._solve(b.getArray(readonly=True)))
+        """x = (K − σ)⁻¹ b; from an exception on, such as a signal's, x = b: SLEPc must come to its end, to be freed."""
+        try:
+            if self.stopped is None:
+                x.setArray(self._solve(b.getArray(readonly=True)))
+                return
+        except BaseException as error:
+            self.stopped = error
+        b.copy(x)
 
 
 def _suits_blocks(matrix) -> bool:
@@ -106,15 +112,18 @@ def _krylov(pencil, moves, count, stiffness):
     deflated = [pencil.K.createVecRight() for _ in moves]
     for vector, move in zip(deflated, moves, strict=True):
         vector.setArray(move)
-    eps = _solver(pencil.K, count, stiffness)
+    eps, factor = _solver(pencil.K, count, stiffness), None
     if _suits_blocks(pencil.K):
         st = eps.getST()
         st.setMatMode(SLEPc.ST.MatMode.SHELL)  # K − σ is not needed as a matrix
         pc = st.getKSP().getPC()
         pc.setType("python")
-        pc.setPythonContext(_BlockFactor(pencil.K, SHIFT * stiffness))
+        factor = _BlockFactor(pencil.K, SHIFT * stiffness)
+        pc.setPythonContext(factor)
     eps.setDeflationSpace(deflated)
     eps.solve()
+    if factor and factor.stopped:
+        raise factor.stopped
     found, reason = eps.getConverged(), eps.getConvergedReason()
     if found < count:
         raise ConvergenceError(

@@ -411,8 +411,8 @@ def test_a_field_has_the_rounding_of_its_terms_and_one_of_nothing_no_relative_er
     """In a crystal nothing moves against the strain: then exactly, or nothing is known."""
     found = Sweep(SAMPLES["published"](), physics(), [0.1], 1e-3, session.comm).solved()
     c, still = found.compatibility, np.zeros(found.pencil.K.getLocalSize()[0], complex)
-    assert field_bound(c, 0.1, still, 0.0) == 0.0
-    assert field_bound(c, 0.1, still, 1e-30) == np.inf
+    assert field_bound(found.pencil, 0.1, still, 0.0) == 0.0
+    assert field_bound(found.pencil, 0.1, still, 1e-30) == np.inf
     # rounding comes on top of what the residual leaves, that of larger fields if x was summed from such
     x = np.random.default_rng(1).normal(size=(2, len(still))).T @ [1.0, 1j]
     motions = dense(c.C) @ x
@@ -420,7 +420,7 @@ def test_a_field_has_the_rounding_of_its_terms_and_one_of_nothing_no_relative_er
     own = np.sqrt(c.reach(0.1) @ np.abs(x) ** 2)
     for squared, size in ((0.0, 0.0), (1e-28, 0.0), (1e-28, 3.0 * own)):
         wanted = np.sqrt(squared) + 4.0 * EPSILON * np.sqrt(ROW) * max(own, size)
-        assert field_bound(c, 0.1, x, squared, size) == pytest.approx(
+        assert field_bound(found.pencil, 0.1, x, squared, size) == pytest.approx(
             wanted / np.sqrt(energy), rel=1e-9, abs=0
         )
 
