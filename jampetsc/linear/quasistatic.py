@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.core.laws import Law, Physics
+from jampetsc.core.laws import Physics
 from jampetsc.errors import about
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_name
@@ -26,7 +26,8 @@ from jampetsc.linear.contributions import distributions
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.record import run_record
 from jampetsc.linear.refined_solve import Relaxed
-from jampetsc.linear.viscosity import Flow, Viscosity
+from jampetsc.linear.viscosity import Flow, infinite_viscosity, quasistatic_flow
+from jampetsc.mechanics.assembly import Pencil, assemble
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.petsc.session import current
 
@@ -42,7 +43,7 @@ class Quasistatic:
 
     network: Network
     nonaffine: np.ndarray  # (n_local, 2) u_na, without the mean of each connected piece
-    field: np.ndarray  # (n_local, 2) the same as `Viscosity.quasistatic` takes it
+    field: np.ndarray  # (n_local, 2) the same as `quasistatic_flow` takes it
     normal: np.ndarray  # (contacts_local,) Δu∥
     transverse: np.ndarray  # (contacts_local,) Δu⊥
     flow: Flow  # η₀ and the rotations
@@ -63,8 +64,8 @@ class Quasistatic:
         return self.G0 / self.eta0
 
 
-def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
-    """The quasistatic response and its dissipation under `law`. Collective.
+def solve(network: Network, pencil: Pencil) -> Quasistatic:
+    """The quasistatic response of a network, and its dissipation under the law of `pencil`. Collective.
 
     Raises InputError where K is not positive definite (its negative or floppy modes are counted),
     ConvergenceError where a solve is not accurate.
@@ -72,13 +73,13 @@ def solve(network: Network, law: Law, viscosity: Viscosity) -> Quasistatic:
     elastic = ElasticResponse(network)
     shear, compression = elastic.shear(), elastic.compression()
     nonaffine, _ = elastic.pencil.split(shear.x)
-    field = nonaffine if law.holds_translations else shear.x.reshape(-1, 2)
+    field = nonaffine if pencil.law.holds_translations else shear.x.reshape(-1, 2)
     return Quasistatic(
         network,
         nonaffine,
         field,
         *shear.motions.T,
-        viscosity.quasistatic(field),
+        quasistatic_flow(pencil, field),
         G0=shear.value / network.area,
         G_affine=elastic.pencil.k_gg / network.area,
         bulk_modulus=_bulk_modulus(network, compression),
@@ -123,11 +124,11 @@ def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
 def _solve_all(network, law, betas):
     session = current()
     networks = {"": network} | ({BARE: network.unstressed()} if network.prestress else {})
-    viscosity = Viscosity(network, law)
+    pencil = assemble(network, law)
     with session.stage("quasistatic"):
-        responses = {name: solve(one, law, viscosity) for name, one in networks.items()}
+        responses = {name: solve(one, pencil) for name, one in networks.items()}
     with session.stage("eta_inf"):
-        eta_inf = viscosity.infinite()
+        eta_inf = infinite_viscosity(pencil)
     with session.stage("beta"):
         scan = [(beta, *_viscosities(network, law.altered(beta=beta), responses)) for beta in betas]
     return Outcome(
@@ -144,9 +145,9 @@ def _solve_all(network, law, betas):
 
 def _viscosities(network, law, responses):
     """(η₀, η₀ without pre-stress, η_∞) of another law: the quasistatic fields do not depend on it."""
-    viscosity = Viscosity(network, law)
-    eta0 = [viscosity.quasistatic(response.field).eta0 for response in responses.values()]
-    return eta0[0], eta0[-1], viscosity.infinite()
+    pencil = assemble(network, law)
+    eta0 = [quasistatic_flow(pencil, response.field).eta0 for response in responses.values()]
+    return eta0[0], eta0[-1], infinite_viscosity(pencil)
 
 
 def _write(writer, outcome):

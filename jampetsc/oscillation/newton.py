@@ -29,59 +29,45 @@ DEFAULTS = {
 }
 
 
-class Newton:
-    """The solver of one `Equations`. Collective.
+def solve(equations: Equations, values, tolerance: float):
+    """The solution (size,) from the start `values` (size,), with a residual of at most `tolerance`. Collective.
 
-    iterations, linear_iterations   of all solves so far
-
-    Raises InputError for options that choose a method which does not solve with the derivative.
+    Also the numbers of Newton's steps and of linear iterations. Raises InputError for options that choose a method
+    which does not solve with the derivative, ConvergenceError if SNES does not reach the tolerance.
     """
-
-    def __init__(self, equations: Equations):
-        session = current()
-        PETSc = session.PETSc
-        comm = equations.contacts.network.comm
-        self.iterations = self.linear_iterations = 0
-        session.free_dropped(comm)
-        self._linearised = linearised = _Linearised(equations)
-        sizes = ((equations.size, None), (equations.size, None))
-        jacobian = PETSc.Mat().createPython(sizes, linearised, comm=comm)
-        self.x, self.left = jacobian.createVecs()
-        session.set_defaults({PREFIX + name: value for name, value in DEFAULTS.items()})
-        self.snes = snes = PETSc.SNES().create(comm)
-        snes.setOptionsPrefix(PREFIX)
-        snes.setFunction(linearised.function, self.left)
-        snes.setJacobian(linearised.linearise, jacobian)
-        ksp = snes.getKSP()
-        ksp.setPCSide(PETSc.PC.Side.RIGHT)
-        ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(linearised)
-        snes.setFromOptions()
-        if snes.getType() not in NEWTON:
-            raise InputError(
-                f"-{PREFIX}snes_type {snes.getType()}: what is solved here needs one of {', '.join(NEWTON)}"
-            )
-
-    def solve(self, values, tolerance: float):
-        """The solution (size,) from the start `values` (size,), with a residual of at most `tolerance`.
-
-        Raises ConvergenceError if SNES does not reach it.
-        """
-        self.x.setArray(values)
-        self.snes.setTolerances(atol=tolerance)
-        self.snes.solve(None, self.x)
-        self.iterations += self.snes.getIterationNumber()
-        self.linear_iterations += self.snes.getLinearSolveIterations()
-        # Options may make SNES call anything converged: only the residual of the equations counts.
-        self._linearised.function(self.snes, self.x, self.left)
-        left = self.left.norm()
-        if not left <= tolerance:
-            raise ConvergenceError(
-                f"Newton's method stopped (SNES reason {self.snes.getConvergedReason()}) after "
-                f"{self.snes.getIterationNumber()} steps, {left / tolerance:.1e} times what is allowed is left; look "
-                "with -osc_snes_monitor -osc_ksp_converged_reason"
-            )
-        return self.x.getArray().copy()
+    session, comm = current(), equations.contacts.network.comm
+    PETSc = session.PETSc
+    session.free_dropped(comm)
+    linearised = _Linearised(equations)
+    jacobian = PETSc.Mat().createPython(((equations.size, None),) * 2, linearised, comm=comm)
+    x, left = jacobian.createVecs()
+    session.set_defaults({PREFIX + name: value for name, value in DEFAULTS.items()})
+    snes = PETSc.SNES().create(comm)
+    snes.setOptionsPrefix(PREFIX)
+    snes.setFunction(linearised.function, left)
+    snes.setJacobian(linearised.linearise, jacobian)
+    ksp = snes.getKSP()
+    ksp.setPCSide(PETSc.PC.Side.RIGHT)
+    ksp.getPC().setType("python")
+    ksp.getPC().setPythonContext(linearised)
+    snes.setFromOptions()
+    if snes.getType() not in NEWTON:
+        raise InputError(
+            f"-{PREFIX}snes_type {snes.getType()}: what is solved here needs one of {', '.join(NEWTON)}"
+        )
+    x.setArray(values)
+    snes.setTolerances(atol=tolerance)
+    snes.solve(None, x)
+    # Options may make SNES call anything converged: only the residual of the equations counts.
+    linearised.function(snes, x, left)
+    size = left.norm()
+    if not size <= tolerance:
+        raise ConvergenceError(
+            f"Newton's method stopped (SNES reason {snes.getConvergedReason()}) after {snes.getIterationNumber()} "
+            f"steps, {size / tolerance:.1e} times what is allowed is left; look with -osc_snes_monitor "
+            "-osc_ksp_converged_reason"
+        )
+    return x.getArray().copy(), snes.getIterationNumber(), snes.getLinearSolveIterations()
 
 
 class _Linearised:

@@ -14,9 +14,9 @@ from jampetsc.core.laws import Law
 from jampetsc.errors import ConvergenceError
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import Network
+from jampetsc.oscillation import newton
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Contacts, Equations
-from jampetsc.oscillation.newton import Newton
 from jampetsc.oscillation.powerlaw import STIFFEST, PowerLaw
 from jampetsc.oscillation.response import HARMONICS, Drive, Response
 from jampetsc.oscillation.start import Start
@@ -139,20 +139,19 @@ class SteadyOscillation:
             if equations.holds_rate:
                 state.rate[:] = cycle.samples(waves[:, -1])
             state.f[:] = equations.law.forces(equations.motions(state), FLOOR * speed)
-        newton = Newton(equations)
         size = equations.force * np.sqrt(0.5 * cycle.m)
         tolerance = TOLERANCE if cycle.steps == self.steps else HALF_TOLERANCE
-        return _Run(equations, newton.solve(values, tolerance * size), newton)
+        return _Run(equations, *newton.solve(equations, values, tolerance * size))
 
 
 class _Run:
     """One solution: G*, harmonics, work and dissipation."""
 
-    def __init__(self, equations: Equations, values, newton):
+    def __init__(self, equations: Equations, values, newton: int, linear: int):
         cycle, contacts, drive = equations.cycle, equations.contacts, equations.drive
         network, L = contacts.network, contacts.length
         self.equations, self.state = equations, equations.split(values)
-        self.newton, self.linear = newton.iterations, newton.linear_iterations
+        self.newton, self.linear = newton, linear
         rate = equations.rate(self.state)
         self.waves = cycle.harmonics(np.column_stack((self.state.v, rate)))
         _, row, self.z = equations.balance(self.state, rate)

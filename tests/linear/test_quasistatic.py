@@ -23,7 +23,8 @@ from jampetsc.linear import elastic as elastic_module
 from jampetsc.linear import refined_solve as balance
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.quasistatic import solve
-from jampetsc.linear.viscosity import Viscosity
+from jampetsc.linear.viscosity import infinite_viscosity
+from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import build_network
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 
@@ -38,9 +39,8 @@ def whole(network, local):
 
 def response(disks, physics, comm):
     """(Quasistatic, η_∞)."""
-    network = network_of(disks, physics, comm)
-    viscosity = Viscosity(network, physics.law)
-    return solve(network, physics.law, viscosity), viscosity.infinite()
+    pencil = assemble(network_of(disks, physics, comm), physics.law)
+    return solve(pencil.network, pencil), infinite_viscosity(pencil)
 
 
 def motions(exact, displacement):
@@ -213,11 +213,11 @@ def test_what_is_not_proved_is_counted(session, monkeypatch):
 def test_a_flow_without_dissipation_is_refused(session):
     """Rows that slide cost nothing where only normal motions are damped."""
     network = build_network(lattice(), session.comm, prestress=False)
-    viscosity = Viscosity(network, physics(beta=0.0, rotations=False).law)
+    pencil = assemble(network, physics(beta=0.0, rotations=False).law)
     with pytest.raises(
         InputError, match=r"has moves without dissipation besides translations: η is not unique"
     ):
-        viscosity.infinite()
+        infinite_viscosity(pencil)
 
 
 @pytest.mark.most_ranks(1)

@@ -64,7 +64,7 @@ def test_nothing_of_petsc_waits_for_garbage_collection(session, name):
         gc.set_debug(0)
         gc.garbage.clear()
         gc.enable()
-    assert after == before and not held
+    assert after <= before and not held
 
 
 def living():
