@@ -31,9 +31,7 @@ class Compatibility:
     g: np.ndarray  # (rows,) local, per unit strain
     w_K: np.ndarray  # (rows,) local weights of a² in K
     w_B: np.ndarray  # (rows,) local weights of a² in B
-    size_K: (
-        np.ndarray
-    )  # (rows,) |w_K| and what rounding may do to it, in units of ε: an overlap is off by ε σ
+    size_K: np.ndarray  # (rows,) |w_K| and what rounding may do to it, in ε: an overlap is off by ε σ
     reach_K: np.ndarray  # (n_local,) Σ |w_K| C² over the contacts of each unknown,
     reach_B: np.ndarray  # and Σ w_B C² + drag; see `reach`
     drag: np.ndarray  # (n_local,) kτ₁ times the drag, 0 for angles: the part of B not from contacts

@@ -8,7 +8,6 @@ nothing pinned and nothing scaled. Leave out the rows and columns of `pins` to m
 """
 
 import io
-import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -157,14 +156,10 @@ def _write_petsc(comm, path, matrices):
         PETSc.IS().createGeneral((rows if first else rows[:0]).astype(PETSc.IntType), comm=comm)
         for rows in (matrices.particles, matrices.pins)
     ]
-    folder = on_root(comm, tempfile.mkdtemp)
-    file = Path(folder) / "matrices"
-    try:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(comm.bcast(folder)) / "matrices"
         viewer = PETSc.Viewer().createBinary(str(file), "w", comm=comm)  # rank 0 writes
         for item in (*(getattr(matrices, name) for name in (*SPARSE, *VECTORS)), numbers, *sets):
             item.view(viewer)
         viewer.destroy()  # it writes the last of it
         on_root(comm, lambda: write_whole(path, file.read_bytes()))
-    finally:
-        if first:
-            shutil.rmtree(folder, ignore_errors=True)

@@ -4,8 +4,15 @@ The drive is ∝ sin ωt and begins at the steady oscillation with fixed contact
 small exponents ω may be any power of ten. Under stress the strain may creep from cycle to cycle; that ramp is removed
 before harmonics are computed. Work is ∮σdγ of drive and response, so πG''γ₁².
 
-Steps are halved where their energy balance is wrong (see `steps`). Harmonics are integrals by the same quadrature, so
-where the strain is imposed the error of a cycle is the sum of those of its steps.
+A step that fails, or whose energy balance is wrong by too much, is halved. Work is stored or dissipated. With the
+weights b_i of the two stages, at whose ends forces balance, the error of the energy balance of a step of length Δt is
+
+    ε = Δt Σ_i b_i (σ_i V γ̇_i − P_i) − ΔU ,
+
+the error of a quadrature of U̇, of third order in Δt; where disks rearrange suddenly within a long step it is the
+energy that they dissipate. It costs nothing to compute, and a step is accepted if it is below a limit. Steps have the
+length of a step of the cycle over a power of two, so that one factor serves for many steps. Harmonics are integrals by
+the same quadrature, so where the strain is imposed the error of a cycle is the sum of those of its steps.
 
 There are two runs, the first with half of the steps; the second starts where the first ended. Their difference
 estimates the error of the steps, and the changes of the last cycles, continued as a geometric series, that of ending
@@ -21,8 +28,8 @@ from jampetsc.core.laws import Law
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.response import Moduli, Response
+from jampetsc.oscillation.stage import STAGE, WEIGHTS
 from jampetsc.oscillation.start import Start
-from jampetsc.oscillation.steps import Steps
 
 REPEATED = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
 SAME = 1e-7  # of |G*|: a change that counts as none
@@ -30,6 +37,8 @@ MOST_CYCLES = 60
 START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
 LOST = 8.0  # error allowed in the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
+FINEST = 30  # most halvings of a step; no motion of a contact is so sudden
+ROOM = 0.1  # of the allowed error: after a step with less the next is twice as long, with 8 times the error
 FLOWING = 1.0  # change of the strain in a cycle at which a packing counts as flowing
 
 
@@ -61,7 +70,7 @@ def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int 
         cycle_change=whole.change,
         drift=last.drift,
         cycles=sum(len(run.done) for run in runs),
-        steps_taken=sum(run.steps.taken for run in runs),
+        steps_taken=sum(run.taken for run in runs),
         factorisations=sum(run.motion.matrix.factorisations for run in runs),
         newton_steps=sum(run.motion.stages.iterations for run in runs),
     )
@@ -87,7 +96,11 @@ def remaining_change(G) -> float:
 
 
 class Cycles:
-    """Cycles of so many steps of a packing at this strain; `done` has what each of them was like."""
+    """Cycles of so many steps of a packing at this strain.
+
+    done    what each of them was like
+    taken   number of accepted steps; of one that was halved, its parts
+    """
 
     def __init__(self, disks, law, start, steps, gamma=0.0):
         drive = start.drive
@@ -95,7 +108,8 @@ class Cycles:
         self.count, self.drive = steps, replace(drive, omega=1.0, amplitude=unit * drive.amplitude)
         scaled = replace(law, tau1=drive.omega * law.tau1)
         self.motion = MovingContacts(disks, scaled, PERIOD / steps, start.strain, start.speed, gamma)
-        self.steps = Steps(self.motion, self.drive.at)
+        self._halvings = 0  # of the current step length
+        self.taken = 0
         self._lost = LOST / steps**3 * np.pi * self.motion.area  # over |G*|γ₁²
         self._stored = start.modulus * start.strain**2  # |G*|γ₁² of the last cycle
         self.done = []
@@ -133,8 +147,8 @@ class Cycles:
         step, free = PERIOD / self.count, self.drive.stress_controlled
         for n in range(self.count):
             # time within the cycle: rounding of a time over many periods would appear in the strain
-            for one in self.steps.over(n * step, step, self._lost * self._stored):
-                for time, weight, end in one.stages():
+            for stages in self.steps(n * step, step, self._lost * self._stored):
+                for time, weight, end in stages:
                     rows.append((time, weight, end.gamma if free else end.stress))
                     spent += weight * end.power
                 spent += motion.gained
@@ -147,3 +161,50 @@ class Cycles:
         moduli = self.drive.moduli(response, times / PERIOD, weights / PERIOD, drift if free else 0.0)
         self._stored = abs(moduli.G) * moduli.strain**2
         self.done.append(_Cycle(moduli, spent / motion.area, drift))
+
+    def steps(self, begin: float, length: float, allowed: float):
+        """Yield the stages of each step over a time, with at most this error of energy: see `_step`.
+
+        Raises ConvergenceError if they fail.
+        """
+        done, whole = 0, 1 << FINEST
+        while done < whole:
+            part = whole >> self._halvings
+            stages, off = self._step(begin + length * (done / whole), length * (part / whole), allowed)
+            if off > allowed:
+                self._halvings += 1
+                continue
+            yield stages
+            done, self.taken = done + part, self.taken + 1
+            if self._halvings and off < ROOM * allowed and done % (2 * part) == 0:
+                self._halvings -= 1
+
+    def _step(self, begin, length, allowed):
+        """(time, weight in an integral over time, StageEnd) of both stages of a step, and its error of energy.
+
+        That is infinite if the step fails; a step with more than `allowed` is undone.
+        """
+        motion, last = self.motion, self._halvings == FINEST
+        motion.set_length(length)
+        times = [begin + part * length for part in (STAGE, 1.0)]
+        imposed = [self.drive.at(time) for time in times]
+        try:
+            ends = motion.advance(imposed)
+        except ConvergenceError:
+            if last:
+                raise
+            return [], float("inf")
+        stages = [
+            (time, weight * length, end) for time, weight, end in zip(times, WEIGHTS, ends, strict=True)
+        ]
+        fed = sum(weight * (motion.area * one.stress * one.rate - one.power) for _, weight, one in stages)
+        off = max(abs(fed - motion.gained) - motion.rounding, 0.0)
+        if off > allowed:
+            if last:
+                remedy = f"less {named('stress')}" if imposed[-1].free else f"more {named('steps')}"
+                raise ConvergenceError(
+                    f"energy is lost in the shortest step of a cycle, {off / allowed:.1e} times what one may, as where "
+                    f"nothing holds the packing: give {remedy}"
+                )
+            motion.undo()
+        return stages, off

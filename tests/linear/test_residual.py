@@ -329,7 +329,7 @@ def test_ranks_side_by_side_find_several_vectors_alone(session):
     side, B = Factors(pencil, "shifts"), dense(pencil.B)
     side.factorise([1e-3, 1e-1])
     source = np.random.default_rng(4).normal(size=side.rows.sum())
-    for s in side._held:
+    for s in list(side._held):
         chain = side._chain(s, source, 3)
         np.testing.assert_allclose(chain @ B @ chain.T, np.eye(3), atol=1e-8)
         assert len(side._chain(s, 0.0 * source, 3)) == 0

@@ -14,7 +14,7 @@ from jampetsc.core.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.hessian import Bonds
-from jampetsc.oscillation import dashpots, repeated, stage, steps
+from jampetsc.oscillation import dashpots, repeated, stage
 from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.repeated import START_STEPS, repeat_cycles
 from jampetsc.oscillation.response import Drive, Imposed, Moduli
@@ -221,7 +221,7 @@ def test_any_amplitude():
 
 def test_steps_that_are_too_long_are_refused(monkeypatch):
     """Where they are not cut."""
-    monkeypatch.setattr(steps, "FINEST", 0)
+    monkeypatch.setattr(repeated, "FINEST", 0)
     with pytest.raises(ConvergenceError, match="give more steps"):
         shaken(1.0, 1.0, 16, cycles=3)
 
@@ -241,10 +241,10 @@ def test_short_steps_do_not_carry_all_disks_away(step, rotations):
 
 
 def test_energy_that_the_shortest_steps_lose_is_told(monkeypatch):
-    monkeypatch.setattr(steps, "FINEST", 2)
+    monkeypatch.setattr(repeated, "FINEST", 2)
     run, _ = run_of(1.0, 1e-3, 16)
     with pytest.raises(ConvergenceError, match=r"^energy is lost .* \d\.\de\+\d+ times .*: give more steps$"):
-        list(run.steps.over(0.0, 1.0, 1e-20))
+        list(run.steps(0.0, 1.0, 1e-20))
     assert run.motion.step == 0.25
 
 
@@ -275,14 +275,15 @@ def test_steps_are_cut_where_disks_rearrange():
         run, _ = run_of(1e-4, 2e-2, 16)
         steps, spent, work = [], 0.0, 0.0
         for n in range(4):
-            for one in run.steps.over(n * period, period, allowed):
-                fed = [weight * run.motion.area * seen.stress * seen.rate for _, weight, seen in one.stages()]
-                dissipated = [weight * seen.power for _, weight, seen in one.stages()]
+            for stages in run.steps(n * period, period, allowed):
+                fed = [weight * run.motion.area * seen.stress * seen.rate for _, weight, seen in stages]
+                dissipated = [weight * seen.power for _, weight, seen in stages]
                 assert abs(sum(fed) - sum(dissipated) - run.motion.gained) <= allowed
                 spent, work = spent + sum(dissipated) + run.motion.gained, work + sum(fed)
-                steps.append((one.begin, one.length))
+                length = sum(weight for _, weight, _ in stages)
+                steps.append((stages[-1][0] - length, length))
         lost.append(abs(spent - work))
-        counts.append(run.steps.taken)
+        counts.append(run.taken)
         begins, lengths = np.transpose(steps)
         np.testing.assert_allclose([*begins, 4 * period], [0.0, *(begins + lengths)], atol=1e-12)
         assert run.motion.gamma == pytest.approx(2e-2 * np.sin(4 * period), rel=1e-9)
