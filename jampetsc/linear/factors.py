@@ -185,6 +185,7 @@ class Factors:
         mine = sorted(filter(self._is_mine, self.shifts), key=lambda s: s not in held)
         with agreed(self.comm):
             found = {s: self._factor(s).energy(rhs) for s in mine}
+        current().free_dropped(self.comm)  # vectors of the solves, of which a certificate may need many
         every = {s: energy for part in self.comm.allgather(found) for s, energy in part.items()}
         return {s: every[s] for s in self.shifts}
 

@@ -70,9 +70,7 @@ def solve(network: Network, pencil: Pencil) -> Quasistatic:
     Raises InputError where K is not positive definite (its negative or floppy modes are counted),
     ConvergenceError where a solve is not accurate.
     """
-    elastic = ElasticResponse(network)
-    shear, compression = elastic.shear(), elastic.compression()
-    nonaffine, _ = elastic.pencil.split(shear.x)
+    shear, compression, nonaffine, affine = _elastic(network)
     field = nonaffine if pencil.law.holds_translations else shear.x.reshape(-1, 2)
     return Quasistatic(
         network,
@@ -81,11 +79,18 @@ def solve(network: Network, pencil: Pencil) -> Quasistatic:
         *shear.motions.T,
         quasistatic_flow(pencil, field),
         G0=shear.value / network.area,
-        G_affine=elastic.pencil.k_gg / network.area,
+        G_affine=affine / network.area,
         bulk_modulus=_bulk_modulus(network, compression),
         identity_difference=shear.defect,
         field_error=max(shear.error, compression.error),
     )
+
+
+def _elastic(network):
+    """Responses to shear and compression, u_na and k_γγ, without the factor they were found with."""
+    elastic = ElasticResponse(network)
+    shear, compression = elastic.shear(), elastic.compression()
+    return shear, compression, elastic.pencil.split(shear.x)[0], elastic.pencil.k_gg
 
 
 def _bulk_modulus(network, compression: Relaxed):
@@ -129,6 +134,7 @@ def _solve_all(network, law, betas):
         responses = {name: solve(one, pencil) for name, one in networks.items()}
     with session.stage("eta_inf"):
         eta_inf = infinite_viscosity(pencil)
+    del pencil  # the matrices of other laws take its place
     with session.stage("beta"):
         scan = [(beta, *_viscosities(network, law.altered(beta=beta), responses)) for beta in betas]
     return Outcome(
