@@ -197,9 +197,15 @@ class Session:
         if self._for_solvers and "options_left" not in self.options():
             self.PETSc.Options().setValue("options_left", True)
 
+    @contextlib.contextmanager
     def stage(self, name):
-        """A PETSc log stage as a context: -log_view sums what runs inside under `name`. Collective."""
-        return self.PETSc.Log.Stage(name)
+        """A PETSc log stage as a context: -log_view sums what runs inside under `name`. Collective.
+
+        What it has dropped is freed at its end, unless that is an exception.
+        """
+        with self.PETSc.Log.Stage(name):
+            yield
+        self.free_dropped(self.comm)
 
     def memory(self) -> int:
         """Bytes of this machine's memory, divided by the number of ranks of `comm` on it. Collective."""
