@@ -68,9 +68,7 @@ class Factors:
         self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
         self.whole = pencil.gathered() if self._alone else pencil  # what is factorised
         self.owner: dict[float, int] = {}  # rank that has the factor of a shift; 0 if all share it
-        self._held: dict[
-            float, ShiftedFactor
-        ] = {}  # factors in this rank's memory, the one used last at the end
+        self._held: dict[float, ShiftedFactor] = {}  # in this rank's memory, the one used last at the end
         self._most = np.inf if self._alone else most_held(pencil)
 
     @property

@@ -121,9 +121,11 @@ def _krylov(pencil, moves, count, stiffness):
         factor = _BlockFactor(pencil.K, SHIFT * stiffness)
         pc.setPythonContext(factor)
     eps.setDeflationSpace(deflated)
-    eps.solve()
-    if factor and factor.stopped:
-        raise factor.stopped
+    try:
+        eps.solve()
+    finally:
+        if factor and factor.stopped:
+            raise factor.stopped
     found, reason = eps.getConverged(), eps.getConvergedReason()
     if found < count:
         raise ConvergenceError(
