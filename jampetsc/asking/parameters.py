@@ -190,6 +190,11 @@ def asked(default=MISSING, help="", *, kind=None, place=OPTION, **more):
     return dataclasses.field(default=default, metadata={"asked": said}, kw_only=place == OPTION)
 
 
+def optional(group: str) -> Callable:
+    """`asked` for parameters under one heading of the help that need not be given: their default is None."""
+    return functools.partial(asked, None, group=group)
+
+
 def part(part: Part, default=MISSING):
     """A field of a job that several options describe; if none is given `default`, or else `part.make({})`.
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, input_name
-from jampetsc.asking.parameters import FILE, asked
+from jampetsc.asking.parameters import FILE, asked, optional
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError, named
@@ -16,6 +16,7 @@ SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
 GROUP = "random disks, without START; smallest diameter 1, k_e = k_d = 1"
+of_disks, of_run = optional(GROUP), optional("run")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,34 +24,27 @@ class FromStart(Job):
     """Base of jobs that shear a packing, or random disks that they make."""
 
     start: Disks | None = asked(None, "packing to start from", kind=PACKING, place=FILE, metavar="START")
-    n: int | None = asked(None, "number of disks", low=FEWEST, high=MOST, metavar="N", group=GROUP)
-    phi: float | None = asked(
-        None, "packing fraction; disks jam near 0.84", low=PHIS[0], high=PHIS[1], metavar="PHI", group=GROUP
+    n: int | None = of_disks("number of disks", low=FEWEST, high=MOST, metavar="N")
+    phi: float | None = of_disks(
+        "packing fraction; disks jam near 0.84", low=PHIS[0], high=PHIS[1], metavar="PHI"
     )
-    seed: int | None = asked(
-        None, "of the random start (default 1)", low=0, high=LAST_SEED, metavar="S", group=GROUP
+    seed: int | None = of_disks("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
+    sizes: str | None = of_disks(
+        f"half of each radius 1:1.4, or all alike (default {SIZES[0]})", choices=SIZES
     )
-    sizes: str | None = asked(
-        None, f"half of each radius 1:1.4, or all alike (default {SIZES[0]})", choices=SIZES, group=GROUP
+    radii: Radii | None = of_disks(
+        "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII
     )
-    radii: Radii | None = asked(
-        None, "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII, group=GROUP
-    )
-    potential: str | None = asked(
-        None, f"energy of an overlap (default {next(iter(EXPONENTS))})", choices=EXPONENTS, group=GROUP
+    potential: str | None = of_disks(
+        f"energy of an overlap (default {next(iter(EXPONENTS))})", choices=EXPONENTS
     )
 
-    discard: float | None = asked(
-        None, "strain left out of the means (default 1, at most half)", low=0.0, metavar="S", group="run"
+    discard: float | None = of_run(
+        "strain left out of the means (default 1, at most half)", low=0.0, metavar="S"
     )
-    last: Path | None = asked(None, "write the last state as a packing, too", metavar="FILE", group="run")
-    threads: int | None = asked(
-        None,
-        "at most so many threads (default: one for each core)",
-        low=1,
-        high=MOST_THREADS,
-        metavar="T",
-        group="run",
+    last: Path | None = of_run("write the last state as a packing, too", metavar="FILE")
+    threads: int | None = of_run(
+        "at most so many threads (default: one for each core)", low=1, high=MOST_THREADS, metavar="T"
     )
 
     GIVEN = ("n", "phi", "seed", "sizes", "radii", "potential")  # of random disks, refused with a packing

@@ -6,7 +6,7 @@ from typing import ClassVar
 from jampetsc.asking.kinds import PACKING_OR_RESULT, input_name
 from jampetsc.asking.model import MODEL
 from jampetsc.asking.parameters import FILE, asked, part
-from jampetsc.asking.starts import GROUP, FromStart
+from jampetsc.asking.starts import GROUP, FromStart, of_run
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
 from jampetsc.errors import InputError, named
@@ -50,32 +50,19 @@ to the last bit; independent runs are faster side by side."""
     rate: float | None = asked(None, "shear rate γ̇", above=0.0, high=1.0, metavar="R")
     strain: float = asked(help="how far to shear", above=0.0, metavar="S")
     walls: bool = asked(False, "between sliding rough walls, rows of disks", group=GROUP)
-    snapshots: int | None = asked(
-        None,
-        "number of states to keep, at equal strains after what is discarded",
-        low=0,
-        metavar="K",
-        group="run",
+    snapshots: int | None = of_run(
+        "number of states to keep, at equal strains after what is discarded", low=0, metavar="K"
     )
-    snapshot_every: float | None = asked(
-        None, "strain between snapshots, instead of their number", above=0.0, metavar="S", group="run"
+    snapshot_every: float | None = of_run(
+        "strain between snapshots, instead of their number", above=0.0, metavar="S"
     )
-    snapshot_spacing: str | None = asked(
-        None,
+    snapshot_spacing: str | None = of_run(
         "log: states at strains that grow by a factor, for mean square displacements (default even)",
         choices=("even", "log"),
-        group="run",
     )
-    step: float | None = asked(
-        None, "time step (default: by the model)", above=0.0, metavar="DT", group="run"
-    )
-    tolerance: float | None = asked(
-        None,
-        f"of the velocities of contact damping (default {TOLERANCE:g})",
-        low=1e-14,
-        high=0.1,
-        metavar="T",
-        group="run",
+    step: float | None = of_run("time step (default: by the model)", above=0.0, metavar="DT")
+    tolerance: float | None = of_run(
+        f"of the velocities of contact damping (default {TOLERANCE:g})", low=1e-14, high=0.1, metavar="T"
     )
 
     def __post_init__(self):

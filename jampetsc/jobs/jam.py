@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import SEEDS, Numbers, numbers
-from jampetsc.asking.parameters import asked
+from jampetsc.asking.parameters import asked, optional
 from jampetsc.asking.starts import PHIS, UNITS
 from jampetsc.core.potentials import EXPONENTS
 from jampetsc.errors import InputError
@@ -14,6 +14,7 @@ from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
 
 PROTOCOLS = ("random", "shear", "compress")  # the names of `flows.jamming.PROTOCOLS`
 MANY = 1_000_000  # most samples of one run
+of_both, of_shear, of_compress = map(optional, ("shear and compress", "shear", "compress"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,42 +52,21 @@ A killed run continues when the same command is given again. Options of the Newt
     tolerance: float = asked(1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T")
     protocol: str = asked("random", "how samples are made", choices=PROTOCOLS)
     separated: bool = asked(False, "large disks start on one side of the cell, small on the other")
-    step: float | None = asked(
-        None,
-        "strain of one step (default 1e-3)",
-        low=1e-8,
-        high=0.1,
-        metavar="DG",
-        group="shear and compress",
+    step: float | None = of_both("strain of one step (default 1e-3)", low=1e-8, high=0.1, metavar="DG")
+    strain: float | None = of_both(
+        "how far each seed is sheared (default 2; compress: not)", low=1e-8, high=1e4, metavar="S"
     )
-    strain: float | None = asked(
-        None,
-        "how far each seed is sheared (default 2; compress: not)",
-        low=1e-8,
-        high=1e4,
-        metavar="S",
-        group="shear and compress",
+    discard: float | None = of_shear(
+        "strain before the first sample (default 1)", low=0.0, high=1e4, metavar="S"
     )
-    discard: float | None = asked(
-        None, "strain before the first sample (default 1)", low=0.0, high=1e4, metavar="S", group="shear"
+    every: float | None = of_shear("strain between samples (default 0.02)", low=1e-8, high=1e4, metavar="S")
+    temperature: float | None = of_compress(
+        "of the liquid, in k_e (default 1e-3)", low=1e-8, high=10.0, metavar="T"
     )
-    every: float | None = asked(
-        None, "strain between samples (default 0.02)", low=1e-8, high=1e4, metavar="S", group="shear"
+    cooling_rate: float | None = of_compress(
+        "by how much ln T falls per sweep (default 1e-2)", low=1e-6, high=10.0, metavar="R"
     )
-    temperature: float | None = asked(
-        None, "of the liquid, in k_e (default 1e-3)", low=1e-8, high=10.0, metavar="T", group="compress"
-    )
-    cooling_rate: float | None = asked(
-        None,
-        "by how much ln T falls per sweep (default 1e-2)",
-        low=1e-6,
-        high=10.0,
-        metavar="R",
-        group="compress",
-    )
-    sweeps: int | None = asked(
-        None, "sweeps before that (default 200)", low=0, high=10_000_000, metavar="S", group="compress"
-    )
+    sweeps: int | None = of_compress("sweeps before that (default 200)", low=0, high=10_000_000, metavar="S")
 
     def check(self):
         """Refuse options of other protocols and too many samples."""

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS, words
-from jampetsc.asking.parameters import Kind, asked
+from jampetsc.asking.parameters import Kind, asked, optional
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, as_float, named
@@ -19,6 +19,7 @@ PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
 TOLERANCES = (1e-13, 1e-4)
 WHAT, HOW = "what", "from where, and how"
+of_packing, of_making = optional(WHAT), optional(HOW)
 ONE_OF = (("pressure", "phi"), ("seed", "seeds", "from_"))  # of each at most one is given
 OF_DISKS = ("potential", "stiffness", "sizes", "radii")  # what a packing to start from has already
 
@@ -66,31 +67,23 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     SOLVERS: ClassVar = ("newton_",)
 
-    n: int | None = asked(None, "number of disks", low=FEWEST, high=MOST, group=WHAT)
-    pressure: float | Sequence[float] | None = asked(
-        None,
+    n: int | None = of_packing("number of disks", low=FEWEST, high=MOST)
+    pressure: float | Sequence[float] | None = of_packing(
         "pressure p = Σ f r / (2V)",
         kind=Kind(_pressures, lambda words: words if isinstance(words, str) else ",".join(words)),
         unit="k",
         metavar="P[,P…]",
-        group=WHAT,
     )
-    phi: float | None = asked(
-        None,
-        "packing fraction, instead of a pressure; disks jam near 0.84",
-        low=PHIS[0],
-        high=PHIS[1],
-        group=WHAT,
+    phi: float | None = of_packing(
+        "packing fraction, instead of a pressure; disks jam near 0.84", low=PHIS[0], high=PHIS[1]
     )
-    potential: str | None = asked(
-        None, "energy of an overlap (default harmonic)", choices=EXPONENTS, group=WHAT
+    potential: str | None = of_packing("energy of an overlap (default harmonic)", choices=EXPONENTS)
+    stiffness: str | None = of_packing(
+        "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
-    stiffness: str | None = asked(
-        None, "convention of the contact stiffness (default constant)", choices=STIFFNESSES, group=WHAT
-    )
-    sizes: str | None = asked(None, "bidisperse: 1:1.4, half and half (default)", choices=SIZES, group=WHAT)
-    radii: Radii | None = asked(
-        None, "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII, group=WHAT
+    sizes: str | None = of_packing("bidisperse: 1:1.4, half and half (default)", choices=SIZES)
+    radii: Radii | None = of_packing(
+        "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII
     )
     stabilise: str = asked(
         "volume",
@@ -101,23 +94,17 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     tolerance: float = asked(
         1e-10, "max|F|/(p d) and |Δp|/p", low=TOLERANCES[0], high=TOLERANCES[1], metavar="T", group=WHAT
     )
-    seed: int | None = asked(
-        None, "of the random start (default 1)", low=0, high=LAST_SEED, metavar="S", group=HOW
-    )
-    seeds: Sequence[int] | None = asked(
-        None, "a packing for each seed, both ends included", kind=SEEDS, group=HOW
-    )
-    from_: Disks | None = asked(None, "change the pressure of this packing", kind=PACKING, group=HOW)
+    seed: int | None = of_making("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
+    seeds: Sequence[int] | None = of_making("a packing for each seed, both ends included", kind=SEEDS)
+    from_: Disks | None = of_making("change the pressure of this packing", kind=PACKING)
     ladder: bool = asked(
         False, "each pressure starts from the packing at the one before it, not from random disks", group=HOW
     )
-    threads: int | None = asked(
-        None,
+    threads: int | None = of_making(
         "threads of a rank (default: its share of the cores of the node)",
         low=1,
         high=MOST_THREADS,
         metavar="T",
-        group=HOW,
     )
 
     def check(self):

@@ -5,12 +5,12 @@ from typing import ClassVar
 
 from jampetsc.asking.damping import OfPacking
 from jampetsc.asking.kinds import FREQUENCIES, Numbers
-from jampetsc.asking.parameters import asked
+from jampetsc.asking.parameters import asked, optional
 from jampetsc.core.laws import FAMILIES, damping_law
 from jampetsc.errors import InputError, named
 
 OMEGA = "1e-10:1e4:141"
-POWER_LAW = (
+of_power_law = optional(
     "power-law damping: viscous force of a contact ∝ |Δu̇|^A, by an equivalent linear damping (approximate)"
 )
 
@@ -48,17 +48,11 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         choices=("auto", "shifts", "matrix"),
     )
     fields: Numbers | None = asked(None, "also displacement fields at these frequencies", kind=FREQUENCIES)
-    alpha: float | None = asked(
-        None, "exponent of the damping force (1 is linear)", low=0.05, high=5.0, metavar="A", group=POWER_LAW
+    alpha: float | None = of_power_law(
+        "exponent of the damping force (1 is linear)", low=0.05, high=5.0, metavar="A"
     )
-    stress: float | None = asked(
-        None,
-        "amplitude of the shear stress, with alpha",
-        low=1e-30,
-        high=1.0,
-        unit="k",
-        metavar="S",
-        group=POWER_LAW,
+    stress: float | None = of_power_law(
+        "amplitude of the shear stress, with alpha", low=1e-30, high=1.0, unit="k", metavar="S"
     )
 
     def check(self):
