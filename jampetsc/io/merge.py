@@ -5,11 +5,9 @@ from pathlib import Path
 
 import h5py
 
-from jampetsc.io.hdf5 import OutputFile, attributes, check_format, open_file, retry_if_replaced, store, values
+from jampetsc.io.hdf5 import OutputFile, attributes, check_format, open_file, retry_if_replaced, store
 from jampetsc.io.outputs import check_output, check_place
 from jampetsc.io.parts import GROUP, PartList
-
-_BLOCK_BYTES = 1 << 22  # copied at a time from each part
 
 
 @retry_if_replaced
@@ -58,12 +56,10 @@ def _copy(source, parts, target):
 
 
 def _copy_dataset(item, parts, target, name):
-    if not item.is_virtual:
-        store(target, name, values(item))
+    if not item.is_virtual or item.shape[1:] in ((), (2,)):  # a row for each disk or contact
+        store(target, name, parts.read(item))
         return
-    copied = target.create_dataset(name, shape=item.shape, dtype=item.dtype, fletcher32=True)
-    for box in parts.boxes(item):
-        with parts.open(box) as source:
-            rows = max(1, _BLOCK_BYTES * box.shape[0] // source.nbytes)
-            for start in range(0, box.shape[0], rows):
-                copied[box.place(start, start + rows)] = values(source, slice(start, start + rows))
+    chunks = (1, *item.shape[1:])
+    copied = target.create_dataset(name, item.shape, item.dtype, chunks=chunks, fletcher32=True)
+    for entry in range(len(item)):  # fields, which may be many
+        copied[entry] = parts.read(item, entry)

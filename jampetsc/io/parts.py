@@ -8,7 +8,7 @@ its `run_id` and rank, and rows are put together here rather than by libhdf5.
 import math
 import os
 import re
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -92,14 +92,6 @@ class PartList:
                     f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
                 )
 
-    @contextmanager
-    def open(self, box):
-        """The dataset of a part that holds the rows of a box; the part must be the one written with the joint file."""
-        with open_file(self.path.parent / box.part, self._seals[box.part]) as h5:
-            if h5[box.name].shape != box.shape:
-                raise InputError(f"{self.shown}: part {box.part} holds other rows: damaged")
-            yield h5[box.name]
-
     def read(self, data: h5py.Dataset, selection=...):
         """A dataset of the joint file, or a selection of it as numpy takes one. If the parts divide another axis than
         the first, only the selected entries along the first are read from each part.
@@ -108,23 +100,24 @@ class PartList:
         """
         if not data.is_virtual:
             return values(data, selection)
-        boxes = self.boxes(data)
-        axis = next(
-            (n for n, (a, b) in enumerate(zip(boxes[0].first, boxes[-1].first, strict=True)) if a < b), 0
+        boxes = sorted(
+            (*source.vspace.get_select_bounds(), source.file_name, source.dset_name)
+            for source in data.virtual_sources()
         )
+        shapes = [tuple(b - a + 1 for a, b in zip(first, last, strict=True)) for first, last, *_ in boxes]
+        known = all(part in self.sizes for *_, part, _ in boxes)
+        if not known or sum(map(math.prod, shapes)) != data.size:
+            raise InputError(f"{self.shown}: {data.name}: its parts do not make up the whole: damaged")
+        ends = zip(boxes[0][0], boxes[-1][0], strict=True)
+        axis = next((n for n, (first, last) in enumerate(ends) if first < last), -1)  # -1: of a single part
         lead, rest = _split(selection, data.shape) if axis else (slice(None), selection)
         pieces = []
-        for box in boxes:
-            with self.open(box) as rows:
-                pieces.append(values(rows, lead))
+        for shape, (*_, part, name) in zip(shapes, boxes, strict=True):
+            with open_file(self.path.parent / part, self._seals[part]) as h5:
+                if h5[name].shape != shape:
+                    raise InputError(f"{self.shown}: part {part} holds other rows: damaged")
+                pieces.append(values(h5[name], lead))
         return np.concatenate(pieces, axis)[rest]
-
-    def boxes(self, data: h5py.Dataset) -> list:
-        """The `_Box`es of a virtual dataset, in order: where the rows of each part lie. Raises InputError as `read`."""
-        boxes = sorted(map(_Box, data.virtual_sources()), key=lambda box: box.first)
-        if any(box.part not in self.sizes for box in boxes) or sum(box.size for box in boxes) != data.size:
-            raise InputError(f"{self.shown}: {data.name}: its parts do not make up the whole: damaged")
-        return boxes
 
     def remove(self) -> None:
         """Delete the parts, and their folder once it is empty."""
@@ -133,24 +126,6 @@ class PartList:
                 (self.path.parent / name).unlink(missing_ok=True)
         for folder in {(self.path.parent / name).parent for name in self.sizes}:
             remove_if_empty(folder)
-
-
-class _Box:
-    """Where the rows of one part lie in a virtual dataset."""
-
-    def __init__(self, source):
-        first, last = source.vspace.get_select_bounds()
-        self.part, self.name = source.file_name, source.dset_name
-        self.first = first
-        self.shape = tuple(b - a + 1 for a, b in zip(first, last, strict=True))
-        self.size = math.prod(self.shape)
-
-    def place(self, start, stop):
-        """Where rows start to stop of the part's first axis lie."""
-        return tuple(
-            slice(a + start, a + min(stop, n)) if axis == 0 else slice(a, a + n)
-            for axis, (a, n) in enumerate(zip(self.first, self.shape, strict=True))
-        )
 
 
 def _split(selection, shape):

@@ -12,7 +12,6 @@ from test_result_file import assert_holds, names
 
 from jampetsc.cli import main as cli
 from jampetsc.errors import JampetscError
-from jampetsc.io import merge as merging
 from jampetsc.io.merge import merge
 from jampetsc.io.parts import parts_of
 
@@ -40,9 +39,7 @@ def test_what_was_merged_copied_or_left_is_told_and_holds_the_same(joint, tmp_pa
     assert "one.h5: is there already and has other inputs" in capsys.readouterr().err
 
 
-def test_attributes_of_groups_and_datasets_are_kept(joint, monkeypatch):
-    """And the rows, where they are copied block by block."""
-    monkeypatch.setattr(merging, "_BLOCK_BYTES", 100)  # smaller than one frequency, a few rows of the others
+def test_attributes_of_groups_and_datasets_are_kept(joint):
     with h5py.File(joint, "r+") as h5:
         h5["fields"].attrs["unit"] = "d"
         h5["omega"].attrs["unit"] = "1/tau1"
