@@ -199,7 +199,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         """Make the packings that are missing, spread over the ranks. Collective."""
         from jampetsc.collective import on_root, own_cores
         from jampetsc.core.threads import Team
-        from jampetsc.jobs.packings import Change, is_there, make, raise_failures, summary
+        from jampetsc.jobs.packings import from_packing, is_there, make, raise_failures, summary
         from jampetsc.petsc import session
 
         running = session.current()
@@ -211,7 +211,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         def beginning(i):
             if not tasks[i].rung:
                 return begin
-            return Change.of(tasks[i - 1].path or found[i - 1][0], self._how)
+            return from_packing(tasks[i - 1].path or found[i - 1][0], self._how)
 
         def missing(numbers):
             wanted = ((i, beginning(i).record | tasks[i].asked) for i in numbers)
@@ -246,21 +246,20 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         return {"stabilise": self.stabilise, "tolerance": self.tolerance}
 
     def _begin(self, comm):
-        """What packings start from, `packings.Random` or `Change`, but for the later ones of a ladder. Collective."""
+        """What packings start from, a `packings.Beginning`, but for the later ones of a ladder. Collective."""
         from jampetsc.io.packing_file import source_name
-        from jampetsc.jobs.packings import Change, Random
+        from jampetsc.jobs.packings import at_random, from_packing
 
         if self.from_ is None:  # of one rank for all: the file may have been replaced
             radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
             potential = Potential(self.potential or "harmonic", self.stiffness or "constant")
             settings = {"sizes": sizes_text(self.sizes, self.radii), "requested_n": self.n or 0}
-            return Random(radii, potential, self._how | settings)
-        begin = Change.of(self.from_, self._how, comm)
-        if self.n not in (None, begin.source.n):
+            return at_random(radii, potential, self._how | settings)
+        begin, name = from_packing(self.from_, self._how, comm), source_name(self.from_)
+        with about(name):
+            n = begin.disks(self.tasks(None)[0]).n
+        if self.n not in (None, n):
             raise InputError(
-                f"{named('n')} {self.n}: {source_name(self.from_)} has {begin.source.n} disks; leave it out with "
-                f"{named('from_')}"
+                f"{named('n')} {self.n}: {name} has {n} disks; leave it out with {named('from_')}"
             )
-        with about(source_name(self.from_)):
-            begin.disks(self.tasks(None)[0])
         return begin

@@ -1,12 +1,10 @@
 """The packings that a `pack.Pack` asks for, made one after another by one rank, and their lines in the summary."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
 from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
@@ -38,47 +36,30 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Random:
-    """Packings that start from disks at random places."""
+class Beginning:
+    """What packings start from."""
 
-    radii: np.ndarray  # (N,)
-    potential: Potential
-    how: dict
-    k: float = 1.0
+    record: dict  # entries of the record of each packing
+    disks: Callable  # task -> the disks from which it starts
+    k: float = 1.0  # their stiffness, the unit of the pressures
 
-    @property
-    def record(self) -> dict:
-        """Entries of the record of each packing."""
-        kind = {"requested_potential": self.potential.kind, "requested_stiffness": self.potential.stiffness}
-        return self.how | kind
 
-    def disks(self, task) -> Disks:
-        """The disks from which a task starts."""
+def at_random(radii, potential: Potential, how: dict) -> Beginning:
+    """Disks of radii (N,) at random places; how: entries of the record."""
+
+    def disks(task):
         phi = task.target.phi or start_phi(task.target.pressure)
-        return random_start(self.radii, phi, task.seed, self.potential)
+        return random_start(radii, phi, task.seed, potential)
+
+    kind = {"requested_potential": potential.kind, "requested_stiffness": potential.stiffness}
+    return Beginning(how | kind, disks)
 
 
-@dataclass(frozen=True)
-class Change:
-    """Packings that start from another one."""
-
-    source: Disks
-    record: dict
-
-    @classmethod
-    def of(cls, source, how: dict, comm=None) -> "Change":
-        """From a file or Disks; how: entries of the record. Collective over comm."""
-        disks, identity = read_identified(source, comm)
-        return cls(disks, how | dict(zip(("source", "source_sha256"), identity, strict=True)))
-
-    @property
-    def k(self) -> float:
-        """Stiffness k of the packing, the unit of the pressures."""
-        return self.source.potential.k
-
-    def disks(self, task) -> Disks:
-        """The disks from which a task starts."""
-        return changed(self.source, task.target)
+def from_packing(source, how: dict, comm=None) -> Beginning:
+    """Another packing, a file or Disks; how: entries of the record. Collective over comm."""
+    disks, identity = read_identified(source, comm)
+    record = how | dict(zip(("source", "source_sha256"), identity, strict=True))
+    return Beginning(record, lambda task: changed(disks, task.target), disks.potential.k)
 
 
 def is_there(path, wanted, overwrite=False, source=None) -> bool:
@@ -106,7 +87,7 @@ def is_there(path, wanted, overwrite=False, source=None) -> bool:
 def make(tasks, team, rank) -> dict:
     """Make the packings of tasks [(number, task, beginning)]: {number: (disks, line of the summary) or JampetscError}.
 
-    beginning   `Random` or `Change`; disks are None where they were written to a file
+    beginning   `Beginning`; disks are None where they were written to a file
     """
     solver, found = local.NewtonSolver(), {}
     with Progress(len(tasks), "packings", rank) as progress:
