@@ -16,7 +16,6 @@ from jampetsc.asking.parameters import FILE, asked
 class Probe(Job):
     """Do what the tests ask for."""
 
-    NAME: ClassVar = "probe"
     FORMAT: ClassVar = "no file"
     OUT: ClassVar = ""
     SOLVERS: ClassVar = ("probe_",)

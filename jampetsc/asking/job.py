@@ -23,8 +23,8 @@ class Job:
     refuses values that contradict each other, without reading files; `work` runs the job.
     """
 
-    NAME: ClassVar[str]  # of command and function
-    FORMAT: ClassVar[str]  # of its result, "jampetsc-sweep"
+    NAME: ClassVar[str]  # of command and function: that of the class, in small letters
+    FORMAT: ClassVar[str]  # of its result; if not given "jampetsc-NAME"
     EPILOG: ClassVar[str] = ""  # what its help ends with: examples, prefixes of PETSc's options
     SOLVERS: ClassVar[tuple] = ()  # prefixes of the PETSc options that its solvers read, see `solver_options`
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
@@ -36,6 +36,10 @@ class Job:
     place: ClassVar = None  # file of its result if no name is given
     several: ClassVar[bool] = False  # whether it has several results, each a file of its own
     AGAIN: ClassVar[bool] = False  # whether --overwrite is not needed to replace its result: pictures, tables
+
+    def __init_subclass__(cls):
+        cls.NAME = cls.__name__.lower()
+        cls.FORMAT = vars(cls).get("FORMAT", f"jampetsc-{cls.NAME}")
 
     def __post_init__(self):
         for name, said in fields(type(self)).items():

@@ -35,13 +35,11 @@ class Kind:
 
     read       value as given → value; raises ValueError that says what it must be
     serialise  value → what TOML, JSON and a command line can hold; `read` turns it back into the value
-    word       word of a command line → what is stored before `read`: a number where it is one
     metavar    its placeholder in the help
     """
 
     read: Callable
     serialise: Callable = lambda value: value
-    word: Callable = str
     metavar: str = ""
 
 
@@ -74,8 +72,8 @@ def _path(value):
         raise ValueError("must be the name of a file") from None
 
 
-NUMBER = Kind(_number, word=_number)
-COUNT = Kind(_count, word=_count)
+NUMBER = Kind(_number)
+COUNT = Kind(_count)
 SWITCH = Kind(_switch)
 WORD = Kind(str)
 PATH = Kind(_path, str, metavar="FILE")
@@ -120,13 +118,6 @@ class Parameter:
         """Its option on a command line; for a switch that is on by default, --no-NAME."""
         name = self.name.removesuffix("_").replace("_", "-")
         return f"--no-{name}" if self.default is True else f"--{name}"
-
-    def kept(self, text):
-        """What is stored of a word before `read`: a number where the parameter is one; invalid words unchanged."""
-        try:
-            return self.kind.word(text)
-        except ValueError:
-            return text
 
     def read(self, value):
         """The value, converted and checked. Raises InputError that names the parameter."""

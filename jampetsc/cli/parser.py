@@ -50,7 +50,6 @@ def _add(parser, name, one):
         parser.add_argument(
             *filter(None, (one.word, one.also)),
             dest=name,
-            type=one.kept,
             required=one.required,
             metavar=one.metavar or one.kind.metavar or (None if one.choices else name.upper()),
             help=_help(one),

@@ -45,9 +45,7 @@ class Collapse(Job):
     out one by one.
     """
 
-    NAME: ClassVar = "collapse"
     scalar: ClassVar = None
-    FORMAT: ClassVar = "jampetsc-collapse"
     EPILOG: ClassVar = """The name omega stands for omega/z with rates. A small probability of chi^2 says that
 the form is wrong, or the errors are.
 

@@ -48,7 +48,6 @@ class Correlate(Job):
     there are fewer than five packings; those are lower bounds.
     """
 
-    NAME: ClassVar = "correlate"
     scalar: ClassVar = None
     FORMAT: ClassVar = "jampetsc-correlation"
     EPILOG: ClassVar = """examples:

@@ -18,7 +18,6 @@ class Examples(Job):
     -options_file jampetsc:NAME) and slurm/ (scripts for a cluster).
     """
 
-    NAME: ClassVar = "examples"
     scalar: ClassVar = None
     FORMAT: ClassVar = "no file"
     OUT: ClassVar = ""

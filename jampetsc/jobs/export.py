@@ -22,7 +22,6 @@ class Export(Job):
     format.
     """
 
-    NAME: ClassVar = "export"
     scalar: ClassVar = None
     FORMAT: ClassVar = "exported"
     OUT_HELP: ClassVar = "file to write: .xyz, .dump, .data, .vtp, .npz or .gsd"

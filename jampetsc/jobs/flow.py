@@ -24,8 +24,6 @@ class Flow(FromStart):
     fraction; or continues an earlier flow with its settings.
     """
 
-    NAME: ClassVar = "flow"
-    FORMAT: ClassVar = "jampetsc-flow"
     scalar: ClassVar = None
     OUT: ClassVar = "optional"
     OUT_HELP: ClassVar = "result file (default when a flow is continued: its own file)"

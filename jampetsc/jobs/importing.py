@@ -36,7 +36,6 @@ class Import(Job):
     U = ½ (1 − r/σ)²), whose pressure and energy must be those stored in FILE.
     """
 
-    NAME: ClassVar = "import"
     scalar: ClassVar = None
     FORMAT: ClassVar = "jampetsc-packing"
     EPILOG: ClassVar = """examples:

@@ -21,7 +21,6 @@ class Info(Job):
     their negative, zero and positive eigenvalues counted.
     """
 
-    NAME: ClassVar = "info"
     FORMAT: ClassVar = "no file"
     OUT: ClassVar = ""
     GIVES: ClassVar = "str, lines of text"

@@ -27,8 +27,6 @@ class Jam(Job):
     is given, then compressed or decompressed to its phi_J; also how far large and small disks have separated.
     """
 
-    NAME: ClassVar = "jam"
-    FORMAT: ClassVar = "jampetsc-jam"
     EPILOG: ClassVar = """examples:
   jampetsc jam --n 64 --phi 0.83:0.85:9 --seeds 1:500 --out f64.h5
   mpirun -n 2 jampetsc jam --n 256 --phi 0.84,0.8425 --seeds 1:100 --out f256.h5

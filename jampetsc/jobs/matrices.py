@@ -17,7 +17,6 @@ class Matrices(OfPacking):
     be regular (pins). docs/python.md computes G* of them in five lines; in python `assemble` gives them without a file.
     """
 
-    NAME: ClassVar = "matrices"
     FORMAT: ClassVar = "exported"
     OUT_HELP: ClassVar = (
         "file to write: .npz (numpy), .petsc (PETSc binary) or .mtx (Matrix Market, NAME-K.mtx and so on)"

@@ -15,7 +15,6 @@ class Merge(Job):
     Without another name the file takes the place of the result, and its parts are removed.
     """
 
-    NAME: ClassVar = "merge"
     FORMAT: ClassVar = "that of the result"
     scalar: ClassVar = None
     OUT: ClassVar = "optional"

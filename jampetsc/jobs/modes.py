@@ -22,8 +22,6 @@ class Modes(Job):
     was missed is proved by the inertia of K.
     """
 
-    NAME: ClassVar = "modes"
-    FORMAT: ClassVar = "jampetsc-modes"
     EPILOG: ClassVar = """examples:
   jampetsc modes p.h5 --count 20 --out modes.h5
   jampetsc modes p.h5 --below 0.01 --out below.h5 -options_file jampetsc:modes_many       # hundreds of modes

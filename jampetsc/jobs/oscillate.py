@@ -39,8 +39,6 @@ class Oscillate(OfPacking):
     in time until they repeat.
     """
 
-    NAME: ClassVar = "oscillate"
-    FORMAT: ClassVar = "jampetsc-oscillate"
     EPILOG: ClassVar = """examples:
   jampetsc oscillate p1e-3.h5 --out half.h5 --alpha 0.5 --omega 1e-9:1e-5:9 --stress 1e-6,1e-5
   jampetsc oscillate p1e-3.h5 --out strain.h5 --alpha 0.6667 --omega 1e-4 --strain 1e-6

@@ -50,7 +50,6 @@ class Pack(Job):
     each from random disks, or with `ladder` from the packing at the pressure before it.
     """
 
-    NAME: ClassVar = "pack"
     FORMAT: ClassVar = "jampetsc-packing"
     OUT_HELP: ClassVar = "packing file; {seed} and {pressure} are replaced"
     GIVES: ClassVar = "Disks, or a list of them"

@@ -59,7 +59,6 @@ class Plot(Job):
     their pressures, P(p). Frequencies are shown in 1/τ₁, moduli and pressures in k.
     """
 
-    NAME: ClassVar = "plot"
     FORMAT: ClassVar = "picture"
     scalar: ClassVar = None
     OUT_HELP: ClassVar = "picture to write: .png, .pdf or .svg"

@@ -19,8 +19,6 @@ class Quasistatic(OfPacking):
     Numbers whose names have no_prestress are those without the pre-stress of K.
     """
 
-    NAME: ClassVar = "quasistatic"
-    FORMAT: ClassVar = "jampetsc-quasistatic"
     EPILOG: ClassVar = """examples:
   jampetsc quasistatic p.h5 --out slow.h5
   jampetsc quasistatic p.h5 --betas 1e-4,1e-2,1 --out betas.h5

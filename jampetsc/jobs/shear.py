@@ -18,8 +18,6 @@ class Shear(FromStart):
     Shears soft disks in small affine steps, each followed to the minimum of the energy (Vågberg, thesis sec. 4.7).
     """
 
-    NAME: ClassVar = "shear"
-    FORMAT: ClassVar = "jampetsc-shear"
     EPILOG: ClassVar = """examples:
   jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
   jampetsc shear p.h5 --step 1e-3 --strain 1 --out from-p.h5

@@ -27,8 +27,6 @@ class Spectrum(Job):
     that is twice as wide as the widest gap between nodes unless you choose.
     """
 
-    NAME: ClassVar = "spectrum"
-    FORMAT: ClassVar = "jampetsc-spectrum"
     scalar: ClassVar = None
     OUT_HELP: ClassVar = "result (HDF5), or picture"
     EPILOG: ClassVar = """examples:

@@ -23,8 +23,6 @@ class Sweep(OfPacking):
     spectrum from a few real factorisations, `direct` solves K + iωB at every frequency.
     """
 
-    NAME: ClassVar = "sweep"
-    FORMAT: ClassVar = "jampetsc-sweep"
     EPILOG: ClassVar = """examples:
   jampetsc sweep p.h5 --beta 0.1 --omega 1e-6:1e2:81 --fields 1e-3,1 --out sweep.h5
   jampetsc sweep p.h5 --method direct --omega 1e-3,1 --out direct.h5 -options_file jampetsc:iterative

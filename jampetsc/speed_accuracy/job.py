@@ -44,7 +44,6 @@ class Trade(OfPacking):
       frequencies  few frequencies solved one by one, and interpolation between them
     """
 
-    NAME: ClassVar = "trade"
     FORMAT: ClassVar = "table"
     scalar: ClassVar = None  # its runs are processes of their own
     OUT_HELP: ClassVar = "table, .csv; the picture goes beside it as .png"

@@ -33,7 +33,6 @@ class Study(Job):
     ranks too; a changed STUDY.toml adds tasks. FOLDER/table.csv has one row per task; jampetsc.load(FOLDER) reads it.
     """
 
-    NAME: ClassVar = "study"
     FORMAT: ClassVar = "table"
     OUT_HELP: ClassVar = "folder of all its files"
     AGAIN: ClassVar = True

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import seeds_of
-from jampetsc.asking.parameters import FILES, OPTION, did_you_mean, made, parameters
+from jampetsc.asking.parameters import COUNT, FILES, NUMBER, OPTION, did_you_mean, made, parameters
 from jampetsc.errors import InputError
 
 OWN = ("out", "packing", "last", "overwrite", "quiet")  # keys that the study sets itself
@@ -125,7 +125,11 @@ def _typed(one, value):
     """A value, the same for 1e-3 and "0.001", since it enters the name of its task."""
     if _is_switch(one):
         return one.default != value  # a switch that is on by default has a key that turns it off
-    return one.kept(str(number_of(value)))
+    text = str(number_of(value))
+    try:
+        return one.kind.read(text) if one.kind in (NUMBER, COUNT) else text
+    except ValueError:  # which the job refuses
+        return text
 
 
 def number_of(value):
