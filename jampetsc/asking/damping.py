@@ -29,13 +29,6 @@ def law_parameters(default):
     return tuple(found)
 
 
-def law_made(given: dict) -> Law:
-    """The law that options {name: value} describe. Raises InputError for one of another family or out of range."""
-    return damping_law(
-        given.get("law", DEFAULT), **{name: one for name, one in given.items() if name != "law"}
-    )
-
-
 def law_options(law: Law) -> dict:
     """{name: value} of the options that describe a law, without defaults; its weights where it is of no family."""
     if law.family:
@@ -46,7 +39,7 @@ def law_options(law: Law) -> dict:
     return {"law": "own weights", "tau1": law.tau1} | {name: getattr(law, name) for name in weights}
 
 
-DAMPING = Part(law_parameters(DEFAULT), law_made, law_options, Law)
+DAMPING = Part(law_parameters(DEFAULT), damping_law, law_options, Law)
 PRESTRESS = asked(
     True,
     "K keeps the f/r term of its contacts (BT: 'with pre-stress')",

@@ -53,7 +53,7 @@ class Job:
             return value
         if not isinstance(value, str):
             raise InputError(f"{named(name)} {value!r}: must be a {part.type.__name__}")
-        return part.make({part.parameters[0].name: value})
+        return part.make(**{part.parameters[0].name: value})
 
     def _read(self, name, parameter, value):
         if parameter.place in (OPTION, FILE):
@@ -112,10 +112,6 @@ class Job:
         usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
         return {n: value for n, value in values.items() if value is not None and usual.get(n) is not value}
 
-    def request(self, argv, overwrite=False) -> Request:
-        """What results record of this job; argv: its command line."""
-        return Request(self.NAME, self.settings(), argv, overwrite, self.same, self.input_hashes)
-
     def words(self) -> list[str]:
         """The options of a command line for this job."""
         settings, words = self.settings(), []
@@ -160,7 +156,7 @@ class Job:
         Returns the summary for the user. Raises InputError before any work for an output that may not be written, and
         as `work` does.
         """
-        to.request = self.request(argv or sys.argv, overwrite)
+        to.request = Request(self, argv or sys.argv, overwrite)
         self.check_outputs(to)
         if self.scalar is not None:
             running = session.start(None if self.scalar == "any" else self.scalar, petsc_argv)

@@ -1,8 +1,8 @@
 """The model of a flow: the options that make one, a name of `flows.models.MODELS` or a damping law, and a mass."""
 
-from jampetsc.asking.damping import law_made, law_options, law_parameters
+from jampetsc.asking.damping import law_options, law_parameters
 from jampetsc.asking.parameters import NUMBER, WORD, Parameter, Part
-from jampetsc.core.laws import LARGEST, OPTIONS
+from jampetsc.core.laws import LARGEST, OPTIONS, damping_law
 from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model, model_of
 
@@ -24,8 +24,8 @@ OWN = (
 )
 
 
-def model_made(given: dict) -> Model:
-    """The model that options {name: value} describe. Raises InputError for a contradiction, and as `Model`."""
+def model_made(**given) -> Model:
+    """The model that these options describe. Raises InputError for a contradiction, and as `Model`."""
     law = {name: value for name, value in given.items() if name in ("law", *OPTIONS)}
     if "model" in given:
         if law:
@@ -38,7 +38,7 @@ def model_made(given: dict) -> Model:
             f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options"
         )
     motion = {name: given[name] for name in MOTION if name in given}
-    return Model(law_made({name: value for name, value in given.items() if name not in motion}), **motion)
+    return Model(damping_law(**{name: one for name, one in given.items() if name not in motion}), **motion)
 
 
 def model_options(model: Model) -> dict:

@@ -156,7 +156,7 @@ class Part:
     """Several options that together describe one object, such as a damping law.
 
     options      those options, or a function that returns them
-    make         {option: value} of the given ones → the object; raises InputError
+    make         called with the given ones as keywords → the object; raises InputError
     serialise    the object → {option: value}; `make` turns it back into the object
     type         class of the object
     optional     whether None is allowed
@@ -187,12 +187,12 @@ def optional(group: str) -> Callable:
 
 
 def part(part: Part, default=MISSING):
-    """A field of a job that several options describe; if none is given `default`, or else `part.make({})`.
+    """A field of a job that several options describe; if none is given `default`, or else `part.make()`.
 
     `make` gets only the options that are not at their defaults.
     """
     said = dataclasses.replace(part, optional=default is None)
-    default = {"default_factory": lambda: part.make({})} if default is MISSING else {"default": default}
+    default = {"default_factory": part.make} if default is MISSING else {"default": default}
     return dataclasses.field(**default, metadata={"asked": said})
 
 
@@ -235,7 +235,7 @@ def made(job, given: dict):
         mine = {one: one.read(given.pop(one.name)) for one in said.parameters if one.name in given}
         mine = {one.name: value for one, value in mine.items() if one.default is None or value != one.default}
         if mine:
-            given[field] = said.make(mine)
+            given[field] = said.make(**mine)
     if missing:
         raise InputError(f"{', '.join(missing)}: must be given")
     return job(**given)

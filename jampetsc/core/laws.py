@@ -190,20 +190,20 @@ class Physics:
 UNDAMPED = Law("no damping")  # K alone
 
 
-def damping_law(name: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0, **options) -> Law:
+def damping_law(law: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0, **options) -> Law:
     """The law of a family with these options, the others at their defaults.
 
     Raises InputError for a name that is not in FAMILIES, an option of another family, values out of range, and
     if motions of disks dissipate nothing.
     """
-    if name not in FAMILIES:
-        raise InputError(f"{named('law')} {name}: choose one of {', '.join(FAMILIES)}")
-    family = FAMILIES[name]
+    if law not in FAMILIES:
+        raise InputError(f"{named('law')} {law}: choose one of {', '.join(FAMILIES)}")
+    family = FAMILIES[law]
     for option in options:
         if option not in family.options:
             owners = " or ".join(having(option))
             raise InputError(
-                f"{named(option)}: belongs to {named('law')} {owners}, not to {name}; leave it out"
+                f"{named(option)}: belongs to {named('law')} {owners}, not to {law}; leave it out"
             )
     values = {option: options.get(option, family.options[option].default) for option in family.options}
     for option, value in values.items():
@@ -219,7 +219,7 @@ def damping_law(name: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0
         **family.weights(**values),
         exponent=exponent,
         tau1=tau1,
-        family=name,
+        family=law,
         options=(*values.items(),),
     )
     made.require_dissipation()

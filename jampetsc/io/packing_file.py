@@ -12,7 +12,7 @@ import h5py
 
 from jampetsc.collective import on_root
 from jampetsc.core.disks import Disks, join
-from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, about
 from jampetsc.io.hdf5 import (
     OutputFile,
@@ -106,17 +106,13 @@ def packing_from(h5, path) -> Disks:
     check_format(path, attrs, FORMAT)
     arrays = {name: _array(h5, path, name) for name in ("positions", "radii", "cell")}
     arrays |= {name: _array(h5, path, name) for name in ("positions_low", "cell_low") if name in h5}
-    for name, choices in (("potential", EXPONENTS), ("stiffness", STIFFNESSES)):
-        if attrs.get(name) not in choices:
-            found = f"attribute {name} = {attrs[name]!r}" if name in attrs else f"attribute {name} is missing"
-            raise InputError(f"{path}: {found}: must be one of {', '.join(choices)}")
     try:
         stiffness = float(attrs.get("k", 1.0))
     except (TypeError, ValueError):
         raise InputError(f"{path}: attribute k = {attrs['k']!r}: must be a positive number") from None
     record = {name: value for name, value in attrs.items() if name not in _HEADER}
     with about(path):
-        potential = Potential(attrs["potential"], attrs["stiffness"], stiffness)
+        potential = Potential(attrs.get("potential"), attrs.get("stiffness"), stiffness)
         return Disks.from_positions(**arrays, potential=potential, record=record)
 
 

@@ -15,11 +15,6 @@ _KINDS = {  # type of a file -> in words
 _READ = ("give the file in it", "give a regular file, such as a copy of what comes out of it")
 
 
-def kind(mode) -> str | None:
-    """The type of a file in words, from its `mode` of os.stat; None for a regular file."""
-    return _KINDS.get(stat.S_IFMT(mode), None if stat.S_ISREG(mode) else "a special file")
-
-
 def open_regular(path):
     """A regular file, links followed, open for reading in binary.
 
@@ -38,6 +33,6 @@ def open_regular(path):
 
 def require_regular(path, status, folder, other) -> None:
     """Raise InputError unless `status` of os.stat is that of a regular file; remedies for a folder and for others."""
-    found = kind(status.st_mode)
-    if found is not None:
+    if not stat.S_ISREG(status.st_mode):
+        found = _KINDS.get(stat.S_IFMT(status.st_mode), "a special file")
         raise InputError(f"{path}: is {found}: {folder if found == 'a folder' else other}")

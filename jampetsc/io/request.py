@@ -14,19 +14,15 @@ LONGEST_LINE = 10_000  # characters of a command line or a list of files: an HDF
 class Request:
     """The settings of one run: its command and options, and what its input files hold.
 
-    options     {parameter: value} of those that are given
+    job         an `asking.job.Job`
     argv        the command line
     overwrite   whether a finished result of other settings may be replaced
-    same        whether two values of a parameter mean the same
-    input_hashes   of inputs in memory
     """
 
-    def __init__(self, command, options: dict, argv, overwrite, same, input_hashes):
-        self.argv, self.overwrite, self.same, self.input_hashes = argv, bool(overwrite), same, input_hashes
-        self.options = {
-            name: value for name, value in options.items() if name not in NO_SETTINGS and value is not None
-        }
-        self.settings = {"command": command} | {n: _short(v) for n, v in self.options.items()}
+    def __init__(self, job, argv=(), overwrite=False):
+        self.job, self.argv, self.overwrite = job, argv, overwrite
+        self.options = {name: value for name, value in job.settings().items() if name not in NO_SETTINGS}
+        self.settings = {"command": job.NAME} | {n: _short(v) for n, v in self.options.items()}
 
     def read(self, inputs) -> None:
         """Replace the names of the files at `inputs` in the settings by hashes of their content."""
@@ -35,7 +31,7 @@ class Request:
         for name, value in self.options.items():
             if not names.issuperset(map(str, value if isinstance(value, list) else [value])):
                 self.settings[name] = _short(value)
-        held = sorted([*self.input_hashes, *(str(identity_of(path)) for path in inputs)])
+        held = sorted([*self.job.input_hashes, *(str(identity_of(path)) for path in inputs)])
         self.settings |= {"inputs": _short(held)} if held else {}
 
     def differences(self, text: str) -> str:
@@ -45,7 +41,7 @@ class Request:
             name
             for name in {**self.settings, **found}
             if found.get(name) != self.settings.get(name)
-            and not self.same(name, found.get(name), self.settings.get(name))
+            and not self.job.same(name, found.get(name), self.settings.get(name))
         ]
         return "; ".join(_difference(name, found.get(name), self.settings.get(name)) for name in changed)
 

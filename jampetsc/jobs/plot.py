@@ -11,7 +11,7 @@ from jampetsc.errors import as_float
 from jampetsc.jobs.sources import WHERE, rows_named
 
 
-def _given(options) -> dict:
+def _given(**options) -> dict:
     """The options that are given: all but switches that are off."""
     return {name: value for name, value in options.items() if value is not False}
 

@@ -15,6 +15,7 @@ from jampetsc.io.outlet import Outlet
 from jampetsc.io.outputs import unlike
 from jampetsc.io.parts import parts_of
 from jampetsc.io.reader import load
+from jampetsc.io.request import Request
 from jampetsc.petsc import session
 from jampetsc.studies.numbers import numbers_of
 
@@ -121,7 +122,7 @@ class Runner:
             return False
         try:
             load(path)  # also checks that all of its parts are there
-            asked = job.request(())
+            asked = Request(job)
             asked.read(job.paths)
             if unlike(path, asked):
                 return False

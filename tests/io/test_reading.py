@@ -27,9 +27,10 @@ from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import collected
-from jampetsc.io.regular import kind, open_regular
+from jampetsc.io.regular import open_regular, require_regular
 from jampetsc.io.request import LONGEST_LINE, Request
 from jampetsc.io.result_file import ResultWriter
+from jampetsc.jobs.modes import Modes
 
 
 def handles():
@@ -40,9 +41,11 @@ def handles():
 
 
 def test_kinds_of_files():
-    words = {stat.S_IFREG: None, stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
-    words |= {stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", 0: "a special file"}
-    assert {mode: kind(mode | 0o644) for mode in words} == words
+    words = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket", stat.S_IFCHR: "device"}
+    for mode, word in (words | {stat.S_IFBLK: "device", 0: "special file"}).items():
+        with pytest.raises(InputError, match=f"^x: is a {word}: {'in it' if word == 'folder' else 'other'}$"):
+            require_regular("x", SimpleNamespace(st_mode=mode | 0o644), "in it", "other")
+    require_regular("x", SimpleNamespace(st_mode=stat.S_IFREG), "in it", "other")
 
 
 def test_what_takes_the_place_of_a_file_is_looked_at_once_more(tmp_path, monkeypatch):
@@ -254,8 +257,8 @@ def test_what_sweeps_have_in_common(tmp_path):
 
 def test_a_line_that_is_too_long_for_an_attribute_is_cut():
     for words, line in ((["a b", 1], "'a b' 1"), (["x" * LONGEST_LINE], "x" * LONGEST_LINE)):
-        assert Request("pack", {}, words, False, None, ()).recorded["argv"] == line
-    many = Request("pack", {}, ["x" * (LONGEST_LINE + 1)], False, None, ())
+        assert Request(Modes("p.h5"), words).recorded["argv"] == line
+    many = Request(Modes("p.h5"), ["x" * (LONGEST_LINE + 1)])
     assert many.recorded["argv"] == "x" * LONGEST_LINE + " …"
 
 

@@ -17,6 +17,7 @@ from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
 from jampetsc.io.packing_file import write_packing
+from jampetsc.io.request import Request
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.studies import lock as locks
 from jampetsc.studies import run as study_run
@@ -666,7 +667,7 @@ def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
     runner, job = Runner(tmp_path, {}), task.choice.job_of([str(packing)])
 
     def is_there(**changed):
-        request = dataclasses.replace(job, **changed).request(task.words)
+        request = Request(dataclasses.replace(job, **changed), task.words)
         request.read(job.paths)
         with ResultWriter(path, "jampetsc-modes", request=request) as writer:
             writer.dataset("eigenvalues", [1.0])
