@@ -181,9 +181,7 @@ def asked(default=MISSING, help="", *, kind=None, place=OPTION, **more):
     return dataclasses.field(default=default, metadata={"asked": said}, kw_only=place == OPTION)
 
 
-def optional(group: str) -> Callable:
-    """`asked` for parameters under one heading of the help that need not be given: their default is None."""
-    return functools.partial(asked, None, group=group)
+optional = functools.partial(asked, None)  # a field of a parameter that need not be given
 
 
 def part(part: Part, default=MISSING):

@@ -1,11 +1,12 @@
 """What a flow or a shear starts from: a packing, or random disks of a given number, packing fraction and sizes."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, input_name
-from jampetsc.asking.parameters import FILE, asked, optional
+from jampetsc.asking.parameters import FILE, optional
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError, named
@@ -16,14 +17,14 @@ SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
 GROUP = "random disks, without START; smallest diameter 1, k_e = k_d = 1"
-of_disks, of_run = optional(GROUP), optional("run")
+of_disks, of_run = partial(optional, group=GROUP), partial(optional, group="run")
 
 
 @dataclass(frozen=True, eq=False)
 class FromStart(Job):
     """Base of jobs that shear a packing, or random disks that they make."""
 
-    start: Disks | None = asked(None, "packing to start from", kind=PACKING, place=FILE, metavar="START")
+    start: Disks | None = optional("packing to start from", kind=PACKING, place=FILE, metavar="START")
     n: int | None = of_disks("number of disks", low=FEWEST, high=MOST, metavar="N")
     phi: float | None = of_disks(
         "packing fraction; disks jam near 0.84", low=PHIS[0], high=PHIS[1], metavar="PHI"

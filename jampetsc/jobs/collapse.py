@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import RESULT, opened, refuse_repeated, words
-from jampetsc.asking.parameters import FILES, Kind, asked
+from jampetsc.asking.parameters import FILES, Kind, asked, optional
 from jampetsc.errors import InputError, as_float, named
 from jampetsc.jobs.sources import WHERE, rows_named, write_derived
 
@@ -68,11 +68,10 @@ examples:
     degree: int = asked(5, "of the polynomial ln f0", low=1, high=12, metavar="D")
     spline: bool = asked(False, "a cubic spline over degree intervals instead")
     where: str | None = WHERE
-    cut: float | None = asked(
-        None, "largest rate, or smallest N, that is used", above=0.0, high=1e300, metavar="R"
+    cut: float | None = optional(
+        "largest rate, or smallest N, that is used", above=0.0, high=1e300, metavar="R"
     )
-    range: tuple | None = asked(
-        None,
+    range: tuple | None = optional(
         "packing fractions that are used (default: all)",
         kind=Kind(_range, lambda ends: ":".join(map(repr, ends)), metavar="A:B"),
     )

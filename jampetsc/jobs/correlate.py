@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened, refuse_repeated, words
-from jampetsc.asking.parameters import FILES, Kind, asked, shown
+from jampetsc.asking.parameters import FILES, Kind, asked, optional, shown
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, as_float
 from jampetsc.io.fields import PHASES
@@ -59,27 +59,20 @@ class Correlate(Job):
     results: Sequence = asked(
         help="sweeps with fields, or flows with snapshots, of one kind", kind=RESULT, place=FILES
     )
-    lane: Numbers | None = asked(
-        None,
+    lane: Numbers | None = optional(
         f"widths of a lane, the first for the summary (default {_lanes_text(LANES)}; flow: one, default 1)",
         kind=Kind(_lanes, _lanes_text, metavar="w1,w2,…"),
         unit="mean diameters",
     )
-    bin: float | None = asked(
-        None,
-        "flow: width of a bin of x (default 1)",
-        above=0.0,
-        high=WIDEST,
-        unit="mean diameters",
-        metavar="B",
+    bin: float | None = optional(
+        "flow: width of a bin of x (default 1)", above=0.0, high=WIDEST, unit="mean diameters", metavar="B"
     )
-    phase: str | None = asked(
-        None,
+    phase: str | None = optional(
         "sweeps: real parts are in phase with the stress (default, as BT have it) or with the strain",
         choices=PHASES,
     )
-    omega: Numbers | None = asked(None, "fields at these frequencies (default: all)", kind=FREQUENCIES)
-    packing: Disks | None = asked(None, "packing of a single sweep, if it is not beside it", kind=PACKING)
+    omega: Numbers | None = optional("fields at these frequencies (default: all)", kind=FREQUENCIES)
+    packing: Disks | None = optional("packing of a single sweep, if it is not beside it", kind=PACKING)
 
     @property
     def lanes(self):

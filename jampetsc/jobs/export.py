@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import PACKING, PACKING_OR_RESULT, input_name, opened
-from jampetsc.asking.parameters import FILE, asked
+from jampetsc.asking.parameters import FILE, asked, optional
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 
@@ -35,11 +35,11 @@ class Export(Job):
     file: Disks = asked(
         help="packing, modes, sweep with fields, quasistatic or flow file", place=FILE, kind=PACKING_OR_RESULT
     )
-    mode: int | None = asked(None, "of a modes file: which mode, from 1 (default 1)", metavar="I")
-    field: float | None = asked(
-        None, "of a sweep: frequency of the field", above=0.0, high=1e300, metavar="OMEGA"
+    mode: int | None = optional("of a modes file: which mode, from 1 (default 1)", metavar="I")
+    field: float | None = optional(
+        "of a sweep: frequency of the field", above=0.0, high=1e300, metavar="OMEGA"
     )
-    packing: Disks | None = asked(None, "packing of a result, if it is not beside it", kind=PACKING)
+    packing: Disks | None = optional("packing of a result, if it is not beside it", kind=PACKING)
 
     def check_outputs(self, to):
         """Refuse an unknown ending, and an output that may not be replaced."""

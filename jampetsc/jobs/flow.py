@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from jampetsc.asking.kinds import PACKING_OR_RESULT, input_name
 from jampetsc.asking.model import MODEL
-from jampetsc.asking.parameters import FILE, asked, part
+from jampetsc.asking.parameters import FILE, asked, optional, part
 from jampetsc.asking.starts import GROUP, FromStart, of_run
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
@@ -37,15 +37,11 @@ A killed run continues when the same command is given again. Many disks use seve
 to the last bit; independent runs are faster side by side."""
     GIVEN = (*FromStart.GIVEN, "walls")
 
-    start: Disks | None = asked(
-        None,
-        "packing to start from, or flow to continue",
-        kind=PACKING_OR_RESULT,
-        place=FILE,
-        metavar="START",
+    start: Disks | None = optional(
+        "packing to start from, or flow to continue", kind=PACKING_OR_RESULT, place=FILE, metavar="START"
     )
     model: Model | Law | str | None = part(MODEL, None)
-    rate: float | None = asked(None, "shear rate γ̇", above=0.0, high=1.0, metavar="R")
+    rate: float | None = optional("shear rate γ̇", above=0.0, high=1.0, metavar="R")
     strain: float = asked(help="how far to shear", above=0.0, metavar="S")
     walls: bool = asked(False, "between sliding rough walls, rows of disks", group=GROUP)
     snapshots: int | None = of_run(

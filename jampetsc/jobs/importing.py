@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
-from jampetsc.asking.parameters import FILE, PATH, Kind, asked
+from jampetsc.asking.parameters import FILE, PATH, Kind, asked, optional
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES
 from jampetsc.io.exchange import READERS
 
@@ -46,23 +46,21 @@ A packing that is not at rest: jampetsc pack --from dump.h5 --pressure 1e-2 --ou
     OUT_HELP: ClassVar = "packing file to write"
 
     file: Path = asked(help="file of the other program", place=FILE, kind=PATH)
-    format: str | None = asked(None, "(default: by the content of FILE)", choices=READERS)
+    format: str | None = optional("(default: by the content of FILE)", choices=READERS)
     index: int = asked(0, "which packing of FILE, from 0", low=0, metavar="I", also="--frame")
-    radius: str | None = asked(
-        None,
+    radius: str | None = optional(
         "column or array of radii, or of diameters if it is called so (default radius or diameter)",
         metavar="COLUMN",
     )
-    box: tuple | None = asked(
-        None,
+    box: tuple | None = optional(
         "of a file that has none; a₂ = (xy Ly, Ly): xy is a number",
         kind=Kind(_box, _box_text, metavar="L|Lx,Ly[,xy]"),
     )
-    potential: str | None = asked(None, "energy of an overlap (default harmonic)", choices=EXPONENTS)
-    stiffness: str | None = asked(
-        None, "convention of the contact stiffness (default constant)", choices=STIFFNESSES
+    potential: str | None = optional("energy of an overlap (default harmonic)", choices=EXPONENTS)
+    stiffness: str | None = optional(
+        "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
-    k: float | None = asked(None, "contact stiffness, in units of FILE (default 1)")
+    k: float | None = optional("contact stiffness, in units of FILE (default 1)")
 
     def work(self, to):
         from jampetsc.io.importers import import_packing

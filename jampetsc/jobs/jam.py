@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 from jampetsc.asking.job import Job
@@ -14,7 +15,8 @@ from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
 
 PROTOCOLS = ("random", "shear", "compress")  # the names of `flows.jamming.PROTOCOLS`
 MANY = 1_000_000  # most samples of one run
-of_both, of_shear, of_compress = map(optional, ("shear and compress", "shear", "compress"))
+GROUPS = ("shear and compress", "shear", "compress")
+of_both, of_shear, of_compress = (partial(optional, group=group) for group in GROUPS)
 
 
 @dataclass(frozen=True, eq=False)

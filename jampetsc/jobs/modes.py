@@ -6,7 +6,7 @@ from typing import ClassVar
 from jampetsc.asking.damping import PRESTRESS
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import PACKING
-from jampetsc.asking.parameters import FILE, asked
+from jampetsc.asking.parameters import FILE, asked, optional
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 
@@ -32,14 +32,11 @@ of them, are found by LAPACK, which takes no options."""
     SOLVERS: ClassVar = ("modes_", "shift_", "inertia_")
 
     packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
-    count: int | None = asked(
-        None,
-        f"number of modes (default {COUNT}); more where the last eigenvalues are equal",
-        low=1,
-        metavar="M",
+    count: int | None = optional(
+        f"number of modes (default {COUNT}); more where the last eigenvalues are equal", low=1, metavar="M"
     )
-    below: float | None = asked(
-        None, "all modes with eigenvalues below this", above=0.0, unit="k", metavar="LAMBDA"
+    below: float | None = optional(
+        "all modes with eigenvalues below this", above=0.0, unit="k", metavar="LAMBDA"
     )
     all: bool = asked(False, "all modes, by LAPACK on one rank: up to 4096 disks, 8 (2N)² bytes in the file")
     prestress: bool = PRESTRESS

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jampetsc.asking.damping import OfPacking
 from jampetsc.asking.kinds import Numbers, numbers
-from jampetsc.asking.parameters import Kind, asked
+from jampetsc.asking.parameters import Kind, asked, optional
 from jampetsc.core.laws import Physics
 from jampetsc.errors import InputError, named
 from jampetsc.linear.limits import LARGEST, SMALLEST
@@ -55,12 +55,10 @@ A killed run continues when the same command is given again."""
     omega: Numbers = asked(
         help="frequencies ω", kind=numbers(*DOUBLES, "LOW:HIGH:COUNT|LIST"), unit="1/τ₁ (with τ₁ = 1)"
     )
-    stress: Numbers | None = asked(
-        None, "impose a shear stress of these amplitudes", kind=numbers(LEAST, MOST), unit="k"
+    stress: Numbers | None = optional(
+        "impose a shear stress of these amplitudes", kind=numbers(LEAST, MOST), unit="k"
     )
-    strain: Numbers | None = asked(
-        None, "impose a shear strain of these amplitudes", kind=numbers(LEAST, MOST)
-    )
+    strain: Numbers | None = optional("impose a shear strain of these amplitudes", kind=numbers(LEAST, MOST))
     alpha: float = asked(
         1.0,
         "exponent of the damping force; 1: linear, 0 would be dry friction",
@@ -73,8 +71,7 @@ A killed run continues when the same command is given again."""
         "fixed: the contacts of the packing stay as they are; moving: they open and close",
         choices=("fixed", "moving"),
     )
-    cycles: int | None = asked(
-        None,
+    cycles: int | None = optional(
         "with moving contacts: how many cycles to compute, first with half as many time steps each, then with all; "
         "auto (default): until one repeats the one before",
         kind=Kind(_cycles, metavar="auto|N"),

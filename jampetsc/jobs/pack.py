@@ -19,7 +19,7 @@ PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
 TOLERANCES = (1e-13, 1e-4)
 WHAT, HOW = "what", "from where, and how"
-of_packing, of_making = optional(WHAT), optional(HOW)
+of_packing, of_making = partial(optional, group=WHAT), partial(optional, group=HOW)
 ONE_OF = (("pressure", "phi"), ("seed", "seeds", "from_"))  # of each at most one is given
 OF_DISKS = ("potential", "stiffness", "sizes", "radii")  # what a packing to start from has already
 

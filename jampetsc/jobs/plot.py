@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import PACKING_OR_RESULT, words
-from jampetsc.asking.parameters import FILES, Kind, Parameter, Part, asked, part
+from jampetsc.asking.parameters import FILES, Kind, Parameter, Part, asked, optional, part
 from jampetsc.errors import as_float
 from jampetsc.jobs.sources import WHERE, rows_named
 
@@ -82,18 +82,16 @@ Every result is drawn without --kind; a wrong name after --kind lists those ther
     files: tuple = asked(
         help="files of results or packings, or the folder of a study", kind=PACKING_OR_RESULT, place=FILES
     )
-    kind: str | None = asked(None, "what to draw (default: follows from the files and options)")
+    kind: str | None = optional("what to draw (default: follows from the files and options)")
     where: str | None = WHERE
-    csv: str | None = asked(None, "write the numbers that are drawn, too: .csv", metavar="FILE")
-    size: tuple | None = asked(None, "width and height in inches", kind=Kind(_size, metavar="W,H"))
-    xlim: tuple | None = asked(None, PANELS, kind=LIMITS)
-    ylim: tuple | None = asked(None, PANELS, kind=LIMITS)
-    label: tuple | None = asked(
-        None,
-        "words that replace those of the legend, in its order",
-        kind=Kind(words, ",".join, metavar="TEXT,…"),
+    csv: str | None = optional("write the numbers that are drawn, too: .csv", metavar="FILE")
+    size: tuple | None = optional("width and height in inches", kind=Kind(_size, metavar="W,H"))
+    xlim: tuple | None = optional(PANELS, kind=LIMITS)
+    ylim: tuple | None = optional(PANELS, kind=LIMITS)
+    label: tuple | None = optional(
+        "words that replace those of the legend, in its order", kind=Kind(words, ",".join, metavar="TEXT,…")
     )
-    style: str | None = asked(None, "style of matplotlib (.mplstyle) on top of the program's", metavar="FILE")
+    style: str | None = optional("style of matplotlib (.mplstyle) on top of the program's", metavar="FILE")
     options: dict = part(Part(_options, _given, dict, dict))
 
     def check_outputs(self, to):

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from jampetsc.asking.damping import OfPacking
 from jampetsc.asking.kinds import Numbers, numbers
-from jampetsc.asking.parameters import asked
+from jampetsc.asking.parameters import optional
 from jampetsc.core.laws import LARGEST, having
 from jampetsc.errors import InputError, named
 
@@ -27,8 +27,7 @@ PETSc options: -shift_… for the factorisations."""
 
     SOLVERS: ClassVar = ("shift_", "inertia_")
 
-    betas: Numbers | None = asked(
-        None,
+    betas: Numbers | None = optional(
         "also η₀ and η_∞ at these β, from the same fields (contact law)",
         kind=numbers(0.0, LARGEST, "b1,b2,…"),
     )

@@ -4,13 +4,11 @@ import time
 from pathlib import Path
 
 from jampetsc.asking.kinds import input_name
-from jampetsc.asking.parameters import asked
+from jampetsc.asking.parameters import optional
 from jampetsc.errors import InputError, named
 
-WHERE = asked(
-    None,
-    "of the folder of a study: the files whose rows in its table have these values",
-    metavar="COLUMN=VALUE,…",
+WHERE = optional(
+    "of the folder of a study: the files whose rows in its table have these values", metavar="COLUMN=VALUE,…"
 )
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import RESULT, opened, refuse_repeated
-from jampetsc.asking.parameters import FILES, asked
+from jampetsc.asking.parameters import FILES, asked, optional
 from jampetsc.errors import InputError, named
 from jampetsc.jobs.sources import write_derived
 
@@ -34,8 +34,8 @@ class Spectrum(Job):
   jampetsc spectrum s1e-2.h5 s1e-3.h5 s1e-4.h5 --out spectra.png"""
 
     sweeps: Sequence = asked(help="sweeps by the rational method", kind=RESULT, place=FILES, metavar="SWEEP")
-    window: float | None = asked(
-        None, "width of the average of H(τ)", low=0.01, high=1.5, unit="decades", metavar="DECADES"
+    window: float | None = optional(
+        "width of the average of H(τ)", low=0.01, high=1.5, unit="decades", metavar="DECADES"
     )
 
     def check(self):

@@ -1,6 +1,7 @@
 """G*(ω) of a packing."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 from jampetsc.asking.damping import OfPacking
@@ -10,9 +11,10 @@ from jampetsc.core.laws import FAMILIES, damping_law
 from jampetsc.errors import InputError, named
 
 OMEGA = "1e-10:1e4:141"
-of_power_law = optional(
+POWER_LAW = (
     "power-law damping: viscous force of a contact ∝ |Δu̇|^A, by an equivalent linear damping (approximate)"
 )
+of_power_law = partial(optional, group=POWER_LAW)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +41,12 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         choices=("rational", "direct"),
     )
     accuracy: float = asked(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
-    parallel: str | None = asked(
-        None,
+    parallel: str | None = optional(
         "rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
         "(default auto: by the number of ranks and unknowns)",
         choices=("auto", "shifts", "matrix"),
     )
-    fields: Numbers | None = asked(None, "also displacement fields at these frequencies", kind=FREQUENCIES)
+    fields: Numbers | None = optional("also displacement fields at these frequencies", kind=FREQUENCIES)
     alpha: float | None = of_power_law(
         "exponent of the damping force (1 is linear)", low=0.05, high=5.0, metavar="A"
     )
