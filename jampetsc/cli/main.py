@@ -219,13 +219,10 @@ def _print_error(message):
 
 
 def _system_message(error):
-    """One line for an OSError, from the system or in HDF5's words."""
-    text = _one_line(error)
-    name = error.filename or (found[1] if (found := re.search(r"name = '([^']*)'", text)) else None)
-    number = error.errno or (int(found[1]) if (found := re.search(r"errno = (\d+)", text)) else None)
-    reason = os.strerror(number) if number else text
-    remedy = REMEDIES.get(number, "")
-    return f"{f'{name}: ' if name else ''}{reason}{remedy}"
+    """One line for an OSError."""
+    name = f"{error.filename}: " if error.filename else ""
+    reason = os.strerror(error.errno) if error.errno else _one_line(error)
+    return f"{name}{reason}{REMEDIES.get(error.errno, '')}"
 
 
 def _one_line(error):

@@ -76,7 +76,7 @@ def _require_regular(path):
     """Raise InputError if there is something other than a regular file at `path`, links followed."""
     if os.path.exists(path):
         out = named("out")
-        require_regular(path, os.stat(path), f"give a file name with {out}", f"give another file with {out}")
+        require_regular(path, f"give a file name with {out}", f"give another file with {out}")
 
 
 def sync_folder(folder) -> None:

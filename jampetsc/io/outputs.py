@@ -14,7 +14,7 @@ from jampetsc.io.checksums import SIGNATURE
 from jampetsc.io.hdf5 import attributes, open_file
 from jampetsc.io.regular import open_regular
 
-PICTURE, TABLE = "picture", "table"
+PICTURE, TABLE, EXPORTED = "picture", "table", "exported"
 _PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin
 _EXPORTS = {  # ending -> how such a file begins
     ".xyz": re.compile(rb"\d+\nLattice="),
@@ -33,7 +33,7 @@ _NOT_HDF5 = (".png", ".pdf", ".svg", ".csv", ".txt", ".opts", *_EXPORTS)
 def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
     """Raise InputError unless a `kind` of file may be put at `out` now. Call it before long work.
 
-    kind     "picture", "table", `exported(out)` or the format of a result, such as "jampetsc-sweep"
+    kind     "picture", "table", "exported" for a file of other programs, or the format of a result
     inputs   paths of the files that the run reads; a missing one is reported when it is read
     beside   paths of the other files that the run writes
     request  settings of the run: a finished result of other settings is refused, unless it may be overwritten
@@ -64,12 +64,7 @@ def check_place(out, kind) -> None:
     if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
         raise InputError(f"{named('out')} {out}: would be an HDF5 file by that name: give it the ending .h5")
     check_writable(out)
-    check_replaced(out, kind)
-
-
-def exported(out) -> str:
-    """The `kind` of `check_output` of a file for other programs at `out`."""
-    return f"an exported {Path(out).suffix.lower()} file"
+    check_replaced(out, _exported(out) if kind == EXPORTED else kind)
 
 
 def unlike(path, request) -> str:
@@ -102,6 +97,10 @@ def is_same(one, other) -> bool:
         return False
 
 
+def _exported(path):
+    return f"an exported {Path(path).suffix.lower()} file"
+
+
 def _article(kind):
     return f"a {kind} file" if kind.startswith("jampetsc-") else kind if " " in kind else f"a {kind}"
 
@@ -121,7 +120,7 @@ def _kind_at(path):
         return _format(path)
     begins = _EXPORTS.get(Path(path).suffix.lower())
     if begins and begins.match(start):
-        return exported(path)
+        return _exported(path)
     if start.lstrip(b"\xef\xbb\xbf").startswith(_PICTURES):
         return PICTURE
     return TABLE if Path(path).suffix.lower() == ".csv" and b"\0" not in start else "a file of another kind"

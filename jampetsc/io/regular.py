@@ -21,18 +21,13 @@ def open_regular(path):
     Raises InputError for anything else, OSError where it cannot be opened. Never waits: a pipe has no end to be
     waited for, and reading a device may change it.
     """
-    require_regular(path, os.stat(path), *_READ)
-    file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
-    try:
-        require_regular(path, os.fstat(file.fileno()), *_READ)  # another one may have taken its place
-    except InputError:
-        file.close()
-        raise
-    return file
+    require_regular(path, *_READ)
+    return open(path, "rb")
 
 
-def require_regular(path, status, folder, other) -> None:
-    """Raise InputError unless `status` of os.stat is that of a regular file; remedies for a folder and for others."""
-    if not stat.S_ISREG(status.st_mode):
-        found = _KINDS.get(stat.S_IFMT(status.st_mode), "a special file")
+def require_regular(path, folder, other) -> None:
+    """Raise InputError unless a regular file is at `path`; folder, other: remedies for a folder and for others."""
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode):
+        found = _KINDS.get(stat.S_IFMT(mode), "a special file")
         raise InputError(f"{path}: is {found}: {folder if found == 'a folder' else other}")

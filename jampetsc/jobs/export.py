@@ -44,11 +44,10 @@ class Export(Job):
     def check_outputs(self, to):
         """Refuse an unknown ending, and an output that may not be replaced."""
         from jampetsc.io.exporters import check_format
-        from jampetsc.io.outputs import check_output, exported
 
         to.must_be_file()
         check_format(to.path)
-        check_output(to.path, exported(to.path), self.paths)
+        super().check_outputs(to)
 
     def work(self, to):
         from jampetsc.io.exporters import write_frames

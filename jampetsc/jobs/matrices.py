@@ -26,12 +26,11 @@ class Matrices(OfPacking):
 
     def check_outputs(self, to):
         """Refuse an unknown ending, and outputs that may not be replaced."""
-        from jampetsc.io.outputs import check_output, exported
         from jampetsc.mechanics.matrices import files_of
 
         to.must_be_file()
         for path in files_of(to.path).values():
-            check_output(path, exported(path), self.paths)
+            to.check(self.FORMAT, self.paths, path)
 
     def work(self, to):
         from jampetsc.io.packing_file import read_identified, source_name
