@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from jampetsc.asking.kinds import PACKING, RADII, input_name
 from jampetsc.asking.parameters import FILE, OPTION, Part, fields, parameters
+from jampetsc.collective import on_root
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.request import Request
@@ -168,8 +169,6 @@ class Job:
             summary = self.work(to)
             running.free_dropped(running.comm)
             return summary
-        from jampetsc.collective import on_root  # and numpy: not before `cli.main` has said how many threads
-
         comm = None if alone else session.communicator()
         job = self if comm is None else self.gathered()
         summary = on_root(comm, lambda: job.work(to))

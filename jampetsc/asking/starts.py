@@ -10,6 +10,7 @@ from jampetsc.asking.parameters import FILE, optional
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError, named
+from jampetsc.io.packing_file import read_identified
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, in_small_diameters, radii_asked, sizes_text
 
 PHIS = (0.1, 1.0)
@@ -96,8 +97,6 @@ class FromStart(Job):
         diameter is 1, or with the radii that are given.
         """
         if self.start is not None:
-            from jampetsc.io.packing_file import read_identified
-
             disks, (name, digest) = read_identified(self.start)
             return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
 

@@ -10,6 +10,7 @@ from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import RESULT, opened, refuse_repeated, words
 from jampetsc.asking.parameters import FILES, Kind, asked, optional
 from jampetsc.errors import InputError, as_float, named
+from jampetsc.io.ensemble import Ensemble
 from jampetsc.jobs.sources import WHERE, rows_named, write_derived
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
@@ -89,7 +90,6 @@ examples:
 
     def _named(self) -> list:
         """The inputs: files, for the folder of a study those of its rows, and results in memory."""
-        from jampetsc.io.ensemble import Ensemble
         from jampetsc.jobs.scaling import files_of
 
         found = []

@@ -8,6 +8,7 @@ from typing import ClassVar
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import asked
 from jampetsc.errors import InputError, named
+from jampetsc.shipped_files import FOLDER
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,5 @@ class Examples(Job):
             raise InputError(f"{named('copy')} {self.copy}: is there already: name a new folder")
 
     def work(self, to):
-        from jampetsc.shipped_files import FOLDER
-
         shutil.copytree(FOLDER, self.copy, ignore=shutil.ignore_patterns("__pycache__"))
         return "\n".join(str(path) for path in sorted(self.copy.glob("*/*")))

@@ -8,6 +8,8 @@ from jampetsc.asking.kinds import PACKING, PACKING_OR_RESULT, input_name, opened
 from jampetsc.asking.parameters import FILE, asked, optional
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
+from jampetsc.io import frames
+from jampetsc.io.exporters import check_format, write_frames
 
 OWNERS = {"mode": ("modes",), "field": ("sweep",), "packing": ("modes", "sweep", "quasistatic")}
 
@@ -43,15 +45,11 @@ class Export(Job):
 
     def check_outputs(self, to):
         """Refuse an unknown ending, and an output that may not be replaced."""
-        from jampetsc.io.exporters import check_format
-
         to.must_be_file()
         check_format(to.path)
         super().check_outputs(to)
 
     def work(self, to):
-        from jampetsc.io.exporters import write_frames
-
         count = write_frames(to.path, self._frames())
         return f"{to}: {count} frame{'s' * (count != 1)} of {input_name(self.file)}"
 
@@ -60,8 +58,6 @@ class Export(Job):
 
     def _frames(self):
         """The frames to export. Raises InputError for a file that has none, and for options of other kinds of files."""
-        from jampetsc.io import frames
-
         loaded, name = opened(self.file), input_name(self.file)
         kind = "packing" if isinstance(loaded, Disks) else loaded.format.removeprefix("jampetsc-")
         for option, owners in OWNERS.items():

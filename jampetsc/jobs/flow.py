@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.asking.kinds import PACKING_OR_RESULT, input_name
+from jampetsc.asking.kinds import PACKING_OR_RESULT, input_name, opened
 from jampetsc.asking.model import MODEL
 from jampetsc.asking.parameters import FILE, asked, optional, part
 from jampetsc.asking.starts import GROUP, FromStart, of_run
@@ -11,6 +11,9 @@ from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
 from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model
+from jampetsc.io.outputs import check_place, is_same
+from jampetsc.petsc import launcher
+from jampetsc.progress import LOG
 
 TOLERANCE = 1e-4
 
@@ -127,8 +130,6 @@ to the last bit; independent runs are faster side by side."""
 
     def check_outputs(self, to):
         """See `Job`; but a continued flow may replace its own file."""
-        from jampetsc.io.outputs import check_place, is_same
-
         if (
             to.path is not None
             and isinstance(self.start, str)
@@ -142,8 +143,6 @@ to the last bit; independent runs are faster side by side."""
 
     def work(self, to):
         from jampetsc.flows import steady as flows
-        from jampetsc.petsc import launcher
-        from jampetsc.progress import LOG
 
         run = self._continued_run() if self._continues else self._new_run()
         if launcher.several():
@@ -152,7 +151,6 @@ to the last bit; independent runs are faster side by side."""
 
     def _continued_run(self):
         """The run that continues an earlier flow."""
-        from jampetsc.asking.kinds import opened
         from jampetsc.flows.steady import continued
 
         earlier = opened(self.start)

@@ -7,7 +7,9 @@ from typing import ClassVar
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILE, PATH, Kind, asked, optional
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES
+from jampetsc.core.state import BALANCED, imbalance, measure
 from jampetsc.io.exchange import READERS
+from jampetsc.io.importers import import_packing
 
 
 def _box(given):
@@ -63,8 +65,6 @@ A packing that is not at rest: jampetsc pack --from dump.h5 --pressure 1e-2 --ou
     k: float | None = optional("contact stiffness, in units of FILE (default 1)")
 
     def work(self, to):
-        from jampetsc.io.importers import import_packing
-
         how = ("format", "radius", "box", "potential", "stiffness", "k")
         disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in how})
         to.packing(disks)
@@ -73,8 +73,6 @@ A packing that is not at rest: jampetsc pack --from dump.h5 --pressure 1e-2 --ou
 
 def _summary(to, file, disks) -> str:
     """The summary."""
-    from jampetsc.core.state import BALANCED, imbalance, measure
-
     state, potential = measure(disks), disks.potential
     overlap, alpha = ("(δ/σ)" if potential.constants[2] else "δ"), potential.alpha
     (Lx, _), (tilt, Ly) = disks.cell

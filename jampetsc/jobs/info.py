@@ -11,6 +11,10 @@ from jampetsc.asking.parameters import FILE, asked, part
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law, Physics, damping_law
 from jampetsc.errors import InputError, named
+from jampetsc.io.ensemble import Ensemble
+from jampetsc.io.packing_file import read_identified
+from jampetsc.jobs import describe
+from jampetsc.petsc import session
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +68,6 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
 
     def work(self, to):
         """The description. Collective with matrices."""
-        from jampetsc.io.ensemble import Ensemble
-        from jampetsc.jobs import describe
-
         name = input_name(self.file)
         if self.matrices:
             return self._with_matrices(name)
@@ -75,11 +76,8 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         return describe_one(name, loaded)
 
     def _with_matrices(self, name):
-        from jampetsc.io.packing_file import read_identified
-        from jampetsc.jobs import describe
         from jampetsc.mechanics.examine import examine
         from jampetsc.mechanics.network import build_network
-        from jampetsc.petsc import session
 
         running = session.current()
         disks, _ = read_identified(self.file, running.comm)

@@ -12,6 +12,7 @@ from jampetsc.asking.starts import PHIS, UNITS
 from jampetsc.core.potentials import EXPONENTS
 from jampetsc.errors import InputError
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
+from jampetsc.petsc import local
 
 PROTOCOLS = ("random", "shear", "compress")  # the names of `flows.jamming.PROTOCOLS`
 MANY = 1_000_000  # most samples of one run
@@ -88,7 +89,6 @@ A killed run continues when the same command is given again. Options of the Newt
 
     def work(self, to):
         from jampetsc.flows.samples import execute
-        from jampetsc.petsc import local
 
         return _summary(self.n, execute(self.samples, local.NewtonSolver(), to), to)
 

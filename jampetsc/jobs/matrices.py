@@ -6,6 +6,8 @@ from typing import ClassVar
 from jampetsc.asking.damping import OfPacking
 from jampetsc.core.laws import DEFAULT
 from jampetsc.errors import about
+from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.petsc import session
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +35,7 @@ class Matrices(OfPacking):
             to.check(self.FORMAT, self.paths, path)
 
     def work(self, to):
-        from jampetsc.io.packing_file import read_identified, source_name
         from jampetsc.mechanics.matrices import files_of, matrices_of, write_matrices
-        from jampetsc.petsc import session
 
         comm = session.current().comm
         disks, _ = read_identified(self.packing, comm)
@@ -63,9 +63,7 @@ def assemble(packing, law=DEFAULT, *, prestress=True):
     Returns a `mechanics.matrices.Matrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a packing that
     is not rigid, and for an unknown law.
     """
-    from jampetsc.io.packing_file import read_identified
     from jampetsc.mechanics.matrices import matrices_of
-    from jampetsc.petsc import session
 
     asked, comm = Matrices(packing, law, prestress=prestress), session.start("real").comm
     return matrices_of(read_identified(asked.packing, comm)[0], asked.physics, comm)

@@ -6,6 +6,8 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILE, PATH, asked
+from jampetsc.io.merge import merge
+from jampetsc.io.reader import load
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +30,6 @@ class Merge(Job):
         """Left to `io.merge.merge`, which knows the kind of the file and whether it is merged in place."""
 
     def work(self, to):
-        from jampetsc.io.merge import merge
-
         joined = merge(self.file, to.path, to.request)
         if joined:
             return f"{to.path or self.file}: {joined} parts in one file"
@@ -38,6 +38,4 @@ class Merge(Job):
         return f"{self.file}: one file already, nothing to do"
 
     def answer(self, to, summary):
-        from jampetsc.io.reader import load
-
         return load(to.path or self.file)

@@ -10,10 +10,14 @@ from typing import ClassVar
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS, words
 from jampetsc.asking.parameters import Kind, asked, optional
+from jampetsc.collective import on_root, own_cores
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, as_float, named
+from jampetsc.io.outputs import check_output
+from jampetsc.io.packing_file import check_packing, source_name
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_text
+from jampetsc.petsc import session
 
 PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
@@ -184,9 +188,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def check_outputs(self, to):
         """Refuse outputs that may not be replaced, and a file to start from that is no packing."""
-        from jampetsc.io.outputs import check_output
-        from jampetsc.io.packing_file import check_packing
-
         if isinstance(self.from_, str):
             check_packing(self.from_)
         for task in [] if to.path is None else self.tasks(str(to.path)):
@@ -196,10 +197,8 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def work(self, to):
         """Make the packings that are missing, spread over the ranks. Collective."""
-        from jampetsc.collective import on_root, own_cores
         from jampetsc.core.threads import Team
         from jampetsc.jobs.packings import from_packing, is_there, make, raise_failures, summary
-        from jampetsc.petsc import session
 
         running = session.current()
         comm, overwrite = running.comm, to.request.overwrite
@@ -246,7 +245,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def _begin(self, comm):
         """What packings start from, a `packings.Beginning`, but for the later ones of a ladder. Collective."""
-        from jampetsc.io.packing_file import source_name
         from jampetsc.jobs.packings import at_random, from_packing
 
         if self.from_ is None:  # of one rank for all: the file may have been replaced

@@ -6,6 +6,7 @@ from typing import ClassVar
 from jampetsc.asking.parameters import asked
 from jampetsc.asking.starts import FromStart
 from jampetsc.errors import InputError, named
+from jampetsc.petsc import local, session
 
 MOST = 1e8  # steps of a run
 FARTHEST = 1e4  # strain of a run
@@ -46,7 +47,6 @@ prefix -newton_."""
 
     def work(self, to):
         from jampetsc.flows.quasistatic_run import SlowRun, execute
-        from jampetsc.petsc import local, session
 
         size = session.current().size
         if size > 1:

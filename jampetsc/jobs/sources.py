@@ -6,6 +6,9 @@ from pathlib import Path
 from jampetsc.asking.kinds import input_name
 from jampetsc.asking.parameters import optional
 from jampetsc.errors import InputError, named
+from jampetsc.io.ensemble import TABLE
+from jampetsc.io.provenance import derived_from
+from jampetsc.io.reader import load
 
 WHERE = optional(
     "of the folder of a study: the files whose rows in its table have these values", metavar="COLUMN=VALUE,…"
@@ -19,9 +22,6 @@ def rows_named(sources, where) -> list:
 
     Raises InputError for a malformed `where`, or one without a study.
     """
-    from jampetsc.io.ensemble import TABLE
-    from jampetsc.io.reader import load
-
     wanted = _wanted(where)
     studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in sources]
     if wanted and not any(studies):
@@ -46,8 +46,6 @@ def write_derived(to, format, results, began, arrays: dict, **attributes) -> Non
 
     began   time.perf_counter() at the start
     """
-    from jampetsc.io.provenance import derived_from
-
     with to.writer(format) as writer:
         for name, values in arrays.items():
             writer.dataset(name, values)

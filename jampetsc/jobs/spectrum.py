@@ -9,6 +9,8 @@ from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import RESULT, opened, refuse_repeated
 from jampetsc.asking.parameters import FILES, asked, optional
 from jampetsc.errors import InputError, named
+from jampetsc.io.outputs import PICTURE
+from jampetsc.io.reader import SweepResult
 from jampetsc.jobs.sources import write_derived
 
 HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
@@ -44,7 +46,6 @@ class Spectrum(Job):
 
     def check_outputs(self, to):
         """Refuse an output that is neither a file of one spectrum nor a picture."""
-        from jampetsc.io.outputs import PICTURE
         from jampetsc.plots.style import FORMATS
 
         suffix = "" if to.path is None else to.path.suffix.lower()
@@ -64,7 +65,6 @@ class Spectrum(Job):
 
     def work(self, to):
         """Find the spectrum, or draw the spectra."""
-        from jampetsc.io.reader import SweepResult
         from jampetsc.plots.style import FORMATS
 
         sweeps = [opened(source) for source in self.sweeps]

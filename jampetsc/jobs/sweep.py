@@ -4,11 +4,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
+from jampetsc.analysis.bounds import relative_bound
+from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.asking.damping import OfPacking
 from jampetsc.asking.kinds import FREQUENCIES, Numbers
 from jampetsc.asking.parameters import asked, optional
 from jampetsc.core.laws import FAMILIES, damping_law
 from jampetsc.errors import InputError, named
+from jampetsc.petsc import builds, session
 
 OMEGA = "1e-10:1e4:141"
 POWER_LAW = (
@@ -80,15 +83,11 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
     @property
     def damping(self):
         """The EquivalentDamping, None where damping is linear."""
-        from jampetsc.analysis.equivalent_damping import EquivalentDamping
-
         return None if self.alpha is None else EquivalentDamping(self.alpha, self.stress)
 
     @property
     def scalar(self):
         """The direct method prefers complex scalars; real ones need twice the memory."""
-        from jampetsc.petsc import builds
-
         if self.method == "rational":
             return "real"
         return "complex" if builds.to_choose("complex") else "any"
@@ -96,7 +95,6 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
     def work(self, to):
         from jampetsc.linear.run import Run
         from jampetsc.linear.sweep import solve
-        from jampetsc.petsc import session
 
         run = Run.of(self, to, session.current().comm).examined()
         omega, G, bounds = solve(run)
@@ -105,8 +103,6 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
 def _summary(run, omega, G, bounds) -> str:
     """The summary of a sweep."""
-    from jampetsc.analysis.bounds import relative_bound
-
     storage, loss = (
         relative_bound(bound, part).max() for bound, part in ((bounds[:, 1], G.real), (bounds[:, 2], G.imag))
     )
