@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, input_name
-from jampetsc.asking.parameters import FILE, optional
+from jampetsc.asking.parameters import FILE, optional, parameters
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError, named
@@ -49,14 +49,12 @@ class FromStart(Job):
         "at most so many threads (default: one for each core)", low=1, high=MOST_THREADS, metavar="T"
     )
 
-    GIVEN = ("n", "phi", "seed", "sizes", "radii", "potential")  # of random disks, refused with a packing
-
     def check(self):
         """Refuse parameters of random disks beside a packing, and missing ones without a packing."""
         self.check_discard()
         if self.start is not None:
-            for name in self.GIVEN:
-                if getattr(self, name) not in (None, False):
+            for name, one in parameters(type(self)).items():
+                if one.group == GROUP and getattr(self, name) not in (None, False):
                     raise InputError(f"{named(name)}: belongs to {input_name(self.start)}; leave it out")
             return
         for name in ("phi", "n"):

@@ -5,6 +5,7 @@ import textwrap
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILES, OPTION, made, parameters, shown
 from jampetsc.errors import InputError, JampetscError, option
+from jampetsc.io.outlet import Outlet
 from jampetsc.petsc import session
 
 
@@ -88,8 +89,6 @@ def run(job, args, petsc_argv=()) -> int:
     args        the parsed arguments, for `out` and `overwrite`
     petsc_argv  PETSc's own options
     """
-    from jampetsc.io.outlet import Outlet
-
     needs_petsc = job.scalar is not None
     try:
         out = getattr(args, "out", None)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from jampetsc.analysis.collapse import form_named, words_of
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import RESULT, opened, refuse_repeated, words
 from jampetsc.asking.parameters import FILES, Kind, asked, optional
@@ -84,8 +85,6 @@ examples:
     @property
     def form(self):
         """The `analysis.collapse.Form` to fit. Raises InputError."""
-        from jampetsc.analysis.collapse import form_named
-
         return form_named(self.fit, self.finite_size, self.corrections, self.degree, self.spline)
 
     def _named(self) -> list:
@@ -147,8 +146,6 @@ examples:
         }
 
     def _attributes(self, first, fit, found, notes):
-        from jampetsc.analysis.collapse import words_of
-
         words = words_of(self.finite_size)
         return {
             **{name: first.attributes.get(name) for name in SHARED},

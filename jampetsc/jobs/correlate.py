@@ -9,7 +9,9 @@ from jampetsc.asking.kinds import FREQUENCIES, PACKING, RESULT, Numbers, opened,
 from jampetsc.asking.parameters import FILES, Kind, asked, optional, shown
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, as_float
+from jampetsc.flows import velocity_correlation as lanes
 from jampetsc.io.fields import PHASES
+from jampetsc.jobs import correlate_flows, correlate_sweeps
 
 LANES = (0.5, 0.25, 1.0)  # default of sweeps
 NARROWEST, WIDEST = 0.01, 1e6  # lanes
@@ -85,8 +87,6 @@ class Correlate(Job):
 
     def check_outputs(self, to):
         """Refuse a file that holds another kind of correlation."""
-        from jampetsc.flows import velocity_correlation as lanes
-
         flows = getattr(opened(self.results[0]), "format", "") == FLOW
         to.check(lanes.FORMAT if flows else self.FORMAT, self.paths)
 
@@ -98,6 +98,4 @@ class Correlate(Job):
                 raise InputError(
                     f"{source}: correlations are of sweeps with fields or of flows with snapshots: average one kind"
                 )
-        from jampetsc.jobs import correlate_flows, correlate_sweeps
-
         return (correlate_flows if kind == FLOW else correlate_sweeps).run(self, opened_, to)

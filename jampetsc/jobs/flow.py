@@ -38,7 +38,6 @@ class Flow(FromStart):
 
 A killed run continues when the same command is given again. Many disks use several cores, with the same result
 to the last bit; independent runs are faster side by side."""
-    GIVEN = (*FromStart.GIVEN, "walls")
 
     start: Disks | None = optional(
         "packing to start from, or flow to continue", kind=PACKING_OR_RESULT, place=FILE, metavar="START"

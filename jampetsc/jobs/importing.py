@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILE, PATH, Kind, asked, optional
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES
@@ -23,8 +25,6 @@ def _box(given):
 
 
 def _box_text(box) -> str:
-    import numpy as np
-
     return ",".join(repr(float(one)) for one in np.ravel(box))
 
 

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
+import numpy as np
+
+from jampetsc.analysis.jamming import at_densities
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import SEEDS, Numbers, numbers
 from jampetsc.asking.parameters import asked, optional
@@ -95,9 +98,6 @@ A killed run continues when the same command is given again. Options of the Newt
 
 def _summary(n, record, to) -> str:
     """A line for every φ."""
-    import numpy as np
-
-    from jampetsc.analysis.jamming import at_densities
 
     columns = {name: record.series(name) for name in record.columns}
     lines = [f"{to}: {len(record)} samples of {n} disks"]

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from jampetsc.analysis.transient import transient
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import RESULT, opened, refuse_repeated
 from jampetsc.asking.parameters import FILES, asked, optional
@@ -83,8 +84,6 @@ class Spectrum(Job):
 
 def _write(sweep, to, window):
     """Write the result and return the summary."""
-    from jampetsc.analysis.transient import transient
-
     began = time.perf_counter()
     slowest, fastest = sweep.frequency_range
     found = transient(sweep.spectrum, slowest, fastest, window)
