@@ -69,7 +69,7 @@ class Checkpoint:
     """
 
     def __init__(self, path, key: dict, comm=None, ordered=False):
-        self.comm, self.ordered = comm, ordered
+        self.comm = comm
         self.rank, self.size = (0, 1) if comm is None else (comm.rank, comm.size)
         self.journal = None if path is None else folder_of(path)
         job = {"version": _VERSION, "program": VERSION, "key": key}
@@ -146,8 +146,6 @@ class Checkpoint:
         Raises JampetscError on all ranks if it cannot be written.
         """
         index = int(index)
-        if self.ordered and index != self.next:
-            raise ValueError(f"step {index} of an ordered job cannot follow step {self.next - 1}")
         if self.journal is None:
             self.done[index], self._arrays[index] = dict(record), arrays
             return

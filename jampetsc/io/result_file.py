@@ -92,26 +92,21 @@ class ResultWriter:
 
     def dataset(self, name, array) -> None:
         """Collective. Keep an array that every rank holds."""
-        self._add(name, ArrayInMemory(np.array(array)))
+        self.arrays[name] = ArrayInMemory(np.array(array))
 
     def distributed(self, name, local, axis=0) -> None:
         """Collective. Keep an array whose rows along `axis` are spread over the ranks in rank order.
 
         `local` holds this rank's rows, maybe none; its other dimensions are the same on all ranks.
         """
-        self._add(name, ArrayInMemory(np.array(local), axis, self.comm))
+        self.arrays[name] = ArrayInMemory(np.array(local), axis, self.comm)
 
     def append(self, name, local) -> None:
         """Collective. Add rows (n_local, …) as the next entry of an array (F, n, …) distributed along axis 1."""
         if name in self.arrays:
             self.arrays[name].add(np.array(local))
         else:
-            self._add(name, ArrayInMemory([np.array(local)], 1, self.comm))
-
-    def _add(self, name, array):
-        if name in self.arrays:
-            raise ValueError(f"dataset {name} is there already")
-        self.arrays[name] = array
+            self.arrays[name] = ArrayInMemory([np.array(local)], 1, self.comm)
 
     def __enter__(self):
         return self

@@ -236,13 +236,6 @@ def test_what_another_version_saved_is_not_taken_for_its_own(out, monkeypatch, c
     assert Checkpoint(out, KEY).done.keys() == {0}
 
 
-def test_steps_of_an_ordered_job_follow_each_other(out):
-    checkpoint = saved(out, range(2), ordered=True)
-    for index in (1, 3):
-        with pytest.raises(ValueError, match="cannot follow step 1"):
-            checkpoint.save(index, record(index))
-
-
 def test_what_goes_with_a_checkpoint_and_what_stays(tmp_path, out):
     """It lies beside the file that a link stands for."""
     (tmp_path / "scratch").mkdir()
