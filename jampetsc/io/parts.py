@@ -53,11 +53,8 @@ class PartList:
     def __bool__(self):
         return bool(self.sizes)
 
-    def check_present(self) -> None:
-        """Raise InputError if a part is missing or of another size.
-
-        Called after reading as well: no part is ever written under an old name, so what was read was of these parts.
-        """
+    def check(self) -> None:
+        """Raise InputError if a part is missing, truncated, from another run or not the one that was written."""
         for name, size in self.sizes.items():
             try:  # in one system call: the part of a replaced run may be removed at any moment
                 found = (self.path.parent / name).stat().st_size
@@ -71,10 +68,6 @@ class PartList:
                     f"{self.shown}: part {name} has {found} bytes instead of {size}: "
                     "truncated or not copied completely; copy it again"
                 )
-
-    def check(self) -> None:
-        """Raise InputError if a part is missing, truncated, from another run or not the one that was written."""
-        self.check_present()
         for rank, name in enumerate(self.sizes):
             path = self.path.parent / name
             with opening(path), open_regular(path) as file:

@@ -37,9 +37,7 @@ class StoredArray(ResultArray):
             parts = PartList(h5, path)
             if parts.run_id != self._run_id:
                 raise InputError(f"{path}: was replaced by another run since it was loaded: load it again")
-            values = parts.read(h5[self._name], selection)
-            parts.check_present()
-        return values
+            return parts.read(h5[self._name], selection)
 
     def __repr__(self):
         return f"<{self._name} {self.shape} {self.dtype} in {self._path.name}>"

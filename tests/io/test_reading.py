@@ -192,16 +192,6 @@ def test_what_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):
     assert jampetsc.load(path).n == published().n and len(tries) == 5
 
 
-def test_a_part_that_goes_while_it_is_read_is_noticed(tmp_path, monkeypatch):
-    def missing(parts):
-        raise InputError("is missing")
-
-    held = sweep(tmp_path / "s.h5")
-    monkeypatch.setattr(jampetsc.io.reader.PartList, "check_present", missing)
-    with pytest.raises(InputError, match="is missing"):
-        held["G"]
-
-
 # How a result came about
 
 
