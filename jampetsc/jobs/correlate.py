@@ -13,9 +13,9 @@ from jampetsc.errors import InputError, as_float, named
 from jampetsc.flows import velocity_correlation as lanes
 from jampetsc.io.fields import PHASES
 from jampetsc.jobs import correlate_sweeps
+from jampetsc.jobs.correlate_sweeps import LANES
 from jampetsc.jobs.sources import write_derived
 
-LANES = (0.5, 0.25, 1.0)  # default of sweeps
 NARROWEST, WIDEST = 0.01, 1e6  # lanes
 SWEEPS, FLOW = "jampetsc-sweep", "jampetsc-flow"
 
@@ -77,11 +77,6 @@ class Correlate(Job):
     )
     omega: Numbers | None = optional("fields at these frequencies (default: all)", kind=FREQUENCIES)
     packing: Disks | None = optional("packing of a single sweep, if it is not beside it", kind=PACKING)
-
-    @property
-    def lanes(self):
-        """Widths of lanes of sweeps."""
-        return self.lane or LANES
 
     def check(self):
         """Refuse a result given twice."""

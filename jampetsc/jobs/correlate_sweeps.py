@@ -11,6 +11,7 @@ from jampetsc.errors import InputError, about, named
 from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
 from jampetsc.jobs.sources import write_derived
 
+LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, if no others are asked for
 SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
 
 
@@ -24,7 +25,7 @@ def run(job, sweeps, to) -> str:
         raise InputError(
             f"{named('packing')}: one packing for {len(sweeps)} sweeps: correlate them one by one"
         )
-    phase, lanes = job.phase or PHASES[0], job.lanes
+    phase, lanes = job.phase or PHASES[0], job.lane or LANES
     motions, frequencies = zip(*(_motion(job, sweep, phase) for sweep in sweeps), strict=True)
     for sweep, omega in zip(sweeps, frequencies, strict=True):
         if len(omega) != len(frequencies[0]) or not np.allclose(omega, frequencies[0], rtol=0.01, atol=0):
