@@ -140,8 +140,8 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
         return SimpleNamespace(values=C, errors=e, pairs=9, root=root, root_error=error)
 
     results = [result(0.5, 0.03), result(0.7, 0.04), result(np.nan, 0.1)]
-    found, widths = SimpleNamespace(results=results, length=40.0, diameter=2.0), [0.5, 1.0, 2.0]
-    assert correlate_sweeps._summary("c.h5", 1, np.array([1e-3]), "strain", widths, found).split("\n") == [
+    lines = correlate_sweeps._summary("c.h5", 1, np.array([1e-3]), "strain", [0.5, 1.0, 2.0], results, 20.0)
+    assert lines.split("\n") == [
         "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs, in phase with the strain",
         "  omega 0.001: l/d Re 2 ± 0.2,  Im no root",
         "  lanes of 1 d: C differs by 0.2 (rms), with errors of 0.05",
