@@ -2,11 +2,10 @@
 
 Each periodic image is a separate neighbour, so small cells, where two disks can touch through more than one image,
 need no special case. No compiled code is needed: numba takes longer to load than the contacts of 1e5
-disks take to find. `pair_search` is the compiled search, for lists that are remade often; half lists use it if loaded.
+disks take to find. `pair_search` is the compiled search, for lists that are remade often.
 """
 
 import math
-import sys
 
 import numpy as np
 
@@ -42,9 +41,6 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     once from each end. Returns int32 arrays (M,), (M,) and (M, 2), ordered by i. A disk's own images are left out:
     `Disks.from_positions` refuses cells in which they could overlap.
     """
-    compiled = sys.modules.get(f"{__package__}.pair_search")
-    if compiled and rows is None:  # already loaded: the same pairs ten times as fast
-        return compiled.half_list(positions, radii, cell, skin)
     n = len(radii)
     cell, turns = upright(cell)
     shape, margin = grid_shape(cell, n, 2.0 * float(radii.max()) + skin)

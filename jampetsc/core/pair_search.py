@@ -138,46 +138,14 @@ def _search_domains(grid, radii, borders, counts):
     return found, ends
 
 
-def _grid_arguments(positions, radii, cell, skin):
-    """The arguments of `_grid`, and m: the images of the grid are those of the upright cell a1, a2 − m a1."""
-    cell, turns = upright(cell)
-    shape, margin = grid_shape(cell, len(radii), 2.0 * float(radii.max()) + skin)
-    return (positions, radii, cell, skin, shape, margin), turns
-
-
-@compiled(False)
-def _pairs(positions, radii, cell, skin, shape, margin):
-    """As `half_list`, with images of the upright cell."""
-    n, grid = len(radii), _grid(positions, radii, cell, skin, shape, margin)
-    found, ends = _search_domains(grid, radii, np.array([0, n]), np.empty((1, 2), np.int64))
-    count = ends[-1]
-    i, j, image = np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 2), np.int32)
-    q = 0
-    for a in range(n):
-        while q < ends[a]:
-            e = found[q]
-            i[q], j[q] = a, grid.disk[e]
-            image[q, 0] = grid.image[e, 0] + grid.wrapped[a, 0]
-            image[q, 1] = grid.image[e, 1] + grid.wrapped[a, 1]
-            q += 1
-    return i, j, image
-
-
-def half_list(positions, radii, cell, skin):
-    """As `neighbours.neighbour_pairs` with rows=None: each pair once."""
-    arguments, turns = _grid_arguments(positions, radii, cell, skin)
-    i, j, image = _pairs(*arguments)
-    image[:, 0] -= turns * image[:, 1]
-    return i, j, image
-
-
 @compiled(False, nogil=True)
 def _fill_lists(me, threads, counter, borders, grid_arguments, exact, counts, pairs):
     """Thread `me`'s part of `listed`: counts (D, 2), and pairs = (i, j, r0, sigma) if they have room for all.
 
     Returns (number of all pairs, 1).
 
-    grid_arguments: see `_grid_arguments`; exact = (base, offset, cell_base, cell_offset, m) of the disks
+    grid_arguments: those of `_grid`, in the upright cell a1, a2 − m a1; exact = (base, offset, cell_base, cell_offset,
+    m) of the disks
     """
     meet(counter, threads)  # all begin together
     number = len(borders) - 1
@@ -226,7 +194,9 @@ def listed(disks, skin, borders, team):
     sigma: domain by domain, first the pairs within it. The arrays are longer than the list.
     """
     n, number, borders = disks.n, len(borders) - 1, np.minimum(borders, disks.n)
-    arguments, turns = _grid_arguments(disks.positions, disks.radii, disks.cell, skin)
+    cell, turns = upright(disks.cell)
+    shape = grid_shape(cell, n, 2.0 * float(disks.radii.max()) + skin)
+    arguments = disks.positions, disks.radii, cell, skin, *shape
     cells = np.ascontiguousarray(disks.cell_base), np.ascontiguousarray(disks.cell_offset)
     exact = disks.base, disks.offset, *cells, turns
     counts, wanted, room = np.empty((number, 2), np.int64), 1, 0

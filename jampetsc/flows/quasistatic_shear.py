@@ -62,13 +62,14 @@ class Step:
 
 def minimum_of(disks: Disks) -> Minimum:
     """Energy, stress and contacts of disks at a minimum."""
-    state = measure(disks)
+    contacts = find_contacts(disks)
+    state = measure(disks, contacts)
     return Minimum(
         state.energy,
         float(state.stress[0, 1]),
         state.pressure,
         bool(state.energy / disks.n > ENERGY_CUT * disks.potential.k),
-        2.0 * len(find_contacts(disks)) / disks.n,
+        2.0 * len(contacts) / disks.n,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import follow
-from jampetsc.io.checkpoint import Checkpoint, discard, folder_of
+from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.hdf5 import reading
 
 FORMAT = "jampetsc-flow"
@@ -24,7 +24,6 @@ SNAPSHOTS = ("strain", "positions", "velocities", "cell", "images", "spins")  # 
 ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, at the end of a row
 LAYERS = 20  # of equal height between walls
 BETWEEN_WALLS = ON_WALLS | {"velocity_profile": LAYERS}
-_checkpoints = {}  # folder -> settings and checkpoint of a run of this process, which locks it
 
 
 class Record:
@@ -93,19 +92,11 @@ def write_record(writer, record: Record, state: dict, settings: dict, facts: dic
         writer.attributes(settings=json.dumps(settings), **facts)
 
 
-def write_checkpoint(out, record: Record, state: dict, settings: dict) -> None:
-    """Put the run so far beside `out`, if that is not None; complete or not at all.
-
-    From then on, until `remove_checkpoint`, no other process may write it.
-    """
-    if out is None:
-        return
-    known, checkpoint = _checkpoints.get(folder_of(out), (None, None))
-    if known != settings:
-        checkpoint = Checkpoint(out, settings)
-        _checkpoints[folder_of(out)] = settings, checkpoint
-    state = {f"{STATE}{name}": value for name, value in state.items()}
-    checkpoint.save(0, {}, record.datasets() | state)
+def write_checkpoint(checkpoint: Checkpoint, record: Record, state: dict) -> None:
+    """Put the run so far on disk, complete or not at all; nothing where the checkpoint is in memory."""
+    if checkpoint.journal is not None:
+        state = {f"{STATE}{name}": value for name, value in state.items()}
+        checkpoint.save(0, {}, record.datasets() | state)
 
 
 def check_space(to, disks: int, snapshots: int) -> None:
@@ -120,13 +111,6 @@ def check_space(to, disks: int, snapshots: int) -> None:
             )
 
 
-def remove_checkpoint(out) -> None:
-    """Delete the checkpoint of a run that is finished."""
-    if out is not None:
-        _checkpoints.pop(folder_of(out), None)
-        discard(folder_of(out))
-
-
 def record_of(result):
     """(record, state, settings, attributes) of a flow, an `io.results.Result`. Raises InputError."""
     attrs = result.attributes
@@ -135,12 +119,8 @@ def record_of(result):
         return Record.of(result), state, json.loads(attrs["settings"]), attrs
 
 
-def resumed(out, settings: dict, columns=None):
-    """(record, state) of a checkpoint of the same job beside `out`, else None."""
-    if out is None:
-        return None
-    checkpoint = Checkpoint(out, settings)
-    _checkpoints[folder_of(out)] = settings, checkpoint
+def resumed(checkpoint: Checkpoint, columns=None):
+    """(record, state) of the run that a checkpoint holds, None if it is empty."""
     if not checkpoint.done:
         return None
     arrays = checkpoint.fields(0)

@@ -8,9 +8,10 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.means import UNBALANCED, Means
 from jampetsc.flows.moves import TALLY
-from jampetsc.flows.record import BETWEEN_WALLS, SERIES, Record, resumed, write_checkpoint
+from jampetsc.flows.record import BETWEEN_WALLS, SERIES, Record, write_checkpoint
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import wall_columns
+from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.progress import Progress
 
 ROW = 1e-2  # strain between rows: several per correlation strain (0.05 to 0.4)
@@ -115,24 +116,20 @@ class Plan:
         return set((first_kept + np.round(after)).astype(int).tolist())
 
 
-def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
-    """Shear until the plan's last row, from a checkpoint beside `out` if there is one with these settings.
+def run(shear: Shear, plan: Plan, checkpoint: Checkpoint, record=None, note=None) -> Record:
+    """Shear until the plan's last row, after those of `record`; note: a line with which progress begins.
 
-    A kill loses at most INTERVAL seconds and a row; everything if out is None. Raises ConvergenceError where the
-    time step is too long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
+    A kill loses at most INTERVAL seconds and a row; everything if the checkpoint is in memory. Raises ConvergenceError
+    where the time step is too long: a disk jumps, or the energy balance is off by more than 5 % in the mean.
     """
-    kept = resumed(out, settings)
-    if kept is not None:
-        record, state = kept
-        shear.restore(state)
     record = record or Record(SERIES | (BETWEEN_WALLS if shear.held else {}))
     first, began = len(record), time.monotonic()
     with_snapshot = plan.snapshot_rows(plan.first_kept(shear.rate * shear.scheme.step))
     saved, lines = began, min(LINES, plan.rows)
     lines_done = first * lines // plan.rows
     with Progress(lines, "flow", 0, lines_done) as progress:
-        if kept is not None:
-            progress.note(f"{out}: goes on from strain {shear.strain:.6g}")
+        if note:
+            progress.note(note)
         if not len(record) and 0 in with_snapshot:
             record.snapshot(shear.strain, shear.disks, shear.velocities_now(), shear.spins_now())
         while len(record) < plan.rows:
@@ -140,7 +137,7 @@ def run(shear: Shear, plan: Plan, out, settings: dict, record=None) -> Record:
             if len(record) in with_snapshot:
                 record.snapshot(shear.strain, shear.disks, shear.velocities_now(), shear.spins_now())
             if time.monotonic() - saved > INTERVAL:
-                write_checkpoint(out, record, shear.state(), settings)
+                write_checkpoint(checkpoint, record, shear.state())
                 saved = time.monotonic()
             if len(record) * lines // plan.rows > lines_done:
                 lines_done += 1

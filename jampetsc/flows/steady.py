@@ -17,7 +17,7 @@ from jampetsc.flows.record import (
     Record,
     check_space,
     record_of,
-    remove_checkpoint,
+    resumed,
     write_checkpoint,
     write_record,
 )
@@ -120,13 +120,15 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
     Raises ConvergenceError as `flows.run.run`, and where disks never touch.
     """
     began = time.perf_counter()
-    record = run.before[0] if run.before else Record()
     check_space(to, run.disks.n, run.plan.snapshots(run.plan.first_kept(run.rate * run.scheme.step)))
     shear = Shear(run.disks, run.model, run.rate, run.scheme, team, run.held)
-    if run.before is not None:
-        shear.restore(run.before[1])
-    settings = run.settings  # now: they depend on the length of `before`, which grows
-    record = shear_until(shear, run.plan, to.kept, settings, record)
+    checkpoint = to.checkpoint(run.settings)
+    kept = resumed(checkpoint)
+    record, state = kept or run.before or (None, None)
+    if state is not None:
+        shear.restore(state)
+    note = f"{to.kept}: goes on from strain {shear.strain:.6g}" if kept else None
+    record = shear_until(shear, run.plan, checkpoint, record, note)
     means = check_balance(record, run.plan.discard, shear)
     if means is None or means.pressure.mean < UNTOUCHED * run.rate * shear.unit:
         raise ConvergenceError(
@@ -134,14 +136,14 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
             f"choose a larger {named('phi')}, or a longer {named('strain')}"
         )
     facts = _facts(run, means, time.perf_counter() - began) | {"substeps": shear.substeps}
-    write_checkpoint(to.kept, record, shear.state(), settings)  # in case one of the files cannot be written
+    write_checkpoint(checkpoint, record, shear.state())  # in case one of the files cannot be written
     if last is not None:
         protocol = f"steady shear, {run.model}, rate {run.rate:g}"
         write_packing(last, shear.disks.with_record(protocol=protocol), to.request)
     state = shear.state() | {"radii": run.disks.radii}
     # a flow file that is continued in place is replaced last
     write_record(to.writer(FORMAT), record, state, run.settings, facts)
-    remove_checkpoint(to.kept)
+    checkpoint.remove()
     return means
 
 
