@@ -14,7 +14,6 @@ from jampetsc.flows.means import Means, discarded_strain, independent_samples
 from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.record import (
     FORMAT,
-    Record,
     check_space,
     record_of,
     resumed,

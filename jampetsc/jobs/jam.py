@@ -11,7 +11,7 @@ from jampetsc.analysis.jamming import at_densities
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import SEEDS, Numbers, numbers
 from jampetsc.asking.parameters import asked, optional
-from jampetsc.asking.starts import PHIS, UNITS
+from jampetsc.asking.starts import PHIS
 from jampetsc.core.potentials import EXPONENTS
 from jampetsc.errors import InputError
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
@@ -74,26 +74,27 @@ A killed run continues when the same command is given again. Options of the Newt
 
     def check(self):
         """Refuse options of other protocols and too many samples."""
-        count = self.samples.count
-        if count > MANY:
-            raise InputError(f"{count} samples: at most {MANY} in one result")
+        if self.count > MANY:
+            raise InputError(f"{self.count} samples: at most {MANY} in one result")
 
     @property
-    def samples(self):
-        """The `flows.samples.Samples` asked for."""
+    def made_protocol(self):
+        """The `flows.jamming.Protocol` of the samples."""
         from jampetsc.flows.jamming import Protocol
-        from jampetsc.flows.samples import Samples
 
         names = ("step", "strain", "discard", "every", "temperature", "cooling_rate", "sweeps")
         options = {name: getattr(self, name) for name in names}
-        protocol = Protocol.of(self.protocol, separated=self.separated, **options)
-        phis = tuple(self.phi.tolist())
-        return Samples(self.n, phis, self.seeds, protocol, self.sizes, self.potential, self.tolerance, UNITS)
+        return Protocol.of(self.protocol, separated=self.separated, **options)
+
+    @property
+    def count(self) -> int:
+        """Samples in all."""
+        return len(self.phi) * len(self.seeds) * self.made_protocol.rows
 
     def work(self, to):
-        from jampetsc.flows.samples import execute
+        from jampetsc.jobs.samples import make
 
-        return _summary(self.n, execute(self.samples, local.NewtonSolver(), to), to)
+        return _summary(self.n, make(self, local.NewtonSolver(), to), to)
 
 
 def _summary(n, record, to) -> str:

@@ -46,10 +46,9 @@ prefix -newton_."""
             )
 
     def work(self, to):
-        from jampetsc.flows.quasistatic_run import SlowRun, execute
+        from jampetsc.jobs.shear_run import execute
 
         size = session.current().size
         if size > 1:
             raise InputError(f"shear on {size} ranks: one run is one process; a study runs many")
-        run = SlowRun(*self.disks(), self.step, self.strain, self.tolerance, self.discard)
-        return execute(run, local.NewtonSolver(), to, self.last, self.team)
+        return execute(self, local.NewtonSolver(), to)

@@ -239,20 +239,20 @@ def test_a_continued_flow_keeps_its_settings(more):
 
 
 def test_samples_have_the_parameters_of_their_job():
-    asked = Jam(n=16, phi="0.8:0.84:3", seeds="4:5").samples
-    assert asked.tasks == [(pytest.approx(phi), seed) for phi in (0.8, 0.82, 0.84) for seed in (4, 5)]
-    assert asked.protocol.name == "random" and asked.protocol.rows == 1 and asked.count == 6
+    asked = Jam(n=16, phi="0.8:0.84:3", seeds="4:5")
+    assert asked.phi == pytest.approx([0.8, 0.82, 0.84]) and list(asked.seeds) == [4, 5]
+    assert asked.made_protocol.name == "random" and asked.made_protocol.rows == 1 and asked.count == 6
     one = {"n": 16, "phi": [0.85, 0.8, 0.8], "seeds": "0:0"}
-    asked = Jam(**one, protocol="shear", step=0.01, strain=2, every=0.25).samples
-    assert asked.tasks == [(0.8, 0), (0.85, 0)] and asked.count == 8
-    protocol = asked.protocol
+    asked = Jam(**one, protocol="shear", step=0.01, strain=2, every=0.25)
+    assert asked.phi.tolist() == [0.8, 0.85] and asked.count == 8
+    protocol = asked.made_protocol
     assert (protocol.step, protocol.strain, protocol.discard, protocol.every) == (0.01, 2.0, 1.0, 0.25)
-    protocol = Jam(**one, protocol="compress", temperature=1e-2, sweeps=0).samples.protocol
+    protocol = Jam(**one, protocol="compress", temperature=1e-2, sweeps=0).made_protocol
     assert (protocol.temperature, protocol.cooling_rate, protocol.sweeps) == (1e-2, 1e-2, 0)
     Jam(**one, protocol="shear", step=0.1, every=0.3 - 0.2)  # a step but for rounding
     job = Jam(n=16, phi="0.8:0.84:3", seeds="4:5")
     assert job.settings()["phi"] == "0.8:0.84:3"
-    assert made(Jam, job.settings()).samples.settings == job.samples.settings
+    assert made(Jam, job.settings()).settings() == job.settings()
     assert tuple(PROTOCOLS) == jam.PROTOCOLS
 
 
@@ -276,10 +276,10 @@ def test_the_limit_of_samples_counts_all_rows_of_a_seed(monkeypatch):
 )  # fmt: skip
 def test_a_checkpoint_of_samples_serves_only_the_same_job(more):
     plain = {name: value for name, value in (JAM | more).items() if name in ("protocol", *JAM)} | JAM
-    settings = [Jam(**given).samples.settings for given in (JAM | more, plain)]
+    settings = [Jam(**given).settings() for given in (JAM | more, plain)]
     assert settings[0] != settings[1] or more.keys() <= plain.keys()
-    assert Jam(**JAM | more).samples.settings != Jam(**JAM).samples.settings
-    assert Jam(**JAM, sizes="bidisperse", tolerance=1e-6).samples.settings == Jam(**JAM).samples.settings
+    assert Jam(**JAM | more).settings() != Jam(**JAM).settings()
+    assert Jam(**JAM, sizes="bidisperse", tolerance=1e-6).settings() == Jam(**JAM).settings()
 
 
 @pytest.mark.parametrize("lost", [0, 1, 3])

@@ -12,8 +12,9 @@ from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import find_contacts, net_forces
 from jampetsc.errors import ConvergenceError
-from jampetsc.flows import jamming, samples
+from jampetsc.flows import jamming
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
+from jampetsc.jobs import samples
 from jampetsc.minimise.sizes import radii_of
 
 POTENTIAL = Potential("harmonic", "inverse-square-diameter")

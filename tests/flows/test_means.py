@@ -17,7 +17,7 @@ from jampetsc.flows.means import ROWS, Means
 from jampetsc.flows.record import ON_WALLS, SERIES, Record, check_space, resumed, write_checkpoint
 from jampetsc.flows.run import Plan, _duration, _row, check_balance
 from jampetsc.flows.velocity_correlation import LaneCorrelation, correlate_lanes
-from jampetsc.io.checkpoint import folder_of
+from jampetsc.io.checkpoint import Checkpoint, folder_of
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
 
@@ -228,17 +228,18 @@ def test_snapshots_need_room_twice(tmp_path, monkeypatch):
 
 def test_only_an_intact_checkpoint_of_the_same_job_is_used(tmp_path):
     out, settings = tmp_path / "x.h5", {"rate": 1e-2, "start": "a"}
-    assert resumed(out, settings) is None
-    write_checkpoint(out, recorded(3), {"base": np.eye(2)}, settings)
-    record, state = resumed(out, settings)
+    checkpoint = Checkpoint(out, settings)
+    assert resumed(checkpoint) is None
+    write_checkpoint(checkpoint, recorded(3), {"base": np.eye(2)})
+    record, state = resumed(Checkpoint(out, settings))
     assert len(record) == 3 and np.array_equal(state["base"], np.eye(2))
     np.testing.assert_array_equal(record.series("energy"), recorded(3).series("energy"))
     with open(folder_of(out) / "lock") as lock, pytest.raises(BlockingIOError):
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # another process may not use it
-    assert resumed(out, settings | {"start": "b"}) is None
+    assert resumed(Checkpoint(out, settings | {"start": "b"})) is None
     (path,) = folder_of(out).glob("0*")
     path.write_bytes(path.read_bytes()[:-100])
-    assert resumed(out, settings) is None
+    assert resumed(Checkpoint(out, settings)) is None
 
 
 def flow_file(path, velocity=0.1, phi=0.8, walls=False, snapshots=2, **facts):

@@ -11,9 +11,9 @@ from jampetsc.core.pairs import deformed
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
 from jampetsc.errors import InputError
-from jampetsc.flows import quasistatic_run as slowjob
 from jampetsc.flows import quasistatic_shear as slowly
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SlowShear, minimum_of
+from jampetsc.jobs import shear_run as slowjob
 from jampetsc.minimise.descent import Goal
 from jampetsc.minimise.minimise import Effort, minimise, settle
 from jampetsc.minimise.protocols import random_start
