@@ -1,4 +1,4 @@
-"""The flow file: series over strain, snapshots, means with errors, and the state from which a run is continued.
+"""Files of flows: series over strain, snapshots, attributes, and the state from which a run is continued.
 
 A checkpoint holds the same but the means, see `io.checkpoint`.
 """
@@ -12,6 +12,8 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import follow
 from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.hdf5 import reading
+from jampetsc.io.provenance import provenance
+from jampetsc.petsc import session
 
 FORMAT = "jampetsc-flow"
 STATE = "state/"  # prefix of the arrays from which a run is continued
@@ -77,6 +79,25 @@ class Record:
             has_radii = "snapshots/radii" in arrays
             record.radii = np.asarray(arrays["snapshots/radii" if has_radii else f"{STATE}radii"])
         return record
+
+
+def run_provenance(seconds: float, running=None, ranks: int = 1, law=None) -> dict:
+    """Attributes of how a run was made; running: the session whose solvers it used, None if it used none."""
+    return provenance(
+        versions=session.versions(),
+        scalar_type=running and running.scalar_type,
+        petsc_options=running and running.options_told(),
+        ranks=ranks,
+        packing=(None, None),
+        law=law or {},
+        wall_seconds=seconds,
+    )
+
+
+def facts_of_disks(disks) -> dict:
+    """Attributes of the potential of the disks."""
+    potential = disks.potential
+    return {"potential": potential.kind, "stiffness": potential.stiffness, "k": float(potential.k)}
 
 
 def write_record(writer, record: Record, state: dict, settings: dict, facts: dict) -> None:

@@ -9,14 +9,15 @@ from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Law
 from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError, named
-from jampetsc.flows.facts import facts_of_disks, run_provenance
 from jampetsc.flows.means import Means, discarded_strain, independent_samples
 from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.record import (
     FORMAT,
     check_space,
+    facts_of_disks,
     record_of,
     resumed,
+    run_provenance,
     write_checkpoint,
     write_record,
 )

@@ -5,10 +5,9 @@ import time
 from jampetsc.asking.starts import UNITS
 from jampetsc.collective import agreed, on_root
 from jampetsc.core.potentials import Potential
-from jampetsc.flows.facts import run_provenance
 from jampetsc.flows.jamming import samples
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
-from jampetsc.flows.record import Record, resumed, write_checkpoint
+from jampetsc.flows.record import Record, resumed, run_provenance, write_checkpoint
 from jampetsc.minimise.sizes import in_small_diameters, radii_of
 from jampetsc.petsc import session
 from jampetsc.progress import Progress

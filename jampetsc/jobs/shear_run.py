@@ -6,10 +6,16 @@ import numpy as np
 
 from jampetsc.analysis.averages import Average
 from jampetsc.core.disks import PLACES
-from jampetsc.flows.facts import facts_of_disks, run_provenance
 from jampetsc.flows.means import discarded_strain, facts_of, independent_samples, short_run_warnings
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SHARE, SlowShear
-from jampetsc.flows.record import Record, resumed, write_checkpoint, write_record
+from jampetsc.flows.record import (
+    Record,
+    facts_of_disks,
+    resumed,
+    run_provenance,
+    write_checkpoint,
+    write_record,
+)
 from jampetsc.flows.run import INTERVAL, LINES
 from jampetsc.io.packing_file import write_packing
 from jampetsc.petsc import session
