@@ -56,7 +56,7 @@ def compare(n, pressure, seed, solver):
     pairs, law = descent.pairs, disks.potential.constants
     pattern = Pattern(pairs, n)
     values = pattern.fill(Point.of(descent).bonds, np.ones(n, bool), mu)
-    blocks, touching = warm_start.springs(pairs.arrays, np.zeros((n, 2)), 0.0, law, 0.0, 1.0)
+    blocks, touching = warm_start.springs(pairs, np.zeros((n, 2)), 0.0, law, 0.0, 1.0)
     order = partial(solver.order, n, pairs.i[touching], pairs.j[touching])
     by_blocks = partial(ldl.factorise, order(), pairs.i, pairs.j, blocks, touching, np.full(n, mu))
     factor = by_blocks()[1]

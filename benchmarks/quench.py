@@ -180,7 +180,7 @@ def step(args):
         descent.fold()
         descent.descend(0.0, 0.0, steps)
     pairs, moved, forces = next(iter(descents.values())).pairs, np.zeros((args.n, 2)), np.empty((args.n, 2))
-    law, listed = disks.potential.constants, pairs.arrays
+    law, listed = disks.potential.constants, pairs
     shortest = dict.fromkeys(["force", *descents], np.inf)
     for _ in range(100):
         began = time.perf_counter()

@@ -108,7 +108,7 @@ def conjugate(disks, goal, most):
     while evaluations < most:
         pairs, o = PairList.build(disks, 0.4), np.zeros((disks.n, 2))
         there, more = conjugate_gradients(
-            pairs.arrays, (widest, 0.4), disks.potential.constants, o, f, d, state, goal, most - evaluations
+            pairs, (widest, 0.4), disks.potential.constants, o, f, d, state, goal, most - evaluations
         )
         evaluations += more
         disks = deformed(disks, o, 0.0, 0.0)

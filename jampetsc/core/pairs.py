@@ -26,7 +26,7 @@ so |Δo| counts ‖F(g)‖ times, and the shear g' − g as that of a list does.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,8 +41,7 @@ REBUILD = 10.0  # cost of a new list in evaluations of forces
 WIDTH = 0.6  # relative rise of the cost of an evaluation per skin/d
 
 
-@dataclass(frozen=True, eq=False)
-class PairList:
+class PairList(NamedTuple):
     """Half list of the M pairs closer than σ + skin, sorted by i."""
 
     i: np.ndarray  # (M,) uint32: unsigned, so that loops are compiled without code for negative indices
@@ -55,11 +54,6 @@ class PairList:
         """All pairs of `disks` closer than σ + skin."""
         counts, *pairs = listed(disks, skin, np.array([0, disks.n]), Team())
         return cls(*(np.ascontiguousarray(one[..., : counts.sum()]) for one in pairs))
-
-    @property
-    def arrays(self):
-        """(i, j, r0, sigma), as the compiled loops take them."""
-        return self.i, self.j, self.r0, self.sigma
 
 
 @compiled(False)

@@ -65,13 +65,9 @@ class Model:
             raise InputError(
                 f"{named('friction')} {self.friction:g}: belongs to contact damping, not to {self}; leave it out"
             )
-        if not self.massive:
-            self._check_overdamped()
-
-    def _check_overdamped(self):
-        """Raise InputError where forces do not determine the velocities."""
-        law = self.law
-        remedy = f"give {named('mass')}"
+        if self.massive:
+            return
+        remedy = f"give {named('mass')}"  # otherwise forces do not determine the velocities
         if law.couples_rotations:
             raise InputError(
                 f"{self}: no overdamped limit, because disks that roll have motions that no contact damps: {remedy}, "

@@ -14,8 +14,8 @@ from jampetsc.core.pairs import SKIN_RANGE, ListedDisks
 from jampetsc.core.state import find_contacts, measure
 from jampetsc.core.threads import Team
 from jampetsc.minimise import warm_start as compiled
-from jampetsc.minimise.descent import Goal
-from jampetsc.minimise.minimise import UNJAMMED, Effort, minimise, stress_unit
+from jampetsc.minimise.descent import Effort, Goal
+from jampetsc.minimise.minimise import UNJAMMED, minimise, stress_unit
 from jampetsc.minimise.newton import FORCE_FLOOR
 
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
@@ -141,7 +141,7 @@ class SlowShear(ListedDisks):
         """Factorise the present Hessian, and clear the memory of L-BFGS."""
         while True:
             self._factor = compiled.factor_of(
-                self._order, self.pairs.arrays, self.offsets, self.shear, self._law,
+                self._order, self.pairs, self.offsets, self.shear, self._law,
                 NEARBY * self.diameter, DAMPING * self._stiffness, self._stiffness,
             )  # fmt: skip
             entries = len(self._factor[2])
@@ -157,16 +157,8 @@ class SlowShear(ListedDisks):
             self.largest, self.skin, self.area, self.shear, tolerance, FORCE_FLOOR * self._stiffness * self.diameter,
             UNJAMMED * self._unit, self.diameter, LONGEST * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
-        return compiled.follow(
-            *self.pairs.arrays,
-            self._law,
-            scalars,
-            *self._factor,
-            *self._memory,
-            self.offsets,
-            self._moved,
-            forces,
-        )
+        state = self._factor, self._memory, self.offsets, self._moved, forces
+        return compiled.follow(self.pairs, self._law, scalars, *state)
 
     def _follow(self):
         """Descend to the minimum; the sums of `bond_forces` there, None if it is not found within PATIENCE."""
@@ -228,7 +220,7 @@ class SlowShear(ListedDisks):
 
     def _minimum(self, sums):
         disks, n = self.reference, self.reference.n
-        contacts, stiffness = compiled.contacts_at(self.pairs.arrays, self.offsets, self.shear, self._law)
+        contacts, stiffness = compiled.contacts_at(self.pairs, self.offsets, self.shear, self._law)
         self.affine_modulus = stiffness / self.area
         energy = sums.energy / disks.potential.alpha
         return Minimum(

@@ -155,7 +155,7 @@ def _row(shear, steps, record):
         shear.advance(min(left, BATCH))
         left -= BATCH
     terms = dict(zip(TALLY, shear.tally / shear.tally[TALLY.index("steps")], strict=True))
-    area, survey = shear.reference.area, shear.survey()
+    area = shear.reference.area
     walls = wall_columns(shear) if shear.held else {}
     record.add(
         strain=shear.strain,
@@ -164,10 +164,7 @@ def _row(shear, steps, record):
         pressure=[terms[part] / (2.0 * area) for part in ("elastic", "viscous", "kinetic")],
         energy=terms["energy"],
         dissipation=terms["dissipation"],
-        coordination=survey.coordination,
-        clusters=survey.clusters,
-        largest_cluster=survey.largest_cluster,
-        deepest_overlap=survey.deepest,
+        **shear.survey(),
         **walls,
     )
 

@@ -1,6 +1,6 @@
 """Disks under steady shear at the present time: positions, velocities, contacts, and the state to continue from."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,16 +17,6 @@ from jampetsc.flows.resistance import Graph, Search
 
 NEAR = 0.2  # skin of the near pairs, of which forces are computed, relative to that of the list
 SORTED = 0.5  # strain between two sorts of the disks, which keep domains compact
-
-
-@dataclass(frozen=True)
-class Survey:
-    """Contacts at one instant: coordination, clusters, deepest overlap."""
-
-    coordination: float  # Z, mean number of contacts of disks that move, rattlers included
-    clusters: int  # of touching disks, single disks included
-    largest_cluster: int  # number of its disks
-    deepest: float  # largest δ/σ
 
 
 class ShearedDisks(ListedDisks):
@@ -157,12 +147,17 @@ class ShearedDisks(ListedDisks):
     def _space(self, velocities):
         return moves.Space(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.tally)
 
-    def survey(self) -> Survey:
-        """Contacts at present."""
+    def survey(self) -> dict:
+        """Contacts at present: Z of disks that move, rattlers included, clusters, disks of the largest, largest δ/σ."""
         (domains, _), o, shear, held = self.lists, self.offsets, self.shear, self.held
         graph = Graph.room(domains, len(o), held, False)
         number, largest, deepest = survey_of(domains, o, shear, graph)
-        return Survey(float(graph.number[held:].mean()), number, largest, deepest)
+        return {
+            "coordination": float(graph.number[held:].mean()),
+            "clusters": number,
+            "largest_cluster": largest,
+            "deepest_overlap": deepest,
+        }
 
     def velocities_now(self) -> np.ndarray:
         """Non-affine velocities (N, 2) at the present positions, in the order of `disks`; see `velocities_here`."""

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law
+from jampetsc.core.laws import WEIGHTS, Law
 from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.means import Means, discarded_strain, independent_samples
@@ -30,6 +30,7 @@ from jampetsc.io.packing_file import write_packing
 
 DEEPEST = 0.5  # largest overlap of two disks of a start, in units of σ
 UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
+LAW = ("label", *WEIGHTS, "tau1")  # what a run's settings have of its damping law
 KEPT = ("units", "seed", "sizes", "packing", "packing_sha256", "walls")  # attributes of a continued run
 
 
@@ -59,7 +60,7 @@ class FlowRun:
     def settings(self) -> dict:
         """Everything that determines the result, as plain values."""
         return {
-            "model": asdict(self.model) | {"law": _law_values(self.model.law)},
+            "model": asdict(self.model) | {"law": {name: getattr(self.model.law, name) for name in LAW}},
             "rate": self.rate,
             "scheme": asdict(self.scheme),
             "plan": asdict(self.plan),
@@ -67,11 +68,6 @@ class FlowRun:
             "walls": self.held,
             "done": len(self.before[0]) if self.before else 0,
         }
-
-
-def _law_values(law):
-    names = ("label", "normal", "transverse", "sliding", "drag", "eta_f", "tau1")
-    return {name: getattr(law, name) for name in names}
 
 
 def begun(

@@ -17,6 +17,7 @@ import numpy as np
 from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import bond_forces
 from jampetsc.core.neighbours import spatial_order
+from jampetsc.core.pairs import PairList
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model, Scheme
@@ -97,7 +98,7 @@ def velocity_profile(shear: Shear, u) -> np.ndarray:
 
 def stress_on_walls(shear: Shear, u) -> tuple[float, float]:
     """(σ_xy, pressure) that disks of non-affine velocities u (N, 2) exert on the walls, mean of both."""
-    i, j, r0, sigma = shear.pairs.arrays
+    i, j, r0, sigma = shear.pairs
     lower = (i < shear.held) & (j >= shear.held)
     upper = (i >= shear.held) & (j < shear.held)
     # pairs whose moving disk is above the row, which it never crosses
@@ -109,7 +110,7 @@ def stress_on_walls(shear: Shear, u) -> tuple[float, float]:
         rolling = shear.spins, shear.reference.radii, np.empty(len(shear.spins))
     total = np.zeros(2)
     for side, sign in ((above, 1.0), ((lower | upper) & ~above, -1.0)):
-        pairs = i[side], j[side], np.ascontiguousarray(r0[:, side]), sigma[side]
+        pairs = PairList(i[side], j[side], np.ascontiguousarray(r0[:, side]), sigma[side])
         forces = np.empty_like(shear.offsets)
         bond_forces(pairs, shear.offsets, 0.0, shear.shear, task.law, forces, motion, rolling)
         total += sign * forces[: shear.held].sum(0)

@@ -8,7 +8,8 @@ from pathlib import Path
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
 from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
-from jampetsc.minimise.protocols import Effort, Target, changed, make_packing, random_start, start_phi
+from jampetsc.minimise.descent import Effort
+from jampetsc.minimise.protocols import Target, changed, make_packing, random_start, start_phi
 from jampetsc.petsc import local
 from jampetsc.progress import Progress
 

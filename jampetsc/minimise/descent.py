@@ -1,6 +1,6 @@
 """State of a minimisation: the pair list, the moves since it was made, and the memory of L-BFGS, kept between lists."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,11 +32,27 @@ class Goal:
         return self.pressure is not None, self.shear
 
 
-class Descent(ListedDisks):
-    """Disks as they were when their pairs were listed, and their moves since; `evaluations` counts those of forces."""
+@dataclass
+class Effort:
+    """Cost of a minimisation so far; `report` is called with it after every slice."""
 
-    def __init__(self, disks: Disks, goal: Goal, team: Team):
-        self.goal = goal
+    evaluations: int = 0
+    newton_steps: int = 0  # factorisations
+    saddles: int = 0
+    shakes: int = 0
+    stage: str = ""
+    residual: float = np.nan  # max |F| / (p d)
+    report: object = field(default=lambda effort: None, repr=False)
+
+
+class Descent(ListedDisks):
+    """Disks as they were when their pairs were listed, and their moves since.
+
+    `evaluations` counts those of forces, `effort` also those of descents before.
+    """
+
+    def __init__(self, disks: Disks, goal: Goal, team: Team | None = None, effort: Effort | None = None):
+        self.goal, self.effort = goal, effort or Effort()
         self.evaluations = 0
         rows, size, domains = 2 * MEMORY, padded(disks.n), len(borders(disks.n)) - 1
         self.space = Space(
@@ -131,6 +147,7 @@ class Descent(ListedDisks):
         Raises ConvergenceError where coordinates are no longer numbers.
         """
         self.evaluations += steps
+        self.effort.evaluations += steps
         if not (np.isfinite(self.offsets).all() and np.isfinite(self.box).all()):
             raise ConvergenceError("forces are not finite: do two disks lie on the same spot?")
         skin = self.skin

@@ -31,7 +31,8 @@ class Space(NamedTuple):
 
 
 @compiled(FAST, forceinline=True)
-def _dot(a, b):
+def dot(a, b):
+    """Σ a b."""
     total = 0.0
     for q in range(len(a)):
         total += a[q] * b[q]
@@ -140,7 +141,7 @@ def measure(domains, d, space, task, factors, now, slot, room):
             sums[2 * slot + 1] += product
         for row in range(rows):
             if row != 2 * slot + 1:
-                sums[row] += _dot(space.pairs[base + row * CHUNK : base + (row + 1) * CHUNK], f)
+                sums[row] += dot(space.pairs[base + row * CHUNK : base + (row + 1) * CHUNK], f)
         sums[rows + 1] += _square(f, peaks)
     sums[rows + 2] = peaks.max()
     for row in range(rows):

@@ -5,7 +5,7 @@ Newton's method then takes a few steps; if it does not converge, contacts still 
 the forces. What has converged is proved a minimum; if it is a saddle, it is left along a mode of negative curvature.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from jampetsc.core.disks import Disks
 from jampetsc.core.minimum import with_proof
 from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
-from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.descent import Descent, Effort, Goal
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.newton import Limits, Newton, Point
 
@@ -24,19 +24,6 @@ SETTLING = 20_000  # most evaluations for the first relaxation of a random start
 SADDLES = 20  # saddles left before the minimisation is given up or disks are shaken
 SHAKEN = 0.02  # how far disks move in the first shake, in units of d; twice as far in each next one
 UNJAMMED = 1e-11  # pressure in units of k below which disks in a fixed cell do not touch
-
-
-@dataclass
-class Effort:
-    """Cost of a minimisation so far; `report` is called with it after every slice."""
-
-    evaluations: int = 0
-    newton_steps: int = 0  # factorisations
-    saddles: int = 0
-    shakes: int = 0
-    stage: str = ""
-    residual: float = np.nan  # max |F| / (p d)
-    report: object = field(default=lambda effort: None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -53,9 +40,8 @@ class Minimum:
 
 def settle(disks: Disks, force: float, *, team: Team | None = None, effort: Effort | None = None) -> Disks:
     """Random disks after a first relaxation in their cell, to max |F| ≤ force or for SETTLING evaluations."""
-    descent, effort = Descent(disks, Goal(), team or Team()), effort or Effort()
+    descent = Descent(disks, Goal(), team, effort)
     fall(descent, force, SETTLING)
-    effort.evaluations += descent.evaluations
     return descent.disks
 
 
@@ -64,9 +50,8 @@ def relax(disks: Disks, goal: Goal, force: float, *, team: Team | None = None, e
 
     Raises ConvergenceError after EVALUATIONS.
     """
-    descent, effort = Descent(disks, goal, team or Team()), effort or Effort()
-    quench = _Quench(descent, effort)
-    while not quench.down_to(force):
+    descent = Descent(disks, goal, team, effort)
+    while not _down_to(descent, force):
         pass
     return descent.disks
 
@@ -94,12 +79,11 @@ def minimise(
     Every minimum is proved by a Cholesky factorisation of its Hessian (see `newton`). In a fixed cell disks may come
     apart: then `jammed` is False. Raises ConvergenceError where no minimum is reached.
     """
-    descent, effort = Descent(disks, goal, team or Team()), effort or Effort()
-    quench, newton = _Quench(descent, effort), Newton(descent, solver, effort)
-    limits = Limits(descent, tolerance)
+    descent = Descent(disks, goal, team, effort)
+    effort, newton, limits = descent.effort, Newton(descent, solver), Limits(descent, tolerance)
     fraction = HANDOVER
     while True:
-        pressure = quench.down_to_fraction(fraction, limits)
+        pressure = _down_to_fraction(descent, fraction, limits)
         if goal.pressure is None and pressure < UNJAMMED * stress_unit(disks):
             return Minimum(descent.disks, False, pressure, Point.of(descent).residual.force, "tolerance", 0.0)
         if newton.converge(limits):
@@ -123,7 +107,7 @@ def minimise(
             fraction *= 0.1
             continue
         if effort.shakes == shakes:
-            raise quench.failure(pressure)
+            raise _failure(descent, pressure)
         shake(descent, SHAKEN * 2.0**effort.shakes * descent.diameter)
         effort.shakes += 1
         fraction = HANDOVER
@@ -145,45 +129,36 @@ def stress_unit(disks: Disks) -> float:
     return float(disks.potential.k) / float(disks.potential.scale(np.array(2.0 * np.mean(disks.radii)))) ** 2
 
 
-class _Quench:
-    """L-BFGS in slices, counted and reported."""
+def _down_to(descent: Descent, force: float) -> bool:
+    """One slice of L-BFGS; whether max |F| ≤ force is reached. Raises ConvergenceError after EVALUATIONS."""
+    there = descent.descend(force, 2.0 * descent.area * force / descent.diameter, SLICE)
+    descent.effort.report(descent.effort)
+    if not there and descent.evaluations > EVALUATIONS:
+        raise _failure(descent, Point.of(descent).pressure)
+    return there
 
-    def __init__(self, descent: Descent, effort: Effort):
-        self.descent, self.effort = descent, effort
-        self._before = effort.evaluations - descent.evaluations
 
-    def down_to(self, force: float) -> bool:
-        """One slice; whether max |F| ≤ force is reached. Raises ConvergenceError after EVALUATIONS."""
-        descent, effort = self.descent, self.effort
-        box_force = 2.0 * descent.area * force / descent.diameter
-        there = descent.descend(force, box_force, SLICE)
-        effort.evaluations = self._before + descent.evaluations
-        effort.report(effort)
-        if not there and descent.evaluations > EVALUATIONS:
-            raise self.failure(Point.of(descent).pressure)
-        return there
+def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> float:
+    """Down to max |F| = fraction · p d, or to rounding; p, which in a fixed cell decreases meanwhile."""
+    force = np.inf
+    while True:
+        point = Point.of(descent)
+        pressure = point.pressure if descent.goal.pressure is None else descent.goal.pressure
+        apart = descent.goal.pressure is None and pressure < UNJAMMED * stress_unit(descent.disks)
+        if apart:
+            return pressure
+        descent.effort.residual = point.residual.force / (pressure * descent.diameter)
+        wanted = max(fraction * pressure * descent.diameter, 0.5 * limits.at(pressure).force)
+        if force <= 2.0 * wanted:
+            return pressure
+        if _down_to(descent, wanted):
+            force = wanted
 
-    def down_to_fraction(self, fraction: float, limits: Limits) -> float:
-        """Down to max |F| = fraction · p d, or to rounding; p, which in a fixed cell decreases meanwhile."""
-        descent = self.descent
-        force = np.inf
-        while True:
-            point = Point.of(descent)
-            pressure = point.pressure if descent.goal.pressure is None else descent.goal.pressure
-            apart = descent.goal.pressure is None and pressure < UNJAMMED * stress_unit(descent.disks)
-            if apart:
-                return pressure
-            self.effort.residual = point.residual.force / (pressure * descent.diameter)
-            wanted = max(fraction * pressure * descent.diameter, 0.5 * limits.at(pressure).force)
-            if force <= 2.0 * wanted:
-                return pressure
-            if self.down_to(wanted):
-                force = wanted
 
-    def failure(self, pressure: float) -> ConvergenceError:
-        """The error to raise where no minimum is reached."""
-        force = Point.of(self.descent).residual.force
-        return ConvergenceError(
-            f"no minimum after {self.effort.evaluations} force evaluations and {self.effort.saddles} saddles: "
-            f"max|F|/(p d) = {force / (pressure * self.descent.diameter):.1e}"
-        )
+def _failure(descent: Descent, pressure: float) -> ConvergenceError:
+    """The error to raise where no minimum is reached."""
+    force, effort = Point.of(descent).residual.force, descent.effort
+    return ConvergenceError(
+        f"no minimum after {effort.evaluations} force evaluations and {effort.saddles} saddles: "
+        f"max|F|/(p d) = {force / (pressure * descent.diameter):.1e}"
+    )

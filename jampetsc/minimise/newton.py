@@ -156,17 +156,17 @@ class Linear:
 
 
 class Newton:
-    """Newton steps on a descent; `effort.newton_steps` counts factorisations."""
+    """Newton steps on a descent; `descent.effort.newton_steps` counts factorisations."""
 
-    def __init__(self, descent: Descent, solver, effort):
-        self.descent, self.solver, self.effort = descent, solver, effort
+    def __init__(self, descent: Descent, solver):
+        self.descent, self.solver = descent, solver
         self._analysed = None, None
 
     def _linear(self, point, free, mu) -> Linear:
         pairs = self.descent.pairs
         if self._analysed[0] is not pairs:
             self._analysed = pairs, Pattern(pairs, self.descent.n)
-        self.effort.newton_steps += 1
+        self.descent.effort.newton_steps += 1
         return Linear(point, self._analysed[1], self.solver, free, mu)
 
     def _damped(self, point, free, mu):

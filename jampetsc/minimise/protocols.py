@@ -11,8 +11,8 @@ from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
 from jampetsc.core.threads import Team
 from jampetsc.errors import InputError
-from jampetsc.minimise.descent import Goal
-from jampetsc.minimise.minimise import Effort, Minimum, minimise, relax, settle, stress_unit
+from jampetsc.minimise.descent import Effort, Goal
+from jampetsc.minimise.minimise import Minimum, minimise, relax, settle, stress_unit
 
 FIRST = 1e-3  # pressure in units of k from which a random start is decompressed decade by decade
 LOOSE = 1e-2  # max |F| / (p d) to which the packings on the way are quenched

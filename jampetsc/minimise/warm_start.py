@@ -10,6 +10,7 @@ import numpy as np
 from jampetsc.core.compiled import FAST, NUMBERS, compiled
 from jampetsc.core.kernel import _secant, bond_forces
 from jampetsc.core.pairs import is_stale
+from jampetsc.minimise.lbfgs_kernels import dot
 from jampetsc.minimise.ldl import factorise, solve
 
 MEMORY = 8  # pairs (s, y)
@@ -138,14 +139,6 @@ def contacts_at(pairs, o, g, law):
 
 
 @compiled(FAST, forceinline=True)
-def _dot(a, b):
-    total = 0.0
-    for q in range(len(a)):
-        total += a[q] * b[q]
-    return total
-
-
-@compiled(FAST, forceinline=True)
 def _add_dot(x, c, y, z):
     """x ← x + c y; returns z · x."""
     total = 0.0
@@ -164,7 +157,7 @@ def _direction(factor, softness, memory, forces, d, work):
     share = np.empty(MEMORY)
     work[:] = forces
     m = (following - 1) % MEMORY
-    pull = _dot(s[m], work) if kept else 0.0
+    pull = dot(s[m], work) if kept else 0.0
     for _ in range(kept):
         share[m] = pull / product[m]
         older = (m - 1) % MEMORY
@@ -174,11 +167,11 @@ def _direction(factor, softness, memory, forces, d, work):
         solve(factor, work.reshape(-1, 2), d.reshape(-1, 2), spaces[3].reshape(-1, 2))
     else:
         newest = (following - 1) % MEMORY
-        scale = product[newest] / _dot(y[newest], y[newest]) if kept else softness
+        scale = product[newest] / dot(y[newest], y[newest]) if kept else softness
         for q in range(len(work)):
             d[q] = scale * work[q]
     m = (following - kept) % MEMORY
-    pull = _dot(y[m], d) if kept else 0.0
+    pull = dot(y[m], d) if kept else 0.0
     for _ in range(kept):
         newer = (m + 1) % MEMORY
         pull = _add_dot(d, share[m] - pull / product[m], s[m], y[newer])
@@ -196,20 +189,31 @@ def _longest(a):
     return longest if total == total else np.nan
 
 
-@compiled(NUMBERS, forceinline=True)
-def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
+@compiled(NUMBERS)
+def follow(pairs, law, scalars, factor, memory, o, moved, forces):
+    """Go down from offsets o (N, 2) at shear g of the list to the minimum; returns (status, evaluations, sums).
+
+    pairs     a `PairList`
+    scalars   (σ_max, skin, V, g, max |F| / (p d) asked for, force that rounding leaves, pressure below which no disks
+              touch, d, longest move of a disk in one step, 1 / stiffness of a contact, most evaluations)
+    factor    of `factor_of`
+    memory    of `nothing_remembered`
+    moved     (N, 2), to which the moves in the laboratory frame are added
+
+    sums are those of `bond_forces`, at the end.
+    """
+    largest, skin, area, g, share, floor, apart, diameter, reach, softness, most = scalars
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     d, old, work = spaces[0], spaces[1], spaces[2]
     flat = forces.reshape(-1)
-    share, floor, apart, diameter, reach, softness, most = aim
     evaluations = tries = 0
     slope = length = done = 0.0
     while True:
         sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
         evaluations += 1
         if tries:
-            end = _dot(flat, d)
+            end = dot(flat, d)
             if end < -OVERSHOT * slope and tries < TRIES:
                 length *= max(slope / (slope - end), 0.1)
             else:
@@ -236,7 +240,7 @@ def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
                 return SPENT, evaluations, sums
             for _ in range(2):
                 _direction(factor, softness, memory, flat, d, work)
-                slope = _dot(flat, d)
+                slope = dot(flat, d)
                 if slope > 0.0:
                     break
                 count[0] = 0  # what is remembered leads uphill
@@ -247,30 +251,5 @@ def _down(pairs, listed, law, area, factor, memory, o, g, moved, forces, aim):
         far = _go(o, moved, d.reshape(-1, 2), length - done, g)
         done = length
         tries += 1
-        if is_stale(far, 0.0, g, listed[0], listed[1]):
+        if is_stale(far, 0.0, g, largest, skin):
             return STALE, evaluations, sums
-
-
-@compiled(False)
-def follow(
-    i, j, r0, sigma, law, scalars, order, begin, row, lower, both, product, count, spaces, o, moved, forces
-):
-    """Go down from offsets o (N, 2) at shear g of the list to the minimum; returns (status, evaluations, sums).
-
-    Arrays are passed one by one, since numba takes up to 0.1 ms to inspect a tuple of them:
-
-    i, j, r0, sigma                 of a `PairList`
-    scalars                         (σ_max, skin, V, g, max |F| / (p d) asked for, force that rounding leaves, pressure
-                                    below which no disks touch, d, longest move of a disk in one step, 1 / stiffness of
-                                    a contact, most evaluations)
-    order, begin, row, lower        factor of `factor_of`
-    both, product, count, spaces    memory of `nothing_remembered`
-    moved                           (N, 2), to which the moves in the laboratory frame are added
-
-    sums are those of `bond_forces`, at the end.
-    """
-    largest, skin, area, g, share, floor, apart, diameter, reach, softness, most = scalars
-    return _down(
-        (i, j, r0, sigma), (largest, skin), law, area, (order, begin, row, lower), (both, product, count, spaces),
-        o, g, moved, forces, (share, floor, apart, diameter, reach, softness, most),
-    )  # fmt: skip

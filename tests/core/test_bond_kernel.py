@@ -42,7 +42,7 @@ def test_against_sums_over_contacts(crowd, name, spinning, kind, stiffness):
     pairs, forces, torques = PairList.build(disks, 0.3), np.empty((disks.n, 2)), np.empty(disks.n)
     assert len(pairs.i) > 1024
     sums = bond_forces(
-        (pairs.i, pairs.j, pairs.r0, pairs.sigma), offsets, strain, shear, potential.constants, forces,
+        pairs, offsets, strain, shear, potential.constants, forces,
         (u, rate, weights), (spin, disks.radii, torques) if spinning else None,
     )  # fmt: skip
     moved = deformed(disks, offsets, strain, shear)

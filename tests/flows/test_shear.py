@@ -14,8 +14,8 @@ from jampetsc.errors import InputError
 from jampetsc.flows import quasistatic_shear as slowly
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SlowShear, minimum_of
 from jampetsc.jobs import shear_run as slowjob
-from jampetsc.minimise.descent import Goal
-from jampetsc.minimise.minimise import Effort, minimise, settle
+from jampetsc.minimise.descent import Effort, Goal
+from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 

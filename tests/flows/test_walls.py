@@ -80,7 +80,7 @@ def test_forces_on_the_walls_balance_those_between_them(channel, name):
         rolling = run.spins, run.reference.radii, np.empty(len(run.spins))
     task = run.task()
     sums = bond_forces(
-        run.pairs.arrays, run.offsets, 0.0, run.shear, task.law, forces, (u, task.rate, task.weights), rolling
+        run.pairs, run.offsets, 0.0, run.shear, task.law, forces, (u, task.rate, task.weights), rolling
     )
     disks = run.disks
     y = (disks.positions[:, 1] - 0.5 * disks.cell[1, 1])[held:]

@@ -34,16 +34,16 @@ def test_the_factor_is_that_of_the_hessian(listed):
     offsets = np.random.default_rng(2).normal(0, 0.01, (n, 2))
     bonds = Bonds.of(pairs, disks.potential, offsets, 0.0, 0.02)
     exact, *_ = bonds.squares()
-    blocks, chosen = compiled.springs(pairs.arrays, offsets, 0.02, disks.potential.constants, 0.0, 1.0)
+    blocks, chosen = compiled.springs(pairs, offsets, 0.02, disks.potential.constants, 0.0, 1.0)
     assert np.abs(blocks - exact).max() < 1e-14 and np.array_equal(chosen, bonds.overlap > 0)
-    definite, factor = factorise(order, *pairs.arrays[:2], blocks, chosen, shift)
+    definite, factor = factorise(order, *pairs[:2], blocks, chosen, shift)
     matrix = dense(pairs, n, exact, shift)
     assert definite and np.linalg.eigvalsh(matrix)[0] > 0
     b = np.random.default_rng(3).normal(size=(n, 2))
     x = np.empty_like(b)
     solve(factor, b, x, np.empty_like(b))
     assert np.abs(matrix @ x.ravel() - b.ravel()).max() < 1e-12
-    number, modulus = compiled.contacts_at(pairs.arrays, offsets, 0.02, disks.potential.constants)
+    number, modulus = compiled.contacts_at(pairs, offsets, 0.02, disks.potential.constants)
     assert number == np.count_nonzero(bonds.overlap > 0)
     assert modulus == pytest.approx(np.sum(bonds.stiffness * (bonds.normal[0] * bonds.r[1]) ** 2))
 
@@ -51,7 +51,7 @@ def test_the_factor_is_that_of_the_hessian(listed):
 def test_pairs_that_are_nearly_closed_are_half_as_stiff(listed):
     disks, pairs, _ = listed
     law, still = disks.potential.constants, np.zeros((disks.n, 2))
-    blocks, chosen = compiled.springs(pairs.arrays, still, 0.0, law, 0.1, 0.0)
+    blocks, chosen = compiled.springs(pairs, still, 0.0, law, 0.1, 0.0)
     overlap = Bonds.of(pairs, disks.potential, still).overlap
     near = (overlap > -0.1) & (overlap <= 0)
     assert near.sum() > 3 and np.array_equal(chosen, overlap > -0.1)
@@ -67,11 +67,11 @@ def followed(listed, skin=2.0, **changes):
     aim = {"share": 1e-8, "floor": 0.0, "apart": 1e-12, "diameter": 1.2, "reach": 0.1}
     aim |= {"soft": 0.5, "most": 2000}
     aim |= changes
-    factor = compiled.factor_of(order, pairs.arrays, still, 0.0, law, 1e-3, 1e-4, 0.5)
+    factor = compiled.factor_of(order, pairs, still, 0.0, law, 1e-3, 1e-4, 0.5)
     memory, forces = compiled.nothing_remembered(disks.n), np.empty_like(still)
     listed_so = 2.0 * float(disks.radii.max()), skin, disks.area, 0.0
     status, evaluations, sums = compiled.follow(
-        *pairs.arrays, law, (*listed_so, *aim.values()), *factor, *memory, still, np.zeros_like(still), forces
+        pairs, law, (*listed_so, *aim.values()), factor, memory, still, np.zeros_like(still), forces
     )
     return status, evaluations, np.hypot(*forces.T).max(), 0.5 * (sums[1] + sums[3]) / disks.area
 
@@ -115,7 +115,7 @@ def test_loose_disks_are_held_and_what_is_indefinite_is_taken_without_stress(lis
     law, still, n = disks.potential.constants, np.zeros((disks.n, 2)), disks.n
     for damping, nearby, crushed in ((0.05, 1e-3, 1.03), (1e-6, 1e-3, 0.62)):
         close = np.ascontiguousarray(crushed * pairs.r0)  # crushed, forces are so large that K is indefinite
-        arrays = (*pairs.arrays[:2], close, pairs.sigma)
+        arrays = pairs._replace(r0=close)
         factor = compiled.factor_of(order, arrays, still, 0.0, law, nearby, damping, 0.7)
         held = np.zeros(n, int)
         chosen = np.hypot(*close) < pairs.sigma + nearby
@@ -141,8 +141,8 @@ def test_what_is_no_number_is_lost_and_no_minimum(listed, where):
     bad[where] = np.nan
     assert np.isnan(compiled._longest(bad.ravel()))
     still = np.zeros_like(bad)
-    blocks, chosen = compiled.springs(pairs.arrays, still, 0.0, disks.potential.constants, 0.0, 1.0)
+    blocks, chosen = compiled.springs(pairs, still, 0.0, disks.potential.constants, 0.0, 1.0)
     shift = np.full(disks.n, 0.1)
-    assert factorise(order, *pairs.arrays[:2], blocks, chosen, shift)[0]
+    assert factorise(order, *pairs[:2], blocks, chosen, shift)[0]
     shift[where[0]] = np.nan
-    assert not factorise(order, *pairs.arrays[:2], blocks, chosen, shift)[0]
+    assert not factorise(order, *pairs[:2], blocks, chosen, shift)[0]

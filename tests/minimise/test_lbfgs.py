@@ -270,7 +270,7 @@ def test_a_minimum_is_followed_as_the_equations_say(factored, seed, reach, misle
     factor, inverse = compiled.NO_FACTOR, None
     if factored:
         order = np.arange(n, dtype=np.uint32)
-        factor = compiled.factor_of(order, pairs.arrays, still, shear, law, 1e-3, 1e-2, 0.5)
+        factor = compiled.factor_of(order, pairs, still, shear, law, 1e-3, 1e-2, 0.5)
 
         def inverse(q):
             x = np.empty((n, 2))
@@ -285,7 +285,7 @@ def test_a_minimum_is_followed_as_the_equations_say(factored, seed, reach, misle
         s[0] = plain.forces()
         product[0], count[:] = -1e-9, (1, 1)
     scalars = (1.4, 3.0, disks.area, shear, 0.0, 0.0, -1.0, 1.2, reach, 0.5, 40)
-    status, evaluations, _ = compiled.follow(*pairs.arrays, law, scalars, *factor, *memory, o, moved, forces)
+    status, evaluations, _ = compiled.follow(pairs, law, scalars, factor, memory, o, moved, forces)
     assert status == compiled.SPENT and evaluations == plain.descend(40, reach, 0.5)
     assert happens <= set(+plain.events) and np.abs(plain.o).max() > 0.1
     np.testing.assert_allclose(o, plain.o, atol=1e-10)

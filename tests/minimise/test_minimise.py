@@ -20,9 +20,9 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimise import descent as descent_module
 from jampetsc.minimise import fire, minimise, protocols
 from jampetsc.minimise import newton as newton_module
-from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.descent import Descent, Effort, Goal
 from jampetsc.minimise.fire import fall
-from jampetsc.minimise.minimise import Effort, relax
+from jampetsc.minimise.minimise import relax
 from jampetsc.minimise.newton import Limits, Newton, Point, Residual
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.petsc.local import NewtonSolver
@@ -213,7 +213,7 @@ def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
 def searched(length, along=1.0, seed=3):
     """(Newton, its start, step, what `_search` returns) for a step along the forces; the end is `length` of it."""
     descent = Descent(random_disks(40, 1.0, seed), Goal(0.05), Team())
-    newton = Newton(descent, None, Effort())
+    newton = Newton(descent, None)
     start = Point.of(descent)
     step = along * start.forces, np.zeros(2)
     before = descent.disks.positions
@@ -260,7 +260,7 @@ class Wrong:
 def test_steps_that_are_none_end_newton(value):
     descent = Descent(random_disks(40, 1.0, 3), Goal(), Team())
     before = descent.disks.positions
-    assert not Newton(descent, Wrong(value), Effort()).converge(Limits(descent, 1e-10))
+    assert not Newton(descent, Wrong(value)).converge(Limits(descent, 1e-10))
     assert np.array_equal(descent.disks.positions, before)
 
 
@@ -280,12 +280,12 @@ def test_no_step_is_longer_than_its_reach(monkeypatch):
         move(descent, moves, strain)
 
     monkeypatch.setattr(Descent, "move", noted)
-    Newton(descent, Soft(1e6), Effort()).converge(Limits(descent, 1e-10))
+    Newton(descent, Soft(1e6)).converge(Limits(descent, 1e-10))
     assert moved[0] == pytest.approx(newton_module.REACH * descent.diameter)
 
 
 def test_disks_that_nothing_holds_prove_no_minimum():
-    newton = Newton(Descent(random_disks(40, 0.3), Goal(), Team()), Wrong(0.0), Effort())
+    newton = Newton(Descent(random_disks(40, 0.3), Goal(), Team()), Wrong(0.0))
     assert newton.prove() is None and not newton.leave_saddle()
 
 
@@ -295,14 +295,14 @@ def test_a_minimum_is_no_saddle():
     found = minimise.minimise(random_disks(64), Goal(1e-2), NewtonSolver())
     descent = Descent(found.disks, Goal(1e-2), Team())
     before = descent.disks.positions
-    assert not Newton(descent, NewtonSolver(), Effort()).leave_saddle()
+    assert not Newton(descent, NewtonSolver()).leave_saddle()
     assert np.array_equal(descent.disks.positions, before)
 
 
 @one_rank
 def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
     """Shorter and shorter where the first try is not downhill, and not at all where none is."""
-    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver(), Effort())
+    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver())
     before, pull, asked = newton.descent.disks.positions, Newton._pull_at, []
 
     def steep(newton, mode, way):
@@ -315,7 +315,7 @@ def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
     assert asked[:8] == pytest.approx(asked[0] * np.repeat([1.0, 0.1, 0.01, 0.001], 2))
     assert 0 < gone < 1e-3
     monkeypatch.setattr(Newton, "_pull_at", lambda *_: -1.0)
-    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver(), Effort())
+    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver())
     assert not newton.leave_saddle() and np.array_equal(newton.descent.disks.positions, before)
 
 

@@ -17,7 +17,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimise import newton, protocols
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.hessian import Bonds, Pattern, border
-from jampetsc.minimise.minimise import Effort, _Quench, minimise, relax, settle, stress_unit
+from jampetsc.minimise.minimise import _down_to_fraction, minimise, relax, settle, stress_unit
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.petsc.local import NewtonSolver
 
@@ -56,7 +56,7 @@ def evaluate(disks, offsets, strain=0.0, shear=0.0):
     pairs = PairList.build(disks, 0.4)
     forces = np.empty((disks.n, 2))
     law = disks.potential.constants
-    energy, *virial = bond_forces(pairs.arrays, offsets, strain, shear, law, forces, None, None)[:4]
+    energy, *virial = bond_forces(pairs, offsets, strain, shear, law, forces, None, None)[:4]
     return energy / disks.potential.alpha, forces, virial
 
 
@@ -198,7 +198,7 @@ def test_forces_are_small_at_the_pressure_that_is_left():
     descent = Descent(crowd(n=24, phi=0.88), Goal(), Team())
     limits = newton.Limits(descent, 1e-10)
     before = newton.Point.of(descent).pressure
-    pressure = _Quench(descent, Effort()).down_to_fraction(1e-3, limits)
+    pressure = _down_to_fraction(descent, 1e-3, limits)
     point = newton.Point.of(descent)
     assert pressure == point.pressure < 0.2 * before
     assert point.residual.force <= 2e-3 * pressure * descent.diameter
@@ -226,7 +226,7 @@ def test_damping_goes_where_steps_are_full(damped):
             patch.setattr(newton, "NEAR", near)
             descent = Descent(disks, Goal(0.05), Team())
             limits = newton.Limits(descent, 1e-14)
-            assert newton.Newton(descent, NewtonSteps(), Effort()).converge(limits)
+            assert newton.Newton(descent, NewtonSteps()).converge(limits)
         assert newton.Point.of(descent).residual.within(limits.at(0.05)) and 3 <= len(damped) <= 8
         wanted = np.maximum(newton.DAMPING * 0.3 ** np.arange(len(damped)), floor)
         assert damped == pytest.approx(wanted, rel=1e-3)
@@ -237,7 +237,7 @@ def test_damping_is_raised_until_a_hessian_is_definite(damped):
     walker = saddle(Goal())
     point = newton.Point.of(walker.descent)
     linear, mu = walker._damped(point, np.ones(16, bool), 0.0)
-    assert linear.definite and walker.effort.newton_steps == len(damped) > 2
+    assert linear.definite and walker.descent.effort.newton_steps == len(damped) > 2
     wanted = np.append(0.0, newton.DAMPING_RAISED * 4.0 ** np.arange(len(damped) - 1))
     assert damped == pytest.approx(wanted) and mu == pytest.approx(wanted[-1] * point.pressure)
     damped.clear()
@@ -253,7 +253,7 @@ def test_damping_follows_how_far_steps_go(damped, monkeypatch, length, factor):
     monkeypatch.setattr(newton, "STEPS", 2)
     monkeypatch.setattr(newton.Newton, "_search", lambda self, point, *_: (length, point))
     descent = Descent(settle(crowd(n=24), 0.03), Goal(), Team())
-    newton.Newton(descent, NewtonSteps(), Effort()).converge(newton.Limits(descent, 1e-14))
+    newton.Newton(descent, NewtonSteps()).converge(newton.Limits(descent, 1e-14))
     first = newton.DAMPING
     while first != pytest.approx(damped[-1] / factor, rel=1e-9) and first < 1e3:
         first = max(4.0 * first, newton.DAMPING_RAISED)
@@ -275,7 +275,7 @@ def test_newton_goes_on_while_rounding_lets_it(monkeypatch):
     noted("linear", newton.Newton._linear)
     descent = Descent(disks, Goal(0.05), Team())
     limits = newton.Limits(descent, 1e-20)
-    assert newton.Newton(descent, NewtonSteps(), Effort()).converge(limits)
+    assert newton.Newton(descent, NewtonSteps()).converge(limits)
     forces = [residual.force for name, residual in ways if name == "linear"]
     searched = [residual.force for name, residual in ways if name == "search"]
     last = newton.Point.of(descent).residual.force
@@ -285,12 +285,12 @@ def test_newton_goes_on_while_rounding_lets_it(monkeypatch):
 
 def test_a_pattern_is_that_of_the_list_there_is():
     descent = Descent(settle(crowd(n=16), 0.03), Goal(), Team())
-    kept, free = newton.Newton(descent, NewtonSteps(), Effort()), np.ones(16, bool)
+    kept, free = newton.Newton(descent, NewtonSteps()), np.ones(16, bool)
     for shift in (0.0, 0.3):
         descent.move(np.random.default_rng(1).normal(0, shift, (16, 2)), np.zeros(2))
         descent.fold()
         point = newton.Point.of(descent)
-        fresh = newton.Newton(descent, NewtonSteps(), Effort())
+        fresh = newton.Newton(descent, NewtonSteps())
         found, wanted = (n._linear(point, free, 1e3).solve(point.forces, point.drive) for n in (kept, fresh))
         for one, other in zip(found, wanted, strict=True):
             np.testing.assert_array_equal(one, other)
@@ -298,7 +298,7 @@ def test_a_pattern_is_that_of_the_list_there_is():
 
 def saddle(goal):
     """A square lattice under pressure: no forces, and modes of negative curvature."""
-    return newton.Newton(Descent(lattice(4, 0.9), goal, Team()), NewtonSteps(), Effort())
+    return newton.Newton(Descent(lattice(4, 0.9), goal, Team()), NewtonSteps())
 
 
 @pytest.mark.parametrize("goal", [Goal(), Goal(0.1), Goal(0.1, True)], ids=str)

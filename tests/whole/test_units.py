@@ -11,8 +11,8 @@ from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.core.state import measure
 from jampetsc.flows.quasistatic_shear import SlowShear
 from jampetsc.minimise import protocols
-from jampetsc.minimise.descent import Goal
-from jampetsc.minimise.minimise import Effort, relax
+from jampetsc.minimise.descent import Effort, Goal
+from jampetsc.minimise.minimise import relax
 from jampetsc.minimise.protocols import Target, make_packing, random_start
 from jampetsc.minimise.sizes import radii_of
 
