@@ -115,23 +115,24 @@ def samples(
     would jam together, and fits to several φ take them as independent.
     """
     seeds = [seed, round(phi / SAME_PHI)]
-    start = random_start(radii, phi, seeds, potential, protocol.separated)
-    known = {"phi": phi, "seed": seed}
-    if protocol.name == "shear":
-        found = _sheared(protocol, settle(start, SETTLED), solver, tolerance)
-    elif protocol.name == "compress":
-        found = [_annealed(protocol, start, seeds, solver, tolerance)]
-    else:
-        found = [_quenched(settle(start, SETTLED), solver, tolerance)[0]]
-    return [dict.fromkeys(protocol.columns, np.nan) | known | one for one in found]
+    start = settle(random_start(radii, phi, seeds, potential, protocol.separated), SETTLED)
+    found = []
+    try:
+        if protocol.name == "shear":
+            found.extend(_sheared(protocol, start, solver, tolerance))
+        elif protocol.name == "compress":
+            found.append(_annealed(protocol, start, seeds, solver, tolerance))
+        else:
+            found.append(_quenched(start, solver, tolerance)[0])
+    except ConvergenceError:
+        pass
+    known = dict.fromkeys(protocol.columns, np.nan) | {"phi": phi, "seed": seed}
+    return [known | one for one in found + [{}] * (protocol.rows - len(found))]
 
 
 def _quenched(start: Disks, solver, tolerance):
-    """(columns of the minimum found from `start`, its disks, whether they jam); ({}, None, False) without one."""
-    try:
-        disks = minimise(start, Goal(), solver, tolerance=tolerance).disks
-    except ConvergenceError:
-        return {}, None, False
+    """(columns of the minimum found from `start`, its disks, whether they jam)."""
+    disks = minimise(start, Goal(), solver, tolerance=tolerance).disks
     found = minimum_of(disks)
     return _columns_of(found, disks.n), disks, found.jammed
 
@@ -143,72 +144,52 @@ def _columns_of(found, n):
 
 
 def _sheared(protocol, start, solver, tolerance):
-    """Rows of samples along quasistatic shear; empty from the first minimum on that is not found."""
-    every, rows = max(1, round(protocol.every / protocol.step)), []
-    try:
-        slow = SlowShear(start, protocol.step, solver, tolerance)
-        for _ in range(round(protocol.discard / protocol.step)):
+    """Generates the rows of samples along quasistatic shear."""
+    slow = SlowShear(start, protocol.step, solver, tolerance)
+    steps = round(protocol.discard / protocol.step)
+    for _ in range(protocol.rows):
+        steps += max(1, round(protocol.every / protocol.step))
+        while slow.steps < steps:
             slow.advance()
-        while len(rows) < protocol.rows:
-            for _ in range(every):
-                slow.advance()
-            rows.append({"strain": slow.strain, **_columns_of(minimum_of(slow.disks), slow.disks.n)})
-    except ConvergenceError:
-        pass
-    return rows + [{}] * (protocol.rows - len(rows))
-
-
-def _minimum_after_shear(protocol, start, solver, tolerance):
-    """The same as `_quenched` returns, of the minimum after quasistatic shear by `protocol.strain`."""
-    try:
-        slow = SlowShear(start, protocol.step, solver, tolerance)
-        for _ in range(round(protocol.strain / protocol.step)):
-            slow.advance()
-    except ConvergenceError:
-        return {}, None, False
-    return _columns_of(slow.found, start.n), slow.disks, slow.found.jammed
+        yield {"strain": slow.strain, **_columns_of(minimum_of(slow.disks), slow.disks.n)}
 
 
 def _annealed(protocol, start, seeds, solver, tolerance):
-    """Row of the minimum that a cooled liquid is quenched to, with φ_J and segregation; empty if none is found."""
+    """Row of the minimum that a cooled liquid is quenched to, with φ_J and segregation."""
     generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence([*seeds, _THERMAL])))
     heat = protocol.temperature * start.potential.k
-    cold = annealed(settle(start, SETTLED), heat, protocol.cooling_rate, protocol.sweeps, generator)
+    cold = annealed(start, heat, protocol.cooling_rate, protocol.sweeps, generator)
     known, disks, jammed = _quenched(cold, solver, tolerance)
-    if disks is not None and protocol.strain:
-        known, disks, jammed = _minimum_after_shear(protocol, disks, solver, tolerance)
-    if disks is None:
-        return {}
-    return known | {
-        "phi_J": jamming_density(disks, jammed, solver, tolerance)[0],
-        "segregation": segregation(disks),
-    }
+    if protocol.strain:
+        slow = SlowShear(disks, protocol.step, solver, tolerance)
+        for _ in range(round(protocol.strain / protocol.step)):
+            slow.advance()
+        known, disks, jammed = _columns_of(slow.found, start.n), slow.disks, slow.found.jammed
+    try:
+        phi_J = jamming_density(disks, jammed, solver, tolerance)[0]
+    except ConvergenceError:
+        phi_J = np.nan
+    return known | {"phi_J": phi_J, "segregation": segregation(disks)}
 
 
 def jamming_density(disks: Disks, jammed: bool, solver, tolerance: float) -> tuple:
     """(φ_J, disks of the loosest jammed state found): φ_J is where the energy of a minimum vanishes as the cell grows.
 
     disks: the minimum; if not jammed, it is compressed first. φ_J is bracketed to EXACT; every looser state is made
-    from the loosest jammed one. (nan, None) where a minimum is not found, or none jams up to DENSEST.
+    from the loosest jammed one. Raises ConvergenceError where a minimum is not found, or none jams up to DENSEST.
     """
     while not jammed:
         if disks.phi + STEP > DENSEST:
-            return np.nan, None
+            raise ConvergenceError(f"no jammed state up to phi = {disks.phi:.6g}")
         _, disks, jammed = _quenched(_scaled(disks, disks.phi + STEP), solver, tolerance)
-        if disks is None:
-            return np.nan, None
     loose = disks.phi
     while jammed:
         loose -= STEP
         _, found, jammed = _quenched(_scaled(disks, loose), solver, tolerance)
-        if found is None:
-            return np.nan, None
         disks = found if jammed else disks
     while disks.phi - loose > EXACT:
         middle = 0.5 * (disks.phi + loose)
         _, found, jammed = _quenched(_scaled(disks, middle), solver, tolerance)
-        if found is None:
-            return np.nan, None
         disks, loose = (found, loose) if jammed else (disks, middle)
     return 0.5 * (disks.phi + loose), disks
 

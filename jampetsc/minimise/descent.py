@@ -115,7 +115,7 @@ class Descent(ListedDisks):
         law, d = self.potential, self.diameter
         scale = float(law.scale(np.array(d)))
         pressure = pressure or self.goal.pressure or 1e-3 * law.k / scale**2
-        return scale * (2.0 * pressure * d * scale / law.k) ** (1.0 / (law.alpha - 1.0))
+        return law.usual_overlap(pressure, d)
 
     def usual_stiffness(self, pressure: float | None = None) -> float:
         """Stiffness of a contact of `usual_overlap`."""

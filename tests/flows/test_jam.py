@@ -187,17 +187,18 @@ def test_samples_are_a_whole_number_of_steps_apart(monkeypatch, every, discard, 
         """In place of SlowShear: disks that do not move."""
 
         def __init__(self, disks, step, *_):
-            self.disks, self.step, self.strain = disks, step, 0.0
+            self.disks, self.step, self.strain, self.steps = disks, step, 0.0, 0
 
         def advance(self):
+            self.steps += 1
             self.strain += self.step
             if self.strain > 1.05:
                 raise ConvergenceError("lost")
 
     monkeypatch.setattr(jamming, "SlowShear", Steps)
     protocol = jamming.Protocol("shear", step=0.1, strain=strain, discard=discard, every=every)
-    rows = jamming._sheared(protocol, random_disks(16, 0.8), 0, 0)
-    found = [row.get("strain", np.nan) for row in rows]
+    rows = jamming.samples(protocol, radii_of("bidisperse", 16), 0.8, 1, POTENTIAL, None, 1e-6)
+    found = [row["strain"] for row in rows]
     assert len(found) == protocol.rows and found[: len(strains)] == pytest.approx(strains)
     assert np.isnan(found[len(strains) :]).all()
 
@@ -211,11 +212,12 @@ def test_a_liquid_starts_without_deep_overlaps(monkeypatch):
         return disks
 
     monkeypatch.setattr(jamming, "annealed", record)
-    monkeypatch.setattr(jamming, "_quenched", lambda *_: ({}, None, False))
+    monkeypatch.setattr(jamming, "_quenched", Densities(0.8, lost=1))
     protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=0.7, sweeps=3)
     law = Potential("harmonic", "inverse-square-diameter", 8.0)
     start = random_disks(16, 0.9, potential=law)
-    assert jamming._annealed(protocol, start, [1], None, 1e-6) == {}
+    (row,) = jamming.samples(protocol, radii_of("bidisperse", 16), 0.9, 1, law, None, 1e-6)
+    assert np.isnan(row["energy"])
     forces, (heat, *given, _) = asked[0]
     assert np.abs(net_forces(16, find_contacts(start))).max() > 0.1 and np.abs(forces).max() < 1e-4
     assert heat == pytest.approx(0.8) and given == [0.7, 3]
@@ -230,13 +232,13 @@ class Densities:
     def __call__(self, disks, *_):
         self.asked.append(disks.phi)
         if len(self.asked) == self.lost:
-            return {}, None, False
+            raise ConvergenceError("lost")
         return {}, disks, disks.phi >= self.phi_J
 
 
 @pytest.mark.parametrize("phi_J", [0.8, 0.84321, 0.9])
 def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
-    """From either side, from jammed states to looser ones; nan if one minimum is not found."""
+    """From either side, from jammed states to looser ones; not if one minimum is not found."""
     disks = random_disks(16, 0.85)
 
     def search(**more):
@@ -250,16 +252,16 @@ def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
     steps = abs(phi_J - 0.85) / 2e-3
     assert steps + np.log2(2e-3 / 1e-5) < len(asked) < steps + 12  # halved from 0.002 to 1e-5
     for lost in range(1, len(asked) + 1):
-        found, loosest, some = search(lost=lost)
-        assert np.isnan(found) and loosest is None and len(some) == lost
+        with pytest.raises(ConvergenceError, match="lost"):
+            search(lost=lost)
 
 
 def test_the_search_for_a_jamming_density_ends(monkeypatch):
     quench = Densities(2.0)
     monkeypatch.setattr(jamming, "_quenched", quench)
     disks = random_disks(16, 0.95)
-    found, loosest = jamming.jamming_density(disks, False, None, 1e-6)
-    assert np.isnan(found) and loosest is None
+    with pytest.raises(ConvergenceError, match="no jammed state"):
+        jamming.jamming_density(disks, False, None, 1e-6)
     assert jamming.DENSEST - jamming.STEP < quench.asked[-1] <= jamming.DENSEST + 1e-12
 
 
