@@ -40,6 +40,21 @@ def shear(name, disks=None, rate=1e-2, step=0.05, method=None, tolerance=1e-13) 
     return Shear(disks or crowd(), m, rate, Scheme(step, method, tolerance))
 
 
+def stop_after(monkeypatch, module, saves) -> list:
+    """Runs of `module` save after every row, and end as if killed when they have so often; [times that are left]."""
+    monkeypatch.setattr(module, "INTERVAL", -1.0, raising=False)
+    save, left = module.write_checkpoint, [saves]
+
+    def save_and_stop(*what):
+        save(*what)
+        left[0] -= 1
+        if left[0] == 0:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "write_checkpoint", save_and_stop)
+    return left
+
+
 def forces(disks, law, rate, u, spin):
     """(elastic (N, 2), viscous (N, 2), torques (N,), viscous virial Σ f r (2, 2), dissipation in contacts)."""
     c = find_contacts(disks)

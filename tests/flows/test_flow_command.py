@@ -8,7 +8,7 @@ import h5py
 import launch
 import numpy as np
 import pytest
-from sheared import crowd, model
+from sheared import crowd, model, stop_after
 
 import jampetsc
 from jampetsc.cli import main as cli
@@ -45,22 +45,6 @@ def test_steps_in_which_disks_would_jump_are_divided(tmp_path):
     assert flow(*words, "--out", tmp_path / "f.h5") == 0
     result = jampetsc.load(tmp_path / "f.h5")
     assert result.attributes["substeps"] >= 20 and len(result["strain"]) == 20
-
-
-@pytest.fixture
-def saved(monkeypatch):
-    """[n]: a checkpoint is written after every row, and the n-th one (n = 1 unless set) ends the run."""
-    monkeypatch.setattr(running, "INTERVAL", -1.0)
-    save, saved = running.write_checkpoint, [1]
-
-    def save_and_stop(*what):
-        save(*what)
-        saved[0] -= 1
-        if saved[0] == 0:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(running, "write_checkpoint", save_and_stop)
-    return saved
 
 
 def test_the_file(tmp_path, capsys):
@@ -100,11 +84,12 @@ def test_the_file(tmp_path, capsys):
     assert np.abs(result["snapshots/velocities"][-1] - forces).max() < 1e-9
 
 
-def test_a_killed_run_continues_to_the_last_bit(tmp_path, saved, capsys):
+def test_a_killed_run_continues_to_the_last_bit(tmp_path, monkeypatch, capsys):
     """If its command is given again; another command does not use its checkpoint."""
+    left = stop_after(monkeypatch, running, 0)
     whole, out = tmp_path / "whole.h5", tmp_path / "out.h5"
     command = [*SMALL, "--snapshots", "3"]
-    for saved[0], place, status in ((0, whole, 0), (40, out, 130)):
+    for left[0], place, status in ((0, whole, 0), (40, out, 130)):
         assert flow(*command, "--out", place) == status
     assert not out.exists() and (tmp_path / "out.h5.resume").exists()
     assert flow(*command, "--out", out) == 0
@@ -114,7 +99,7 @@ def test_a_killed_run_continues_to_the_last_bit(tmp_path, saved, capsys):
     for name in one:
         assert np.array_equal(one[name], other[name]), name
     assert one.attributes["pressure_mean"] == other.attributes["pressure_mean"]
-    saved[0], place = 1, tmp_path / "another.h5"
+    left[0], place = 1, tmp_path / "another.h5"
     assert flow(*SMALL, "--out", place) == 130
     assert flow(*("2e-2" if word == "1e-2" else word for word in SMALL), "--out", place) == 0
     assert "goes on" not in capsys.readouterr().err

@@ -5,6 +5,7 @@ import shutil
 import independent
 import numpy as np
 import pytest
+from sheared import stop_after
 
 import jampetsc
 from jampetsc.analysis.jamming import assortativity
@@ -75,16 +76,9 @@ def test_samples_at_neighbouring_packing_fractions_are_independent(session):
 def test_a_killed_run_continues(session, tmp_path, monkeypatch):
     whole = run(tmp_path / "whole.h5")
     monkeypatch.setitem(samples.ROUND, "random", 5)
-    save = samples.write_checkpoint
-
-    def save_and_stop(*what):
-        save(*what)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(samples, "write_checkpoint", save_and_stop)
+    stop_after(monkeypatch, samples, 1)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "out.h5")
-    monkeypatch.setattr(samples, "write_checkpoint", save)
     shutil.copytree(tmp_path / "out.h5.resume", tmp_path / "other.h5.resume")
     parts = run(tmp_path / "out.h5")
     other = run(tmp_path / "other.h5", protocol="compress", cooling_rate=1, seeds="3:3")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sheared import stop_after
 
 import jampetsc
 from jampetsc.cli import main as cli
@@ -172,35 +173,20 @@ def test_disks_below_jamming_have_no_energy(session, tmp_path):
 
 def test_a_killed_run_continues_to_the_last_bit(session, tmp_path, monkeypatch):
     whole = shear(tmp_path / "whole.h5", strain=0.07)
-    monkeypatch.setattr(slowjob, "INTERVAL", -1.0)
-    save, saved = slowjob.write_checkpoint, []
-
-    def save_and_stop(*what):
-        save(*what)
-        saved.append(what)
-        if len(saved) == 60:  # after one `_renew` beside the first
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(slowjob, "write_checkpoint", save_and_stop)
+    left = stop_after(monkeypatch, slowjob, 60)  # after one `_renew` beside the first
     with pytest.raises(KeyboardInterrupt):
         shear(tmp_path / "out.h5", strain=0.07)
     assert not (tmp_path / "out.h5").exists()
     parts = shear(tmp_path / "out.h5", strain=0.07)
-    assert len(saved) == 70 and not (tmp_path / "out.h5.resume").exists()
+    assert left == [-10] and not (tmp_path / "out.h5.resume").exists()
     for name in ("energy", "shear_stress", "nonaffine", "evaluations"):
         assert np.array_equal(whole[name], parts[name])
 
 
 def test_a_checkpoint_of_another_tolerance_is_not_used(session, tmp_path, monkeypatch, capsys):
-    def save_and_stop(*what):
-        save(*what)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(slowjob, "INTERVAL", -1.0)
-    save = slowjob.write_checkpoint
     for more, goes_on in (({}, False), ({"tolerance": 1e-8}, False), ({"tolerance": 1e-8}, True)):
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(slowjob, "write_checkpoint", save_and_stop)
+            stop_after(patch, slowjob, 1)
             shear(tmp_path / "out.h5", **more, strain=0.003)
         assert ("goes on from strain 0.001" in capsys.readouterr().err) == goes_on
 
