@@ -31,15 +31,17 @@ UX, UY, ROLL, END = (row * BLOCK for row in range(4))
 
 
 class Sums(NamedTuple):
-    """Sums over bonds; `dissipation` and all that follow are zero where motion is None."""
+    """Sums over bonds; `contacts` and all that follow are zero where motion is None."""
 
     energy: float  # α U, α the exponent of the potential
     elastic_xx: float  # Σ f_x r_x of elastic forces,
     elastic_xy: float  # f_x r_y,
     elastic_yy: float
+    contacts: float  # their number
     dissipation: float
     viscous_xx: float  # Σ f_x r_x of viscous forces,
     viscous_xy: float  # f_x r_y,
+    viscous_yx: float  # f_y r_x
     viscous_yy: float
 
 
@@ -65,7 +67,7 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
     if motion is not None:
         _, rate, (along_weight, across_weight, sliding_weight) = motion
     energy = wxx = wxy = wyy = 0.0
-    dissipation = vxx = vxy = vyy = 0.0
+    contacts = dissipation = vxx = vxy = vyx = vyy = 0.0
     for q in range(len(sigma)):
         dx = bx[q]
         dy = by[q]
@@ -91,6 +93,7 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
         else:
             # a conditional increment instead of this factor would keep the loop from being vectorised
             touching = 1.0 if d > 0.0 else 0.0
+            contacts += touching
             nx = rx / r
             ny = ry / r
             vx = moving[UX + q] + rate * ry
@@ -110,10 +113,11 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
             py = -drag * nx - push * ny
             vxx += px * rx
             vxy += px * ry
+            vyx += py * rx
             vyy += py * ry
             bx[q] = wx + px
             by[q] = wy + py
-    return energy, wxx, wxy, wyy, dissipation, vxx, vxy, vyy
+    return energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy
 
 
 @compiled(False)
@@ -144,7 +148,7 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
     if rolling is not None:
         spin, radii, torques = rolling
     energy = wxx = wxy = wyy = 0.0
-    dissipation = vxx = vxy = vyy = 0.0
+    contacts = dissipation = vxx = vxy = vyx = vyy = 0.0
     begin, turn, stop = np.uint64(first), np.uint64(middle), np.uint64(last)
     while begin < stop:
         both = begin < turn
@@ -175,10 +179,12 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
         wxy += weight * sums[2]
         wyy += weight * sums[3]
         if motion is not None:
-            dissipation += weight * sums[4]
-            vxx += weight * sums[5]
-            vxy += weight * sums[6]
-            vyy += weight * sums[7]
+            contacts += weight * sums[4]
+            dissipation += weight * sums[5]
+            vxx += weight * sums[6]
+            vxy += weight * sums[7]
+            vyx += weight * sums[8]
+            vyy += weight * sums[9]
         if both:
             for p in range(begin, end):
                 a = i[p]
@@ -200,7 +206,7 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
                 if rolling is not None:
                     torques[a] += radii[a] * rolled[p - begin]
         begin = end
-    return Sums(energy, wxx, wxy, wyy, dissipation, vxx, vxy, vyy)
+    return Sums(energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy)
 
 
 @compiled(FAST, forceinline=True)

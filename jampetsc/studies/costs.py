@@ -93,9 +93,9 @@ def _units(task):
         case "shear":
             return job.strain / job.step
         case "jam":
-            protocol = job.samples.protocol
+            protocol = job.made_protocol
             steps = protocol.strain / protocol.step / 30 if protocol.name == "shear" else 0
-            return job.samples.count * (1 + steps + 40 * (protocol.name == "compress"))
+            return job.count * (1 + steps + 40 * (protocol.name == "compress"))
         case "correlate":
             return len(task.inputs)
     return 1
