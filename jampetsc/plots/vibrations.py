@@ -3,12 +3,13 @@
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
+from matplotlib.patches import Patch
 
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
 from jampetsc.plots.floppy import QUANTITIES, groups_of, pressures_of, values_of
 from jampetsc.plots.logaxes import power_law
-from jampetsc.plots.page import points
+from jampetsc.plots.page import band, points
 from jampetsc.plots.picture import count, grouped, picture
 from jampetsc.plots.style import (
     COLUMN,
@@ -46,37 +47,51 @@ def _pressure(level):
     return f"${power_or_number(float(f'{level:.3g}'))}$"
 
 
+def by_pressure(results) -> dict:
+    """{p/k: files}, low pressure first."""
+    levels = grouped(zip(pressures_of(results), results, strict=True), lambda pair: pair[0])
+    return {level: [result for _, result in files] for level, files in sorted(levels.items())}
+
+
 @picture("modes", "modes")
 def plot_modes(results, page):
     """Above: frequency of each mode against its number, floppiness (rms Δu⊥/Δu∥) in colour. Below: the cumulative
-    shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry. A marker for each file.
+    shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry, means over the files of one
+    pressure with errors as bands. A marker for each pressure.
     """
-    labels = [_pressure(one) for one in pressures_of(results)]
     finite = [result["floppiness"][np.isfinite(result["floppiness"])] for result in results]
     norm = LogNorm(min(f.min() for f in finite), max(f.max() for f in finite))
     axes = {"x": "mode number", "y": [FREQUENCY, "cumulative share"], "log": ["xy", "x"]}
     above, below = page.panels(2, 1, COLUMN, 4.4, **axes, sharex=True, height_ratios=(1.4, 1))
-    files = looks(zip(results, labels, strict=True))
-    for (result, name), look in files:
-        values, marker = eigenvalues(result), look["marker"]
-        shown = values > 0
-        floppiness = np.minimum(result["floppiness"][shown], norm.vmax)
-        drawn = {"marker": marker, "s": 8, "linewidths": 0, "zorder": 3, "label": hidden(name)}
-        number = 1 + np.flatnonzero(shown)
-        above.scatter(number, np.sqrt(values[shown]), c=floppiness, cmap=sequential(), norm=norm, **drawn)
-        if "cumulative/modulus" in result:
-            number = 1 + np.arange(len(values))
-            spaced = list(np.unique(np.geomspace(1, len(values), 8).astype(int)) - 1)  # even on a log axis
-            for share, face, dash in (("nonaffine", "k", "-"), ("modulus", "white", DASHED)):
-                dots = {"marker": marker, "mec": "k", "mfc": face, "mew": 0.6, "markevery": spaced}
-                name_of = hidden(f"{share}, {name}")
-                below.plot(number, result[f"cumulative/{share}"], "k", ls=dash, lw=0.8, label=name_of, **dots)
+    pressures = looks(by_pressure(results).items())
+    for (level, files), look in pressures:
+        name, marker = _pressure(level), look["marker"]
+        for result in files:
+            values = eigenvalues(result)
+            shown = values > 0
+            floppiness = np.minimum(result["floppiness"][shown], norm.vmax)
+            drawn = {"marker": marker, "s": 8, "linewidths": 0, "zorder": 3, "label": hidden(name)}
+            number = 1 + np.flatnonzero(shown)
+            above.scatter(number, np.sqrt(values[shown]), c=floppiness, cmap=sequential(), norm=norm, **drawn)
+        for share, face, dash in (("nonaffine", "k", "-"), ("modulus", "white", DASHED)):
+            shares = [result[path] for result in files if (path := f"cumulative/{share}") in result]
+            if not shares:
+                continue
+            held = min(map(len, shares))  # modes that all files have
+            mean, error = mean_with_error(np.array([one[:held] for one in shares]))
+            number = 1 + np.arange(held)
+            spaced = list(np.unique(np.geomspace(1, held, 8).astype(int)) - 1)  # even on a log axis
+            dots = {"marker": marker, "mec": "k", "mfc": face, "mew": 0.6, "markevery": spaced}
+            below.plot(number, mean, "k", ls=dash, lw=0.8, label=hidden(f"{share}, {name}"), **dots)
+            band(below, number, mean - error, mean + error, f"{share}, {name}", color="k")
     below.set(ylim=(0, 1.3), yticks=(0, 0.5, 1))
     below.axhline(1.0, color=GREY, linewidth=0.5, zorder=0)
     bar = page.figure.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
     bar.set_label(r"$\langle\Delta u_\perp^2\rangle^{1/2}/\,\langle\Delta u_\parallel^2\rangle^{1/2}$")
     bar.ax.tick_params(which="both", length=2)
-    handles = [entry(label, "0.3", ls="none", marker=look["marker"]) for (_, label), look in files]
+    handles = [entry(_pressure(p), "0.3", ls="none", marker=look["marker"]) for (p, _), look in pressures]
+    if any(len(files) > 1 for (_, files), _ in pressures):
+        handles.append(Patch(facecolor="0.2", alpha=0.25, label="68 % interval"))
     page.legend(above, handles, "$p/k$")
     nonaffine = entry(r"$\Sigma|u_{\rm na}|^2$", "k", lw=0.8)
     modulus = entry(r"$G_{\rm aff}-G_0$", "k", lw=0.8, ls=DASHED)
@@ -119,11 +134,9 @@ def plot_states(results, page):
             raise InputError(
                 f"{result.path}: holds {len(result['eigenvalues'])} modes only: run modes with --all"
             )
-    levels = grouped(zip(pressures_of(results), results, strict=True), lambda pair: pair[0])
     ax = page.panels(x=FREQUENCY, y=r"$D(\omega_m)$", log="xy")
-    for (level, files), look in looks(sorted(levels.items())):
-        pooled = [result for _, result in files]
-        ax.plot(*density_of_states(pooled), markersize=2.8, label=_pressure(level), **look)
+    for (level, files), look in looks(by_pressure(results).items()):
+        ax.plot(*density_of_states(files), markersize=2.8, label=_pressure(level), **look)
     page.legend(ax, title="$p/k$")
     return f"density of states of {count(results, 'packing', 'packings')}"
 

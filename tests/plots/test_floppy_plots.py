@@ -113,6 +113,20 @@ def test_modes_keep_their_numbers_where_some_have_no_frequency():
     assert (nonaffine[2], modulus[2]) == ("-", "--")
 
 
+def test_modes_of_many_packings_share_a_marker_and_an_entry():
+    """Twelve of two pressures: two entries and a band; shares are means over the modes that all files have."""
+    some = []
+    for n in range(12):
+        one = modes_of(np.arange(1.0, 5.0 + (n > 1)), pressure=(1e-2, 1e-4)[n % 2])
+        share = np.full(len(one["eigenvalues"]), n / 12)
+        one |= {"cumulative/nonaffine": share, "cumulative/modulus": share}
+        some.append(one)
+    fig = figure_of(plot_modes, some)
+    assert told(fig.axes[0]) == ["$10^{-4}$", "$10^{-2}$", "68 % interval"]
+    low, _, high, _ = lines(fig.axes[1], 4)
+    np.testing.assert_allclose((*low[:2], high[1]), [np.arange(1, 5), np.full(4, 0.5), np.full(4, 5 / 12)])
+
+
 def test_states_are_pooled_by_pressure():
     """Of two files at one pressure and one at another; per degree of freedom of all disks that are no rattlers."""
     some = [modes_of(values, pressure=p) for values, p in (([1.0, 1.1], 1e-2), ([1.0], 1e-3), ([1.05], 1e-3))]
