@@ -50,6 +50,12 @@ def reporting(shown: bool):
         LOG.propagate, LOG.handlers[:] = before[1:]
 
 
+def note(line: str) -> None:
+    """Write a line that is about a run as a whole, unless progress is not reported."""
+    if not _silent.get():
+        LOG.info("%s", line)
+
+
 class Progress:
     """Counts the `total` steps of a run (None: unknown), `done` of them finished earlier; a context manager."""
 

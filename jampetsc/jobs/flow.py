@@ -13,7 +13,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.flows.models import MODELS, Model
 from jampetsc.io.outputs import check_place, is_same
 from jampetsc.petsc import launcher
-from jampetsc.progress import LOG
+from jampetsc.progress import note
 
 TOLERANCE = 1e-4
 
@@ -145,7 +145,7 @@ to the last bit; independent runs are faster side by side."""
 
         run = self._continued_run() if self._continues else self._new_run()
         if launcher.several():
-            LOG.info("one rank does one flow, on threads; independent runs use more ranks")
+            note("one rank does one flow, on threads; independent runs use more ranks")
         return flows.summary(run, to, flows.execute(run, to, self.last, self.team))
 
     def _continued_run(self):

@@ -11,6 +11,7 @@ import pytest
 from sheared import crowd, model, stop_after
 
 import jampetsc
+from jampetsc import progress
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import Potential
@@ -30,6 +31,15 @@ def test_unused_ranks_are_reported(tmp_path):
     words = "flow --n 16 --phi 0.86 --model RD0 --rate 1e-2 --strain 0.1".split()
     done = launch.run(2, "../jampetsc/__main__.py", *words, "--out", tmp_path / "f.h5")
     assert done.returncode == 0 and done.stderr.count("one rank does one flow") == 1
+
+
+def test_a_task_of_a_study_does_not_speak_of_ranks(monkeypatch, capsys):
+    """Of several ranks each does a task of its own: every flow said that the others were idle."""
+    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
+    for shown in (False, True):
+        with progress.reporting(True), progress.reporting(shown):
+            jampetsc.flow(n=16, phi=0.86, model="RD0", rate=1e-2, strain=0.02)
+        assert capsys.readouterr().err.count("one rank does one flow") == shown
 
 
 def test_progress_can_be_silenced(tmp_path, capsys):
