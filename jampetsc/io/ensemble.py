@@ -151,6 +151,10 @@ class Ensemble(Named):
 def load_ensemble(folder, load) -> Ensemble:
     """The table of the study in a folder, whose files `load` opens. Raises InputError where it is none."""
     path = Path(folder) / TABLE
+    if not path.exists():
+        raise InputError(
+            f"{folder}: is a folder without {TABLE}: give the file in it; a study that was stopped, run again"
+        )
     try:
         with open_regular(path) as file:
             text = file.read().decode()
@@ -158,9 +162,7 @@ def load_ensemble(folder, load) -> Ensemble:
         if not {"command", "state", "file"} <= set(header) or any(len(row) != len(header) for row in rows):
             raise ValueError
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}): is {folder} the folder of a study?"
-        ) from None
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     except (UnicodeDecodeError, csv.Error, ValueError):
         raise InputError(f"{path}: is not the table of a study: run `jampetsc study` again") from None
     columns = {name: _column([row[n] for row in rows]) for n, name in enumerate(header)}

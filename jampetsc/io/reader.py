@@ -10,7 +10,7 @@ from jampetsc.core.disks import PLACES, Disks
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, named
 from jampetsc.io import packing_file
-from jampetsc.io.ensemble import TABLE, load_ensemble
+from jampetsc.io.ensemble import load_ensemble
 from jampetsc.io.hdf5 import attributes, check_format, open_file, retry_if_replaced
 from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
@@ -188,7 +188,7 @@ def load(path):
 
     Raises InputError with the file, what is wrong with it and the remedy.
     """
-    if (Path(path) / TABLE).exists():
+    if Path(path).is_dir():
         return load_ensemble(path, load)
     with open_file(path) as h5:
         name = check_format(path, attributes(h5))

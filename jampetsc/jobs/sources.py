@@ -3,7 +3,7 @@
 import time
 from pathlib import Path
 
-from jampetsc.asking.kinds import input_name
+from jampetsc.asking.kinds import input_name, opened
 from jampetsc.asking.parameters import optional
 from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import TABLE
@@ -14,21 +14,38 @@ WHERE = optional(
     "of the folder of a study: the files whose rows in its table have these values", metavar="COLUMN=VALUE,…"
 )
 
+FEW = 5  # values of a column that a message names
+
 
 def rows_named(sources, where) -> list:
     """The sources; the folder of a study is replaced by its table, an `Ensemble`, of the rows that have these values.
 
     where    column=value,…, or None
 
-    Raises InputError for a malformed `where`, or one without a study.
+    Raises InputError for a malformed `where`, and for one without a study or that no row has.
     """
     wanted = _wanted(where)
     studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in sources]
     if wanted and not any(studies):
+        opened(sources[0])  # which may be missing, or the folder of a study that was stopped
         raise InputError(
             f"{named('where')} {where}: chooses rows of a study, but {input_name(sources[0])} is none: leave it out"
         )
-    return [load(one).where(**wanted) if study else one for one, study in zip(sources, studies, strict=True)]
+    found = [load(one) if study else one for one, study in zip(sources, studies, strict=True)]
+    for place, study in enumerate(found):
+        if wanted and studies[place]:
+            found[place] = study.where(**wanted)
+            if not found[place].rows:
+                there = "; ".join(f"{name} is {_values(study[name])}" for name in wanted)
+                raise InputError(f"{named('where')} {where}: no row of {study.table}: {there}")
+    return found
+
+
+def _values(column) -> str:
+    """The values of a column in words, some of many."""
+    found = list(dict.fromkeys(str(value) for value in column.tolist() if value == value and value != ""))
+    few = found if len(found) <= FEW else [*found[: FEW - 1], f"one of {len(found) - FEW + 1} more"]
+    return " or ".join(few)
 
 
 def _wanted(where) -> dict:

@@ -126,10 +126,11 @@ def of_study(study, kinds) -> list:
     for rows, picture in suited:
         if rows.rows == 1 or (rows.rows > 1 and not picture.single):
             return rows.results()
+    what = f"{' or '.join(kinds)} pictures" if len(kinds) < len(PICTURES) else "pictures"
+    if any(rows.rows for rows, _ in suited):
+        raise InputError(f"{study.path}: a study: {what} show a single file: name the file in it")
     held = ", ".join(sorted(set(done["command"].tolist()))) or "nothing"
-    what = " or ".join(kinds) if len(kinds) < len(PICTURES) else "a"
-    hint = "; of those that show a single file, name the file" if any(rows.rows for rows, _ in suited) else ""
-    raise InputError(f"{study.path}: a study with {held}: nothing for {what} picture{hint}")
+    raise InputError(f"{study.path}: a study with {held}: {what} need {_needed(kinds)}")
 
 
 def _shown(done, picture):
@@ -153,13 +154,12 @@ def choose(kinds, items, names) -> str:
         if not kinds:
             hint = f"; the packing of a sweep goes with {named('packing')}" if "packing" in held else ""
             raise InputError(
-                f"{names[0]} is a {_noun(held[0])}, {names[other]} a {_noun(held[other])}: "
+                f"{names[0]} is {_one(_noun(held[0]))}, {names[other]} {_one(_noun(held[other]))}: "
                 f"one picture shows one or the other{hint}"
             )
     kind = next((one for one in kinds if held[0] in PICTURES[one].of), kinds[0])
     if held[0] not in PICTURES[kind].of:
-        needed = " or ".join(_plural(what) for what in PICTURES[kind].of)
-        raise InputError(f"{names[0]}: is a {held[0]} file: {kind} pictures need {needed}")
+        raise InputError(f"{names[0]}: is {_one(held[0], 'file')}: {kind} pictures need {_needed([kind])}")
     if PICTURES[kind].single and len(items) > 1:
         raise InputError(f"{len(items)} {held[0]} files: {kind} pictures show one; plot them one by one")
     return kind
@@ -173,8 +173,18 @@ def _format(item):
     return item.format.removeprefix("jampetsc-")
 
 
+def _needed(kinds):
+    """The files that pictures of these kinds show, in words."""
+    return " or ".join(dict.fromkeys(_plural(what) for kind in kinds for what in PICTURES[kind].of))
+
+
 def _plural(word):
     return {"packing": "a packing", "spectrum": "spectra"}.get(word, f"{_noun(word)}s")
+
+
+def _one(*words):
+    """The words with their article."""
+    return " ".join(("an" if words[0][0] in "aeio" else "a", *words))
 
 
 def _noun(word):

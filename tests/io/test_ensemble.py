@@ -160,7 +160,7 @@ def test_columns_have_the_type_of_all_their_cells(tmp_path):
 def test_what_is_no_table_is_refused(tmp_path, text):
     message = r"table\.csv: is not the table of a study: run `jampetsc study` again"
     if text is None:
-        message = r"table\.csv: cannot be read \(No such file or directory\): is .* the folder of a study\?"
+        message = r"is a folder without table\.csv: give the file in it; a study that was stopped, run again"
     else:
         (tmp_path / "table.csv").write_bytes(text)
     with pytest.raises(InputError, match=message):

@@ -36,7 +36,7 @@ from jampetsc.jobs.modes import Modes
 
 
 def test_kinds_of_files(tmp_path, monkeypatch):
-    with pytest.raises(InputError, match=f"{tmp_path}: is a folder: give the file in it"):
+    with pytest.raises(InputError, match=f"{tmp_path}: is a folder without table.csv: give the file"):
         jampetsc.load(tmp_path)
     words = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket", stat.S_IFCHR: "device"}
     for mode, word in (words | {stat.S_IFBLK: "device", 0: "special file"}).items():

@@ -50,8 +50,11 @@ def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):
     other, some = rows_named(["other.h5", folder], where)
     assert other == "other.h5" and files_of(some, True, where) == [f"{folder}/0.h5", f"{folder}/3.h5"]
     assert rows_named(["other.h5"], None) == ["other.h5"]
-    for finite, here in ((False, where), (True, "cooling-rate=7")):
-        with pytest.raises(InputError, match=f"a study without .* that is done where {here}: nothing"):
+    for finite, here, says in (
+        (False, where, f"a study without .* that is done where {where}: nothing"),
+        (True, "cooling-rate=7", "where cooling-rate=7: no row of .*: cooling_rate is 0.1 or 0.2$"),
+    ):
+        with pytest.raises(InputError, match=says):
             files_of(rows_named([folder], here)[0], finite, here)
 
 

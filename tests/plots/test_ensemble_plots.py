@@ -92,8 +92,8 @@ def test_pictures_of_a_study(folder, kind, says):
 @pytest.mark.parametrize(
     ("kind", "says"),
     [
-        ("medians", "a study with jam, pack, shear, sweep: nothing for medians picture$"),
-        ("fields", "nothing for fields picture; of those that show a single file, name the file"),
+        ("medians", "a study with jam, pack, shear, sweep: medians pictures need quasistatic files$"),
+        ("fields", "a study: fields pictures show a single file: name the file"),
     ],
 )
 def test_a_study_without_what_is_to_be_drawn(folder, kind, says):
@@ -108,14 +108,20 @@ def test_some_rows_of_a_study_are_chosen_by_their_values(folder, tmp_path, capsy
     assert plot(folder, "--kind", "loss", "--where", "command=sweep,file=sweep-0.01-3.h5") == 0
     assert "G'' of 1 sweep," in capsys.readouterr().out
     for path, where, says in (
-        (folder, "file=none", "a study with nothing: nothing for a picture"),
-        (folder, "state=failed", "a study with nothing: nothing for a picture"),
+        (folder, "command=sweeps", "no row of {folder}/table.csv: command is pack or jam or shear or sweep"),
+        (folder, "state=failed", "state is done"),
         (folder, "beta=1", "no column beta"),
         (folder, "file", "--where file: write column=value"),
         (folder / "sweep-0.01-3.h5", "n=1", "--where n=1: chooses rows of a study"),
+        (folder / "none", "n=1", "none: no such file"),
+        (
+            tmp_path,
+            "n=1",
+            "is a folder without table.csv: give the file in it; a study that was stopped, run",
+        ),
     ):
         assert plot(path, "--where", where) == 2
-        assert says in capsys.readouterr().err
+        assert says.format(folder=folder) in capsys.readouterr().err
     assert len(load(folder).where(command="sweep").results()) == 10
 
 
