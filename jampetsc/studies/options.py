@@ -47,11 +47,15 @@ def _place(job):
 def values_of(job, table: dict, where: str) -> list:
     """[(parameter of the class of jobs, its values)] of a table; `where` names file and table in messages.
 
-    Raises InputError for a key that the job does not have, or a value of the wrong type.
+    A key may be written as in python and in the table of results, too: eta_f for eta-f. Raises InputError for a key
+    that the job does not have or that is there twice, and for a value of the wrong type.
     """
     options = {one.word[2:]: one for one in parameters(job).values() if one.place == OPTION}
     lists = []
-    for key, value in table.items():
+    keys = [key.replace("_", "-") for key in table]
+    for key, value in zip(keys, table.values(), strict=True):
+        if keys.count(key) > 1:
+            raise InputError(f"{where}: {key}: is there twice: leave one out")
         if key in OWN:
             raise InputError(f"{where}: {key}: the study itself gives it: leave it out")
         if key not in options and not (key == "seeds" and "seed" in options):

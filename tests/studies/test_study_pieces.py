@@ -175,7 +175,7 @@ def test_a_value_and_its_text_are_the_same_task_and_a_default_is_no_other():
     plain = [task.name for task in tasks(PACK + "[sweep]\n")]
     same = PACK.replace("1e-2", '"0.01"') + '[sweep]\nbeta = "1e0"\nno-prestress = false\naccuracy = 1e-6\n'
     assert [task.name for task in tasks(same)][:2] == plain[:2]
-    assert [task.name for task in tasks(PACK + "[sweep]\naccuracy = 1e-6\nno-prestress = false\n")] == plain
+    assert [task.name for task in tasks(PACK + "[sweep]\naccuracy = 1e-6\nno_prestress = false\n")] == plain
     assert [task.name for task in tasks(PACK + "[sweep]\naccuracy = 1e-7\n")][2:] != plain[2:]
 
 
@@ -221,6 +221,7 @@ REFUSED = [  # STUDY.toml, how the message goes on behind its name
     (PACK + "[sweep]\nbeta = [1.0, -1.0]", "[sweep]: beta -1: must lie"),
     (PACK + '[sweep]\nlaw = "stokes"\nbeta = 1', "[sweep]: beta: belongs to law contact"),
     (PACK + "[sweep]\nlaw = 'stokes'\neta-f = -1", "[sweep]: eta-f -1: must lie"),
+    ("[sweep]\neta-f = 1\neta_f = 2", "[sweep]: eta-f: is there twice"),
     (PACK + "[correlate]", "[correlate]: needs sweeps with fields"),
 ]  # fmt: skip
 
