@@ -77,7 +77,9 @@ def _drift(ax, result, name, column):
     bars = np.nan_to_num(bars)
     reach = REACH * max(np.median(np.abs(y - best)), np.median(bars), own)
     low, high = min((y - bars).min(), best - own), max((y + bars).max(), best + own)
-    ax.set_ylim(max(low - 0.1 * own, best - reach), min(high + 0.1 * own, best + reach))
+    low, high = max(low - 0.1 * own, best - reach), min(high + 0.1 * own, best + reach)
+    if low < high:  # else there is a single value, without an error
+        ax.set_ylim(low, high)
 
 
 @picture("branches", "collapse", single=True)

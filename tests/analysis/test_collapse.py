@@ -1,5 +1,6 @@
 """Scaling collapse: planted exponents are found again, wrong forms told by χ², data that say nothing refused."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -619,6 +620,14 @@ def test_a_picture_of_a_collapse(scale, kappa, observable, symbol, off, inside):
     assert drifted.get_xlim() == pytest.approx((10**-4.1, 10**-1.9))
     band = drifted.patches[0].get_extents().transformed(drifted.transData.inverted())
     assert (band.y0, band.y1) == pytest.approx((best - own, best + own))
+    result |= {
+        "drift/cut": cuts[:1],
+        "drift/parameters": np.array([[best]]),
+        "drift/errors": np.array([[np.nan]]),
+    }
+    with warnings.catch_warnings():  # one value without an error, which matplotlib warned of
+        warnings.simplefilter("error")
+        figure_of(plot_scaling, Held(result, facts | {"phi_J_error": np.nan}))
 
 
 def test_two_branches_are_drawn_against_the_distance():
