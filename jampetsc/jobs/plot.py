@@ -52,11 +52,11 @@ PANELS = "of all panels, or of each, with commas; an empty one stays as it is"
 class Plot(Job):
     """Draw sweeps, packings, flows and whatever else a file holds.
 
-    G' and G'' of one or many sweeps, their scaling collapse, relaxation spectra with stress relaxation and creep,
-    correlations of displacements and their length, a packing with its contacts and forces, displacement fields of a
-    sweep, quasistatic responses, modes, or steady shear: series of one rate, flow curves of several, snapshots,
-    velocities and their correlation; quasistatic shear along the strain; the share of samples that jam, f(phi), and
-    their pressures, P(p). Frequencies are shown in 1/τ₁, moduli and pressures in k.
+    G' and G'' of sweeps and oscillations, the scaling collapse of sweeps, relaxation spectra with stress relaxation
+    and creep, correlations of displacements and their length, a packing with its contacts and forces, displacement
+    fields of a sweep, quasistatic responses, modes, or steady shear: series of one rate, flow curves of several,
+    snapshots, velocities and their correlation; quasistatic shear along the strain; the share of samples that jam,
+    f(phi), and their pressures, P(p). Frequencies are shown in 1/τ₁, moduli and pressures in k.
     """
 
     FORMAT: ClassVar = "picture"

@@ -24,16 +24,22 @@ _SWITCHES = {  # attribute -> words for (off, on)
 _SYMBOLS = {  # parameter -> its symbol; that of a law without one is its name
     **{name: rf"\rm {name}".replace("_", r"\_") for name in OPTIONS if name not in _SWITCHES},
     **{"normal": r"w_\parallel", "beta": r"\beta", "eta_f": r"\eta_F"},
-    **{"alpha": r"\alpha", "stress": r"\sigma_0/k"},
+    **{"alpha": r"\alpha", "stress": r"\sigma_0/k", "strain": r"\gamma_0", "omega": r"\omega\tau_1"},
 }
+_CONTACTS = {  # of an oscillation; None: a sweep
+    None: "linear response",
+    "fixed": "fixed contacts",
+    "moving": "moving contacts",
+}
+OSCILLATION = "jampetsc-oscillate"
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One sweep, frequencies increasing, in units of k and 1/τ₁."""
+    """One sweep, or oscillations, frequencies increasing, in units of k and 1/τ₁."""
 
     name: str  # of the file
-    omega: np.ndarray  # (M,) ωτ₁
+    omega: np.ndarray  # (M,) ωτ₁, or the amplitude of oscillations at one frequency
     G: np.ndarray  # (M,) G*/k
     bounds: np.ndarray  # (2, M) on |ΔG'|/k and |ΔG''|/k, or (2, 2, M) below and above
     pressure: float | None  # p/k
@@ -49,7 +55,8 @@ class Curve:
         for key in (*_SYMBOLS, *_SWITCHES):
             default = options[key].default if key in options else None  # of files older than the option
             found[key] = self.attributes.get(key, default)
-        return found | {"alpha": self.attributes.get("alpha", 1.0)}  # linear damping without the attribute
+        found["alpha"] = self.attributes.get("alpha", 1.0)  # linear damping without the attribute
+        return found | {"contacts": self.attributes.get("contacts")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,25 +76,44 @@ def curve_of(result) -> Curve:
     """
     if isinstance(result, Curve):
         return result
+    bounds = [result[name] if name in result else result.error_bound for name in _BOUNDS]
+    return _curve(result, result.omega * units_of(result).tau1, result.G, bounds)
+
+
+def curves_of(result, along="omega") -> list[Curve]:
+    """The curve of a sweep, [`curve_of`]; of oscillations G* over the frequency for each amplitude, or the other way
+    round along="amplitude". What failed altogether is left out. Raises InputError as `curve_of`.
+    """
+    if isinstance(result, Curve) or result.format != OSCILLATION:
+        return [curve_of(result)]
+    omega, amplitude = result["omega"] * units_of(result).tau1, result["amplitude"]
+    G, error, fixed = result["G"], result["error"], result.attributes["control"]
+    if along == "amplitude":
+        omega, amplitude, G, error, fixed = amplitude, omega, G.T, error.T, "omega"
+    known = [row for row in range(len(amplitude)) if np.isfinite(G[row]).any()] or [0]
+    return [_curve(result, omega, G[n], [error[n]] * 2, **{fixed: float(amplitude[n])}) for n in known]
+
+
+def _curve(result, x, G, bounds, **more):
+    """The curve of a file over x, (M,), increasing; more: attributes besides those of the file."""
     units = units_of(result)
-    order = np.argsort(result.omega)
-    order = order[np.isfinite(result.G[order])]
-    repeated = np.diff(np.log(result.omega[order]), prepend=-np.inf) < _SAME
+    order = np.argsort(x)
+    order = order[np.isfinite(G[order])]
+    repeated = np.diff(np.log(x[order]), prepend=-np.inf) < _SAME
     order = order[~repeated]
     if not len(order):
-        raise InputError(f"{result.path}: holds no modulus at any frequency: run the sweep again")
-    for part in (result.G.real[order], result.G.imag[order]):
+        raise InputError(f"{result.path}: holds no modulus at any frequency: run it again")
+    for part in (G.real[order], G.imag[order]):
         size = np.abs(part[part != 0])
         if not ((size > 1 / _LARGEST) & (size < _LARGEST)).all():
-            raise InputError(f"{result.path}: holds moduli that no picture can show: run the sweep again")
-    bounds = [result[name] if name in result else result.error_bound for name in _BOUNDS]
+            raise InputError(f"{result.path}: holds moduli that no picture can show: run it again")
     return Curve(
         name=result.path.name,
-        omega=result.omega[order] * units.tau1,
-        G=result.G[order] / units.k,
+        omega=x[order],
+        G=G[order] / units.k,
         bounds=np.array(bounds)[:, order] / units.k,
         pressure=units.pressure,
-        attributes=result.attributes,
+        attributes=result.attributes | more,
     )
 
 
@@ -130,6 +156,8 @@ def _rank(description):
 
 def _part(key, value, bare):
     """The words for one property in a label."""
+    if key == "contacts":
+        return _CONTACTS[value]
     if value is None:
         return "" if key != "p/k" else "$p$ unknown"
     if key == "p/k":
@@ -137,7 +165,7 @@ def _part(key, value, bare):
     if key == "N":
         return f"$N={value}$"
     if key == "alpha" and value == 1.0:
-        return "linear"
+        return "linear damping"
     if key in _SYMBOLS:
         return f"${_SYMBOLS[key]}={number(value)}$"
     if key in _SWITCHES:

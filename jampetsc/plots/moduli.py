@@ -1,4 +1,4 @@
-"""G' and G'' against ω for one or many sweeps (BT Fig. 3a), and their critical collapse (BT Fig. 3b)."""
+"""G' and G'' against ω for sweeps and oscillations (BT Fig. 3a), and the critical collapse of sweeps (BT Fig. 3b)."""
 
 from collections import Counter
 from dataclasses import replace
@@ -12,7 +12,7 @@ from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
 from jampetsc.asking.parameters import NUMBER, WORD
 from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
-from jampetsc.plots.curves import average_curves, curve_of, group_curves
+from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, group_curves
 from jampetsc.plots.logaxes import draw_guide
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import count, option, picture
@@ -23,6 +23,7 @@ _SPACED = 8  # markers along a longer curve
 _LEGEND_ROWS = 7  # more pressures than this get a colour bar instead
 _BOTH = (STORAGE, LOSS)
 ROUGH = 6  # packings below which twice an error holds less than 92 % of cases
+_FILES = ("sweep", "oscillate")
 STATISTIC = option(
     "statistic", WORD, "moduli, storage, loss, collapse: mean or median of packings of one kind (of a study: mean)",
     choices=tuple(STATISTICS),
@@ -33,29 +34,47 @@ EXPONENTS = (
 )  # fmt: skip
 
 
-@picture("moduli", "sweep", options=(STATISTIC,))
+@picture("moduli", *_FILES, options=(STATISTIC,), mixed=True)
 def plot_moduli(results, page, statistic=None):
-    """G'/k (solid, filled) and G''/k (dashed, open) against ωτ₁; bands: bounds, or errors of the `statistic`."""
+    """G'/k (solid, filled) and G''/k (dashed, open) against ωτ₁; bands: bounds, or errors of the `statistic`.
+
+    Oscillations at one frequency and several amplitudes are drawn against the amplitude.
+    """
     return _one_or_both(results, page, statistic, _BOTH, "G' and G''")
 
 
-@picture("storage", "sweep", options=(STATISTIC,))
+@picture("storage", *_FILES, options=(STATISTIC,), mixed=True)
 def plot_storage(results, page, statistic=None):
     """G'/k against ωτ₁."""
     return _one_or_both(results, page, statistic, (STORAGE,), "G'")
 
 
-@picture("loss", "sweep", options=(STATISTIC,))
+@picture("loss", *_FILES, options=(STATISTIC,), mixed=True)
 def plot_loss(results, page, statistic=None):
     """G''/k against ωτ₁."""
     return _one_or_both(results, page, statistic, (LOSS,), "G''")
 
 
 def _one_or_both(results, page, statistic, parts, words):
-    curves, what, text = averaged(results, statistic)
+    along, x = _along(results)
+    curves, what, text = averaged(results, statistic, along)
     y = ",  ".join(f"{part}$/k$" for part in parts)
-    _draw(page, curves, (r"$\omega\tau_1$", y), None, r"\omega", what, parts)
-    return f"{words} of {count(results)}{text}"
+    _draw(page, curves, (x, y), None, r"\omega" if along == "omega" else None, what, parts)
+    of = count(results) if not any(map(_oscillates, results)) else count(results, "file", "files")
+    return f"{words} of {of}{text}"
+
+
+def _oscillates(result):
+    return getattr(result, "format", "") == OSCILLATION
+
+
+def _along(results):
+    """(what G* is drawn against, the name of that axis): the frequency, or the amplitude where that alone varies."""
+    if all(_oscillates(one) and len(one["omega"]) == 1 for one in results):
+        imposed = {one.attributes["control"] for one in results}
+        if len(imposed) == 1 and max(len(one["amplitude"]) for one in results) > 1:
+            return "amplitude", {"strain": r"$\gamma_0$", "stress": r"$\sigma_0/k$"}[imposed.pop()]
+    return "omega", r"$\omega\tau_1$"
 
 
 @picture("collapse", "sweep", options=(*EXPONENTS, STATISTIC))
@@ -80,9 +99,9 @@ def plot_collapse(results, page, statistic=None, mu=MU, **more):
     return f"{text}; they differ by {100 * spread:.2g} % (rms) below omega tau1 = 0.1"
 
 
-def averaged(results, statistic):
+def averaged(results, statistic, along="omega"):
     """(curves, what their bands are, words) of sweeps: as they are, or the mean or median of those alike."""
-    curves = [curve_of(result) for result in results]
+    curves = [curve for result in results for curve in curves_of(result, along)]
     if statistic is None:
         return curves, "", ""
     fewest = min(Counter(str(curve.description) for curve in curves).values())
@@ -114,7 +133,10 @@ def _scaled(curve, mu, lam):
 
 
 def _draw(page, curves, labels, critical, symbol, what, parts):
-    """critical: exponent of the regime between the crossovers, if it gets a guide as the viscous one does."""
+    """critical: exponent of the regime between the crossovers, if it gets a guide as the viscous one does.
+
+    symbol: of what the guides are powers of; None: there are none.
+    """
     ax = page.panels(x=labels[0], y=labels[1], log="xy")
     title, groups = group_curves(curves)
     drawn = [_curve(ax, g, curve, n, parts) for n, g in enumerate(groups) for curve in g.curves]
@@ -125,7 +147,9 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
     if negative and STORAGE in parts:  # unstable to shear, as small packings with pre-stress can be
         words = f"{STORAGE} < 0 (not shown) in {negative} of {len(curves)} sweeps"
         ax.text(0.02, 0.98, words, transform=ax.transAxes, va="top", fontsize=7.5)
-    if parts == _BOTH:  # low pressure has the longest critical branch, high pressure the longest viscous one
+    if (
+        parts == _BOTH and symbol
+    ):  # low pressure has the longest critical branch, high pressure the longest viscous one
         lowest, highest = groups[0].curves[0], groups[-1].curves[0]
         if critical:
             draw_guide(ax, lowest.omega, lowest.G.imag, critical, symbol, above=True)

@@ -8,7 +8,7 @@ import matplotlib
 import numpy as np
 import pytest
 import samples
-from drawn import bands, drawn_by, figure_of, lines, require_arrows
+from drawn import Held, bands, drawn_by, figure_of, lines, require_arrows, told
 from samples import stored
 from test_picture_limits import curve
 
@@ -175,7 +175,7 @@ def test_unusual_sweeps_are_drawn_without_complaint(case, recwarn):
         ([{"rotations": True}, {"law": "stokes", "beta": None, "eta_f": 1.0}],
          [r"contact, $\beta=1$", r"Stokes, $\eta_F=1$"]),
         ([{"beta": 1.0}, {"pressure": 1e-2, "beta": 2.0}], [r"$p/k=10^{-3}$, $\beta=1$", r"$p/k=10^{-2}$, $\beta=2$"]),
-        ([{"alpha": 0.5, "stress": 1e-6}, {}], [r"$\alpha=0.5$, $\sigma_0/k=10^{-6}$", "linear"]),
+        ([{"alpha": 0.5, "stress": 1e-6}, {}], [r"$\alpha=0.5$, $\sigma_0/k=10^{-6}$", "linear damping"]),
         ([{"normal": 0.0}, {}], [r"$w_\parallel=0$", r"$w_\parallel=1$"]),  # a file older than --normal has 1
         ([{"pressure": None}], ["$p$ unknown"]),
     ],
@@ -183,6 +183,39 @@ def test_unusual_sweeps_are_drawn_without_complaint(case, recwarn):
 def test_labels_tell_what_differs(differing, labels):
     title, groups = group_curves([curve(**{"law": "contact", "beta": 1.0} | more) for more in differing])
     assert title == "" and [group.label for group in groups] == labels
+
+
+def oscillation(omega, amplitude, **attributes):
+    """Strains imposed, k = 2, τ₁ = 4: G*/k = 1 + 2i, 3 + 4i, … frequency by frequency of each amplitude."""
+    number = np.arange(len(amplitude) * len(omega)).reshape(len(amplitude), -1)
+    G = (1 + 2j + (2 + 2j) * number) * 2.0
+    arrays = {"omega": np.array(omega), "amplitude": np.array(amplitude), "G": G, "error": 0.1 * G.imag}
+    facts = {"law": "contact", "beta": 1.0, "alpha": 0.5, "contacts": "moving", "control": "strain"}
+    facts |= {"pressure": 2e-3, "k": 2.0, "tau1": 4.0}
+    return Held(arrays, facts | attributes, format="jampetsc-oscillate")
+
+
+def test_oscillations_are_drawn_over_the_frequency_beside_sweeps_or_over_the_amplitude():
+    both = [oscillation([1e-3, 1e-2], [0.1, 0.2]), sweep_of()]
+    ax = figure_of(plot_moduli, both).axes[0]
+    labels = [
+        r"$\alpha=0.5$, $\gamma_0=0.1$, moving contacts",
+        r"$\alpha=0.5$, $\gamma_0=0.2$, moving contacts",
+    ]
+    assert told(ax)[:3] == [*labels, "linear damping, linear response"]
+    drawn = [line[:2] for line in lines(ax, 2)]
+    np.testing.assert_allclose(drawn, [([4e-3, 4e-2], y) for y in ((1, 3), (2, 4), (5, 7), (6, 8))])
+    failed = oscillation([1e-3], [0.1, 0.2, 0.3])
+    failed["G"][0] = np.nan
+    ax = figure_of(plot_moduli, [failed]).axes[0]
+    assert (ax.get_xlabel(), told(ax)[0]) == (r"$\gamma_0$", "$10^{-3}$")
+    np.testing.assert_allclose(
+        [line[:2] for line in lines(ax, 2)], [([0.2, 0.3], y) for y in ((3, 5), (4, 6))]
+    )
+    np.testing.assert_allclose(bands(ax)[0][1:], [(2.6, 4.4), (3.4, 5.6)])
+    stressed = oscillation([1e-3], [0.1, 0.2], control="stress")
+    assert figure_of(plot_moduli, [stressed]).axes[0].get_xlabel() == r"$\sigma_0/k$"
+    assert figure_of(plot_moduli, [stressed, failed]).axes[0].get_xlabel() == r"$\omega\tau_1$"
 
 
 def test_two_sweeps_in_memory_are_two():
@@ -362,7 +395,7 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
         ("p2.h5 --kind fields", "holds no fields: ask the sweep for --fields"),
         ("fields.h5 fields.h5 --kind fields", "2 sweep files: fields pictures show one"),
         ("p2.h5 --kind packing", "is a sweep file: packing pictures need a packing"),
-        ("packing.h5 --kind moduli", "is a packing file: moduli pictures need sweeps"),
+        ("packing.h5 --kind moduli", "is a packing file: moduli pictures need sweeps or oscillate files"),
         (
             "p2.h5 --mu 0.5 --omega 1",
             r"omega \[1\.\]: belongs to correlation or fields pictures, not to collapse",
@@ -377,7 +410,10 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
         ("p2.h5 --out nowhere/x.png", "folder nowhere does not exist"),
         ("p2.h5 --out taken.png", r"taken\.png: is a folder"),
         ("p2.h5 --mu nan", r"--mu nan: must lie in \[0, 10\]"),
-        ("modes.h5 --kind moduli", r"modes\.h5: is a modes file: moduli pictures need sweeps"),
+        (
+            "modes.h5 --kind moduli",
+            r"modes\.h5: is a modes file: moduli pictures need sweeps or oscillate files",
+        ),
     ],
 )
 def test_what_cannot_be_drawn(words, message, folder, monkeypatch):
