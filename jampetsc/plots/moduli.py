@@ -151,9 +151,10 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
         parts == _BOTH and symbol
     ):  # low pressure has the longest critical branch, high pressure the longest viscous one
         lowest, highest = groups[0].curves[0], groups[-1].curves[0]
-        if critical:
-            draw_guide(ax, lowest.omega, lowest.G.imag, critical, symbol, above=True)
-        draw_guide(ax, highest.omega, highest.G.imag, 1.0, symbol, above=False)
+        for curve, exponent, above in ((lowest, critical, True), (highest, 1.0, False)):
+            if exponent:
+                seen = page.seen(curve.omega)
+                draw_guide(ax, curve.omega[seen], curve.G.imag[seen], exponent, symbol, above)
     entries = [entry(g.label, g.colour, marker=g.marker, markeredgewidth=0.7) for g in groups]
     if len(groups) > _LEGEND_ROWS and title:
         pressures = [group.curves[0].pressure for group in groups]

@@ -20,13 +20,15 @@ class Page:
     axes     axes of the caller; None: `panels` makes a figure
     size     (width, height) of that figure in inches, None: the default of the picture
     labels   words that replace those of the legends, in their order
+    xlim     (low, high) of x for all panels, or one, or None, for each
 
     own      whether the figure is new
     text     description of the picture in words
     """
 
-    def __init__(self, axes=None, size=None, labels=()):
+    def __init__(self, axes=None, size=None, labels=(), xlim=None):
         self.own, self.size, self.labels, self.text = axes is None, size, list(labels), ""
+        self.xlim = xlim
         self.axes, self._given = [] if axes is None else list(np.ravel(axes)), axes
         self.lettered, self.laid_out, self._legends, self._raised = False, False, [], False
 
@@ -128,12 +130,18 @@ class Page:
             self.figure.set_figheight(height + rise)
         self.figure.get_layout_engine().set(rect=(0, 0, 1, 1 - rise / self.figure.get_figheight()))
 
-    def finish(self, xlim=None, ylim=None) -> None:
+    def seen(self, x):
+        """Where x (M,) of a picture of one panel is in sight, a mask."""
+        limits = self.xlim if self.xlim is None or np.isscalar(self.xlim[0]) else self.xlim[0]
+        low, high = limits or (-np.inf, np.inf)
+        return (x >= low) & (x <= high)
+
+    def finish(self, ylim=None) -> None:
         """Limits, letters of panels, legends and ticks of log axes.
 
-        xlim, ylim   (low, high) for all panels, or one, or None, for each
+        ylim   (low, high) for all panels, or one, or None, for each
         """
-        for name, limits in (("xlim", xlim), ("ylim", ylim)):
+        for name, limits in (("xlim", self.xlim), ("ylim", ylim)):
             if limits is None:
                 continue
             pairs = [limits] * len(self.axes) if np.isscalar(limits[0]) else list(limits)

@@ -61,12 +61,12 @@ class Picture:
         """
         for name, value in options.items():
             self.keywords[name].read(value)
-        page = Page(ax, size, [label] if isinstance(label, str) else label)
+        page = Page(ax, size, [label] if isinstance(label, str) else label, xlim)
         if ax is not None and size is not None:
             raise InputError("size: is of a new figure: leave it out where ax is given")
         with drawn_in(style, own=ax is None):
             page.text = self.function(results, page, **options)
-            page.finish(xlim, ylim)
+            page.finish(ylim)
         return page
 
 

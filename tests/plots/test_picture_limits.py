@@ -134,6 +134,9 @@ def test_moduli_are_guided_where_they_are_viscous():
             assert [text.get_text() for text in ax.texts] == wanted
     (ax,) = figure_of(plot_loss, [curve(omega=omega, G=1 + 1j * omega)]).axes
     assert not ax.texts  # of one modulus there is room for none
+    for limits in ((0.01, 1.0), [(0.01, 1.0)]):  # a guide to what is out of sight would be cut off
+        (ax,) = figure_of(plot_moduli, [curve(omega=omega, G=1 + 1j * omega)], xlim=limits).axes
+        assert ax.texts and ax.get_lines()[-1].get_xdata().min() >= 0.01
 
 
 def test_a_guide_is_the_middle_of_the_longest_stretch():

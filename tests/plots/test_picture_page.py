@@ -146,7 +146,8 @@ def test_labels_without_tex(label, words):
 def test_ticks_of_log_axes_are_few_and_written_alike(low, high, labels):
     page = Page()
     ax = page.panels(subplot_kw={"xscale": "log"})
-    page.finish(xlim=(low, high))
+    page.xlim = (low, high)
+    page.finish()
     shown = [tick for tick in ax.get_xticks() if low <= tick <= high]
     if high / low < 100:
         assert [ax.xaxis.get_major_formatter()(tick, 0).strip("$") for tick in shown] == labels.split()
@@ -157,7 +158,8 @@ def test_ticks_of_log_axes_are_few_and_written_alike(low, high, labels):
 def test_labels_that_would_touch_are_taken_away():
     page = Page(size=(1.2, 2))
     ax = page.panels(subplot_kw={"xscale": "log"})
-    page.finish(xlim=(4e-4, 1.2e-2))
+    page.xlim = (4e-4, 1.2e-2)
+    page.finish()
     page.figure.draw_without_rendering()
     boxes = [label.get_window_extent() for label in logaxes._labels(ax.xaxis)]
     assert len(boxes) >= 2 and all(one.x1 < other.x0 for one, other in itertools.pairwise(boxes))
