@@ -115,6 +115,8 @@ def form_named(fit, finite_size=False, corrections=False, degree=5, spline=False
         name, equals, value = word.strip().partition("=")
         if name not in names or name in seen:
             what = "is there twice" if name in seen else f"is none of {', '.join(names)}"
+            if name not in names and name in words_of(not finite_size).values():
+                what += f"; {'without' if finite_size else 'with'} {named('finite_size')} it is one"
             raise InputError(f"{here}: {name or 'a name that is missing'} {what}")
         seen.add(name)
         if equals:

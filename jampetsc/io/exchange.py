@@ -25,7 +25,7 @@ FLAT_BOX = "the box is tilted out of the plane: packings are two-dimensional her
 def pick(index, count):
     """`index`, if there are so many packings. Raises InputError."""
     if not 0 <= index < count:
-        raise InputError(f"{named('index')} {index}: it holds {count} packings, numbered from 0")
+        raise InputError(f"{named('index')} {index}: it holds {count}, numbered from 0")
     return index
 
 
@@ -35,7 +35,8 @@ def disks_of(columns, radius=None):
     if not names:
         wanted = radius or "radius or diameter"
         raise InputError(
-            f"no {wanted} among {', '.join(columns)}: {named('radius')} says which are the radii"
+            f"no {wanted} among {', '.join(columns)}: {named('radius')} says which are the radii; "
+            "without any, give arrays to jampetsc.Packing in python"
         )
     radii = numbers(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
     if "positions" in columns:

@@ -69,5 +69,5 @@ def _short(value):
 def _difference(name, old, new):
     if name == "inputs":
         return "other inputs"
-    without = {"true": "false", "false": "true"}.get(old or new, "none")  # a switch without a word
+    without = {"true": "false", "false": "true"}.get(old or new, "its default")  # a switch without a word
     return f"{name} = {old or without}, not {new or without}"

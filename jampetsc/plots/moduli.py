@@ -96,7 +96,7 @@ def plot_collapse(results, page, statistic=None, mu=MU, **more):
         spread = collapse_spread([(c.omega, c.G, c.pressure) for c in curves], mu, lam)
     except InputError:  # one sweep, or sweeps that share no scaled frequency: there is no spread
         return text
-    return f"{text}; they differ by {100 * spread:.2g} % (rms) below omega tau1 = 0.1"
+    return f"{text}; they differ by {float(f'{100 * spread:.2g}'):g} % (rms) below omega tau1 = 0.1"
 
 
 def averaged(results, statistic, along="omega"):

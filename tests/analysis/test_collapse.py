@@ -383,7 +383,7 @@ def test_the_command_on_a_study(study, tmp_path, capsys):
     assert len(load(tmp_path / "cut.h5")["phi"]) == 16
     for more, message in (
         ([], "model CD0, but"),
-        (["--where", "model=CD"], "without flow that is done where model=CD"),
+        (["--where", "model=CD"], "model is RD0 or CD0"),
         (["--where", "command=jam"], "without flow that is done where command=jam"),
     ):
         assert command(study, *words[2:], tmp_path / "x.h5", *more) == 2
@@ -504,7 +504,7 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
         ("--observable energy", "choose one of pressure"),
         ("--fit phi_J,y", "name znu, too, or hold it: znu=VALUE"),
         ("--fit phi_J,y,y,znu", "y is there twice"),
-        ("--fit phi_J,y,nu", "nu is none of phi_J, y, znu, omega"),
+        ("--fit phi_J,y,nu", "nu is none of phi_J, y, znu, omega; with --finite-size it is one"),
         ("--fit phi_J,y=a,znu", "write a number between"),
         ("--fit phi_J=0.84,y=1,znu=3", "nothing is free"),
         ("--fit phi_J,y,znu,omega", "leave omega out, or give --corrections"),

@@ -216,7 +216,7 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "no such column": (TEXT, {"radius": "size"}, "no size among id, type, x, y, radius"),
     "no coordinates": (TEXT.replace("x y", "a b"), {}, "no coordinates x y, xu yu, xs ys or xsu ysu"),
     "no numbers": (TEXT.replace("x y radius", "x radius y").replace("9.", "z"), {}, "not numbers"),
-    "no frame": (TEXT, {"index": 1}, "index 1: it holds 1 packings"),
+    "no frame": (TEXT, {"index": 1}, "index 1: it holds 1, numbered from 0"),
     "points": (data("atomic"), {}, "Atoms # atomic: has no diameters: say 'Atoms # sphere'"),
     "no hint": (data("").replace(" # ", ""), {}, r"\(no style\): has no diameters"),
     "no bounds": (data().replace("ylo yhi", ""), {}, "no ylo yhi in the header"),

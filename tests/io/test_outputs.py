@@ -110,10 +110,10 @@ def ranks_of(words):
 OTHERS = {  # words that make a result, and the word of which there is another
     "pack --n 16 --pressure 1e-2": ("--tolerance 1e-9", "tolerance = 1e-10, not 1e-09"),
     "import p.txt": ("--index 1", "index = 0, not 1"),
-    "sweep p.h5 --omega 1": ("--beta 0.5", "beta = none, not 0.5"),
+    "sweep p.h5 --omega 1": ("--beta 0.5", "beta = its default, not 0.5"),
     "sweep p.h5 --omega 1 --method direct": ("--no-prestress", "prestress = true, not false"),
-    "flow p.h5 --model RD0 --rate 1e-2 --strain 0.02": ("--step 0.05", "step = none, not 0.05"),
-    "shear p.h5 --step 1e-3 --strain 2e-3": ("--discard 1e-3", "discard = none, not 0.001"),
+    "flow p.h5 --model RD0 --rate 1e-2 --strain 0.02": ("--step 0.05", "step = its default, not 0.05"),
+    "shear p.h5 --step 1e-3 --strain 2e-3": ("--discard 1e-3", "discard = its default, not 0.001"),
     "spectrum s.h5": ("--window 0.5", "window = "),
     "quasistatic p.h5": ("--beta 0.5", "beta = "),
 }
