@@ -86,7 +86,8 @@ def plot_medians(results, page):
                     single = True
         power_law(ax, p, found[0], slope)  # of the largest N
     handles += handles_of({size: look | {"ls": "none"} for size, look in styles.items() if several})
-    handles.append(entry(r"$p^{\pm 1/4}$", GREY, linestyle=":", linewidth=0.8))
+    if any(len(levels) > 1 for levels in groups.values()):
+        handles.append(entry(r"$p^{\pm 1/4}$", GREY, linestyle=":", linewidth=0.8))
     if single:
         handles.append(entry("single files", marker=".", ms=2, ls="none"))
     page.legend(ax, handles + bands)

@@ -66,6 +66,8 @@ def test_lines_run_through_medians_and_small_points_are_files():
     low, high = median_interval(np.array([1.0, 1.5, 20.0]))
     np.testing.assert_allclose(bands(ax)[0][1:], [low * p, high * p])
     assert told(ax)[3:] == ["no pre-stress", "pre-stress", r"$p^{\pm 1/4}$", "single files", "68 % interval"]
+    alone = told(figure_of(plot_medians, some[:1]).axes[0])
+    assert alone[3:] == ["no pre-stress", "pre-stress"]  # no guide through one pressure
 
 
 def test_the_guide_goes_with_the_largest_packings_and_sizes_have_markers():
