@@ -16,7 +16,7 @@ from jampetsc.analysis.correlation_lengths import (
 from jampetsc.asking.kinds import FREQUENCIES
 from jampetsc.asking.parameters import NUMBER
 from jampetsc.errors import InputError, named
-from jampetsc.plots.curves import Curve, group_curves
+from jampetsc.plots.curves import Curve, entries_of, group_curves
 from jampetsc.plots.page import HEIGHT, band, points
 from jampetsc.plots.picture import count, option, picture
 from jampetsc.plots.style import (
@@ -166,7 +166,7 @@ def _comparison(curves, omega, page):
     chosen, several = [curve.at(curve.rows(omega)) for curve in curves], len(omega) > 1
     title, groups = group_curves(chosen)
     shades = colours(len(omega))
-    dashes = [_DASHES[n % len(_DASHES)] if several else "-" for n in range(len(groups))]
+    dashes = [_DASHES[n % len(_DASHES)] if several else group.dash for n, group in enumerate(groups)]
     axes = _panels(page, 2, [rf"$\delta/{unit}$" for unit in "ddLL"], curves[0], sharex="row")
     for ax, unit, (_, _, part) in zip(axes, "ddLL", _PARTS * 2, strict=True):
         for group, dash in zip(groups, dashes, strict=True):
@@ -184,7 +184,7 @@ def _comparison(curves, omega, page):
         handles += [entry(g.label, linestyle=dash) for g, dash in zip(groups, dashes, strict=True)]
     else:
         title = ",  ".join(filter(None, (_at(omega[0]), title)))
-        handles = [entry(g.label, g.colour) for g in groups] + _explained(chosen, others=False)
+        handles = entries_of(groups, lambda group: {"ls": group.dash}) + _explained(chosen, others=False)
     page.legend(axes[1], handles, title or None, "upper right")
     shown = ", ".join(f"{w:g}" for w in omega)
     files = count(curves, "file", "files")
@@ -275,7 +275,7 @@ def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
     axes[0].axhline(0.25, color="0.4", linewidth=0.6, linestyle=":", zorder=0)
     for length, shade in zip(MEDIUM, ("0.2", "0.6"), strict=True):
         axes[0].axhline(length, color=shade, linewidth=0.6, linestyle="--", zorder=0)
-    handles = [entry(g.label, g.colour, marker=g.marker) for g in groups]
+    handles = entries_of(groups, lambda group: {"marker": group.marker})
     for name, dash, part in _PARTS:
         face, label = "white" if part else "0.2", f"{name} {SYMBOLS[curves[0].phase]}"
         handles.append(entry(label, marker="o", mfc=face, linestyle=dash))

@@ -1,5 +1,6 @@
 """G*(ω) of sweeps in comparable form: units of k and 1/τ₁, labels with the differences, means over an ensemble."""
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,16 @@ from jampetsc.core.laws import FAMILIES, OPTIONS
 from jampetsc.errors import InputError
 from jampetsc.io.averages import STATISTICS
 from jampetsc.plots.picture import grouped
-from jampetsc.plots.style import colours, looks, number, power_or_number, sequential
+from jampetsc.plots.style import (
+    DASHED,
+    DOTTED,
+    colours,
+    entry,
+    looks,
+    number,
+    power_or_number,
+    sequential,
+)
 from jampetsc.plots.units import units_of
 
 _SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
@@ -32,6 +42,7 @@ _CONTACTS = {  # of an oscillation; None: a sweep
     "moving": "moving contacts",
 }
 OSCILLATION = "jampetsc-oscillate"
+_DASHES = ("-", DASHED, DOTTED, (0, (6, 1.5, 1, 1.5)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +72,17 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Sweeps that share a label, a colour and a marker: one, or the members of an ensemble."""
+    """Sweeps that share a label, a colour, a marker and a dash: one, or the members of an ensemble.
+
+    parts   of the label, pressure and law, where a legend tells them apart: by colour, and by marker or dash
+    """
 
     label: str
     curves: list
     colour: tuple
     marker: str
+    dash: str | tuple = "-"
+    parts: tuple = ()
 
 
 def curve_of(result) -> Curve:
@@ -117,10 +133,11 @@ def _curve(result, x, G, bounds, **more):
     )
 
 
-def group_curves(curves) -> tuple[str, list]:
+def group_curves(curves, crossed=True) -> tuple[str, list]:
     """(legend title, groups) of curves that differ in pressure, law or parameters, low pressure first.
 
-    Colours run from dark at low pressure (or at the first label) to light; the title is "p/k" if that is all.
+    Colours run from dark at low pressure (or at the first label) to light; the title is "p/k" if that is all. If they
+    may be `crossed`, several laws at several pressures have the colours of these, and each law a marker and a dash.
     """
     descriptions = [c.description for c in curves]
     varying = [key for key in descriptions[0] if _varies(key, [d[key] for d in descriptions])]
@@ -136,9 +153,28 @@ def group_curves(curves) -> tuple[str, list]:
         shades = map(tuple, sequential()(LogNorm(min(pressures), max(pressures))(pressures)))
     groups = []
     for ((parts, found), look), shade in zip(looks(members.items()), shades, strict=True):
-        label = ", ".join(filter(None, parts)) or "other"  # what only some files record
-        groups.append(Group(label, [curve for curve, _ in found], shade, look["marker"]))
+        groups.append(Group(_label(parts), [curve for curve, _ in found], shade, look["marker"]))
+    pairs = [(level, _label(law)) for level, *law in members]
+    levels, laws = (dict(looks(dict.fromkeys(parts))) for parts in zip(*pairs, strict=True))
+    if crossed and keys[0] == "p/k" and len(pairs) > max(len(levels), len(laws)):
+        dashes = dict(zip(laws, itertools.cycle(_DASHES), strict=False))
+        for n, (level, law) in enumerate(pairs):
+            look = {"colour": levels[level]["color"], "marker": laws[law]["marker"], "dash": dashes[law]}
+            groups[n] = replace(groups[n], **look, parts=pairs[n])
     return ("$p/k$" if only_pressure else ""), groups
+
+
+def entries_of(groups, look) -> list:
+    """Entries of a legend: of each group, or of each pressure and each law; look(group): of its line but for colour."""
+    if not groups[0].parts:
+        return [entry(group.label, group.colour, **look(group)) for group in groups]
+    levels = {group.parts[0]: entry(group.parts[0], group.colour) for group in groups}
+    laws = {group.parts[1]: entry(group.parts[1], **{"ls": "none"} | look(group)) for group in groups}
+    return [*levels.values(), *laws.values()]
+
+
+def _label(parts):
+    return ", ".join(filter(None, parts)) or "other"  # what only some files record
 
 
 def _varies(key, values):

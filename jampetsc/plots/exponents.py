@@ -12,7 +12,7 @@ from jampetsc.analysis.scaling import (
 from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
-from jampetsc.plots.curves import Curve, curve_of, group_curves, require_same_frequencies
+from jampetsc.plots.curves import Curve, curve_of, entries_of, group_curves, require_same_frequencies
 from jampetsc.plots.floppy import (
     PRESTRESS,
     QUANTITIES,
@@ -25,7 +25,7 @@ from jampetsc.plots.floppy import (
 )
 from jampetsc.plots.page import band, points
 from jampetsc.plots.picture import count, picture
-from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, entry, hidden, looks
+from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, hidden, looks
 
 HEIGHT = 2.5  # inches of one row of panels
 _FEWEST = 2  # pressures that make a slope
@@ -78,9 +78,9 @@ def draw_exponents(curves, page) -> str:
         for ax, values, (_, _, _, limited) in zip(axes, np.swapaxes(samples, 0, 1), _PANELS, strict=True):
             shown = above if limited else slice(None)
             mean, error = mean_with_error(values[:, shown])
-            ax.plot(omega[shown], mean, color=group.colour, label=hidden(group.label))
+            ax.plot(omega[shown], mean, color=group.colour, ls=group.dash, label=hidden(group.label))
             band(ax, omega[shown], mean - error, mean + error, group.label, color=group.colour)
-    page.legend(axes[0], [entry(group.label, group.colour) for group in groups], title)
+    page.legend(axes[0], entries_of(groups, lambda group: {"ls": group.dash}), title)
     return f"local exponents of G* against omega of {count(curves)}"
 
 

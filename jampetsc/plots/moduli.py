@@ -12,7 +12,7 @@ from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
 from jampetsc.asking.parameters import NUMBER, WORD
 from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
-from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, group_curves
+from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves
 from jampetsc.plots.logaxes import draw_guide
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import count, option, picture
@@ -155,7 +155,7 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
             if exponent:
                 seen = page.seen(curve.omega)
                 draw_guide(ax, curve.omega[seen], curve.G.imag[seen], exponent, symbol, above)
-    entries = [entry(g.label, g.colour, marker=g.marker, markeredgewidth=0.7) for g in groups]
+    entries = entries_of(groups, lambda group: {"marker": group.marker, "markeredgewidth": 0.7})
     if len(groups) > _LEGEND_ROWS and title:
         pressures = [group.curves[0].pressure for group in groups]
         colours = ScalarMappable(LogNorm(min(pressures), max(pressures)), sequential())
@@ -163,7 +163,8 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
         bar.ax.tick_params(which="both", length=2)
         title, entries = "", []
     if len(parts) > 1:
-        entries += [entry(STORAGE, marker="o"), entry(LOSS, marker="o", mew=0.7, **OPEN)]
+        marked = {} if groups[0].parts else {"marker": "o", "mew": 0.7}  # where markers do not tell laws
+        entries += [entry(STORAGE, **marked), entry(LOSS, **marked, **OPEN)]
     page.legend(ax, entries + ([Patch(facecolor="0.2", alpha=0.25, label=what)] if what else []), title)
 
 

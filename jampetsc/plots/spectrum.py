@@ -62,7 +62,7 @@ def plot_relaxation(results, page):
     curves = [spectrum_curve(result) for result in results]
     if not any(len(curve.spectrum.rates) for curve in curves):
         raise InputError(f"{curves[0].name}: no relaxation modes: G* = G0 + i omega eta, nothing to draw")
-    title, groups = group_curves(curves)
+    title, groups = group_curves(curves, crossed=False)
     x = [r"$\tau/\tau_1$"] * 2 + [r"$t/\tau_1$"] * 2
     y = [r"$H/k$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", r"$G(t)/k$", r"$J(t)\,k$"]
     axes = page.panels(2, 2, PAGE, HEIGHT, x=x, y=y, log=["xy", "x", "xy", "xy"])

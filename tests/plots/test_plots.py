@@ -26,10 +26,12 @@ from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.numbers import table
 from jampetsc.plots.packing import _draw, flowing, plot_packing, touching
+from jampetsc.plots.style import LOSS, STORAGE
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
 OMEGA = np.geomspace(1e-8, 1e3, 45)
+LAWS = (r"contact, $\beta=1$", r"Stokes, $\eta_F=0$")
 
 
 def modulus(omega, pressure):
@@ -183,6 +185,25 @@ def test_unusual_sweeps_are_drawn_without_complaint(case, recwarn):
 def test_labels_tell_what_differs(differing, labels):
     title, groups = group_curves([curve(**{"law": "contact", "beta": 1.0} | more) for more in differing])
     assert title == "" and [group.label for group in groups] == labels
+
+
+def test_laws_at_several_pressures_share_their_colours_and_each_law_has_a_marker():
+    laws = ({"law": "contact", "beta": 1.0}, {"law": "stokes", "beta": None, "eta_f": 0.0})
+    some = [curve(pressure=p, **law) for law in laws for p in (1e-3, 1e-2)]
+    groups = {group.label: group for group in group_curves(some)[1]}
+    low, high = [[f"$p/k=10^{{{n}}}$, {law}" for law in LAWS] for n in (-3, -2)]
+    look = {label: (group.colour, group.marker, group.dash) for label, group in groups.items()}
+    for one, other in (low, high):
+        assert look[one][0] == look[other][0] and look[one][1] != look[other][1] and look[one][2] == "-"
+    assert [part[0] for part in map(look.get, low)] != [part[0] for part in map(look.get, high)]
+    legend = figure_of(plot_moduli, some).axes[0].get_legend()
+    words = [text.get_text() for text in legend.get_texts()]
+    assert words == ["$p/k=10^{-3}$", "$p/k=10^{-2}$", *LAWS, STORAGE, LOSS]
+    told_apart = [(line.get_marker(), line.get_linestyle()) for line in legend.get_lines()]
+    assert told_apart[2:5] == [("o", "None"), ("s", "None"), ("None", "-")]
+    assert all(
+        group.parts == () for group in group_curves(some[1:3])[1]
+    )  # a pressure each: nothing is shared
 
 
 def oscillation(omega, amplitude, **attributes):
