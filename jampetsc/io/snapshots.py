@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import Potential
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ def snapshot(result, row=-1) -> Snapshot:
     Raises InputError where the file holds none, or not so many.
     """
     if "snapshots/positions" not in result:
-        raise InputError(f"{result.path}: holds no snapshots: run a flow with `snapshots`")
+        raise InputError(f"{result.path}: holds no snapshots: run a flow with {named('snapshots')}")
     count = len(result.stored("snapshots/positions"))
     if not -count <= row < count:
         raise InputError(f"{result.path}: snapshot {row}: it holds {count}, from 0")
