@@ -56,6 +56,11 @@ def note(line: str) -> None:
         LOG.info("%s", line)
 
 
+def warn(line: str) -> None:
+    """Write a line that a user must not miss, also where progress is not reported."""
+    LOG.warning("%s", line)
+
+
 class Progress:
     """Counts the `total` steps of a run (None: unknown), `done` of them finished earlier; a context manager."""
 

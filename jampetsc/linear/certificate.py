@@ -95,6 +95,11 @@ class Functional:
         affine = np.array([c.size_K @ c.g**2, c.w_B @ c.g**2])
         self.affine = np.sqrt(self.network.sum(affine))
 
+    def affine_modulus(self, omega) -> float:
+        """The size of G* if all motion were affine: the sum of the sizes of what contacts contribute."""
+        elastic, viscous = self.affine**2
+        return float(elastic + omega * viscous) / self.network.area
+
     def trial(self, omega, x, strain: float = 1.0) -> Trial:
         """The trial field x (n_local,), complex, with its motions and residual."""
         c = self.compatibility

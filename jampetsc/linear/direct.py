@@ -28,6 +28,7 @@ DEFAULTS = {
 }
 REFINEMENTS = 40  # at most; one or two are usual, a loose iterative method needs more
 DIGITS = 1e-12  # refinement stops where the bound is this small relative to G' and G'', or to rounding
+NOTHING = 1e-14  # a modulus this small relative to that of affine motion is zero
 PRECISE = 1e-8  # residual of a solve for a `SingularBound`, relative
 
 
@@ -106,6 +107,12 @@ class FrequencySolver:
             result = functional.certify(trial, self.singular_bound)
         self.x = x
         if not result.within(accuracy).all():
+            affine = self.functional.affine_modulus(omega)
+            if abs(result.G) + result.error < NOTHING * affine:
+                raise ConvergenceError(
+                    f"ω = {omega:g}: G* is zero but for rounding, where affine motion would have {affine:.2g}: the "
+                    "contacts do not resist shear, as of disks that are not at rest: quench them (pack from)"
+                )
             _, storage, loss = result.bounds
             raise ConvergenceError(
                 f"ω = {omega:g}: G' = {result.G.real:.3e} only known to {storage:.1e}, G'' = {result.G.imag:.3e} to "

@@ -18,7 +18,7 @@ from jampetsc.linear.limits import LARGEST, SMALLEST
 from jampetsc.mechanics.minimum import negative_modes
 from jampetsc.mechanics.network import build_network
 from jampetsc.petsc.session import current
-from jampetsc.progress import Progress
+from jampetsc.progress import warn
 
 SAME = 1e-9  # a frequency of the grid this close to one of the fields, relatively, counts as the same
 
@@ -116,9 +116,8 @@ class Run:
                 "every frequency by method direct"
             )
             run = replace(run, method="direct")
-        with Progress(None, "sweep", session.rank) as progress:
-            for note in notes:
-                progress.note(f"{run.packing}: {note}")
+        for note in notes if session.rank == 0 else ():
+            warn(f"{run.packing}: {note}")
         return run
 
     def asked(self, omega):
