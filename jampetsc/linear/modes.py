@@ -20,7 +20,7 @@ from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.linear.contributions import Contributions, contributions_of
 from jampetsc.linear.record import run_record
 from jampetsc.mechanics.assembly import Pencil, assemble
-from jampetsc.mechanics.minimum import require_minimum
+from jampetsc.mechanics.minimum import examine_balance, require_minimum
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.petsc.eigen import lowest
 from jampetsc.petsc.inertia import SHIFT, count_below
@@ -192,6 +192,7 @@ def run(packing, to: Outlet, prestress: bool, count=None, below=None) -> Modes:
     disks, identity = read_identified(packing, session.comm)
     to.made_from(disks)
     with about(source_name(packing)), session.stage("modes"):
+        examine_balance(source_name(packing), disks, session.comm)
         network = build_network(disks, session.comm, prestress)
         modes = lowest_modes(network, count, below, proved=not prestress or proved_minimum(disks))
     with session.stage("output"), to.writer(FORMAT, session.comm) as writer:

@@ -28,6 +28,7 @@ from jampetsc.linear.record import run_record
 from jampetsc.linear.refined_solve import Relaxed
 from jampetsc.linear.viscosity import Flow, infinite_viscosity, quasistatic_flow
 from jampetsc.mechanics.assembly import Pencil, assemble
+from jampetsc.mechanics.minimum import examine_balance
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.petsc.session import current
 
@@ -119,6 +120,7 @@ def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
     disks, identity = read_identified(packing, session.comm)
     to.made_from(disks)
     with about(source_name(packing)):
+        examine_balance(source_name(packing), disks, session.comm)
         outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
     with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
         _write(writer, outcome)

@@ -6,16 +6,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
-from jampetsc.collective import on_root
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Physics
 from jampetsc.core.minimum import proved_minimum
-from jampetsc.core.state import BALANCED, imbalance, measure
+from jampetsc.core.state import BALANCED
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.linear.limits import LARGEST, SMALLEST
-from jampetsc.mechanics.minimum import negative_modes
+from jampetsc.mechanics.minimum import examine_balance, negative_modes
 from jampetsc.mechanics.network import build_network
 from jampetsc.petsc.session import current
 from jampetsc.progress import warn
@@ -96,28 +95,20 @@ class Run:
         The rational method and the error bounds of fields need K + ωB to be positive definite. If K has negative modes,
         G* is still defined, and is solved for frequency by frequency. If forces are not balanced, it is the G* of the
         contacts as they are, though the packing would not stay in that state. Modes are not counted for a run that is
-        direct anyway. A note on stderr reports unbalanced forces and negative modes.
+        direct anyway. Warnings report unbalanced forces and negative modes.
         """
-        session, notes = current(), []
-        run = replace(
-            self, imbalance=on_root(session.comm, lambda: imbalance(self.disks, measure(self.disks)))
-        )
-        if not run.imbalance <= BALANCED:
-            notes.append(
-                f"forces are not balanced, max|F|/(p d) = {run.imbalance:.1e}, so the packing is not a minimum of its "
-                "energy: quench it (pack from it); G* is that of its contacts as they are"
-            )
+        session = current()
+        run = replace(self, imbalance=examine_balance(self.packing, self.disks, session.comm))
         if run.method != "direct" and run.negative_modes is None:
             negative, how = negative_modes(run.network(session.comm))
             run = replace(run, negative_modes=negative, counted_by=how)
         if run.method != "direct" and run.negative_modes:
-            notes.append(
-                f"K has {run.negative_modes} negative modes, so the packing is not a minimum of its energy: solving "
-                "every frequency by method direct"
-            )
+            if session.rank == 0:
+                warn(
+                    f"{run.packing}: K has {run.negative_modes} negative modes, so the packing is not a minimum of its "
+                    "energy: solving every frequency by method direct"
+                )
             run = replace(run, method="direct")
-        for note in notes if session.rank == 0 else ():
-            warn(f"{run.packing}: {note}")
         return run
 
     def asked(self, omega):

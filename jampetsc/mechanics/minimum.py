@@ -4,16 +4,33 @@ K is that of a `network.Network`, with or without pre-stress, on the displacemen
 records see `core.minimum`, for unbalanced forces `core.state`.
 """
 
+from jampetsc.collective import on_root
 from jampetsc.core.laws import UNDAMPED
+from jampetsc.core.state import BALANCED, imbalance, measure
 from jampetsc.errors import InputError, named
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import Network, find_pieces
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.inertia import Inertia, count_eigenvalues
 from jampetsc.petsc.shifted import ShiftedFactor
+from jampetsc.progress import warn
 
 BY_CHOLESKY = "Cholesky's factorisation of K"
 BY_INERTIA = "the inertia of K"
+
+
+def examine_balance(packing, disks, comm) -> float:
+    """max |F|/(p d) of disks, which are called `packing` in a warning where their forces are not balanced. Collective.
+
+    A response of the contacts as they are is still defined, but the packing would not stay in that state.
+    """
+    found = on_root(comm, lambda: imbalance(disks, measure(disks)))
+    if not found <= BALANCED and comm.rank == 0:
+        warn(
+            f"{packing}: forces are not balanced, max|F|/(p d) = {found:.1e}, so the packing is not a minimum of its "
+            "energy: quench it (pack from it); the response is that of its contacts as they are"
+        )
+    return found
 
 
 def count_modes(network: Network) -> Inertia:

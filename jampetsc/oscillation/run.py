@@ -13,6 +13,7 @@ from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.linear.elastic import ElasticResponse
 from jampetsc.linear.record import run_record
+from jampetsc.mechanics.minimum import examine_balance
 from jampetsc.mechanics.network import Network, build_network
 from jampetsc.oscillation.dashpots import LINEAR_BELOW
 from jampetsc.oscillation.halfcycles import SteppedOscillation
@@ -66,6 +67,7 @@ def solve(job, to: Outlet) -> dict:
     disks, identity = read_identified(job.packing, session.comm)
     to.made_from(disks)
     with session.stage("assembly"), about(source_name(job.packing)):
+        examine_balance(source_name(job.packing), disks, session.comm)
         network = build_network(disks, session.comm, job.prestress)
         _require_stable(network, job.control)
     solver = _solver(job, disks, network)
