@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+import types
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
@@ -53,7 +54,8 @@ class Job:
         if isinstance(value, part.type) or (value is None and part.optional):
             return value
         if not isinstance(value, str):
-            raise InputError(f"{named(name)} {value!r}: must be a {part.type.__name__}")
+            hint = f": call it, {value.__name__}(…)" if isinstance(value, types.FunctionType) else ""
+            raise InputError(f"{named(name)} {value!r}: must be a {part.type.__name__}{hint}")
         return part.make(**{part.parameters[0].name: value})
 
     def _read(self, name, parameter, value):

@@ -73,6 +73,8 @@ def plot(
 def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> Page:
     """As `plot`; chosen: size, xlim and so on."""
     options = {name: value for name, value in options.items() if value is not None}
+    if not items:
+        raise InputError("results: an empty list: give at least one file or result")
     kinds = asked_kinds(kind, options)
     found, names, studies = [], [], False
     for item in items:

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILE, Kind, asked
+from jampetsc.errors import InputError, named
 from jampetsc.petsc.solver_options import SOLVERS
 
 MANY = 10  # failures that the summary lists
@@ -70,6 +71,8 @@ A task that fails is a row with its reason and is tried again by the next run; t
         """Refuse a folder with a table that no study has written."""
         from jampetsc.studies.run import check_folder
 
+        if to.path is None:
+            raise InputError(f"{named('out')}: must be given: the folder of the study")
         check_folder(to.path, self._named)
 
     @property

@@ -194,6 +194,25 @@ def test_what_no_parameter_can_be_is_refused_in_one_line():
     assert made(Modes, {"packing": "p.h5", "count": 10**400}).count == 10**400  # of which there may be fewer
 
 
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (
+            lambda: jampetsc.flow(model=jampetsc.models.CD0, rate=0.1, strain=1),
+            r"must be a Model: call it, CD0\(…\)",
+        ),
+        (
+            lambda: jampetsc.study({"pack": {"n": 16, "pressure": 1e-2}}),
+            "out: must be given: the folder of the study",
+        ),
+        (lambda: jampetsc.plot([]), "results: an empty list: give at least one"),
+    ],
+)
+def test_what_a_function_lacks_is_said(call, says):
+    with pytest.raises(InputError, match=says):
+        call()
+
+
 def test_files_there_must_be():
     with pytest.raises(InputError, match="results: must be given"):
         jampetsc.correlate()
