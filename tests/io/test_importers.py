@@ -164,7 +164,7 @@ def test_which_packing_of_many(tmp_path):
     assert all(import_packing(path).n == 2 for path in (lines, arrays))
     beyond = (two, 2, 2), (JAXMD, 10, 10), (JAXMD, -1, 10), (JAMBASHBULK, 1, 1), (lines, 1, 1), (arrays, 1, 1)
     for path, index, count in beyond:
-        with pytest.raises(InputError, match=f"index {index}: it holds {count} packings"):
+        with pytest.raises(InputError, match=f"index {index}: it holds {count}, numbered from 0"):
             import_packing(path, index)
 
 
