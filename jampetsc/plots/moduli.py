@@ -147,9 +147,8 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
     if negative and STORAGE in parts:  # unstable to shear, as small packings with pre-stress can be
         words = f"{STORAGE} < 0 (not shown) in {negative} of {len(curves)} sweeps"
         ax.text(0.02, 0.98, words, transform=ax.transAxes, va="top", fontsize=7.5)
-    if (
-        parts == _BOTH and symbol
-    ):  # low pressure has the longest critical branch, high pressure the longest viscous one
+    if parts == _BOTH and symbol:
+        # low pressure has the longest critical branch, high pressure the longest viscous one
         lowest, highest = groups[0].curves[0], groups[-1].curves[0]
         for curve, exponent, above in ((lowest, critical, True), (highest, 1.0, False)):
             if exponent:
