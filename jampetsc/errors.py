@@ -7,7 +7,6 @@ command line.
 
 import math
 import re
-from contextlib import contextmanager
 
 _NAMED = re.compile("\ue000(\\w*)\ue001")  # two characters that no text has
 
@@ -55,10 +54,19 @@ class ConvergenceError(JampetscError, RuntimeError):
     exit_code = 3
 
 
-@contextmanager
-def about(what):
-    """Context: puts `what`, such as the name of a file, before the message of an InputError raised inside."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{what}: {error.message(named)}") from None
+class about:
+    """Context: puts `what`, such as the name of a file, before the message of an InputError raised inside.
+
+    It is a class as python 3.13 keeps what an error has passed through until its garbage collection, factors too, where
+    the context is a generator.
+    """
+
+    def __init__(self, what):
+        self.what = what
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        if isinstance(error, InputError):
+            raise InputError(f"{self.what}: {error.message(named)}") from None
