@@ -1,4 +1,4 @@
-"""A picture of a packing by OVITO (pip install 'ovito==3.14.*'): disks by their number of contacts, contacts as lines.
+"""A picture of a packing by OVITO (python -m pip install ovito): disks by their number of contacts, contacts as lines.
 
 jampetsc pack --n 256 --pressure 1e-2 --out p.h5
 python examples/ovito_picture.py p.h5 packing.png

@@ -7,6 +7,7 @@ command line.
 
 import math
 import re
+import sys
 
 _NAMED = re.compile("\ue000(\\w*)\ue001")  # two characters that no text has
 
@@ -46,6 +47,15 @@ class InputError(JampetscError, ValueError):
     """A file, a value or an option that cannot be used. The message names it and the remedy."""
 
     exit_code = 2
+
+
+class MissingPackage(InputError):
+    """An optional package that is not installed. The message has the command that installs it for this python."""
+
+    def __init__(self, what, package):
+        super().__init__(
+            f"{what}: requires the package {package}. Run: {sys.executable} -m pip install {package}"
+        )
 
 
 class ConvergenceError(JampetscError, RuntimeError):

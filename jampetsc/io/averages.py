@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from jampetsc.analysis.statistics import mean_with_error, median_with_error
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, MissingPackage
 from jampetsc.io.provenance import LAW_PARAMETERS
 
 SAME = 1e-9  # numbers that differ by less, relatively, are the same
@@ -109,9 +109,9 @@ def same(column, value):
 
 
 def frame(columns):
-    """Columns as a pandas.DataFrame. Raises InputError where pandas is not installed."""
+    """Columns as a pandas.DataFrame. Raises MissingPackage where pandas is not installed."""
     try:
         import pandas
     except ImportError:
-        raise InputError("to_pandas: needs the package pandas: pip install pandas") from None
+        raise MissingPackage("to_pandas", "pandas") from None
     return pandas.DataFrame(dict(columns))

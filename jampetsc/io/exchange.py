@@ -12,7 +12,7 @@ import zlib
 
 import numpy as np
 
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, MissingPackage, named
 
 RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
 STYLES = {  # columns of Atoms in LAMMPS data files, of the styles that have diameters
@@ -176,13 +176,15 @@ def read_gsd(content, index):
         import gsd.hoomd
         import gsd.pygsd
     except ImportError:
-        raise InputError("GSD needs the package gsd: pip install 'jampetsc[gsd]'") from None
+        raise MissingPackage("GSD", "gsd") from None
     try:
         frames = gsd.hoomd.HOOMDTrajectory(gsd.pygsd.GSDFile(io.BytesIO(content)))
         frame = frames[pick(index, len(frames))]
     except (OSError, RuntimeError, LookupError, ValueError) as error:
         raise InputError(f"not a file of GSD, or damaged ({error or 'truncated'})") from None
-    Lx, Ly, _, xy, xz, yz = np.asarray(frame.configuration.box, float)
+    box = np.asarray(frame.configuration.box, float)
+    logged = frame.log.get("configuration/box", box)  # the same in double precision, in exports of jampetsc
+    Lx, Ly, _, xy, xz, yz = logged if np.array_equal(np.asarray(logged, np.float32), box) else box
     if xz or yz:
         raise InputError(FLAT_BOX)
     columns = {"positions": frame.particles.position, "diameter": frame.particles.diameter}

@@ -1,6 +1,6 @@
 """Files for other programs: extended XYZ, LAMMPS dump and data, VTK PolyData, numpy's npz, HOOMD's GSD.
 
-Coordinates are one double each (single precision in GSD); forces and stresses were found with all digits before.
+Coordinates are one double each (GSD: single precision by a package before gsd 5); forces and stresses were found with all digits before.
 """
 
 import importlib
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, MissingPackage, named
 from jampetsc.io.atomic import NewFile
 from jampetsc.io.frames import Frame
 
@@ -183,11 +183,11 @@ def _npz(frame: Frame, number) -> bytes:
 
 
 def _gsd():
-    """The module gsd.hoomd. Raises InputError where it is not installed."""
+    """The module gsd.hoomd. Raises MissingPackage where it is not installed."""
     try:
         return importlib.import_module("gsd.hoomd")
     except ImportError:
-        raise InputError(".gsd: needs the package gsd: pip install 'jampetsc[gsd]', or use .xyz") from None
+        raise MissingPackage(".gsd", "gsd") from None
 
 
 def _write_gsd(stream, frames) -> int:
@@ -195,12 +195,20 @@ def _write_gsd(stream, frames) -> int:
     hoomd, count = _gsd(), 0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frames.gsd"
-        with hoomd.open(str(path), "w") as file:
+        with _open_gsd(hoomd, str(path)) as file:
             for frame in frames:
                 file.append(_gsd_frame(hoomd, frame, count))
                 count += 1
         stream.write(path.read_bytes())
     return count
+
+
+def _open_gsd(hoomd, path):
+    """A new GSD file, in double precision if the package has it."""
+    try:
+        return hoomd.open(path, "w", precision="double")
+    except TypeError:  # gsd < 5
+        return hoomd.open(path, "w")
 
 
 def _gsd_frame(hoomd, frame, number):
@@ -222,6 +230,7 @@ def _gsd_frame(hoomd, frame, number):
     made.log = {f"particles/{name}": values for name, values in frame.columns.items()}
     made.log |= {"bonds/force": c.force, "bonds/overlap": c.overlap}
     made.log |= {name: np.array([value]) for name, value in frame.facts.items()}
+    made.log["configuration/box"] = np.array(made.configuration.box)  # gsd rounds a box to single precision
     return made
 
 

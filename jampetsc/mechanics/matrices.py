@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from jampetsc.collective import on_root
 from jampetsc.core.disks import Disks
 from jampetsc.core.laws import Physics
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, MissingPackage, named
 from jampetsc.io.atomic import write_whole
 from jampetsc.mechanics.assembly import assemble, pins_of
 from jampetsc.mechanics.network import build_network
@@ -70,7 +70,7 @@ class Matrices:
         try:
             from pymor.models.iosys import LTIModel
         except ImportError:
-            raise InputError("to_pymor: needs the package pymor: pip install pymor") from None
+            raise MissingPackage("to_pymor", "pymor") from None
         from scipy.sparse import bmat, csc_matrix, eye
 
         whole = self.to_scipy()

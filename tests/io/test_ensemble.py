@@ -237,7 +237,9 @@ def test_tables_for_pandas(folder):
     means = table.where(command="quasistatic", beta=1.0).mean(by="pressure")
     if importlib.util.find_spec("pandas") is None:
         for one in (table, means):
-            with pytest.raises(InputError, match="needs the package pandas: pip install"):
+            with pytest.raises(
+                InputError, match="requires the package pandas. Run: .* -m pip install pandas"
+            ):
                 one.to_pandas()
         return
     whole, frame = table.to_pandas(), means.to_pandas()

@@ -172,7 +172,7 @@ def test_gsd_is_read_by_its_package(tmp_path, expected):
     if importlib.util.find_spec("gsd") is None:
         path.write_bytes(b"\xdf\x65" * 4)
         with pytest.raises(
-            InputError, match=r"p\.gsd: GSD needs the package gsd: pip install 'jampetsc\[gsd\]'"
+            InputError, match=r"p\.gsd: GSD: requires the package gsd\. Run: .* -m pip install gsd"
         ):
             jampetsc.import_packing(path)
         return

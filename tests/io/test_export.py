@@ -250,7 +250,7 @@ def test_what_cannot_be_exported_is_one_line(tmp_path, monkeypatch):
         "p.h5 --out p.pdb": "--out p.pdb: choose the ending of a format: .gsd, .npz, .xyz",
         "p.h5 --mode 1 --out p.xyz": "--mode: is of modes files, and p.h5 is a packing file",
         "none.h5 --out p.xyz": "none.h5: ",
-        **({} if find_spec("gsd") else {"p.h5 --out p.gsd": "needs the package gsd: pip install"}),
+        **({} if find_spec("gsd") else {"p.h5 --out p.gsd": "requires the package gsd. Run: "}),
     }.items():
         with pytest.raises(InputError, match=re.escape(message)):
             export(words)

@@ -1,11 +1,13 @@
 """What pip makes of the tree: the package is found from every folder, and a wheel has all that comes with it."""
 
+import importlib.util
 import os
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
+import zipfile
 
 import launch
 import pytest
@@ -64,6 +66,43 @@ def test_a_wheel_in_a_fresh_environment(tmp_path):
         for name in names:
             held = (tmp_path / "mine" / copy / name).read_bytes()
             assert held == (launch.ROOT / original / name).read_bytes()
+
+
+def test_pip_does_not_replace_the_packages_of_the_distribution(tmp_path):
+    """A later numpy is refused; one that is forced in is found and removed. Three seconds, for starts of pip."""
+    fresh = tmp_path / "with a space"
+    run([sys.executable, "-m", "venv", "--system-site-packages", "--without-pip", fresh], tmp_path)
+    (site,) = fresh.glob("lib/python3*/site-packages")
+    (site / "pip").symlink_to(importlib.util.find_spec("pip").submodule_search_locations[0])
+    with zipfile.ZipFile(tmp_path / "numpy-99-py3-none-any.whl", "w") as wheel:
+        wheel.writestr("numpy/__init__.py", "raise ValueError('numpy.dtype size changed')")
+        wheel.writestr("numpy-99.dist-info/METADATA", "Metadata-Version: 2.1\nName: numpy\nVersion: 99\n")
+        wheel.writestr(
+            "numpy-99.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+        )
+        wheel.writestr("numpy-99.dist-info/RECORD", "")
+    python, script = fresh / "bin" / "python", launch.ROOT / "run" / "distribution.py"
+    install = [python, "-m", "pip", "install", "-q", "--no-index", "--find-links", tmp_path]
+    environment = launch.environment()
+
+    def status(words, **variables):
+        done = subprocess.run(words, env=environment | variables, capture_output=True, text=True)
+        return done.returncode, done.stdout + done.stderr
+
+    assert status([python, script]) == (0, "")
+    refused, told = status([*install, "numpy>=99"])
+    assert refused and "conflicting dependencies" in told
+    assert status([*install, "h5py"])[0] == 0  # of the distribution, though its metadata have another name
+    assert status([*install, "numpy>=99"], PIP_CONSTRAINT=os.devnull)[0] == 0
+    assert status([python, "-c", "import numpy"])[0]
+    repaired, told = status([python, script])
+    assert repaired == 0 and "numpy 99 in place of the distribution's" in told
+    assert status([python, "-c", "import numpy, h5py"]) == (0, "")
+    (site / "matplotlib.py").write_text(
+        "raise RuntimeError('damaged')"
+    )  # nothing that pip knows: .venv is made anew
+    failed, told = status([python, script])
+    assert failed == 1 and "matplotlib" in told and "Traceback" not in told
 
 
 def test_a_copy_goes_into_a_new_folder_and_names_of_files_are_told(tmp_path, capsys):
