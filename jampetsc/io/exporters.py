@@ -1,6 +1,6 @@
 """Files for other programs: extended XYZ, LAMMPS dump and data, VTK PolyData, numpy's npz, HOOMD's GSD.
 
-Coordinates are one double each (GSD: single precision by a package before gsd 5); forces and stresses were found with all digits before.
+Coordinates are one double each (one single in GSD before gsd 5); forces and stresses were found with all digits before.
 """
 
 import importlib

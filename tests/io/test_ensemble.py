@@ -238,7 +238,7 @@ def test_tables_for_pandas(folder):
     if importlib.util.find_spec("pandas") is None:
         for one in (table, means):
             with pytest.raises(
-                InputError, match="requires the package pandas. Run: .* -m pip install pandas"
+                InputError, match=r"requires the package pandas\. Run: .* -m pip install pandas"
             ):
                 one.to_pandas()
         return

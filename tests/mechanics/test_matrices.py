@@ -63,7 +63,7 @@ def test_they_are_those_of_the_dense_reference(session, law):
 def test_a_model_for_pymor_has_the_same_moduli(session, packing):
     matrices = jampetsc.assemble(packing, jampetsc.ContactDamping(beta=0.1))
     if importlib.util.find_spec("pymor") is None:
-        with pytest.raises(InputError, match="requires the package pymor. Run: .* -m pip install pymor"):
+        with pytest.raises(InputError, match=r"requires the package pymor\. Run: .* -m pip install pymor"):
             matrices.to_pymor()
         return
     model, whole = matrices.to_pymor(), matrices.to_scipy()
