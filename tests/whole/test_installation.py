@@ -105,6 +105,30 @@ def test_pip_does_not_replace_the_packages_of_the_distribution(tmp_path):
     assert failed == 1 and "matplotlib" in told and "Traceback" not in told
 
 
+def test_the_demo_shows_means_and_powers_with_errors(tmp_path):
+    """At a tiny size, with the installation that runs the tests. Seven programs start: four seconds."""
+    (tmp_path / "run").mkdir()
+    text = (launch.ROOT / "run" / "demo").read_text()
+    for asked, less in (
+        ("n = 1024", "n = 16"),
+        ('"1:8"', '"1:2"'),
+        ("-n1024-", "-n16-"),
+        ("cores < 4 ? cores : 4", "1"),
+    ):
+        assert asked in text
+        text = text.replace(asked, less)
+    (tmp_path / "run" / "demo").write_text(text)
+    (tmp_path / "run" / "setup").symlink_to("/bin/true")
+    (tmp_path / "run" / "environment").symlink_to(launch.ROOT / "run" / "environment")
+    (tmp_path / ".venv").symlink_to(sys.prefix)
+    shown = run(["bash", "run/demo"], tmp_path)
+    assert "18 tasks, 0 failed" in shown
+    assert len(re.findall(r"(?m)^   p = 1e-0[234] .*( ± .*){3}$", shown)) == 6
+    assert len(re.findall(r"(?m)^   power of p .*( ± .*){3}$", shown)) == 2
+    for name in re.findall(r"demo/\S+\.(?:png|h5)", shown):
+        assert (tmp_path / name).is_file()
+
+
 def test_a_copy_goes_into_a_new_folder_and_names_of_files_are_told(tmp_path, capsys):
     assert cli.main(["examples", "--copy", str(tmp_path)]) == 2
     assert f"--copy {tmp_path}: is there already: name a new folder" in capsys.readouterr().err
