@@ -100,7 +100,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
     seed: int | None = of_making("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
     seeds: Sequence[int] | None = of_making("a packing for each seed, both ends included", kind=SEEDS)
-    from_: Disks | None = of_making("change the pressure of this packing", kind=PACKING)
+    from_: Disks | None = of_making("packing to start from, in its cell", kind=PACKING)
     ladder: bool = asked(
         False, "each pressure starts from the packing at the one before it, not from random disks", group=HOW
     )
