@@ -86,9 +86,10 @@ def _summary(to, file, disks) -> str:
     state, potential = measure(disks), disks.potential
     overlap, alpha = ("(δ/σ)" if potential.constants[2] else "δ"), potential.alpha
     (Lx, _), (tilt, Ly) = disks.cell
+    units = disks.record.get("units", f"lengths as in {file}")
     lines = [
         f"{to}: {disks.n} disks, phi = {disks.phi:.9g}, read as {disks.record['protocol']}",
-        f"  units     lengths as in {file}; U = (k/{alpha:g}) {overlap}^{alpha:g}, k = {potential.k:g}",
+        f"  units     {units}; U = (k/{alpha:g}) {overlap}^{alpha:g}, k = {potential.k:g}",
         f"  box       a1 = ({Lx:.9g}, 0), a2 = ({tilt:.9g}, {Ly:.9g})",
         f"  radii     {disks.radii.min():.9g} to {disks.radii.max():.9g}",
     ]
