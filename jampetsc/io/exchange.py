@@ -1,7 +1,6 @@
 """Disks as simulation programs write them: LAMMPS data and dump, extended XYZ, GSD, columns x y r, numpy's npz.
 
-Every reader gives ({name: array}, box): x, y and z where there is one, or positions, and columns by their own names;
-box in a form that `core.packing.cell_of` takes, None where the file has none. Errors do not name the file.
+Every reader gives a `DiskTable`. Errors do not name the file.
 """
 
 import io
@@ -13,13 +12,40 @@ import zlib
 import numpy as np
 
 from jampetsc.errors import InputError, MissingPackage, named
+from jampetsc.io.disk_table import LAW, DiskTable, is_number, law_in, law_of, numbers
 
-RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
-STYLES = {  # columns of Atoms in LAMMPS data files, of the styles that have diameters
+STYLES = {  # columns of Atoms in LAMMPS data files
     "sphere": "id type diameter density x y z",
     "bpm/sphere": "id mol type diameter density x y z",
+    "atomic": "id type x y z",
+    "charge": "id type q x y z",
+    "bond": "id mol type x y z",
+    "molecular": "id mol type x y z",
+    "full": "id mol type q x y z",
 }
 FLAT_BOX = "the box is tilted out of the plane: packings are two-dimensional here"
+COMPRESSIONS = {  # first bytes -> (program, command that decompresses)
+    b"\x1f\x8b": ("gzip", "gunzip --keep"),
+    b"\x1f\x9d": ("compress", "uncompress"),
+    b"BZh": ("bzip2", "bunzip2 --keep"),
+    b"\xfd7zXZ\x00": ("xz", "unxz --keep"),
+    b"\x28\xb5\x2f\xfd": ("zstd", "unzstd"),
+    b"\x04\x22\x4d\x18": ("lz4", "unlz4"),
+    b"7z\xbc\xaf\x27\x1c": ("7z", "7z x"),
+}
+
+
+def check_uncompressed(content, path):
+    """Raise InputError, with the command that decompresses the file, where a program has compressed it."""
+    compressions = dict(COMPRESSIONS)
+    first_name = content[30 : 30 + int.from_bytes(content[26:28], "little")]
+    if first_name and not first_name.endswith(b".npy"):  # otherwise a zip file of numpy
+        compressions[b"PK"] = "zip", "unzip"
+    for start, (program, command) in compressions.items():
+        if content.startswith(start):
+            raise InputError(
+                f"compressed by {program}. Decompress it first: {command} {shlex.quote(str(path))}"
+            )
 
 
 def pick(index, count):
@@ -29,21 +55,9 @@ def pick(index, count):
     return index
 
 
-def disks_of(columns, radius=None):
-    """(positions, radii) of what a reader gives; radius: name of the column of radii. Raises InputError."""
-    names = [name for name in columns if (name == radius if radius else name.lower() in RADII)]
-    if not names:
-        wanted = radius or "radius or diameter"
-        raise InputError(
-            f"no {wanted} among {', '.join(columns)}: {named('radius')} says which are the radii; "
-            "without any, give arrays to jampetsc.Packing in python"
-        )
-    radii = numbers(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
-    if "positions" in columns:
-        return columns["positions"], radii
-    if not {"x", "y"} <= set(columns):
-        raise InputError(f"no coordinates among {', '.join(columns)}")
-    return np.column_stack([numbers(columns[axis]) for axis in "xyz" if axis in columns]), radii
+def _places(columns, names="xyz"):
+    """(N, 2) or (N, 3) coordinates from the columns of these names, the last of which may be missing."""
+    return np.column_stack([numbers(columns[name]) for name in names if name in columns])
 
 
 def read_lammps_dump(content, index):
@@ -74,24 +88,24 @@ def read_lammps_dump(content, index):
             break
     else:
         raise InputError(f"no coordinates x y, xu yu, xs ys or xsu ysu among {', '.join(columns)}")
-    place = np.column_stack([numbers(columns[axis + kind]) for axis in "xyz" if axis + kind in columns])
+    place = _places(columns, [axis + kind for axis in "xyz"])
     if "s" in kind:
         axes = place.shape[1]
         place = place @ cell[:axes, :axes] + low[:axes]
-    return {**columns, "positions": place}, cell[:2, :2]
+    return DiskTable(columns, place, cell[:2, :2], law_in(found["UNITS"][1] if "UNITS" in found else ""))
 
 
 def read_lammps_data(content, index):
-    """A LAMMPS data file of an atom style that has diameters."""
+    """A LAMMPS data file of one of STYLES."""
     pick(index, 1)
-    text = content.decode().partition("\n")[2]  # the first line is a title
+    title, _, text = content.decode().partition("\n")
     header, _, body = text.partition("\nAtoms")
     hint, _, body = body.partition("\n")
     style = hint.strip(" \t\r#")
     if style not in STYLES:
         raise InputError(
-            f"Atoms # {style or '(no style)'}: has no diameters: say 'Atoms # sphere' of {STYLES['sphere']}, "
-            "or dump a column radius"
+            f"Atoms # {style or '(no style)'}: must be one of {', '.join(STYLES)}. Write the style there, e.g. "
+            f"'Atoms # sphere' of columns {STYLES['sphere']}"
         )
 
     def said(what, count, default=None):
@@ -109,7 +123,8 @@ def read_lammps_data(content, index):
     if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
     rows = _rows(body, _count(said("atoms", 1)[0]))
-    return _columns(STYLES[style].split(), rows), cell[:2, :2]
+    columns = _columns(STYLES[style].split(), rows)
+    return DiskTable(columns, _places(columns), cell[:2, :2], law_in(title))
 
 
 def read_extxyz(content, index):
@@ -132,21 +147,25 @@ def read_extxyz(content, index):
         names += several if width > 1 else [name]
     count = _count(lines[first])
     columns = _columns(names, _rows("\n".join(lines[first + 2 : first + 2 + count]), count))
+    if not {"x", "y"} <= set(columns):
+        raise InputError(f"no pos among the Properties {', '.join(properties[::3])}")
+    law, place = law_of(entries), _places(columns)
     if "Lattice" not in entries:
-        return columns, None
+        return DiskTable(columns, place, None, law)
     lattice = numbers(entries["Lattice"].split())
     if lattice.shape != (9,) or lattice[[2, 5, 6, 7]].any():
         raise InputError(f'Lattice="{entries["Lattice"]}": need a₁ and a₂ in the plane, a₃ across it')
     if any(flag[0] not in "Tt1" for flag in entries.get("pbc", "T T").split()[:2]):
         raise InputError(f'pbc="{entries["pbc"]}": must be periodic in x and y')
-    return columns, lattice.reshape(3, 3)[:2, :2]
+    return DiskTable(columns, place, lattice.reshape(3, 3)[:2, :2], law)
 
 
 def read_xyr(content, index):
     """Lines x y r; a line `box L`, `box Lx Ly` or `box Lx Ly xy`, which may be a comment (#), if there is one."""
     pick(index, 1)
     rows, box = _xyr(content.decode())
-    return _columns(("x", "y", "radius"), rows), None if box is None else numbers(box[1].split())
+    columns = _columns(("x", "y", "radius"), rows)
+    return DiskTable(columns, _places(columns), None if box is None else numbers(box[1].split()))
 
 
 def _xyr(text):
@@ -167,7 +186,8 @@ def read_npz(content, index):
         raise InputError(f"not arrays of numpy.savez, or damaged ({error})") from None
     if "positions" not in arrays:
         raise InputError(f"no array positions among {', '.join(arrays)}")
-    return arrays, arrays.get("box", arrays.get("cell"))
+    law = {name: arrays.pop(name).item() for name in (*LAW, "units") if np.ndim(arrays.get(name, [])) == 0}
+    return DiskTable(arrays, arrays["positions"], arrays.get("box", arrays.get("cell")), law)
 
 
 def read_gsd(content, index):
@@ -187,8 +207,11 @@ def read_gsd(content, index):
     Lx, Ly, _, xy, xz, yz = logged if np.array_equal(np.asarray(logged, np.float32), box) else box
     if xz or yz:
         raise InputError(FLAT_BOX)
-    columns = {"positions": frame.particles.position, "diameter": frame.particles.diameter}
-    return columns, (Lx, Ly, xy)
+    particles = frame.particles
+    columns = {"diameter": particles.diameter, "type": [particles.types[row] for row in particles.typeid]}
+    texts = {n: v.tobytes().decode(errors="replace") for n, v in frame.log.items() if v.dtype == np.uint8}
+    values = {n: v.item() for n, v in frame.log.items() if v.size == 1}
+    return DiskTable(columns, particles.position, (Lx, Ly, xy), law_of(values | texts))
 
 
 READERS = {
@@ -215,7 +238,9 @@ def format_of(content) -> str | None:
     }
     found = next((name for name, look in looks.items() if re.match(look, text)), None)
     first = _xyr(text)[0][:1]
-    return "xyr" if found is None and first and len(first[0]) == 3 and _are_numbers(first[0]) else found
+    return (
+        "xyr" if found is None and first and len(first[0]) == 3 and all(map(is_number, first[0])) else found
+    )
 
 
 def _rows(body, count):
@@ -245,19 +270,6 @@ def _table(body, rows, columns):
     if any(len(row) != columns for row in table):
         raise InputError(f"{body.strip()!r}: need {rows} lines of {columns} numbers")
     return np.array(table)
-
-
-def numbers(words):
-    """Words as an array of numbers. Raises InputError."""
-    try:
-        return np.asarray(words, float)
-    except (TypeError, ValueError):
-        shown = " ".join(map(str, list(words)[:5]))
-        raise InputError(f"{shown}{' …' if len(words) > 5 else ''}: not numbers") from None
-
-
-def _are_numbers(words):
-    return all(re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", word, re.IGNORECASE) for word in words)
 
 
 def _count(word):

@@ -1,6 +1,7 @@
 """Files for other programs: extended XYZ, LAMMPS dump and data, VTK PolyData, numpy's npz, HOOMD's GSD.
 
 Coordinates are one double each (one single in GSD before gsd 5); forces and stresses were found with all digits before.
+Every format carries `Frame.law`, so that a reader finds the same forces.
 """
 
 import importlib
@@ -58,6 +59,13 @@ def _lines(columns, start="") -> str:
     return "".join(f"{start}{' '.join(map(repr, row))}\n" for row in rows)
 
 
+def _words(entries) -> str:
+    """Entries as words key=value, texts with spaces in quotes; numbers to the last bit."""
+    return " ".join(
+        f'{key}="{value}"' if " " in str(value) else f"{key}={value}" for key, value in entries.items()
+    )
+
+
 def _thickness(frame):
     """Height of the cell in the third dimension: a diameter."""
     return 2.0 * float(frame.disks.radii.max())
@@ -81,16 +89,15 @@ def _xyz(frame: Frame, number) -> bytes:
     for name, values in columns.items():
         kind = "I" if values.dtype.kind == "i" else "R"
         properties += f":{'velo' if name == 'velocity' else name}:{kind}:{values[0].size}"
-    facts = "".join(f" {name}={value!r}" for name, value in frame.facts.items())
     head = (
         f'{frame.disks.n}\nLattice="{ax!r} 0 0 {bx!r} {by!r} 0 0 0 {_thickness(frame)!r}" '
-        f'Properties={properties} pbc="T T F" frame={number}{facts}\n'
+        f'Properties={properties} pbc="T T F" {_words({"frame": number} | frame.law | frame.facts)}\n'
     )
     return (head + _lines(columns.values(), "X ")).encode()
 
 
 def _dump(frame: Frame, number) -> bytes:
-    """A frame of a LAMMPS dump: x and y inside the cell, velocities as vx and vy."""
+    """A frame of a LAMMPS dump: x and y inside the cell, velocities as vx and vy; the first one tells the units."""
     n, (ax, _), (bx, by) = frame.disks.n, *frame.disks.cell.tolist()
     half = _thickness(frame) / 2
     columns = {"id": np.arange(1, n + 1), "type": types_of(frame.disks.radii)}
@@ -100,8 +107,9 @@ def _dump(frame: Frame, number) -> bytes:
     names = " ".join(
         own.get(name, f"{name}_x {name}_y" if values.ndim == 2 else name) for name, values in columns.items()
     )
+    units = "" if number else f"ITEM: UNITS\nlj {_words(frame.law)}\n"
     head = (
-        f"ITEM: TIMESTEP\n{number}\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS xy xz yz pp pp ff\n"
+        f"{units}ITEM: TIMESTEP\n{number}\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS xy xz yz pp pp ff\n"
         f"{min(0.0, bx)!r} {ax + max(0.0, bx)!r} {bx!r}\n0.0 {by!r} 0.0\n{-half!r} {half!r} 0.0\n"
         f"ITEM: ATOMS {names}\n"
     )
@@ -118,7 +126,7 @@ def _data(frame: Frame, number) -> bytes:
     ends = zip(*(a.tolist() for a in (c.i + 1, c.j + 1, c.force, c.overlap)), strict=True)
     bonds = "".join(f"{row} 1 {i} {j} # {f!r} {d!r}\n" for row, (i, j, f, d) in enumerate(ends, 1))
     return (
-        f"LAMMPS data file of jampetsc, units lj; bonds are contacts: # force overlap\n\n"
+        f"LAMMPS data file of jampetsc, bonds are contacts: # force overlap; units = lj, {_words(frame.law)}\n\n"
         f"{disks.n} atoms\n{len(c)} bonds\n{types.max()} atom types\n1 bond types\n\n"
         f"0.0 {ax!r} xlo xhi\n0.0 {by!r} ylo yhi\n{-half!r} {half!r} zlo zhi\n{bx!r} 0.0 0.0 xy xz yz\n\n"
         f"Atoms # bpm/sphere\n\n{_lines(atoms)}" + (f"\nBonds\n\n{bonds}" if bonds else "")
@@ -143,7 +151,8 @@ def _vtp(frame: Frame, number) -> bytes:
     lines = {"connectivity": np.column_stack((c.i, point)).ravel(), "offsets": 2 * np.arange(1, len(c) + 1)}
     return (
         '<?xml version="1.0"?>\n<VTKFile type="PolyData" version="0.1" byte_order="LittleEndian">\n<PolyData>\n'
-        f"<FieldData>\n{_array('cell', _spatial(disks.cell), tuples=True)}</FieldData>\n"
+        f"<FieldData>\n{_array('cell', _spatial(disks.cell), tuples=True)}{_field_data(frame.law | frame.facts)}"
+        "</FieldData>\n"
         f'<Piece NumberOfPoints="{len(points)}" NumberOfVerts="0" NumberOfLines="{len(c)}" NumberOfStrips="0" '
         f'NumberOfPolys="0">\n<Points>\n{_array("points", _spatial(points))}</Points>\n'
         f"<PointData>\n{_arrays(columns)}</PointData>\n<CellData>\n{_arrays(bonds)}</CellData>\n"
@@ -153,6 +162,19 @@ def _vtp(frame: Frame, number) -> bytes:
 
 def _arrays(columns):
     return "".join(_array(name, values) for name, values in _solid(columns).items())
+
+
+def _field_data(entries):
+    """Entries as arrays of one tuple; a text is the codes of its characters and a zero."""
+    arrays = []
+    for name, value in entries.items():
+        if isinstance(value, str):
+            codes = np.array([*value.encode(), 0])
+            head = f'<DataArray type="String" Name="{name}" NumberOfTuples="1" format="ascii">'
+            arrays.append(f"{head}\n{_lines([codes])}</DataArray>\n")
+        else:
+            arrays.append(_array(name, np.array([value]), tuples=True))
+    return "".join(arrays)
 
 
 def _array(name, values, tuples=False):
@@ -166,12 +188,9 @@ def _array(name, values, tuples=False):
 def _npz(frame: Frame, number) -> bytes:
     disks, c, file = frame.disks, frame.contacts, io.BytesIO()
     contacts = {"pairs": np.column_stack((c.i, c.j)), "bonds": c.r, "force": c.force, "overlap": c.overlap}
-    law = disks.potential
     np.savez(
         file,
-        potential=law.kind,
-        stiffness=law.stiffness,
-        k=law.k,
+        **frame.law,
         positions=disks.positions,
         cell=disks.cell,
         **frame.columns,
@@ -191,7 +210,7 @@ def _gsd():
 
 
 def _write_gsd(stream, frames) -> int:
-    """HOOMD frames, the middle of the cell at the origin; columns and forces are in their log."""
+    """HOOMD frames, the middle of the cell at the origin; law, columns and forces are in their log."""
     hoomd, count = _gsd(), 0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frames.gsd"
@@ -229,7 +248,10 @@ def _gsd_frame(hoomd, frame, number):
     made.bonds.group = np.column_stack((c.i, c.j))
     made.log = {f"particles/{name}": values for name, values in frame.columns.items()}
     made.log |= {"bonds/force": c.force, "bonds/overlap": c.overlap}
-    made.log |= {name: np.array([value]) for name, value in frame.facts.items()}
+    for name, value in (frame.law | frame.facts).items():  # a text as its bytes
+        made.log[name] = (
+            np.frombuffer(value.encode(), np.uint8) if isinstance(value, str) else np.array([value])
+        )
     made.log["configuration/box"] = np.array(made.configuration.box)  # gsd rounds a box to single precision
     return made
 

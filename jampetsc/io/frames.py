@@ -23,6 +23,13 @@ class Frame:
     bearing: np.ndarray  # (M,) mask of contacts that bear load, between disks that are not rattlers
     facts: dict = field(default_factory=dict)  # name -> number for the whole frame
 
+    @property
+    def law(self) -> dict:
+        """The law of the forces, from which `importers` computes them again, and the units where they are known."""
+        law = self.disks.potential
+        units = {"units": self.disks.record["units"]} if "units" in self.disks.record else {}
+        return {"potential": law.kind, "stiffness": law.stiffness, "k": float(law.k)} | units
+
 
 def packing_frame(disks: Disks, vectors=None, facts=None) -> Frame:
     """A packing: radius, area, coordination, rattler and stress of every disk, then `vectors`, name -> (N, …).

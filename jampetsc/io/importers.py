@@ -14,7 +14,8 @@ from jampetsc.core.packing import Packing, measured
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.checksums import SIGNATURE
-from jampetsc.io.exchange import READERS, disks_of, format_of, numbers, pick
+from jampetsc.io.disk_table import LAW, numbers, radii_in
+from jampetsc.io.exchange import READERS, check_uncompressed, format_of, pick
 from jampetsc.io.hdf5 import open_file, values
 from jampetsc.io.regular import open_regular
 
@@ -33,14 +34,17 @@ def import_packing(
     path     of the file
     index    number of the packing, or frame, in the file, from 0
     format   one of `exchange.READERS`; None: recognised by the content
-    radius   column or array of radii, halved if its name begins with diameter; None: radius or diameter
-    box, potential, stiffness, k   as for `core.packing.Packing`; box for a file that has none; None: those that an
-             .npz says, else those of `Packing`
+    radius   column or array of radii, halved if its name begins with diameter; radii by type, {1: 0.5, 2: 0.7} or
+             "1=0.5,2=0.7"; None: radius or diameter
+    box      as for `core.packing.Packing`, for a file that has none
+    potential, stiffness, k   as for `Packing`; None: what the file says, or else those of `Packing`. LAMMPS' pair
+             style harmonic/cut has the energy K δ²: k = 2K
 
     Returns Disks, in the file's unit of length. Their record has pressure, phi, energy and max_force as computed here,
-    and those of a published file as published_pressure, published_energy, … Raises InputError for an unknown format, a
-    damaged file, a wrong index, a packing that is three-dimensional or not periodic, or whose pressure or energy is not
-    the one in the file.
+    those of a published file as published_pressure, published_energy, …, and as `assumed` which of potential, stiffness
+    and k neither the file nor the caller says. Raises InputError for an unknown format, a compressed or damaged file, a
+    wrong index, a packing that is three-dimensional or not periodic, or whose pressure or energy is not the one in the
+    file.
     """
     try:
         with open_regular(path) as file:
@@ -55,6 +59,7 @@ def import_packing(
     law = {name: value for name, value in law.items() if value is not None}
     format = format or format_of(content)
     with about(path):
+        check_uncompressed(content, path)
         if format:
             disks = _read_exchanged(content, index, format, radius, box, law)
         elif law or radius or box is not None:
@@ -71,20 +76,20 @@ def import_packing(
 
 def _read_exchanged(content, index, format, radius, box, law):
     try:
-        columns, own = READERS[format](content, index)
+        table = READERS[format](content, index)
     except UnicodeDecodeError:
         raise InputError(f"{format}: is not text") from None
-    if (own is None) == (box is None):
+    if (table.box is None) == (box is None):
         raise InputError(
             f"has no box: give {named('box')}, L, Lx,Ly or Lx,Ly,xy"
             if box is None
             else f"has a box: leave out {named('box')}"
         )
-    # an .npz may hold single values of these names; columns of other formats are of disks
-    own_law = {name: columns[name] for name in ("potential", "stiffness", "k") if name in columns}
-    law = {name: value.item() for name, value in own_law.items() if np.ndim(value) == 0} | law
-    disks = Packing(*disks_of(columns, radius), own if box is None else box, **law)
-    return disks.with_record(protocol=format)
+    radii, law = radii_in(table.columns, radius), table.law | law
+    record = {"protocol": format} | ({"units": law.pop("units")} if "units" in law else {})
+    assumed = ", ".join(name for name in LAW if name not in law)
+    disks = Packing(table.positions, radii, table.box if box is None else box, **law)
+    return disks.with_record(**record, **({"assumed": assumed} if assumed else {}))
 
 
 def _checked(disks):

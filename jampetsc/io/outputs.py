@@ -18,7 +18,7 @@ PICTURE, TABLE, EXPORTED = "picture", "table", "exported"
 _PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin
 _EXPORTS = {  # ending -> how such a file begins
     ".xyz": re.compile(rb"\d+\nLattice="),
-    ".dump": re.compile(rb"ITEM: TIMESTEP"),
+    ".dump": re.compile(rb"ITEM: (UNITS|TIMESTEP)"),
     ".data": re.compile(rb"LAMMPS data file"),
     ".vtp": re.compile(rb"<\?xml[^>]*>\s*<VTKFile"),
     ".npz": re.compile(rb"PK\x03\x04"),

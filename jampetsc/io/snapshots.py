@@ -21,7 +21,7 @@ class Snapshot(Disks):
 
 def snapshot(result, row=-1) -> Snapshot:
     """A snapshot of a flow, the last one if no other is asked for, as a packing with `velocities`, `spins` and
-    `unwrapped`; its record has the number of disks of `walls`, if there are any.
+    `unwrapped`; its record has `units`, and the number of disks of `walls`, if there are any.
 
     Raises InputError where the file holds none, or not so many.
     """
@@ -36,6 +36,6 @@ def snapshot(result, row=-1) -> Snapshot:
     kept = {name: result.stored(f"snapshots/{name}")[row] for name in names if f"snapshots/{name}" in result}
     radii = result.get("snapshots/radii")
     radii = result["state/radii"] if radii is None else radii  # where older files have them
-    record = {"walls": int(a["walls"])} if "walls" in a else {}
+    record = {name: convert(a[name]) for name, convert in (("walls", int), ("units", str)) if name in a}
     disks = Snapshot.from_positions(kept.pop("positions"), radii, kept.pop("cell"), potential, record=record)
     return replace(disks, rate=float(a["rate"]), **kept)

@@ -60,6 +60,7 @@ class Pack(Job):
     EPILOG: ClassVar = """examples:
   jampetsc pack --n 1024 --pressure 1e-3 --seed 1 --out p1e-3.h5
   jampetsc pack --pressure 1e-4 --from p1e-3.h5 --out p1e-4.h5
+  jampetsc pack --n 1024 --phi 0.86 --seed 1 --stabilise shear --out start.h5   # for `jampetsc shear`: sigma(0) = 0
   mpirun -n 4 jampetsc pack --n 1024 --pressure 1e-2,1e-3 --seeds 1:20 --out "p{pressure}-{seed}.h5"
   jampetsc pack --n 1024 --pressure 1e-3,1e-4 --ladder --seeds 1:20 --out "down-{pressure}-{seed}.h5"
 
@@ -90,7 +91,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
     stabilise: str = asked(
         "volume",
-        "shear: the shape of the cell relaxes, too, so that G₀ > 0",
+        "shear: the shape of the cell relaxes, too, at the given p or φ, so that σ_xy = 0 and G₀ > 0",
         choices=("volume", "shear"),
         group=WHAT,
     )
@@ -99,7 +100,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
     seed: int | None = of_making("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
     seeds: Sequence[int] | None = of_making("a packing for each seed, both ends included", kind=SEEDS)
-    from_: Disks | None = of_making("change the pressure of this packing", kind=PACKING)
+    from_: Disks | None = of_making("packing to start from, in its cell", kind=PACKING)
     ladder: bool = asked(
         False, "each pressure starts from the packing at the one before it, not from random disks", group=HOW
     )
@@ -117,10 +118,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
                 raise InputError(f"{given[1]}: not together with {given[0]}; leave one out")
         if self.pressure is None and self.phi is None:
             raise InputError(f"{named('pressure')} is missing: give it, or {named('phi')}")
-        if self.phi is not None and self.stabilise == "shear":
-            raise InputError(
-                f"{named('stabilise')} shear: needs {named('pressure')}; at fixed {named('phi')} the cell does not move"
-            )
         if self.ladder and self.pressure is None:
             raise InputError(f"{named('ladder')}: needs {named('pressure')}")
         if self.from_ is None:
@@ -149,7 +146,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         from jampetsc.minimise.protocols import Target
 
         if self.pressure is None:
-            targets = {"": Target(phi=self.phi, tolerance=self.tolerance)}
+            targets = {"": Target(phi=self.phi, **self._how)}
         else:
             words = self.pressure if isinstance(self.pressure, tuple) else (self.pressure,)
             targets = {word: Target(k * float(word), **self._how) for word in words}

@@ -1,4 +1,4 @@
-"""Minimise in this cell, or at this pressure: from any disks to a proved minimum of the energy or the enthalpy.
+"""Minimise in this cell, at this area or at this pressure: from any disks to a proved minimum of energy or enthalpy.
 
 L-BFGS comes first: it follows the rearrangements of a quench cheaply, and does not need the contacts of the minimum.
 Newton's method then takes a few steps; if it does not converge, contacts still change, and L-BFGS goes on to a tenth of
@@ -66,7 +66,7 @@ def minimise(
     team: Team | None = None,
     effort: Effort | None = None,
 ) -> Minimum:
-    """The minimum of the energy in the disks' cell, or of the enthalpy at a pressure, downhill from `disks`.
+    """The minimum of the energy in the cell or at its area, or of the enthalpy at a pressure, downhill from `disks`.
 
     goal       what is held fixed
     solver     Cholesky factorisations of the Hessian, see `newton`

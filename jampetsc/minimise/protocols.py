@@ -90,7 +90,9 @@ def make_packing(
 
     fresh: a random start, relaxed in its cell first; otherwise a packing whose pressure is changed. At a
     target pressure the path goes down decade by decade, every packing on the way relaxed to max |F| = 1e-2 p
-    d. solver: see `newton`. team: the threads to do it with; how many does not change the packing.
+    d. At a target φ the disks come to rest in their cell; to stabilise "shear" the cell then shears at this φ, to a
+    minimum of U over positions and γ, where dU/dγ = V σ_xy = 0. solver: see `newton`. team: the threads to do it
+    with; how many does not change the packing.
 
     Raises ConvergenceError where no minimum is reached, InputError for a φ below jamming.
     """
@@ -117,7 +119,11 @@ def make_packing(
             path.append(f"p = {pressure:.6g}")
         effort.stage = f"p = {target.pressure:.3g}"
         path.append(f"p = {target.pressure:.6g}")
-    found = minimise(disks, goal, solver, tolerance=target.tolerance, shakes=SHAKES, team=team, effort=effort)
+    how = {"tolerance": target.tolerance, "shakes": SHAKES, "team": team, "effort": effort}
+    found = minimise(disks, goal, solver, **how)
+    if target.pressure is None and target.stabilise == "shear" and found.jammed:
+        path.append("shear_stress = 0")
+        found = minimise(found.disks, Goal(shear=True), solver, **how)
     if not found.jammed:
         raise InputError(f"phi = {target.phi:.6g}: the disks do not touch: choose a larger packing fraction")
     path += ["shaken"] * effort.shakes

@@ -54,6 +54,14 @@ def test_energy_grows_by_the_work_of_the_stress(session, tmp_path):
     assert facts["energy_cut"] == ENERGY_CUT and facts["discard"] == 0.03
 
 
+def test_shear_begins_without_stress_from_a_packing_at_a_packing_fraction_that_has_none(session):
+    """σ(γ) = G₀ γ from the first step on."""
+    packing = jampetsc.pack(n=24, phi=0.9, seed=1, stabilise="shear")
+    result = jampetsc.shear(packing, step=1e-6, strain=3e-6, tolerance=1e-12)
+    wanted = packing.record["shear_modulus"] * result["strain"]
+    np.testing.assert_allclose(result["shear_stress"], wanted, rtol=1e-3)
+
+
 @pytest.fixture
 def jammed(session):
     """48 disks at φ = 0.87 to shear slowly, and the solver of their quench."""

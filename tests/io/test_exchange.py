@@ -1,8 +1,14 @@
 """Packings of other programs and of arrays: written by hand as formats have them, they come back with the same G*."""
 
+import bz2
+import gzip
 import importlib.util
 import io
+import lzma
 import re
+import shlex
+import zipfile
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -38,7 +44,7 @@ def table(*columns, order=range(16)):
     return "".join(" ".join(f"{x:.17g}" for x in row) + "\n" for row in rows)
 
 
-def dump(names, *columns, tilt=TILT, low=(0.0, 0.0), flags="pp pp pp", step=0):
+def dump(names, *columns, tilt=TILT, low=(0.0, 0.0), flags="pp pp pp", step=0, types=None):
     """A snapshot as LAMMPS' `dump custom` has it: bounds of the tilted box, disks in any order."""
     (x, y), ids = low, np.arange(1, 17)
     bounds = [(x + min(0, tilt), x + max(0, tilt) + LX, tilt), (y, y + LY, 0), (-0.5, 0.5, 0)]
@@ -46,7 +52,7 @@ def dump(names, *columns, tilt=TILT, low=(0.0, 0.0), flags="pp pp pp", step=0):
         f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n16\nITEM: BOX BOUNDS xy xz yz {flags}\n"
         + "".join(" ".join(f"{value:.17g}" for value in row) + "\n" for row in bounds)
         + f"ITEM: ATOMS id type {names}\n"
-        + table(ids, np.ones(16, int), *columns, order=ORDER)
+        + table(ids, np.ones(16, int) if types is None else types, *columns, order=ORDER)
     )
 
 
@@ -75,6 +81,12 @@ def data(style="sphere", tilt=f"{TILT:.17g} 0 0 xy xz yz\n", z=None):
     )
 
 
+def atomic():
+    """The same data file of points with types."""
+    rows = table(np.arange(1, 17), TYPES, *X.T, 0 * R, order=ORDER)
+    return data().partition("Atoms")[0] + f"Atoms # atomic\n\n{rows}"
+
+
 def vectors(text, lean=0):
     """The same data file with the box as OVITO has it."""
     box = f"{LX:.17g} 0 0 avec\n{TILT:.17g} {LY:.17g} {lean} bvec\n0 0 1 cvec\n3 -2 0 abc origin\n"
@@ -93,6 +105,7 @@ def npz(**arrays):
     return stream.getvalue()
 
 
+TYPES = np.where(R > 1.2, 2, 1)
 FRACTIONS = X @ np.linalg.inv([A1, A2 - A1])
 XYR = table(*X.T, R)
 FILES = {  # name -> (content, what is told to `import_packing`)
@@ -102,9 +115,11 @@ FILES = {  # name -> (content, what is told to `import_packing`)
         {"index": 1, "radius": "r"},
     ),
     "lammps-dump xs ys": (dump("radius xs ys zs", R, *FRACTIONS.T, 0 * R + 0.5, low=LOW, tilt=TILT - LX), {}),
+    "lammps-dump of types": (dump("x y", *X.T, types=TYPES), {"radius": "1=1, 2=1.4"}),
     "lammps-dump xs ys of cell vectors": (general(dump("radius xs ys", R, *FRACTIONS.T), LOW), {}),
     "lammps-data": (data(), {}),
     "lammps-data of cell vectors": (vectors(data()), {}),
+    "lammps-data of types": (atomic(), {"radius": {1: 1.0, 2: 1.4}}),
     "extxyz": (extxyz(radii=2 * R) + extxyz('pbc="T T F" Time=1 Note="two words"') + "\n", {"index": 1}),
     "xyr": (f"# x y r\n# box: {LX:.17g}, {LY:.17g}, {TILT / LY:.17g}\n{XYR.replace(' ', ',  ')}", {}),
     "xyr without a box": (XYR, {"box": (LX, LY, TILT / LY)}),
@@ -113,6 +128,7 @@ FILES = {  # name -> (content, what is told to `import_packing`)
         npz(positions=X, radii=R, cell=DISKS.cell, potential="hertzian", stiffness="constant", k=3.0),
         {"potential": "harmonic", "k": 1.0},
     ),
+    "extxyz of another potential": (extxyz("potential=-3.5 stiffness=2 k=7"), {}),  # not jampetsc's words
     "npz without a box": (npz(positions=X, sizes=R), {"radius": "sizes", "box": DISKS.cell}),
 }
 
@@ -193,6 +209,13 @@ def test_gsd_is_read_by_its_package(tmp_path, expected):
             jampetsc.import_packing(tmp_path / "cut.gsd")
 
 
+def zipped(content):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as file:
+        file.writestr("dump.lammpstrj", content)
+    return stream.getvalue()
+
+
 TEXT = dump("x y radius", *X.T, R)
 REFUSED = {  # what is wrong -> (content, what is told, the message)
     "spread in z": (dump("x y z radius", *X.T, R, R), {}, "centres spread by 0.4 in z: packings are two-dim"),
@@ -211,14 +234,37 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "no radii": (
         TEXT.replace("radius", "q"),
         {},
-        "no radius or diameter among id, type, x, y, q, positions: radius",
+        r"no column radius or diameter among id, type, x, y, q\. Name the column of the radii by radius, or give a "
+        "radius for each type: radius 1=0.5$",
     ),
-    "no such column": (TEXT, {"radius": "size"}, "no size among id, type, x, y, radius"),
+    "no such column": (
+        TEXT,
+        {"radius": "size"},
+        r"no column size among id, type, x, y, radius\. Name the column",
+    ),
+    "no radii of arrays": (
+        npz(positions=X, box=9.0),
+        {},
+        "among positions, box.* give arrays to jampetsc.Packing",
+    ),
+    "no radius of a type": (
+        TEXT,
+        {"radius": "2=1"},
+        "no radius for type 1. Give one for each type by radius, which",
+    ),
+    "no radius in a type": (TEXT, {"radius": "1=0.5,2"}, r"radius 2=: must be positive. Give TYPE=R"),
+    "negative radius of a type": (TEXT, {"radius": {1: -0.5}}, r"radius 1=-0.5: must be positive"),
+    "no types": (npz(positions=X, box=9.0), {"radius": "1=0.5"}, "no column type or .* among positions, box"),
     "no coordinates": (TEXT.replace("x y", "a b"), {}, "no coordinates x y, xu yu, xs ys or xsu ysu"),
     "no numbers": (TEXT.replace("x y radius", "x radius y").replace("9.", "z"), {}, "not numbers"),
     "no frame": (TEXT, {"index": 1}, "index 1: it holds 1, numbered from 0"),
-    "points": (data("atomic"), {}, "Atoms # atomic: has no diameters: say 'Atoms # sphere'"),
-    "no hint": (data("").replace(" # ", ""), {}, r"\(no style\): has no diameters"),
+    "points": (data("atomic"), {}, r"no column radius or diameter among id, type, x, y, z\. Name"),
+    "ellipses": (
+        data("ellipsoid"),
+        {},
+        "Atoms # ellipsoid: must be one of sphere, .* Write the style there, e.g.",
+    ),
+    "no hint": (data("").replace(" # ", ""), {}, r"\(no style\): must be one of sphere"),
     "no bounds": (data().replace("ylo yhi", ""), {}, "no ylo yhi in the header"),
     "short xyz": (extxyz()[:-60], {}, "lines for 16 disks|line 'A"),
     "xyz of no count": (extxyz() + "x\n", {}, "'x': need a number of disks"),
@@ -234,6 +280,20 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "not as told": (TEXT, {"format": "xyr"}, "line 'ITEM TIMESTEP': need x y radius"),
     "no text": (b"\xff\xfe\xff" * 9, {"format": "extxyz"}, "extxyz: is not text"),
     "potential": (TEXT, {"potential": "lj"}, "potential 'lj': choose one of harmonic, hertzian"),
+    **{
+        program: (
+            compress(TEXT.encode()),
+            told,
+            f"compressed by {program}. Decompress it first: {command} .*any$",
+        )
+        for program, compress, told, command in (
+            ("gzip", gzip.compress, {}, "gunzip --keep"),
+            ("bzip2", bz2.compress, {}, "bunzip2 --keep"),
+            ("xz", lzma.compress, {"format": "lammps-dump"}, "unxz --keep"),
+            ("zip", zipped, {}, "unzip"),
+            ("zstd", b"\x28\xb5\x2f\xfd".__add__, {}, "unzstd"),
+        )
+    },
 }
 
 
@@ -319,7 +379,29 @@ def test_the_command_says_units_and_whether_forces_balance(tmp_path, capsys):
     said = imported(*box)
     assert "16 disks, phi = 0.814949066, read as xyr" in said and "balanced" not in said
     assert f"lengths as in {tmp_path}/p.txt; U = (k/2) δ^2, k = 1" in said and "radii     1 to 1.4" in said
+    assert "  assumed   potential, stiffness, k: not in " in said
+    assert ".txt. If they differ, give --potential, --stiffness, --k\n" in said + "\n"
     law = ("--potential", "hertzian", "--stiffness", "inverse-square-diameter", "--k", "3")
     said = imported(*box, *law, "--format", "xyr", "--frame", "0")
-    assert "U = (k/2.5) (δ/σ)^2.5, k = 3" in said and "forces    are not balanced, max|F|/(p d) = " in said
+    assert "U = (k/2.5) (δ/σ)^2.5, k = 3" in said and "assumed  " not in said
+    assert "forces    are not balanced, max|F|/(p d) = " in said
+    (tmp_path / "p.txt").write_text(TEXT)
+    assert "give --potential, --stiffness, --k; LAMMPS' harmonic/cut K means k = 2K" in imported()
+    (tmp_path / "p.txt").write_text(XYR)
+    imported(*box, *law)
     assert read_packing(tmp_path / "p.h5").potential == Potential("hertzian", "inverse-square-diameter", 3.0)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_the_command_that_minimises_is_run_as_it_is_printed(session, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("moved.txt").write_text(f"box {LX} {LY} {TILT / LY}\n" + table(*X.T, 1.05 * R))
+    assert cli.dispatch(["import", "moved.txt", "--out", "own packing.h5"]) == 0
+    said = capsys.readouterr().out
+    command = said.partition("To make it one: jampetsc ")[2]
+    assert "--out 'own packing-minimum.h5'" in command
+    assert cli.dispatch(shlex.split(command)) == 0
+    start, found = read_packing("own packing.h5"), read_packing("own packing-minimum.h5")
+    assert found.phi == pytest.approx(start.phi, rel=1e-12) and found.record["negative_modes"] == 0
+    assert measure(found).max_force < 1e-10 < 1e-3 < measure(start).max_force

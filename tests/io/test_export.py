@@ -33,10 +33,12 @@ def frames_of(path):
     starts = {".xyz": "Lattice=", ".dump": "ITEM: TIMESTEP", ".data": "LAMMPS data"}
     formats = {".xyz": "extxyz", ".dump": "lammps-dump", ".data": "lammps-data"}
     for index, part in enumerate(text.split(starts[path.suffix])[1:]):
-        columns, cell = READERS[formats[path.suffix]](text.encode(), index)
-        numbers = {name: np.asarray(column, float) for name, column in columns.items() if name != "species"}
+        table = READERS[formats[path.suffix]](text.encode(), index)
+        numbers = {
+            name: np.asarray(column, float) for name, column in table.columns.items() if name != "species"
+        }
         facts = re.findall(r"(\w+)=([-+.\de]+)", part.partition("\n")[0])
-        found.append((numbers, cell, {name: float(value) for name, value in facts}))
+        found.append((numbers, table.box, {name: float(value) for name, value in facts}))
     return found
 
 
@@ -49,6 +51,9 @@ def vtp(path):
     """{name: values} of all arrays of a VTK PolyData file."""
     arrays = {}
     for item in ElementTree.parse(path).iter("DataArray"):
+        if item.get("type") == "String":
+            arrays[item.get("Name")] = bytes(map(int, item.text.split())).decode().rstrip("\0")
+            continue
         values = np.array(item.text.split(), {"Int64": int, "Float64": float}[item.get("type")])
         size = item.get("NumberOfComponents")
         arrays[item.get("Name")] = values.reshape(-1, int(size)) if size else values
@@ -108,7 +113,12 @@ def test_a_packing_in_every_format(tmp_path, monkeypatch, sample):
         normal = (found["stress_xx"] + found["stress_yy"]) @ found["area"]
         assert -normal / 2 / disks.area == pytest.approx(state.pressure, rel=1e-12)
     np.testing.assert_array_equal(atoms["diameter"], 2 * disks.radii)
-    assert facts["pressure"] == state.pressure
+    assert facts["pressure"] == arrays["pressure"][0] == state.pressure
+    for name in ("xyz", "dump", "data", "npz"):
+        again = jampetsc.import_packing(tmp_path / f"p.{name}")
+        assert again.potential == disks.potential and "assumed" not in again.record
+    law = disks.potential
+    assert (arrays["potential"], arrays["stiffness"], arrays["k"][0]) == (law.kind, law.stiffness, law.k)
 
     assert held["contact_bearing"].sum() == len(state.contacts)
     np.testing.assert_array_equal(held["contact_overlap"], contacts.overlap)
@@ -212,6 +222,11 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
         one, other = (sorted(np.hypot(*np.array(r, float).T)) for *_, r in pairs)
         np.testing.assert_allclose(one, other, rtol=1e-12)  # the same contacts in the cell that is written
         assert inside(cell, places) and abs(cell[1, 0]) <= cell[0, 0] / 2
+        for name in ("f.xyz", "f.dump"):
+            again = jampetsc.import_packing(name, row)
+            assert again.potential == disks.potential == Potential("harmonic", "inverse-square-diameter", 1.0)
+            assert again.record["pressure"] == pytest.approx(measure(disks).pressure, rel=1e-12)
+            assert again.record["units"] == result.attributes["units"] and "assumed" not in again.record
         tilts.append((result["snapshots/strain"][row] - cell[1, 0] / cell[1, 1]) * cell[1, 1] / cell[0, 0])
     np.testing.assert_allclose(tilts, np.round(tilts), atol=1e-9)
     assert snapshot(result, -3).strain == snapshot(result, 0).strain
@@ -233,9 +248,15 @@ def test_disks_that_do_not_touch_are_exported_without_contacts_and_by_their_size
     for ending in ("xyz", "dump", "data", "npz"):
         found = jampetsc.import_packing(tmp_path / f"p.{ending}")
         np.testing.assert_array_equal(found.positions, disks.positions)
-    hertzian = replace(disks, potential=Potential("hertzian", "inverse-square-diameter", 2.5))
-    write_frames(tmp_path / "h.npz", [packing_frame(hertzian)])
-    assert jampetsc.import_packing(tmp_path / "h.npz").potential == hertzian.potential
+    hertzian = replace(disks, potential=Potential("hertzian", "inverse-square-diameter", 2.5e-7))
+    for ending in ("xyz", "dump", "data", "npz", *(["gsd"] if find_spec("gsd") else [])):
+        path = tmp_path / f"h.{ending}"
+        write_frames(path, [packing_frame(hertzian)])
+        found = jampetsc.import_packing(path)
+        assert found.potential == hertzian.potential and "assumed" not in found.record
+        assert jampetsc.import_packing(path, stiffness="constant").potential == Potential(
+            "hertzian", k=2.5e-7
+        )
     row = np.column_stack((3.0 * np.arange(11), np.ones(11)))
     for count, types in ((2, [1, 2]), (10, range(1, 11)), (11, [1] * 11)):  # where sizes are few
         disks = Disks.from_positions(row[:count], 0.5 + 0.01 * np.arange(count), 40.0 * np.eye(2))

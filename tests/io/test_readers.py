@@ -37,9 +37,11 @@ def made(tmp_path_factory):
     return folder, disks, flow
 
 
-def imported_alike(path, disks, index=0, within=1e-9):
-    """The packing in a file of another program has the pressure and the contacts of this one."""
-    law = {"stiffness": disks.potential.stiffness, "k": disks.potential.k}
+def imported_alike(path, disks, index=0, within=1e-9, **law):
+    """The packing in a file of another program has the pressure and the contacts of this one.
+
+    law   of a file that does not have it
+    """
     found, state = measure(jampetsc.import_packing(path, index, **law)), measure(disks)
     assert found.pressure == pytest.approx(state.pressure, rel=within), path.name
     assert len(found.contacts) == len(state.contacts), path.name
@@ -60,6 +62,9 @@ def by_ase(folder, disks, flow):
     assert atoms.info["pressure"] == measure(disks).pressure
     for row, frame in enumerate(read(folder / "flow.xyz", index=":")):
         moment = flow.snapshot(row)
+        assert frame.info["units"] == flow.attributes["units"]
+        frame.write(folder / "moment.xyz", format="extxyz")
+        imported_alike(folder / "moment.xyz", moment, within=SINGLE)  # of its own potential
         assert frame.info["strain"] == moment.strain
         np.testing.assert_array_equal(frame.arrays["velo"][:, :2], moment.velocities)
         np.testing.assert_array_equal(frame.arrays["unwrapped"][:, :2], moment.unwrapped)
@@ -83,6 +88,7 @@ def by_gsd(folder, disks, flow):
             moment = flow.snapshot(row)
             np.testing.assert_allclose(frame.particles.velocity[:, :2], moment.velocities, rtol=1e-6)
             np.testing.assert_array_equal(frame.log["particles/unwrapped"], moment.unwrapped)
+            imported_alike(folder / "flow.gsd", moment, row, within=SINGLE)
         last = frame
     with opened(folder / "again.gsd", "w") as file:
         file.append(last)
@@ -130,7 +136,7 @@ def by_ovito(folder, disks, flow):
     io.export_file(pipeline, str(folder / "ovito.data"), "lammps/data", atom_style="sphere", precision=17)
     io.export_file(pipeline, str(folder / "ovito.xyz"), "xyz", columns=columns, precision=17)
     for ending in ("dump", "data", "xyz"):
-        imported_alike(folder / f"ovito.{ending}", disks, within=SINGLE)
+        imported_alike(folder / f"ovito.{ending}", disks, within=SINGLE, stiffness="constant", k=1.0)
 
 
 def by_vtk(folder, disks, flow):
@@ -140,6 +146,9 @@ def by_vtk(folder, disks, flow):
     reader.Update()
     read, contacts = reader.GetOutput(), find_contacts(disks)
     points, cell = numbers(read.GetPoints().GetData()), numbers(read.GetFieldData().GetArray("cell"))
+    law = disks.potential
+    assert read.GetFieldData().GetAbstractArray("stiffness").GetValue(0) == law.stiffness
+    assert numbers(read.GetFieldData().GetArray("k"))[0] == law.k
     assert read.GetNumberOfLines() == len(contacts) and same_lattice(points[: disks.n], disks, cell)
     np.testing.assert_array_equal(numbers(read.GetCellData().GetArray("force")), contacts.force)
     radii = numbers(read.GetPointData().GetArray("radius"))

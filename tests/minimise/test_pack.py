@@ -267,6 +267,8 @@ def test_packings_are_asked_for_as_told():
     for seed, meant in ((None, 1), (0, 0)):
         (task,) = job.Pack(n=16, phi=0.9, seed=seed).tasks(None)
         assert (task.path, task.seed, task.target.phi) == (None, meant, 0.9)
+    (task,) = job.Pack(n=16, phi=0.9, stabilise="shear", tolerance=1e-8).tasks(None)
+    assert task.target == Target(phi=0.9, stabilise="shear", tolerance=1e-8)
     down = job.Pack(**words, ladder=True).tasks("s{seed}-p{pressure}.h5")
     assert [(task.path, task.target) for task in down] == [(task.path, task.target) for task in tasks]
     rungs = [rung for seed in range(3) for rung in ((seed, 0), (None, 1))]
@@ -298,7 +300,6 @@ BAD = [  # options that are changed, what is named
     ({"--presure": "1e-3"}, "--presure: no such option; did you mean --pressure"),
     ({"--pressure": "1e-3,1e-4"}, "put {pressure} into it"), ({"--pressure": None, "--phi": "0.5"}, "--phi 0.5"),
     ({"--phi": "0.9"}, "--phi: not together with --pressure"),
-    ({"--pressure": None, "--phi": "0.9", "--stabilise": "shear"}, "--stabilise shear: needs --pressure"),
     ({"--seed": "-1"}, "--seed -1"), ({"--seed": "9223372036854775808"}, "--seed 9223372036854775808"),
     ({"--seed": "1", "--seeds": "1:2"}, "--seeds: not together with --seed"),
     ({"--seeds": "1:2:3"}, "FIRST:LAST"), ({"--seeds": "3:1", "--out": "{seed}.h5"}, "--seeds 3:1"),

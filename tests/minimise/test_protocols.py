@@ -5,9 +5,12 @@ import pytest
 from dense import Reference
 from samples import physics
 
+from jampetsc.core.pairs import deformed
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
 from jampetsc.minimise import protocols
+from jampetsc.minimise.descent import Goal
+from jampetsc.minimise.minimise import minimise
 from jampetsc.minimise.protocols import Target
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.petsc.local import NewtonSolver
@@ -55,6 +58,39 @@ def test_shear_stabilised(n, pressure, seed):
     assert abs(state.pressure - pressure) <= 1e-10 * pressure
     assert disks.cell[1, 0] != 0
     assert disks.record["shear_modulus"] > 0
+
+
+def sheared(disks, strain):
+    """The disks, moved with their cell by a small shear strain."""
+    return deformed(disks, np.zeros((disks.n, 2)), 0.0, strain)
+
+
+@pytest.mark.parametrize(("law", "n", "phi", "seed"), [
+    (Potential(), 16, 0.9, 3),  # in a cell of fixed shape this one has G₀ < 0
+    (Potential("hertzian", "inverse-square-diameter", 1.7), 24, 0.95, 1),
+])  # fmt: skip
+def test_shear_stabilised_at_a_packing_fraction(law, n, phi, seed):
+    """U is least in γ, too: dU/dγ = 0 and d²U/dγ² = V G₀ > 0 by finite differences, disks at rest at each γ."""
+    fixed, disks = (pack(n, Target(phi=phi, stabilise=how), seed, law) for how in ("volume", "shear"))
+    state, step = measure(disks), 1e-5
+    assert disks.phi == pytest.approx(phi, rel=1e-14) and disks.cell[1, 0] != 0
+    assert abs(state.stress[0, 1]) <= 1e-10 * state.pressure < 1e-3 * abs(measure(fixed).stress[0, 1])
+    assert state.max_force <= 1e-10 * state.pressure
+    energies = []
+    for strain in (-step, 0.0, step):
+        found = minimise(sheared(disks, strain), Goal(), NewtonSolver(), tolerance=1e-12)
+        energies.append(measure(found.disks).energy)
+        stress = float(measure(found.disks).stress[0, 1])
+        assert stress == pytest.approx(
+            disks.record["shear_modulus"] * strain, rel=1e-3, abs=1e-9 * state.pressure
+        )
+    low, least, high = energies
+    curvature = (high - 2.0 * least + low) / step**2
+    assert abs(high - low) / (2.0 * step) < 1e-4 * disks.area * state.pressure
+    assert curvature == pytest.approx(disks.area * disks.record["shear_modulus"], rel=0.02) and curvature > 0
+    assert disks.record["negative_modes"] == 0 and disks.record["protocol"].endswith(
+        ", then shear_stress = 0"
+    )
 
 
 def test_ensemble_statistics():

@@ -99,7 +99,9 @@ def ran(tmp_path_factory):
     launch.run_lines(folder, packs + [line.split() for line in MORE.splitlines()])
     text = (folder / "p.dump").read_text()
     (folder / "dump.lammpstrj").write_text(2 * text)
-    np.savetxt(folder / "disks.txt", np.loadtxt(text.splitlines()[9:], usecols=(2, 3, 5)))
+    (folder / "types.lammpstrj").write_text(text)
+    rows = text.partition("ITEM: ATOMS")[2].splitlines()[1:]
+    np.savetxt(folder / "disks.txt", np.loadtxt(rows, usecols=(2, 3, 5)))
     rest = [small(words, folder) for words in order if words[0] != "pack"]
     pictures = [words for words in rest if words[0] == "plot"]
     launch.run_lines(folder, [words for words in rest if words not in pictures])
