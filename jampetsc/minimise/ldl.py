@@ -1,8 +1,8 @@
 """L D Lᵀ of a Hessian by 2×2 blocks, one for each disk and contact, compiled: a factor for many small solves.
 
 It pays up to some 2e4 disks, from where a library's dense blocks are faster; at some thousand disks the call and the
-analysis of a library cost more than the work. The caller gives the order of elimination. Row k of L follows from the rows before
-it: with W_j = L_kj D_j,
+analysis of a library cost more than the work. The caller gives the order of elimination. Row k of L follows from the
+rows before it: with W_j = L_kj D_j,
 
     W_j = A_kj − Σ_{i<j} W_i L_jiᵀ,    L_kj = W_j D_j⁻¹,    D_k = A_kk − Σ_j L_kj W_jᵀ,
 

@@ -11,7 +11,7 @@ from jampetsc.petsc.blocks import elimination_order
 from jampetsc.petsc.local import PREFIX, NewtonSolver
 from jampetsc.petsc.session import current
 
-BLOCKS_UP_TO = 32768  # disks; CHOLMOD's dense blocks take two thirds of the time there, a quarter at 131072
+BLOCKS_UP_TO = 32768  # disks; beyond, CHOLMOD is faster: four times at 131072
 
 
 class HessianSolver(NewtonSolver):
