@@ -22,7 +22,7 @@ from jampetsc.minimise import protocols
 from jampetsc.minimise.hessian import Bonds, Pattern, border
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.petsc import session as door
-from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.hessian_solver import HessianSolver
 
 QUANTITIES = ("phi", "dz/sqrt(p)", "rattlers", "G0/sqrt(p), no pre-stress", "G0/sqrt(p), pre-stress")
 # (N, p): means and standard errors; None: not known, error 0: not given. Those of N = 1024 down to 1e-4 were quenched
@@ -46,7 +46,7 @@ def main():
     parser.add_argument("--pressures", default="1e-2,1e-3,1e-4,1e-5")
     args = parser.parse_args()
     door.start(scalar="real")
-    solver = NewtonSolver()
+    solver = HessianSolver()
     for pressure in map(float, args.pressures.split(",")):
         seconds, found = processor(
             lambda p=pressure: [sample(args.n, p, seed, solver) for seed in args.seeds]

@@ -1,9 +1,9 @@
-"""The Hessian that a quench ends with, factorised by CHOLMOD, as the quench does, and as 2×2 blocks.
+"""The Hessian that a quench ends with, factorised by CHOLMOD, and as 2×2 blocks, as the quench of few disks does.
 
     .venv/bin/python benchmarks/factors.py [--n 4096] [--pressure 1e-4] [--seeds 1:3]
 
 Both orders are of approximate minimum degree: CHOLMOD's of coordinates, PETSc's of disks. Shortest processor times, in
-turn, and what blocks would save of the whole quench with its number of factorisations, each for three solves.
+turn, and what blocks save of the whole quench with its number of factorisations, each for three solves.
 """
 
 import argparse
@@ -58,7 +58,8 @@ def compare(n, pressure, seed, solver):
     values = pattern.fill(Point.of(descent).bonds, np.ones(n, bool), mu)
     blocks, touching = warm_start.springs(pairs, np.zeros((n, 2)), 0.0, law, 0.0, 1.0)
     order = partial(solver.order, n, pairs.i[touching], pairs.j[touching])
-    by_blocks = partial(ldl.factorise, order(), pairs.i, pairs.j, blocks, touching, np.full(n, mu))
+    matter = pairs.i, pairs.j, blocks, touching
+    by_blocks = partial(ldl.factorise, order(), *matter, ldl.diagonal_of(*matter, np.full(n, mu)))
     factor = by_blocks()[1]
     b = np.random.default_rng(1).standard_normal((n, 2))
     runs = {
@@ -79,7 +80,7 @@ def compare(n, pressure, seed, solver):
         + ", ".join(f"{name} {t:.3g} ms" for name, t in ms.items())
     )
     print(
-        f"    {len(factor[2]) / n:.1f} blocks a disk below the diagonal; blocks would save "
+        f"    {len(factor[2]) / n:.1f} blocks a disk below the diagonal; blocks save "
         f"{0.1 * less * effort.newton_steps / whole:.1f} % of a quench of {effort.newton_steps} factorisations "
         f"and {effort.evaluations} force evaluations, {whole:.2f} s",
         flush=True,

@@ -19,7 +19,7 @@ from jampetsc.core.potentials import Potential
 from jampetsc.minimise import protocols
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.petsc import session as door
-from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.hessian_solver import HessianSolver
 
 INDEPENDENT = "independent"
 SHOWN = (0, 1, 3, 4)  # of QUANTITIES
@@ -33,7 +33,7 @@ def main():
     parser.add_argument("--ladders", nargs="+", default=["1e-2,1e-3,1e-4", "1e-3,1e-4", "1e-4,1e-3,1e-2"])
     args = parser.parse_args()
     door.start(scalar="real")
-    solver = NewtonSolver()
+    solver = HessianSolver()
     ladders = {text: tuple(map(float, text.split(","))) for text in args.ladders}
     pressures = sorted({p for ladder in ladders.values() for p in ladder}, reverse=True)
     one_seed(64, 0, ladders, pressures, solver)  # compiled before the clocks start

@@ -81,7 +81,10 @@ session.start(scalar="real")
 from jampetsc.core.potentials import Potential
 from jampetsc.minimise import protocols
 from jampetsc.minimise.sizes import radii_of
-from jampetsc.petsc.local import NewtonSolver
+try:
+    from jampetsc.petsc.hessian_solver import HessianSolver
+except ImportError:
+    from jampetsc.petsc.local import NewtonSolver as HessianSolver
 
 n, pressure, seed, threads = int(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
 if "team" in inspect.signature(protocols.make_packing).parameters:
@@ -95,7 +98,7 @@ def make(n, pressure):
     phi = protocols.start_phi(pressure)
     start = protocols.random_start(radii_of("bidisperse", n), phi, seed, Potential())
     began = time.perf_counter()
-    disks = protocols.make_packing(start, protocols.Target(pressure), NewtonSolver(), effort=effort, **words)
+    disks = protocols.make_packing(start, protocols.Target(pressure), HessianSolver(), effort=effort, **words)
     return time.perf_counter() - began, effort, disks
 
 make(64, 1e-2)  # compiled before the clock starts
@@ -210,10 +213,10 @@ def ours(args):
     from jampetsc.minimise.descent import Goal
     from jampetsc.minimise.sizes import radii_of
     from jampetsc.petsc import session
-    from jampetsc.petsc.local import NewtonSolver
+    from jampetsc.petsc.hessian_solver import HessianSolver
 
     session.start(scalar="real")
-    (seed,), pressure, solver = args.seeds, args.pressure, NewtonSolver()
+    (seed,), pressure, solver = args.seeds, args.pressure, HessianSolver()
     for n in (64, args.n):  # compiled before the clocks start
         begin, effort = 10 * pressure, protocols.Effort()
         start = protocols.random_start(

@@ -33,7 +33,7 @@ from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.petsc import session
-from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.hessian_solver import HessianSolver
 
 TOLERANCE = 1e-6
 POINTS = "64:0.86:1e-3,64:0.845:1e-3,256:0.86:1e-3,256:0.86:1e-4,1024:0.86:1e-4"
@@ -142,7 +142,7 @@ def start_of(n, phi, seed):
 
 def run_of_jampetsc(disks, step, steps):
     """Pressures of the states of a run, 0 where they do not jam."""
-    slow = SlowShear(disks, step, NewtonSolver(), TOLERANCE)
+    slow = SlowShear(disks, step, HessianSolver(), TOLERANCE)
     for _ in range(steps):
         slow.advance()
         yield slow.found.pressure * slow.found.jammed
@@ -188,7 +188,7 @@ def compare_runs(n, phi, step, seeds):
 def measure(n, phi, step, steps):
     """Two lines of the table: jampetsc and its peers."""
     start = start_of(n, phi, 1)
-    slow = SlowShear(start, step, NewtonSolver(), TOLERANCE)
+    slow = SlowShear(start, step, HessianSolver(), TOLERANCE)
     for _ in range(20):
         slow.advance()
     cost = {name: [] for name in ("jampetsc", *PEERS)}

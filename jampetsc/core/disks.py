@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from jampetsc.core.neighbours import fractional, vectors
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
 
@@ -222,9 +223,9 @@ class Disks:
         """
         turns = np.round(self.cell[1, 0] / self.cell[0, 0])
         whole = np.array([[1.0, 0.0], [-turns, 1.0]])
-        cell_base, cell_offset = whole @ self.cell_base, whole @ self.cell_offset
-        image = np.floor(self.positions @ np.linalg.inv(cell_base + cell_offset))
-        base, offset = self.base - image @ cell_base, self.offset - image @ cell_offset
+        cell_base, cell_offset = vectors(whole, self.cell_base), vectors(whole, self.cell_offset)
+        image = np.floor(fractional(self.positions, cell_base + cell_offset))
+        base, offset = self.base - vectors(image, cell_base), self.offset - vectors(image, cell_offset)
         images = self.images
         if images is not None:  # k₁ a₁ + k₂ a₂ in vectors of the new cell, whose a₂ is the old one less m a₁
             images = (images @ [[1.0, 0.0], [turns, 1.0]] + image).astype(int)

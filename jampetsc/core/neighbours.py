@@ -28,6 +28,17 @@ def grid_shape(cell, n, cutoff):
     return shape, tuple(math.ceil(cutoff * s / h) for s, h in zip(shape, heights, strict=True))
 
 
+def vectors(numbers, cell):
+    """Sums (N, 2) of cell vectors, (N, 2) numbers of each; without BLAS, whose last digits depend on the processor."""
+    return numbers[:, :1] * cell[0] + numbers[:, 1:] * cell[1]
+
+
+def fractional(positions, cell):
+    """Coordinates (N, 2) in cell vectors of positions (N, 2) in a cell with rows (Lx, 0) and (γ Ly, Ly)."""
+    up = positions[:, 1] / cell[1, 1]
+    return np.column_stack(((positions[:, 0] - up * cell[1, 0]) / cell[0, 0], up))
+
+
 def _ranges(first, count):
     """count[0] consecutive integers from first[0], then count[1] from first[1], …"""
     return np.repeat(first - (np.cumsum(count) - count), count) + np.arange(count.sum())
@@ -44,12 +55,9 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     n = len(radii)
     cell, turns = upright(cell)
     shape, margin = grid_shape(cell, n, 2.0 * float(radii.max()) + skin)
-    up = positions[:, 1] / cell[1, 1]
-    over = (positions[:, 0] - up * cell[1, 0]) / cell[0, 0]
-    wrapped = np.floor(np.column_stack((over, up)))
-    column, row = np.minimum(
-        ((np.column_stack((over, up)) - wrapped) * shape).astype(np.int64), np.array(shape) - 1
-    ).T
+    places = fractional(positions, cell)
+    wrapped = np.floor(places)
+    column, row = np.minimum(((places - wrapped) * shape).astype(np.int64), np.array(shape) - 1).T
     inside = positions - wrapped[:, :1] * cell[0] - wrapped[:, 1:] * cell[1]
 
     # The grid with margins of images, row by row: disks near one another are in a few contiguous ranges of entries.
@@ -65,7 +73,7 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     disk = members[_ranges((np.cumsum(occupancy) - occupancy)[cells], occupancy[cells])]
     shift = np.stack(np.broadcast_arrays(over, up[:, None]), axis=-1).reshape(-1, 2)
     shift = np.repeat(shift, occupancy[cells], axis=0)
-    place = inside[disk] + (shift[:, :1] * cell[0] + shift[:, 1:] * cell[1])
+    place = inside[disk] + vectors(shift, cell)
     reach = radii[disk] + skin
 
     corner = (row * width + column)[:, None] + width * np.arange(2 * margin[1] + 1)
@@ -110,7 +118,7 @@ def spatial_order(positions, cell):
     the same on every rank.
     """
     bits = 16
-    fractional = positions @ np.linalg.inv(upright(cell)[0])
-    fractional -= np.floor(fractional)
-    grid = (fractional.T * 2**bits).astype(np.uint32)
+    places = fractional(positions, upright(cell)[0])
+    places -= np.floor(places)
+    grid = (places.T * 2**bits).astype(np.uint32)
     return np.argsort(_hilbert(*grid, bits), kind="stable")

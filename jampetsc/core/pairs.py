@@ -86,7 +86,7 @@ def deformed(disks: Disks, offsets, strain, shear) -> Disks:
 
     Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
     """
-    growth, mixing = np.expm1(strain), np.exp(strain) * shear
+    growth, mixing = math.expm1(strain), math.exp(strain) * shear
     places = _deformed(disks.base, disks.offset, offsets, growth, mixing, GRID)
     cell = _deformed(disks.cell_base, disks.cell_offset, np.zeros((2, 2)), growth, mixing, GRID)
     return Disks(*places, disks.radii, *cell, disks.potential, disks.record, disks.images)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jampetsc.core.neighbours import neighbour_pairs
+from jampetsc.core.neighbours import neighbour_pairs, vectors
 from jampetsc.errors import InputError
 
 if TYPE_CHECKING:
@@ -58,8 +58,7 @@ class Contacts:
 
 def bond_vectors(disks: Disks, i, j, image):
     """x_j − x_i + image · cell, (M, 2), rounded once: the bases cancel exactly, the offsets are tiny."""
-    shift_base = image @ disks.cell_base
-    shift_offset = image @ disks.cell_offset
+    shift_base, shift_offset = vectors(image, disks.cell_base), vectors(image, disks.cell_offset)
     coarse = (disks.base[j] - disks.base[i]) + shift_base
     return coarse + ((disks.offset[j] - disks.offset[i]) + shift_offset)
 
@@ -93,13 +92,14 @@ def force_threshold(disks: Disks, pressure: float) -> float:
 
 def virial_pressure(force, distance, area: float) -> float:
     """p = Σ f r / (2V) of contacts that are each listed once, (M,) and (M,)."""
-    return float(np.dot(force, distance)) / (2.0 * area)
+    return float(np.sum(force * distance)) / (2.0 * area)
 
 
 def stress_tensor(contacts: Contacts, area: float):
     """σ_ab = −Σ f r_a r_b / (|r| V), (2, 2): compression is negative, p = −tr σ / 2."""
-    weighted = contacts.r * contacts.tension[:, None]
-    return -(weighted.T @ contacts.r) / area
+    x, y = contacts.r.T
+    xx, xy, yy = (float(np.sum(contacts.tension * a * b)) for a, b in ((x, x), (x, y), (y, y)))
+    return -np.array([[xx, xy], [xy, yy]]) / area
 
 
 def disk_areas(disks: Disks):

@@ -8,6 +8,7 @@ compress  a thermal liquid, cooled slowly, quenched, and brought to the φ_J of 
           schedule are not published); a shear between quench and search shows how much of that dependence survives it
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -196,7 +197,7 @@ def jamming_density(disks: Disks, jammed: bool, solver, tolerance: float) -> tup
 
 def _scaled(disks, phi):
     """The disks in a cell of another packing fraction, all lengths but radii scaled."""
-    return deformed(disks, np.zeros((disks.n, 2)), 0.5 * np.log(disks.phi / phi), 0.0)
+    return deformed(disks, np.zeros((disks.n, 2)), 0.5 * math.log(disks.phi / phi), 0.0)
 
 
 def segregation(disks: Disks) -> float:

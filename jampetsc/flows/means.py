@@ -41,8 +41,8 @@ class Means:
         inner = np.ones(len(work))
         inner[[0, -1]] = 0.5
         duration = spacing / rate
-        total = duration * float(np.dot(inner, spent))
-        excess = duration * float(np.dot(inner, work - spent)) - float(energy[-1] - energy[0])
+        total = duration * float(np.sum(inner * spent))
+        excess = duration * float(np.sum(inner * (work - spent))) - float(energy[-1] - energy[0])
         return cls(
             Average.of(stress.sum(1)),
             Average.of(pressure.sum(1)),

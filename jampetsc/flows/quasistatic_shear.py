@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.core.disks import PLACES, Disks
+from jampetsc.core.neighbours import fractional, vectors
 from jampetsc.core.pairs import SKIN_RANGE, ListedDisks
 from jampetsc.core.state import find_contacts, measure
 from jampetsc.core.threads import Team
@@ -197,7 +198,8 @@ class SlowShear(ListedDisks):
             here = self.disks
             self.list(self._quenched(here))
             displacement = (self.reference.base - here.base) + (self.reference.offset - here.offset)
-            self._moved += displacement - np.round(displacement @ np.linalg.inv(here.cell)) @ here.cell
+            images = np.round(fractional(displacement, here.cell))
+            self._moved += displacement - vectors(images, here.cell)
             self._factorise()
             sums = self._forces()
         self.steps += 1

@@ -62,9 +62,16 @@ def _run(wall_seconds) -> dict:
         "jampetsc_version": VERSION,
         "git_commit": git_commit(),
         "python_version": sys.version.split()[0],
+        "instruction_set": instruction_set(),
         "wall_seconds": float(wall_seconds),
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
     }
+
+
+def instruction_set() -> str | None:
+    """Processors for which loops were compiled, see `core.compiled`; None in a process without compiled loops."""
+    compiled = sys.modules.get("jampetsc.core.compiled")
+    return compiled and compiled.instruction_set()
 
 
 def law_of(attributes) -> dict:

@@ -37,7 +37,8 @@ class Flow(FromStart):
   jampetsc flow rd0.h5 --strain 20                      # twenty more
 
 A killed run continues when the same command is given again. Many disks use several cores, with the same result
-to the last bit; independent runs are faster side by side."""
+to the last bit; independent runs are faster side by side. The same seed gives the same trajectory where it gives the
+same packing (`jampetsc pack --help`); elsewhere trajectories part, and only averages agree."""
 
     start: Disks | None = optional(
         "packing to start from, or flow to continue", kind=PACKING_OR_RESULT, place=FILE, metavar="START"

@@ -15,7 +15,6 @@ from jampetsc.asking.starts import PHIS
 from jampetsc.core.potentials import EXPONENTS
 from jampetsc.errors import InputError
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
-from jampetsc.petsc import local
 
 PROTOCOLS = ("random", "shear", "compress")  # the names of `flows.jamming.PROTOCOLS`
 MANY = 1_000_000  # most samples of one run
@@ -93,8 +92,9 @@ A killed run continues when the same command is given again. Options of the Newt
 
     def work(self, to):
         from jampetsc.jobs.samples import make
+        from jampetsc.petsc.hessian_solver import HessianSolver
 
-        return _summary(self.n, make(self, local.NewtonSolver(), to), to)
+        return _summary(self.n, make(self, HessianSolver(), to), to)
 
 
 def _summary(n, record, to) -> str:

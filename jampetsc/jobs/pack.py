@@ -64,8 +64,13 @@ class Pack(Job):
   mpirun -n 4 jampetsc pack --n 1024 --pressure 1e-2,1e-3 --seeds 1:20 --out "p{pressure}-{seed}.h5"
   jampetsc pack --n 1024 --pressure 1e-3,1e-4 --ladder --seeds 1:20 --out "down-{pressure}-{seed}.h5"
 
-One packing is made by one rank with several threads; several packings are shared among the ranks. The same seed gives
-the same packing to the last bit, whatever the number of threads and ranks.
+One packing is made by one rank with several threads; several packings are shared among the ranks.
+
+The same seed gives the same packing to the last bit on any number of threads and ranks and on every x86 processor with
+AVX2 and FMA (x86-64-v3: Intel since 2013, AMD since 2017), with one version of jampetsc and of its libraries.
+Above 32768 disks, and with options -newton_, last digits depend on BLAS; the minimum reached may then be another one.
+On other processors (arm64), and with JAMPETSC_CPU=native in the environment, a seed gives another packing of the same
+ensemble. The attribute instruction_set of the file says which processors it was compiled for.
 
 Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat_solver_type mumps."""
 

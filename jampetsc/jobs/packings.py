@@ -10,7 +10,7 @@ from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
 from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
 from jampetsc.minimise.descent import Effort
 from jampetsc.minimise.protocols import Target, changed, make_packing, random_start, start_phi
-from jampetsc.petsc import local
+from jampetsc.petsc.hessian_solver import HessianSolver
 from jampetsc.progress import Progress
 
 
@@ -90,7 +90,7 @@ def make(tasks, team, rank) -> dict:
 
     beginning   `Beginning`; disks are None where they were written to a file
     """
-    solver, found = local.NewtonSolver(), {}
+    solver, found = HessianSolver(), {}
     with Progress(len(tasks), "packings", rank) as progress:
         for number, task, beginning in tasks:
             began = time.perf_counter()

@@ -19,7 +19,7 @@ STIFFNESS = "inverse-square-diameter"
 def make(job, solver, to) -> Record:
     """Make the samples of a Jam and write their result into the outlet `to`; their record, by φ and seed. Collective.
 
-    solver: this rank's `petsc.local.NewtonSolver`.
+    solver: this rank's `petsc.hessian_solver.HessianSolver`.
     """
     began, running = time.perf_counter(), session.current()
     comm, protocol = running.comm, job.made_protocol

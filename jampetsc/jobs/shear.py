@@ -6,7 +6,7 @@ from typing import ClassVar
 from jampetsc.asking.parameters import asked
 from jampetsc.asking.starts import FromStart
 from jampetsc.errors import InputError, named
-from jampetsc.petsc import local, session
+from jampetsc.petsc import session
 
 MOST = 1e8  # steps of a run
 FARTHEST = 1e4  # strain of a run
@@ -47,8 +47,9 @@ prefix -newton_."""
 
     def work(self, to):
         from jampetsc.jobs.shear_run import execute
+        from jampetsc.petsc.hessian_solver import HessianSolver
 
         size = session.current().size
         if size > 1:
             raise InputError(f"shear on {size} ranks: one run is one process; a study runs many")
-        return execute(self, local.NewtonSolver(), to)
+        return execute(self, HessianSolver(), to)

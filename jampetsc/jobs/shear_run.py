@@ -32,7 +32,7 @@ AVERAGED = ("shear_stress", "pressure", "energy", "coordination", "jammed", "pla
 def execute(job, solver, to) -> str:
     """Do the run of a Shear, and return a summary. The result goes into the outlet `to`.
 
-    solver: `petsc.local.NewtonSolver` for the quenches.
+    solver: `petsc.hessian_solver.HessianSolver` for the quenches.
 
     Raises ConvergenceError where no minimum is found.
     """

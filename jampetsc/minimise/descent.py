@@ -1,5 +1,6 @@
 """State of a minimisation: the pair list, the moves since it was made, and the memory of L-BFGS, kept between lists."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -94,7 +95,7 @@ class Descent(ListedDisks):
     @property
     def area(self) -> float:
         """V of the cell now."""
-        return self.reference.area * float(np.exp(2.0 * self.box[0]))
+        return self.reference.area * math.exp(2.0 * self.box[0])
 
     def bonds(self) -> Bonds:
         """The bonds of the listed pairs in the present state."""
@@ -102,7 +103,7 @@ class Descent(ListedDisks):
 
     def move(self, moves, strain):
         """Move the disks by (N, 2), then deform the cell with them by a small strain (ε, g)."""
-        growth, shear = np.exp(-self.box[0]), self.box[1]
+        growth, shear = math.exp(-self.box[0]), self.box[1]
         self.offsets[:, 0] += growth * (moves[:, 0] - shear * moves[:, 1])
         self.offsets[:, 1] += growth * moves[:, 1]
         self.box[:] += strain

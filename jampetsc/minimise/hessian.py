@@ -7,6 +7,7 @@ Bonds become e^ε [[1, g], [0, 1]] (r + o_j − o_i). With M = k n nᵀ − (f/r
     ∂²H/∂o∂g   Σ M s − f (0, n_x)            ∂²H/∂ε∂g  Σ (k r − f) n_x r_y
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,7 +36,8 @@ class Bonds:
         if offsets is not None:
             r = r + (offsets[pairs.j] - offsets[pairs.i]).T
             # Only the change is rounded: an error of e^ε, the same in every bond, would show in the pressure.
-            r = r + np.expm1(strain) * r + np.exp(strain) * shear * np.stack((r[1], np.zeros_like(r[1])))
+            sheared = math.exp(strain) * shear * np.stack((r[1], np.zeros_like(r[1])))
+            r = r + math.expm1(strain) * r + sheared
         distance = np.hypot(r[0], r[1])
         overlap = pairs.sigma - distance
         touching = overlap > 0

@@ -1,8 +1,8 @@
 """L D Lᵀ of a Hessian by 2×2 blocks, one for each disk and contact, compiled: a factor for many small solves.
 
-It pays up to N ~ 1e5, from where a library's dense blocks are faster; at some thousand disks the call and the analysis
-of a library cost more than the work. The caller gives the order of elimination. Row k of L follows from the rows before
-it: with W_j = L_kj D_j,
+It pays up to some 2e4 disks, from where a library's dense blocks are faster; at some thousand disks the call and the
+analysis of a library cost more than the work. The caller gives the order of elimination. Row k of L follows from the
+rows before it: with W_j = L_kj D_j,
 
     W_j = A_kj − Σ_{i<j} W_i L_jiᵀ,    L_kj = W_j D_j⁻¹,    D_k = A_kk − Σ_j L_kj W_jᵀ,
 
@@ -62,11 +62,51 @@ def _tree(start, column):
 
 
 @compiled(NUMBERS, forceinline=True)
-def factorise(order, i, j, blocks, chosen, shift):
-    """L D Lᵀ of Σ blocks (u_j − u_i)² + Σ shift u², blocks (M, 2, 2) of the chosen pairs (M,), shift (N,), in `order`.
+def diagonal_of(i, j, blocks, chosen, shift):
+    """(N, 3) xx, xy and yy of the diagonal blocks of Σ blocks (u_j − u_i)² + Σ shift u², shift (N,)."""
+    diagonal = np.zeros((len(shift), 3))
+    for p in range(len(i)):
+        if chosen[p]:
+            for disk in (i[p], j[p]):
+                diagonal[disk, 0] += blocks[p, 0, 0]
+                diagonal[disk, 1] += blocks[p, 0, 1]
+                diagonal[disk, 2] += blocks[p, 1, 1]
+    for disk in range(len(shift)):
+        diagonal[disk, 0] += shift[disk]
+        diagonal[disk, 2] += shift[disk]
+    return diagonal
 
-    The blocks are symmetric. Returns (definite, factor): factor is (order, begin (N + 1,), row (nonzeros,), L followed
-    by D⁻¹ (nonzeros + N, 4)), four arrays only, since numba takes long to inspect longer tuples.
+
+@compiled(False)
+def blocks_of(indptr, indices, values):
+    """(i, j, blocks, chosen, diagonal) for `factorise`, of the upper triangle of a symmetric matrix as CSR.
+
+    The triangle is of 2×2 blocks, see `hessian.Pattern`; a block that is zero is not chosen.
+    """
+    n = len(indptr) // 2
+    number = (len(indices) - 3 * n) // 4
+    i, j = np.empty(number, np.uint32), np.empty(number, np.uint32)
+    blocks, chosen, diagonal = np.empty((number, 2, 2)), np.zeros(number, np.bool_), np.empty((n, 3))
+    p = 0
+    for k in range(n):
+        upper, lower = indptr[2 * k], indptr[2 * k + 1]
+        diagonal[k, 0], diagonal[k, 1], diagonal[k, 2] = values[upper], values[upper + 1], values[lower]
+        for e in range(2, lower - upper, 2):
+            i[p], j[p] = k, indices[upper + e] // 2
+            for y in range(2):
+                blocks[p, 0, y], blocks[p, 1, y] = -values[upper + e + y], -values[lower + e - 1 + y]
+                chosen[p] |= blocks[p, 0, y] != 0.0 or blocks[p, 1, y] != 0.0
+            p += 1
+    return i, j, blocks, chosen, diagonal
+
+
+@compiled(NUMBERS, forceinline=True)
+def factorise(order, i, j, blocks, chosen, diagonal):
+    """L D Lᵀ, in `order`, of a matrix with −blocks (M, 2, 2) of the chosen pairs (M,) and `diagonal` (N, 3).
+
+    The blocks are symmetric; for `diagonal` see `diagonal_of`. Returns (definite, factor): factor is (order,
+    begin (N + 1,), row (nonzeros,), L followed by D⁻¹ (nonzeros + N, 4)), four arrays only, since numba takes long to
+    inspect longer tuples.
     """
     start, column, pair = rows_below(order, i, j, chosen)
     n = len(order)
@@ -77,13 +117,7 @@ def factorise(order, i, j, blocks, chosen, shift):
     fill = begin[:-1].copy()
     inverse = np.zeros((n, 3))
     row, lower = np.empty(begin[n], np.uint32), np.empty((begin[n] + n, 4))
-    w, diagonal = np.zeros((n, 4)), np.zeros((n, 3))
-    for p in range(len(i)):
-        if chosen[p]:
-            for disk in (i[p], j[p]):
-                diagonal[disk, 0] += blocks[p, 0, 0]
-                diagonal[disk, 1] += blocks[p, 0, 1]
-                diagonal[disk, 2] += blocks[p, 1, 1]
+    w = np.zeros((n, 4))
     seen, path, pattern = np.full(n, -1), np.empty(n, np.int64), np.empty(n, np.int64)
     definite = True
     for k in range(n):
@@ -104,7 +138,7 @@ def factorise(order, i, j, blocks, chosen, shift):
                 top -= 1
                 pattern[top] = path[length]
         disk = order[k]
-        d0, d1, d2 = diagonal[disk, 0] + shift[disk], diagonal[disk, 1], diagonal[disk, 2] + shift[disk]
+        d0, d1, d2 = diagonal[disk, 0], diagonal[disk, 1], diagonal[disk, 2]
         for q in range(top, n):
             c = pattern[q]
             w0, w1, w2, w3 = w[c, 0], w[c, 1], w[c, 2], w[c, 3]

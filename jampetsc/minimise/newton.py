@@ -107,7 +107,7 @@ class Point:
     def along(self, step) -> float:
         """−∂H along a step (u, strain)."""
         move, strain = step
-        return float(np.vdot(self.forces, move) + np.dot(self.drive, strain))
+        return _inner(self.forces, move) + _inner(self.drive, strain)
 
     def load_bearing(self, disks):
         """(the point with its load-bearing contacts alone, mask (N,) of the disks they hold).
@@ -127,7 +127,7 @@ class Linear:
     """(H + μ) of a point, factorised: disks by `solver`, the cell by its Schur complement."""
 
     def __init__(self, point: Point, pattern: Pattern, solver, free, mu: float):
-        self._solver, self._free, self._moving = solver, free, np.flatnonzero(point.goal.moving)
+        self._solver, self._free, self._moving = solver, free, point.goal.moving
         values = pattern.fill(point.bonds, free, mu)
         self.definite = bool(free.any()) and solver.factorise(pattern.indptr, pattern.indices, values)
         if not self.definite:
@@ -138,8 +138,9 @@ class Linear:
         corner = corner + mu * point.n * np.eye(2)
         schur = corner - np.einsum("nab,nac->bc", self._rows, self._response)
         self.modulus = float(schur[1, 1]) / point.area
-        self._schur = schur[np.ix_(self._moving, self._moving)]
-        self.definite = not len(self._moving) or float(np.linalg.eigvalsh(self._schur)[0]) > 0.0
+        self._schur = np.where(np.logical_and.outer(self._moving, self._moving), schur, np.eye(2))
+        (a, b), (_, c) = self._schur
+        self.definite = bool(a > 0.0 and a * c - b * b > 0.0)
 
     def _disks(self, right):
         return self._solver.solve(np.ascontiguousarray(right).ravel()).reshape(-1, 2)
@@ -147,12 +148,10 @@ class Linear:
     def solve(self, forces, drive):
         """(u (N, 2), strain (2,)) with (H + μ)(u, strain) = (forces, drive)."""
         move = self._disks(np.where(self._free[:, None], forces, 0.0))
-        strain = np.zeros(2)
-        if len(self._moving):
-            left = (drive - np.einsum("nab,na->b", self._rows, move))[self._moving]
-            strain[self._moving] = np.linalg.solve(self._schur, left)
-            move -= self._response @ strain
-        return move, strain
+        left = np.where(self._moving, drive - np.einsum("nab,na->b", self._rows, move), 0.0)
+        (a, b), (_, c) = self._schur
+        strain = np.array([c * left[0] - b * left[1], a * left[1] - b * left[0]]) / (a * c - b * b)
+        return move - np.einsum("nab,b->na", self._response, strain), strain
 
 
 class Newton:
@@ -283,13 +282,18 @@ class Newton:
         curvature = np.inf
         for _ in range(ITERATIONS):
             new, turned = linear.solve(move, weight * strain)
-            norm = np.vdot(new, new) + weight * np.dot(turned, turned)
+            norm = _inner(new, new) + weight * _inner(turned, turned)
             before = curvature
-            curvature = (np.vdot(new, move) + weight * np.dot(turned, strain)) / norm - mu
+            curvature = (_inner(new, move) + weight * _inner(turned, strain)) / norm - mu
             move, strain = new / np.sqrt(norm), turned / np.sqrt(norm)
             if curvature < 0.0 and abs(curvature - before) < 0.1 * abs(curvature):
                 break
         return (move, strain) if curvature < 0.0 else None
+
+
+def _inner(a, b) -> float:
+    """Σ a b; without BLAS, whose last digits depend on the processor."""
+    return float(np.sum(a * b))
 
 
 def flat_between(lower, upper) -> float:

@@ -1,9 +1,11 @@
 """How packings are made: random starts, the path in pressure, and the minimum at its end."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jampetsc.core.compiled import instruction_set
 from jampetsc.core.disks import Disks
 from jampetsc.core.neighbours import spatial_order
 from jampetsc.core.pairs import deformed
@@ -74,7 +76,7 @@ def changed(disks: Disks, target: Target) -> Disks:
                 "no disks touch, so there is no pressure to change: give a packing fraction, or use a random start"
             )
         return disks
-    return deformed(disks, np.zeros((disks.n, 2)), 0.5 * np.log(disks.phi / target.phi), 0.0)
+    return deformed(disks, np.zeros((disks.n, 2)), 0.5 * math.log(disks.phi / target.phi), 0.0)
 
 
 def make_packing(
@@ -132,7 +134,7 @@ def make_packing(
 
 def _decades(now, wanted, include_first):
     """Pressures between `now` and a lower `wanted`, a decade apart."""
-    steps = int(np.ceil(np.log10(now / wanted) - 1e-9)) if now > wanted else 0
+    steps = math.ceil(math.log10(now / wanted) - 1e-9) if now > wanted else 0
     return [now * 10.0**-s for s in range(0 if include_first else 1, steps)]
 
 
@@ -153,4 +155,5 @@ def _recorded(found: Minimum, target, protocol, effort) -> Disks:
         limited_by=found.limit,
         evaluations=effort.evaluations,
         newton_steps=effort.newton_steps,
+        instruction_set=instruction_set(),
     )

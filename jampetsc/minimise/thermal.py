@@ -5,6 +5,7 @@ states then have the Boltzmann weight e^(−U/T), as long as `reach` is not chan
 1087 (1953)). T is in units of energy (k_B = 1). One sweep is N moves.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -101,7 +102,7 @@ class Thermal(ListedDisks):
         share = taken / len(self.offsets)
         if tune:
             longest = LONGEST * self.skin
-            self.reach = min(longest, self.reach * np.exp(share - ACCEPTED))
+            self.reach = min(longest, self.reach * math.exp(share - ACCEPTED))
         return share
 
 
@@ -112,6 +113,6 @@ def annealed(disks: Disks, temperature: float, rate: float, sweeps: int, generat
         thermal.sweep(temperature, tune=True)
     now = temperature
     while now > cold:
-        now *= np.exp(-rate)
+        now *= math.exp(-rate)
         thermal.sweep(now, tune=True)
     return thermal.disks.folded()

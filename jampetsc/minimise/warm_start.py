@@ -11,7 +11,7 @@ from jampetsc.core.compiled import FAST, NUMBERS, compiled
 from jampetsc.core.kernel import _secant, bond_forces
 from jampetsc.core.pairs import is_stale
 from jampetsc.minimise.lbfgs_kernels import dot
-from jampetsc.minimise.ldl import factorise, solve
+from jampetsc.minimise.ldl import diagonal_of, factorise, solve
 
 MEMORY = 8  # pairs (s, y)
 OVERSHOT = 0.5  # a step is too long if the slope at its end is against it by more than this part of that at its start
@@ -81,7 +81,8 @@ def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
         number = held_by(pairs, chosen, n)
         for k in range(n):
             shift[k] = damping + (stiffness if number[k] < 3 else 0.0)
-        definite, factor = factorise(order, pairs[0], pairs[1], blocks, chosen, shift)
+        diagonal = diagonal_of(pairs[0], pairs[1], blocks, chosen, shift)
+        definite, factor = factorise(order, pairs[0], pairs[1], blocks, chosen, diagonal)
         if definite:
             break
     return factor

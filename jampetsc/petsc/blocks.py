@@ -6,7 +6,6 @@ at N = 4096, half at 32768. It does not compute in dense blocks, so it takes lon
 """
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from jampetsc.minimise import ldl
 from jampetsc.petsc.cholesky import suitesparse
@@ -15,6 +14,8 @@ from jampetsc.petsc.session import current
 
 def factorised(matrix, shift: float):
     """A function b → (A + shift)⁻¹b, (2N,) each, for the PETSc.Mat A; None where A + shift is not positive definite."""
+    from scipy.sparse import csr_array  # a quench does without
+
     n = matrix.getSize()[0] // 2
     indptr, indices, values = matrix.getValuesCSR()
     blocks = csr_array((values, indices, indptr), shape=matrix.getSize()).tobsr((2, 2))
@@ -22,9 +23,9 @@ def factorised(matrix, shift: float):
     upper = rows < blocks.indices
     # unsigned, as in a pair list, for which the code has been compiled already
     i, j = rows[upper].astype(np.uint32), blocks.indices[upper].astype(np.uint32)
-    definite, factor = ldl.factorise(
-        elimination_order(n, i, j), i, j, -blocks.data[upper], np.ones(len(i), bool), np.full(n, shift)
-    )
+    pairs = i, j, -blocks.data[upper], np.ones(len(i), bool)
+    diagonal = ldl.diagonal_of(*pairs, np.full(n, shift))
+    definite, factor = ldl.factorise(elimination_order(n, i, j), *pairs, diagonal)
     if not definite:
         return None
     work = np.empty((n, 2))

@@ -1,9 +1,12 @@
-"""Types of arguments as numba gets them, and fastmath flags of compiled functions."""
+"""Types of arguments as numba gets them, fastmath flags of compiled functions, and for which processors they are."""
 
 import importlib
 import pkgutil
+import subprocess
+import sys
 from typing import NamedTuple
 
+import launch
 import numpy as np
 import pytest
 from numba import typeof
@@ -78,3 +81,44 @@ def test_what_may_reorder_sums_is_compiled_into_its_callers():
             called = names.get(name)
             if isinstance(called, Dispatcher) and called.targetoptions["fastmath"]:
                 assert called.targetoptions.get("forceinline"), f"{function.__name__} calls {name}"
+
+
+@pytest.mark.parametrize(
+    ("machine", "without", "fits"),
+    [
+        ("x86_64", (), True),
+        ("AMD64", ("avx512f",), True),
+        ("x86_64", ("avx2",), False),
+        ("x86_64", ("fma", "movbe"), False),
+        ("arm64", (), False),
+        ("aarch64", (), False),
+    ],
+)
+def test_which_processors_get_the_same_code(machine, without, fits):
+    features = dict.fromkeys((*compiled.BASELINE_FEATURES, "avx512f"), True) | dict.fromkeys(without, False)
+    assert compiled.fits_baseline(machine, features) is fits
+
+
+PRINT = "from jampetsc.core import compiled; print(compiled.instruction_set())"
+COMPILE = "import numba; numba.njit(lambda x: x)(1)"
+
+
+@pytest.mark.skipif(
+    compiled.instruction_set() != compiled.BASELINE, reason="needs a processor with x86-64-v3"
+)
+@pytest.mark.parametrize(
+    ("program", "variables", "told", "warning"),
+    [
+        (PRINT, {"NUMBA_CPU_NAME": "skylake-avx512"}, compiled.BASELINE, ""),
+        (PRINT, {"NUMBA_CPU_NAME": "generic", "JAMPETSC_CPU": "native"}, "generic", ""),
+        (f"{COMPILE}; {PRINT}", {"NUMBA_CPU_NAME": "nehalem"}, "nehalem", "has compiled for nehalem"),
+        (PRINT, {"JAMPETSC_CPU": "zen"}, "", "JAMPETSC_CPU=zen: unknown. Set it to native, or unset it."),
+    ],
+    ids=["always", "native", "numba came first", "unknown"],
+)
+def test_numba_compiles_for_one_instruction_set(program, variables, told, warning):
+    """Whatever NUMBA_CPU_NAME says; code for another one is admitted to."""
+    environment = launch.environment() | {"NUMBA_CPU_FEATURES": ""} | variables
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert done.stdout.strip() == told
+    assert warning in done.stderr and bool(warning) == bool(done.stderr)

@@ -6,8 +6,8 @@ from sheared import crowd
 
 from jampetsc.core.pairs import PairList
 from jampetsc.minimise import warm_start as compiled
-from jampetsc.minimise.hessian import Bonds
-from jampetsc.minimise.ldl import factorise, solve
+from jampetsc.minimise.hessian import Bonds, Pattern
+from jampetsc.minimise.ldl import blocks_of, diagonal_of, factorise, solve
 from jampetsc.minimise.minimise import settle
 
 
@@ -36,7 +36,8 @@ def test_the_factor_is_that_of_the_hessian(listed):
     exact, *_ = bonds.squares()
     blocks, chosen = compiled.springs(pairs, offsets, 0.02, disks.potential.constants, 0.0, 1.0)
     assert np.abs(blocks - exact).max() < 1e-14 and np.array_equal(chosen, bonds.overlap > 0)
-    definite, factor = factorise(order, *pairs[:2], blocks, chosen, shift)
+    matter = *pairs[:2], blocks, chosen
+    definite, factor = factorise(order, *matter, diagonal_of(*matter, shift))
     matrix = dense(pairs, n, exact, shift)
     assert definite and np.linalg.eigvalsh(matrix)[0] > 0
     b = np.random.default_rng(3).normal(size=(n, 2))
@@ -46,6 +47,28 @@ def test_the_factor_is_that_of_the_hessian(listed):
     number, modulus = compiled.contacts_at(pairs, offsets, 0.02, disks.potential.constants)
     assert number == np.count_nonzero(bonds.overlap > 0)
     assert modulus == pytest.approx(np.sum(bonds.stiffness * (bonds.normal[0] * bonds.r[1]) ** 2))
+
+
+def test_the_blocks_of_a_matrix_are_those_it_was_filled_with(listed):
+    """Also where disks are left out, and where two touch through two images: the solution is that of dense numpy."""
+    disks, pairs, order = listed
+    free = np.ones(disks.n, bool)
+    free[[3, 17]] = False
+    bonds, pattern = Bonds.of(pairs, disks.potential), Pattern(pairs, disks.n)
+    for shift, positive in ((0.1, True), (-1.0, False)):
+        matter = blocks_of(pattern.indptr, pattern.indices, pattern.fill(bonds, free, shift))
+        definite, factor = factorise(order, *matter)
+        assert definite == positive
+        exact, *_ = bonds.squares()
+        matrix = dense(pairs, disks.n, exact, np.full(disks.n, shift))
+        held = np.repeat(~free, 2)
+        matrix[held] = matrix[:, held] = 0.0
+        matrix[held, held] = 1.0
+        assert (np.linalg.eigvalsh(matrix)[0] > 0) == positive
+        if definite:
+            b, x = np.random.default_rng(3).normal(size=(disks.n, 2)), np.empty((disks.n, 2))
+            solve(factor, b, x, np.empty_like(b))
+            assert np.abs(matrix @ x.ravel() - b.ravel()).max() < 1e-12
 
 
 def test_pairs_that_are_nearly_closed_are_half_as_stiff(listed):
@@ -106,7 +129,8 @@ def test_displacements_are_told_without_their_drift():
 def test_both_minors_of_a_pivot_count(block, shift, definite):
     one, two = np.array([0], np.uint32), np.array([1], np.uint32)
     order = np.array([0, 1], np.uint32)
-    found = factorise(order, one, two, np.array([block]), np.ones(1, bool), np.full(2, shift))
+    matter = one, two, np.array([block]), np.ones(1, bool)
+    found = factorise(order, *matter, diagonal_of(*matter, np.full(2, shift)))
     assert found[0] == definite
 
 
@@ -143,6 +167,7 @@ def test_what_is_no_number_is_lost_and_no_minimum(listed, where):
     still = np.zeros_like(bad)
     blocks, chosen = compiled.springs(pairs, still, 0.0, disks.potential.constants, 0.0, 1.0)
     shift = np.full(disks.n, 0.1)
-    assert factorise(order, *pairs[:2], blocks, chosen, shift)[0]
+    matter = *pairs[:2], blocks, chosen
+    assert factorise(order, *matter, diagonal_of(*matter, shift))[0]
     shift[where[0]] = np.nan
-    assert not factorise(order, *pairs[:2], blocks, chosen, shift)[0]
+    assert not factorise(order, *matter, diagonal_of(*matter, shift))[0]

@@ -13,6 +13,7 @@ from samples import published
 
 import jampetsc
 from jampetsc.cli import main as cli
+from jampetsc.core import compiled
 from jampetsc.core.state import measure
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import read_packing, write_packing
@@ -47,6 +48,28 @@ def test_ensemble_is_the_same_on_any_number_of_ranks(tmp_path):
     assert names == sorted(told)
     for name in names:
         assert content(tmp_path / "0" / name) == content(tmp_path / "2" / name)
+
+
+OTHER_PROCESSOR = {
+    "NUMBA_CPU_NAME": "generic",
+    "OPENBLAS_CORETYPE": "Prescott",
+    "NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX",
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2_Usable,-FMA_Usable,-AVX2,-FMA",
+}
+
+
+@pytest.mark.skipif(
+    compiled.instruction_set() != compiled.BASELINE, reason="needs a processor with x86-64-v3"
+)
+def test_a_seed_is_one_packing_on_every_processor(tmp_path, monkeypatch):
+    """To the last bit of file and record, whatever numba, BLAS, numpy and the C library find there."""
+    words = ("--n", 64, "--pressure", "1e-3", "--stabilise", "shear", "--out")
+    assert pack(tmp_path, *words, "here.h5").returncode == 0
+    for name, value in OTHER_PROCESSOR.items():
+        monkeypatch.setenv(name, value)
+    assert pack(tmp_path, *words, "there.h5").returncode == 0
+    assert content(tmp_path / "here.h5") == content(tmp_path / "there.h5")
+    assert read_packing(tmp_path / "here.h5").record["instruction_set"] == compiled.BASELINE
 
 
 def test_mumps_instead_of_cholmod(tmp_path):

@@ -38,8 +38,8 @@ def test_an_order_of_elimination_fills_little(session, ordering, monkeypatch):
 
     def entries(order, n, i, j):
         assert sorted(order.tolist()) == list(range(n))
-        one = np.tile(np.eye(2), (len(i), 1, 1))
-        return len(ldl.factorise(order, i, j, one, np.ones(len(i), bool), np.ones(n))[1][2])
+        matter = i, j, np.tile(np.eye(2), (len(i), 1, 1)), np.ones(len(i), bool)
+        return len(ldl.factorise(order, *matter, ldl.diagonal_of(*matter, np.ones(n)))[1][2])
 
     links = chain[:-1], chain[1:]
     assert entries(blocks.elimination_order(30, *links), 30, *links) == 29
