@@ -91,11 +91,11 @@ def drift(o, forces, mobility, g, dt, u, out):
 
 
 @compiled(NUMBERS, forceinline=True)
-def kick(o, forces, predicted, task, g, u, a_last, after, out):
-    """Accelerations into a_last, u from half a step before to half a step after now, out = o moved by it, (n, 2) each.
+def kick(o, forces, predicted, task, g, u, after, out):
+    """Move u from half a step before to half a step after now, out = o moved by it, (n, 2) each.
 
-    forces: of bonds; `predicted`: velocities now; `after`: those predicted for the next step. Returns the same as
-    `drift`, with the sums of the velocities now.
+    forces: of bonds, turned into accelerations; `predicted`: velocities now; `after`: those predicted for the next step.
+    Returns the same as `drift`, with the sums of the velocities now.
     """
     drag, mass, rate, dt = task.drag, task.mass, task.rate, task.step
     far = longest = xy = squares = total = 0.0
@@ -106,7 +106,7 @@ def kick(o, forces, predicted, task, g, u, a_last, after, out):
         dx, dy = dt * (ux - g * uy), dt * uy
         x, y = o[a, 0] + dx, o[a, 1] + dy
         after[a, 0], after[a, 1] = ux + 0.5 * dt * ax, uy + 0.5 * dt * ay
-        a_last[a, 0], a_last[a, 1] = ax, ay
+        forces[a, 0], forces[a, 1] = ax, ay
         u[a, 0], u[a, 1] = ux, uy
         out[a, 0], out[a, 1] = x, y
         xy += px * py
