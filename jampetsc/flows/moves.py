@@ -27,6 +27,7 @@ class Task(NamedTuple):
     weights: tuple  # (c_∥, c_⊥, c_s) of contacts
     drag: float  # of a disk, force over velocity
     mass: float
+    strongest: float  # force of two disks at the same place
     rate: float
     background: float  # η_F kτ₁ V, viscosity of the fluid
     held: int  # number of disks, the first ones, that keep u = 0

@@ -42,6 +42,9 @@ from jampetsc.flows.moves import (
 from jampetsc.flows.resistance import Graph, Search, find_contacts_of, solve
 
 
+ROUNDING = 1e-15  # of a force, relative
+
+
 class Contacts(NamedTuple):
     """Contact graph and work arrays of a solve for velocities."""
 
@@ -123,7 +126,10 @@ def balance(me, threads, counter, space, task, contacts, pairs, o, g, u, room):
     first, last, _, _ = own_domains(me, threads, space)
     graph = contacts.graph
     for d in range(first, last):
-        residual_at(pairs, d, o, g, task, u, space.forces, None, room)
+        bonds = residual_at(pairs, d, o, g, task, u, space.forces, None, room)
+        # of elastic forces, which follow from distances, and of viscous ones, whose squares are weights times dissipation
+        elastic = (graph.disks[d + 1] - graph.disks[d]) * (ROUNDING * task.strongest) ** 2
+        contacts.search.rounding[d] = elastic + ROUNDING**2 * max(task.weights) * bonds.dissipation
         find_contacts_of(pairs, d, o, g, graph)
     hold = task.drag + task.mass / task.step
     iterations = solve(
