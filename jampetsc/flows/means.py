@@ -9,7 +9,9 @@ from jampetsc.flows.record import ON_WALLS
 
 UNBALANCED = 0.05  # largest |mismatch| of the energy balance
 ROWS = 20  # fewest for which the balance is checked
-REVERSIBLE = 1e-6  # dissipation over Σ|work| below which disks follow the affine flow but for rounding, which may grow
+REVERSIBLE = (
+    1e-6  # dissipation over Σ|work| below which disks follow the affine flow but for rounding, which may grow
+)
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,9 @@ class Means:
     spacing: float  # strain between rows
     energy_balance: float  # σγ̇V/⟨D⟩; nan where motion is reversible
     mismatch: float  # (work − dissipation − growth of the energy) / dissipation; nan if there are too few rows to tell
-    unresolved: float  # part of the mismatch that rows leave open: second difference of the energy / dissipation
+    unresolved: (
+        float  # part of the mismatch that rows leave open: second difference of the energy / dissipation
+    )
 
     @classmethod
     def of(cls, record, discard: float, rate: float, area: float) -> "Means | None":
@@ -79,7 +83,9 @@ class Means:
                 "discard more"
             )
         if np.isnan(self.energy_balance):
-            found.append("no energy is dissipated: every disk follows the affine flow, as in a perfect crystal")
+            found.append(
+                "no energy is dissipated: every disk follows the affine flow, as in a perfect crystal"
+            )
         elif np.isnan(self.mismatch):
             found.append(
                 f"fewer than {ROWS} rows after discard: that work and dissipation balance was not checked; give a "

@@ -95,8 +95,8 @@ def drift(o, forces, mobility, g, dt, u, out):
 def kick(o, forces, predicted, task, g, u, after, out):
     """Move u from half a step before to half a step after now, out = o moved by it, (n, 2) each.
 
-    forces: of bonds, turned into accelerations; `predicted`: velocities now; `after`: those predicted for the next step.
-    Returns the same as `drift`, with the sums of the velocities now.
+    forces: of bonds, turned into accelerations; `predicted`: velocities now; `after`: those predicted for the next
+    step. Returns the same as `drift`, with the sums of the velocities now.
     """
     drag, mass, rate, dt = task.drag, task.mass, task.rate, task.step
     far = longest = xy = squares = total = 0.0

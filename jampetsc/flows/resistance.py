@@ -194,8 +194,8 @@ class Search(NamedTuple):
 def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, search):
     """Add to u (N, 2) the correction x with (A + hold) x = residual, both axes in one conjugate gradient.
 
-    residual = b − (A + hold) u is overwritten; ends when |residual| ≤ tolerance |b|, or at `search.rounding`, below which
-    b may be where forces cancel, as in a crystal. Preconditioned by the diagonal.
+    residual = b − (A + hold) u is overwritten; ends when |residual| ≤ tolerance |b|, or at `search.rounding`: where
+    forces cancel, as in a crystal, b is less than that. Preconditioned by the diagonal.
     Returns the number of iterations, −1 if SOLVES were not enough. By thread `me` of `threads`: see `core.threads`.
     """
     number = len(graph.begin)

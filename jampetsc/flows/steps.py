@@ -41,7 +41,6 @@ from jampetsc.flows.moves import (
 )  # fmt: skip
 from jampetsc.flows.resistance import Graph, Search, find_contacts_of, solve
 
-
 ROUNDING = 1e-15  # of a force, relative
 
 
@@ -127,7 +126,7 @@ def balance(me, threads, counter, space, task, contacts, pairs, o, g, u, room):
     graph = contacts.graph
     for d in range(first, last):
         bonds = residual_at(pairs, d, o, g, task, u, space.forces, None, room)
-        # of elastic forces, which follow from distances, and of viscous ones, whose squares are weights times dissipation
+        # elastic forces follow from distances; squares of viscous ones are weights times dissipation
         elastic = (graph.disks[d + 1] - graph.disks[d]) * (ROUNDING * task.strongest) ** 2
         contacts.search.rounding[d] = elastic + ROUNDING**2 * max(task.weights) * bonds.dissipation
         find_contacts_of(pairs, d, o, g, graph)
