@@ -31,17 +31,15 @@ UX, UY, ROLL, END = (row * BLOCK for row in range(4))
 
 
 class Sums(NamedTuple):
-    """Sums over bonds; `contacts` and all that follow are zero where motion is None."""
+    """Sums over bonds; `dissipation` and all that follow are zero where motion is None."""
 
     energy: float  # α U, α the exponent of the potential
     elastic_xx: float  # Σ f_x r_x of elastic forces,
     elastic_xy: float  # f_x r_y,
     elastic_yy: float
-    contacts: float  # their number
     dissipation: float
     viscous_xx: float  # Σ f_x r_x of viscous forces,
     viscous_xy: float  # f_x r_y,
-    viscous_yx: float  # f_y r_x
     viscous_yy: float
 
 
@@ -67,7 +65,7 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
     if motion is not None:
         _, rate, (along_weight, across_weight, sliding_weight) = motion
     energy = wxx = wxy = wyy = 0.0
-    contacts = dissipation = vxx = vxy = vyx = vyy = 0.0
+    dissipation = vxx = vxy = vyy = 0.0
     for q in range(len(sigma)):
         dx = bx[q]
         dy = by[q]
@@ -91,9 +89,7 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
             bx[q] = wx
             by[q] = wy
         else:
-            # a conditional increment instead of this factor would keep the loop from being vectorised
             touching = 1.0 if d > 0.0 else 0.0
-            contacts += touching
             nx = rx / r
             ny = ry / r
             vx = moving[UX + q] + rate * ry
@@ -113,11 +109,10 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
             py = -drag * nx - push * ny
             vxx += px * rx
             vxy += px * ry
-            vyx += py * rx
             vyy += py * ry
             bx[q] = wx + px
             by[q] = wy + py
-    return energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy
+    return energy, wxx, wxy, wyy, dissipation, vxx, vxy, vyy
 
 
 @compiled(False)
@@ -142,13 +137,14 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
     mix = scale * shear
     r0x, r0y = r0[0], r0[1]
     bx, by, moving = room
+    k, hertzian, scaled = law
     if motion is not None:
         ux, uy, rolled = moving[UX:UY], moving[UY:ROLL], moving[ROLL:END]
         u = motion[0]
     if rolling is not None:
         spin, radii, torques = rolling
     energy = wxx = wxy = wyy = 0.0
-    contacts = dissipation = vxx = vxy = vyx = vyy = 0.0
+    dissipation = vxx = vxy = vyy = 0.0
     begin, turn, stop = np.uint64(first), np.uint64(middle), np.uint64(last)
     while begin < stop:
         both = begin < turn
@@ -170,21 +166,21 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
             by[p - begin] = dy
         block = slice(begin, end)
         inside = slice(0, end - begin)
-        x, y = bx[inside], by[inside]
-        sums = _block_forces(
-            r0x[block], r0y[block], sigma[block], x, y, moving, scale, mix, law, motion, rolling
-        )
+        arrays = r0x[block], r0y[block], sigma[block], bx[inside], by[inside], moving
+        # With a flag that is no constant the compiler computes the root of a Hertzian law for every law.
+        if hertzian:
+            sums = _block_forces(*arrays, scale, mix, (k, True, scaled), motion, rolling)
+        else:
+            sums = _block_forces(*arrays, scale, mix, (k, False, scaled), motion, rolling)
         energy += weight * sums[0]
         wxx += weight * sums[1]
         wxy += weight * sums[2]
         wyy += weight * sums[3]
         if motion is not None:
-            contacts += weight * sums[4]
-            dissipation += weight * sums[5]
-            vxx += weight * sums[6]
-            vxy += weight * sums[7]
-            vyx += weight * sums[8]
-            vyy += weight * sums[9]
+            dissipation += weight * sums[4]
+            vxx += weight * sums[5]
+            vxy += weight * sums[6]
+            vyy += weight * sums[7]
         if both:
             for p in range(begin, end):
                 a = i[p]
@@ -206,7 +202,7 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
                 if rolling is not None:
                     torques[a] += radii[a] * rolled[p - begin]
         begin = end
-    return Sums(energy, wxx, wxy, wyy, contacts, dissipation, vxx, vxy, vyx, vyy)
+    return Sums(energy, wxx, wxy, wyy, dissipation, vxx, vxy, vyy)
 
 
 @compiled(FAST, forceinline=True)

@@ -9,6 +9,9 @@ from jampetsc.flows.record import ON_WALLS
 
 UNBALANCED = 0.05  # largest |mismatch| of the energy balance
 ROWS = 20  # fewest for which the balance is checked
+REVERSIBLE = (
+    1e-6  # dissipation over Σ|work| below which disks follow the affine flow but for rounding, which may grow
+)
 
 
 @dataclass(frozen=True)
@@ -23,8 +26,11 @@ class Means:
     parts: np.ndarray  # (3,) elastic, viscous and kinetic shear stress
     strain: float  # over which the means are taken
     spacing: float  # strain between rows
-    energy_balance: float  # σγ̇V/⟨D⟩
+    energy_balance: float  # σγ̇V/⟨D⟩; nan where motion is reversible
     mismatch: float  # (work − dissipation − growth of the energy) / dissipation; nan if there are too few rows to tell
+    unresolved: (
+        float  # part of the mismatch that rows leave open: second difference of the energy / dissipation
+    )
 
     @classmethod
     def of(cls, record, discard: float, rate: float, area: float) -> "Means | None":
@@ -43,6 +49,7 @@ class Means:
         duration = spacing / rate
         total = duration * float(np.sum(inner * spent))
         excess = duration * float(np.sum(inner * (work - spent))) - float(energy[-1] - energy[0])
+        checked = len(work) >= ROWS and total > 0
         return cls(
             Average.of(stress.sum(1)),
             Average.of(pressure.sum(1)),
@@ -52,9 +59,15 @@ class Means:
             stress.mean(0),
             spacing * int(kept.sum()),
             spacing,
-            float(work.sum() / spent.sum()) if spent.any() else np.nan,
-            excess / total if len(work) >= ROWS and total > 0 else np.nan,
+            float(work.sum() / spent.sum()) if spent.sum() > REVERSIBLE * np.abs(work).sum() else np.nan,
+            excess / total if checked else np.nan,
+            float(np.abs(np.diff(energy, 2)).max()) / total if checked else np.nan,
         )
+
+    @property
+    def balanced(self) -> bool:
+        """Whether work and dissipation balance, as far as the rows tell."""
+        return not abs(self.mismatch) > UNBALANCED + self.unresolved
 
     @property
     def correlation_strain(self) -> float:
@@ -69,7 +82,11 @@ class Means:
                 "the tenths of the run differ by more than its fluctuations explain: slow changes, or not steady yet; "
                 "discard more"
             )
-        if np.isnan(self.mismatch):
+        if np.isnan(self.energy_balance):
+            found.append(
+                "no energy is dissipated: every disk follows the affine flow, as in a perfect crystal"
+            )
+        elif np.isnan(self.mismatch):
             found.append(
                 f"fewer than {ROWS} rows after discard: that work and dissipation balance was not checked; give a "
                 "smaller step or a longer strain"

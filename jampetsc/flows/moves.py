@@ -27,6 +27,7 @@ class Task(NamedTuple):
     weights: tuple  # (c_∥, c_⊥, c_s) of contacts
     drag: float  # of a disk, force over velocity
     mass: float
+    strongest: float  # force of two disks at the same place
     rate: float
     background: float  # η_F kτ₁ V, viscosity of the fluid
     held: int  # number of disks, the first ones, that keep u = 0
@@ -91,11 +92,11 @@ def drift(o, forces, mobility, g, dt, u, out):
 
 
 @compiled(NUMBERS, forceinline=True)
-def kick(o, forces, predicted, task, g, u, a_last, after, out):
-    """Accelerations into a_last, u from half a step before to half a step after now, out = o moved by it, (n, 2) each.
+def kick(o, forces, predicted, task, g, u, after, out):
+    """Move u from half a step before to half a step after now, out = o moved by it, (n, 2) each.
 
-    forces: of bonds; `predicted`: velocities now; `after`: those predicted for the next step. Returns the same as
-    `drift`, with the sums of the velocities now.
+    forces: of bonds, turned into accelerations; `predicted`: velocities now; `after`: those predicted for the next
+    step. Returns the same as `drift`, with the sums of the velocities now.
     """
     drag, mass, rate, dt = task.drag, task.mass, task.rate, task.step
     far = longest = xy = squares = total = 0.0
@@ -106,7 +107,7 @@ def kick(o, forces, predicted, task, g, u, a_last, after, out):
         dx, dy = dt * (ux - g * uy), dt * uy
         x, y = o[a, 0] + dx, o[a, 1] + dy
         after[a, 0], after[a, 1] = ux + 0.5 * dt * ax, uy + 0.5 * dt * ay
-        a_last[a, 0], a_last[a, 1] = ax, ay
+        forces[a, 0], forces[a, 1] = ax, ay
         u[a, 0], u[a, 1] = ux, uy
         out[a, 0], out[a, 1] = x, y
         xy += px * py

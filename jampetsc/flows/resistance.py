@@ -187,13 +187,15 @@ class Search(NamedTuple):
     p: np.ndarray  # (N, 2) direction
     inverse: np.ndarray  # (N, 2) 1 / diagonal
     sums: np.ndarray  # (2, D, 3) of domains; two in turn: some threads still read the last ones
+    rounding: np.ndarray  # (D,) square of the residual that rounding leaves
 
 
 @compiled(FAST, forceinline=True)
 def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, search):
     """Add to u (N, 2) the correction x with (A + hold) x = residual, both axes in one conjugate gradient.
 
-    residual = b − (A + hold) u is overwritten; ends when |residual| ≤ tolerance |b|. Preconditioned by the diagonal.
+    residual = b − (A + hold) u is overwritten; ends when |residual| ≤ tolerance |b|, or at `search.rounding`: where
+    forces cancel, as in a crystal, b is less than that. Preconditioned by the diagonal.
     Returns the number of iterations, −1 if SOLVES were not enough. By thread `me` of `threads`: see `core.threads`.
     """
     number = len(graph.begin)
@@ -211,14 +213,13 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
             size += r[a] * r[a]
             p[a] = inverse[a] * r[a]
             rho += p[a] * r[a]
-        sums[d, 0], sums[d, 1], sums[d, 2] = size, rho, goal
+        sums[d, 0], sums[d, 1], sums[d, 2] = size, rho, tolerance * tolerance * goal + search.rounding[d]
     meet(counter, threads)
     goal = rho = size = 0.0
     for d in range(number):
         size += sums[d, 0]
         rho += sums[d, 1]
         goal += sums[d, 2]
-    goal *= tolerance * tolerance
     for iteration in range(SOLVES):
         if size <= goal:
             return iteration

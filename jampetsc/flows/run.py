@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
-from jampetsc.flows.means import UNBALANCED, Means
+from jampetsc.flows.means import Means
 from jampetsc.flows.moves import TALLY
 from jampetsc.flows.record import BETWEEN_WALLS, SERIES, Record, write_checkpoint
 from jampetsc.flows.shearing import Shear
@@ -174,7 +174,7 @@ def _row(shear, steps, record):
 def check_balance(record, discard, shear) -> Means | None:
     """Means so far. Raises ConvergenceError where work and dissipation do not balance."""
     means = Means.of(record, discard, shear.rate, shear.reference.area)
-    if means is not None and abs(means.mismatch) > UNBALANCED:
+    if means is not None and not means.balanced:
         raise ConvergenceError(
             f"strain {shear.strain:.4g}: work and dissipation differ by {100 * means.mismatch:.0f} % in the mean with "
             f"time steps of {shear.scheme.step:.3g}: give a smaller {named('step')}"

@@ -37,6 +37,8 @@ class ShearedDisks(ListedDisks):
         self.model, self.rate, self.scheme, self.held = model, rate, scheme, held
         n = disks.n
         self.unit = float(disks.potential.k * model.law.tau1)  # kτ₁, of all weights
+        sigma = 2.0 * np.array([disks.radii.min(), disks.radii.max()])
+        self.strongest = float(disks.potential.force(sigma, sigma).max())
         self.inertia = 0.5 * model.mass * disks.radii**2  # uniform disks
         self.steps = 0  # time steps in all
         self.since = 0  # those since the list was made
@@ -66,7 +68,8 @@ class ShearedDisks(ListedDisks):
         if self.solves:
             weights, number = self.model.law.on_contacts, domains.number
             graph = Graph.room(domains, disks.n, self.held, weights[0] != weights[1])
-            self._contacts = compiled.Contacts(graph, Search(*self._direction, np.empty((2, number, 3))))
+            search = Search(*self._direction, np.empty((2, number, 3)), np.empty(number))
+            self._contacts = compiled.Contacts(graph, search)
 
     def fold(self):
         """See `ListedDisks`."""
@@ -134,6 +137,7 @@ class ShearedDisks(ListedDisks):
             weights=tuple(unit * w for w in self.model.law.on_contacts),
             drag=unit * self.model.drag,
             mass=float(self.model.mass),
+            strongest=self.strongest,
             rate=float(self.rate),
             background=unit * self.model.law.eta_f * self.reference.area,
             held=self.held,

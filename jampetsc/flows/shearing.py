@@ -116,7 +116,7 @@ class Shear(ShearedDisks):
 
     def _run(self, steps, part=1.0):
         """At most `steps` time steps, of `part` of the scheme's, with the present list: (steps done, status)."""
-        rest, run = (), compiled.drag_steps
+        space, rest, run = self._space(self.velocities), (), compiled.drag_steps
         if self.scheme.method == "verlet":
             run, turning = compiled.massive_steps, None
             if self.model.law.couples_rotations:
@@ -124,8 +124,7 @@ class Shear(ShearedDisks):
                     self.spins, self.spin_rates, self.reference.radii, self.inertia,
                     *(np.empty_like(self.spins) for _ in range(3)),
                 )  # fmt: skip
-            rest = self.accelerations, turning
+            space, rest = space._replace(forces=self.accelerations), (turning,)
         elif self.solves:
             run, rest = compiled.contact_steps, (self._contacts,)
-        space, shares = self._space(self.velocities), self.lists[0].number
-        return self.team.run(run, shares, space, self.task(part), *rest, steps)[::-1]
+        return self.team.run(run, self.lists[0].number, space, self.task(part), *rest, steps)[::-1]

@@ -41,6 +41,8 @@ from jampetsc.flows.moves import (
 )  # fmt: skip
 from jampetsc.flows.resistance import Graph, Search, find_contacts_of, solve
 
+ROUNDING = 1e-15  # of a force, relative
+
 
 class Contacts(NamedTuple):
     """Contact graph and work arrays of a solve for velocities."""
@@ -123,7 +125,10 @@ def balance(me, threads, counter, space, task, contacts, pairs, o, g, u, room):
     first, last, _, _ = own_domains(me, threads, space)
     graph = contacts.graph
     for d in range(first, last):
-        residual_at(pairs, d, o, g, task, u, space.forces, None, room)
+        bonds = residual_at(pairs, d, o, g, task, u, space.forces, None, room)
+        # elastic forces follow from distances; squares of viscous ones are weights times dissipation
+        elastic = (graph.disks[d + 1] - graph.disks[d]) * (ROUNDING * task.strongest) ** 2
+        contacts.search.rounding[d] = elastic + ROUNDING**2 * max(task.weights) * bonds.dissipation
         find_contacts_of(pairs, d, o, g, graph)
     hold = task.drag + task.mass / task.step
     iterations = solve(
@@ -228,10 +233,10 @@ class Turning(NamedTuple):
 
 
 @compiled(FAST, nogil=True)
-def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
+def massive_steps(me, threads, counter, space, task, turning, steps):
     """Massive disks by velocity Verlet, one force per step, taken at the predicted velocity: (status, steps done).
 
-    u is the velocity half a step ago and a_last (N, 2) the acceleration one step ago; turning: None, or a Turning.
+    u is the velocity half a step ago; `forces` has the acceleration one step ago; turning: None, or a Turning.
     """
     first, last, begin, stop = own_domains(me, threads, space)
     mine = range(first, last)
@@ -240,7 +245,7 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
     predicted, after, room = space.after[0], space.after[1], block_room()
     for a in range(begin, stop):
         for axis in range(2):
-            predicted[a, axis] = u[a, axis] + 0.5 * dt * a_last[a, axis]
+            predicted[a, axis] = u[a, axis] + 0.5 * dt * forces[a, axis]
     if turning is not None:
         spin, spin_last, inertia, now, then_on, torques = (
             turning.spins, turning.rates, turning.inertia, turning.now, turning.after, turning.torques,
@@ -264,7 +269,7 @@ def massive_steps(me, threads, counter, space, task, a_last, turning, steps):
             forces[disks[d] : held] = 0.0
             far, longest, xy, squares = kick(
                 o[own], forces[own], predicted[own], task, g + 0.5 * task.rate * dt,
-                u[own], a_last[own], after[own], ahead[own],
+                u[own], after[own], ahead[own],
             )  # fmt: skip
             write_terms(task, bonds, xy, squares, sums[d])
             sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest

@@ -52,9 +52,8 @@ def test_against_sums_over_contacts(crowd, name, spinning, kind, stiffness):
     assert np.abs(forces - wanted).max() < 1e-12 * np.abs(wanted).max()
     if spinning:
         assert np.abs(torques - turned).max() < 1e-12 * max(np.abs(turned).max(), 1)
-    assert sums.contacts == len(c)
     assert sums.dissipation == pytest.approx(work, rel=1e-12)
-    assert np.allclose(sums[6:], virial.ravel(), rtol=0, atol=1e-11 * np.abs(virial).max())
+    assert np.allclose(sums[5:], virial.ravel()[[0, 1, 3]], rtol=0, atol=1e-11 * np.abs(virial).max())
     energy = potential.energy(c.overlap, c.sigma).sum()
     assert sums.energy / potential.alpha == pytest.approx(energy, rel=1e-12)
     elastic = (c.normal * c.force[:, None]).T @ c.r

@@ -102,7 +102,7 @@ def test_a_solve_meets_its_tolerance_and_is_not_far_more_exact(placed, tolerance
     disks, number = placed[0], placed[3].number
     weights, hold = (1.3, 0.4, 0.0), 1e-3
     graph, matrix = graph_of(placed, weights), dense(disks, weights, hold)
-    search = resistance.Search(*np.empty((3, 24, 2)), np.empty((2, number, 3)))
+    search = resistance.Search(*np.empty((3, 24, 2)), np.empty((2, number, 3)), np.zeros(number))
 
     def solve(residual, u, tolerance):
         alone = 0, 1, np.zeros(1, np.int64)
