@@ -248,7 +248,11 @@ class SlowShear(ListedDisks):
         """Arrays and numbers for `restore`: the state at the last `_renew`, and the number of steps in all."""
         disks, last, steps, effort = self._anchor
         arrays = {name: getattr(disks, name) for name in PLACES} | {"last": last}
-        counts = {"evaluations": effort.evaluations, "newton_steps": effort.newton_steps, "saddles": effort.saddles}
+        counts = {
+            "evaluations": effort.evaluations,
+            "newton_steps": effort.newton_steps,
+            "saddles": effort.saddles,
+        }
         return arrays | counts | {"anchor": steps, "steps": self.steps}
 
     def restore(self, state: dict) -> None:

@@ -98,7 +98,7 @@ def _mean(runs, observable):
         return mean_of_runs(*np.array(runs, float).T)
     if observable == "jammed":
         share = share_of(runs)
-        return share.value, 0.5 * (share.high - share.low)
+        return share.value, share.error
     return mean_of_averages([Average.of(run) for run in runs])
 
 
