@@ -114,7 +114,7 @@ def minimise(
 
 
 def proved(disks: Disks, solver) -> Disks:
-    """The disks, with the proof in their record if their load-bearing contacts make them a minimum; solver: see above."""
+    """The disks, with the proof in their record if their load-bearing contacts make them a minimum."""
     return disks if Newton(Descent(disks, Goal()), solver).prove() is None else with_proof(disks)
 
 

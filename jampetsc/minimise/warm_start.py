@@ -16,7 +16,7 @@ from jampetsc.minimise.ldl import factorise, solve
 MEMORY = 8  # pairs (s, y)
 OVERSHOT = 0.5  # a step is too long if the slope at its end is against it by more than this part of that at its start
 TRIES = 8  # of a step that goes too far
-FLAT = 1e-9  # of the stiffness of a contact: curvature that counts as none, so that translations do not count as negative
+FLAT = 1e-9  # of the stiffness of a contact: curvature that counts as none, as that of translations
 CELLS = 20  # for each contact, of overlaps up to twice their mean: two in one cell are alike
 CONVERGED, STALE, SPENT, APART, LOST = range(5)
 
@@ -136,7 +136,7 @@ def without_drift(moved):
 
 @compiled(FAST)
 def contacts_at(pairs, o, g, law):
-    """(number of contacts, Σ k (n_x r_y)², V times the modulus of affine motion, share with the overlap of another one).
+    """(number of contacts, Σ k (n_x r_y)², V times the modulus of affine motion, share with equal overlaps).
 
     At offsets o and shear g. Without symmetry some 3 % of the contacts share a cell of overlaps with an earlier one; a
     symmetry, which maps contacts onto others, makes it half of them or more.
