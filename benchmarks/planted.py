@@ -15,15 +15,17 @@ LAWS = {  # ln f₀ and zν; the first is in the class that is fitted
     "arctan": (lambda x: 2.5 * np.arctan(4 * x), 3.5),
     "wide arctan": (lambda x: 2.0 * np.arctan(1.5 * x), 2.5),
 }
-SETS = {  # (law, size of corrections, degree, noises, planted sets)
-    "cubic": ("cubic", 0.0, 5, (0.01, 0.05, 0.1, 0.2), 50),
-    "arctan": ("arctan", 0.0, 5, (0.01, 0.05, 0.1, 0.2), 50),
-    "wide arctan": ("wide arctan", 0.0, 5, (0.05, 0.1), 50),
-    "cubic, corrections": ("cubic", 2.0, 3, (0.003, 0.01), 20),
+SETS = {  # (law, size of corrections, degree, noises, planted sets, share of the squared errors common to a rate)
+    "cubic": ("cubic", 0.0, 5, (0.01, 0.05, 0.1, 0.2), 50, 0.0),
+    "arctan": ("arctan", 0.0, 5, (0.01, 0.05, 0.1, 0.2), 50, 0.0),
+    "wide arctan": ("wide arctan", 0.0, 5, (0.05, 0.1), 50, 0.0),
+    "cubic, corrections": ("cubic", 2.0, 3, (0.003, 0.01), 20, 0.0),
+    "cubic, half common to a rate": ("cubic", 0.0, 5, (0.02,), 100, 0.5),
+    "cubic, nine tenths common": ("cubic", 0.0, 5, (0.02,), 100, 0.9),
 }
 
 
-def planted(law, noise, corrections, seed):
+def planted(law, noise, corrections, seed, common=0.0):
     """(points, {parameter: its true value}) of φ_J = 0.8433, y = 1.1 and normal errors of a share of each value."""
     ln_f0, kappa = LAWS[law]
     phi, rate = np.repeat(PHIS, len(RATES)), np.tile(RATES, len(PHIS))
@@ -31,7 +33,9 @@ def planted(law, noise, corrections, seed):
     x = scaled(Points(phi, rate, None, None), truth["phi_J"], kappa)
     f = np.exp(ln_f0(x)) + corrections * rate**OMEGA * np.exp(0.3 + 3 * x)
     value = rate ** (truth["y"] / kappa) * f
-    noisy = value * (1 + noise * np.random.default_rng(seed).standard_normal(len(phi)))
+    rng = np.random.default_rng(seed)
+    own, shared = rng.standard_normal(len(phi)), np.tile(rng.standard_normal(len(RATES)), len(PHIS))
+    noisy = value * (1 + noise * (np.sqrt(1 - common) * own + np.sqrt(common) * shared))
     return Points(phi, rate, np.maximum(noisy, 0.0), noise * value), truth
 
 
@@ -41,12 +45,12 @@ def collapse():
         "| function | noise | parameter | no note | 1σ | 2σ | farthest | claimed/true | 2σ ends, all sets |"
     )
     print("|---|---|---|---|---|---|---|---|---|")
-    for title, (law, corrections, degree, noises, sets) in SETS.items():
+    for title, (law, corrections, degree, noises, sets, common) in SETS.items():
         form = Form({}, corrections > 0, degree)
         for noise in noises:
             fits = []
             for seed in range(sets):
-                points, truth = planted(law, noise, corrections, seed)
+                points, truth = planted(law, noise, corrections, seed, common)
                 fits.append((*estimate(points, form), points.phi))
             for name in form.free:
                 rows = np.array([facts(fit, found, phi, name, truth[name]) for fit, found, phi in fits])

@@ -10,7 +10,7 @@ Weighted least squares by `collapse_fit`, errors by `collapse_errors`.
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -35,12 +35,26 @@ class Points:
     error: np.ndarray  # one standard error, positive
     size: np.ndarray | None = None  # N
     runs: np.ndarray | None = None  # how many runs or samples each is the mean of
+    common: float = 0.0  # share of the squared errors that all points of one scale have in common
 
     def __len__(self):
         return len(self.phi)
 
     def __getitem__(self, rows) -> "Points":
-        return Points(*(None if values is None else values[rows] for values in vars(self).values()))
+        arrays = {name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
+        return replace(self, **arrays)
+
+    def in_errors(self, values):
+        """Values (M, …) in units of the errors, turned so that they are independent: their squares add up to χ².
+
+        With a common share c, n points of one scale have the correlation (1 − c) δ_ij + c in units of their errors.
+        """
+        relative = (values.T / self.error).T
+        if self.common:
+            means, number, group = means_by_scale(self, relative)
+            kept = np.sqrt((1.0 - self.common) / (1.0 + (number - 1.0) * self.common))
+            relative = (relative - (means.T * (1.0 - kept)).T[group]) / np.sqrt(1.0 - self.common)
+        return relative
 
     def within(self, low: float, high: float, largest: float) -> np.ndarray:
         """Mask (M,) of those with low ≤ φ ≤ high and b ≤ largest, but for rounding."""
@@ -187,6 +201,7 @@ class Fit:
     sign: float  # of f₁
     chi2: float
     dof: int
+    common: float = 0.0  # of the points, see `Points`
 
     @property
     def probability(self) -> float:
@@ -241,6 +256,14 @@ class Fit:
         columns = [by[name] for name in self.form.free]
         parts = [leading[:, None] * values, correction[:, None] * values[:, : self.form.terms[1]]]
         return np.column_stack([*columns, *parts])
+
+
+def means_by_scale(points, values):
+    """(means of values (M, …) over the points of each scale (S, …), numbers of points (S,), scale of each (M,))."""
+    _, group, number = np.unique(points.scale, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(number), *np.shape(values)[1:]))
+    np.add.at(sums, group, values)
+    return (sums.T / number).T, number, group
 
 
 def scaled(points, phi_J, kappa):

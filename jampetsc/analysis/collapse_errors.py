@@ -12,14 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.special import gammainc
 
-from jampetsc.analysis.collapse import Fit, Form, Points
+from jampetsc.analysis.collapse import Fit, Form, Points, means_by_scale
 from jampetsc.analysis.collapse_fit import ROUGH, best_from, carried, minima, ranges
 from jampetsc.errors import InputError
 
 SIGMAS = 2.0  # of the ends, where χ² is SIGMAS² above the least
 HIGHER = (2, 4)  # added to the degree: as many even as odd terms
 UNEVEN = 1.5  # ratio of the longer to the shorter side of an error from which both are reported
+BY_CHANCE = 0.02  # probability of a scatter as small, below which errors are taken as common to a scale
+MOST_COMMON = 0.98  # largest share of errors that is taken as common
 _ACCURACY = 0.02  # of an end, in its distance from the best
 _BETTER = 0.01  # a fit whose χ² is lower by this replaces the best so far
 _STRETCH, _STEPS = 3.0, 20  # most growth from step to step outwards; fewest steps that cover the range
@@ -61,8 +64,15 @@ class _BetterFit(Exception):
 
 
 def estimate(points: Points, form: Form) -> tuple[Fit, dict]:
-    """(the best fit, {name: Estimate} of the free parameters). Raises InputError as `minima` does."""
+    """(the best fit, {name: Estimate} of the free parameters). Raises InputError as `minima` does.
+
+    Where errors seem common to the points of a scale, they are fitted as such: see `common_share`.
+    """
     fits, ends = minima(points, form), None
+    common = common_share(points, fits[0])
+    if common:
+        points = replace(points, common=common)
+        fits = minima(points, form)
     while ends is None:
         try:
             ends = _ends(points, fits)
@@ -72,6 +82,26 @@ def estimate(points: Points, form: Form) -> tuple[Fit, dict]:
         name: _widened(fits[0].parameters[name], ends[name], shift, ranges(points)[name])
         for name, shift in _shifts(points, fits[0]).items()
     }
+
+
+def common_share(points: Points, fit: Fit) -> float:
+    """Share of the squared errors that points of one scale seem to have in common; 0 if that may be chance.
+
+    About their mean at each scale, points then scatter by less than their errors. The fit, of independent errors,
+    takes part of the degrees of freedom: ν = M − S − tr H + tr PH, H the projector onto its slopes, P onto these means.
+    """
+    residuals, slopes = (
+        points.in_errors(fit.model(points) - points.value),
+        points.in_errors(fit.slopes(points)),
+    )
+    means, number, group = means_by_scale(points, residuals)
+    basis = np.linalg.svd(slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300), full_matrices=False)[0]
+    inside = basis - means_by_scale(points, basis)[0][group]
+    freedom = len(points) - len(number) - float(np.sum(inside**2))
+    scatter = float(np.sum((residuals - means[group]) ** 2))
+    if freedom < 1.0 or gammainc(0.5 * freedom, 0.5 * scatter) >= BY_CHANCE:
+        return 0.0
+    return min(1.0 - scatter / freedom, MOST_COMMON)
 
 
 def _widened(best, ends, shift, limits):
@@ -133,7 +163,7 @@ def _shifts(points, fit):
 
 def _linear_errors(points, fit):
     """(P,) standard errors of the free parameters from the linearised model."""
-    slopes = fit.slopes(points) / points.error[:, None]
+    slopes = points.in_errors(fit.slopes(points))
     units = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
     return (np.linalg.norm(np.linalg.pinv(slopes / units), axis=1) / units)[: len(fit.form.free)]
 
@@ -173,7 +203,7 @@ def _end(points, fit, least, name, side):
 
 def _along_profile(points, fit, name, value):
     """The parameters where one of them is moved and the others follow, to first order."""
-    slopes, at = fit.slopes(points) / points.error[:, None], fit.form.free.index(name)
+    slopes, at = points.in_errors(fit.slopes(points)), fit.form.free.index(name)
     own, others = slopes[:, at] * (fit.parameters[name] - value), np.delete(slopes, at, axis=1)
     moved = {**fit.parameters, name: value}
     names = [other for other in fit.form.free if other != name]

@@ -103,7 +103,7 @@ def carried(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
     ]
     start = Fit(form, parameters, basis, tuple(coefficients), fit.sign, np.inf, 0)
     with np.errstate(over="ignore", invalid="ignore"):
-        misfit = np.sum(((start.model(points) - points.value) / points.error) ** 2)
+        misfit = np.sum(points.in_errors(start.model(points) - points.value) ** 2)
     return replace(start, chi2=float(np.nan_to_num(misfit, nan=np.inf)))
 
 
@@ -121,13 +121,14 @@ def best_from(points: Points, form: Form, start: Fit, search=EXACT) -> Fit:
         values = {**start.parameters, **dict(zip(names, map(float, vector[: len(names)]), strict=True))}
         rest = vector[len(names) :]
         dof = len(points) - form.unknowns
-        return Fit(form, values, start.basis, (rest[:first], rest[first:]), start.sign, chi2, dof)
+        parts = rest[:first], rest[first:]
+        return Fit(form, values, start.basis, parts, start.sign, chi2, dof, points.common)
 
     def residuals(vector):
-        return (fit_at(vector).model(points) - points.value) / points.error
+        return points.in_errors(fit_at(vector).model(points) - points.value)
 
     def jacobian(vector):
-        return fit_at(vector).slopes(points) / points.error[:, None]
+        return points.in_errors(fit_at(vector).slopes(points))
 
     change, steps = search
     begin = np.r_[[start.parameters[name] for name in names], *start.coefficients]

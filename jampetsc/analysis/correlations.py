@@ -18,6 +18,7 @@ from jampetsc.errors import InputError
 
 ENOUGH_PACKINGS = 5  # from so many on, whole packings are resampled
 SAMPLES = 200  # of the bootstrap
+ROUNDING = 1e-12  # rms displacement per strain, in diameters, below which a field may be rounding alone
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,11 @@ over a series, with an error from its autocorrelation and from the scatter of ru
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_averages
+from jampetsc.analysis.averages import Average, mean_of_runs
 from jampetsc.analysis.statistics import mean_with_error
 
 FEWEST = 10  # samples for a distribution
@@ -28,34 +28,58 @@ class Share:
     samples: int
     independent: float  # number of independent samples with the same error
 
+    @property
+    def error(self) -> float:
+        """Half of the interval."""
+        return 0.5 * (self.high - self.low)
 
-def independent_share(jammed) -> Share:
-    """Share of ones among independent samples (S,), S ≥ 1, with Wilson's interval."""
-    count = len(jammed)
-    value = float(np.mean(jammed))
+
+def binomial_share(value: float, count: float) -> Share:
+    """A share with Wilson's interval, of so many independent samples; effective numbers need not be whole."""
     middle = (value + 0.5 / count) / (1.0 + 1.0 / count)
     half = np.sqrt(value * (1.0 - value) / count + 0.25 / count**2) / (1.0 + 1.0 / count)
-    return Share(value, float(min(middle - half, value)), float(max(middle + half, value)), count, count)
+    return Share(value, float(min(middle - half, value)), float(max(middle + half, value)), int(count), count)
+
+
+def independent_share(jammed) -> Share:
+    """Share of ones among independent samples (S,), S ≥ 1."""
+    return binomial_share(float(np.mean(jammed)), len(jammed))
 
 
 def correlated_share(runs) -> Share:
-    """Share of ones in several series [(T,), …] of runs, one standard error to either side.
+    """Share of ones in several series [(T,), …] of runs: see `share_of_runs`."""
+    averages = [Average.of(run) for run in runs]
+    parts = zip(*((one.mean, one.error, one.samples) for one in averages), strict=True)
+    return replace(share_of_runs(*parts), samples=int(sum(len(run) for run in runs)))
+
+
+def share_of_runs(means, errors, samples) -> Share:
+    """Mean share of runs (R,), each with error and effective number of samples as in `Average`.
 
     The error is the larger of the scatter of runs and their own errors; not less than that of independent samples as
     many as the runs are worth.
     """
-    averages = [Average.of(run) for run in runs]
-    value, error = mean_of_averages(averages)
-    samples = sum(one.samples for one in averages)  # a series of ones alone is one: it may be one long memory
-    known = math.ceil(samples)
-    least = independent_share(np.r_[np.ones(round(value * known)), np.zeros(known - round(value * known))])
-    return Share(
-        value,
-        max(0.0, min(value - error, least.low)),
-        min(1.0, max(value + error, least.high)),
-        int(sum(len(run) for run in runs)),
-        samples,
-    )
+    value, error = mean_of_runs(means, errors, samples)
+    count = float(np.sum(samples))  # a series of ones alone is one: it may be one long memory
+    known = math.ceil(count)
+    least = binomial_share(round(value * known) / known, known)
+    low, high = max(0.0, min(value - error, least.low)), min(1.0, max(value + error, least.high))
+    return Share(value, low, high, len(means), count)
+
+
+def pooled_share(values, samples) -> Share:
+    """Share of ones in all of several sets of independent samples: their shares (R,), and numbers of samples (R,)."""
+    samples = np.asarray(samples, float)
+    return binomial_share(float(np.dot(values, samples) / samples.sum()), float(samples.sum()))
+
+
+def effective_samples(share: Share) -> float:
+    """The number of independent samples of which Wilson's interval is as long as that of this share."""
+    if share.samples == share.independent:
+        return float(share.samples)
+    square, spread = share.error**2, share.value * (1.0 - share.value)
+    half = square - 0.5 * spread
+    return max(1.0, (-half + math.sqrt(half**2 - square * (square - 0.25))) / square)
 
 
 def share_of(runs) -> Share:

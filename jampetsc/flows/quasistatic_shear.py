@@ -16,7 +16,7 @@ from jampetsc.core.state import find_contacts, measure
 from jampetsc.core.threads import Team
 from jampetsc.minimise import warm_start as compiled
 from jampetsc.minimise.descent import Effort, Goal
-from jampetsc.minimise.minimise import UNJAMMED, minimise, stress_unit
+from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise, stress_unit
 from jampetsc.minimise.newton import FORCE_FLOOR
 
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
@@ -32,6 +32,9 @@ DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
 NEARBY = 3e-3  # mean diameters: pairs with a smaller gap, which may touch within the step, are in the Hessian
 ORDERED = 0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched,
 FILLED = 1.25  # and found anew if a factor has so many times the entries of the first one in that order
+SYMMETRIC = (
+    0.125  # share of contacts with the overlap of another one from which states are proved, until `_renew`
+)
 SHARE = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event
 
 
@@ -58,6 +61,7 @@ class Step:
     nonaffine: float  # rms non-affine displacement, in mean diameters
     dissipated: float  # E
     plastic: bool
+    proved: bool  # whether the Hessian there was factorised, without a negative eigenvalue
     evaluations: int  # of forces
 
 
@@ -108,9 +112,11 @@ class SlowShear(ListedDisks):
 
     def _quenched(self, disks) -> Disks:
         effort = Effort()
-        found = minimise(disks, Goal(), self.solver, tolerance=self.tolerance, team=self.team, effort=effort)
+        tolerance = min(self.tolerance, HANDOVER)  # a saddle that was just left is at rest to a larger one
+        found = minimise(disks, Goal(), self.solver, tolerance=tolerance, team=self.team, effort=effort)
         self.effort.evaluations += effort.evaluations
         self.effort.newton_steps += effort.newton_steps
+        self.effort.saddles += effort.saddles
         return found.disks.folded()
 
     def list(self, disks):
@@ -122,6 +128,7 @@ class SlowShear(ListedDisks):
         """Fold the disks and make list, order and factor anew: from here `restore` repeats a run to the last bit."""
         self.fold()
         self._anchor = self.reference, self.last.copy(), self.steps, replace(self.effort)
+        self._doubtful = self.tolerance > HANDOVER  # forces as large rest on slopes, too
         self._find_order()
         law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
         usual = law.usual_overlap(pressure, self.diameter)
@@ -193,25 +200,33 @@ class SlowShear(ListedDisks):
         self._moved = np.empty_like(self.offsets)
         if self.stale(compiled.moved_on(self.offsets, self.shear, self.last, self._moved)):
             self.fold()
-        sums = self._follow()
-        if sums is None:
+        sums, proved = self._follow(), False
+        self.steps += 1
+        if sums is not None:
+            now = self._minimum(sums)
+            if self._doubtful or self.steps % RENEWAL == 0:
+                proved = compiled.is_minimum(
+                    self._order, self.pairs, self.offsets, self.shear, self._law, self._stiffness
+                )
+                sums = sums if proved else None
+        if sums is None:  # rearrangements without end, or a saddle: a quench, which leaves saddles
             here = self.disks
             self.list(self._quenched(here))
             displacement = (self.reference.base - here.base) + (self.reference.offset - here.offset)
             images = np.round(fractional(displacement, here.cell))
             self._moved += displacement - vectors(images, here.cell)
             self._factorise()
-            sums = self._forces()
-        self.steps += 1
+            now, proved = self._minimum(self._forces()), True
         size, longest = compiled.without_drift(self._moved)
         self.last = self._moved if longest < LONGEST * self.diameter else np.zeros_like(self._moved)
-        self.found = now = self._minimum(sums)
+        self.found = now
         work = 0.5 * (before.shear_stress + now.shear_stress) * self.area * self.step
         dissipated = work - (now.energy - before.energy)
         return Step(
             size / self.diameter,
             dissipated,
             before.jammed and bool(dissipated > SHARE * self.affine_modulus * self.area * self.step**2),
+            proved,
             self.effort.evaluations - spent,
         )
 
@@ -221,8 +236,9 @@ class SlowShear(ListedDisks):
 
     def _minimum(self, sums):
         disks, n = self.reference, self.reference.n
-        contacts, stiffness = compiled.contacts_at(self.pairs, self.offsets, self.shear, self._law)
+        contacts, stiffness, alike = compiled.contacts_at(self.pairs, self.offsets, self.shear, self._law)
         self.affine_modulus = stiffness / self.area
+        self._doubtful |= bool(alike > SYMMETRIC)
         energy = sums.energy / disks.potential.alpha
         return Minimum(
             energy,
@@ -236,13 +252,17 @@ class SlowShear(ListedDisks):
         """Arrays and numbers for `restore`: the state at the last `_renew`, and the number of steps in all."""
         disks, last, steps, effort = self._anchor
         arrays = {name: getattr(disks, name) for name in PLACES} | {"last": last}
-        counts = {"evaluations": effort.evaluations, "newton_steps": effort.newton_steps}
+        counts = {
+            "evaluations": effort.evaluations,
+            "newton_steps": effort.newton_steps,
+            "saddles": effort.saddles,
+        }
         return arrays | counts | {"anchor": steps, "steps": self.steps}
 
     def restore(self, state: dict) -> None:
         """Return to the state that `state` gave, to the last bit, by repeating the steps since its `_renew`."""
         self.list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
         self.last, self.steps = np.asarray(state["last"], float), int(state["anchor"])
-        self.effort = Effort(int(state["evaluations"]), int(state["newton_steps"]))
+        self.effort = Effort(*(int(state[name]) for name in ("evaluations", "newton_steps", "saddles")))
         while self.steps < int(state["steps"]):
             self.advance()

@@ -145,5 +145,7 @@ def resumed(checkpoint: Checkpoint, columns=None):
     if not checkpoint.done:
         return None
     arrays = checkpoint.fields(0)
+    if not (columns or {}).keys() <= arrays.keys():
+        return None  # of an older version, which had fewer columns
     state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
     return Record.of(arrays, columns), state

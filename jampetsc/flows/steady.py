@@ -135,7 +135,7 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
     write_checkpoint(checkpoint, record, shear.state())  # in case one of the files cannot be written
     if last is not None:
         protocol = f"steady shear, {run.model}, rate {run.rate:g}"
-        write_packing(last, shear.disks.with_record(protocol=protocol), to.request)
+        write_packing(last, replace(shear.disks, record={"protocol": protocol}), to.request)
     state = shear.state() | {"radii": run.disks.radii}
     # a flow file that is continued in place is replaced last
     write_record(to.writer(FORMAT), record, state, run.settings, facts)

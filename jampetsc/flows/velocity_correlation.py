@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.averages import Average
+from jampetsc.analysis.correlations import ROUNDING
 from jampetsc.analysis.statistics import draws_of, small_sample_factor
 from jampetsc.analysis.velocities import lane_products
 from jampetsc.errors import InputError, named
@@ -114,6 +115,12 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
             squares.append(np.mean(u[:, 1] ** 2))
     products, pairs = np.array(products), np.array(pairs)
     square, counts = float(np.mean(squares)), pairs.sum(0)
+    rate = float(first.attributes["rate"])
+    if not square > (ROUNDING * rate * diameter) ** 2:
+        raise InputError(
+            f"{first.path}: |u_y| is rounding, at most {ROUNDING:g} mean diameters per strain, as in a perfect "
+            "crystal: nothing to correlate"
+        )
     squares = np.array(squares)
     with np.errstate(invalid="ignore", divide="ignore"):
         values = products.sum(0) / counts / square
@@ -121,6 +128,5 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
         moved = (products / square - values * pairs) * (len(pairs) / counts)
         moved -= values * (squares / square - 1.0)[:, None]
     errors = np.array([Average.of(column).error for column in moved.T])
-    rate = float(first.attributes["rate"])
     least = _minimum_errors(0.5 * (edges[:-1] + edges[1:]), products, pairs, squares)
     return LaneCorrelation(edges, values, errors, counts, square / rate**2, len(pairs), diameter, least)

@@ -13,13 +13,21 @@ SAME = 1e-9  # numbers that differ by less, relatively, are the same
 CHOICES = ("command", "law", *LAW_PARAMETERS)
 CHOICES += ("model", "method", "phase", "omega", "rate", "mass", "strain", "accuracy")
 NO_AVERAGE = ("seed", "seconds")
+# columns that are shares of samples: those with the error of a run and its effective number of samples; runs of jam are
+# independent samples, or as many as they are worth
+SHARES = {
+    "jammed_fraction": ("jammed_fraction_samples",),
+    "jammed_mean": ("jammed_error", "jammed_samples"),
+    "plastic_mean": ("plastic_error", "plastic_samples"),
+}
 STATISTICS = {"mean": mean_with_error, "median": median_with_error}
 
 
 class Averages(Mapping):
     """Averages over groups of rows: column -> (groups,) array, for the columns `by` the value of each group.
 
-    error        column -> (groups,) halves of 68 % intervals, see `analysis.statistics`; nan for a single row
+    error        column -> (groups,) halves of 68 % intervals, see `analysis.statistics`; nan for a single row, but for
+                 shares, which are those of all samples of the rows
     count        column -> (groups,) numbers of rows averaged
     below_zero   column -> (groups,) how many of these are negative, such as G₀ of packings unstable to shear: they
                  count like all others
@@ -62,8 +70,18 @@ class Averages(Mapping):
         values = column[known]
         if not len(values):
             return np.nan, np.nan, 0, 0
-        value, error = STATISTICS[self.statistic](values)
+        value, error = self._share(rows.taken(known), name) or STATISTICS[self.statistic](values)
         return float(value), float(error), len(values), int(np.count_nonzero(values < 0))
+
+    def _share(self, rows, name):
+        """(value, error) of a share, which is binomial: of all samples of the rows together; None for anything else."""
+        own = [rows[part] for part in SHARES.get(name, ()) if part in rows]
+        if not own or not np.isfinite(own).all():
+            return None
+        from jampetsc.analysis.jamming import pooled_share, share_of_runs
+
+        share = (pooled_share if len(own) == 1 else share_of_runs)(rows[name], *own)
+        return share.value, share.error
 
     def __iter__(self):
         return iter([*self.by, *(name for name in self._names if name not in self.by)])

@@ -157,6 +157,7 @@ examples:
             "chi2": fit.chi2,
             "dof": fit.dof,
             "probability": fit.probability,
+            "common_share": fit.common,
             **{words[name]: value for name, value in fit.parameters.items()},
             **{
                 f"{words[name]}_{what}": getattr(one, what)

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from jampetsc.analysis.correlations import correlate
+from jampetsc.analysis.correlations import ROUNDING, correlate
 from jampetsc.analysis.lane_sums import grid_cells, lane_sums
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
@@ -86,7 +86,16 @@ def _motion(job, sweep, phase):
     disks = packing_of(sweep, job.packing)
     particles = particle_rows(sweep, disks)
     transverse = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, 1] for row in rows]
-    return (disks, particles, [part for u in transverse for part in (u.real, u.imag)]), stored[rows]
+    parts = [part for u in transverse for part in (u.real, u.imag)]
+    known = np.array([_rms(part) > ROUNDING * _diameter(disks) for part in parts]).reshape(-1, 2)
+    if not known.any(axis=1).all():
+        at = stored[rows][np.argmin(known.any(axis=1))]
+        raise InputError(
+            f"{sweep.path}: omega = {at:g}: |u_y| is rounding, at most {ROUNDING:g} mean diameters per strain, "
+            f"as in a perfect crystal: nothing to correlate; choose other frequencies by {named('omega')}"
+        )
+    parts = [part if some else np.zeros_like(part) for part, some in zip(parts, known.flat, strict=True)]
+    return (disks, particles, parts), stored[rows]
 
 
 def refuse_mixture(sweeps):
@@ -138,16 +147,16 @@ def _summary(to, packings, omega, phase, lanes, results, size) -> str:
         ]
         lines.append(f"  omega {w:.3g}: l/d {',  '.join(parts)}")
     for width, other in zip(lanes[1:], results[1:], strict=True):
-        change = _rms(other.values - first.values)
-        error = math.hypot(_rms(first.errors), _rms(other.errors))
+        change = _rms((other.values - first.values)[:, 1:])  # beyond δ = 0, where C is 1
+        error = math.hypot(_rms(first.errors[:, 1:]), _rms(other.errors[:, 1:]))
         known = f"differs by {change:.2g} (rms), with errors of {error:.2g}"
         lines.append(f"  lanes of {width:g} d: C {known if change == change else 'is not known'}")
     return "\n".join(lines)
 
 
 def _rms(values):
-    """Root mean square of what is known of values (F, D + 1) beyond δ = 0; nan if nothing is."""
-    known = values[:, 1:][np.isfinite(values[:, 1:])]
+    """Root mean square of the finite ones of values; nan if none is."""
+    known = values[np.isfinite(values)]
     return np.sqrt(np.mean(known**2)) if len(known) else np.nan
 
 

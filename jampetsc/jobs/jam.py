@@ -106,11 +106,10 @@ def _summary(n, record, to) -> str:
         if one.jammed is None:
             lines.append(f"  phi = {one.phi:.6g}: no minimum found")
             continue
-        error = 0.5 * (one.jammed.high - one.jammed.low)
         mean = f", p of the jammed {one.pressure:.4g}" if np.isfinite(one.pressure) else ""
         others = "".join(f", {name} {value:.5g} ± {error:.2g}" for name, (value, error) in one.means.items())
         lines.append(
-            f"  phi = {one.phi:.6g}: jammed {one.jammed.value:.3f} ± {error:.2g} (as of "
+            f"  phi = {one.phi:.6g}: jammed {one.jammed.value:.3f} ± {one.jammed.error:.2g} (as of "
             f"{one.jammed.independent:.0f} independent samples){mean}{others}"
         )
     lost = int(np.count_nonzero(~np.isfinite(columns["jammed"])))

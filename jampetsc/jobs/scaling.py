@@ -16,7 +16,9 @@ ALIKE = (
     "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units", "k", "tau1"
 )  # fmt: skip
 SAME_PHI = 6  # decimals
-UNLIKELY = 0.01  # probability of χ² below which the form is wrong, or the errors are
+UNLIKELY = (
+    0.01  # probability of χ² below which the form is wrong, or errors are too small; too large above 1 − this
+)
 
 
 def read_points(results, observable: str, finite_size: bool) -> Points:
@@ -98,7 +100,7 @@ def _mean(runs, observable):
         return mean_of_runs(*np.array(runs, float).T)
     if observable == "jammed":
         share = share_of(runs)
-        return share.value, 0.5 * (share.high - share.low)
+        return share.value, share.error
     return mean_of_averages([Average.of(run) for run in runs])
 
 
@@ -141,6 +143,14 @@ def notes_of(points: Points, fit, found, finite_size) -> list[str]:
     notes = []
     if fit.probability < UNLIKELY:
         notes.append("the form does not describe the data within their errors: cut, or fit corrections")
+    if fit.common:
+        one = "size" if finite_size else "rate"
+        notes.append(
+            f"points of one {one} scatter about their mean by {math.sqrt(1.0 - fit.common):.0%} of their errors: they "
+            f"are too large, or common to a {one}; {fit.common:.0%} of their squares are fitted as common"
+        )
+    if fit.probability > 1.0 - UNLIKELY:
+        notes.append("chi2 is far too small: the errors of the data are too large, and so are these")
     if "phi_J" in found and not lowest < fit.parameters["phi_J"] < highest:
         notes.append(f"phi_J = {fit.parameters['phi_J']:.5g} is outside the data, {lowest:g} to {highest:g}")
     for name, one in found.items():

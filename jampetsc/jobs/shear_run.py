@@ -1,6 +1,7 @@
 """The run that a `shear.Shear` asks for: quasistatic shear from its start, or from a checkpoint, to its result."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,13 +19,14 @@ from jampetsc.flows.record import (
 )
 from jampetsc.flows.run import INTERVAL, LINES
 from jampetsc.io.packing_file import write_packing
+from jampetsc.minimise.minimise import proved
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
 # of a step: strain, then the fields of `quasistatic_shear.Minimum` and `Step`
 COLUMNS = {
     "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "coordination": 0, "nonaffine": 0,
-    "dissipated": 0, "plastic": 0, "evaluations": 0,
+    "dissipated": 0, "plastic": 0, "proved": 0, "evaluations": 0,
 }  # fmt: skip
 AVERAGED = ("shear_stress", "pressure", "energy", "coordination", "jammed", "plastic", "dissipated")
 
@@ -81,12 +83,14 @@ def execute(job, solver, to) -> str:
         "energy_cut": ENERGY_CUT,
         "plastic_share": SHARE,
         "newton_steps": slow.effort.newton_steps,
+        "saddles": slow.effort.saddles,
         **facts_of(**averages),
     }
     minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
     if job.last is not None:
         protocol = f"quasistatic shear, steps of {job.step:g}"
-        write_packing(job.last, slow.disks.with_record(protocol=protocol), to.request)
+        last = replace(slow.disks, record={"protocol": protocol})
+        write_packing(job.last, proved(last, solver), to.request)
     write_record(to.writer(job.FORMAT), record, minimum, settings, facts)
     checkpoint.remove()
     stress, pressure = averages["shear_stress"], averages["pressure"]

@@ -16,6 +16,8 @@ from jampetsc.minimise.ldl import diagonal_of, factorise, solve
 MEMORY = 8  # pairs (s, y)
 OVERSHOT = 0.5  # a step is too long if the slope at its end is against it by more than this part of that at its start
 TRIES = 8  # of a step that goes too far
+FLAT = 1e-9  # of the stiffness of a contact: curvature that counts as none, as that of translations
+CELLS = 20  # for each contact, of overlaps up to twice their mean: two in one cell are alike
 CONVERGED, STALE, SPENT, APART, LOST = range(5)
 
 
@@ -68,24 +70,35 @@ def held_by(pairs, chosen, n):
 
 
 @compiled(False)
+def _factorised(order, pairs, o, g, law, nearby, stress, damping, stiffness):
+    """(definite, factor) of the Hessian with `damping` on its diagonal, and `stiffness` for what few contacts hold."""
+    n = len(o)
+    shift = np.empty(n)
+    blocks, chosen = springs(pairs, o, g, law, nearby, stress)
+    number = held_by(pairs, chosen, n)
+    for k in range(n):
+        shift[k] = damping + (stiffness if number[k] < 3 else 0.0)
+    diagonal = diagonal_of(pairs[0], pairs[1], blocks, chosen, shift)
+    return factorise(order, pairs[0], pairs[1], blocks, chosen, diagonal)
+
+
+@compiled(False)
 def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     """A factor of the Hessian with `damping` on its diagonal; without pre-stress if it is not definite with it.
 
     A disk with fewer than three contacts gets this `stiffness` on its diagonal, too: otherwise it would move far when
     another one touches it.
     """
-    n = len(o)
-    shift = np.empty(n)
-    for stress in (1.0, 0.0):
-        blocks, chosen = springs(pairs, o, g, law, nearby, stress)
-        number = held_by(pairs, chosen, n)
-        for k in range(n):
-            shift[k] = damping + (stiffness if number[k] < 3 else 0.0)
-        diagonal = diagonal_of(pairs[0], pairs[1], blocks, chosen, shift)
-        definite, factor = factorise(order, pairs[0], pairs[1], blocks, chosen, diagonal)
-        if definite:
-            break
+    definite, factor = _factorised(order, pairs, o, g, law, nearby, 1.0, damping, stiffness)
+    if not definite:
+        factor = _factorised(order, pairs, o, g, law, nearby, 0.0, damping, stiffness)[1]
     return factor
+
+
+@compiled(False)
+def is_minimum(order, pairs, o, g, law, stiffness):
+    """Whether the Hessian of the contacts has no eigenvalue below −FLAT · stiffness; rattlers have none."""
+    return _factorised(order, pairs, o, g, law, 0.0, 1.0, FLAT * stiffness, stiffness)[0]
 
 
 @compiled(FAST, forceinline=True)
@@ -124,19 +137,31 @@ def without_drift(moved):
 
 @compiled(FAST)
 def contacts_at(pairs, o, g, law):
-    """(number of contacts, Σ k (n_x r_y)², V times the modulus of affine motion) at offsets o and shear g."""
+    """(number of contacts, Σ k (n_x r_y)², V times the modulus of affine motion, share with equal overlaps).
+
+    At offsets o and shear g. Without symmetry some 3 % of the contacts share a cell of overlaps with an earlier one; a
+    symmetry, which maps contacts onto others, makes it half of them or more.
+    """
     i, j, r0, sigma = pairs
     alpha = 2.5 if law[1] else 2.0
     number, modulus = 0, 0.0
+    overlaps = np.empty(len(i))
     for p in range(len(i)):
         y = r0[1, p] + o[j[p], 1] - o[i[p], 1]
         x = r0[0, p] + o[j[p], 0] - o[i[p], 0] + g * y
         square = x * x + y * y
         if square < sigma[p] * sigma[p]:
             number += 1
-            k = (alpha - 1.0) * _secant(sigma[p] - np.sqrt(square), sigma[p], law)
+            overlaps[number - 1] = sigma[p] - np.sqrt(square)
+            k = (alpha - 1.0) * _secant(overlaps[number - 1], sigma[p], law)
             modulus += k * (x * y) ** 2 / square
-    return number, modulus
+    bins = CELLS * max(number, 1)
+    taken, alike, total = np.zeros(bins, np.bool_), 0, np.sum(overlaps[:number])
+    for q in range(number):
+        place = int(0.5 * bins * number * overlaps[q] / total) % bins
+        alike += taken[place]
+        taken[place] = True
+    return number, modulus, CELLS * alike / bins
 
 
 @compiled(FAST, forceinline=True)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jampetsc.analysis.jamming import OTHERS, effective_samples, runs_of, share_of
 from jampetsc.analysis.scaling import low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.core.disks import Disks
@@ -85,13 +86,19 @@ def _correlation(result):
 def _jam(result):
     """The fraction of samples that jam, and the means of φ_J and segregation if the protocol gives them."""
     found = {"samples": len(result["jammed"])}
-    for name, column in (("jammed", "jammed_fraction"), ("phi_J", "phi_J"), ("segregation", "segregation")):
+    jammed = [result["jammed"][rows] for _, _, rows in runs_of(result)]
+    jammed = [run[np.isfinite(run)] for run in jammed if np.isfinite(run).any()]
+    if jammed:
+        share = share_of(jammed)
+        found |= {"jammed_fraction": share.value, "jammed_fraction_error": share.error}
+        found["jammed_fraction_samples"] = effective_samples(share)
+    for name in OTHERS:
         values = result[name] if name in result else np.empty(0)
         values = values[np.isfinite(values)]
         if len(values):
-            found[column] = float(values.mean())
-            if name != "jammed" and len(values) > 1:
-                found[f"{column}_error"] = float(mean_with_error(values)[1])
+            found[name] = float(values.mean())
+            if len(values) > 1:
+                found[f"{name}_error"] = float(mean_with_error(values)[1])
     return found
 
 

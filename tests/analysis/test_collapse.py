@@ -253,13 +253,40 @@ def test_what_the_data_do_not_tell_has_no_number():
         assert one.decided == np.isfinite(one.error) == (name == "kappa")
     notes, said = notes_of(points, fit, found, False), text_of(fit.parameters, found, False)
     assert "phi_J > 0.83" in said and "y undecided" in said
-    assert notes[0].startswith("phi_J = 0.865 is outside the data, 0.835 to 0.85")
-    assert notes[1].startswith("the data do not tell phi_J: 2 sigma reach an end of its range, 0.82 to 0.865")
+    assert "phi_J = 0.865 is outside the data, 0.835 to 0.85" in notes
+    assert "the data do not tell phi_J: 2 sigma reach an end of its range, 0.82 to 0.865" in notes
     points = planted(2, 0.2, scales=scales)
     fit, found = estimate(points, FREE)
     for name in ("phi_J", "kappa"):
         held = fit_collapse(points, Form({name: PLANTED[name]}, degree=3))
         assert held.chi2 - fit.chi2 < 4 and found[name].low < PLANTED[name] < found[name].high
+
+
+def test_common_errors_count_by_their_covariance():
+    rng = np.random.default_rng(0)
+    points = replace(planted(0)[np.arange(48) % 5 > 0], common=0.3)  # not as many at every rate
+    residuals = rng.normal(size=(len(points), 2))
+    same = points.scale[:, None] == points.scale
+    covariance = points.error[:, None] * points.error * (0.7 * np.eye(len(points)) + 0.3 * same)
+    turned = points.in_errors(residuals)
+    np.testing.assert_allclose(
+        turned.T @ turned, residuals.T @ np.linalg.solve(covariance, residuals), rtol=1e-10
+    )
+
+
+def test_errors_that_are_common_to_a_rate_are_fitted_as_such():
+    """Nine tenths of the variance shift all points of a rate together; `benchmarks/planted.py` has the coverage."""
+    points = planted(5)
+    own, shared = np.random.default_rng(5).standard_normal((2, len(points)))
+    shared = shared[np.unique(points.scale, return_inverse=True)[1]]
+    true = exact(points.phi, points.scale)
+    points = replace(points, value=true + points.error * (np.sqrt(0.1) * own + np.sqrt(0.9) * shared))
+    fit, found = estimate(points, FREE)
+    assert 0.7 < fit.common < 0.97 and 0.01 < fit.probability < 0.99
+    assert all(one.low < PLANTED[name] < one.high for name, one in found.items())
+    assert notes_of(points, fit, found, False)[0].startswith(
+        "points of one rate scatter about their mean by "
+    )
 
 
 def test_notes_of_a_fit():
@@ -271,6 +298,9 @@ def test_notes_of_a_fit():
 
     assert notes() == []
     assert notes(replace(fit, chi2=200.0))[0].startswith("the form does not describe the data")
+    assert notes(replace(fit, chi2=10.0))[0].startswith(
+        "chi2 is far too small: the errors of the data are too large"
+    )
     outside = replace(fit, parameters={**fit.parameters, "phi_J": 0.86})
     assert notes(outside) == ["phi_J = 0.86 is outside the data, 0.835 to 0.85"]
     uneven = "y has uneven errors: take its ends of 2 sigma, 0.9 to 1.5"

@@ -199,6 +199,7 @@ def write_sweep(
     unit=1.0,
     wide=1.0,
     G=1.0 + 0j,
+    size=1.0,
     **attributes,
 ):
     """A packing of small disks at random and a sweep with waves of L/m as fields, beside each other."""
@@ -209,7 +210,7 @@ def write_sweep(
     write_packing(packing, Disks.from_positions(points, np.full(n, 0.5 * unit), cell))
     fields = np.zeros((len(omega), n, 2), complex)
     for field, m in zip(fields, lengths, strict=True):
-        field[:, 1] = wave(points, cell, m, phase=seed) + 1j * wave(points, cell, 2 * m, phase=seed)
+        field[:, 1] = size * (wave(points, cell, m, phase=seed) + 1j * wave(points, cell, 2 * m, phase=seed))
     file, sha256 = read_identified(packing)[1]
     path = folder / f"{name}.h5"
     arrays = {"omega": omega, "G": np.ones(len(omega)) * G, "error_bound": omega, "fields/omega": omega}
@@ -238,6 +239,7 @@ def folder(tmp_path_factory):
     for name in ("s", "lost", "again", *others):
         write_sweep(folder, name, **others.get(name, {}))
     (folder / "packing-lost.h5").unlink()
+    write_sweep(folder, "crystal", size=1e-15)
     write_sweep(folder, "still", G=np.array([np.nan, 1.0]))
     bare = {name: np.ones(2) for name in ("omega", "G", "error_bound")}
     stored(folder / "bare.h5", "sweep", bare, law="stokes")
@@ -265,6 +267,10 @@ def folder(tmp_path_factory):
         ("s.h5 --lane 50", r"s\.h5: lane width 50: must be positive and at most the cell's height, 20"),
         ("still.h5", r"still\.h5: no modulus at omega = 0\.0001, .*use --phase strain"),
         ("s.h5 --bin 1", "--bin 1: belongs to flows"),
+        (
+            "crystal.h5",
+            r"crystal\.h5: omega = 0\.0001: \|u_y\| is rounding, at most 1e-12 mean diameters per strain",
+        ),
         ("flow.h5 --lane 0.5,1", "--lane 0.5,1: flows are correlated at one width"),
         ("flow.h5 s.h5", r"s\.h5: .* average one kind"),
         ("s.h5 flow.h5", r"flow\.h5: .* average one kind"),

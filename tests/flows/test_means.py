@@ -293,6 +293,9 @@ def test_correlated_files_are_of_one_kind(tmp_path):
     correlate_lanes([one, flow_file(tmp_path / "near.h5", phi=0.8 + 9e-7)], 2, 2)
     with pytest.raises(InputError, match=r"far.h5: another phi than one.h5"):
         correlate_lanes([one, flow_file(tmp_path / "far.h5", phi=0.8 + 2e-6)], 2, 2)
+    for velocity in (0.0, 1e-15):
+        with pytest.raises(InputError, match=r"crystal.h5: \|u_y\| is rounding, .* nothing to correlate"):
+            correlate_lanes([flow_file(tmp_path / "crystal.h5", velocity=velocity)], 2, 2)
     with pytest.raises(InputError, match=r"walls.h5: a flow between walls is not homogeneous"):
         correlate_lanes([flow_file(tmp_path / "walls.h5", walls=True)], 2, 2)
 

@@ -8,6 +8,7 @@ from sheared import stop_after
 
 import jampetsc
 from jampetsc.cli import main as cli
+from jampetsc.core.minimum import proved_minimum
 from jampetsc.core.pairs import deformed
 from jampetsc.core.potentials import Potential
 from jampetsc.core.state import measure
@@ -103,6 +104,53 @@ def test_the_descent_finds_the_minimum_of_a_quench(jammed):
         assert state.max_force < 1e-9 * state.pressure * slow.diameter
     assert same >= 18
     assert evaluations < 0.2 * cost.evaluations
+
+
+def stiffness_matrix(disks):
+    """K (2N, 2N) with pre-stress of the load-bearing contacts, dense."""
+    contacts, K = measure(disks).contacts, np.zeros((disks.n, 2, disks.n, 2))
+    normal, across = (np.einsum("ma,mb->mab", a, a) for a in (contacts.normal, contacts.transverse))
+    blocks = contacts.stiffness[:, None, None] * normal - contacts.tension[:, None, None] * across
+    for i, j, block in zip(contacts.i, contacts.j, blocks, strict=True):
+        for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
+            K[a, :, b] += sign * block
+    return K.reshape(2 * disks.n, -1)
+
+
+@pytest.mark.parametrize(
+    ("n", "phi", "seed", "step", "rows", "tolerance", "left"),
+    [
+        (16, 0.9, 1, 1e-3, 50, 1e-6, 1),  # a crystal, which keeps its symmetry
+        (64, 1.0, 2, 3e-3, 28, 1e-6, 1),
+        (36, 0.92, 5, 2e-3, 24, 1e-3, 1),  # loose forces: a saddle that was left is left for good
+    ],
+)
+def test_every_state_of_a_crystal_is_a_minimum(session, n, phi, seed, step, rows, tolerance, left):
+    from jampetsc.petsc.local import NewtonSolver
+
+    start = settle(random_start(radii_of("monodisperse", n), phi, seed, SOFT), 1e-6)
+    slow = SlowShear(start, step, NewtonSolver(), tolerance)
+    for _ in range(rows):
+        done = slow.advance()
+        assert np.linalg.eigvalsh(stiffness_matrix(slow.disks))[0] > -1e-8
+        assert done.proved or not slow._doubtful
+    assert slow.effort.saddles >= left
+
+
+def test_disorder_is_proved_only_now_and_then(jammed):
+    slow = SlowShear(jammed[0], 1e-4, jammed[1], 1e-6)
+    assert [slow.advance().proved for _ in range(51)] == [False] * 49 + [True, False]
+
+
+def test_the_last_state_has_a_proof_of_its_own(session, tmp_path):
+    """Not that of the packing it began as; and none where no disks touch."""
+    start = jampetsc.pack(n=32, phi=0.88, seed=1)
+    assert proved_minimum(start)
+    jampetsc.shear(start, step=1e-3, strain=5e-3, last=tmp_path / "last.h5")
+    last = jampetsc.load(tmp_path / "last.h5")
+    assert proved_minimum(last) and last.fingerprint != start.fingerprint and "pressure" not in last.record
+    jampetsc.shear(n=32, phi=0.7, seed=1, step=1e-3, strain=2e-3, last=tmp_path / "loose.h5")
+    assert "negative_modes" not in jampetsc.load(tmp_path / "loose.h5").record
 
 
 def test_disks_are_jammed_by_their_energy_in_units_of_k(jammed):

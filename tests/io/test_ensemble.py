@@ -9,6 +9,7 @@ import pytest
 import samples
 
 import jampetsc
+from jampetsc.analysis.jamming import independent_share
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
@@ -134,6 +135,30 @@ def test_only_numbers_are_averaged_and_packings_that_have_one_counted(tmp_path):
     for name, said in (("beta", message), ("packing", "column packing holds words, which have no mean")):
         with pytest.raises(InputError, match=said):
             mean[name]
+
+
+def test_a_share_has_the_error_of_all_its_samples(tmp_path):
+    """Two samples that agree are not certain, and ten in one file weigh as much as ten in ten."""
+    rows = [
+        {"command": "jam", "state": "done", "file": f"j{k}.h5", "n": n, "jammed_fraction": value,
+         "jammed_fraction_samples": count}
+        for k, (n, value, count) in enumerate([(16, 1.0, 1), (16, 1.0, 1), (32, 0.5, 2), (32, 0.875, 8)])
+    ]  # fmt: skip
+    rows += [
+        {"command": "shear", "state": "done", "file": f"s{k}.h5", "n": 64, "jammed_mean": 1.0, "jammed_error": 0.0,
+         "jammed_samples": 1.0}
+        for k in range(3)
+    ]  # fmt: skip
+    (tmp_path / "table.csv").write_text(table_text(rows))
+    table = jampetsc.load(tmp_path)
+    for averages in (table.where(command="jam").mean(by="n"), table.where(command="jam").median(by="n")):
+        assert averages["jammed_fraction"] == pytest.approx([1.0, 0.8])
+        expected = [independent_share(np.r_[np.ones(a), np.zeros(b)]).error for a, b in ((2, 0), (8, 2))]
+        assert averages.error["jammed_fraction"] == pytest.approx(expected) and expected[0] == pytest.approx(
+            1 / 6
+        )
+    sheared = table.where(command="shear").mean()
+    assert sheared["jammed_mean"] == [1.0] and sheared.error["jammed_mean"] == pytest.approx(1 / 8)
 
 
 def test_columns_have_the_type_of_all_their_cells(tmp_path):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import samples
 from sheared import crowd
 
 from jampetsc.core.pairs import PairList
@@ -44,7 +45,8 @@ def test_the_factor_is_that_of_the_hessian(listed):
     x = np.empty_like(b)
     solve(factor, b, x, np.empty_like(b))
     assert np.abs(matrix @ x.ravel() - b.ravel()).max() < 1e-12
-    number, modulus = compiled.contacts_at(pairs, offsets, 0.02, disks.potential.constants)
+    number, modulus, alike = compiled.contacts_at(pairs, offsets, 0.02, disks.potential.constants)
+    assert alike < 0.1
     assert number == np.count_nonzero(bonds.overlap > 0)
     assert modulus == pytest.approx(np.sum(bonds.stiffness * (bonds.normal[0] * bonds.r[1]) ** 2))
 
@@ -69,6 +71,18 @@ def test_the_blocks_of_a_matrix_are_those_it_was_filled_with(listed):
             b, x = np.random.default_rng(3).normal(size=(disks.n, 2)), np.empty((disks.n, 2))
             solve(factor, b, x, np.empty_like(b))
             assert np.abs(matrix @ x.ravel() - b.ravel()).max() < 1e-12
+
+
+def test_a_saddle_is_told_from_a_minimum_and_a_symmetry_from_disorder():
+    """A square lattice has negative modes with pre-stress, a triangular one has none; of both contacts are alike."""
+    for sample, expected in ((samples.lattice(), False), (samples.crystal(), True)):
+        pairs, still = PairList.build(sample, 0.3), np.zeros((sample.n, 2))
+        order, law = np.arange(sample.n, dtype=np.uint32), sample.potential.constants
+        assert compiled.is_minimum(order, pairs, still, 0.0, law, 1.0) == expected
+        assert compiled.contacts_at(pairs, still, 0.0, law)[2] > 0.8
+    loose = pairs._replace(r0=2.0 * pairs.r0)
+    assert compiled.contacts_at(loose, still, 0.0, law) == (0, 0.0, 0.0)
+    assert compiled.is_minimum(order, loose, still, 0.0, law, 1.0)
 
 
 def test_pairs_that_are_nearly_closed_are_half_as_stiff(listed):

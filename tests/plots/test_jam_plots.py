@@ -7,7 +7,14 @@ from drawn import Held, bars, figure_of, lines, told
 from pressures import CUTS, low_end
 from samples import isostatic
 
-from jampetsc.analysis.jamming import correlated_share, density, independent_share, memory
+from jampetsc.analysis.jamming import (
+    binomial_share,
+    correlated_share,
+    density,
+    effective_samples,
+    independent_share,
+    memory,
+)
 from jampetsc.errors import InputError
 from jampetsc.plots import jamming
 from jampetsc.plots.draw import draw
@@ -70,6 +77,8 @@ def test_states_of_a_run_remember():
     error = np.mean([0.5 * (one.high - one.low) for one in shares])
     assert error == pytest.approx(np.std([one.value for one in shares]), rel=0.4)
     assert memory(runs) == pytest.approx((1 - change) / change, rel=0.1)
+    for share in shares:
+        assert binomial_share(share.value, effective_samples(share)).error == pytest.approx(share.error)
     alone = correlated_share([np.ones(500)])
     assert alone.value == 1 and alone.low < 0.6  # may be one long memory
 

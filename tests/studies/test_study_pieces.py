@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from samples import published, stored
 
+from jampetsc.analysis.jamming import independent_share
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
@@ -448,7 +449,13 @@ def test_numbers_of_a_file_are_its_scalars_and_the_few_words_that_a_row_tells(tm
 
 
 LENGTHS = np.arange(12.0).reshape(2, 3, 2)  # lane, frequency, part
-JAM = {"jammed": [1.0, 0.0, np.nan, 1.0], "phi_J": [0.84, np.nan, np.nan, 0.86], "segregation": [np.nan] * 4}
+JAM = {
+    "phi": [0.84] * 4,
+    "seed": [1, 2, 3, 4],
+    "jammed": [1.0, 0.0, np.nan, 1.0],
+    "phi_J": [0.84, np.nan, np.nan, 0.86],
+    "segregation": [np.nan] * 4,
+}
 
 
 @pytest.mark.parametrize(
@@ -459,8 +466,12 @@ JAM = {"jammed": [1.0, 0.0, np.nan, 1.0], "phi_J": [0.84, np.nan, np.nan, 0.86],
         ("correlation", {"omega": [1.0, 1e-3, 0.1], "length": LENGTHS, "length_error": -LENGTHS},
          {"omega": 1e-3, "length_storage": 2.0, "length_loss": 3.0, "length_storage_error": -2.0,
           "length_loss_error": -3.0}),
-        ("jam", JAM, {"samples": 4, "jammed_fraction": 2 / 3, "phi_J": 0.85, "phi_J_error": 0.01 * half_width(1)}),
-        ("jam", {"jammed": [1.0], "phi_J": [0.84]}, {"samples": 1, "jammed_fraction": 1.0, "phi_J": 0.84}),
+        ("jam", JAM,
+         {"samples": 4, "jammed_fraction": 2 / 3, "jammed_fraction_error": independent_share([1, 0, 1]).error,
+          "jammed_fraction_samples": 3, "phi_J": 0.85, "phi_J_error": 0.01 * half_width(1)}),
+        ("jam", {"phi": [0.84], "seed": [1], "jammed": [1.0], "phi_J": [0.84]},
+         {"samples": 1, "jammed_fraction": 1.0, "jammed_fraction_error": 0.25, "jammed_fraction_samples": 1,
+          "phi_J": 0.84}),
     ],
 )  # fmt: skip
 def test_numbers_of_arrays(tmp_path, kind, arrays, expected):
