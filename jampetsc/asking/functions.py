@@ -6,6 +6,7 @@ import inspect
 
 from jampetsc import progress
 from jampetsc.asking.parameters import FILES, OPTION, Part, fields, shown
+from jampetsc.errors import in_words
 from jampetsc.io.outlet import Outlet
 
 HOW = {  # parameters of every function, beside those of its job
@@ -14,7 +15,7 @@ HOW = {  # parameters of every function, beside those of its job
         None,
         "file beside which a long run saves finished steps, to continue from them (default: out)",
     ),
-    "overwrite": (False, "replace a finished result of other settings at out, otherwise an error"),
+    "overwrite": (False, "compute again and replace a finished result at out; otherwise that of the same settings and inputs is returned, and another one an error"),
     "progress": (False, "report progress on stderr"),
 }
 
@@ -33,6 +34,8 @@ def function_of(job):
         asked, to = job(**bound.arguments), Outlet(out, out if checkpoint is None else checkpoint)
         with progress.reporting(True) if shown else contextlib.nullcontext():
             said = asked.perform(to, argv=asked.line(out), overwrite=overwrite)
+            if to.finished:
+                progress.note(in_words(said, str))
         return asked.answer(to, said)
 
     call.__name__ = call.__qualname__ = job.NAME

@@ -12,11 +12,12 @@ class Outlet:
     checkpoint  file beside which a long run keeps its finished steps, to continue from; None: in memory
     request     what was asked for, a `request.Request`, which files record; None: nothing
     status      exit status of a command that has written what it could
+    finished    whether the result of the request is in its file already and stays
 
     Raises InputError for a name without a character.
     """
 
-    request, status = None, 0
+    request, status, finished = None, 0, False
 
     def __init__(self, path=None, checkpoint=None):
         for name, given in (("out", path), ("checkpoint", checkpoint)):
@@ -39,13 +40,19 @@ class Outlet:
         if self.path is None:
             raise InputError(f"{named('out')}: must be given: the file to write")
 
-    def check(self, kind, inputs=(), path=None, beside=()) -> None:
-        """Refuse what may not be replaced, see `outputs.check_output`; path: of another file than the result's."""
+    def check(self, kind, inputs=(), path=None, beside=()) -> bool:
+        """Refuse what may not be replaced; whether the file is finished, see `outputs.check_output`.
+
+        path    of another file than the result's
+        """
         from jampetsc.io.outputs import check_output
 
-        if path or self.path:
-            request = self.request if kind.startswith("jampetsc-") else None
-            check_output(path or self.path, kind, inputs, beside, request)
+        if not (path or self.path):
+            return False
+        request = self.request if kind.startswith("jampetsc-") else None
+        found = check_output(path or self.path, kind, inputs, beside, request)
+        self.finished = self.finished if path else found
+        return found
 
     def writer(self, format, comm=None):
         """A `ResultWriter`. Collective over comm."""

@@ -117,6 +117,11 @@ class ShearedResult(Result):
     @property
     def last(self) -> Disks:
         """The packing at the end."""
+        return self.listed
+
+    @property
+    def listed(self) -> Disks:
+        """The disks of the stored state."""
         arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
         return Disks(
             **arrays,
@@ -125,9 +130,17 @@ class ShearedResult(Result):
 
 
 class FlowResult(ShearedResult):
-    """Steady shear: with snapshots."""
+    """Steady shear: with snapshots. Its state has the disks of the last neighbour list, and how they moved since."""
 
     snapshot = snapshot
+
+    @property
+    def last(self) -> Disks:
+        """The packing at the end."""
+        from jampetsc.core.pairs import deformed
+
+        shear = int(self["state/since"]) * self.attributes["rate"] * self.attributes["step"]
+        return deformed(self.listed, self["state/offsets"], 0.0, shear).folded()
 
 
 class SpectrumResult(Result):

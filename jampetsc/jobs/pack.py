@@ -156,16 +156,26 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         seeds = [None] if self.from_ is not None else self.seeds or [1 if self.seed is None else self.seed]
         if out is not None:
             self._check_name(out, {"{seed}": len(seeds), "{pressure}": len(targets)})
-        return [
-            Task(
-                out and Path(out.replace("{seed}", str(seed)).replace("{pressure}", word)),
-                None if self.ladder and rung else seed,
-                target,
-                rung if self.ladder else 0,
-            )
-            for seed in seeds
-            for rung, (word, target) in enumerate(targets.items())
-        ]
+        found = []
+        for seed in seeds:
+            for step, (word, target) in enumerate(targets.items()):
+                path = job = None
+                rung = step if self.ladder else 0
+                if out is not None:
+                    path = Path(out.replace("{seed}", str(seed)).replace("{pressure}", word))
+                    job = self._alone(word, seed, found[-1].path if rung else None)
+                found.append(Task(path, None if rung else seed, target, rung, job))
+        return found
+
+    def _alone(self, pressure, seed, above) -> "Pack":
+        """The job that makes one of the packings, the same one however it is asked for; above: of a ladder."""
+        one = replace(self, pressure=float(pressure) if pressure else None, seeds=None, seed=seed, ladder=False)
+        if above is not None:
+            return one.rung(above)
+        if self.from_ is not None:  # whose disks it has
+            return replace(one, n=None)
+        defaults = {"potential": "harmonic", "stiffness": "constant"} | ({} if self.radii else {"sizes": SIZES[0]})
+        return replace(one, **{name: getattr(one, name) or usual for name, usual in defaults.items()})
 
     def _check_name(self, out, counts):
         """Raise InputError for a name that is the same for several packings, or has braces that mean nothing."""
@@ -191,14 +201,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if isinstance(self.from_, str):
             check_packing(self.from_)
         for task in [] if to.path is None else self.tasks(str(to.path)):
-            check_output(
-                task.path, self.FORMAT, self.paths
-            )  # its settings are compared by `packings.is_there`
+            check_output(task.path, self.FORMAT, self.paths)  # its settings are compared by `Task.is_finished`
 
     def work(self, to):
         """Make the packings that are missing, spread over the ranks. Collective."""
         from jampetsc.core.threads import Team
-        from jampetsc.jobs.packings import from_packing, is_there, make, raise_failures, summary
+        from jampetsc.jobs.packings import from_packing, make, raise_failures, summary
 
         running = session.current()
         comm, overwrite = running.comm, to.request.overwrite
@@ -212,8 +220,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             return from_packing(tasks[i - 1].path or found[i - 1][0], self._how)
 
         def missing(numbers):
-            wanted = ((i, beginning(i).record | tasks[i].asked) for i in numbers)
-            return [i for i, record in wanted if not is_there(tasks[i].path, record, overwrite, self.from_)]
+            return [i for i in numbers if overwrite or not tasks[i].is_finished()]
 
         for rung in range(1 + max(task.rung for task in tasks)):
             numbers = [i for i, task in enumerate(tasks) if task.rung == rung]

@@ -17,7 +17,6 @@ from jampetsc.flows.record import (
     write_record,
 )
 from jampetsc.flows.run import INTERVAL, LINES
-from jampetsc.io.packing_file import write_packing
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
@@ -84,9 +83,7 @@ def execute(job, solver, to) -> str:
         **facts_of(**averages),
     }
     minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
-    if job.last is not None:
-        protocol = f"quasistatic shear, steps of {job.step:g}"
-        write_packing(job.last, slow.disks.with_record(protocol=protocol), to.request)
+    job.write_last(slow.disks, facts, to)
     write_record(to.writer(job.FORMAT), record, minimum, settings, facts)
     checkpoint.remove()
     stress, pressure = averages["shear_stress"], averages["pressure"]
