@@ -38,7 +38,9 @@ class Job:
     )
     place: ClassVar = None  # file of its result if no name is given
     several: ClassVar[bool] = False  # whether it has several results, each a file of its own
-    AGAIN: ClassVar[bool] = False  # whether its result is always made again, without --overwrite: pictures, tables
+    AGAIN: ClassVar[bool] = (
+        False  # whether its result is always made again, without --overwrite: pictures, tables
+    )
 
     def __init_subclass__(cls):
         cls.NAME = cls.__name__.lower()
@@ -157,8 +159,9 @@ class Job:
         overwrite   whether a finished result is computed again and replaced
         alone       whether only this rank calls, for a job without PETSc
 
-        Returns the summary for the user; of a finished result, which stays, only that it is there. Raises InputError before any work for an output that may not be written, and
-        as `work` does.
+        Returns the summary for the user; of a finished result, which stays, only that it is there.
+
+        Raises InputError before any work for an output that may not be written, and as `work` does.
         """
         to.request = Request(self, argv or sys.argv, overwrite)
         if self.scalar is None:
@@ -173,7 +176,7 @@ class Job:
             running = self._start(() if comm else petsc_argv)
             summary = self.work(to)
             running.free_dropped(running.comm)
-            return summary
+            return summary + to.remark
         job = self if comm is None else self.gathered()
         summary = on_root(comm, lambda: job.work(to))
         if comm is not None and to.path is None:

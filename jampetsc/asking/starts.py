@@ -12,7 +12,16 @@ from jampetsc.core.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError, named
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
-from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, in_small_diameters, radii_asked, sizes_text
+from jampetsc.minimise.sizes import (
+    FEWEST,
+    MOST,
+    OTHER_SIZES,
+    SIZES,
+    Radii,
+    in_small_diameters,
+    radii_asked,
+    sizes_text,
+)
 
 PHIS = (0.1, 1.0)
 SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
@@ -33,7 +42,9 @@ class FromStart(Job):
     )
     seed: int | None = of_disks("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
     sizes: str | None = of_disks(
-        f"half of each radius 1:1.4, or all alike (default {SIZES[0]})", choices=SIZES
+        f"disk sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default {SIZES[0]})",
+        choices=SIZES,
+        remedy=OTHER_SIZES,
     )
     radii: Radii | None = of_disks(
         "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII

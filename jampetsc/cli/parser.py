@@ -33,7 +33,9 @@ def add_job(job, subparsers, whole=True) -> None:
     volume.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
     volume.add_argument("-v", "--verbose", action="store_true", default=None, help="print more about the run")
     if job.OUT and not job.AGAIN:
-        overwrite = "compute again and replace a finished result, otherwise one of the same settings and inputs stays"
+        overwrite = (
+            "compute again and replace a finished result, otherwise one of the same settings and inputs stays"
+        )
         parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
     parser.set_defaults(job=job)
 

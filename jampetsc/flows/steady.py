@@ -26,6 +26,7 @@ from jampetsc.flows.run import run as shear_until
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.hdf5 import attributes, check_format, open_file
+from jampetsc.io.notes import note_lines, noted
 
 DEEPEST = 0.5  # largest overlap of two disks of a start, in units of σ
 UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
@@ -161,6 +162,7 @@ def _facts(run, means, seconds):
         "tolerance": run.scheme.tolerance,
         "discard": run.plan.discard,
         **means.facts(),
+        "notes": noted(means.warnings()),
     }
 
 
@@ -179,4 +181,4 @@ def summary(run: FlowRun, to, means: Means) -> str:
     if means.walls:
         stress, pressure = means.walls.values()
         lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
-    return "\n".join(lines + [f"  note: {line}" for line in means.warnings()])
+    return "\n".join(lines + note_lines(means.warnings()))

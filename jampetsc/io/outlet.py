@@ -26,9 +26,20 @@ class Outlet:
         self.path = None if path is None else Path(path)
         self.kept = checkpoint
         self._found = self._packing = None
+        self._ranks = 1  # that have written the file
 
     def __str__(self):
         return "in memory" if self.path is None else str(self.path)
+
+    @property
+    def remark(self) -> str:
+        """A line about the parts of a result that several ranks have written; empty for one file."""
+        if not self._ranks > 1:
+            return ""
+        folder = self.path.with_name(f"{self.path.stem}.parts")
+        return (
+            f"\n  rows of the {self._ranks} ranks in {folder}: keep both together, or `jampetsc merge {self}`"
+        )
 
     @property
     def others(self) -> str:
@@ -61,6 +72,8 @@ class Outlet:
         writer = ResultWriter(self.path, format, comm, self.request)
         if self.path is None:  # what is in a file is read from there
             self._found = writer
+        elif comm is not None:
+            self._ranks = comm.size
         return writer
 
     def packing(self, disks) -> None:

@@ -17,6 +17,7 @@ from jampetsc.flows.record import (
     write_record,
 )
 from jampetsc.flows.run import INTERVAL, LINES
+from jampetsc.io.notes import note_lines, noted
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
@@ -82,17 +83,18 @@ def execute(job, solver, to) -> str:
         "newton_steps": slow.effort.newton_steps,
         **facts_of(**averages),
     }
+    stress, pressure = averages["shear_stress"], averages["pressure"]
+    notes = short_run_warnings(job.strain - discard, job.step, stress, pressure)
+    facts["notes"] = noted(notes)
     minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
     job.write_last(slow.disks, facts, to)
     write_record(to.writer(job.FORMAT), record, minimum, settings, facts)
     checkpoint.remove()
-    stress, pressure = averages["shear_stress"], averages["pressure"]
-    notes = short_run_warnings(job.strain - discard, job.step, stress, pressure)
     cost, events = record.series("evaluations").mean(), int(record.series("plastic").sum())
-    return (
+    lines = (
         f"{to}: phi = {disks.phi:.6g}, {len(record)} steps of {job.step:g}, {cost:.0f} force evaluations each, "
         f"{events} plastic event{'s' * (events != 1)}\n"
         f"  sigma = {stress}, p = {pressure}, jammed {averages['jammed']}, "
         f"Z = {averages['coordination']}; {independent_samples(stress, pressure)}"
-        + "".join(f"\n  note: {line}" for line in notes)
     )
+    return "\n".join([lines, *note_lines(notes)])

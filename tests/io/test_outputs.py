@@ -124,7 +124,9 @@ OTHERS = {  # words that make a result, and the word of which there is another
 
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("words", map(ranks_of, OTHERS))
-def test_a_finished_result_stays_unless_it_is_to_be_replaced(session, shared_path, monkeypatch, capsys, words):
+def test_a_finished_result_stays_unless_it_is_to_be_replaced(
+    session, shared_path, monkeypatch, capsys, words
+):
     """The same settings, in other words too, are those of the result that is there: nothing is computed."""
     monkeypatch.chdir(shared_path)
     put("p.h5", published(), session.comm)
@@ -140,7 +142,11 @@ def test_a_finished_result_stays_unless_it_is_to_be_replaced(session, shared_pat
     capsys.readouterr()
     session.comm.Barrier()
     assert cli.dispatch([*line[:1], *line[-2:], *line[1:-2]]) == 0
-    said = "there already" if words.startswith("pack") else "r.h5: there already, by the same settings and inputs"
+    said = (
+        "there already"
+        if words.startswith("pack")
+        else "r.h5: there already, by the same settings and inputs"
+    )
     assert said in capsys.readouterr().out or session.rank > 0
     made = jampetsc.load("r.h5")
     assert Path("r.h5").stat().st_mtime_ns == when
@@ -167,7 +173,11 @@ def test_what_is_there_already_is_the_result_of_these_inputs_undamaged(inputs, c
 
     assert again()[0] == 0
     Path("f.h5.resume").mkdir()  # of a run that was killed after it had written its result
-    assert again() == (0, "f.h5: there already, by the same settings and inputs; --overwrite repeats it\n", False)
+    assert again() == (
+        0,
+        "f.h5: there already, by the same settings and inputs; --overwrite repeats it\n",
+        False,
+    )
     assert not Path("f.h5.resume").exists()
     assert again("--overwrite")[::2] == (0, False)
     whole, refused = Path("f.h5").read_bytes(), "give --overwrite to replace it\n"
@@ -183,7 +193,12 @@ def test_what_is_there_already_is_the_result_of_these_inputs_undamaged(inputs, c
     with h5py.File("f.h5", "r+") as h5:
         h5["strain"][0] = 7.0
     status, told, unchanged = again()
-    assert status == 2 and unchanged and "was edited, as its checksums are gone" in told and told.endswith(refused)
+    assert (
+        status == 2
+        and unchanged
+        and "was edited, as its checksums are gone" in told
+        and told.endswith(refused)
+    )
     Path("f.h5").write_bytes(whole)
     longer = ["flow", "f.h5", "--strain", "0.02"]
     for strain in (0.04, 0.06):  # a flow that is continued is never finished
@@ -198,7 +213,9 @@ def test_the_last_state_of_a_finished_run_can_still_be_asked_for(inputs, capsys)
         assert cli.main([*line, f"{kind}-last.h5"]) == 0
         assert cli.main([*line, f"{kind}-more.h5"]) == 0 and "there already" in capsys.readouterr().out
         first, second = (jampetsc.load(f"{kind}-{name}.h5") for name in ("last", "more"))
-        assert first.fingerprint == second.fingerprint and first.record["protocol"] == second.record["protocol"]
+        assert (
+            first.fingerprint == second.fingerprint and first.record["protocol"] == second.record["protocol"]
+        )
 
 
 @pytest.mark.scalar("real")
@@ -213,7 +230,9 @@ def test_python_returns_the_result_that_is_there(session, shared_path, monkeypat
     other = jampetsc.quasistatic(published(), out="q.h5", overwrite=True)
     assert other.attributes["run_id"] != found[0].attributes["run_id"]
     session.comm.Barrier()
-    with pytest.raises(InputError, match="q.h5: is there already and has other inputs: .* or give overwrite to"):
+    with pytest.raises(
+        InputError, match=r"q\.h5: is there already and has other inputs: .* or give overwrite to"
+    ):
         jampetsc.quasistatic(published("hertzian"), out="q.h5")
     if session.size == 2:
         session.comm.Barrier()
@@ -222,7 +241,9 @@ def test_python_returns_the_result_that_is_there(session, shared_path, monkeypat
             whole = part.read_bytes()
             part.write_bytes(whole[:200] + bytes([whole[200] ^ 1]) + whole[201:])
         session.comm.Barrier()
-        with pytest.raises(InputError, match="q.h5: is there already and is damaged .*q.parts.*give overwrite"):
+        with pytest.raises(
+            InputError, match=r"q\.h5: is there already and is damaged .*q\.parts.*give overwrite"
+        ):
             jampetsc.quasistatic(published(), out="q.h5")
 
 

