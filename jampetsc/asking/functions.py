@@ -17,8 +17,8 @@ HOW = {  # parameters of every function, beside those of its job
     ),
     "overwrite": (
         False,
-        "compute again and replace a finished result at out; otherwise one of the same settings and inputs is returned, "
-        "and another one is an error",
+        "compute again and replace a finished result at out; otherwise one of the same settings and inputs is "
+        "returned, and another one is an error",
     ),
     "progress": (False, "report progress on stderr"),
 }

@@ -12,7 +12,6 @@ from jampetsc.asking.parameters import FILE, OPTION, Part, fields, parameters
 from jampetsc.collective import on_root
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.packing_file import read_identified
 from jampetsc.io.request import Request
 from jampetsc.petsc import launcher, session
 from jampetsc.progress import LOG
@@ -216,6 +215,8 @@ class Job:
         """
         packing = getattr(self, "packing", None)
         if to.finished and packing is not None:  # as `work` does
+            from jampetsc.io.packing_file import read_identified
+
             to.made_from(read_identified(packing, session.communicator())[0])
         return summary if self.GIVES.startswith("str") else to.result
 

@@ -1,5 +1,6 @@
 """`load`: any jampetsc file as an object with numpy arrays. Needs neither PETSc nor MPI."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -137,10 +138,12 @@ class FlowResult(ShearedResult):
     @property
     def last(self) -> Disks:
         """The packing at the end."""
-        from jampetsc.core.pairs import deformed
-
+        disks, moves = self.listed, self["state/offsets"]
         shear = int(self["state/since"]) * self.attributes["rate"] * self.attributes["step"]
-        return deformed(self.listed, self["state/offsets"], 0.0, shear).folded()
+        cell_offset, offset = disks.cell_offset.copy(), disks.offset + moves
+        offset[:, 0] += shear * (disks.base[:, 1] + offset[:, 1])
+        cell_offset[1, 0] += shear * disks.cell[1, 1]
+        return replace(disks, offset=offset, cell_offset=cell_offset).folded()
 
 
 class SpectrumResult(Result):

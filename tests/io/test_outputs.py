@@ -139,7 +139,9 @@ def test_a_finished_result_stays_unless_it_is_to_be_replaced(
     cli.dispatch(line)
     session.comm.Barrier()
     before, when = Path("r.h5").read_bytes(), Path("r.h5").stat().st_mtime_ns
-    capsys.readouterr()
+    out = capsys.readouterr().out
+    if Path("r.parts").exists() and session.rank == 0:
+        assert "\n  rows of the 2 ranks in r.parts: keep both together, or `jampetsc merge r.h5`\n" in out
     session.comm.Barrier()
     assert cli.dispatch([*line[:1], *line[-2:], *line[1:-2]]) == 0
     said = (
@@ -193,12 +195,8 @@ def test_what_is_there_already_is_the_result_of_these_inputs_undamaged(inputs, c
     with h5py.File("f.h5", "r+") as h5:
         h5["strain"][0] = 7.0
     status, told, unchanged = again()
-    assert (
-        status == 2
-        and unchanged
-        and "was edited, as its checksums are gone" in told
-        and told.endswith(refused)
-    )
+    assert status == 2 and unchanged and told.endswith(refused)
+    assert "was edited, as its checksums are gone" in told
     Path("f.h5").write_bytes(whole)
     longer = ["flow", "f.h5", "--strain", "0.02"]
     for strain in (0.04, 0.06):  # a flow that is continued is never finished
@@ -213,9 +211,9 @@ def test_the_last_state_of_a_finished_run_can_still_be_asked_for(inputs, capsys)
         assert cli.main([*line, f"{kind}-last.h5"]) == 0
         assert cli.main([*line, f"{kind}-more.h5"]) == 0 and "there already" in capsys.readouterr().out
         first, second = (jampetsc.load(f"{kind}-{name}.h5") for name in ("last", "more"))
-        assert (
-            first.fingerprint == second.fingerprint and first.record["protocol"] == second.record["protocol"]
-        )
+        assert np.allclose(first.positions, second.positions, rtol=0, atol=1e-14)
+        assert np.allclose(first.cell, second.cell, rtol=0, atol=1e-14)
+        assert first.record["protocol"] == second.record["protocol"]
 
 
 @pytest.mark.scalar("real")

@@ -445,6 +445,13 @@ def test_what_cannot_be_drawn(words, message, folder, monkeypatch):
     assert not list(folder.glob("*x.png*"))
 
 
+def test_the_help_lists_all_kinds(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["plot", "--help"])
+    text = "".join(capsys.readouterr().out.split())
+    assert f"({','.join(pictures())})" in text
+
+
 def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(with_fields, tmp_path):
     script = (
         "import sys; from jampetsc.cli import main as cli\n"
