@@ -172,9 +172,11 @@ class Job:
             on_root(comm, lambda: self.complete(to))
             return f"{to}: there already, by the same settings and inputs; {named('overwrite')} repeats it"
         if self.scalar is not None:
-            running = self._start(() if comm else petsc_argv)
+            running = session.current() if comm else self._start(petsc_argv)
             summary = self.work(to)
             running.free_dropped(running.comm)
+            if petsc_argv:
+                running.report_unused()
             return summary + to.remark
         job = self if comm is None else self.gathered()
         summary = on_root(comm, lambda: job.work(to))

@@ -4,6 +4,8 @@ A note is a line `KIND: what is the case. What to do`. Notes of one kind differ 
 printed below the summary of a run, kept in the attribute `notes` of its file, and counted by kind in a study.
 """
 
+from collections import Counter
+
 BETWEEN = "; "  # notes in an attribute; so none has one inside
 
 
@@ -27,12 +29,13 @@ def unstable_to_shear(modulus: float, name: str) -> list[str]:
 
 
 def counted(rows: list[dict]) -> list[str]:
-    """A line for each kind of note in the rows of a study's table: in how many, and the first of them."""
-    found = {}
+    """A line for each command and kind of note in a study's table: in how many rows, and the first of them."""
+    found, tasks = {}, Counter(row["command"] for row in rows)
     for row in rows:
         for note in filter(None, row.get("notes", "").split(BETWEEN)):
-            found.setdefault(note.partition(":")[0], []).append((note, row["file"]))
+            found.setdefault((row["command"], note.partition(":")[0]), []).append((note, row["file"]))
     return [
-        f"  note in {len(some)} of {len(rows)} tasks, which count like the others: {some[0][0]} ({some[0][1]})"
-        for some in found.values()
+        f"  note in {len(some)} of {tasks[command]} {command} tasks, which count like the others: "
+        f"{some[0][0]} ({some[0][1]})"
+        for (command, _), some in found.items()
     ]

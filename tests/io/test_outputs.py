@@ -4,9 +4,12 @@ import os
 import re
 import socket
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
+import launch
 import numpy as np
 import pytest
 from samples import JAMBASHBULK, published, put, stored
@@ -202,6 +205,15 @@ def test_what_is_there_already_is_the_result_of_these_inputs_undamaged(inputs, c
     for strain in (0.04, 0.06):  # a flow that is continued is never finished
         assert cli.main(longer) == 0 and jampetsc.load("f.h5")["strain"][-1] == pytest.approx(strain)
     assert again()[0] == 2  # 0.06 is not 0.02
+
+
+def test_options_of_petsc_are_no_settings(inputs):
+    """In a process of its own, as PETSc is not started for what is there already."""
+    words = [sys.executable, "-m", "jampetsc", *"sweep p.h5 --omega 1 --out o.h5".split()]
+    for options in ([], ["-shift_pc_type", "cholesky"]):
+        done = subprocess.run([*words, *options], env=launch.environment(), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert done.stdout == "o.h5: there already, by the same settings and inputs; --overwrite repeats it\n"
 
 
 def test_the_last_state_of_a_finished_run_can_still_be_asked_for(inputs, capsys):

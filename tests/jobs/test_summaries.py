@@ -86,14 +86,17 @@ def test_modes_tell_how_they_were_counted():
 
 def test_a_study_tells_what_failed_and_what_its_runs_noted():
     notes = ["few: 7", "unstable to shear: G0 = -1"], ["few: 9"], [], []
-    rows = [{"file": f"{n}.h5"} | ({"notes": noted(one)} if one else {}) for n, one in enumerate(notes)]
+    rows = [
+        {"file": f"{n}.h5", "command": "pack" if n == 3 else "sweep"} | ({"notes": noted(one)} if one else {})
+        for n, one in enumerate(notes)
+    ]
     failures = [{"file": f"{n}.h5", "state": "failed: no"} for n in range(study.MANY + 2)]
     lines = study._summary("t.csv", rows, failures, "3 s").split("\n")
     assert lines[:2] == [f"t.csv: 4 tasks, {study.MANY + 2} failed, 3 s", "  0.h5: failed: no"]
     assert lines[study.MANY + 1 :] == [
         "  … and 2 more, see the table",
-        "  note in 2 of 4 tasks, which count like the others: few: 7 (0.h5)",
-        "  note in 1 of 4 tasks, which count like the others: unstable to shear: G0 = -1 (0.h5)",
+        "  note in 2 of 3 sweep tasks, which count like the others: few: 7 (0.h5)",
+        "  note in 1 of 3 sweep tasks, which count like the others: unstable to shear: G0 = -1 (0.h5)",
     ]
     exactly = study._summary("t.csv", [], failures[: study.MANY], "3 s")
     assert "more, see" not in exactly and exactly.count("failed: no") == study.MANY

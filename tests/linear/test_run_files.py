@@ -182,7 +182,7 @@ def test_a_packing_unstable_to_shear_is_noted(session, path, capsys):
     for words in ("quasistatic", "sweep --omega 1e-9,1"):
         out = path.with_name("s.h5")
         cli.dispatch([*words.split(), str(path), "--out", str(out)])
-        (note,) = [line for line in capsys.readouterr().out.splitlines() if "unstable" in line]
+        (note,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  note: ")]
         assert note.startswith("  note: unstable to shear: G") and note.endswith(": pack --stabilise shear")
         assert note == f"  note: {load(out).attributes['notes']}"
         out.unlink()

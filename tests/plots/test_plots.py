@@ -21,7 +21,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.plots import periodic
 from jampetsc.plots.curves import group_curves
-from jampetsc.plots.draw import draw
+from jampetsc.plots.draw import draw, pictures
 from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.numbers import table

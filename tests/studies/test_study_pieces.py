@@ -436,7 +436,8 @@ def result(path, kind, attributes=(), **arrays):
 def test_numbers_of_a_file_are_its_scalars_and_the_few_words_that_a_row_tells(tmp_path):
     attributes = {
         "particle_count": 16, "prestress": True, "eta0": np.float64(0.5), "law": "contact", "argv": "x", "ranks": 2,
-        "wall_seconds": 1.0, "negative_modes": 0, "numpy_version": 3, "sizes": "bidisperse", "method": "direct", "notes": "few: 7",
+        "wall_seconds": 1.0, "negative_modes": 0, "numpy_version": 3, "sizes": "bidisperse", "method": "direct",
+        "notes": "few: 7",
     }  # fmt: skip
     found = numbers_of(result(tmp_path / "q.h5", "quasistatic", attributes.items()))
     words = {"law": "contact", "method": "direct", "notes": "few: 7"}
