@@ -22,6 +22,11 @@ def option(parameter: str) -> str:
     return f"--{parameter.removesuffix('_').replace('_', '-')}"
 
 
+def in_words(text: str, how) -> str:
+    """A text with each parameter's name that `named` has marked replaced by `how(name)`."""
+    return _NAMED.sub(lambda found: how(found[1]), text)
+
+
 def as_float(value) -> float:
     """The number as a float; ±infinity where it is too large for a double."""
     try:
@@ -40,7 +45,7 @@ class JampetscError(Exception):
 
     def message(self, how) -> str:
         """The message, with each parameter's name replaced by `how(name)`."""
-        return _NAMED.sub(lambda found: how(found[1]), super().__str__())
+        return in_words(super().__str__(), how)
 
 
 class InputError(JampetscError, ValueError):

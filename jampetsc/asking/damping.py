@@ -6,7 +6,7 @@ from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import PACKING
 from jampetsc.asking.parameters import FILE, NUMBER, SWITCH, WORD, Parameter, Part, asked, part
 from jampetsc.core.disks import Disks
-from jampetsc.core.laws import DEFAULT, FAMILIES, OPTIONS, Law, Physics, damping_law, having
+from jampetsc.core.laws import DEFAULT, FAMILIES, NAMES, OPTIONS, Law, Physics, damping_law, having
 
 GROUP = "damping law"
 
@@ -30,16 +30,25 @@ def law_parameters(default):
 
 
 def law_options(law: Law) -> dict:
-    """{name: value} of the options that describe a law, without defaults; its weights where it is of no family."""
+    """{name: value} of the options that describe a law, without defaults; python text where it is of no family."""
     if law.family:
         usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
         changed = {name: value for name, value in law.options if value != usual[name]}
         return {"law": law.family, "tau1": law.tau1, **changed}
-    weights = ("normal", "transverse", "sliding", "drag", "eta_f")
-    return {"law": "own weights", "tau1": law.tau1} | {name: getattr(law, name) for name in weights}
+    return {"law": repr(law), "tau1": law.tau1}
 
 
-DAMPING = Part(law_parameters(DEFAULT), damping_law, law_options, Law)
+def law_written(**options) -> str:
+    """Python text of the law that these options describe."""
+    family = having(next((name for name in options if name != "tau1"), "beta"))[0]
+    return f"jampetsc.{NAMES[family]}({', '.join(f'{name}={value!r}' for name, value in options.items())})"
+
+
+LAW_HELP = (
+    f"damping law: {', '.join(f'jampetsc.{name}(…)' for name in NAMES.values())}, a Law of your own, or the name of a "
+    f"family ({', '.join(FAMILIES)})"
+)
+DAMPING = Part(law_parameters(DEFAULT), damping_law, law_options, Law, LAW_HELP, law_written)
 PRESTRESS = asked(
     True,
     "K keeps the f/r term of its contacts (BT: 'with pre-stress')",

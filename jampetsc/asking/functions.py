@@ -5,7 +5,8 @@ import dataclasses
 import inspect
 
 from jampetsc import progress
-from jampetsc.asking.parameters import FILES, OPTION, Part, fields, shown
+from jampetsc.asking.parameters import FILES, OPTION, Part, did_you_mean, fields, shown
+from jampetsc.errors import in_words
 from jampetsc.io.outlet import Outlet
 
 HOW = {  # parameters of every function, beside those of its job
@@ -14,7 +15,11 @@ HOW = {  # parameters of every function, beside those of its job
         None,
         "file beside which a long run saves finished steps, to continue from them (default: out)",
     ),
-    "overwrite": (False, "replace a finished result of other settings at out, otherwise an error"),
+    "overwrite": (
+        False,
+        "compute again and replace a finished result at out; otherwise one of the same settings and inputs is "
+        "returned, and another one is an error",
+    ),
     "progress": (False, "report progress on stderr"),
 }
 
@@ -27,12 +32,15 @@ def function_of(job):
     signature = signature_of(job)
 
     def call(*given, **options):
+        _refuse_unknown(job, signature, options)
         bound = signature.bind(*given, **options)
         bound.apply_defaults()
         out, checkpoint, overwrite, shown = (bound.arguments.pop(name) for name in HOW)
         asked, to = job(**bound.arguments), Outlet(out, out if checkpoint is None else checkpoint)
         with progress.reporting(True) if shown else contextlib.nullcontext():
             said = asked.perform(to, argv=asked.line(out), overwrite=overwrite)
+            if to.finished:
+                progress.note(in_words(said, str))
         return asked.answer(to, said)
 
     call.__name__ = call.__qualname__ = job.NAME
@@ -40,6 +48,24 @@ def function_of(job):
     call.__doc__ = documentation_of(job)
     call.__signature__ = signature
     return call
+
+
+def _refuse_unknown(job, signature, options):
+    """Raise TypeError for a keyword that the function does not have, with what to write instead."""
+    unknown = [name for name in options if name not in signature.parameters]
+    if not unknown:
+        return
+    for field, part in fields(job).items():
+        if isinstance(part, Part) and part.written:
+            known = {one.name for one in part.parameters}
+            mine = {name: value for name, value in options.items() if name in known and name in unknown}
+            if mine:
+                remedy = f"give {field}={part.written(**mine)}"
+                raise TypeError(f"{job.NAME}() has no keyword {', '.join(mine)}: {remedy}")
+    raise TypeError(
+        f"{job.NAME}() has no keyword {unknown[0]}{did_you_mean(unknown[0], signature.parameters)} "
+        f"(see help(jampetsc.{job.NAME}))"
+    )
 
 
 def signature_of(job) -> inspect.Signature:
@@ -67,8 +93,8 @@ def documentation_of(job) -> str:
     for field in dataclasses.fields(job):
         said = fields(job)[field.name]
         if isinstance(said, Part):
-            options = ", ".join(one.name for one in said.parameters)
-            lines += [f"{field.name} : {said.type.__name__}", f"    by the options {options}"]
+            default = ", optional" if said.optional else f", default {said.make()!r}"
+            lines += [f"{field.name} : {said.type.__name__}{default}", f"    {said.help}"]
             continue
         kind = getattr(field.type, "__name__", str(field.type))
         default = "" if said.required else f", default {shown(said.default)}"

@@ -13,7 +13,7 @@ from jampetsc.collective import on_root
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.request import Request
-from jampetsc.petsc import session
+from jampetsc.petsc import launcher, session
 from jampetsc.progress import LOG
 
 
@@ -37,7 +37,9 @@ class Job:
     )
     place: ClassVar = None  # file of its result if no name is given
     several: ClassVar[bool] = False  # whether it has several results, each a file of its own
-    AGAIN: ClassVar[bool] = False  # whether --overwrite is not needed to replace its result: pictures, tables
+    AGAIN: ClassVar[bool] = (
+        False  # whether its result is always made again, without --overwrite: pictures, tables
+    )
 
     def __init_subclass__(cls):
         cls.NAME = cls.__name__.lower()
@@ -153,30 +155,53 @@ class Job:
         to          outlet of the result
         petsc_argv  PETSc's own options
         argv        the command line that the result records
-        overwrite   whether a finished result of other settings may be replaced
+        overwrite   whether a finished result is computed again and replaced
         alone       whether only this rank calls, for a job without PETSc
 
-        Returns the summary for the user. Raises InputError before any work for an output that may not be written, and
-        as `work` does.
+        Returns the summary for the user; of a finished result, which stays, only that it is there.
+
+        Raises InputError before any work for an output that may not be written, and as `work` does.
         """
         to.request = Request(self, argv or sys.argv, overwrite)
-        self.check_outputs(to)
+        if self.scalar is None:
+            comm = None if alone else session.communicator()
+        else:  # one process looks at the files before PETSc starts
+            comm = self._start(petsc_argv).comm if launcher.several() else None
+        if on_root(comm, lambda: self._is_finished(to)):
+            to.finished = True
+            on_root(comm, lambda: self.complete(to))
+            return f"{to}: there already, by the same settings and inputs; {named('overwrite')} repeats it"
         if self.scalar is not None:
-            running = session.start(None if self.scalar == "any" else self.scalar, petsc_argv)
-            if running.rank == 0:
-                version = ".".join(map(str, running.PETSc.Sys.getVersion()))
-                LOG.debug(
-                    "PETSc %s, %s scalars, %d ranks: %s", version, running.scalar_type, running.size, self
-                )
+            running = session.current() if comm else self._start(petsc_argv)
             summary = self.work(to)
             running.free_dropped(running.comm)
-            return summary
-        comm = None if alone else session.communicator()
+            if petsc_argv:
+                running.report_unused()
+            return summary + to.remark
         job = self if comm is None else self.gathered()
         summary = on_root(comm, lambda: job.work(to))
         if comm is not None and to.path is None:
             to.share(comm)
         return summary
+
+    def _start(self, petsc_argv):
+        """The session with the scalars that the job needs. Collective."""
+        running = session.start(None if self.scalar == "any" else self.scalar, petsc_argv)
+        if running.rank == 0:
+            version = ".".join(map(str, running.PETSc.Sys.getVersion()))
+            LOG.debug("PETSc %s, %s scalars, %d ranks: %s", version, running.scalar_type, running.size, self)
+        return running
+
+    def _is_finished(self, to) -> bool:
+        """Whether its result is there already and stays. Raises InputError for what may not be replaced."""
+        self.check_outputs(to)
+        return to.finished
+
+    def complete(self, to: Outlet) -> None:
+        """Do what is left to do where the result is there already, as after a kill. Not collective."""
+        from jampetsc.io.checkpoint import discard_unused
+
+        discard_unused(to.kept or to.path)
 
     def work(self, to: Outlet) -> str:
         """Run the job and put its result into the outlet `to`; returns a summary for the user. Collective."""
@@ -186,8 +211,15 @@ class Job:
         """What the python function returns: what `load` gives for the file, or the same in memory; the summary where
         `GIVES` begins with "str".
 
-        summary   text, from `work`
+        summary   text, from `perform`
+
+        Collective.
         """
+        packing = getattr(self, "packing", None)
+        if to.finished and packing is not None:  # as `work` does
+            from jampetsc.io.packing_file import read_identified
+
+            to.made_from(read_identified(packing, session.communicator())[0])
         return summary if self.GIVES.startswith("str") else to.result
 
     def __str__(self):

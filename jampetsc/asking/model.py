@@ -1,6 +1,6 @@
 """The model of a flow: the options that make one, a name of `flows.models.MODELS` or a damping law, and a mass."""
 
-from jampetsc.asking.damping import law_options, law_parameters
+from jampetsc.asking.damping import law_options, law_parameters, law_written
 from jampetsc.asking.parameters import NUMBER, WORD, Parameter, Part
 from jampetsc.core.laws import LARGEST, OPTIONS, damping_law
 from jampetsc.errors import InputError, named
@@ -49,4 +49,13 @@ def model_options(model: Model) -> dict:
     return law_options(model.law) | motion
 
 
-MODEL = Part((*OWN, *law_parameters(None)), model_made, model_options, Model)
+def model_written(**options) -> str:
+    """Python text of a model that these options describe."""
+    law = {name: value for name, value in options.items() if name not in MOTION}
+    if law:
+        return law_written(**law)
+    return f"jampetsc.models.CDn({', '.join(f'{name}={value!r}' for name, value in options.items())})"
+
+
+MODEL_HELP = f"a name ({', '.join(MODELS)}), jampetsc.models.CDn(mass=…), a damping law or a Model of it"
+MODEL = Part((*OWN, *law_parameters(None)), model_made, model_options, Model, MODEL_HELP, model_written)

@@ -13,10 +13,12 @@ the documentation follow from it. A value is read in the same way from python ob
 import dataclasses
 import difflib
 import functools
+import math
 import operator
 import types
 import typing
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -25,6 +27,7 @@ from jampetsc.errors import InputError, as_float, named
 
 MOST_SHOWN = 200  # characters of a value in a message
 NEAR = 0.75  # likeness of a name to what may have been meant
+EXACT = 2.0**53  # whole numbers up to this are exact as floats
 # where a command line has it: --name, its place, all its places
 OPTION, FILE, FILES = ("option", "file", "files")
 
@@ -53,10 +56,13 @@ def _number(value):
 
 
 def _count(value):
-    try:
+    with suppress(TypeError, ValueError):
         return int(value) if isinstance(value, str) else operator.index(value if value is not True else None)
-    except (TypeError, ValueError):
-        raise ValueError("must be a whole number") from None
+    with suppress(TypeError, ValueError):
+        number = float(value) if isinstance(value, str | float) else math.nan
+        if number.is_integer() and abs(number) <= EXACT:  # 1e3
+            return int(number)
+    raise ValueError("must be a whole number")
 
 
 def _switch(value):
@@ -89,6 +95,7 @@ class Parameter:
     off         of a switch that is on by default: help of the option that turns it off
     unit        unit of the value, for help and documentation
     group       heading in the help
+    remedy      what to do where a value is out of range or no choice
     also        a second name of its option on the command line
     place       OPTION, FILE or FILES
     """
@@ -105,6 +112,7 @@ class Parameter:
     unit: str = ""
     metavar: str = ""
     group: str = ""
+    remedy: str = ""
     also: str = ""
     place: str = OPTION
 
@@ -126,15 +134,22 @@ class Parameter:
         try:
             value = self.kind.read(value)
             if self.choices and value not in self.choices:
-                raise ValueError(f"choose one of {', '.join(self.choices)}")
+                raise ValueError(f"choose one of {', '.join(self.choices)}{self._remedy}")
             if isinstance(value, int | float) and not isinstance(value, bool):
                 self._check_range(value)
             return value
         except ValueError as error:
             if isinstance(error, InputError):
                 raise
-            text = str(error).removeprefix(shown(value)).removeprefix(":").strip()  # which is said before it
-            raise InputError(f"{named(self.name)} {shown(value)}: {text}") from None
+            said, text = shown(value), str(error)
+            text = (
+                text[len(said) :] if text.startswith((f"{said} ", f"{said}:")) else text
+            )  # it is said before
+            raise InputError(f"{named(self.name)} {said}: {text.removeprefix(':').strip()}") from None
+
+    @property
+    def _remedy(self):
+        return f". {self.remedy}" if self.remedy else ""
 
     def _check_range(self, value):
         low, high, above = self.low, self.high, self.above
@@ -142,7 +157,7 @@ class Parameter:
         if inside and (above is None or value > above) and value == value:  # nan is not
             return
         if low is not None and high is not None:
-            raise ValueError(f"must lie in [{low:g}, {high:g}]")
+            raise ValueError(f"must lie in [{low:g}, {high:g}]{self._remedy}")
         limits = [
             *(["positive" if above == 0 else f"above {above:g}"] if above is not None else []),
             *([f"at least {low:g}"] if low is not None else []),
@@ -159,6 +174,8 @@ class Part:
     make         called with the given ones as keywords → the object; raises InputError
     serialise    the object → {option: value}; `make` turns it back into the object
     type         class of the object
+    help         what it is, in python
+    written      called with options → python text that makes the object, for messages
     optional     whether None is allowed
     """
 
@@ -166,6 +183,8 @@ class Part:
     make: Callable
     serialise: Callable
     type: type
+    help: str = ""
+    written: Callable | None = None
     optional: bool = False
 
     @property

@@ -10,8 +10,18 @@ from jampetsc.asking.parameters import FILE, optional, parameters
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, Potential
 from jampetsc.errors import InputError, named
-from jampetsc.io.packing_file import read_identified
-from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, in_small_diameters, radii_asked, sizes_text
+from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.reader import load
+from jampetsc.minimise.sizes import (
+    FEWEST,
+    MOST,
+    OTHER_SIZES,
+    SIZES,
+    Radii,
+    in_small_diameters,
+    radii_asked,
+    sizes_text,
+)
 
 PHIS = (0.1, 1.0)
 SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
@@ -32,7 +42,9 @@ class FromStart(Job):
     )
     seed: int | None = of_disks("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
     sizes: str | None = of_disks(
-        f"half of each radius 1:1.4, or all alike (default {SIZES[0]})", choices=SIZES
+        f"disk sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default {SIZES[0]})",
+        choices=SIZES,
+        remedy=OTHER_SIZES,
     )
     radii: Radii | None = of_disks(
         "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII
@@ -76,10 +88,27 @@ class FromStart(Job):
         super().check_outputs(to)
         self.check_last(to)
 
-    def check_last(self, to):
-        """Raise InputError unless a packing may be written to `last`."""
+    def check_last(self, to) -> bool:
+        """Raise InputError unless a packing may be written to `last`; whether it is there already, or not wanted."""
+        if self.last is None:
+            return True
+        return to.check("jampetsc-packing", self.paths, self.last, [to.path] if to.path else [])
+
+    def complete(self, to):
+        """See `Job`; writes the last state, too."""
+        super().complete(to)
+        if not self.check_last(to):
+            result = load(to.path)
+            self.write_last(result.last, result.attributes, to)
+
+    def write_last(self, disks, attributes, to):
+        """Write the last state as a packing, where that is wanted; attributes: of the result."""
         if self.last is not None:
-            to.check("jampetsc-packing", self.paths, self.last, [to.path] if to.path else [])
+            write_packing(self.last, disks.with_record(protocol=self.protocol(attributes)), to.request)
+
+    def protocol(self, attributes) -> str:
+        """How the last state came about."""
+        raise NotImplementedError
 
     @property
     def team(self):

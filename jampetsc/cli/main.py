@@ -89,10 +89,7 @@ def dispatch(argv):
     progress.report(-1 if args.quiet else 1 if args.verbose else 0)
     if not takes_petsc and not _chosen(argv):
         return 0
-    status = run(job, args, petsc_argv)
-    if petsc_argv:
-        session.current().report_unused()
-    return status
+    return run(job, args, petsc_argv)
 
 
 def split_petsc(argv):

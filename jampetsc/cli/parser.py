@@ -4,7 +4,7 @@ import textwrap
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILES, OPTION, made, parameters, shown
-from jampetsc.errors import InputError, JampetscError, option
+from jampetsc.errors import InputError, JampetscError, in_words, option
 from jampetsc.io.outlet import Outlet
 from jampetsc.petsc import session
 
@@ -33,7 +33,9 @@ def add_job(job, subparsers, whole=True) -> None:
     volume.add_argument("-q", "--quiet", action="store_true", default=None, help=quiet)
     volume.add_argument("-v", "--verbose", action="store_true", default=None, help="print more about the run")
     if job.OUT and not job.AGAIN:
-        overwrite = "replace a finished result of other settings, otherwise an error"
+        overwrite = (
+            "compute again and replace a finished result, otherwise one of the same settings and inputs stays"
+        )
         parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
     parser.set_defaults(job=job)
 
@@ -74,13 +76,13 @@ def job_of(args) -> Job:
     try:
         return made(args.job, {name: getattr(args, name) for name in parameters(args.job)})
     except JampetscError as error:
-        raise InputError(in_words(error, args.job)) from None
+        raise InputError(error.message(words_of(args.job))) from None
 
 
-def in_words(error, job) -> str:
-    """The message of an error, with parameters written as options of the job's command."""
+def words_of(job):
+    """A function (name of a parameter) -> the option of the job's command, for messages."""
     known = parameters(job)
-    return error.message(lambda name: known[name].word if name in known else option(name))
+    return lambda name: known[name].word if name in known else option(name)
 
 
 def run(job, args, petsc_argv=()) -> int:
@@ -97,9 +99,9 @@ def run(job, args, petsc_argv=()) -> int:
         overwrite = getattr(args, "overwrite", False)
         summary = job.perform(to, petsc_argv=petsc_argv, overwrite=overwrite, alone=not needs_petsc)
     except JampetscError as error:
-        error.args = (in_words(error, type(job)),)
+        error.args = (error.message(words_of(type(job))),)
         raise
     comm = session.communicator() if needs_petsc else None
     if summary and (comm is None or comm.rank == 0):
-        print(summary)
+        print(in_words(summary, words_of(type(job))))
     return to.status

@@ -161,7 +161,10 @@ class Law:
 
     def __repr__(self):
         if self.family is None:
-            return f"Law({self.label!r}, …)"
+            values = {name: getattr(self, name) for name in (*WEIGHTS, "exponent", "tau1")}
+            changed = {name: value for name, value in values.items() if value != getattr(Law, name)}
+            given = "".join(f", {name}={value!r}" for name, value in changed.items())
+            return f'Law("{self.label}"{given})'
         given = {"tau1": self.tau1} if self.tau1 != 1.0 else {}
         given |= {
             name: value

@@ -75,12 +75,12 @@ class Means:
         return self.shear_stress.time * self.spacing
 
     def warnings(self) -> list[str]:
-        """Warnings about the means, one line each."""
+        """Warnings about the means, see `io.notes`."""
         found = short_run_warnings(self.strain, self.spacing, self.shear_stress, self.pressure)
         if self.shear_stress.drifts or self.pressure.drifts:
             found.append(
-                "the tenths of the run differ by more than its fluctuations explain: slow changes, or not steady yet; "
-                "discard more"
+                "slow changes, or not steady yet: the tenths of the run differ by more than its fluctuations explain. "
+                "Discard more"
             )
         if np.isnan(self.energy_balance):
             found.append(
@@ -88,8 +88,8 @@ class Means:
             )
         elif np.isnan(self.mismatch):
             found.append(
-                f"fewer than {ROWS} rows after discard: that work and dissipation balance was not checked; give a "
-                "smaller step or a longer strain"
+                f"energy balance not checked: fewer than {ROWS} rows after discard. Give a smaller step or a longer "
+                "strain"
             )
         return found
 
@@ -124,7 +124,7 @@ def facts_of(**averages) -> dict:
 
 def independent_samples(shear_stress, pressure) -> str:
     """Independent samples of stress and pressure, in words."""
-    return f"worth {shear_stress.samples:.0f} and {pressure.samples:.0f} independent values of sigma and p"
+    return f"effective sample size {shear_stress.samples:.0f} (sigma), {pressure.samples:.0f} (p)"
 
 
 def short_run_warnings(strain, spacing, *averages) -> list[str]:
@@ -133,7 +133,7 @@ def short_run_warnings(strain, spacing, *averages) -> list[str]:
     if least.enough:
         return []
     return [
-        f"strain {strain:.3g} after discard is short for a correlation strain of about {spacing * least.time:.2g}: "
-        f"worth {least.samples:.0f} independent values, fewer than {FEW:.0f}, so errors are widened and still rough; "
-        "a longer strain helps"
+        f"errors are widened and still rough: effective sample size {least.samples:.0f} (below {FEW:.0f}), as strain "
+        f"{strain:.3g} after discard is short for a correlation strain of about {spacing * least.time:.2g}. Give a "
+        "longer strain"
     ]

@@ -26,7 +26,7 @@ from jampetsc.flows.run import run as shear_until
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.hdf5 import attributes, check_format, open_file
-from jampetsc.io.packing_file import write_packing
+from jampetsc.io.notes import note_lines, noted
 
 DEEPEST = 0.5  # largest overlap of two disks of a start, in units of σ
 UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
@@ -96,7 +96,7 @@ def continued(earlier, strain) -> FlowRun:
     model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
     strain_step = settings["rate"] * scheme.step
     old = Plan.stored(settings["plan"], strain_step)
-    disks = earlier.last
+    disks = earlier.listed
     more = Plan.of(settings["rate"], scheme.step, strain, 0.0, steps=old.steps)
     plan = replace(old, rows=old.rows + more.rows)
     origin = {name: attrs[name] for name in KEPT if name in attrs}
@@ -109,8 +109,8 @@ def is_flow(path) -> bool:
         return check_format(path, attributes(h5)) == FORMAT
 
 
-def execute(run: FlowRun, to, last=None, team=None) -> Means:
-    """Do the run; its result goes into the outlet `to`, its last state as a packing to the file `last`.
+def execute(run: FlowRun, to, write_last=None, team=None) -> Means:
+    """Do the run; its result goes into the outlet `to`, after `write_last(its last state, attributes, to)`.
 
     team: the `core.threads.Team` that runs the steps.
     Raises ConvergenceError as `flows.run.run`, and where disks never touch.
@@ -133,9 +133,8 @@ def execute(run: FlowRun, to, last=None, team=None) -> Means:
         )
     facts = _facts(run, means, time.perf_counter() - began) | {"substeps": shear.substeps}
     write_checkpoint(checkpoint, record, shear.state())  # in case one of the files cannot be written
-    if last is not None:
-        protocol = f"steady shear, {run.model}, rate {run.rate:g}"
-        write_packing(last, replace(shear.disks, record={"protocol": protocol}), to.request)
+    if write_last is not None:
+        write_last(replace(shear.disks, record={}), facts, to)
     state = shear.state() | {"radii": run.disks.radii}
     # a flow file that is continued in place is replaced last
     write_record(to.writer(FORMAT), record, state, run.settings, facts)
@@ -163,6 +162,7 @@ def _facts(run, means, seconds):
         "tolerance": run.scheme.tolerance,
         "discard": run.plan.discard,
         **means.facts(),
+        "notes": noted(means.warnings()),
     }
 
 
@@ -181,4 +181,4 @@ def summary(run: FlowRun, to, means: Means) -> str:
     if means.walls:
         stress, pressure = means.walls.values()
         lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
-    return "\n".join(lines + [f"  note: {line}" for line in means.warnings()])
+    return "\n".join(lines + note_lines(means.warnings()))

@@ -220,6 +220,16 @@ def discard(folder) -> None:
     remove_if_empty(folder)
 
 
+def discard_unused(path) -> None:
+    """Delete the steps beside the result at `path` that a run left when it was killed, unless another run uses them."""
+    folder = folder_of(path)
+    with suppress(OSError):  # such as a folder that is read only
+        lock = locked(folder / "lock") if folder.is_dir() else None
+        if lock is not None:
+            with lock:
+                discard(folder)
+
+
 def _remove_steps(folder):
     remove_abandoned(folder)
     for file in folder.glob("*-rank-*"):

@@ -200,6 +200,8 @@ def read_gsd(content, index):
     try:
         frames = gsd.hoomd.HOOMDTrajectory(gsd.pygsd.GSDFile(io.BytesIO(content)))
         frame = frames[pick(index, len(frames))]
+    except InputError:
+        raise
     except (OSError, RuntimeError, LookupError, ValueError) as error:
         raise InputError(f"not a file of GSD, or damaged ({error or 'truncated'})") from None
     box = np.asarray(frame.configuration.box, float)

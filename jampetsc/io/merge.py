@@ -30,7 +30,7 @@ def merge(path, out=None, request=None) -> int:
         if in_place:
             check_place(target, kind)
         else:
-            check_output(target, kind, [path], request=request)
+            check_output(target, kind, [path])
         with OutputFile(target) as merged:
             _copy(h5, parts, merged)
             if request and not in_place:

@@ -12,11 +12,12 @@ class Outlet:
     checkpoint  file beside which a long run keeps its finished steps, to continue from; None: in memory
     request     what was asked for, a `request.Request`, which files record; None: nothing
     status      exit status of a command that has written what it could
+    finished    whether the result of the request is in its file already and stays
 
     Raises InputError for a name without a character.
     """
 
-    request, status = None, 0
+    request, status, finished = None, 0, False
 
     def __init__(self, path=None, checkpoint=None):
         for name, given in (("out", path), ("checkpoint", checkpoint)):
@@ -25,9 +26,20 @@ class Outlet:
         self.path = None if path is None else Path(path)
         self.kept = checkpoint
         self._found = self._packing = None
+        self._ranks = 1  # that have written the file
 
     def __str__(self):
         return "in memory" if self.path is None else str(self.path)
+
+    @property
+    def remark(self) -> str:
+        """A line about the parts of a result that several ranks have written; empty for one file."""
+        if not self._ranks > 1:
+            return ""
+        folder = self.path.with_name(f"{self.path.stem}.parts")
+        return (
+            f"\n  rows of the {self._ranks} ranks in {folder}: keep both together, or `jampetsc merge {self}`"
+        )
 
     @property
     def others(self) -> str:
@@ -39,13 +51,19 @@ class Outlet:
         if self.path is None:
             raise InputError(f"{named('out')}: must be given: the file to write")
 
-    def check(self, kind, inputs=(), path=None, beside=()) -> None:
-        """Refuse what may not be replaced, see `outputs.check_output`; path: of another file than the result's."""
+    def check(self, kind, inputs=(), path=None, beside=()) -> bool:
+        """Refuse what may not be replaced; whether the file is finished, see `outputs.check_output`.
+
+        path    of another file than the result's
+        """
         from jampetsc.io.outputs import check_output
 
-        if path or self.path:
-            request = self.request if kind.startswith("jampetsc-") else None
-            check_output(path or self.path, kind, inputs, beside, request)
+        if not (path or self.path):
+            return False
+        request = self.request if kind.startswith("jampetsc-") else None
+        found = check_output(path or self.path, kind, inputs, beside, request)
+        self.finished = self.finished if path else found
+        return found
 
     def writer(self, format, comm=None):
         """A `ResultWriter`. Collective over comm."""
@@ -54,6 +72,8 @@ class Outlet:
         writer = ResultWriter(self.path, format, comm, self.request)
         if self.path is None:  # what is in a file is read from there
             self._found = writer
+        elif comm is not None:
+            self._ranks = comm.size
         return writer
 
     def packing(self, disks) -> None:

@@ -1,7 +1,7 @@
 """Whether an output file may be written, checked in one place for all jobs.
 
 A result replaces an earlier result of its own kind and nothing else: no input, no file of another kind, no pipe
-and no device, and of other settings only where that is asked for.
+and no device, and a finished result only where that is asked for.
 """
 
 import os
@@ -10,8 +10,9 @@ from pathlib import Path
 
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import check_writable
-from jampetsc.io.checksums import SIGNATURE
+from jampetsc.io.checksums import SIGNATURE, seal_of
 from jampetsc.io.hdf5 import attributes, open_file
+from jampetsc.io.parts import PartList
 from jampetsc.io.regular import open_regular
 
 PICTURE, TABLE, EXPORTED = "picture", "table", "exported"
@@ -30,8 +31,10 @@ _EXPORTS = {  # ending -> how such a file begins
 _NOT_HDF5 = (".png", ".pdf", ".svg", ".csv", ".txt", ".opts", *_EXPORTS)
 
 
-def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
+def check_output(out, kind, inputs=(), beside=(), request=None) -> bool:
     """Raise InputError unless a `kind` of file may be put at `out` now. Call it before long work.
+
+    Returns whether the finished result of the request is there already and is to stay.
 
     kind     "picture", "table", "exported" for a file of other programs, or the format of a result
     inputs   paths of the files that the run reads; a missing one is reported when it is read
@@ -50,13 +53,10 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> None:
                 f"{out}: is the input{alias}, which would be lost: choose another {named('out')}"
             )
     check_place(out, kind)
-    if request is not None:
-        request.read(inputs)
-        if not request.overwrite and _kind_at(out) is not None and (why := unlike(out, request)):
-            raise InputError(
-                f"{out}: is there already and {why}: choose another {named('out')}, "
-                f"or give {named('overwrite')} to replace it"
-            )
+    if request is None:
+        return False
+    request.read(inputs)
+    return not request.overwrite and is_finished(out, request)
 
 
 def check_place(out, kind) -> None:
@@ -67,16 +67,35 @@ def check_place(out, kind) -> None:
     check_replaced(out, _exported(out) if kind == EXPORTED else kind)
 
 
-def unlike(path, request) -> str:
-    """How the settings of the result at `path` differ from a request, after `Request.read`; empty if they do not.
+def is_finished(path, request) -> bool:
+    """Whether the result of a request, after `Request.read`, is at `path`, every byte as it was written.
 
-    Raises InputError for what is no HDF5 file.
+    Raises InputError for a result of other settings or inputs, and for one that is damaged or was edited.
     """
+    if _kind_at(path) is None:
+        return False
+    if why := _unlike(path, request):
+        raise InputError(
+            f"{path}: is there already and {why}: choose another {named('out')}, "
+            f"or give {named('overwrite')} to replace it"
+        )
+    return True
+
+
+def _unlike(path, request) -> str:
+    """Why the file at `path` is not the finished result of a request; empty if it is."""
     with open_file(path) as h5:
-        found = attributes(h5).get("request")
+        found, parts = attributes(h5).get("request"), PartList(h5, path)
     if found is None:
         return "does not say with which settings"
-    return (why := request.differences(found)) and f"has {why}"
+    if why := request.differences(found):
+        return f"has {why}"
+    try:
+        parts.verify()
+    except InputError as error:
+        return f"is damaged ({error})"
+    with open_regular(path) as file:
+        return "" if seal_of(file) else "was edited, as its checksums are gone"
 
 
 def check_replaced(out, kind) -> None:

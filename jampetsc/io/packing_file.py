@@ -30,6 +30,7 @@ from jampetsc.io.regular import open_regular
 FORMAT = "jampetsc-packing"
 FORMAT_VERSION = "1.0"
 _HEADER = ("format", "format_version", "potential", "stiffness", "k")
+_OF_FILE = (*_HEADER, "request")  # attributes that are no record of the disks
 
 
 def write_packing(path, disks: Disks, request=None) -> None:
@@ -45,7 +46,7 @@ def write_packing(path, disks: Disks, request=None) -> None:
     datasets |= {"cell": cell, "cell_low": cell_low}
     potential = disks.potential
     header = (FORMAT, FORMAT_VERSION, potential.kind, potential.stiffness, float(potential.k))
-    record = {name: value for name, value in disks.record.items() if name not in _HEADER}
+    record = {name: value for name, value in disks.record.items() if name not in _OF_FILE}
     check_replaced(path, FORMAT)
     with OutputFile(path) as h5:
         set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record)
@@ -110,7 +111,7 @@ def packing_from(h5, path) -> Disks:
         stiffness = float(attrs.get("k", 1.0))
     except (TypeError, ValueError):
         raise InputError(f"{path}: attribute k = {attrs['k']!r}: must be a positive number") from None
-    record = {name: value for name, value in attrs.items() if name not in _HEADER}
+    record = {name: value for name, value in attrs.items() if name not in _OF_FILE}
     with about(path):
         potential = Potential(attrs.get("potential"), attrs.get("stiffness"), stiffness)
         return Disks.from_positions(**arrays, potential=potential, record=record)

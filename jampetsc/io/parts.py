@@ -85,6 +85,13 @@ class PartList:
                     f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
                 )
 
+    def verify(self) -> None:
+        """Raise InputError as `check`, and for a part of which any byte has changed."""
+        self.check()
+        for name, seal in self._seals.items():
+            with open_file(self.path.parent / name, seal):
+                pass
+
     def read(self, data: h5py.Dataset, selection=...):
         """A dataset of the joint file, or a selection of it as numpy takes one. If the parts divide another axis than
         the first, only the selected entries along the first are read from each part.

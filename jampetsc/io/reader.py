@@ -1,5 +1,6 @@
 """`load`: any jampetsc file as an object with numpy arrays. Needs neither PETSc nor MPI."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +118,11 @@ class ShearedResult(Result):
     @property
     def last(self) -> Disks:
         """The packing at the end."""
+        return self.listed
+
+    @property
+    def listed(self) -> Disks:
+        """The disks of the stored state."""
         arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
         return Disks(
             **arrays,
@@ -125,9 +131,19 @@ class ShearedResult(Result):
 
 
 class FlowResult(ShearedResult):
-    """Steady shear: with snapshots."""
+    """Steady shear: with snapshots. Its state has the disks of the last neighbour list, and how they moved since."""
 
     snapshot = snapshot
+
+    @property
+    def last(self) -> Disks:
+        """The packing at the end."""
+        disks, moves = self.listed, self["state/offsets"]
+        shear = int(self["state/since"]) * self.attributes["rate"] * self.attributes["step"]
+        cell_offset, offset = disks.cell_offset.copy(), disks.offset + moves
+        offset[:, 0] += shear * (disks.base[:, 1] + offset[:, 1])
+        cell_offset[1, 0] += shear * disks.cell[1, 1]
+        return replace(disks, offset=offset, cell_offset=cell_offset).folded()
 
 
 class SpectrumResult(Result):

@@ -16,7 +16,7 @@ class Request:
 
     job         an `asking.job.Job`
     argv        the command line
-    overwrite   whether a finished result of other settings may be replaced
+    overwrite   whether a finished result is computed again and replaced
     """
 
     def __init__(self, job, argv=(), overwrite=False):

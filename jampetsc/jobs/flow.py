@@ -147,7 +147,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
         run = self._continued_run() if self._continues else self._new_run()
         if launcher.several():
             note("one rank does one flow, on threads; independent runs use more ranks")
-        return flows.summary(run, to, flows.execute(run, to, self.last, self.team))
+        return flows.summary(run, to, flows.execute(run, to, self.write_last, self.team))
 
     def _continued_run(self):
         """The run that continues an earlier flow."""
@@ -179,6 +179,9 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             step=self.step,
             tolerance=self.tolerance or TOLERANCE,
         )
+
+    def protocol(self, attributes):
+        return f"steady shear, {attributes['model']}, rate {attributes['rate']:g}"
 
     def random(self, radii, seed):
         """See `FromStart`; `walls` in the attributes is the number of disks, the first ones, that make up the walls."""

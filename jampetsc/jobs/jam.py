@@ -14,6 +14,7 @@ from jampetsc.asking.parameters import asked, optional
 from jampetsc.asking.starts import PHIS
 from jampetsc.core.potentials import EXPONENTS
 from jampetsc.errors import InputError
+from jampetsc.io.notes import note_lines
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
 
 PROTOCOLS = ("random", "shear", "compress")  # the names of `flows.jamming.PROTOCOLS`
@@ -99,6 +100,7 @@ A killed run continues when the same command is given again. Options of the Newt
 
 def _summary(n, record, to) -> str:
     """A line for every φ."""
+    from jampetsc.jobs.samples import notes_of
 
     columns = {name: record.series(name) for name in record.columns}
     lines = [f"{to}: {len(record)} samples of {n} disks"]
@@ -112,5 +114,4 @@ def _summary(n, record, to) -> str:
             f"  phi = {one.phi:.6g}: jammed {one.jammed.value:.3f} ± {one.jammed.error:.2g} (as of "
             f"{one.jammed.independent:.0f} independent samples){mean}{others}"
         )
-    lost = int(np.count_nonzero(~np.isfinite(columns["jammed"])))
-    return "\n".join(lines + ([f"  {lost} samples reached no minimum: nan in the result"] if lost else []))
+    return "\n".join(lines + note_lines(notes_of(record)))

@@ -6,7 +6,9 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILE, PATH, asked
+from jampetsc.io.hdf5 import attributes, check_format, open_file
 from jampetsc.io.merge import merge
+from jampetsc.io.outputs import is_same
 from jampetsc.io.reader import load
 
 
@@ -27,7 +29,11 @@ class Merge(Job):
     file: os.PathLike = asked(help="result of sweep, quasistatic, modes, …", place=FILE, kind=PATH)
 
     def check_outputs(self, to):
-        """Left to `io.merge.merge`, which knows the kind of the file and whether it is merged in place."""
+        """Refuse a file of another kind; merging in place is left to `io.merge.merge`."""
+        if to.path and not is_same(to.path, self.file):
+            with open_file(self.file) as h5:
+                kind = check_format(self.file, attributes(h5))
+            to.check(kind, self.paths)
 
     def work(self, to):
         joined = merge(self.file, to.path, to.request)

@@ -9,14 +9,14 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS, words
-from jampetsc.asking.parameters import Kind, asked, optional
+from jampetsc.asking.parameters import Kind, asked, optional, shown
 from jampetsc.collective import on_root, own_cores
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, as_float, named
 from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import check_packing, source_name
-from jampetsc.minimise.sizes import FEWEST, MOST, SIZES, Radii, radii_asked, sizes_text
+from jampetsc.minimise.sizes import FEWEST, MOST, OTHER_SIZES, SIZES, Radii, radii_asked, sizes_text
 from jampetsc.petsc import session
 
 PRESSURES = (1e-8, 1.0)
@@ -38,7 +38,7 @@ def _pressures(given):
             raise ValueError("must be a number, or several with commas between") from None
         found.append(one if written else repr(value))
         if not PRESSURES[0] <= value <= PRESSURES[1]:
-            raise ValueError(f"{found[-1]} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
+            raise ValueError(f"{shown(one)} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
     if not found:
         raise ValueError("must be at least one number")
     several = len(found) > 1 or isinstance(given, list | tuple) or getattr(given, "ndim", 0)
@@ -84,13 +84,20 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         metavar="P[,P…]",
     )
     phi: float | None = of_packing(
-        "packing fraction, instead of a pressure; disks jam near 0.84", low=PHIS[0], high=PHIS[1]
+        "packing fraction, instead of a pressure; disks jam near 0.84",
+        low=PHIS[0],
+        high=PHIS[1],
+        remedy="Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears disks below it",
     )
     potential: str | None = of_packing("energy of an overlap (default harmonic)", choices=EXPONENTS)
     stiffness: str | None = of_packing(
         "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
-    sizes: str | None = of_packing("bidisperse: 1:1.4, half and half (default)", choices=SIZES)
+    sizes: str | None = of_packing(
+        "disk sizes: bidisperse (50:50, ratio 1.4; default) or monodisperse",
+        choices=SIZES,
+        remedy=OTHER_SIZES,
+    )
     radii: Radii | None = of_packing(
         "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII
     )
@@ -158,16 +165,30 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         seeds = [None] if self.from_ is not None else self.seeds or [1 if self.seed is None else self.seed]
         if out is not None:
             self._check_name(out, {"{seed}": len(seeds), "{pressure}": len(targets)})
-        return [
-            Task(
-                out and Path(out.replace("{seed}", str(seed)).replace("{pressure}", word)),
-                None if self.ladder and rung else seed,
-                target,
-                rung if self.ladder else 0,
-            )
-            for seed in seeds
-            for rung, (word, target) in enumerate(targets.items())
-        ]
+        found = []
+        for seed in seeds:
+            for step, (word, target) in enumerate(targets.items()):
+                path = job = None
+                rung = step if self.ladder else 0
+                if out is not None:
+                    path = Path(out.replace("{seed}", str(seed)).replace("{pressure}", word))
+                    job = self._alone(word, seed, found[-1].path if rung else None)
+                found.append(Task(path, None if rung else seed, target, rung, job))
+        return found
+
+    def _alone(self, pressure, seed, above) -> "Pack":
+        """The job that makes one of the packings, the same one however it is asked for; above: of a ladder."""
+        one = replace(
+            self, pressure=float(pressure) if pressure else None, seeds=None, seed=seed, ladder=False
+        )
+        if above is not None:
+            return one.rung(above)
+        if self.from_ is not None:  # whose disks it has
+            return replace(one, n=None)
+        defaults = {"potential": "harmonic", "stiffness": "constant"} | (
+            {} if self.radii else {"sizes": SIZES[0]}
+        )
+        return replace(one, **{name: getattr(one, name) or usual for name, usual in defaults.items()})
 
     def _check_name(self, out, counts):
         """Raise InputError for a name that is the same for several packings, or has braces that mean nothing."""
@@ -195,12 +216,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         for task in [] if to.path is None else self.tasks(str(to.path)):
             check_output(
                 task.path, self.FORMAT, self.paths
-            )  # its settings are compared by `packings.is_there`
+            )  # its settings are compared by `Task.is_finished`
 
     def work(self, to):
         """Make the packings that are missing, spread over the ranks. Collective."""
         from jampetsc.core.threads import Team
-        from jampetsc.jobs.packings import from_packing, is_there, make, raise_failures, summary
+        from jampetsc.jobs.packings import from_packing, make, raise_failures, summary
 
         running = session.current()
         comm, overwrite = running.comm, to.request.overwrite
@@ -214,8 +235,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             return from_packing(tasks[i - 1].path or found[i - 1][0], self._how)
 
         def missing(numbers):
-            wanted = ((i, beginning(i).record | tasks[i].asked) for i in numbers)
-            return [i for i, record in wanted if not is_there(tasks[i].path, record, overwrite, self.from_)]
+            return [i for i in numbers if overwrite or not tasks[i].is_finished()]
 
         for rung in range(1 + max(task.rung for task in tasks)):
             numbers = [i for i, task in enumerate(tasks) if task.rung == rung]

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jampetsc.core.potentials import Potential
-from jampetsc.errors import ConvergenceError, InputError, JampetscError, named
-from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
+from jampetsc.errors import ConvergenceError, JampetscError, named
+from jampetsc.io.outputs import is_finished
+from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.request import Request
 from jampetsc.minimise.descent import Effort
 from jampetsc.minimise.protocols import Target, changed, make_packing, random_start, start_phi
 from jampetsc.petsc.hessian_solver import HessianSolver
@@ -22,11 +24,23 @@ class Task:
     seed: int | None  # of its random start, None if it starts from another packing
     target: Target
     rung: int = 0  # of a ladder: it starts from the packing of the task before it, unless this is 0
+    job: object = None  # the `pack.Pack` that makes this packing alone, None in memory
 
     @property
     def name(self) -> str:
         """Its name in messages."""
         return str(self.path or f"the packing at p = {self.target.pressure:g}")
+
+    @property
+    def request(self) -> Request:
+        """What its file records as asked for; the files that it reads must be there."""
+        request = Request(self.job)
+        request.read(self.job.paths)
+        return request
+
+    def is_finished(self) -> bool:
+        """Whether its file is there already. Raises InputError as `outputs.is_finished`."""
+        return self.path is not None and is_finished(self.path, self.request)
 
     @property
     def asked(self) -> dict:
@@ -63,28 +77,6 @@ def from_packing(source, how: dict, comm=None) -> Beginning:
     return Beginning(record, lambda task: changed(disks, task.target), disks.potential.k)
 
 
-def is_there(path, wanted, overwrite=False, source=None) -> bool:
-    """Whether the packing at `path` exists with all these entries {name: value} in its record.
-
-    source   the packing it started from: files of older versions record the hash of its file's bytes
-
-    Raises InputError if there is another packing and `overwrite` is false.
-    """
-    if path is None or not path.exists():
-        return False
-    found = read_packing(path).record
-    for name, value in wanted.items():
-        older = name == "source_sha256" and isinstance(source, str) and is_known_as(source, found.get(name))
-        if found.get(name) != value and not older:
-            if overwrite:
-                return False
-            raise InputError(
-                f"{path}: is there already with {name} = {found.get(name)}, not {value}: "
-                f"choose another {named('out')}, or give {named('overwrite')} to replace it"
-            )
-    return True
-
-
 def make(tasks, team, rank) -> dict:
     """Make the packings of tasks [(number, task, beginning)]: {number: (disks, line of the summary) or JampetscError}.
 
@@ -100,7 +92,7 @@ def make(tasks, team, rank) -> dict:
                 disks = make_packing(start, task.target, solver, fresh=fresh, team=team, effort=effort)
                 disks = disks.with_record(**beginning.record, **task.asked)
                 if task.path is not None:
-                    write_packing(task.path, disks)
+                    write_packing(task.path, disks, task.request)
             except ConvergenceError as error:
                 remedy = f"use another {named('seed')}, or a larger {named('tolerance')}"
                 found[number] = ConvergenceError(f"{error.args[0]}: {remedy}")

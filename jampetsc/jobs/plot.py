@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from jampetsc.asking.job import Job
 from jampetsc.asking.kinds import PACKING_OR_RESULT, words
-from jampetsc.asking.parameters import FILES, Kind, Parameter, Part, asked, optional, part
+from jampetsc.asking.parameters import FILES, WORD, Kind, Parameter, Part, asked, optional, part
 from jampetsc.errors import as_float
 from jampetsc.jobs.sources import WHERE, rows_named
 
@@ -18,10 +18,19 @@ def _given(**options) -> dict:
 
 @functools.cache
 def _options() -> tuple[Parameter, ...]:
-    """What the kinds of pictures may be asked for."""
+    """The kind of picture, and what the kinds may be asked for."""
     from jampetsc.plots.draw import pictures
 
-    return tuple(dict.fromkeys(option for one in pictures().values() for option in one.options))
+    known = pictures()
+    kind = Parameter(
+        "kind",
+        "what to draw (default: by files and options); one of",
+        WORD,
+        None,
+        choices=tuple(known),
+        metavar="KIND",
+    )
+    return kind, *dict.fromkeys(option for one in known.values() for option in one.options)
 
 
 def _size(given):
@@ -77,12 +86,11 @@ class Plot(Job):
   jampetsc plot f64.h5 f256.h5 --out f.png                            # of jam files: f(phi) with errors
   jampetsc plot f64.h5 qs.h5 --kind pressures --out pressures.png     # P(p), of quasistatic shear too
 
-Every result is drawn without --kind; a wrong name after --kind lists those there are."""
+Every result is drawn without --kind."""
 
     files: tuple = asked(
         help="files of results or packings, or the folder of a study", kind=PACKING_OR_RESULT, place=FILES
     )
-    kind: str | None = optional("what to draw (default: follows from the files and options)")
     where: str | None = WHERE
     csv: str | None = optional("write the numbers that are drawn, too: .csv", metavar="FILE")
     size: tuple | None = optional("width and height in inches", kind=Kind(_size, metavar="W,H"))
@@ -104,4 +112,4 @@ Every result is drawn without --kind; a wrong name after --kind lists those ther
         chosen = {name: getattr(self, name) for name in ("size", "xlim", "ylim", "style")}
         chosen["label"] = self.label or ()
         out = None if to.path is None else str(to.path)
-        return f"{out}: {draw(items, self.kind, out=out, csv=self.csv, chosen=chosen, **self.options).text}"
+        return f"{out}: {draw(items, out=out, csv=self.csv, chosen=chosen, **self.options).text}"

@@ -8,6 +8,7 @@ from jampetsc.asking.kinds import Numbers, numbers
 from jampetsc.asking.parameters import optional
 from jampetsc.core.laws import LARGEST, having
 from jampetsc.errors import InputError, named
+from jampetsc.io.notes import note_lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,4 +70,4 @@ def _summary(to, physics, outcome) -> str:
             )
             + f"; identity kept to {response.identity_difference:.0e}",
         ]
-    return "\n".join(lines)
+    return "\n".join(lines + note_lines(outcome.notes))

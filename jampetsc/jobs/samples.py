@@ -2,12 +2,15 @@
 
 import time
 
+import numpy as np
+
 from jampetsc.asking.starts import UNITS
 from jampetsc.collective import agreed, on_root
 from jampetsc.core.potentials import Potential
 from jampetsc.flows.jamming import samples
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.flows.record import Record, resumed, run_provenance, write_checkpoint
+from jampetsc.io.notes import noted
 from jampetsc.minimise.sizes import in_small_diameters, radii_of
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
@@ -66,6 +69,12 @@ def make(job, solver, to) -> Record:
         for name in protocol.columns:
             writer.dataset(name, record.series(name))
         how = run_provenance(time.perf_counter() - began, running, running.size)
-        writer.attributes(**how | facts | protocol.facts)
+        writer.attributes(**how | facts | protocol.facts, notes=noted(notes_of(record)))
     on_root(comm, lambda: checkpoint.remove())
     return record
+
+
+def notes_of(record) -> list[str]:
+    """Notes on samples, see `io.notes`."""
+    lost = int(np.count_nonzero(~np.isfinite(record.series("jammed"))))
+    return [f"no minimum found: {lost} samples, nan in the result"] if lost else []

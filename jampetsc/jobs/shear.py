@@ -45,6 +45,9 @@ prefix -newton_."""
                 "larger one"
             )
 
+    def protocol(self, attributes):
+        return f"quasistatic shear, steps of {attributes['step']:g}"
+
     def work(self, to):
         from jampetsc.jobs.shear_run import execute
         from jampetsc.petsc.hessian_solver import HessianSolver

@@ -18,7 +18,7 @@ from jampetsc.flows.record import (
     write_record,
 )
 from jampetsc.flows.run import INTERVAL, LINES
-from jampetsc.io.packing_file import write_packing
+from jampetsc.io.notes import note_lines, noted
 from jampetsc.minimise.minimise import proved
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
@@ -86,20 +86,19 @@ def execute(job, solver, to) -> str:
         "saddles": slow.effort.saddles,
         **facts_of(**averages),
     }
-    minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
-    if job.last is not None:
-        protocol = f"quasistatic shear, steps of {job.step:g}"
-        last = replace(slow.disks, record={"protocol": protocol})
-        write_packing(job.last, proved(last, solver), to.request)
-    write_record(to.writer(job.FORMAT), record, minimum, settings, facts)
-    checkpoint.remove()
     stress, pressure = averages["shear_stress"], averages["pressure"]
     notes = short_run_warnings(job.strain - discard, job.step, stress, pressure)
+    facts["notes"] = noted(notes)
+    minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
+    if job.last is not None:
+        job.write_last(proved(replace(slow.disks, record={}), solver), facts, to)
+    write_record(to.writer(job.FORMAT), record, minimum, settings, facts)
+    checkpoint.remove()
     cost, events = record.series("evaluations").mean(), int(record.series("plastic").sum())
-    return (
+    lines = (
         f"{to}: phi = {disks.phi:.6g}, {len(record)} steps of {job.step:g}, {cost:.0f} force evaluations each, "
         f"{events} plastic event{'s' * (events != 1)}\n"
         f"  sigma = {stress}, p = {pressure}, jammed {averages['jammed']}, "
         f"Z = {averages['coordination']}; {independent_samples(stress, pressure)}"
-        + "".join(f"\n  note: {line}" for line in notes)
     )
+    return "\n".join([lines, *note_lines(notes)])

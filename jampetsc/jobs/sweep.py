@@ -11,6 +11,7 @@ from jampetsc.asking.kinds import FREQUENCIES, Numbers
 from jampetsc.asking.parameters import asked, optional
 from jampetsc.core.laws import FAMILIES, damping_law
 from jampetsc.errors import InputError, named
+from jampetsc.io.notes import note_lines
 from jampetsc.petsc import builds, session
 
 OMEGA = "1e-10:1e4:141"
@@ -94,11 +95,12 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
     def work(self, to):
         from jampetsc.linear.run import Run
-        from jampetsc.linear.sweep import solve
+        from jampetsc.linear.sweep import notes_of, solve
 
         run = Run.of(self, to, session.current().comm).examined()
         omega, G, bounds = solve(run)
-        return _summary(run, run.asked(omega), G, bounds)
+        notes = notes_of(run, run.asked(omega), G, bounds)
+        return "\n".join([_summary(run, run.asked(omega), G, bounds), *note_lines(notes)])
 
 
 def _summary(run, omega, G, bounds) -> str:
@@ -118,21 +120,14 @@ def _summary(run, omega, G, bounds) -> str:
 
 
 def _damping_lines(run, G):
-    """Lines about power-law damping: the equivalent frequencies, and whether the strain stays small."""
+    """Lines about power-law damping: the equivalent frequencies, and where G* is formal."""
     damping = run.damping
-    strain = damping.stress * run.disks.potential.k / abs(G).min()
     lines = [
         f"  alpha {damping.alpha:g}, stress {damping.stress:g} k: equivalent linear frequencies "
         f"{run.omega[0]:.3g} to {run.omega[-1]:.3g}; the stored spectrum is that of the linear law"
     ]
     if G.real.min() < 0.0:
         lines.append(
-            "  G' < 0: the packing is unstable to shear, so that no stress can be imposed on it; G* is formal"
-        )
-    pressure = run.disks.record.get("pressure", float("inf")) / run.disks.potential.k
-    if strain > pressure:
-        lines.append(
-            f"  strain amplitude up to {strain:.1e}, more than p/k = {pressure:.1e}: contacts would change, "
-            "which is left out"
+            "  G' < 0: no stress can be imposed on a packing that is unstable to shear; G* is formal"
         )
     return lines

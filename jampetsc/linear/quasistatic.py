@@ -20,6 +20,7 @@ import numpy as np
 
 from jampetsc.core.laws import Physics
 from jampetsc.errors import about
+from jampetsc.io.notes import noted, unstable_to_shear
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.linear.contributions import distributions
@@ -109,6 +110,11 @@ class Outcome:
     eta_inf: float
     scan: np.ndarray  # (b, 4): β, η₀, η₀ without pre-stress, η_∞
 
+    @property
+    def notes(self) -> list[str]:
+        """See `io.notes`."""
+        return unstable_to_shear(self.responses[""].G0, "G0")
+
 
 def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
     """Solve for a packing, Disks or a file, under `physics`, and for η₀, η_∞ at other β, and write it. Collective.
@@ -180,7 +186,7 @@ def _write(writer, outcome):
             writer.dataset(f"{group}histogram/{quantity}/counts", found.counts)
             values |= {f"{quantity}_{kind}": getattr(found, kind) for kind in ("median", "mean", "rms")}
         writer.attributes(**{f"{prefix}{key}": value for key, value in values.items()})
-    writer.attributes(eta_inf=outcome.eta_inf)
+    writer.attributes(eta_inf=outcome.eta_inf, notes=noted(outcome.notes))
     if len(outcome.scan):
         names = ("beta", "eta0", f"{BARE}_eta0", "eta_inf")
         for name, column in zip(names, outcome.scan.T, strict=True):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.io.notes import noted, unstable_to_shear
 from jampetsc.linear.direct import FrequencySolver
 from jampetsc.linear.rational import RationalSweep
 from jampetsc.linear.record import run_record
@@ -166,5 +167,24 @@ def _write(run: Run, pencil, omega, G, bounds, fields, extra: dict, reduced: dic
             accuracy=run.accuracy,
             positive_semidefinite=run.positive_semidefinite,
             unknowns=pencil.unknowns,
+            notes=noted(notes_of(run, run.asked(omega), G, bounds)),
             **extra,
         )
+
+
+def notes_of(run: Run, omega, G, bounds) -> list[str]:
+    """Notes on G (M,) at frequencies omega (M,) of the experiment, with bounds (M, 3), see `io.notes`."""
+    found, highest = [], G.real + bounds[:, 1]
+    if highest.min() < 0.0:  # by more than its bound
+        worst = int(np.argmin(highest))
+        found += unstable_to_shear(G.real[worst], f"G' at omega {omega[worst]:.3g}")
+    if run.damping is not None:
+        k = run.disks.potential.k
+        strain = run.damping.stress * k / abs(G).min()
+        pressure = run.disks.record.get("pressure", np.inf) / k
+        if strain > pressure:
+            found.append(
+                f"contacts would change, which is left out: strain amplitude up to {strain:.1e}, more than p/k = "
+                f"{pressure:.1e}. `oscillate --contacts moving` has it"
+            )
+    return found

@@ -14,6 +14,7 @@ SIZES = ("bidisperse", "monodisperse")
 RATIO = 1.4  # of the two radii
 SMALLEST, LARGEST = 1e-6, 1e6  # radius
 FEWEST, MOST = 16, 10_000_000  # disks
+OTHER_SIZES = f"For other sizes give one radius per line in a file: {named('radii')} FILE"
 
 
 def radii_of(sizes: str, n: int):

@@ -9,6 +9,7 @@ from typing import ClassVar
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILE, Kind, asked
 from jampetsc.errors import InputError, named
+from jampetsc.io.notes import counted
 from jampetsc.petsc.solver_options import SOLVERS
 
 MANY = 10  # failures that the summary lists
@@ -112,12 +113,7 @@ def _summary(table, rows, failures, elapsed) -> str:
         lines.append(f"  {row['file']}: {row['state']}")
     if len(failures) > MANY:
         lines.append(f"  … and {len(failures) - MANY} more, see the table")
-    unstable = [row for row in rows if row.get("G0", 0.0) < 0]
-    if unstable:
-        lines.append(
-            f"  G0 < 0 in {len(unstable)} of {sum('G0' in row for row in rows)} rows: kept in the averages"
-        )
-    return "\n".join(lines)
+    return "\n".join(lines + counted(rows))
 
 
 def _outlook(tasks, folder) -> str:

@@ -18,6 +18,7 @@ from jampetsc.io.checkpoint import read_entry, write_entry
 NAME = "journal"
 NAP = 0.02  # seconds between two looks while a rank waits for a task of another one
 DONE, FAILED = ".done", ".failed"  # endings of the files that record the outcome of a task
+PLACE = ".place"  # ending of the files that number finished tasks
 
 
 def keep_record(folder, record: dict) -> None:
@@ -73,8 +74,10 @@ class Claims:
     def settle(self, task, done: bool) -> None:
         """Announce the outcome of a task, after its record was written."""
         self._made(self._file(task, DONE if done else FAILED))
-        self._finished += 1
         self._failed += not done
+        self._finished += 1
+        while not self._made(self.folder / f"{self._finished}{PLACE}"):  # another rank's task has that number
+            self._finished += 1
 
     def done(self, task) -> bool:
         """Wait until the rank that has taken a task finishes it; whether it succeeded."""
@@ -83,11 +86,13 @@ class Claims:
         return done
 
     def tally(self) -> tuple[int, int]:
-        """(finished, failed) tasks of all ranks; those of the others are counted once a second."""
+        """(number of the last task that this rank has finished among those of all ranks, failed tasks of all ranks).
+
+        The failed ones of other ranks are counted once a second.
+        """
         if time.monotonic() > self._looked + 1.0:
             ends = [os.path.splitext(name)[1] for name in os.listdir(self.folder)]
             self._looked, self._failed = time.monotonic(), ends.count(FAILED)
-            self._finished = ends.count(DONE) + self._failed
         return self._finished, self._failed
 
     def end(self) -> None:

@@ -10,7 +10,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.speed_accuracy.compare import FEWEST, critical, slopes
 
-WORDS = ("law", "model", "method", "packing", "phase")  # text attributes that are columns
+WORDS = ("law", "model", "method", "packing", "phase", "notes")  # text attributes that are columns
 # numbers that are no columns
 NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")
 

@@ -9,12 +9,11 @@ import time
 from jampetsc import progress
 from jampetsc.collective import on_root
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io.checkpoint import discard, folder_of
+from jampetsc.io.checkpoint import discard_unused
 from jampetsc.io.checksums import identity_of
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.outputs import unlike
+from jampetsc.io.outputs import is_finished
 from jampetsc.io.parts import parts_of
-from jampetsc.io.reader import load
 from jampetsc.io.request import Request
 from jampetsc.petsc import session
 from jampetsc.studies.numbers import numbers_of
@@ -118,18 +117,17 @@ class Runner:
         if _done(known) and identity_of(path, every_byte=True) != known.get("files", {}).get(task.file):
             with contextlib.suppress(FileNotFoundError):
                 os.replace(path, f"{path}{ASIDE}")
-        if task.command == "pack" or not path.exists():
+        if task.command == "pack":
             return False
+        asked = Request(job)
+        asked.read(job.paths)
         try:
-            load(path)  # also checks that all of its parts are there
-            asked = Request(job)
-            asked.read(job.paths)
-            if unlike(path, asked):
-                return False
+            found = is_finished(path, asked)
         except InputError:
             return False
-        discard(folder_of(path))  # the checkpoint of a run that was killed just after it made the file
-        return True
+        if found:
+            discard_unused(path)  # the checkpoint of a run that was killed just after it made the file
+        return found
 
 
 def row_of(task, found) -> dict:

@@ -17,7 +17,7 @@ from jampetsc import ContactDamping, StokesDrag
 from jampetsc.asking.kinds import PACKING, PACKING_OR_RESULT, RESULT, opened
 from jampetsc.asking.parameters import fields, made, parameters
 from jampetsc.cli import main as cli
-from jampetsc.cli.parser import in_words
+from jampetsc.cli.parser import words_of
 from jampetsc.core.laws import Law
 from jampetsc.errors import InputError
 from jampetsc.io.checkpoint import Checkpoint
@@ -28,6 +28,7 @@ from jampetsc.jobs.correlate import Correlate
 from jampetsc.jobs.flow import Flow
 from jampetsc.jobs.modes import Modes
 from jampetsc.jobs.oscillate import Oscillate
+from jampetsc.jobs.pack import Pack
 from jampetsc.jobs.quasistatic import Quasistatic
 from jampetsc.jobs.spectrum import Spectrum
 from jampetsc.jobs.sweep import Sweep
@@ -107,6 +108,72 @@ def test_a_function_says_what_it_takes(name):
         function("p.h5", typo=1, **{"omega": 1.0} if name == "oscillate" else {})
 
 
+def test_a_keyword_that_a_function_does_not_have_is_answered_with_what_to_write():
+    for function, given, remedy in (
+        (
+            jampetsc.sweep,
+            {"beta": 0.1},
+            r"sweep\(\) has no keyword beta: give law=jampetsc\.ContactDamping\(beta=0\.1\)",
+        ),
+        (jampetsc.modes, {"cuont": 3}, r"no keyword cuont; did you mean count\?"),
+        (
+            jampetsc.quasistatic,
+            {"eta_f": 2.0, "tau1": 0.5},
+            r"give law=jampetsc\.StokesDrag\(eta_f=2\.0, tau1=0\.5\)$",
+        ),
+        (jampetsc.flow, {"mass": 1.0, "strain": 1.0}, r"give model=jampetsc\.models\.CDn\(mass=1\.0\)$"),
+        (
+            jampetsc.flow,
+            {"normal": 1.0, "strain": 1.0},
+            r"give model=jampetsc\.ContactDamping\(normal=1\.0\)$",
+        ),
+    ):
+        with pytest.raises(TypeError, match=remedy):
+            function("p.h5", **given)
+    for name in ("sweep", "quasistatic", "flow"):
+        assert "by the options" not in getattr(jampetsc, name).__doc__
+    assert (
+        "\nlaw : Law, default ContactDamping()\n    damping law: jampetsc.ContactDamping(…)"
+        in jampetsc.sweep.__doc__
+    )
+
+
+def test_values_that_are_refused_are_shown_whole_with_what_to_do():
+    for given, message in (
+        ({"pressure": -1}, r"^pressure -1: must lie in \[1e-08, 1\]$"),
+        ({"pressure": [1e-3, -1]}, r"^pressure \[0\.001, -1\]: -1 must lie in \[1e-08, 1\]$"),
+        ({"phi": 0.7}, r"^phi 0\.7: must lie in \[0\.8, 1\.5\]\. Give a pressure instead, or"),
+        (
+            {"phi": 0.9, "sizes": "lognormal"},
+            r"^sizes lognormal: choose one of .*\. For other sizes .*: radii FILE$",
+        ),
+        ({"phi": 0.9, "n": 16.5}, r"^n 16\.5: must be a whole number$"),
+    ):
+        with pytest.raises(InputError, match=message):
+            Pack(**{"n": 16} | given)
+
+
+@pytest.mark.parametrize(
+    ("given", "number"), [("1e3", 1000), (1e3, 1000), ("1000", 1000), ("64.0", 64), (64, 64)]
+)
+def test_whole_numbers_in_any_spelling(given, number):
+    n = Pack(n=given, phi=0.9).n
+    assert n == number and type(n) is int
+
+
+@pytest.mark.parametrize("given", ["1e400", "nan", "1e17", "16.5", True, "", "x"])
+def test_what_is_no_whole_number(given):
+    with pytest.raises(InputError, match="must be a whole number"):
+        Pack(n=given, phi=0.9)
+
+
+def test_a_law_of_ones_own_is_recorded_with_all_its_weights():
+    law = jampetsc.Law("mine", normal=1.0, sliding=0.5, drag=0.25, tau1=2.0)
+    assert repr(law) == 'Law("mine", normal=1.0, sliding=0.5, drag=0.25, tau1=2.0)'
+    words = Sweep("p.h5", law).words()
+    assert words[words.index("--law") + 1] == repr(law) and "--normal" not in words
+
+
 @pytest.mark.parametrize("name", JOBS)
 def test_every_parameter_has_help_and_a_default_that_it_takes(name):
     for parameter in parameters(job_class(name)).values():
@@ -164,7 +231,7 @@ def test_what_is_refused_by_name(job, files, given, named):
     options = {name: parameters(job)[name].word for name in named}
     assert "--" not in str(refused.value) and "\n" not in str(refused.value)
     assert all(name in str(refused.value) for name in named)
-    assert all(option in in_words(refused.value, job) for option in options.values())
+    assert all(option in refused.value.message(words_of(job)) for option in options.values())
 
 
 @pytest.mark.parametrize("number", [10**400, -(10**400), float("inf"), float("nan"), -1.0])

@@ -4,9 +4,12 @@ import os
 import re
 import socket
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
+import launch
 import numpy as np
 import pytest
 from samples import JAMBASHBULK, published, put, stored
@@ -116,13 +119,18 @@ OTHERS = {  # words that make a result, and the word of which there is another
     "shear p.h5 --step 1e-3 --strain 2e-3": ("--discard 1e-3", "discard = its default, not 0.001"),
     "spectrum s.h5": ("--window 0.5", "window = "),
     "quasistatic p.h5": ("--beta 0.5", "beta = "),
+    "modes p.h5 --count 2": ("--no-prestress", "prestress = true, not false"),
+    "oscillate p.h5 --omega 1 --strain 1e-6 --steps 16": ("--alpha 0.9", "alpha = 1.0, not 0.9"),
+    "jam --n 16 --phi 0.9 --seeds 1:2": ("--tolerance 1e-7", "tolerance = 1e-06, not 1e-07"),
 }
 
 
 @pytest.mark.scalar("real")
 @pytest.mark.parametrize("words", map(ranks_of, OTHERS))
-def test_a_finished_result_of_other_settings_is_replaced_on_demand(session, shared_path, monkeypatch, words):
-    """The same settings, in other words too, are what they were: nothing is refused."""
+def test_a_finished_result_stays_unless_it_is_to_be_replaced(
+    session, shared_path, monkeypatch, capsys, words
+):
+    """The same settings, in other words too, are those of the result that is there: nothing is computed."""
     monkeypatch.chdir(shared_path)
     put("p.h5", published(), session.comm)
     if session.rank == 0:
@@ -132,9 +140,21 @@ def test_a_finished_result_of_other_settings_is_replaced_on_demand(session, shar
         cli.dispatch("sweep p.h5 --omega 1e-3:1e3:7 --out s.h5".split())
     line, (other, told) = [*words.split(), "--out", "r.h5"], OTHERS[words]
     cli.dispatch(line)
-    cli.dispatch([*line[:1], *line[-2:], *line[1:-2]])
+    session.comm.Barrier()
+    before, when = Path("r.h5").read_bytes(), Path("r.h5").stat().st_mtime_ns
+    out = capsys.readouterr().out
+    if Path("r.parts").exists() and session.rank == 0:
+        assert "\n  rows of the 2 ranks in r.parts: keep both together, or `jampetsc merge r.h5`\n" in out
+    session.comm.Barrier()
+    assert cli.dispatch([*line[:1], *line[-2:], *line[1:-2]]) == 0
+    said = (
+        "there already"
+        if words.startswith("pack")
+        else "r.h5: there already, by the same settings and inputs"
+    )
+    assert said in capsys.readouterr().out or session.rank > 0
     made = jampetsc.load("r.h5")
-    before = Path("r.h5").read_bytes()
+    assert Path("r.h5").stat().st_mtime_ns == when
     session.comm.Barrier()
     with pytest.raises(InputError, match=f"r.h5: is there already .*{re.escape(told)}.*--overwrite"):
         cli.dispatch([*line, *other.split()])
@@ -145,6 +165,96 @@ def test_a_finished_result_of_other_settings_is_replaced_on_demand(session, shar
     cli.dispatch([*line, *other.split(), "--overwrite"])
     session.comm.Barrier()
     assert Path("r.h5").read_bytes() != before and type(jampetsc.load("r.h5")) is type(made)
+
+
+def test_what_is_there_already_is_the_result_of_these_inputs_undamaged(inputs, capsys):
+    """Of a new packing under the old name it is another result; one that was damaged or edited is none."""
+    words = "flow p.h5 --model RD0 --rate 1e-2 --strain 0.02 --out f.h5".split()
+
+    def again(*more):
+        before = content(Path.cwd())
+        status, (out, err) = cli.main([*words, *more]), capsys.readouterr()
+        return status, out + err, content(Path.cwd()) == before
+
+    assert again()[0] == 0
+    Path("f.h5.resume").mkdir()  # of a run that was killed after it had written its result
+    assert again() == (
+        0,
+        "f.h5: there already, by the same settings and inputs; --overwrite repeats it\n",
+        False,
+    )
+    assert not Path("f.h5.resume").exists()
+    assert again("--overwrite")[::2] == (0, False)
+    whole, refused = Path("f.h5").read_bytes(), "give --overwrite to replace it\n"
+    write_packing("p.h5", published("hertzian"))
+    status, told, unchanged = again()
+    assert status == 2 and unchanged and "f.h5: is there already and has other inputs: " in told
+    write_packing("p.h5", published())
+    for place in (100, len(whole) // 2, len(whole) - 200):
+        Path("f.h5").write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        status, told, unchanged = again()
+        assert status == 2 and unchanged and "f.h5: is there already and is a damaged HDF5 file" in told
+    Path("f.h5").write_bytes(whole)
+    with h5py.File("f.h5", "r+") as h5:
+        h5["strain"][0] = 7.0
+    status, told, unchanged = again()
+    assert status == 2 and unchanged and told.endswith(refused)
+    assert "was edited, as its checksums are gone" in told
+    Path("f.h5").write_bytes(whole)
+    longer = ["flow", "f.h5", "--strain", "0.02"]
+    for strain in (0.04, 0.06):  # a flow that is continued is never finished
+        assert cli.main(longer) == 0 and jampetsc.load("f.h5")["strain"][-1] == pytest.approx(strain)
+    assert again()[0] == 2  # 0.06 is not 0.02
+
+
+def test_options_of_petsc_are_no_settings(inputs):
+    """In a process of its own, as PETSc is not started for what is there already."""
+    words = [sys.executable, "-m", "jampetsc", *"sweep p.h5 --omega 1 --out o.h5".split()]
+    for options in ([], ["-shift_pc_type", "cholesky"]):
+        done = subprocess.run([*words, *options], env=launch.environment(), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert done.stdout == "o.h5: there already, by the same settings and inputs; --overwrite repeats it\n"
+
+
+def test_the_last_state_of_a_finished_run_can_still_be_asked_for(inputs, capsys):
+    for words in ("flow p.h5 --model RD0 --rate 1e-2 --strain 0.02", "shear p.h5 --step 1e-3 --strain 2e-3"):
+        kind = words.split()[0]
+        line = [*words.split(), "--out", f"{kind}.h5", "--last"]
+        assert cli.main([*line, f"{kind}-last.h5"]) == 0
+        assert cli.main([*line, f"{kind}-more.h5"]) == 0 and "there already" in capsys.readouterr().out
+        first, second = (jampetsc.load(f"{kind}-{name}.h5") for name in ("last", "more"))
+        assert np.allclose(first.positions, second.positions, rtol=0, atol=1e-14)
+        assert np.allclose(first.cell, second.cell, rtol=0, atol=1e-14)
+        assert first.record["protocol"] == second.record["protocol"]
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_python_returns_the_result_that_is_there(session, shared_path, monkeypatch):
+    """With its packing, as the first time."""
+    monkeypatch.chdir(shared_path)
+    found = [jampetsc.quasistatic(published(), out="q.h5") for _ in range(2)]
+    assert found[0].attributes["run_id"] == found[1].attributes["run_id"]
+    assert found[0].packing.fingerprint == found[1].packing.fingerprint
+    session.comm.Barrier()
+    other = jampetsc.quasistatic(published(), out="q.h5", overwrite=True)
+    assert other.attributes["run_id"] != found[0].attributes["run_id"]
+    session.comm.Barrier()
+    with pytest.raises(
+        InputError, match=r"q\.h5: is there already and has other inputs: .* or give overwrite to"
+    ):
+        jampetsc.quasistatic(published("hertzian"), out="q.h5")
+    if session.size == 2:
+        session.comm.Barrier()
+        (part, _), whole = sorted(Path("q.parts").iterdir()), None
+        if session.rank == 0:
+            whole = part.read_bytes()
+            part.write_bytes(whole[:200] + bytes([whole[200] ^ 1]) + whole[201:])
+        session.comm.Barrier()
+        with pytest.raises(
+            InputError, match=r"q\.h5: is there already and is damaged .*q\.parts.*give overwrite"
+        ):
+            jampetsc.quasistatic(published(), out="q.h5")
 
 
 def test_what_has_no_input_or_writes_two_files_replaces_no_other(inputs, capsys):

@@ -7,7 +7,9 @@ import pytest
 
 from jampetsc.analysis.collapse_errors import Estimate
 from jampetsc.core.laws import Physics, damping_law
+from jampetsc.io.notes import noted
 from jampetsc.jobs import collapse, correlate_sweeps, modes, oscillate, quasistatic, sweep
+from jampetsc.linear.sweep import notes_of
 from jampetsc.studies import job as study
 
 PHYSICS = Physics(damping_law())
@@ -43,9 +45,21 @@ def test_a_strain_that_would_change_contacts(stress, told):
     """σ₀ k/|G| of the softest frequency against p/k = 1e-3."""
     damping = SimpleNamespace(alpha=0.5, stress=stress)
     G = np.array([4.0 + 0j, 2.0j])
-    text = sweep._summary(sweep_job(damping=damping), np.ones(2), G, np.ones((2, 3)))
-    assert "equivalent linear frequencies 3 to 4; the stored" in text
-    assert (f"strain amplitude up to {stress:.1e}, more than p/k = 1.0e-03" in text) == told
+    job = sweep_job(damping=damping)
+    assert "equivalent linear frequencies 3 to 4; the stored" in sweep._summary(
+        job, np.ones(2), G, np.ones((2, 3))
+    )
+    notes = notes_of(job, np.ones(2), G, np.ones((2, 3)))
+    assert [f"strain amplitude up to {stress:.1e}, more than p/k = 1.0e-03" in note for note in notes] == [
+        True
+    ] * told
+
+
+def test_a_modulus_below_its_bound_below_zero_is_noted():
+    omega, bounds = np.array([1e-3, 1.0]), np.full((2, 3), 0.01)
+    (note,) = notes_of(sweep_job(), omega, np.array([-0.02 + 1j, 1.0]), bounds)
+    assert note.startswith("unstable to shear: G' at omega 0.001 = -0.02. ") and "--stabilise shear" in note
+    assert notes_of(sweep_job(), omega, np.array([-0.005 + 1j, 1.0]), bounds) == []
 
 
 def test_modes_tell_how_they_were_counted():
@@ -70,14 +84,20 @@ def test_modes_tell_how_they_were_counted():
     assert lines[-1].startswith("  the response to shear is affine, or not unique")
 
 
-def test_a_study_tells_what_failed_and_what_is_unstable():
-    rows = [{"G0": -1.0}, {"G0": 1.0}, {"G0": 0.0}, {}]
+def test_a_study_tells_what_failed_and_what_its_runs_noted():
+    notes = ["few: 7", "unstable to shear: G0 = -1"], ["few: 9"], [], []
+    rows = [
+        {"file": f"{n}.h5", "command": "pack" if n == 3 else "sweep"} | ({"notes": noted(one)} if one else {})
+        for n, one in enumerate(notes)
+    ]
     failures = [{"file": f"{n}.h5", "state": "failed: no"} for n in range(study.MANY + 2)]
     lines = study._summary("t.csv", rows, failures, "3 s").split("\n")
     assert lines[:2] == [f"t.csv: 4 tasks, {study.MANY + 2} failed, 3 s", "  0.h5: failed: no"]
-    more, unstable = lines[study.MANY + 1 :]
-    assert more == "  … and 2 more, see the table"
-    assert unstable == "  G0 < 0 in 1 of 3 rows: kept in the averages"
+    assert lines[study.MANY + 1 :] == [
+        "  … and 2 more, see the table",
+        "  note in 2 of 3 sweep tasks, which count like the others: few: 7 (0.h5)",
+        "  note in 1 of 3 sweep tasks, which count like the others: unstable to shear: G0 = -1 (0.h5)",
+    ]
     exactly = study._summary("t.csv", [], failures[: study.MANY], "3 s")
     assert "more, see" not in exactly and exactly.count("failed: no") == study.MANY
 
@@ -105,11 +125,14 @@ def test_a_quasistatic_response_tells_its_parts():
     found = {key: SimpleNamespace(median=value) for key, value in medians.items()}
     numbers = {"G0": 0.5, "bulk_modulus": 4.0, "omega_star": 0.1, "identity_difference": 1e-12}
     response = SimpleNamespace(network=SimpleNamespace(prestress=True), flow=flow, **numbers)
-    outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": found})
+    outcome = SimpleNamespace(
+        eta_inf=0.5, responses={"": response}, distributions={"": found}, notes=["unstable"]
+    )
     assert quasistatic._summary("q.h5", PHYSICS, outcome).split("\n") == [
         "q.h5: contact damping, beta = 1, eta_inf = 0.5",
         "  pre-stress: G0 = 0.5, bulk modulus 4, eta0 = 0.75 (contacts 0.25, fluid 0.5), omega* = 0.1",
         "    medians per unit strain: |Δu∥| 1, |Δu⊥| 2, |u_na| 3; identity kept to 1e-12",
+        "  note: unstable",
     ]
 
 

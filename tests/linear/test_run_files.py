@@ -8,6 +8,7 @@ from samples import isostatic, network_of, physics, published, put, run_of
 
 import jampetsc
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
+from jampetsc.cli import main as cli
 from jampetsc.core.potentials import Potential
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
@@ -168,3 +169,21 @@ def test_sweeps_under_power_law_damping(session, path, method, monkeypatch):
     np.testing.assert_allclose(same["G"], G, rtol=1e-5)
     for name in ("displacement", "rotation"):
         np.testing.assert_allclose(file[f"fields/{name}"], same[f"fields/{name}"], rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.most_ranks(1)
+def test_a_packing_unstable_to_shear_is_noted(session, path, capsys):
+    """In the summary, with what to do, and in the file; one in about nine small packings of fixed shape."""
+    for seed in range(1, 100):
+        disks = jampetsc.pack(n=24, pressure=1e-4, seed=seed, tolerance=1e-8)
+        if jampetsc.quasistatic(disks).attributes["G0"] < 0.0:
+            break
+    put(path, disks, session.comm)
+    for words in ("quasistatic", "sweep --omega 1e-9,1"):
+        out = path.with_name("s.h5")
+        cli.dispatch([*words.split(), str(path), "--out", str(out)])
+        (note,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  note: ")]
+        assert note.startswith("  note: unstable to shear: G") and note.endswith(": pack --stabilise shear")
+        assert note == f"  note: {load(out).attributes['notes']}"
+        out.unlink()
+    assert "notes" not in jampetsc.quasistatic(isostatic()).attributes

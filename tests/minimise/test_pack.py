@@ -173,7 +173,12 @@ def test_packings_that_are_there_are_counted_left_or_refused(session, tmp_path, 
     first, made = capsys.readouterr().out.splitlines()
     assert first == "2 of 3 packings are there already" and made.startswith(f"{tmp_path}/2.h5: N = 16, ")
     assert cli.dispatch(line) == 0 and capsys.readouterr().out == "3 of 3 packings are there already\n"
-    with pytest.raises(InputError, match=r"1\.h5: is there already with requested_phi = 0\.95, not 0\.96"):
+    one = [
+        *"pack --phi 0.950 --seed 2 --n 16 --sizes bidisperse --tolerance 1e-6 --out".split(),
+        str(tmp_path / "2.h5"),
+    ]
+    assert cli.dispatch(one) == 0 and capsys.readouterr().out == "1 of 1 packings are there already\n"
+    with pytest.raises(InputError, match=r"1\.h5: is there already and has phi = 0\.95, not 0\.96"):
         cli.dispatch([*line, "--phi", "0.96"])
     assert (tmp_path / "1.h5").read_bytes() == kept
     assert cli.dispatch([*line, "--phi", "0.96", "--overwrite"]) == 0
@@ -227,10 +232,10 @@ def test_files_of_a_ladder_are_gone_on_with(session, shared_path, monkeypatch, b
                 (shared_path / name).unlink()
         assert found() == whole
         assert {name for name, time in written().items() if time != before[name]} == set(lost)
-    with pytest.raises(InputError, match=r"p1e-3-2\.h5: is there already with sizes = None, not bidisperse"):
+    with pytest.raises(InputError, match=r"p1e-3-2\.h5: is there already and has n = its default, not 24"):
         found(ladder=False)
     assert len(set(found(ladder=False, overwrite=True)) & set(whole)) == 2
-    with pytest.raises(InputError, match=r"p1e-3-2\.h5: is there already with source = None"):
+    with pytest.raises(InputError, match=r"p1e-3-2\.h5: is there already and has other inputs; n = 24, not"):
         found()
     assert found(overwrite=True) == whole
     one = by_hand[2, "1e-2"]
@@ -266,17 +271,28 @@ def test_what_starts_from_a_packing_that_failed_fails_too(session, shared_path, 
 
 
 def test_a_packing_that_is_there_is_the_one_that_is_asked_for(tmp_path):
-    (task,) = job.Pack(n=16, pressure=1e-3, seed=3).tasks(str(tmp_path / "p.h5"))
-    wanted = {"sizes": "bidisperse", "requested_n": 16, **task.asked}
-    assert wanted["requested_pressure"] == 1e-3 and wanted["seed"] == 3
-    assert not packings.is_there(task.path, wanted)
-    write_packing(task.path, published().with_record(**wanted))
-    assert packings.is_there(task.path, wanted)
-    for name in wanted:
-        write_packing(task.path, published().with_record(**{k: v for k, v in wanted.items() if k != name}))
-        with pytest.raises(InputError, match=f"is there already with {name} = None, not .*out.*overwrite"):
-            packings.is_there(task.path, wanted)
-        assert not packings.is_there(task.path, wanted, overwrite=True)
+    def task(**how):
+        (found,) = job.Pack(**{"n": 16, "pressure": 1e-3, "seed": 3} | how).tasks(str(tmp_path / "p.h5"))
+        return found
+
+    assert not task().is_finished()
+    write_packing(task().path, published(), task().request)
+    same = {"pressure": "0.001", "seed": None, "seeds": "3:3", "sizes": "bidisperse", "threads": 2}
+    assert task().is_finished() and task(**same).is_finished()
+    for other in (
+        {"pressure": 1e-2},
+        {"seed": 4},
+        {"n": 17},
+        {"potential": "hertzian"},
+        {"stabilise": "shear"},
+    ):
+        with pytest.raises(
+            InputError, match=f"is there already and has {next(iter(other))} = .*out.*overwrite"
+        ):
+            task(**other).is_finished()
+    write_packing(task().path, read_packing(task().path))  # other disks may have this record
+    with pytest.raises(InputError, match="is there already and does not say with which settings"):
+        task().is_finished()
 
 
 def test_packings_are_asked_for_as_told():

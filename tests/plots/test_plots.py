@@ -21,7 +21,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.plots import periodic
 from jampetsc.plots.curves import group_curves
-from jampetsc.plots.draw import draw
+from jampetsc.plots.draw import draw, pictures
 from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.numbers import table
@@ -443,6 +443,13 @@ def test_what_cannot_be_drawn(words, message, folder, monkeypatch):
         plot("--out", "x.png", *words.split())
     assert "\n" not in str(caught.value)
     assert not list(folder.glob("*x.png*"))
+
+
+def test_the_help_lists_all_kinds(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["plot", "--help"])
+    text = "".join(capsys.readouterr().out.split())
+    assert f"({','.join(pictures())})" in text
 
 
 def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(with_fields, tmp_path):

@@ -438,9 +438,11 @@ def test_numbers_of_a_file_are_its_scalars_and_the_few_words_that_a_row_tells(tm
     attributes = {
         "particle_count": 16, "prestress": True, "eta0": np.float64(0.5), "law": "contact", "argv": "x", "ranks": 2,
         "wall_seconds": 1.0, "negative_modes": 0, "numpy_version": 3, "sizes": "bidisperse", "method": "direct",
+        "notes": "few: 7",
     }  # fmt: skip
     found = numbers_of(result(tmp_path / "q.h5", "quasistatic", attributes.items()))
-    assert found == {"n": 16, "prestress": 1, "eta0": 0.5, "law": "contact", "method": "direct"}
+    words = {"law": "contact", "method": "direct", "notes": "few: 7"}
+    assert found == {"n": 16, "prestress": 1, "eta0": 0.5, **words}
     assert type(found["prestress"]) is int
     write_packing(tmp_path / "p.h5", published().with_record(phi=0.5, seed=3, protocol="quench"))
     found = numbers_of(tmp_path / "p.h5")
