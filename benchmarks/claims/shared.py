@@ -1,10 +1,12 @@
 """What the claims share: how one is entered, and estimates over the rows of a study."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 import jampetsc
+from claims.verdicts import Estimate, Target
 from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.statistics import log_median
 
@@ -15,17 +17,43 @@ POINT = ("n", "pressure", "law", "beta", "eta_f", "prestress")  # what packings 
 CLAIMS = []  # (figure, function)
 
 
-@dataclass
+GROUPS = (
+    "Moduli at β = 1",
+    "Moduli at β ≠ 1",
+    "Floppiness",
+    "Stokes drag",
+    "Correlations",
+    "Finite size",
+    "Power-law damping",
+    "Statics",
+    "Steady flow",
+    "Criticality",
+)  # of the page, in its order
+
+
+@dataclass(frozen=True)
 class Row:
-    """One line of docs/reproduction.md."""
+    """One claim of the works with our estimate, or a measured number beside them, of which only claims.csv tells.
+
+    group   of the page; "" for a number without a verdict
+    theirs  what the work says, in words or digits
+    target  the same as numbers; None for a number without a verdict
+    reason  one line; every number in it is computed
+    size    N, packings or strain behind the number
+    """
 
     claim: str
-    theirs: float | None  # only what is printed; None where the works have a picture or words
-    ours: float
-    error: float | None  # one standard error
-    note: str = ""
-    size: str = ""  # N, packings or strain behind the number
-    decided: str = ""  # "yes", "no" or "open", with the reason in the note; by default from the error
+    theirs: str
+    ours: Estimate
+    target: Target | None = None
+    group: str = ""
+    reason: str = ""
+    size: str = ""
+
+
+def check(claim, value, error=None, note="", size="", theirs="") -> Row:
+    """A measured number without a verdict: a cross-check of another estimator, or one of which the works say nothing."""
+    return Row(claim, theirs, Estimate(float(value), math.nan if error is None else float(error)), None, "", note, size)
 
 
 def claim(figure):
