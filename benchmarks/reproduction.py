@@ -76,7 +76,9 @@ def write_csv(found, path):
             ours = row.ours
             numbers = [f"{x:.6g}" for x in (ours.value, ours.statistical, ours.systematic, ours.chi2)]
             said, reason = judged(row)
-            writer.writerow([row.group, row.claim, row.theirs, *numbers, ours.dof, said, reason, row.size, figure])
+            writer.writerow(
+                [row.group, row.claim, row.theirs, *numbers, ours.dof, said, reason, row.size, figure]
+            )
 
 
 def main():

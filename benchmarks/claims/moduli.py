@@ -180,7 +180,10 @@ def critical_exponent(groups, fluid=0.0) -> Estimate | None:
         others = [delta(series, window) for window in NARROWER]
         draws = [draws_of(len(values), RESAMPLED, seed) for seed, (*_, values) in enumerate(series)]
         resampled = [
-            delta([(p, omega, values[rows[i]]) for (p, omega, values), rows in zip(series, draws, strict=True)], LIMIT)
+            delta(
+                [(p, omega, values[rows[i]]) for (p, omega, values), rows in zip(series, draws, strict=True)],
+                LIMIT,
+            )
             for i in range(RESAMPLED)
         ]
     except (ValueError, RuntimeError, TypeError, OptimizeWarning):  # too few points, or no convergence
@@ -222,7 +225,9 @@ def regime_checks(groups, sweeps, law, fluid=0.0):
         ("G″/G′", lambda omega, G: G.imag / G.real, "1"),
     )
     for name, of, theirs in cases:
-        means = [(p, *mean_with_error(window_means(curves, WINDOW[0] * p, without(of)))) for p, curves in groups]
+        means = [
+            (p, *mean_with_error(window_means(curves, WINDOW[0] * p, without(of)))) for p, curves in groups
+        ]
         note = "; ".join(f"{digits(value, error)} at p = {p:g}" for p, value, error in means)
         what = f"{law}: {name}, mean over {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {means[0][0]:g}"
         yield check(what, *means[0][1:], note, size_of(sweeps), theirs)
@@ -247,7 +252,9 @@ def delta_row(group, sweeps, law, fluid=0.0):
     groups = curves_of(sweeps)
     found = critical_exponent(groups, fluid)
     if found is not None:
-        yield Row(f"{law}: Δ", "≈ 0.5", found, number(0.5), group, at_equal_ratio(groups, fluid), size_of(sweeps))
+        yield Row(
+            f"{law}: Δ", "≈ 0.5", found, number(0.5), group, at_equal_ratio(groups, fluid), size_of(sweeps)
+        )
     yield from regime_checks(groups, sweeps, law, fluid)
 
 
@@ -347,8 +354,10 @@ def sliding(table):
     derived = type(slow)(slow.path, columns, jampetsc.load)
     for row in exponent_rows(SLIDING, derived, "contact damping", cases):
         # BT 22 and β* are derived without pre-stress
-        yield row if "without" in row.claim else check(
-            row.claim, row.ours.value, row.ours.inflated, row.reason, row.size, row.theirs
+        yield (
+            row
+            if "without" in row.claim
+            else check(row.claim, row.ours.value, row.ours.inflated, row.reason, row.size, row.theirs)
         )
     yield from beta_scans(slow, size)
     yield from windows_of_beta(sweeps)
@@ -382,7 +391,9 @@ def windows_of_beta(sweeps):
         some = sweeps.where(prestress=on, pressure=1e-4)
         groups = [(key["beta"], [curve_of(r) for r in part.results()]) for key, part in some.groups(["beta"])]
         widths = {beta: mean_with_error([critical_decades(c) for c in curves]) for beta, curves in groups}
-        told = "decades of ω: " + ", ".join(f"{width:.1f} at β = {beta:g}" for beta, (width, _) in widths.items())
+        told = "decades of ω: " + ", ".join(
+            f"{width:.1f} at β = {beta:g}" for beta, (width, _) in widths.items()
+        )
         for chosen, words, target in (
             ([beta for beta in widths if beta < 1e-4 / 5], "none at β ≪ β*", between(high=0.5)),
             ([max(widths)], "opens as β grows", between(low=1.0)),
@@ -390,7 +401,9 @@ def windows_of_beta(sweeps):
             if not chosen:
                 continue
             estimate = Estimate(*widths[max(chosen)])
-            what = f"p = 1e-4, {where}: decades of ω with d ln G″/d ln ω = ½ ± {AROUND:g}, β = {max(chosen):g}"
+            what = (
+                f"p = 1e-4, {where}: decades of ω with d ln G″/d ln ω = ½ ± {AROUND:g}, β = {max(chosen):g}"
+            )
             if on:
                 yield Row(what, words, estimate, target, SLIDING, told, size_of(some))
             else:
@@ -398,7 +411,9 @@ def windows_of_beta(sweeps):
         if not on:
             spread = one_curve_spread([(beta, c) for beta, curves in groups if beta for c in curves[:1]])
             what = f"p = 1e-4, {where}: G*/(1 + iωτ₁) = F of βω for all β, ω < {SLOW:g}: spread (rms)"
-            yield check(what, spread, None, "exact in κ = iωβτ₁/(1 + iωτ₁), which is nearly iωβτ₁", size_of(some))
+            yield check(
+                what, spread, None, "exact in κ = iωβτ₁/(1 + iωτ₁), which is nearly iωβτ₁", size_of(some)
+            )
 
 
 def critical_decades(curve):
@@ -421,8 +436,10 @@ def drag(table):
     sweeps = table.where(command="sweep", state="done")
     for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
         for row in delta_row(DRAG, sweeps.where(eta_f=1.0, prestress=on), f"Stokes, η_F = 1, {where}", 1.0):
-            yield row if on or row.target is None else check(
-                row.claim, row.ours.value, row.ours.inflated, row.reason, row.size, row.theirs
+            yield (
+                row
+                if on or row.target is None
+                else check(row.claim, row.ours.value, row.ours.inflated, row.reason, row.size, row.theirs)
             )
     some = sweeps.where(prestress=1, pressure=1e-4)
     off, least, fast = [], {}, []
@@ -433,10 +450,14 @@ def drag(table):
         for eta, c in curves.items():
             least.setdefault(eta, []).append(local_slope(c.omega, c.G.imag).min())
     what = f"Stokes, p = 1e-4: G′ of {len(least)} η_F, largest relative difference"
-    yield Row(what, "0", Estimate(max(off)), between(0.0, 1e-4), DRAG, "exact: iωη_F is added to G*", size_of(some))
+    yield Row(
+        what, "0", Estimate(max(off)), between(0.0, 1e-4), DRAG, "exact: iωη_F is added to G*", size_of(some)
+    )
     what = "Stokes, p = 1e-4, η_F = 1: G″/(η_Fω) at the highest ω"
     yield Row(what, "1", Estimate(*mean_with_error(fast)), exact(1.0), DRAG, "", size_of(some))
-    told = "least slopes: " + ", ".join(f"{np.median(slope):.2f} at η_F = {eta:g}" for eta, slope in sorted(least.items()))
+    told = "least slopes: " + ", ".join(
+        f"{np.median(slope):.2f} at η_F = {eta:g}" for eta, slope in sorted(least.items())
+    )
     what = f"Stokes, p = 1e-4, η_F = {max(least):g} ≫ p^(−½): least d ln G″/d ln ω"
     estimate = Estimate(*mean_with_error(least[max(least)]))
     yield Row(what, "linear: 1 ± 0.02", estimate, between(0.98, 1.02), DRAG, told, size_of(some))
@@ -462,7 +483,13 @@ def finite_size(table):
         for text, some in ranges
     ]
     note = f"they count like the others in all medians; {', '.join(told)}"
-    yield check("with pre-stress: share of packings with G₀ < 0", np.mean(contact["G0"] < 0), None, note, size_of(contact))
+    yield check(
+        "with pre-stress: share of packings with G₀ < 0",
+        np.mean(contact["G0"] < 0),
+        None,
+        note,
+        size_of(contact),
+    )
     for law, name in (("contact", "β = 1"), ("stokes", "Stokes")):
         yield from growth_with_size(slow.where(law=law), name)
 
@@ -474,7 +501,9 @@ def saturation(rows):
     if x[-1] < 10 * LARGE or last.sum() < 2:
         return
     found = power_law(x[last], ratio[last], error[last])
-    told = ", ".join(f"{r:.2f}({100 * e:.0f}) at {at:.1e}" for at, r, e in zip(x, ratio, error, strict=True) if at > 1)
+    told = ", ".join(
+        f"{r:.2f}({100 * e:.0f}) at {at:.1e}" for at, r, e in zip(x, ratio, error, strict=True) if at > 1
+    )
     what = f"β = 1: R = η₀ with/without pre-stress ~ (pN²)^x at pN² = {x[last][0]:.0e} … {x[-1]:.0e}: 0 where it is constant"
     yield check(what, found.value, found.inflated, f"R = {told}", size_of(rows))
 
@@ -497,7 +526,10 @@ def size_rows(rows, name, prefix, theirs, subtracted):
         return
     y, error = np.transpose([log_median(values) for *_, values in points])
     size, x = size_of(rows), p * n**2
-    fits = [size_scaling(n, p, np.exp(y), error * np.exp(y), degree) for degree in (DEGREE, DEGREE - 1, DEGREE + 1)]
+    fits = [
+        size_scaling(n, p, np.exp(y), error * np.exp(y), degree)
+        for degree in (DEGREE, DEGREE - 1, DEGREE + 1)
+    ]
     systematic = 0.5 * max(abs(other.power - fits[0].power) for other in fits[1:])
     found = Estimate(fits[0].power, fits[0].error, systematic, fits[0].chi2, fits[0].dof)
     note = f"medians over packings, p ≤ {NEAR:g}, pN² = {x.min():.0e} … {x.max():.0e}; χ²/dof {found.chi2 / found.dof:.1f}"
@@ -544,7 +576,9 @@ def growth_with_size(rows, name):
     points = viscosities(rows, "no_prestress_", subtracted)
     for level in sorted({p for _, p, _ in points}):
         scaled = [
-            (n, *mean_with_error(np.sqrt(p) * values)) for n, p, values in points if p == level and p * n**2 > 30
+            (n, *mean_with_error(np.sqrt(p) * values))
+            for n, p, values in points
+            if p == level and p * n**2 > 30
         ]
         if len(scaled) < FEWEST:
             continue

@@ -51,7 +51,15 @@ class Row:
 
 def check(claim, value, error=None, note="", size="", theirs="") -> Row:
     """A measured number without a verdict: a cross-check of another estimator, or one of which the works say nothing."""
-    return Row(claim, theirs, Estimate(float(value), math.nan if error is None else float(error)), None, "", note, size)
+    return Row(
+        claim,
+        theirs,
+        Estimate(float(value), math.nan if error is None else float(error)),
+        None,
+        "",
+        note,
+        size,
+    )
 
 
 def claim(figure):

@@ -80,7 +80,10 @@ def verdict(estimate: Estimate, target: Target) -> tuple[str, str]:
     if not math.isfinite(value) or not math.isfinite(half):
         return UNDECIDED, "no error is known" if math.isfinite(value) else "no value"
     if not estimate.fits:
-        return UNDECIDED, f"the form does not fit: χ² = {estimate.chi2:.0f} for {estimate.dof} degrees of freedom"
+        return (
+            UNDECIDED,
+            f"the form does not fit: χ² = {estimate.chi2:.0f} for {estimate.dof} degrees of freedom",
+        )
     low, high = value - half, value + half
     distance = max(target.low - high, low - target.high, 0.0)  # between the interval and the claim
     if distance > target.margin:
