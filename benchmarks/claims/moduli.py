@@ -504,7 +504,7 @@ def saturation(rows):
     told = ", ".join(
         f"{r:.2f}({100 * e:.0f}) at {at:.1e}" for at, r, e in zip(x, ratio, error, strict=True) if at > 1
     )
-    what = f"β = 1: R = η₀ with/without pre-stress ~ (pN²)^x at pN² = {x[last][0]:.0e} … {x[-1]:.0e}: 0 where it is constant"
+    what = f"β = 1: R = η₀ with/without pre-stress ~ (pN²)^x, pN² = {x[last][0]:.0e} … {x[-1]:.0e}"
     yield check(what, found.value, found.inflated, f"R = {told}", size_of(rows))
 
 
@@ -532,7 +532,7 @@ def size_rows(rows, name, prefix, theirs, subtracted):
     ]
     systematic = 0.5 * max(abs(other.power - fits[0].power) for other in fits[1:])
     found = Estimate(fits[0].power, fits[0].error, systematic, fits[0].chi2, fits[0].dof)
-    note = f"medians over packings, p ≤ {NEAR:g}, pN² = {x.min():.0e} … {x.max():.0e}; χ²/dof {found.chi2 / found.dof:.1f}"
+    note = f"p ≤ {NEAR:g}, pN² = {x.min():.0e} … {x.max():.0e}; χ²/dof {found.chi2 / found.dof:.1f}"
     what = f"{name}: a of η₀ = N^a f(pN²)"
     contact = rows["law"][0] == "contact"
     if theirs and prefix:

@@ -1,7 +1,7 @@
 """How disks move: BT figures 1, 5 and 7, and the lowest modes.
 
 Primary estimators. Figure 5: BT derive their exponents for second moments, so the rms over contacts or disks comes
-first; the medians that they draw are claims of their own. Both: medians over packings, ln y = A + x ln p + ln(1 + b p^½).
+first; the medians that they draw are claims of their own. Both: medians over packings, y = A p^x (1 + b p^½).
 Figure 7: C and its first root l, displacements in the phase of the stress.
 """
 
@@ -82,9 +82,9 @@ def instants(table):
         yield check(f"ω = {omega:.0e}: ũ at zero over ũ at peak stress", *mean_with_error(ratios), "", size)
 
 
-@claim("bt-fig3")
+@claim("bt-fig5")
 def floppy(table):
-    """Figure 5 of the packings of figure 3, of which there are most."""
+    """Needs of each quasistatic file: attributes only."""
     slow = table.where(command="quasistatic", state="done")
     size = size_of(slow)
     for kind, source in (("rms", "BT 19–21"), ("median", "BT Fig. 5")):
@@ -126,7 +126,8 @@ def _mean_normal(slow, size):
     defect = float(np.nanmax(np.abs(slow["no_prestress_identity_difference"])))
     what = f"mean |Δu∥| ~ p^x, without pre-stress, p = {p[0]:.0e} … {p[1]:.0e}"
     note = (
-        f"k Σ(Δu∥)² = G₀Vγ² exactly, here to {defect:.0e}: the mean ≤ rms ~ p^¼ cannot level off while G₀ falls; mean/rms "
+        f"k Σ(Δu∥)² = G₀Vγ² exactly, here to {defect:.0e}: the mean ≤ rms ~ p^¼ cannot level off while G₀ falls; "
+        "mean/rms "
         + ", ".join(
             f"{one:.2f} at {level:g}" for one, level in zip((mean / rms).mean(axis=0), p, strict=True)
         )
@@ -297,7 +298,7 @@ def _lanes(large, size):
 
 
 def _spread(curves, take, exponent) -> Estimate:
-    """Spread of l (−ln p)^exponent at equal ω/p^½, or of l at equal |G*|/ω for None, with a jackknife over pressures."""
+    """Spread of l (−ln p)^exponent at equal ω/p^½, or for None of l at equal |G*|/ω; jackknife over pressures."""
 
     def of(chosen):
         if exponent is None:

@@ -50,7 +50,7 @@ class Row:
 
 
 def check(claim, value, error=None, note="", size="", theirs="") -> Row:
-    """A measured number without a verdict: a cross-check of another estimator, or one of which the works say nothing."""
+    """A measured number without a verdict: of another estimator, or one of which the works say nothing."""
     return Row(
         claim,
         theirs,
@@ -156,7 +156,7 @@ def power_law(x, values, errors) -> Estimate:
     return Estimate(slope, own, 0.0, chi2, dof)
 
 
-SYMBOLS = {"phi_J": "φ_J", "znu": "zν", "nu": "ν", "omega": "ω"}
+SYMBOLS = {"phi_J": "φ_J", "y": "y", "znu": "zν", "nu": "ν", "omega": "ω"}
 
 
 def fitted(table, name) -> dict[str, Estimate]:

@@ -26,7 +26,7 @@ AGREES, DIFFERS, UNDECIDED = "agrees", "differs", "undecided"
 
 @dataclass(frozen=True)
 class Estimate:
-    """A measured number: errors are one standard deviation; chi2, dof: of the form fitted, dof 0 where there is none."""
+    """A measured number: errors of one standard deviation; chi2, dof: of the form fitted, dof 0 where there is none."""
 
     value: float
     statistical: float = 0.0
