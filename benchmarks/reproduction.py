@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 
 from claims import exponents, flow, jamming, moduli, motion  # noqa: F401  they enter their claims
-from claims.shared import CLAIMS, GROUPS
+from claims.shared import CLAIMS, GROUPS, THEORY
 from claims.verdicts import verdict
 from keep import KEPT
 
@@ -55,15 +55,22 @@ def rows_of(folder, mode):
 
 
 def print_tables(found):
-    """Print the claims of each group."""
-    for group in GROUPS:
+    """Print the claims of each group, and last what theory of our own predicts, the table of docs/physics.md."""
+    for group in (*GROUPS, THEORY):
         rows = [(figure, row) for figure, row in found if row.group == group]
         if not rows:
             continue
-        print(f"\n### {group}\n\n| claim | theirs | ours | | figure | reason |\n|---|---|---|---|---|---|")
+        head = "| claim | theirs | ours | | figure | reason |\n|---|---|---|---|---|---|"
+        print(f"\n### {group}\n\n{head}")
         for figure, row in rows:
-            said, reason = judged(row)
-            cells = row.claim, row.theirs, with_errors(row.ours), said, f"`{figure}`", reason
+            cells = (
+                row.claim,
+                row.theirs,
+                with_errors(row.ours),
+                *judged(row)[:1],
+                f"`{figure}`",
+                judged(row)[1],
+            )
             print("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
 
 

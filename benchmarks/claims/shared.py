@@ -27,13 +27,14 @@ GROUPS = (
     "Steady flow",
     "Criticality",
 )  # of the page, in its order
+THEORY = "Predictions"  # of docs/physics.md
 
 
 @dataclass(frozen=True)
 class Row:
     """One claim of the works with our estimate, or a measured number beside them, of which only claims.csv tells.
 
-    group   of the page; "" for a number without a verdict
+    group   of the page, or THEORY; "" for a number that only claims.csv has
     theirs  what the work says, in words or digits
     target  the same as numbers; None for a number without a verdict
     reason  one line; every number in it is computed
@@ -49,14 +50,17 @@ class Row:
     size: str = ""
 
 
-def check(claim, value, error=None, note="", size="", theirs="") -> Row:
-    """A measured number without a verdict: of another estimator, or one of which the works say nothing."""
+def check(claim, value, error=None, note="", size="", theirs="", group="") -> Row:
+    """A measured number without a verdict: of another estimator, or one of which the works say nothing.
+
+    group   THEORY for a number that a theory of our own predicts, `theirs` being the prediction
+    """
     return Row(
         claim,
         theirs,
         Estimate(float(value), math.nan if error is None else float(error)),
         None,
-        "",
+        group,
         note,
         size,
     )

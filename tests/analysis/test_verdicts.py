@@ -1,5 +1,9 @@
 """The rule by which claims of the papers are judged, on planted data: every kind of verdict once."""
 
+import csv
+import re
+
+import launch
 import numpy as np
 import pytest
 from claims.verdicts import AGREES, DIFFERS, UNDECIDED, Estimate, between, exact, number, verdict
@@ -43,3 +47,22 @@ def test_both_errors_and_a_fair_chi2_widen_the_interval():
     assert Estimate(1.0, 0.03, 0.0, chi2=8.0, dof=2).half_width == pytest.approx(0.12)
     assert verdict(Estimate(1.0, 0.03, 0.0, chi2=8.0, dof=2), number(1.0))[0] == UNDECIDED
     assert verdict(Estimate(1.0, 0.03, 0.0, chi2=2.0, dof=2), number(1.0))[0] == AGREES
+
+
+def test_the_page_of_claims_has_the_verdicts_of_the_table():
+    docs = launch.ROOT / "docs"
+    with open(docs / "kept" / "claims.csv", encoding="utf-8") as file:
+        entries = [entry for entry in csv.DictReader(file) if entry["verdict"]]
+    kept = sorted(
+        (entry["claim"], entry["theirs"], entry["verdict"], f"`{entry['figure']}`") for entry in entries
+    )
+    lines = (docs / "reproduction.md").read_text().partition("## Verdicts")[2].splitlines()
+    rows = [
+        [cell.strip().replace(r"\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines
+    ]
+    page = sorted(
+        (row[0], row[1], row[3], row[4])
+        for row in rows
+        if len(row) == 6 and row[3] in (AGREES, DIFFERS, UNDECIDED)
+    )
+    assert page == kept and len(page) > 40
