@@ -1,69 +1,106 @@
-"""The claims of the two works beside what the figures' runs give: prints the table of docs/reproduction.md.
+"""The claims of the two works beside our results: prints the tables of docs/reproduction.md and writes claims.csv.
 
-    .venv/bin/python benchmarks/reproduction.py                   # from docs/kept, what was found at the papers' sizes
+    .venv/bin/python benchmarks/reproduction.py                   # from docs/kept; the csv goes to docs/kept/claims.csv
     .venv/bin/python benchmarks/reproduction.py figures quick     # from what run/figures/NAME left, or paper
 
-A row is the claim, its number, ours with one standard error (bootstrap over packings or seeds, or the file's own from
-the autocorrelation), its size, whether it is decided, and the command. What has not been run is left out.
+Each claim has one estimator, chosen beforehand, and a verdict by the rule of claims/verdicts.py. What has not been run
+is left out. claims.csv has all numbers, also those of other estimators, which get no verdict.
 """
 
+import csv
+import math
 import sys
 import tarfile
 import tempfile
 from pathlib import Path
 
-import numpy as np
 from claims import exponents, flow, jamming, moduli, motion  # noqa: F401  they enter their claims
-from claims.shared import CLAIMS, WITHIN
+from claims.shared import CLAIMS, GROUPS, THEORY
+from claims.verdicts import verdict
 from keep import KEPT
 
 import jampetsc
 
-
-def text(value, error):
-    """A number with its error to two digits of that."""
-    if error is None or not np.isfinite(error):
-        return f"{value:.4g}"
-    digits = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0 else 3
-    return f"{value:.{min(digits, 8)}f} ± {error:.{min(digits, 8)}f}"
+COLUMNS = "group,claim,theirs,ours,statistical,systematic,chi2,dof,verdict,reason,size,figure".split(",")
 
 
-def decided(row):
-    """What the row says of itself, or else whether the two numbers are within WITHIN errors."""
-    if row.decided or row.theirs is None or row.error is None:
-        return row.decided
-    return "yes" if abs(row.ours - row.theirs) <= WITHIN * row.error else "no"
+def with_errors(ours) -> str:
+    """value(statistical)(systematic), errors in units of the last digit: two digits of the larger one."""
+    errors = [ours.inflated, ours.systematic]
+    largest = max((error for error in errors if math.isfinite(error)), default=0.0)
+    if not largest > 0.0:
+        return f"{ours.value:.4g}"
+    digits = min(max(0, 1 - math.floor(math.log10(largest))), 8)
+    shown = [error for error, needed in zip(errors, (True, ours.systematic > 0), strict=True) if needed]
+    if digits == 0:
+        return f"{ours.value:.0f}" + "".join(f"({error:.0f})" for error in shown)
+    return f"{ours.value:.{digits}f}" + "".join(f"({error * 10**digits:.0f})" for error in shown)
 
 
-def print_table(folder, mode):
-    """Print the rows of the figures whose studies lie in folder/NAME-mode."""
-    print("| claim | theirs | ours | size | decided | command | |\n|---|---|---|---|---|---|---|")
+def judged(row) -> tuple[str, str]:
+    """(verdict, reason) of a row; no verdict for a number beside the claims."""
+    if row.target is None:
+        return "", row.reason
+    said, why = verdict(row.ours, row.target)
+    return said, "; ".join(filter(None, (why, row.reason)))
+
+
+def rows_of(folder, mode):
+    """[(figure, row)] of the figures whose studies lie in folder/NAME-mode."""
+    found = []
     for figure, rows in sorted(CLAIMS, key=lambda entry: entry[0]):
-        if not (folder / f"{figure}-{mode}" / "table.csv").exists():
+        if (folder / f"{figure}-{mode}" / "table.csv").exists():
+            found += [(figure, row) for row in rows(jampetsc.load(folder / f"{figure}-{mode}"))]
+    return found
+
+
+def print_tables(found):
+    """Print the claims of each group, and last what theory of our own predicts, the table of docs/physics.md."""
+    for group in (*GROUPS, THEORY):
+        rows = [(figure, row) for figure, row in found if row.group == group]
+        if not rows:
             continue
-        for row in rows(jampetsc.load(folder / f"{figure}-{mode}")):
-            said = "" if row.theirs is None else f"{row.theirs:.4g}"
-            cells = [
+        head = "| claim | theirs | ours | | figure | reason |\n|---|---|---|---|---|---|"
+        print(f"\n### {group}\n\n{head}")
+        for figure, row in rows:
+            cells = (
                 row.claim,
-                said,
-                text(row.ours, row.error),
-                row.size,
-                decided(row),
+                row.theirs,
+                with_errors(row.ours),
+                *judged(row)[:1],
                 f"`{figure}`",
-                row.note,
-            ]
+                judged(row)[1],
+            )
             print("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
+
+
+def write_csv(found, path):
+    """Write all rows, those with a verdict first in each figure."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for figure, row in sorted(found, key=lambda entry: (entry[0], entry[1].target is None)):
+            ours = row.ours
+            numbers = [f"{x:.6g}" for x in (ours.value, ours.statistical, ours.systematic, ours.chi2)]
+            said, reason = judged(row)
+            writer.writerow(
+                [row.group, row.claim, row.theirs, *numbers, ours.dof, said, reason, row.size, figure]
+            )
 
 
 def main():
     if len(sys.argv) > 1:
-        print_table(Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "quick")
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        for archive in KEPT.glob("*.tar.xz"):
-            with tarfile.open(archive) as kept:
-                kept.extractall(Path(folder) / archive.name.replace(".tar.xz", "-kept"))
-        print_table(Path(folder), "kept")
+        folder = Path(sys.argv[1])
+        found = rows_of(folder, sys.argv[2] if len(sys.argv) > 2 else "quick")
+        write_csv(found, folder / "claims.csv")
+    else:
+        with tempfile.TemporaryDirectory() as scratch:
+            for archive in KEPT.glob("*.tar.xz"):
+                with tarfile.open(archive) as kept:
+                    kept.extractall(Path(scratch) / archive.name.replace(".tar.xz", "-kept"))
+            found = rows_of(Path(scratch), "kept")
+        write_csv(found, KEPT / "claims.csv")
+    print_tables(found)
 
 
 if __name__ == "__main__":

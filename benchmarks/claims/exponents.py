@@ -1,62 +1,90 @@
-"""Exponents of flow near jamming: V figure 5.1 and paper V."""
+"""Exponents of flow near jamming: V figure 5.1 and paper V.
+
+Primary estimators. φ_J, y and zν: the collapse without corrections to scaling of γ̇ ≤ SLOWEST_FIT alone, as higher
+rates move φ_J; systematic: half of the change to the next larger cut. β and y beside φ_J: power laws of values
+extrapolated to γ̇ → 0, with the χ² of the extrapolations.
+"""
 
 import numpy as np
 
 import jampetsc
-from claims.flow import PHI_J, extrapolated_fluidity, slower
-from claims.shared import Row, claim, fitted, rates_of, size_of, slope_with_error
+from claims.flow import PHI_J, extrapolated_fluidity, slower, weighted_mean
+from claims.shared import SYMBOLS, Row, check, claim, line_fit, power_law, rates_of, size_of
+from claims.verdicts import Estimate, number
+from jampetsc.analysis.collapse import form_named
+from jampetsc.analysis.collapse_errors import estimate
+from jampetsc.jobs.scaling import read_points
 
-POOR = 0.01  # probability of χ² below which a form is taken to miss the data
-LOOSE = 0.1  # relative error beyond which to agree says little
+CRITICAL = "Criticality"
+SLOWEST_FIT = 3e-4  # γ̇ of the primary collapse
+PHI_MARGIN = 1e-3  # of φ_J
 FAR = 0.5  # share of the value at the lowest rate below which a limit γ̇ → 0 is too far to extrapolate to
 HALF = 0.5  # p^m = p₀^m + c γ̇^½ above φ_J, m = ½ zν/y: the least form with p ~ γ̇^(y/zν) at large γ̇
+THEIRS = {"phi_J": (PHI_J, PHI_MARGIN), "y": (1.1, None), "znu": (3.5, None)}  # V Fig. 5.1: value, margin
+
+
+def target_of(parameter):
+    """V's number for a parameter of the collapse."""
+    value, margin = THEIRS[parameter]
+    return number(value) if margin is None else number(value, absolute=margin)
+
+
+def at_cut(fit, cut) -> dict[str, Estimate]:
+    """{parameter: estimate} of the fit up to the rate nearest to `cut`; systematic: half the change to the next."""
+    cuts, values, errors = (fit[f"drift/{name}"] for name in ("cut", "parameters", "errors"))
+    i = int(np.argmin(np.abs(np.log(cuts / cut))))
+    names, dof = str(fit.attributes["fitted"]).split(","), fit.attributes["dof"]
+    whole = fit.attributes["chi2"], int(dof)  # of the fit of all rates: the narrower ones do not say theirs
+    change = 0.5 * np.abs(values[i] - values[max(i - 1, 0)])
+    return {
+        name: Estimate(values[i, n], errors[i, n], change[n], *(whole if i == 0 else (0.0, 0)))
+        for n, name in enumerate(names)
+    }
 
 
 @claim("vagberg-fig5.1")
 def scaling(table):
     flows = table.where(command="flow")
     size = size_of(flows)
-    wanted = [("phi_J", 0.8433, ""), ("y", 1.1, ""), ("znu", 3.5, "without corrections to scaling, as V's")]
-    yield from fits(table, "pressure", wanted, "collapse of p, RD0", size)
-    wanted = [
-        ("phi_J", None, "V's numbers are of p"),
-        ("y", None, "V: σ has larger corrections than p"),
-        ("znu", None, ""),
-    ]
-    yield from fits(table, "shear-stress", wanted, "collapse of σ, RD0", size)
-    yield from beta_of_fit(table.path / "pressure.h5", size)
+    for name, symbol in (("pressure", "p"), ("shear-stress", "σ")):
+        path = table.path / f"{name}.h5"
+        if not path.exists():  # a fit that did not converge, or that is under way
+            continue
+        fit = jampetsc.load(path)
+        slow = at_cut(fit, SLOWEST_FIT)
+        held = held_at_phi_J(fit, flows) if name == "pressure" else ""
+        for parameter, found in slow.items():
+            what = f"collapse of {symbol}, RD0, γ̇ ≤ {SLOWEST_FIT:g}: {SYMBOLS[parameter]}"
+            if name == "pressure":
+                words = f"{THEIRS[parameter][0]:g}"
+                yield Row(what, words, found, target_of(parameter), CRITICAL, held, size)
+            else:
+                yield check(what, found.value, found.statistical, "", size)
+            whole, own = fit.attributes[parameter], fit.attributes[f"{parameter}_error"]
+            what = f"collapse of {symbol}, RD0, γ̇ ≤ {fit['drift/cut'][0]:g}: {SYMBOLS[parameter]}"
+            note = f"χ²/dof {fit.attributes['chi2'] / fit.attributes['dof']:.2f}; higher rates than the primary fit"
+            yield check(
+                what, whole, own, note, size, f"{THEIRS[parameter][0]:g}" if name == "pressure" else ""
+            )
+        if name == "pressure":
+            y, znu = slow["y"], slow["znu"]
+            error = float(np.hypot(y.statistical, znu.statistical))
+            yield check("β = zν − y from the collapse of p, RD0", znu.value - y.value, error, "", size, "2.4")
     yield from powers_beside_phi_J(flows, size)
 
 
-def poor(path):
-    """Whether a fit's form misses the data by more than their errors: its parameters then decide nothing."""
-    return jampetsc.load(path).attributes["probability"] < POOR
-
-
-def fits(table, name, wanted, of, size):
-    """Rows of a collapse with their size; open where the form misses the data."""
-    for row in fitted(table, name, wanted, of):
-        row.size = size
-        if row.theirs and row.error and row.error > LOOSE * row.theirs:
-            row.decided = "open"
-        if poor(table.path / f"{name}.h5"):
-            row.decided = "open"
-            row.note += (
-                f"{'; ' if row.note else ''}the form misses the data: corrections to scaling, or lower γ̇"
-            )
-        yield row
-
-
-def beta_of_fit(path, size):
-    """β = zν − y with errors added as of independent ones: not too small, as y/zν is known better than both."""
-    if not path.exists():
-        return
-    found = jampetsc.load(path).attributes
-    error = np.hypot(found["y_error"], found["znu_error"])
-    decided = "" if error < LOOSE * 2.4 and not poor(path) else "open"
-    what = "β = zν − y from the collapse of p, RD0"
-    note = "V: 3.5 − 1.1"
-    yield Row(what, 2.4, found["znu"] - found["y"], error, note, size, decided)
+def held_at_phi_J(fit, flows):
+    """What the primary collapse gives with V's φ_J held, in words; "" where too few points are left."""
+    points = read_points(flows.results(), "pressure", False)
+    low, high = fit.attributes.get("phi_low", 0.0), fit.attributes.get("phi_high", np.inf)
+    phi = fit["phi"] if "phi" in fit else points.phi
+    points = points[points.within(max(low, phi.min()), min(high, phi.max()), SLOWEST_FIT)]
+    free, _ = estimate(points, form_named("phi_J,y,znu"))
+    held, found = estimate(points, form_named(f"phi_J={PHI_J},y,znu"))
+    return (
+        f"with φ_J = {PHI_J} held y = {found['y'].value:.3f}({1000 * found['y'].error:.0f}), zν = "
+        f"{found['kappa'].value:.2f}({100 * found['kappa'].error:.0f}), Δχ² = {held.chi2 - free.chi2:.1f}"
+    )
 
 
 def powers_beside_phi_J(flows, size):
@@ -67,43 +95,52 @@ def powers_beside_phi_J(flows, size):
     for phi in np.unique(flows["phi"]):
         rates, p, error = rates_of(flows.where(phi=phi), "pressure")
         if phi < PHI_J:
-            inverse, _, own = extrapolated_fluidity(rates, p, error)
-            if inverse > FAR * rates[0] / p[0]:
-                below.append((PHI_J - phi, 1 / inverse, own / inverse**2))
+            limit, _ = extrapolated_fluidity(rates, p, error)
+            if limit.value > FAR * rates[0] / p[0]:
+                below.append(
+                    (PHI_J - phi, 1 / limit.value, limit.statistical / limit.value**2, limit.chi2, limit.dof)
+                )
         elif phi > PHI_J:
-            limit, own = yield_pressure(rates, p, error)
-            if limit > FAR * p[0]:
-                above.append((phi - PHI_J, limit, own))
-    for points, name, theirs, sign in ((below, "φ < φ_J: p/γ̇ ~ (φ_J − φ)^(−β): β", 2.4, -1),
-                                       (above, "φ > φ_J: p ~ (φ − φ_J)^y: y", 1.1, 1)):  # fmt: skip
-        known = [point for point in points if 0 < 5 * point[2] < point[1]]
+            limit = yield_pressure(rates, p, error)
+            if limit.value > FAR * p[0]:
+                above.append((phi - PHI_J, limit.value, limit.statistical, limit.chi2, limit.dof))
+    for points, name, theirs, sign in (
+        (below, "φ < φ_J: p/γ̇ ~ (φ_J − φ)^(−β): β", 2.4, -1),
+        (above, "φ > φ_J: p ~ (φ − φ_J)^y: y", 1.1, 1),
+    ):
+        known = np.array(sorted(point for point in points if 0 < 5 * point[2] < point[1]))
         if len(known) < 3:
             continue
-        distance, value, error = np.array(sorted(known)).T
-        slope, own = slope_with_error(distance, value, error)
-        near, _ = slope_with_error(distance[:3], value[:3], error[:3])
-        far, _ = slope_with_error(distance[-3:], value[-3:], error[-3:])
-        drift = 0.5 * abs(near - far)
-        what = f"{name}, extrapolated to γ̇ → 0"
-        note = (
-            f"φ_J = {PHI_J} held, {len(known)} φ at distances {distance[0]:.4f} to {distance[-1]:.4f}; nearest three"
-            f" {sign * near:.2f}, farthest {sign * far:.2f}; the error has half of their difference"
+        distance, value, error, chi2, dof = known.T
+        whole = power_law(distance, value, error)
+        near, far = (
+            power_law(distance[some], value[some], error[some]).value for some in (slice(3), slice(-3, None))
         )
-        decided = "open" if np.hypot(own, drift) > LOOSE * theirs else ""
-        yield Row(what, theirs, sign * slope, np.hypot(own, drift), note, size, decided)
+        ours = Estimate(
+            sign * whole.value,
+            whole.statistical,
+            0.5 * abs(near - far),
+            whole.chi2 + chi2.sum(),
+            whole.dof + int(dof.sum()),
+        )
+        told = ", ".join(f"{c:.0f}" for c in chi2)
+        note = (
+            f"φ_J = {PHI_J} held, distances {distance[0]:.4f} to {distance[-1]:.4f}; nearest three {sign * near:.2f}, "
+            f"farthest {sign * far:.2f}; χ² of the extrapolations, nearest first: {told} for {dof[0]:.0f}"
+        )
+        yield Row(f"{name}, extrapolated to γ̇ → 0", f"{theirs:g}", ours, number(theirs), CRITICAL, note, size)
 
 
-def yield_pressure(rates, p, error):
-    """(p₀, its error) of p^m = p₀^m + c γ̇^½, m = ½ zν/y, by weighted least squares over γ̇ ≤ 1e-3."""
+def yield_pressure(rates, p, error) -> Estimate:
+    """p₀ of p^m = p₀^m + c γ̇^½, m = ½ zν/y, by weighted least squares over γ̇ ≤ 1e-3; nan where it is not positive."""
     used = rates < 2e-3
     rates, p, error = rates[used], p[used], error[used]
     m = HALF * 3.5 / 1.1
-    weights = 1 / (m * p ** (m - 1) * error)
-    (_, power), covariance = np.polyfit(rates**HALF, p**m, 1, w=weights, cov="unscaled")
+    power, own, chi2, dof = line_fit((rates**HALF, np.ones_like(rates)), p**m, m * p ** (m - 1) * error)
     if power <= 0:
-        return np.nan, np.nan
+        return Estimate(np.nan, np.nan)
     p0 = power ** (1 / m)
-    return p0, np.sqrt(covariance[1, 1]) * p0 / (m * power)
+    return Estimate(p0, own * p0 / (m * power), 0.0, chi2, dof)
 
 
 @claim("paper5")
@@ -121,59 +158,61 @@ def universality(table):
             errors.append(found[2][rows] / found[1][rows])
         ratio, relative = values[0] / values[1], np.hypot(*errors)
         slow = rates < 11 * rates[0]  # the lowest decade
-        slope, own = slope_with_error(rates[slow], ratio[slow], (relative * ratio)[slow])
+        found = power_law(rates[slow], ratio[slow], (relative * ratio)[slow])
         told = ", ".join(f"{r:.3f} at {g:g}" for g, r in zip(rates, ratio, strict=True))
-        what = f"RD0/CD0 of {symbol} at φ_J ~ γ̇^x, γ̇ = {rates[0]:g} to {rates[slow][-1]:g}: x, 0 where it is constant"
-        note = f"{told}; still rising where x < 0: the limit needs lower γ̇"
-        decided = "yes" if abs(slope) < 2 * own and own < 0.02 else "open"
-        yield Row(what, None, slope, own, note, size_of(at), decided)
+        what = f"RD0/CD0 of {symbol} at φ_J ~ γ̇^x, γ̇ = {rates[0]:g} to {rates[slow][-1]:g}"
+        if symbol == "p":  # of which V says that it has the smaller corrections
+            target = number(0.0, absolute=0.1 * 1.1 / 3.5)
+            yield Row(
+                what, "the same exponents: x = 0", found, target, CRITICAL, f"ratio {told}", size_of(at)
+            )
+        else:
+            yield check(what, found.value, found.inflated, f"ratio {told}", size_of(at), "0")
     yield from stand_in(table, flows)
 
 
 def same_exponents(table, flows):
-    """φ_J, y and zν of RD0 and CD0 from a fit to each, and their differences."""
+    """Differences of φ_J, y and zν of CD0 and RD0, from collapses of the same cut."""
     found = {}
     for model in ("RD0", "CD0"):
-        size = size_of(flows.where(model=model))
-        wanted = [(name, None, "V's numbers are those of Fig. 5.1") for name in ("phi_J", "y", "znu")]
-        yield from fits(table, f"pressure-{model}", wanted, f"collapse of p, {model}", size)
         path = table.path / f"pressure-{model}.h5"
         if path.exists():
-            found[model] = jampetsc.load(path)
+            fit = jampetsc.load(path)
+            found[model] = at_cut(fit, 3 * SLOWEST_FIT)
+            for parameter, ours in found[model].items():
+                what = f"collapse of p, {model}, γ̇ ≤ {3 * SLOWEST_FIT:g}: {SYMBOLS[parameter]}"
+                told = ", ".join(
+                    f"{value:.4f} at γ̇ ≤ {cut:g}"
+                    for value, cut in zip(
+                        fit["drift/parameters"][:, list(found[model]).index(parameter)],
+                        fit["drift/cut"],
+                        strict=True,
+                    )
+                )
+                yield check(what, ours.value, ours.statistical, told, size_of(flows.where(model=model)))
     if len(found) < 2:
         return
-    cut = min(settled(one) for one in found.values())
-    told = not any(poor(table.path / f"pressure-{model}.h5") for model in found)
-    (one, one_error), (other, other_error) = (at_cut(found[model], cut) for model in ("RD0", "CD0"))
-    for i, (symbol, small) in enumerate((("φ_J", 2e-3), ("y", 0.15), ("zν", 0.4))):
-        difference, error = other[i] - one[i], np.hypot(one_error[i], other_error[i])
-        decided = ("yes" if abs(difference) < 2 * error else "no") if told and error <= small else "open"
-        note = f"V: the same; from fits to γ̇ ≤ {cut:g}, which lower rates do not move, without corrections to scaling"
-        yield Row(f"{symbol} of CD0 − {symbol} of RD0", None, difference, error, note, size, decided)
-
-
-def settled(fit) -> float:
-    """The largest rate of the widest fit of a collapse whose parameters the next narrower one does not move.
-
-    To two errors of the change, √(e_narrow² − e_wide²), as the narrower fit has part of the points of the wider one.
-    """
-    values, errors, cuts = (fit[f"drift/{name}"] for name in ("parameters", "errors", "cut"))
-    for i in range(len(cuts) - 1):
-        change = np.sqrt(np.maximum(errors[i + 1] ** 2 - errors[i] ** 2, 0.0))
-        if not (np.abs(values[i + 1] - values[i]) > 2.0 * change).any():
-            return cuts[i]
-    return cuts[-1]
-
-
-def at_cut(fit, cut):
-    """(parameters, errors) of the fit whose largest rate is nearest to a cut."""
-    i = np.argmin(np.abs(np.log(fit["drift/cut"] / cut)))
-    return fit["drift/parameters"][i], fit["drift/errors"][i]
+    for parameter, (value, margin) in THEIRS.items():
+        one, other = found["RD0"][parameter], found["CD0"][parameter]
+        ours = Estimate(
+            other.value - one.value,
+            float(np.hypot(one.statistical, other.statistical)),
+            float(np.hypot(one.systematic, other.systematic)),
+        )
+        symbol = SYMBOLS[parameter]
+        what = f"{symbol} of CD0 less {symbol} of RD0"
+        target = number(0.0, absolute=margin or 0.1 * value)
+        note = (
+            f"RD0 {one.value:.4g}, CD0 {other.value:.4g}; systematic: half of what the next larger γ̇ change"
+        )
+        yield Row(what, "the same: 0", ours, target, CRITICAL, note, size_of(flows))
 
 
 def stand_in(table, flows):
     """CD over CD0 as Q falls: σ, p and g_y."""
     g = table.where(command="correlate")
+    ratios = []
+    least = min(np.unique(flows.where(model="CD")["quality"]), default=0.0)
     for phi in (0.80, PHI_J):
         for rate in np.unique(flows.where(model="CD", phi=phi)["rate"])[::-1]:
             exact = flows.where(model="CD0", phi=phi, rate=rate)
@@ -192,11 +231,13 @@ def stand_in(table, flows):
                     apart = np.sqrt(np.nanmean((one["g_y"] - other["g_y"]) ** 2))
                     own = np.sqrt(np.nanmean(one["g_y_error"] ** 2 + other["g_y_error"] ** 2))
                     note += f"; g_y differs by {apart:.3f} (rms), with errors of {own:.3f}"
+                if q == least:
+                    ratios.append((ratio, error))
                 what = f"CD over CD0: σ, φ = {phi:g}, γ̇ = {rate:g}, Q = {q:g}"
-                decided = "open" if error > 0.05 else "" if q <= 0.1 else None
-                size = size_of(rows)
-                if decided is None:  # Q is not small yet: a number without a verdict
-                    yield Row(what, None, ratio, error, note, size)
-                else:
-                    yes = "yes" if abs(ratio - 1) < max(2 * error, 0.02) else "no"
-                    yield Row(what, None, ratio, error, note, size, decided or yes)
+                yield check(what, ratio, error, note, size_of(rows), "1")
+    if len(ratios) > 1:
+        ratio, error = np.transpose(ratios)
+        what = f"σ of CD at Q = {least:g} over σ of CD0, {len(ratio)} states"
+        note = f"from {ratio.min():.3f} to {ratio.max():.3f}, φ = 0.80 and {PHI_J}"
+        ours = weighted_mean(ratio, error)
+        yield Row(what, "CD stands in for CD0: 1", ours, number(1.0), "Steady flow", note, size_of(flows))

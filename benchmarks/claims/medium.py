@@ -30,16 +30,21 @@ def dragged(k):
     return k**-3.0
 
 
+def correlation(factor, delta, waves: int):
+    """C(δ) up to a factor, δ in units of the cell's side: lattice sum with `waves` waves along it, cut off smoothly.
+
+    factor  a(k) of an array of |k|, k in units of 1/side
+    delta   a number or an array
+    """
+    m = np.arange(1, 4 * waves)
+    square = m[:, None] ** 2 + np.arange(-8 * waves, 8 * waves + 1) ** 2
+    weights = np.sum(m[:, None] ** 2 / square * factor(2 * np.pi * np.sqrt(square)) ** 2, axis=1)
+    weights *= np.exp(-0.5 * (m / waves) ** 2)
+    return np.cos(2 * np.pi * np.multiply.outer(delta, m)) @ weights
+
+
 def first_root(factor) -> float:
     """δ/L where C first vanishes, in a square cell of side 1. `factor` a(k) takes an array of |k|."""
-    m = np.arange(1, 4 * _WAVES)
-    square = m[:, None] ** 2 + np.arange(-8 * _WAVES, 8 * _WAVES + 1) ** 2
-    weights = np.sum(m[:, None] ** 2 / square * factor(2 * np.pi * np.sqrt(square)) ** 2, axis=1)
-    weights *= np.exp(-0.5 * (m / _WAVES) ** 2)
-
-    def correlation(delta):
-        return np.cos(2 * np.pi * np.multiply.outer(delta, m)) @ weights
-
     steps = np.linspace(0, 0.5, 4 * _WAVES)
-    last = np.flatnonzero(correlation(steps) <= 0)[0]
-    return brentq(correlation, steps[last - 1], steps[last])
+    last = np.flatnonzero(correlation(factor, steps, _WAVES) <= 0)[0]
+    return brentq(lambda delta: correlation(factor, delta, _WAVES), steps[last - 1], steps[last])

@@ -1,9 +1,26 @@
-"""How disks move: BT figures 1, 5 and 7, and the lowest modes."""
+"""How disks move: BT figures 1, 5 and 7, and the lowest modes.
+
+Primary estimators. Figure 5: BT derive their exponents for second moments, so the rms over contacts or disks comes
+first; the medians that they draw are claims of their own. Both: medians over packings, y = A p^x (1 + b p^½).
+Figure 7: C and its first root l, displacements in the phase of the stress.
+"""
 
 import numpy as np
 
-from claims.medium import dragged, first_root, solid
-from claims.shared import WITHIN, Row, claim
+from claims.medium import correlation, dragged, first_root, solid
+from claims.shared import (
+    LARGE,
+    THEORY,
+    Row,
+    by_decades,
+    check,
+    claim,
+    exponent,
+    medians_in_pressure,
+    near_jamming,
+    size_of,
+)
+from claims.verdicts import Estimate, between, number
 from jampetsc.analysis.correlation_lengths import (
     LONGEST,
     SHORTEST,
@@ -15,9 +32,11 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.plots.correlation import correlation_curve
 
-LARGE = 1e3  # pN² above which a packing is large (BT Fig. 8)
-SHARP = 0.2  # an exponent is decided if its error is below this part of what is claimed
+FLOPPY, CORRELATIONS = "Floppiness", "Correlations"
 QUANTITIES = {"normal": ("|Δu∥|", 0.25), "transverse": ("|Δu⊥|", -0.25), "nonaffine": ("|u_na|", -0.25)}
+BEYOND = 0.1  # ωτ₁ below which contact-damped displacements are compared
+APART = 0.03  # δ/L at which C of two sizes is compared
+SPREAD = 0.1  # rms of the logarithm within which lengths count as one curve
 
 
 def stokes(part, angle=0.0, phase="stress", length=1.0):
@@ -29,13 +48,6 @@ def stokes(part, angle=0.0, phase="stress", length=1.0):
         return part(turn * q / (np.exp(1j * angle) * q**2 + 1j))
 
     return factor
-
-
-def agrees(value, error, claimed) -> str:
-    """yes or no by two standard errors, open where they are too large to tell."""
-    if not np.isfinite(error) or error > SHARP * abs(claimed):
-        return "open"
-    return "yes" if abs(value - claimed) <= WITHIN * error else "no"
 
 
 def paired(rows, column):
@@ -51,35 +63,6 @@ def paired(rows, column):
     return p, np.array(values).reshape(len(seeds), len(p))
 
 
-def fitted(p, values, corrected):
-    """(exponent, standard error) of ln y = ln A + x ln p [+ B p^½], fitted to each packing, mean over packings."""
-    columns = [np.ones_like(p), np.log(p)] + [np.sqrt(p)] * corrected
-    solution = np.linalg.lstsq(np.column_stack(columns), np.log(values).T, rcond=None)[0]
-    return mean_with_error(solution[1])
-
-
-def exponents(rows, column, claim, claimed, note="", printed=True):
-    """Rows for an exponent in p: a power law, and one with a relative correction ~ p^½ where there are points."""
-    p, values = paired(rows, column)
-    if len(p) < 2 or not len(values):
-        return
-    values = np.abs(values)
-    local = np.diff(np.log(values).mean(axis=0)) / np.diff(np.log(p))
-    told = "between neighbouring pressures, low first: " + ", ".join(f"{x:.2f}" for x in local)
-    size = f"N = {rows['n'].max()}, {len(values)} packings at each p = {p[0]:.0e} … {p[-1]:.0e}"
-    for corrected in (False, True)[: 2 if len(p) > 3 else 1]:
-        value, error = fitted(p, values, corrected)
-        more = ", corrections ~ p^½" if corrected else ""
-        words = note if corrected else "; ".join(filter(None, (note, told)))
-        theirs = claimed if printed else None
-        decided = agrees(value, error, claimed)
-        if p[0] * rows["n"].max() ** 2.0 < LARGE:
-            decided, words = "open", f"pN² < {LARGE:g}: finite size; {words}"
-        if decided == "no" and not corrected and len(p) > 3:
-            words += "; a power law alone: see the row with corrections"
-        yield Row(f"{claim}{more}", theirs, value, error, words, size, decided)
-
-
 @claim("bt-fig1")
 def instants(table):
     """Needs of each sweep: omega, G and the fields (of one packing at least)."""
@@ -92,57 +75,72 @@ def instants(table):
             turned = field * np.conj(G) / abs(G)
             size = [np.sqrt(np.mean(np.abs(part) ** 2)) for part in (field, turned.imag, turned.real)]
             found.setdefault(float(omega), []).append((size[0], size[1] / size[2]))
-    note = "rms |ũ| per unit strain over all disks"
     for omega, values in sorted(found.items()):
         sizes, ratios = np.transpose(values)
         size = f"N = {table.where(command='sweep')['n'].max()}, {len(values)} packings"
-        yield Row(
-            f"ω = {omega:.0e}: non-affine motion per strain, in d", None, *mean_with_error(sizes), note, size
-        )
-        yield Row(
-            f"ω = {omega:.0e}: ũ at zero over ũ at peak stress", None, *mean_with_error(ratios), "", size
-        )
+        what = f"ω = {omega:.0e}: non-affine motion per strain, in d"
+        yield check(what, *mean_with_error(sizes), "rms |ũ| over all disks", size)
+        yield check(f"ω = {omega:.0e}: ũ at zero over ũ at peak stress", *mean_with_error(ratios), "", size)
 
 
 @claim("bt-fig5")
 def floppy(table):
     """Needs of each quasistatic file: attributes only."""
-    slow = table.where(command="quasistatic")
-    for prefix, where in (("no_prestress_", "without pre-stress"), ("", "with pre-stress")):
-        below = int(np.sum(slow["G0"] < 0)) if not prefix else 0
-        note = f"G₀ < 0 in {below} packings, which count like the others" if below else ""
-        for column, (name, claimed) in QUANTITIES.items():
-            what = f"median {name} ~ p^x, {where}"
-            yield from exponents(slow, f"{prefix}{column}_median", what, claimed, note)
-    yield from _mean_normal(slow)
-    p, normal = paired(slow, "no_prestress_normal_rms")
-    _, transverse = paired(slow, "no_prestress_transverse_rms")
-    if len(p) > 1 and len(normal):
-        size = f"N = {slow['n'].max()}, {len(normal)} packings at each p = {p[0]:.0e} … {p[-1]:.0e}"
-        value, error = fitted(p, (transverse / normal) ** 2, False)
-        decided = agrees(value, error, -1.0)
-        yield Row("Σ(Δu⊥)²/Σ(Δu∥)² ~ p^x (BT 20)", -1.0, value, error, "", size, decided)
+    slow = table.where(command="quasistatic", state="done")
+    size = size_of(slow)
+    for kind, source in (("rms", "BT 19–21"), ("median", "BT Fig. 5")):
+        for column, (name, theirs) in QUANTITIES.items():
+            points = medians_in_pressure(slow, f"no_prestress_{column}_{kind}")
+            found = exponent(*points)
+            if found is not None:
+                what = f"{kind} {name} ~ p^x, without pre-stress ({source})"
+                yield Row(what, f"{theirs:g}", found, number(theirs), FLOPPY, by_decades(*points[:2]), size)
+    points = _squares_ratio(slow)
+    if (found := exponent(*points)) is not None:
+        what = "Σ(Δu⊥)²/Σ(Δu∥)² ~ p^x, without pre-stress (BT 20)"
+        yield Row(what, "-1", found, number(-1.0), FLOPPY, by_decades(*points[:2]), size)
+    yield from _mean_normal(slow, size)
+    for kind in ("rms", "median", "mean"):
+        for prefix, where in (("no_prestress_", "without pre-stress"), ("", "with pre-stress")):
+            for column, (name, theirs) in QUANTITIES.items():
+                points = medians_in_pressure(slow, f"{prefix}{column}_{kind}")
+                alone = near_jamming(*points)
+                if alone is not None:
+                    what, note = f"{kind} {name} ~ p^x, {where}, p ≤ 0.001 alone", by_decades(*points[:2])
+                    yield check(what, alone.value, alone.inflated, note, size, f"{theirs:g}")
 
 
-def _mean_normal(slow):
-    """The mean of |Δu∥| beside the rms, which √G₀ gives exactly."""
+def _squares_ratio(slow):
+    """`medians_in_pressure` of Σ(Δu⊥)²/Σ(Δu∥)² without pre-stress."""
+    columns = {name: slow[name] for name in slow}
+    ratio = slow["no_prestress_transverse_rms"] / slow["no_prestress_normal_rms"]
+    return medians_in_pressure(type(slow)(slow.path, columns | {"ratio": ratio**2}, None), "ratio")
+
+
+def _mean_normal(slow, size):
+    """The mean of |Δu∥|, which BT see level off, beside the rms, which √G₀ gives exactly."""
     p, mean = paired(slow, "no_prestress_normal_mean")
     _, rms = paired(slow, "no_prestress_normal_rms")
     if len(p) < 2 or not len(mean):
         return
-    size = f"N = {slow['n'].max()}, {len(mean)} packings"
     local = np.diff(np.log(mean), axis=1) / np.diff(np.log(p))
     defect = float(np.nanmax(np.abs(slow["no_prestress_identity_difference"])))
-    what = f"mean |Δu∥| ~ p^x at the lowest pressures, p = {p[0]:.0e} … {p[1]:.0e} (BT: levels off)"
+    what = f"mean |Δu∥| ~ p^x, without pre-stress, p = {p[0]:.0e} … {p[1]:.0e}"
     note = (
-        "no plateau: k Σ(Δu∥)² = G₀Vγ² exactly, here to "
-        f"{defect:.0e}, so the mean ≤ rms ~ p^¼ cannot level off while G₀ falls"
+        f"k Σ(Δu∥)² = G₀Vγ² exactly, here to {defect:.0e}: the mean ≤ rms ~ p^¼ cannot level off while G₀ falls; "
+        "mean/rms "
+        + ", ".join(
+            f"{one:.2f} at {level:g}" for one, level in zip((mean / rms).mean(axis=0), p, strict=True)
+        )
     )
-    yield Row(what, None, *mean_with_error(local[:, 0]), note, size, "no")
-    ratio = (mean / rms).mean(axis=0)
-    told = "from low to high p: " + ", ".join(f"{one:.2f}" for one in ratio)
     yield Row(
-        "mean |Δu∥| over its rms at the lowest p", None, *mean_with_error((mean / rms)[:, 0]), told, size
+        what,
+        "levels off: 0",
+        Estimate(*mean_with_error(local[:, 0])),
+        number(0.0, absolute=0.1),
+        FLOPPY,
+        note,
+        size,
     )
 
 
@@ -163,8 +161,8 @@ def lengths(table):
     }
     packings = large["stokes", "stress"][0][1].attributes["packings"]
     size = f"N = {largest}, {packings} packings at each of {len(large['stokes', 'stress'])} pressures"
-    yield from _plateaus(large, size)
     yield from _contact(found, large, size)
+    yield from _plateaus(large, size)
     yield from _lanes(large, size)
     yield from _collapses(large, size)
     yield from _phases(large, size)
@@ -182,20 +180,29 @@ def _over_size(pairs, part, chosen=lambda omega: omega == omega.min()):
     return float(np.mean(values)), float(np.fmax(own, mean_with_error(values)[1]))
 
 
+def _ratio(one, other) -> Estimate:
+    """Ratio of two numbers (value, error)."""
+    value = one[0] / other[0]
+    return Estimate(value, abs(value) * float(np.hypot(one[1] / one[0], other[1] / other[0])))
+
+
 def _plateaus(large, size):
+    """l/L as ω → 0 under drag; and whether Re and Im have the same."""
     for phase in ("stress", "strain"):
+        both = []
         for part, name in ((np.real, "Re"), (np.imag, "Im")):
             pairs = large["stokes", phase]
             value, error = _over_size(pairs, part)
+            both.append((value, error))
             expected = np.mean([first_root(_slow(curve, part, phase)) for _, curve in pairs])
-            note = f"random stresses in an isotropic medium give {expected:.3f} (docs/physics.md)"
-            theirs = 0.25 if (phase, name) == ("stress", "Re") else None
-            if theirs:
-                note += (
-                    "; ¼ is what a single longest wave has, and nearly what Im in the phase of the strain has"
-                )
+            note = f"random stresses in an isotropic medium give {expected:.3f}"
             what = f"Stokes: l/L as ω → 0, {name} u_y, phase of the {phase}"
-            yield Row(what, theirs, value, error, note, size, agrees(value, error, theirs or expected))
+            if (phase, name) == ("stress", "Re"):
+                yield Row(what, "≈ 1/4", Estimate(value, error), number(0.25), CORRELATIONS, note, size)
+            yield check(what, value, error, "", size, f"{expected:.3f}", THEORY)
+        if phase == "stress":
+            what = "Stokes: l of Im u_y over l of Re u_y as ω → 0"
+            yield Row(what, "the same: 1", _ratio(both[1], both[0]), number(1.0), CORRELATIONS, "", size)
 
 
 def _slow(curve, part, phase):
@@ -210,65 +217,134 @@ def _slow(curve, part, phase):
 
 
 def _contact(found, large, size):
-    pairs = large["contact", "stress"]
-    both = [_over_size(pairs, part, lambda omega: omega < 0.1) for part in (np.real, np.imag)]
+    """Contact damping: one C of δ/L at every N, p and ω, of both parts."""
+
+    def slow(omega):
+        return omega < BEYOND
+
+    both = [_over_size(large["contact", "stress"], part, slow) for part in (np.real, np.imag)]
     for (value, error), name in zip(both, ("Re", "Im"), strict=True):
-        note = "from random stresses .169 L for both parts, as B ~ k² like K"
-        decided = agrees(value, error, first_root(solid))
-        what = f"contact: l/L at ω < 0.1, {name} u_y, phase of the stress"
-        yield Row(what, None, value, error, note, size, decided)
-    sizes = sorted({curve.attributes["particle_count"] for _, curve in found["contact", "stress"]})
-    if len(sizes) > 1:
-        part = [
-            _over_size(
-                [pair for pair in found["contact", "stress"] if pair[1].attributes["particle_count"] == n],
-                np.real,
-                lambda omega: omega < 0.1,
-            )
-            for n in (sizes[0], sizes[-1])
-        ]
-        ratio = part[0][0] / part[1][0]
-        error = ratio * np.hypot(*(e / v for v, e in part))
-        what = f"contact: l/L at N = {sizes[0]} over that at N = {sizes[-1]} (no length but L)"
-        note = "BT print no number: the collapse in δ/L is 1"
-        decided = agrees(ratio, error, 1.0)
-        yield Row(what, None, ratio, error, note, f"N = {sizes[0]} and {sizes[-1]}", decided)
+        what = f"contact: l/L at ω < {BEYOND:g}, {name} u_y"
+        yield check(what, value, error, "B ~ k² as K", size, f"{first_root(solid):.3f}", THEORY)
+    what = f"contact: l of Im u_y over l of Re u_y, ω < {BEYOND:g}"
+    yield Row(what, "the same: 1", _ratio(both[1], both[0]), number(1.0), CORRELATIONS, "", size)
+    levels = sorted(
+        (curve.pressure, _over_size([(r, curve)], np.real, slow)) for r, curve in large["contact", "stress"]
+    )
+    if len(levels) > 1:
+        what = f"contact: l at p = {levels[0][0]:.0e} over l at {levels[-1][0]:.0e}, Re u_y"
+        told = "l/L = " + ", ".join(
+            f"{value:.3f}({1000 * error:.0f}) at {p:.0e}" for p, (value, error) in levels
+        )
+        yield Row(
+            what, "the same: 1", _ratio(levels[0][1], levels[-1][1]), number(1.0), CORRELATIONS, told, size
+        )
+    pairs = found["contact", "stress"]
+    sizes = sorted({curve.attributes["particle_count"] for _, curve in pairs})
+    if len(sizes) < 2:
+        return
+    roots = [
+        _over_size([pair for pair in pairs if pair[1].attributes["particle_count"] == n], np.real, slow)
+        for n in (sizes[0], sizes[-1])
+    ]
+    ratio = _ratio(*roots)
+    what = f"contact: l/L at N = {sizes[0]} over that at N = {sizes[-1]}, Re u_y"
+    yield check(
+        what, ratio.value, ratio.statistical, "the root alone", f"N = {sizes[0]} and {sizes[-1]}", "1"
+    )
+    yield from _collapse_in_size(pairs, sizes)
+
+
+def _collapse_in_size(pairs, sizes):
+    """C at one δ/L and ω = 1e-3, mean over pressures, at the smallest and the largest N."""
+    means, media = [], []
+    for n in (sizes[0], sizes[-1]):
+        curves = [curve for _, curve in pairs if curve.attributes["particle_count"] == n]
+        at = []
+        for curve in curves:
+            row = int(np.abs(np.log10(curve.omega) + 3).argmin())
+            known = np.isfinite(curve.delta[-1])
+            x = curve.delta[-1][known] / curve.size
+            at.append([np.interp(APART, x, y[-1, row, 0][known]) for y in (curve.C, curve.errors)])
+        values, errors = np.transpose(at)
+        means.append((float(values.mean()), float(np.sqrt(np.sum(errors**2)) / len(errors))))
+        waves = int(np.mean([curve.size for curve in curves]))
+        media.append(correlation(solid, APART, waves) / correlation(solid, 0.0, waves))
+    told = " and ".join(f"{value:.3f}({1000 * error:.0f})" for value, error in means)
+    note = (
+        f"C = {told}; random stresses in a medium of the same sizes L/d give {media[0]:.2f} and {media[1]:.2f}, as "
+        "⟨u²⟩ ~ ln(L/d) normalises C"
+    )
+    what = f"contact: C(δ/L = {APART:g}) at N = {sizes[0]} over that at N = {sizes[-1]}, ω = 1e-3, Re u_y"
+    size = f"N = {sizes[0]} and {sizes[-1]}, {len(curves)} pressures"
+    yield Row(what, "one curve: 1", _ratio(*means), number(1.0), CORRELATIONS, note, size)
 
 
 def _lanes(large, size):
+    """l of narrow lanes over l of wide ones."""
     lanes = np.concatenate([result["length"] for result, _ in large["stokes", "stress"]], axis=1)
     widths = large["stokes", "stress"][0][1].lanes
-    errors = np.concatenate([result["length_error"] for result, _ in large["stokes", "stress"]], axis=1)
-    own = float(np.nanmedian(errors[0] / lanes[0]))
     for wide, narrow in zip(range(len(widths) - 1), range(1, len(widths)), strict=True):
-        change = float(np.nanmedian(np.abs(lanes[narrow] / lanes[wide] - 1)))
-        what = f"Stokes: change of l from lanes of {widths[wide]:.2g} d to {widths[narrow]:.2g} d"
-        note = f"median over ω, p, Re and Im; l has an error of {own:.1%}"
-        decided = "yes" if change <= own else "open"
-        yield Row(what, None, change, None, note, size, decided)
+        ratio = (lanes[narrow] / lanes[wide]).ravel()
+        ratio = ratio[np.isfinite(ratio)]
+        found = Estimate(float(np.mean(ratio)), float(np.std(ratio) / np.sqrt(len(ratio))))
+        what = f"Stokes: l of lanes of {widths[narrow]:.2g} d over that of {widths[wide]:.2g} d"
+        note = f"over ω, p, Re and Im; single ones differ by {np.median(np.abs(ratio - 1)):.3f} (median)"
+        if narrow == len(widths) - 1:
+            target = between(0.98, 1.02)
+            yield Row(what, "does not depend: 1 ± 0.02", found, target, CORRELATIONS, note, size)
+        else:
+            yield check(what, found.value, found.statistical, note, size, "1")
+
+
+def _spread(curves, take, exponent) -> Estimate:
+    """Spread of l (−ln p)^exponent at equal ω/p^½, or for None of l at equal |G*|/ω; jackknife over pressures."""
+
+    def of(chosen):
+        if exponent is None:
+            return length_spread([(c.omega, take(c), c.size, c.modulus) for c in chosen], medium_collapse)
+        given = [(c.omega, take(c), c.size, c.pressure, exponent) for c in chosen]
+        return length_spread(given, stokes_collapse)
+
+    value = of(curves)
+    without = [of(curves[:n] + curves[n + 1 :]) for n in range(len(curves))] if len(curves) > 2 else []
+    error = np.sqrt((len(without) - 1) * np.var(without)) if without else np.nan
+    return Estimate(value, float(error))
 
 
 def _collapses(large, size):
+    cases = {
+        "l (−ln p)^0.65 at equal ω/p^½": 0.65,
+        "l at equal ω/p^½": 0.0,
+        "l (−ln p)^−0.65 at equal ω/p^½": -0.65,
+        "l at equal |G*|/ω": None,
+    }
     for phase in ("stress", "strain"):
         curves = [curve for _, curve in large["stokes", phase]]
         for take, name in ((lambda c: c.G.real + 0j, "Re"), (lambda c: 1j * c.G.imag, "Im")):
-            spreads = {}
             try:
-                for exponent in (0.65, 0.0, -0.65):
-                    given = [(c.omega, take(c), c.size, c.pressure, exponent) for c in curves]
-                    spreads[f"l (−ln p)^{exponent:g} at equal ω/p^½"] = length_spread(given, stokes_collapse)
-                given = [(c.omega, take(c), c.size, c.modulus) for c in curves]
-                spreads["l at equal |G*|/ω"] = length_spread(given, medium_collapse)
+                found = {what: _spread(curves, take, power) for what, power in cases.items()}
             except InputError:  # cells so small that no length is free of their size
                 continue
-            best = min(spreads, key=spreads.get)
-            for what, value in spreads.items():
-                note = "as printed" if "^0.65" in what else ""
-                note += "; least of the four" if what == best else ""
-                decided = {"as printed": "no"}.get(note, "")
-                what = f"Stokes: spread of {what}, {name} u_y, phase of the {phase}"
-                note = note.removeprefix("; ")
-                yield Row(what, None, value, None, note, size, decided)
+            for what, estimate in found.items():
+                claimed = (phase, name) == ("stress", "Re") and cases[what] == 0.65
+                claim = f"Stokes: spread (rms) of {what}, {name} u_y, phase of the {phase}"
+                if claimed:
+                    others = [
+                        f"{other.value:.2f} of {words}" for words, other in found.items() if words != what
+                    ]
+                    note = f"as printed; {', '.join(others)}"
+                    yield Row(
+                        claim,
+                        f"one curve: < {SPREAD:g}",
+                        estimate,
+                        between(high=SPREAD),
+                        CORRELATIONS,
+                        note,
+                        size,
+                    )
+                else:
+                    yield check(claim, estimate.value, estimate.statistical, "", size)
 
 
 def _phases(large, size):
@@ -286,31 +362,37 @@ def _phases(large, size):
             if len(values) < 2:
                 continue
             expected = first_root(stokes(part, np.mean(angles), phase, 0.04)) / 0.04
-            note = f"medium without disks: {expected:.2f} at the mean arg G* = {np.mean(angles):.2f}"
+            note = f"a medium without disks, at the mean arg G* = {np.mean(angles):.2f}"
             what = f"Stokes, arg G* > π/6: l/√(|G*|/nω), {name} u_y, phase of the {phase}"
-            yield Row(what, None, *mean_with_error(np.array(values)), note, size)
+            yield check(what, *mean_with_error(np.array(values)), note, size, f"{expected:.2f}", THEORY)
 
 
 def _minima(large):
-    """Where C of Re u_y is least: inside the cell where a length shows, at L/2 where the cell cuts it off (Fig. 7b)."""
+    """C at its minimum less C at L/2, in the phase of the stress: 0 where the minimum is lost (Fig. 7b)."""
     for result, curve in large["stokes", "stress"]:
         if abs(np.log10(curve.pressure) + 4) > 0.1:
             continue
-        places = result["minimum"][0, :, 0] / float(result.attributes["L"])
-        for exponent in (-6.5, -5.5, -4.5, -3.5):
-            row = int(np.abs(np.log10(curve.omega) - exponent).argmin())
-            if abs(np.log10(curve.omega[row]) - exponent) < 0.05:
-                error = float(result["minimum_error"][0, row, 0]) / float(result.attributes["L"])
-                lost = "yes" if places[row] + WITHIN * error >= 0.45 else "no"
-                yield Row(
-                    f"Stokes, p = 1e-4: place of the minimum of C over L, ω = 10^{exponent:g}",
-                    None,
-                    places[row],
-                    error,
-                    "BT: lost at 10^−6.5 and 10^−5.5, where C falls on to L/2",
-                    f"N = {curve.attributes['particle_count']}, {curve.attributes['packings']} packings",
-                    lost if exponent < -5 else "",
-                )
+        size = f"N = {curve.attributes['particle_count']}, {curve.attributes['packings']} packings"
+        lanes = int(np.argmax(np.isfinite(curve.C[:, 0, 0]).sum(axis=1)))
+        for power in (-6.5, -5.5, -4.5, -3.5):
+            row = int(np.abs(np.log10(curve.omega) - power).argmin())
+            if abs(np.log10(curve.omega[row]) - power) > 0.05:
+                continue
+            C, error = curve.C[lanes, row, 0], curve.errors[lanes, row, 0]
+            known = np.flatnonzero(np.isfinite(C))
+            least, last = known[np.argmin(C[known])], known[-1]
+            depth = Estimate(
+                float(C[last] - C[least]),
+                float(np.hypot(error[last], error[least])) if last != least else 0.0,
+            )
+            place = result["minimum"][0, row, 0] / float(result.attributes["L"])
+            own = result["minimum_error"][0, row, 0] / float(result.attributes["L"])
+            what = f"Stokes, p = 1e-4, ω = 10^{power:g}: C at L/2 less C at its minimum"
+            note = f"the minimum is at {place:.3f}({1000 * own:.0f}) L"
+            if power < -5:
+                yield Row(what, "no minimum: 0", depth, number(0.0, absolute=0.1), CORRELATIONS, note, size)
+            else:
+                yield check(what, depth.value, depth.statistical, note, size, "a minimum: > 0")
 
 
 @claim("bt-modes")
@@ -320,11 +402,11 @@ def lowest(table):
     rows = rows.where(n=int(rows["n"].max()))
     counts = [count for count in (10, 50, 200) if f"floppiness_{count}" in rows]
     if counts:
-        what = f"rms Δu⊥ over rms Δu∥ of the lowest {counts[0]} modes ~ p^x"
-        note = (
-            f"expected −½: modes at the edge of the plateau have λ ~ p, and k Σ(Δu∥)² = λ; {_methods(rows)}"
-        )
-        yield from exponents(rows, f"floppiness_{counts[0]}", what, -0.5, note, printed=False)
+        points = medians_in_pressure(rows, f"floppiness_{counts[0]}")
+        if (found := exponent(*points)) is not None:
+            what = f"rms Δu⊥ over rms Δu∥ of the lowest {counts[0]} modes ~ p^x"
+            note = f"their λ is ~ p, and k Σ(Δu∥)² = λ; {_methods(rows)}; {by_decades(*points[:2])}"
+            yield Row(what, "floppy-like: -1/2", found, number(-0.5), FLOPPY, note, size_of(rows))
     for name, symbol in (("nonaffine", "|u_na|²"), ("transverse", "Δu⊥²"), ("normal", "Δu∥²")):
         for count in counts:
             p, share = paired(rows, f"share_{name}_{count}")
@@ -332,7 +414,7 @@ def lowest(table):
                 told = "from low to high p: " + ", ".join(f"{one:.3f}" for one in share.mean(axis=0))
                 size = f"N = {rows['n'].max()}, {len(share)} packings"
                 what = f"share of {symbol} that the lowest {count} modes carry, p = {p[0]:.0e}"
-                yield Row(what, None, *mean_with_error(share[:, 0]), told, size)
+                yield check(what, *mean_with_error(share[:, 0]), told, size)
     for name, (symbol, _) in QUANTITIES.items() if counts else ():
         p, alone = paired(rows, f"{name}_median_{counts[-1]}")
         _, whole = paired(rows, f"{name}_median")
@@ -341,7 +423,7 @@ def lowest(table):
             told = "from low to high p: " + ", ".join(f"{one:.2f}" for one in ratio.mean(axis=0))
             what = f"median {symbol} by the lowest {counts[-1]} modes alone over that of the whole, p = {p[0]:.0e}"
             size = f"N = {rows['n'].max()}, {len(alone)} packings"
-            yield Row(what, None, *mean_with_error(ratio[:, 0]), told, size)
+            yield check(what, *mean_with_error(ratio[:, 0]), told, size)
     yield from _floppy_band(rows)
 
 
@@ -373,7 +455,7 @@ def _floppy_band(rows):
         return
     size = f"N = {rows['n'].max()}, {len(values)} packings at each p = {p[0]:.0e} … {p[-1]:.0e}"
     for column, (symbol, claimed) in enumerate((("Δu∥", 0.25), ("u_na", -0.25))):
-        value, error = fitted(p, values[:, :, column], False)
-        note = f"expected {claimed:+g}, as for the whole; from Σ F²/λ and Σ (F/λ)²; {_methods(rows)}"
+        slopes = np.polyfit(np.log(p), np.log(values[:, :, column]).T, 1)[0]
+        note = f"as for the whole; from Σ F²/λ and Σ (F/λ)²; {_methods(rows)}"
         what = f"rms {symbol} by the modes with λ < {reach:.2g} p alone ~ p^x"
-        yield Row(what, None, value, error, note, size, agrees(value, error, claimed))
+        yield check(what, *mean_with_error(slopes), note, size, f"{claimed:+g}", THEORY)

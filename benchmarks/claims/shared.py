@@ -1,31 +1,69 @@
 """What the claims share: how one is entered, and estimates over the rows of a study."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 import jampetsc
+from claims.verdicts import Estimate, Target
 from jampetsc.analysis.averages import mean_of_runs
 from jampetsc.analysis.statistics import log_median
 
-WITHIN = 2.0  # standard errors
 NEAR, LARGE = 1e-3, 1e3  # p up to which, pN² from which, a packing counts as near jamming and large
-ENOUGH = 0.1  # error, as a share of the number claimed, above which agreement is no yes
 POINT = ("n", "pressure", "law", "beta", "eta_f", "prestress")  # what packings of one point have in common
 CLAIMS = []  # (figure, function)
 
 
-@dataclass
+GROUPS = (
+    "Moduli at β = 1",
+    "Moduli at β ≠ 1",
+    "Floppiness",
+    "Stokes drag",
+    "Correlations",
+    "Finite size",
+    "Power-law damping",
+    "Statics",
+    "Steady flow",
+    "Criticality",
+)  # of the page, in its order
+THEORY = "Predictions"  # of docs/physics.md
+
+
+@dataclass(frozen=True)
 class Row:
-    """One line of docs/reproduction.md."""
+    """One claim of the works with our estimate, or a measured number beside them, of which only claims.csv tells.
+
+    group   of the page, or THEORY; "" for a number that only claims.csv has
+    theirs  what the work says, in words or digits
+    target  the same as numbers; None for a number without a verdict
+    reason  one line; every number in it is computed
+    size    N, packings or strain behind the number
+    """
 
     claim: str
-    theirs: float | None  # only what is printed; None where the works have a picture or words
-    ours: float
-    error: float | None  # one standard error
-    note: str = ""
-    size: str = ""  # N, packings or strain behind the number
-    decided: str = ""  # "yes", "no" or "open", with the reason in the note; by default from the error
+    theirs: str
+    ours: Estimate
+    target: Target | None = None
+    group: str = ""
+    reason: str = ""
+    size: str = ""
+
+
+def check(claim, value, error=None, note="", size="", theirs="", group="") -> Row:
+    """A measured number without a verdict: of another estimator, or one of which the works say nothing.
+
+    group   THEORY for a number that a theory of our own predicts, `theirs` being the prediction
+    """
+    return Row(
+        claim,
+        theirs,
+        Estimate(float(value), math.nan if error is None else float(error)),
+        None,
+        group,
+        note,
+        size,
+    )
 
 
 def claim(figure):
@@ -50,41 +88,56 @@ def size_of(rows):
     return f"N = {n}; {few} packings"
 
 
-def near_jamming(rows, column):
-    """(exponent of the median of a column in p, its error) at p ≤ 1e-3 and pN² > 1e3, weighted; None without two such.
+def medians_in_pressure(rows, column):
+    """(p, ln of the median, its error), each (P,), of a column at the pressures where pN² > LARGE, p increasing."""
+    found = [
+        (key["pressure"], *log_median(part[column]))
+        for key, part in rows.groups(["n", "pressure"])
+        if key["pressure"] * key["n"] ** 2 > LARGE and part.rows > 2
+    ]
+    return np.transpose(sorted(found)) if found else np.empty((3, 0))
 
-    The error is the larger of that of the medians, from resampling the packings, and the scatter about a straight line.
+
+def line_fit(terms, y, error) -> tuple[float, float, float, int]:
+    """(coefficient of terms[1], its error, χ², degrees of freedom) of a weighted linear fit; terms (T, m)."""
+    weighted = (np.asarray(terms) / error).T
+    coefficients = np.linalg.lstsq(weighted, y / error, rcond=None)[0]
+    chi2 = float(np.sum((y / error - weighted @ coefficients) ** 2))
+    variance = np.linalg.inv(weighted.T @ weighted)[1, 1]
+    return float(coefficients[1]), float(np.sqrt(variance)), chi2, len(y) - len(coefficients)
+
+
+def exponent(p, y, error) -> Estimate | None:
+    """Exponent of y ~ p^x (1 + b p^½) from ln y (P,) and its errors; None below four pressures.
+
+    Systematic: half of the difference to a power law alone at p ≤ NEAR.
     """
-    found = []
-    for key, part in rows.groups(["n", "pressure"]):
-        if key["pressure"] <= NEAR and key["pressure"] * key["n"] ** 2 > LARGE and part.rows > 2:
-            found.append((np.log(key["pressure"]), *log_median(part[column])))
-    if len(found) < 2 or not np.isfinite(found).all():
+    if len(p) < 4 or not np.isfinite(y).all():
         return None
-    return line_through(*np.transpose(found))
+    full = line_fit((np.ones_like(p), np.log(p), np.sqrt(p)), y, error)
+    near = p <= NEAR * (1 + 1e-9)
+    alone = line_fit((np.ones(near.sum()), np.log(p[near])), y[near], error[near])
+    return Estimate(full[0], full[1], 0.5 * abs(full[0] - alone[0]), full[2], full[3])
 
 
-def line_through(x, y, error):
-    """(slope, its error) of a straight line, from the errors of the points or, if that is more, from their scatter."""
-    coefficients, covariance = np.polyfit(x, y, 1, w=1 / error, cov="unscaled")
-    scatter = np.sum(((y - np.polyval(coefficients, x)) / error) ** 2) / max(len(x) - 2, 1)
-    return coefficients[0], np.sqrt(covariance[0, 0] * max(1.0, scatter))
+def near_jamming(p, y, error) -> Estimate | None:
+    """Exponent of a power law alone at p ≤ NEAR from ln y (P,) and its errors; None below two such pressures.
+
+    Systematic: half of the difference between the lowest two pressures and the others, if there are three.
+    """
+    near = p <= NEAR * (1 + 1e-9)
+    p, y, error = p[near], y[near], error[near]
+    if len(p) < 2 or not np.isfinite(y).all():
+        return None
+    slopes = np.diff(y) / np.diff(np.log(p))
+    slope, own, chi2, dof = line_fit((np.ones_like(p), np.log(p)), y, error)
+    return Estimate(slope, own, 0.5 * abs(slopes[-1] - slopes[0]), chi2, dof)
 
 
-def by_decades(rows, column):
-    """Exponents of the median between neighbouring pressures, from the highest, in words: how a limit is approached."""
-    groups = rows.groups(["pressure"])
-    p = np.array([key["pressure"] for key, _ in groups])
-    with np.errstate(invalid="ignore"):
-        medians = np.log([np.median(part[column]) for _, part in groups])
-    slopes = np.diff(medians) / np.diff(np.log(p))
-    told = ", ".join(f"{slope:.2f}" for slope in slopes[::-1])
-    return f"between pressures from {p[-1]:g} to {p[0]:g}: {told}"
-
-
-def verdict(theirs, ours, error):
-    """ "open" where the two agree, but only by an error of more than ENOUGH of theirs; else "": the errors decide."""
-    return "open" if abs(ours - theirs) <= WITHIN * error and error > ENOUGH * abs(theirs) else ""
+def by_decades(p, y):
+    """Exponents between neighbouring pressures from the highest, in words; p, ln y (P,)."""
+    slopes = ", ".join(f"{slope:.2f}" for slope in (np.diff(y) / np.diff(np.log(p)))[::-1])
+    return f"between pressures from {p[-1]:g} to {p[0]:g}: {slopes}"
 
 
 def rates_of(rows, name):
@@ -100,23 +153,33 @@ def mean_over_seeds(rows, name):
     return mean_of_runs(rows[f"{name}_mean"], rows[f"{name}_error"], samples)
 
 
-def slope_with_error(rates, values, errors):
-    """Exponent through all points, weighted, and its error from theirs."""
-    (slope, _), covariance = np.polyfit(np.log(rates), np.log(values), 1, w=values / errors, cov="unscaled")
-    return slope, np.sqrt(covariance[0, 0])
+def power_law(x, values, errors) -> Estimate:
+    """Exponent of a power law through all points, with the χ² of that form."""
+    x, values = np.asarray(x, float), np.asarray(values, float)
+    slope, own, chi2, dof = line_fit((np.ones_like(x), np.log(x)), np.log(values), errors / values)
+    return Estimate(slope, own, 0.0, chi2, dof)
 
 
-def fitted(table, name, wanted, of):
-    """Claims about the parameters that `jampetsc collapse` has put into a file of the study's folder."""
+SYMBOLS = {"phi_J": "φ_J", "y": "y", "znu": "zν", "nu": "ν", "omega": "ω"}
+
+
+def fitted(table, name) -> dict[str, Estimate]:
+    """{parameter: estimate} of a fit that `jampetsc collapse` has left in the study's folder; {} where there is none.
+
+    Systematic: half of the largest change where a fit leaves out the largest rates, or the smallest N, and still has
+    an error within three of the whole fit's.
+    """
     path = table.path / f"{name}.h5"
     if not path.exists():  # a fit that did not converge, or that is under way
-        return
-    result = jampetsc.load(path).attributes
-    for parameter, theirs, note in wanted:
-        symbol = {"phi_J": "φ_J", "znu": "zν", "nu": "ν"}.get(parameter, parameter)
-        what = f"{of}: {symbol} (χ²/dof {result['chi2'] / result['dof']:.2f})"
-        error = result[f"{parameter}_error"]
-        if np.isfinite(error):
-            yield Row(what, theirs, result[parameter], error, note)
-        else:
-            yield Row(what, theirs, result[parameter], None, "the data do not tell it", decided="open")
+        return {}
+    result = jampetsc.load(path)
+    facts, found = result.attributes, {}
+    for column, parameter in enumerate(str(facts["fitted"]).split(",")):
+        value, own = facts[parameter], facts[f"{parameter}_error"]
+        change = 0.0
+        if "drift/parameters" in result:
+            others, errors = result["drift/parameters"][:, column], result["drift/errors"][:, column]
+            known = np.isfinite(errors) & (errors < 3 * own)
+            change = 0.5 * float(np.max(np.abs(others[known] - value), initial=0.0))
+        found[parameter] = Estimate(value, own, change, facts["chi2"], int(facts["dof"]))
+    return found

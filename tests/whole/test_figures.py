@@ -1,5 +1,6 @@
 """The scripts of run/figures: what they ask for exists, and each makes its pictures, at tiny sizes."""
 
+import csv
 import os
 import shlex
 import subprocess
@@ -171,13 +172,14 @@ def test_figures_are_made(tmp_path):
         (tmp_path / "claims" / f"{name}-quick").symlink_to(tmp_path / name)
     items.append(as_python(["benchmarks/reproduction.py", str(tmp_path / "claims"), "quick"]))
     said = launch.run_lines(tmp_path, items)
-    assert all(said.count(f" | `{name}` | ") >= 2 for name in JAMMING)
+    entries = list(csv.DictReader((tmp_path / "claims" / "claims.csv").open()))
+    assert all(sum(entry["figure"] == name for entry in entries) >= 2 for name in JAMMING)
     linear = "| 0.01 | 0.01 | 1 of 1 | 1.00 | 1.00 |"  # the least strain
     assert linear in said and "alpha = 0.6667" in said and "measured over self-consistent" in said
     for figure, claims in CLAIMS:
         if figure in ("bt-fig1", "bt-fig7", "bt-modes"):
             rows = list(claims(jampetsc.load(tmp_path / figure)))
-            assert len(rows) >= 6 and all(np.isfinite(row.ours) and row.size for row in rows), figure
+            assert len(rows) >= 6 and all(np.isfinite(row.ours.value) and row.size for row in rows), figure
     flow = next((tmp_path / "vagberg-fig4.6-4.7").glob("flow-*.h5"))
     slim(flow, tmp_path / "kept.h5")  # without the positions that figures 4.6 and 4.7 show, with their order
     order, kept = (six_fold_order(jampetsc.load(path)) for path in (flow, tmp_path / "kept.h5"))
@@ -207,7 +209,7 @@ def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
     unpacking = f"import tarfile; tarfile.open({str(archive)!r}).extractall({str(kept)!r}); print('unpacked')"
     said = launch.run_lines(tmp_path, [as_python(table), keeping, unpacking, as_python([*table, "kept"])])
     made, again = said.split("unpacked\n")
-    rows = made.splitlines()[2:]
-    assert len(rows) == 15 and all(row.count(" | ") == 6 and "`bt-fig5`" in row for row in rows)
-    assert again == made
+    rows = [line for line in made.splitlines() if "`bt-fig5`" in line]
+    assert len(rows) == 1 and rows[0].count(" | ") == 5  # of so small packings one claim alone
+    assert again == made and (tmp_path / "claims.csv").exists()
     assert not list(kept.glob("pack-*")) and archive.stat().st_size < 1e5
