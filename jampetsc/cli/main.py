@@ -45,8 +45,8 @@ def main(argv=None):
         return 141
     except OSError as error:
         return _fail(_system_message(error), 1)
-    except KeyboardInterrupt:
-        return _fail("interrupted", 130)
+    except KeyboardInterrupt as error:
+        return _fail(str(error) or "interrupted: nothing is kept.", 130)
     except Exception as error:
         if not session.petsc_error(error):
             raise
