@@ -46,7 +46,7 @@ MADE = {  # files that the commands read
 }
 # name -> (words, ending of the result, whether it runs on several ranks)
 COMMANDS = {
-    "pack": ("pack --n 16384 --pressure 1e-3 --seed 1", ".h5", False),
+    "pack": ("pack --n 8192 --pressure 1e-3 --seed 1", ".h5", False),
     "sweep": ("sweep large.h5 --omega 1e-8:1e2:141", ".h5", True),
     "direct": ("sweep p.h5 --method direct --omega 1e-6:1:300", ".h5", True),
     "modes": ("modes large.h5 --count 200", ".h5", True),
@@ -86,6 +86,7 @@ while signals:
 
 def child(words):
     """Run a command with checkpoints of flow and shear written often."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # as `jampetsc.__main__` does
     from jampetsc.flows import run
     from jampetsc.jobs import shear_run
 

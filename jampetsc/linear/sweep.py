@@ -10,6 +10,7 @@ from jampetsc.linear.rational import RationalSweep
 from jampetsc.linear.record import run_record
 from jampetsc.linear.run import Run
 from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.minimum import floppy_modes
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
@@ -32,7 +33,12 @@ def solve(run: Run):
         network = run.network(session.comm)
         pencil = assemble(network, run.physics.law)
     checkpoint = run.to.checkpoint(run.key(session.size), session.comm, ordered=not direct)
-    found = (_directly if direct else _rationally)(run, pencil, checkpoint)
+    try:
+        found = (_directly if direct else _rationally)(run, pencil, checkpoint)
+    except (ConvergenceError, InputError) as error:
+        if reason := floppy_modes(network):
+            error.args = (f"{error.args[0]}; {reason}",)
+        raise
     checkpoint.remove()
     return found
 
