@@ -134,7 +134,8 @@ def judged(status, errors, ranks, to_launcher) -> str:
     """What happened, in words; with "!" in front where it should not have."""
     found = LINE.findall(errors)
     if "Traceback" in errors or "PETSC ERROR" in errors:
-        return "!traceback"
+        begun = "PETSC ERROR" in errors or "jampetsc/" in errors  # python starts, or this program does
+        return "!traceback" if begun else "before the job"
     if status == 0:
         return "finished"
     if ranks > 1 and to_launcher:
@@ -166,6 +167,8 @@ def contents(path):
     found = {}
     with h5py.File(path) as file:
         file.visititems(lambda name, one: found.update({name: one[()]} if isinstance(one, h5py.Dataset) else {}))
+    for name in [name for name in found if name.startswith("part_files/")]:  # names and hashes of the parts
+        del found[name]
     return found
 
 
