@@ -77,7 +77,7 @@ def open_file(path, seal=None):
 
     seal   hash in the line of checksums that the file has to have (`checksums.seal_of`); None: any
 
-    Virtual datasets must not be read from it as they are: see `parts.read`. A Ctrl-C is raised before, see `interrupts`.
+    Virtual datasets must not be read from it as they are: see `parts.read`. A Ctrl-C is raised before.
     """
     interrupts.check()
     with opening(path):

@@ -92,7 +92,7 @@ class _BlockFactor:
             raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")
 
     def apply(self, pc, b, x):
-        """x = (K − σ)⁻¹ b; from an exception on, such as of a Ctrl-C, x = 0: SLEPc must come to its end, to be freed."""
+        """x = (K − σ)⁻¹ b; after an exception, such as of a Ctrl-C, x = 0: SLEPc must come to its end, to be freed."""
         try:
             interrupts.check()
             if self.stopped is None:

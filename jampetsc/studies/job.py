@@ -89,7 +89,9 @@ A task that fails is a row with its reason and is tried again by the next run; t
         from jampetsc.studies.journal import records_of
 
         done = sum(record["state"] == "done" for record in records_of(to.path).values())
-        return f"{done} tasks are done in {to.path}. The same command continues." if done else super().kept(to)
+        return (
+            f"{done} tasks are done in {to.path}. The same command continues." if done else super().kept(to)
+        )
 
     def work(self, to):
         from jampetsc.studies.plan import plan
