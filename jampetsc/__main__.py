@@ -1,7 +1,18 @@
-"""python -m jampetsc"""
+"""The command jampetsc, and python -m jampetsc."""
 
+import signal
 import sys
 
-from jampetsc.cli.main import main
 
-sys.exit(main())
+def main():
+    """Run the command of sys.argv, and end."""
+    # python's own handler would end the imports with a traceback; while a job runs see `interrupts`
+    if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from jampetsc.cli.main import main
+
+    sys.exit(main())
+
+
+if __name__ == "__main__":
+    main()

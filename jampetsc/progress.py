@@ -11,7 +11,7 @@ from contextvars import ContextVar
 
 from tqdm import tqdm
 
-from jampetsc import streams
+from jampetsc import interrupts, streams
 
 LOG = logging.getLogger("jampetsc")
 
@@ -75,13 +75,14 @@ class Progress:
         )
 
     def step(self, line: str) -> None:
-        """One step is finished; `line` says what came out."""
+        """One step is finished; `line` says what came out. A Ctrl-C is raised here, see `interrupts`."""
         self.count += 1
         if self.bar is not None:
             self.bar.set_postfix_str(line, refresh=False)
             self.bar.update()
         elif self.reports:
             LOG.info("[%d%s] %s", self.count, f"/{self.total}" if self.total else "", line)
+        interrupts.check()
 
     def show(self, line: str) -> None:
         """Show how far the current step has come; on a terminal only."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from jampetsc import interrupts
 from jampetsc.analysis.collapse import BOUNDS, Basis, Fit, Form, Points, scaled
 from jampetsc.errors import InputError, named
 
@@ -111,6 +112,7 @@ def best_from(points: Points, form: Form, start: Fit, search=EXACT) -> Fit:
     """Least squares from the fit `start`, in its basis."""
     from scipy.optimize import least_squares
 
+    interrupts.check()
     names, (first, _) = form.free, form.terms
     limits, unlimited = ranges(points), np.full(sum(form.terms), np.inf)
     low, high = (

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
+from jampetsc import interrupts
 from jampetsc.asking.kinds import PACKING, RADII, input_name
 from jampetsc.asking.parameters import FILE, OPTION, Part, fields, parameters
 from jampetsc.collective import on_root
@@ -160,8 +161,26 @@ class Job:
 
         Returns the summary for the user; of a finished result, which stays, only that it is there.
 
-        Raises InputError before any work for an output that may not be written, and as `work` does.
+        Raises InputError before any work for an output that may not be written, as `work` does, and KeyboardInterrupt,
+        which says what is kept, after a Ctrl-C (see `interrupts`).
         """
+        finished = False
+        try:
+            with interrupts.deferred():
+                summary = self._perform(to, petsc_argv, argv, overwrite, alone)
+                finished = True
+            return summary
+        except KeyboardInterrupt:
+            kept = f"{to} is finished." if finished else self.kept(to)
+            raise KeyboardInterrupt(f"interrupted: {kept}") from None
+
+    def kept(self, to: Outlet) -> str:
+        """What an interrupted run leaves on disk, in words."""
+        if to.has_checkpoint:
+            return f"finished steps are kept beside {to.kept}. The same command continues."
+        return "nothing is kept."
+
+    def _perform(self, to, petsc_argv, argv, overwrite, alone):
         to.request = Request(self, argv or sys.argv, overwrite)
         if self.scalar is None:
             comm = None if alone else session.communicator()

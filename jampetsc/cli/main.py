@@ -2,7 +2,7 @@
 
 Finds the command's module, gives it its arguments, and turns an error into one line and an exit status:
 1 unexpected or from the system, 2 bad input, 3 not converged, 130 interrupted, 141 nobody reads the output.
-SIGTERM is the system's: what was finished is on disk at every moment.
+SIGTERM is the system's: what was finished is on disk at every moment. For Ctrl-C see `interrupts`.
 """
 
 import argparse
@@ -31,6 +31,9 @@ PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report 
 def main(argv=None):
     """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # OpenBLAS reads it, too, when numpy is imported
+    os.environ.pop(
+        "NUMBA_NUM_THREADS", None
+    )  # of threads that nothing here uses; numba does not start with 0
     streams.prepare()
     try:
         status = dispatch(sys.argv[1:] if argv is None else argv)
@@ -45,8 +48,12 @@ def main(argv=None):
         return 141
     except OSError as error:
         return _fail(_system_message(error), 1)
-    except KeyboardInterrupt:
-        return _fail("interrupted", 130)
+    except KeyboardInterrupt as error:
+        return _fail(str(error) or "interrupted: nothing is kept.", 130)
+    except Warning as error:  # a library's, too
+        return _fail(
+            f"PYTHONWARNINGS makes this warning an error: {_one_line(error).rstrip('.')}. Unset it.", 1
+        )
     except Exception as error:
         if not session.petsc_error(error):
             raise

@@ -22,6 +22,7 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+from jampetsc import interrupts
 from jampetsc.core.compiled import compiled
 
 PERIOD = 32  # runs after which both numbers of threads are tried again: one run of one thread,
@@ -148,7 +149,11 @@ class Team:
         self._runs = Counter()
 
     def run(self, function, shares: int, *arguments):
-        """Run `function` on at most `shares` threads; return its result on this one, or raise an error of another."""
+        """Run `function` on at most `shares` threads; return its result on this one, or raise an error of another.
+
+        A Ctrl-C is raised before, see `interrupts`.
+        """
+        interrupts.check()
         most = min(self.size, shares)
         threads = self._fastest(function, most)
         counter, self._counter = self._counter, np.zeros(1, np.int64)

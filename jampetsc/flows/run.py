@@ -19,7 +19,8 @@ FEWEST_ROWS = 50  # into which a short run is divided
 INTERVAL = 10.0  # seconds between checkpoints
 LINES = 50  # of progress in a log, at most
 MOST = 1e12  # time steps of a run
-BATCH = 20_000  # most time steps of one call: signals are handled between calls
+# most time steps of one call, and that times disks, some seconds: Ctrl-C is raised between calls
+BATCH, MAX_DISK_STEPS = 20_000, 2e8
 
 
 @dataclass(frozen=True)
@@ -152,10 +153,10 @@ def run(shear: Shear, plan: Plan, checkpoint: Checkpoint, record=None, note=None
 def _row(shear, steps, record):
     """Add a row to the record: means over `steps` time steps, and a survey at their end."""
     shear.tally[:] = 0.0
-    left = steps
+    left, batch = steps, max(1, min(BATCH, int(MAX_DISK_STEPS / shear.reference.n)))
     while left > 0:
-        shear.advance(min(left, BATCH))
-        left -= BATCH
+        shear.advance(min(left, batch))
+        left -= batch
     terms = dict(zip(TALLY, shear.tally / shear.tally[TALLY.index("steps")], strict=True))
     area = shear.reference.area
     walls = wall_columns(shear) if shear.held else {}

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc import interrupts
 from jampetsc.analysis.averages import Average
 from jampetsc.analysis.correlations import ROUNDING
 from jampetsc.analysis.statistics import draws_of, small_sample_factor
@@ -109,6 +110,7 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
                 )
             edges = step * np.arange(int(half / step + 1e-9) + 1)
         for x, u, cell in zip(positions, velocities, cells, strict=True):
+            interrupts.check()
             found = lane_products(x, cell, u[:, 1], reach, edges)
             products.append(found[0])
             pairs.append(found[1])

@@ -200,7 +200,12 @@ class Checkpoint:
             self.comm.Barrier()
         if self.rank == 0 and self._own:
             discard(self.journal)
-        self._lock, self._own = None, False
+        self.done, self._lock, self._own = {}, None, False
+
+
+def has_steps(path) -> bool:
+    """Whether there are steps of any job where `Checkpoint(path, …)` keeps them."""
+    return any(folder_of(path).glob("*-rank-*"))
 
 
 def folder_of(path) -> Path:

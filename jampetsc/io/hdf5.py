@@ -14,6 +14,7 @@ from functools import wraps
 import h5py
 import numpy as np
 
+from jampetsc import interrupts
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import NewFile, remove_abandoned
 from jampetsc.io.checksums import Damaged, seal_of, verify
@@ -76,8 +77,9 @@ def open_file(path, seal=None):
 
     seal   hash in the line of checksums that the file has to have (`checksums.seal_of`); None: any
 
-    Virtual datasets must not be read from it as they are: see `parts.read`.
+    Virtual datasets must not be read from it as they are: see `parts.read`. A Ctrl-C is raised before.
     """
+    interrupts.check()
     with opening(path):
         h5 = _from_stream(open_regular(path), seal)
     with h5, reading(path):

@@ -25,7 +25,7 @@ class Outlet:
                 raise InputError(f"{named(name)}: is empty: give the name of a file")
         self.path = None if path is None else Path(path)
         self.kept = checkpoint
-        self._found = self._packing = None
+        self._found = self._packing = self._checkpoint = None
         self._ranks = 1  # that have written the file
 
     def __str__(self):
@@ -96,7 +96,17 @@ class Outlet:
         """The `io.checkpoint.Checkpoint` of the job that `key` identifies. Collective over comm."""
         from jampetsc.io.checkpoint import Checkpoint
 
-        return Checkpoint(self.kept, key, comm, ordered=ordered)
+        self._checkpoint = Checkpoint(self.kept, key, comm, ordered=ordered)
+        return self._checkpoint
+
+    @property
+    def has_checkpoint(self) -> bool:
+        """Whether finished steps of an unfinished run are on disk."""
+        if self.kept is None:
+            return False
+        from jampetsc.io.checkpoint import has_steps
+
+        return has_steps(self.kept) if self._checkpoint is None else bool(self._checkpoint.done)
 
     def share(self, comm) -> None:
         """Give every rank what rank 0 has found in memory. Collective."""

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 
+from jampetsc import interrupts
 from jampetsc.analysis.correlations import ROUNDING, correlate
 from jampetsc.analysis.lane_sums import grid_cells, lane_sums
 from jampetsc.errors import InputError, about, named
@@ -73,6 +74,7 @@ def _correlated(sweeps, motions, lanes):
     cells = grid_cells(first.cell[0, 0], _diameter(first))
     for sweep, (disks, particles, fields) in zip(sweeps, motions, strict=True):
         for width, found in zip(lanes, sums, strict=True):
+            interrupts.check()
             with about(sweep.path):
                 places = disks.positions[particles]
                 found.append(lane_sums(places, disks.cell, fields, width * _diameter(disks), cells))

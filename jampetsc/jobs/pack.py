@@ -218,6 +218,13 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
                 task.path, self.FORMAT, self.paths
             )  # its settings are compared by `Task.is_finished`
 
+    def kept(self, to):
+        """See `Job`; packings that are finished stay."""
+        if to.path is None or not self.several:
+            return super().kept(to)
+        there = [task.path.exists() for task in self.tasks(str(to.path))]
+        return f"{sum(there)} of {len(there)} packings are finished. The same command continues."
+
     def work(self, to):
         """Make the packings that are missing, spread over the ranks. Collective."""
         from jampetsc.core.threads import Team

@@ -122,12 +122,19 @@ class FrequencySolver:
             )
         return result
 
+    def restore(self, omega: float, least: float) -> None:
+        """Use the `SingularBound` that an earlier run has found."""
+        self.form.set(omega)
+        self.singular_bound = SingularBound(omega, self._diagonal(), least)
+
+    def _diagonal(self):
+        """That of a `SingularBound` at the frequency of the form; without a minimum that of K may be negative."""
+        magnitude = self.form.magnitude
+        return np.ones_like(magnitude) if self.pencil.law.holds_translations else magnitude
+
     def _find_singular_bound(self, omega) -> SingularBound:
         """A `SingularBound` at ω, from solves with random right-hand sides."""
-        projects = self.pencil.law.holds_translations
-        diagonal = self.form.magnitude  # that of K + iωB: without a minimum that of K may be negative
-        if projects:
-            diagonal = np.ones_like(diagonal)
+        diagonal = self._diagonal()
         root, first = np.sqrt(diagonal), self.pencil.K.getOwnershipRange()[0]
         generator = np.random.default_rng(first)
 

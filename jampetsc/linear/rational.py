@@ -61,15 +61,19 @@ class RationalSweep:
         """Factorisations made."""
         return len(self.factors.shifts)
 
-    def restore(self, first, x0, vectors, shifts) -> None:
+    def restore(self, first, x0, vectors, shifts, owner: dict, certificate=None) -> None:
         """Continue from the basis of an earlier run: x₀, vectors (m, n_local) and their shifts (m,).
 
-        Its factors are lost; new ones certify the residual, wherever the basis comes from.
+        owner         as in `Factors`: shifts of its factors, which are made again and so certify whatever basis this is
+        certificate   the last one of that run, which steers where this one goes
         """
         basis = RationalBasis(self.pencil, first, x0)
         for vector, shift in zip(vectors, shifts, strict=True):
             basis.append(vector, shift)
+        self.factors.owner |= owner
         self._set_basis(basis)
+        self._renew_estimate()
+        self.certificate, self._certified = certificate, int(certificate is not None)
 
     def next_shifts(self) -> list[float]:
         """The shifts of the next factorisations, as many as are done at once; none when all is certified.
@@ -89,8 +93,6 @@ class RationalSweep:
         """The next shifts; none where the estimate meets the accuracy everywhere."""
         if self.basis is None:
             return self._spread([self._clip(self.omega[0])])
-        if not self.factors.shifts:
-            return self._spread([self.basis.shifts[-1] if self.basis.size else self._clip(self.omega[0])])
         ratio = self._ratio()
         worst = int(np.argmax(ratio))
         if ratio[worst] <= 1.0:
@@ -133,7 +135,7 @@ class RationalSweep:
         return abs(self._modulus()[i]) * self.pencil.network.area <= NOTHING * affine
 
     def _for_certificate(self):
-        """The shift where the certificate is worst, if there is no factor near it, as after a resume; else none."""
+        """The shift where the certificate is worst, if there is no factor near it; else none."""
         if self.certificate is None:
             return []
         worst = np.argmax(np.max(self.certificate.relative, axis=1))
@@ -157,6 +159,10 @@ class RationalSweep:
                 first, x0 = self.factors.field(shifts[0])
             self._set_basis(RationalBasis(self.pencil, first, x0))
         self.factors.extend(self.basis, shifts, VECTORS)
+        self._renew_estimate()
+
+    def _renew_estimate(self):
+        """Compute what is missing in the basis as it is."""
         q, more = self.basis.residual()
         self.basis.complete |= not more
         self.missing = q, positive(self.factors.energies(q))

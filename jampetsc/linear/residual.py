@@ -145,8 +145,7 @@ class ResidualBound:
         self.shift_bounds = [self._first_shift_bound()]
         self.directions = np.empty((len(q), 0))
         self._energies = []
-        if self.network.sum(float(q @ q)):
-            self._add_direction(q.copy(), energies)
+        self._add_direction(q.copy(), energies)
 
     def _first_shift_bound(self):
         """Under drag on disks that do not turn K + sB ≥ s kτ₁ drag; else from the factor of the middle shift."""
@@ -168,10 +167,14 @@ class ResidualBound:
         stretch = self.network.max(reach / diagonal)
         return ShiftBound(s, diagonal, least, np.sqrt(stretch) * self.residual.rounding(s, reach))
 
-    def _add_direction(self, v, energies):
+    def _add_direction(self, v, energies) -> bool:
+        """Add a direction; False if it is zero, which may be rounding without a net force."""
         self.pencil.project(v)
+        if not self.network.sum(float(v @ v)):
+            return False
         self.directions = np.column_stack((self.directions, v))
         self._energies.append(energies)
+        return True
 
     def _inverse(self, lower, omega):
         """a with (K + ωB)⁻¹ ≤ a D⁻¹ for the D of a shift bound; infinite where its lower bound is zero."""
@@ -195,8 +198,7 @@ class ResidualBound:
         if worst.hopeless or self.directions.shape[1] >= DIRECTIONS:
             return False
         v = self.residual.columns @ worst.of_columns - self.directions @ worst.of_directions
-        self._add_direction(v, positive(self.factors.energies(v)))
-        return True
+        return self._add_direction(v, positive(self.factors.energies(v)))
 
     def _evaluate(self, allowed):
         """(bound (M,), `_Worst` or None where it is within `allowed`)."""
@@ -230,8 +232,9 @@ class ResidualBound:
             c = solve_triangular(triangle[:k, :k], triangle[:k, k:] @ w) if k else np.empty((0, len(omega)))
             e = triangle[k:, k:] @ w
             inverse = np.sqrt(self._inverse(lower, omega))
-            known.append(np.sum(np.abs(c) * norms, axis=0) + (lower.rounding @ np.abs(w)) * inverse)
-            rest.append(np.linalg.norm(e, axis=0) * inverse)
+            with np.errstate(invalid="ignore"):  # 0 · ∞, where K + sB may be singular
+                known.append(np.sum(np.abs(c) * norms, axis=0) + (lower.rounding @ np.abs(w)) * inverse)
+                rest.append(np.linalg.norm(e, axis=0) * inverse)
             parts.append(e)
         total = np.array(known) + np.array(rest)
         best = np.argmin(np.nan_to_num(total, nan=np.inf), axis=0)

@@ -1,16 +1,18 @@
 """A sweep by either method, from its packing to its file: progress, checkpoint, failures, fields."""
 
-from dataclasses import replace
+import dataclasses
 
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.io.notes import noted, unstable_to_shear
+from jampetsc.linear.certificate import Certified
 from jampetsc.linear.direct import FrequencySolver
 from jampetsc.linear.rational import RationalSweep
 from jampetsc.linear.record import run_record
 from jampetsc.linear.run import Run
 from jampetsc.mechanics.assembly import assemble
+from jampetsc.mechanics.minimum import floppy_modes
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
@@ -33,7 +35,12 @@ def solve(run: Run):
         network = run.network(session.comm)
         pencil = assemble(network, run.physics.law)
     checkpoint = run.to.checkpoint(run.key(session.size), session.comm, ordered=not direct)
-    found = (_directly if direct else _rationally)(run, pencil, checkpoint)
+    try:
+        found = (_directly if direct else _rationally)(run, pencil, checkpoint)
+    except (ConvergenceError, InputError) as error:
+        if reason := floppy_modes(network):
+            error.args = (f"{error.args[0]}; {reason}",)
+        raise
     checkpoint.remove()
     return found
 
@@ -53,7 +60,9 @@ def _rationally(run, pencil, checkpoint):
                     sweep.add_shifts(shifts)
                 basis = sweep.basis
                 fields = {"vectors": basis.vectors[before:]} | ({} if before else {"x0": basis.x0})
-                done = {"first": basis.first, "shifts": basis.shifts[before:]}
+                fields |= {} if sweep.certificate is None else vars(sweep.certificate)
+                owner = list(sweep.factors.owner.items())
+                done = {"first": basis.first, "shifts": basis.shifts[before:], "owner": owner}
                 checkpoint.save(checkpoint.next, done, fields)
                 listed = ", ".join(f"{shift:.2e}" for shift in shifts)
                 progress.step(
@@ -77,27 +86,35 @@ def _restore(sweep, checkpoint):
     records, arrays = ([of(index) for index in steps] for of in (checkpoint.done.get, checkpoint.fields))
     vectors = np.concatenate([array["vectors"] for array in arrays])
     shifts = np.concatenate([record["shifts"] for record in records])
-    sweep.restore(records[0]["first"], arrays[0]["x0"], vectors, shifts)
+    found = {field.name: arrays[-1].get(field.name) for field in dataclasses.fields(Certified)}
+    certificate = None if found["G"] is None else Certified(**found)
+    owner = dict(records[-1]["owner"])
+    sweep.restore(records[0]["first"], arrays[0]["x0"], vectors, shifts, owner, certificate)
 
 
 def _directly(run, pencil, checkpoint):
-    session, failures = current(), {}
+    session, failures, factorisations = current(), {}, 0
     with session.stage("assembly"):
         solver = FrequencySolver(pencil, positive_semidefinite=run.negative_modes == 0)
     todo = [index for index in range(len(run.omega)) if index not in checkpoint.done]
     with Progress(len(run.omega), "sweep", session.rank, done=len(checkpoint.done)) as progress:
         if checkpoint.done:
             progress.note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} frequencies are finished")
+            solver.restore(*checkpoint.done[max(checkpoint.done)]["singular_bound"])
         for index in todo:
-            omega = run.omega[index]
+            omega, before = run.omega[index], solver.factorisations
             try:
                 with session.stage("frequency"):
                     result = solver.solve(omega, run.accuracy)
             except ConvergenceError as error:
                 failures[index] = error
+                factorisations += solver.factorisations - before
                 progress.step(f"failed: {error}")
                 continue
+            bound = solver.singular_bound
             record, fields = {"G": result.G, "bounds": result.bounds}, None
+            record["singular_bound"] = bound.omega, bound.least
+            record["factorisations"] = solver.factorisations - before
             if omega in run.field_omega:
                 displacement, rotation = pencil.split(solver.x)
                 fields = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
@@ -113,10 +130,11 @@ def _directly(run, pencil, checkpoint):
     omega = run.omega[finished]
     G, bounds = (np.array([checkpoint.done[index][name] for index in finished]) for name in ("G", "bounds"))
     stored = [index for index in finished if run.omega[index] in run.field_omega]
-    extra = {"factorisations": solver.factorisations}
+    factorisations += sum(checkpoint.done[index]["factorisations"] for index in finished)
+    extra = {"factorisations": factorisations}
     if failures:
         extra["failed_omega"] = run.asked(run.omega[sorted(failures)])
-    kept = replace(run, field_omega=run.omega[stored])
+    kept = dataclasses.replace(run, field_omega=run.omega[stored])
     _write(kept, pencil, omega, G, bounds, _stored_fields(checkpoint, stored), extra)
     if failures:
         first = failures[min(failures)]

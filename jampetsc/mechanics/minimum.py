@@ -7,11 +7,12 @@ records see `core.minimum`, for unbalanced forces `core.state`.
 from jampetsc.collective import on_root
 from jampetsc.core.laws import UNDAMPED
 from jampetsc.core.state import BALANCED, imbalance, measure
-from jampetsc.errors import InputError, named
+from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.mechanics.assembly import assemble
 from jampetsc.mechanics.network import Network, find_pieces
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.inertia import Inertia, count_eigenvalues
+from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor
 from jampetsc.progress import warn
 
@@ -64,12 +65,31 @@ def require_unique_response(network: Network) -> None:
     """Raise InputError, with their number, for negative modes and for zero modes besides translations. Collective."""
     inertia = count_modes(network)
     _refuse_negative(inertia.negative)
+    if reason := _floppy_modes(network, inertia):
+        raise InputError(reason)
+
+
+def floppy_modes(network: Network) -> str:
+    """The reason that floppy modes give where a response cannot be solved for; empty without them. Collective.
+
+    Empty, too, where they cannot be counted: with complex scalars, or by factorisations that fail.
+    """
+    if current().scalar_type != "real":
+        return ""
+    try:
+        return _floppy_modes(network, count_modes(network))
+    except (ConvergenceError, InputError):
+        return ""
+
+
+def _floppy_modes(network, inertia):
     floppy = inertia.zero - find_pieces(network).translations
-    if floppy > 0:
-        raise InputError(
-            f"K has {floppy} floppy mode{'s' * (floppy > 1)} besides its translations: the response to strain is not "
-            "unique; raise the pressure or finish the quench"
-        )
+    if floppy <= 0:
+        return ""
+    return (
+        f"K has {floppy} floppy mode{'s' * (floppy > 1)} besides its translations: the response to strain is not "
+        "unique; raise the pressure or finish the quench"
+    )
 
 
 def _refuse_negative(count):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jampetsc import interrupts
 from jampetsc.core.compiled import compiled
 from jampetsc.core.disks import Disks
 from jampetsc.core.kernel import pair_energy
@@ -89,7 +90,8 @@ class Thermal(ListedDisks):
         self._around = Around.of(self.pairs, disks.n)
 
     def sweep(self, temperature: float, tune: bool = False) -> float:
-        """One sweep at this temperature; returns the acceptance rate."""
+        """One sweep at this temperature; returns the acceptance rate. A Ctrl-C is raised before, see `interrupts`."""
+        interrupts.check()
         left = self.generator.random((len(self.offsets), 4))
         law, taken = self.reference.potential.constants, 0
         while len(left):

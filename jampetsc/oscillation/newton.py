@@ -6,6 +6,7 @@ A step solves the linear equations of all times together by FGMRES, precondition
 
 import numpy as np
 
+from jampetsc import interrupts
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.oscillation.equations import Equations
 from jampetsc.oscillation.preconditioner import HarmonicPreconditioner
@@ -102,6 +103,7 @@ class _Linearised:
 
     def apply(self, pc, x, y):
         """Eliminate the damping forces exactly and precondition the rest for each harmonic."""
+        interrupts.check()
         equations, tangent = self.equations, self.tangent
         contacts = equations.contacts
         right, out = equations.split(x.getArray(readonly=True)), equations.split(y.getArray())

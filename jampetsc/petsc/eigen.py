@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import eigh
 
+from jampetsc import interrupts
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.petsc.cholesky import fits_cholmod
 from jampetsc.petsc.matrices import whole_matrix
@@ -91,14 +92,22 @@ class _BlockFactor:
             raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")
 
     def apply(self, pc, b, x):
-        """x = (K − σ)⁻¹ b; from an exception on, such as a signal's, x = b: SLEPc must come to its end, to be freed."""
+        """x = (K − σ)⁻¹ b; after an exception, such as of a Ctrl-C, x = 0: SLEPc must come to its end, to be freed."""
         try:
+            interrupts.check()
             if self.stopped is None:
                 x.setArray(self._solve(b.getArray(readonly=True)))
                 return
         except BaseException as error:
             self.stopped = error
-        b.copy(x)
+        x.set(0.0)
+
+    def stop(self, eps, iterations, most, converged, asked):
+        """SLEPc's usual test whether to restart; after an exception it does not."""
+        reason = current().SLEPc.EPS.ConvergedReason
+        if self.stopped is not None or converged >= asked:
+            return reason.CONVERGED_TOL
+        return reason.DIVERGED_ITS if iterations >= most else reason.CONVERGED_ITERATING
 
 
 def _suits_blocks(matrix) -> bool:
@@ -120,6 +129,7 @@ def _krylov(pencil, moves, count, stiffness):
         pc.setType("python")
         factor = _BlockFactor(pencil.K, SHIFT * stiffness)
         pc.setPythonContext(factor)
+        eps.setStoppingTest(factor.stop)
     eps.setDeflationSpace(deflated)
     try:
         eps.solve()

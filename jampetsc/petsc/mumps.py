@@ -2,6 +2,7 @@
 
 import re
 
+from jampetsc import interrupts
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.petsc.session import current
 
@@ -48,7 +49,9 @@ def factorise(ksp, matrix, what: str) -> int:
     """Set up `ksp` for `matrix`; where MUMPS ran out of workspace, again with more (ICNTL(14) doubled). Collective.
 
     Returns the number of attempts. Raises Failure naming `what`, and PETSc.Error for errors not explained here.
+    A Ctrl-C is raised before, see `interrupts`.
     """
+    interrupts.check()
     attempt = 1
     while True:
         ksp.setOperators(matrix)
@@ -80,8 +83,9 @@ def solve(ksp, rhs, out, what: str, remedy: str = "") -> None:
     """out ← the solution of `ksp` for rhs, PETSc vectors. Collective.
 
     Raises ConvergenceError with PETSc's reason if it failed on any rank; PETSc does not tell the others of a
-    preconditioner that fails on one.
+    preconditioner that fails on one. A Ctrl-C is raised before, see `interrupts`.
     """
+    interrupts.check()
     ksp.solve(rhs, out)
     reason = min(ksp.getComm().tompi4py().allgather(ksp.getConvergedReason()))
     if reason < 0:

@@ -91,8 +91,9 @@ def _load(petsc_argv):
         reason = " ".join(str(error).split())
         raise InputError(f"petsc4py and mpi4py: {reason}: install them for {sys.executable}") from error
     except RuntimeError as error:  # PETSc.Error; PETSc has printed the details
-        given = " ".join(petsc_argv)
-        raise InputError(f"{given}: PETSc does not start with this: see its message above") from error
+        raise InputError(
+            f"{_options_given(petsc_argv)}: PETSc does not start with this. See its message above."
+        ) from error
     try:
         import slepc4py
 
@@ -106,6 +107,14 @@ def _load(petsc_argv):
             "set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
         ) from error
     return PETSc, SLEPc, MPI.COMM_WORLD
+
+
+def _options_given(petsc_argv) -> str:
+    """Where PETSc has options from: a command line, PETSC_OPTIONS, files that it reads by itself."""
+    variable = os.environ.get("PETSC_OPTIONS")
+    files = [Path.home() / ".petscrc", Path(".petscrc"), Path("petscrc")]
+    sources = [*petsc_argv, *([f"PETSC_OPTIONS={variable}"] if variable else []), *filter(Path.exists, files)]
+    return " ".join(map(str, sources)) or "no options"
 
 
 def current():

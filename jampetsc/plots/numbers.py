@@ -39,7 +39,7 @@ def written(axes) -> bytes:
         {name: value if name in COLUMNS else repr(float(value)) for name, value in row.items()}
         for row in rows
     )
-    return comma_separated(names, digits).encode()
+    return comma_separated(names, digits).encode(errors="backslashreplace")  # names of files that are no text
 
 
 def _is_named(artist):

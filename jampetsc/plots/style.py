@@ -151,7 +151,14 @@ def save(fig, path) -> None:
     suffix = Path(os.path.realpath(path)).suffix.lower()
     image = io.BytesIO()
     with drawn_in():
-        fig.savefig(image, format=suffix[1:], metadata=FORMATS[suffix])
+        try:
+            fig.savefig(image, format=suffix[1:], metadata=FORMATS[suffix])
+        except (ValueError, OverflowError) as error:
+            date = os.environ.get("SOURCE_DATE_EPOCH")
+            if not date or suffix not in (".pdf", ".svg"):
+                raise
+            why = f"SOURCE_DATE_EPOCH {date}: no date for a picture ({error}). Give seconds since 1970, or unset it."
+            raise InputError(why) from None
     content = image.getvalue()
     if suffix == ".svg":
         content = _numbered_clips(content)

@@ -4,8 +4,6 @@ import datetime
 import os
 import platform
 import shlex
-import signal
-import sys
 import tempfile
 from pathlib import Path
 
@@ -23,7 +21,6 @@ def measure(job, out) -> str:
     Choices that fail have a row that says why. Raises JampetscError if there is no reference.
     """
     picture = Path(out).with_suffix(".png")
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # as by the system, but stops the run in hand
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder, Progress(None, "trade") as progress:
         bench = choices.Bench(job, folder, progress)

@@ -10,6 +10,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 
+from jampetsc import interrupts
 from jampetsc.errors import InputError, named
 from jampetsc.petsc.launcher import without_launcher
 
@@ -46,13 +47,15 @@ def run(words, ranks: int | None = None) -> Outcome:
     with tempfile.TemporaryFile() as errors:
         began, nothing = time.perf_counter(), subprocess.DEVNULL
         environment = without_launcher(os.environ)
-        process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=errors, env=environment)
-        try:
-            _, status, usage = os.wait4(process.pid, 0)  # for the memory of this run alone
-        except BaseException:
-            process.terminate()
-            process.wait()
-            raise
+        interrupts.check()
+        with interrupts.waiting():
+            process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=errors, env=environment)
+            try:
+                _, status, usage = os.wait4(process.pid, 0)  # for the memory of this run alone
+            except BaseException:
+                process.terminate()
+                process.wait()
+                raise
         process.returncode = os.waitstatus_to_exitcode(status)
         seconds = time.perf_counter() - began
         errors.seek(0)

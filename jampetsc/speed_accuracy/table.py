@@ -58,7 +58,8 @@ def write(path, rows, facts) -> None:
     told = [f"{one.name}: {one.metadata['meaning']}" for one in fields(Row) if one.metadata]
     above = "".join(f"# {line}\n" for line in [*facts, *told])
     cells = ({name: _cell(value) for name, value in vars(row).items()} for row in rows)
-    write_whole(path, (above + comma_separated([one.name for one in fields(Row)], cells)).encode())
+    text = above + comma_separated([one.name for one in fields(Row)], cells)
+    write_whole(path, text.encode(errors="backslashreplace"))  # names of files that are no text
 
 
 def as_text(rows) -> str:

@@ -85,6 +85,15 @@ A task that fails is a row with its reason and is tried again by the next run; t
 
         return read(self.study) if isinstance(self.study, str) else self.study
 
+    def kept(self, to):
+        """See `Job`; tasks that are done stay."""
+        from jampetsc.studies.journal import records_of
+
+        done = sum(record["state"] == "done" for record in records_of(to.path).values())
+        return (
+            f"{done} tasks are done in {to.path}. The same command continues." if done else super().kept(to)
+        )
+
     def work(self, to):
         from jampetsc.studies.plan import plan
 

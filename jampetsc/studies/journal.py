@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from urllib.parse import quote
 
+from jampetsc import interrupts
 from jampetsc.io.atomic import remove_abandoned, write_error
 from jampetsc.io.checkpoint import read_entry, write_entry
 
@@ -82,6 +83,7 @@ class Claims:
     def done(self, task) -> bool:
         """Wait until the rank that has taken a task finishes it; whether it succeeded."""
         while not (done := self._file(task, DONE).exists()) and not self._file(task, FAILED).exists():
+            interrupts.check()
             time.sleep(NAP)
         return done
 

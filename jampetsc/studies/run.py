@@ -4,6 +4,7 @@ import time
 from functools import partial
 from pathlib import Path
 
+from jampetsc import interrupts
 from jampetsc.collective import on_root, own_cores
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import write_error, write_whole
@@ -165,6 +166,7 @@ class _Work:
                 self._now_and_then()
         ended = waiting.Ibarrier()
         while not ended.Test():
+            interrupts.check()
             self._now_and_then()
             time.sleep(NAP)
         waiting.Free()

@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import os
+import signal
 import subprocess
 import sys
 from functools import partial
@@ -413,15 +414,18 @@ def test_an_interrupt_leaves_a_process_that_can_go_on(session, monkeypatch, shar
     p, solve = published(), rational.RationalSweep.add_shifts
     with monkeypatch.context() as patch:
         patch.setattr(rational.RationalSweep, "add_shifts", lambda *words: (solve(*words), _interrupt()))
-        with pytest.raises(KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt, match=r"^interrupted: nothing is kept\.$"):
             jampetsc.sweep(p, omega=[1.0])
     reference = jampetsc.quasistatic(p).attributes["G0"]
     assert jampetsc.sweep(p, omega=[1e-9]).G[0].real == pytest.approx(reference, rel=1e-6)
     save = Checkpoint.save
     how = {"omega": [1e-3, 1.0], "method": "direct", "checkpoint": shared_path / "kept"}
     with monkeypatch.context() as patch:
-        patch.setattr(Checkpoint, "save", lambda *words: (save(*words), _interrupt()))
-        with pytest.raises(KeyboardInterrupt):
+        patch.setattr(Checkpoint, "save", lambda *words: (save(*words), signal.raise_signal(signal.SIGINT)))
+        said = (
+            f"^interrupted: finished steps are kept beside {shared_path}/kept. The same command continues.$"
+        )
+        with pytest.raises(KeyboardInterrupt, match=said):
             jampetsc.sweep(p, **how)
     assert len(list((shared_path / "kept.resume").glob("*-rank-0000"))) == 1
     assert len(jampetsc.sweep(p, **how).G) == 2 and not list(shared_path.iterdir())

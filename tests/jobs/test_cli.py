@@ -303,13 +303,32 @@ def failing(error):
         (MemoryError("Unable to\n allocate 3 GB"), 1,
          ["out of memory: Unable to allocate 3 GB: use more nodes, or a smaller packing"]),
         (PermissionError(errno.EACCES, "x", "a.h5"), 1, ["a.h5: Permission denied: check its permissions"]),
-        (KeyboardInterrupt(), 130, ["interrupted"]),
+        (KeyboardInterrupt(), 130, ["interrupted: nothing is kept."]),
+        (KeyboardInterrupt("interrupted: a"), 130, ["interrupted: a"]),
+        (DeprecationWarning("path is old."), 1,
+         ["PYTHONWARNINGS makes this warning an error: path is old. Unset it."]),
     ],
 )  # fmt: skip
 def test_every_error_has_its_line_and_status(monkeypatch, capsys, error, status, lines):
     monkeypatch.setattr(cli, "dispatch", failing(error))
     assert cli.main(["probe"]) == status
     assert capsys.readouterr() == ("", "".join(f"jampetsc: error: {line}\n" for line in lines))
+
+
+def test_numba_starts_whatever_its_own_threads(tmp_path):
+    line = [
+        sys.executable,
+        "-m",
+        "jampetsc",
+        "pack",
+        "--n",
+        "16",
+        "--pressure",
+        "1e-2",
+        "--out",
+        tmp_path / "p.h5",
+    ]
+    subprocess.run(line, env=launch.environment() | {"NUMBA_NUM_THREADS": "0"}, check=True, timeout=300)
 
 
 @pytest.mark.scalar("real")

@@ -1,6 +1,5 @@
 """A sweep killed half-way: the same command continues, another one starts from the beginning."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +17,7 @@ KILLED = [  # packing, options, ranks, after how many steps, what is said
     (polydisperse(3)[0], (), 0, 1, "1 shifts"),
     (polydisperse(3)[0], (), 2, 1, "1 shifts"),
     (polydisperse(3)[0], DIRECT, 2, 4, "4 frequencies"),
+    (polydisperse(3)[0], DIRECT, 0, 2, "2 frequencies"),
     (published(), KELVIN_VOIGT, 0, 1, "1 shifts"),
 ]
 
@@ -39,16 +39,16 @@ def test_the_same_command_continues(tmp_path, disks, options, ranks, steps, said
     assert f"continuing {out}.resume: {said} are finished" in done.stderr
     assert not list(tmp_path.glob("*.resume*"))
     one, other = (jampetsc.load(path) for path in (whole, out))
-    np.testing.assert_allclose(other.G, one.G, rtol=1e-9)
+    alike = not ranks  # two ranks make two factors at a time
+    np.testing.assert_allclose(other.G, one.G, rtol=1e-12 if alike else 1e-9)
+    if alike:
+        np.testing.assert_allclose(other["error_bound"], one["error_bound"], rtol=0.1)
+        for name in ("factorisations", "vectors"):
+            assert other.attributes.get(name) == one.attributes.get(name)
     exact = 1e-8 if options else 1e-4
     np.testing.assert_allclose(other["fields/displacement"], one["fields/displacement"], atol=exact)
     if options == KELVIN_VOIGT:
         assert other.attributes["vectors"] == 0
-    elif not options:
-        # what was lost is a factor: the first of the new ones stands where the last of the old ones was
-        assert int(re.search(r"vectors (\d+)", done.stderr)[1]) > 4
-        made = [result.attributes["factorisations"] for result in (one, other)]
-        assert made[1] <= made[0] + max(ranks, 1)
 
 
 def test_everything_that_decides_a_sweep_identifies_its_checkpoint():

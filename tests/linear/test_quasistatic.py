@@ -17,6 +17,8 @@ from samples import (
     reference,
 )
 
+import jampetsc
+from jampetsc import ContactDamping
 from jampetsc.cli import main as cli
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.linear import elastic as elastic_module
@@ -130,6 +132,18 @@ def test_refused_packings_leave_no_file(session, shared_path, capsys, command, d
     assert cli.main([command, str(packing), "--out", str(shared_path / "out.h5")]) == 2
     assert session.rank or (f"{packing}: " in (text := capsys.readouterr().err) and says in text)
     assert session.comm.bcast(sorted(path.name for path in shared_path.iterdir())) == ["packing.h5"]
+
+
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize("beta", [0.0, 1.0])
+@pytest.mark.parametrize("rotations", [False, True])
+def test_a_sweep_that_floppy_modes_prevent_says_so(session, beta, rotations):
+    """Rows of a square lattice slide at no cost: G′ = 0, and with β = 0 nothing dissipates."""
+    law = ContactDamping(beta=beta, rotations=rotations)
+    with pytest.raises(
+        (ConvergenceError, InputError), match="; K has 14 floppy modes besides its translations: the response"
+    ):
+        jampetsc.sweep(lattice(), law, omega=[1e-2, 1.0], prestress=False)
 
 
 @pytest.mark.most_ranks(2)

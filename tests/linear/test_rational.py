@@ -302,7 +302,8 @@ def test_what_a_sweep_says_on_its_way(session, shared_path, capfd, method, line)
     assert "continuing" not in said and not session.comm.bcast(list(shared_path.glob("*.resume*")))
     if method == "direct":
         kept = Checkpoint(out, job.key(session.size), session.comm)
-        kept.save(0, {"G": 1 + 1j, "bounds": [0.0, 0.0, 0.0]}, None)
+        known = {"singular_bound": (1e-3, 1.0), "factorisations": 1}
+        kept.save(0, {"G": 1 + 1j, "bounds": [0.0, 0.0, 0.0], **known}, None)
         _, G, _ = sweep_module.solve(replace(job, negative_modes=0))
         said = capfd.readouterr().err
         assert ("sweep.h5.resume: 1 frequencies are finished" in said) == (session.rank == 0)

@@ -191,8 +191,8 @@ def test_a_basis_from_outside_makes_no_bound_false(session, spoil, parallel):
     elif spoil == "a shift":
         shifts[5] *= 1.1
     other = Sweep(SAMPLES["published"](), law, OMEGA, 1e-6, session.comm, parallel)
-    other.sweep.restore(basis.first, x0, vectors, shifts)
     try:
+        other.sweep.restore(basis.first, x0, vectors, shifts, found.sweep.factors.owner)
         other.solved()
     except ConvergenceError:
         assert spoil != "nothing"

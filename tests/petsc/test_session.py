@@ -395,7 +395,7 @@ def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there():
     [
         ("mpi4py", None, "petsc4py and mpi4py: import of mpi4py halted; None in sys.modules: install them for /"),
         ("petsc4py", None, "petsc4py and mpi4py: import of petsc4py halted"),
-        ("any", None, "-malloc_debug maybe: PETSc does not start with this: see its message above"),
+        ("any", None, "-malloc_debug maybe: PETSc does not start with this. See its message above."),
         ("slepc4py", "Namespace(init=dict, __file__='/lib/x/y.py')", "/lib/x was not built for /"),  # ValueError
     ],
 )  # fmt: skip
@@ -404,6 +404,18 @@ def test_what_does_not_start_is_one_line(module, found, message):
     before = f"import sys\nfrom argparse import Namespace\nsys.modules[{module!r}] = {found}"
     done = python(f"{before}\nsession.start('real', {words})")
     assert done.stderr.splitlines()[-1].startswith(f"jampetsc.errors.InputError: {message}"), done.stderr
+
+
+def test_options_that_keep_petsc_from_starting_are_named_wherever_they_are(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("PETSC_OPTIONS=-options_file none", ""), (".petscrc", "-options_file none")):
+        if text:
+            monkeypatch.delenv("PETSC_OPTIONS")
+            (tmp_path / name).write_text(text)
+        else:
+            monkeypatch.setenv(*name.split("=", 1))
+        done = python("session.start('real')")
+        assert f"InputError: {name}: PETSc does not start with this." in done.stderr, done.stderr
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from jampetsc.plots import logaxes, style
 from jampetsc.plots.draw import MODULES, pictures
 from jampetsc.plots.flowcurves import plot_flow
 from jampetsc.plots.moduli import plot_moduli
-from jampetsc.plots.numbers import plain, table
+from jampetsc.plots.numbers import plain, table, written
 from jampetsc.plots.page import Page, band, points
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
@@ -118,6 +118,20 @@ def test_ends_of_bars_and_bands_are_written():
     points = [[1.0, 4.0, 0.5, 1.5, 3.9, 4.4], [3.0, 6.0, 2.5, 3.5, 5.7, 6.6]]
     bands = [[x, np.nan, np.nan, np.nan, low, high] for x, low, high in ((1.0, 0.0, 3.0), (2.0, 1.0, 5.0))]
     np.testing.assert_allclose(found, points + bands)
+
+
+def test_names_that_are_no_text_are_written_as_escapes():
+    ax = Figure().subplots()
+    ax.plot([1.0, 2.0], label="b\udcffd.h5")
+    assert rb"b\udcffd.h5" in written([ax])
+
+
+@pytest.mark.parametrize("date", ["x", "9" * 20])
+def test_a_date_that_is_none_is_refused(tmp_path, monkeypatch, date):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", date)
+    style.save(Figure(), tmp_path / "a.png")
+    with pytest.raises(InputError, match=f"^SOURCE_DATE_EPOCH {date}: no date for a picture"):
+        style.save(Figure(), tmp_path / "a.pdf")
 
 
 @pytest.mark.parametrize(
