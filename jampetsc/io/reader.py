@@ -199,5 +199,6 @@ def load(path):
         if name not in RESULTS:
             known = ", ".join((packing_file.FORMAT, *RESULTS))
             raise InputError(f"{path}: format {name}: this jampetsc reads {known}; use a newer one")
+        found = RESULTS[name].read(h5, path)
         PartList(h5, path).check()
-        return RESULTS[name].read(h5, path)
+        return found

@@ -49,7 +49,7 @@ def field(value):
         ({"bound": np.inf}, "plot s.h5 --out s.svg", None),
         ({"k": 0.0}, "plot s.h5 --out s.svg", "attribute k = 0.0: must be a positive number"),
         ({"pressure": np.nan}, "plot s.h5 --out s.svg", "attribute pressure = nan: must be a number"),
-        ({"tau1": "one"}, "plot s.h5 --out s.svg", "attribute tau1 = one: must be a positive number"),
+        ({"tau1": "one"}, "plot s.h5 --out s.svg", "attribute tau1 = 'one': must be a real number"),
         ({"spectrum": (np.nan, 0.1, RATES, RATES)}, "spectrum s.h5 --out o.h5", "values that no packing has"),
         ({"spectrum": (0.0, 0.0, RATES, RATES)}, "spectrum s.h5 --out o.h5", None),
         ({"fields": field(0.0)}, "correlate s.h5 --lane 1,2 --out o.h5", None),
