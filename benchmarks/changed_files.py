@@ -155,7 +155,7 @@ def main():
     warnings.simplefilter("ignore")
     work = options.folder / "changed" / str(os.getpid())
     work.mkdir(parents=True)
-    sources = sorted(options.folder.glob(f"{options.only}*.h5"))
+    sources = [path for path in sorted(options.folder.glob("*.h5")) if path.name.startswith(options.only)]
     for source in options.folder.glob("*.h5"):
         shutil.copy(source, work)
     os.chdir(work)

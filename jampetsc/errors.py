@@ -8,6 +8,8 @@ command line.
 import math
 import re
 
+from jampetsc.streams import visible
+
 _NAMED = re.compile("\ue000(\\w*)\ue001")  # two characters that no text has
 
 
@@ -38,8 +40,8 @@ class JampetscError(Exception):
         return self.message(lambda parameter: parameter)
 
     def message(self, how) -> str:
-        """The message, with each parameter's name replaced by `how(name)`."""
-        return _NAMED.sub(lambda found: how(found[1]), super().__str__())
+        """The message in one line, with each parameter's name replaced by `how(name)`."""
+        return visible(_NAMED.sub(lambda found: how(found[1]), super().__str__()))
 
 
 class InputError(JampetscError, ValueError):

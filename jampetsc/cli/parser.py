@@ -2,6 +2,7 @@
 
 import textwrap
 
+from jampetsc import streams
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILES, OPTION, made, parameters, shown
 from jampetsc.errors import InputError, JampetscError, option
@@ -101,5 +102,5 @@ def run(job, args, petsc_argv=()) -> int:
         raise
     comm = session.communicator() if needs_petsc else None
     if summary and (comm is None or comm.rank == 0):
-        print(summary)
+        print(streams.visible(summary, "\n\t"))
     return to.status

@@ -46,6 +46,7 @@ def start(scalar=None, petsc_argv=()):
     global _session
     petsc_argv = [located(str(token)) for token in petsc_argv]
     if _session is None:
+        names_given(os.environ.get("PETSC_OPTIONS", "").split())  # whose files may name each other, too
         names = names_given(petsc_argv)
         with builds.selected(scalar):
             PETSc, SLEPc, comm = _load(petsc_argv)
