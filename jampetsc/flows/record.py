@@ -24,6 +24,7 @@ SERIES = {
 }  # fmt: skip
 SNAPSHOTS = ("strain", "positions", "velocities", "cell", "images", "spins")  # spins where disks roll
 ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, at the end of a row
+WIDEST_SKIN = 10.0  # of a state that is read, in units of the largest diameter
 LAYERS = 20  # of equal height between walls
 BETWEEN_WALLS = ON_WALLS | {"velocity_profile": LAYERS}
 
@@ -137,7 +138,23 @@ def record_of(result):
     attrs = result.attributes
     with reading(result.path):
         state = {name.removeprefix(STATE): result[name] for name in result if name.startswith(STATE)}
+        for name, array in state.items():
+            if not _is_sound(name, array, 2.0 * float(state["radii"].max())):
+                raise InputError(
+                    f"{result.path}: dataset {STATE}{name}: not the state of a flow. Make the file again."
+                )
         return Record.of(result), state, json.loads(attrs["settings"]), attrs
+
+
+def _is_sound(name, array, diameter) -> bool:
+    """Whether an array of a state can be what a run has written; diameter: that of the largest disk."""
+    if name == "order":  # loops over disks use it without a look
+        return np.array_equal(np.sort(array), np.arange(len(array)))
+    if name == "skin":
+        return bool(0.0 < array <= WIDEST_SKIN * diameter)
+    if np.ndim(array) == 0:
+        return bool(array >= 0) or name == "sorted_at"
+    return bool(np.isfinite(array).all())
 
 
 def resumed(checkpoint: Checkpoint, columns=None):

@@ -8,7 +8,7 @@ from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.core.disks import PLACES, Disks
 from jampetsc.core.potentials import Potential
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, about, named
 from jampetsc.io import packing_file
 from jampetsc.io.ensemble import load_ensemble
 from jampetsc.io.hdf5 import attributes, check_format, open_file, retry_if_replaced
@@ -118,10 +118,11 @@ class ShearedResult(Result):
     def last(self) -> Disks:
         """The packing at the end."""
         arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
-        return Disks(
-            **arrays,
-            potential=Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k"))),
-        )
+        with about(self.path):
+            potential = Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k")))
+            disks = Disks(**arrays, potential=potential)
+            Disks.from_positions(disks.positions, disks.radii, disks.cell)  # which refuses what no disks have
+        return disks
 
 
 class FlowResult(ShearedResult):

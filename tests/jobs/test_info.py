@@ -249,7 +249,7 @@ def test_numbers_as_one_reads_them():
 def test_what_a_file_says_cannot_steer_the_terminal(tmp_path, capsys):
     """Nor forge rows of the table: control characters are shown as escapes, also in the line of an error."""
     said = {"argv": "a\x1b[31mred\nranks  99", "packing": "x\x1b]0;title\x07\u202e.h5"}
-    path = stored(tmp_path / "s.h5", "modes", {"eigenvalues": [1.0]}, **said)
+    path = stored(tmp_path / "s.h5", "modes", {"eigenvalues": [1.0], "modes": np.ones((1, 2, 2))}, **said)
     assert cli.main(["info", str(path)]) == 0
     text = capsys.readouterr().out
     assert r"a\x1b[31mred\nranks  99" in text and r"x\x1b]0;title\x07\u202e.h5" in text
