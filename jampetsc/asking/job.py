@@ -163,6 +163,7 @@ class Job:
         self.check_outputs(to)
         if self.scalar is not None:
             running = session.start(None if self.scalar == "any" else self.scalar, petsc_argv)
+            running.forget_defaults()
             if running.rank == 0:
                 version = ".".join(map(str, running.PETSc.Sys.getVersion()))
                 LOG.debug(
