@@ -91,8 +91,8 @@ def begun(
 
 def continued(earlier, strain) -> FlowRun:
     """The run that continues an earlier flow, an `io.results.Result`, by `strain`. Raises InputError."""
-    record, state, settings, attrs = record_of(earlier)
     disks = earlier.last
+    record, state, settings, attrs = record_of(earlier)
     with reading(earlier.path):
         settings["model"]["law"] = Law(**settings["model"]["law"])
         model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
