@@ -2,9 +2,9 @@
 
     python benchmarks/changed_files.py FOLDER [--count 500] [--seed 1] [--only flow]
 
-FOLDER has one file of each format, such as `tests/whole/test_files_doc.py` makes; without --count every change is tried. A
-command must draw, write or end with one line of error. What ends in a traceback is listed by its last place, with an
-example; what ends the process is found by the last line of FOLDER/changed/log.
+FOLDER has one file of each format, such as `tests/whole/test_files_doc.py` makes; without --count every change is
+tried. A command must draw, write or end with one line of error. What ends in a traceback is listed by its last place,
+with an example; what ends the process is found by the last line of FOLDER/changed/log-PROCESS.
 """
 
 import argparse
@@ -24,6 +24,7 @@ import numpy as np
 
 from jampetsc.cli import main as cli
 from jampetsc.errors import JampetscError
+from jampetsc.io.declaration import contents
 from jampetsc.io.reader import load
 from jampetsc.studies.numbers import numbers_of
 
@@ -40,7 +41,8 @@ COMMANDS = {  # format -> commands that read its files; packings lie beside them
     ],
     "quasistatic": [f"plot x.h5 --kind {kind} --out o.svg" for kind in
                     ("response", "medians", "viscosities", "finite-size", "exponents")] + ["export x.h5 --out o.xyz"],
-    "modes": ["plot x.h5 --out o.svg", "plot x.h5 --kind mode --mode 1,2 --out o.svg", "export x.h5 --mode 2 --out o.xyz"],
+    "modes": ["plot x.h5 --out o.svg", "plot x.h5 --kind mode --mode 1,2 --out o.svg",
+              "export x.h5 --mode 2 --out o.xyz"],
     "spectrum": ["plot x.h5 --out o.svg"],
     "correlation": ["plot x.h5 --out o.svg", "plot x.h5 --kind length --out o.svg"],
     "oscillate": ["plot x.h5 --out o.svg"],
@@ -55,7 +57,9 @@ COMMANDS = {  # format -> commands that read its files; packings lie beside them
     "collapse": ["plot x.h5 --kind scaling --out o.svg", "plot x.h5 --kind branches --out o.svg"],
 }  # fmt: skip
 COMMON = ["info x.h5", "merge x.h5 --out o.h5", "row x.h5"]  # row: of the table of a study
-ONLY_SHOWN = ("_version", "date", "argv", "git_commit", "wall_seconds", "petsc_options", "scalar_type", "ranks", "run_id")
+ONLY_SHOWN = tuple(
+    "_version date argv git_commit wall_seconds petsc_options scalar_type ranks run_id".split()
+)
 
 
 def data_changes(array):
@@ -120,8 +124,8 @@ def changes(path):
         return change
 
     with h5py.File(path) as h5:
-        data = {}
-        h5.visititems(lambda name, item: data.update({name: item[()]} if isinstance(item, h5py.Dataset) else {}))
+        items = contents(h5, path).items()
+        data = {name: item[()] for name, item in items if isinstance(item, h5py.Dataset)}
         attrs = list(h5.attrs)
     for name, array in data.items():
         for what, value in data_changes(array).items():
@@ -158,7 +162,9 @@ def is_refused(path):
 
 def main():
     """Try the changes and print what went wrong."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int)
     parser.add_argument("--seed", type=int, default=1)
@@ -197,7 +203,8 @@ def main():
                     last = trace.strip().splitlines()
                     place = next((one.strip() for one in reversed(last) if "/jampetsc/" in one), last[-1])
                     failures[place.split(", in ")[0]].append((f"{name} {what} | {line}", last[-1], trace))
-    print(f"{len(tried)} changes, {runs} commands, {sum(map(len, failures.values()))} tracebacks at {len(failures)} places")
+    count = sum(map(len, failures.values()))
+    print(f"{len(tried)} changes, {runs} commands, {count} tracebacks at {len(failures)} places")
     for place, cases in sorted(failures.items(), key=lambda item: -len(item[1])):
         print(f"{len(cases):5d} {place}\n        {cases[0][0]}\n        {cases[0][1][:200]}")
         for case in cases[1:3]:

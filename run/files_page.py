@@ -1,4 +1,4 @@
-"""Writes the tables of docs/files.md from the declaration of the formats (`jampetsc.io.formats`); all else there is text.
+"""Writes the tables of docs/files.md from the declaration of the formats (`jampetsc.io.formats`).
 
     .venv/bin/python run/files_page.py
 
@@ -28,7 +28,7 @@ def table(declared, of_datasets: bool) -> str:
 
 
 def page(text: str) -> str:
-    """The page with its tables as the formats are declared. Raises ValueError where a section lacks one of its tables."""
+    """The page with its tables as the formats are declared. Raises ValueError where a section lacks a table."""
     sections = re.split(r"(?m)^(?=## )", text)
     for number, section in enumerate(sections):
         title = section.partition("\n")[0]

@@ -11,6 +11,7 @@ import numpy as np
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import follow
 from jampetsc.io.checkpoint import Checkpoint
+from jampetsc.io.flow_formats import FLOW
 from jampetsc.io.hdf5 import reading
 from jampetsc.io.provenance import provenance
 from jampetsc.petsc import session
@@ -136,6 +137,9 @@ def check_space(to, disks: int, snapshots: int) -> None:
 def record_of(result):
     """(record, state, settings, attributes) of a flow, an `io.results.Result`. Raises InputError."""
     attrs = result.attributes
+    for name, row in FLOW.datasets.rows.items():
+        if name.startswith(STATE) and name not in result and not row.optional:
+            raise InputError(f"{result.path}: dataset {name}: missing. Make the file again.")
     with reading(result.path):
         state = {name.removeprefix(STATE): result[name] for name in result if name.startswith(STATE)}
         for name, array in state.items():

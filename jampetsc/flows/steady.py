@@ -99,7 +99,9 @@ def continued(earlier, strain) -> FlowRun:
         strain_step = settings["rate"] * scheme.step
         old = Plan.stored(settings["plan"], strain_step)
     if old.rows != len(record):
-        raise InputError(f"{earlier.path}: {len(record)} rows, but settings of {old.rows}. Make the file again.")
+        raise InputError(
+            f"{earlier.path}: {len(record)} rows, but settings of {old.rows}. Make the file again."
+        )
     more = Plan.of(settings["rate"], scheme.step, strain, 0.0, steps=old.steps)
     plan = replace(old, rows=old.rows + more.rows)
     origin = {name: attrs[name] for name in KEPT if name in attrs}

@@ -18,7 +18,15 @@ import numpy as np
 
 from jampetsc.collective import agreed
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io.atomic import follow, locked, refuse_links, remove_abandoned, sync_folder, write_whole, writing
+from jampetsc.io.atomic import (
+    follow,
+    locked,
+    refuse_links,
+    remove_abandoned,
+    sync_folder,
+    write_whole,
+    writing,
+)
 from jampetsc.io.parts import remove_if_empty
 from jampetsc.io.regular import open_regular
 from jampetsc.version import VERSION

@@ -5,8 +5,8 @@ A line of a table is a row, whose cells stand between bars; an indented line con
     names | shape | type | unit | meaning         of datasets
     names | type | unit | meaning                 of attributes
 
-Names may be patterns such as `eta0_*`. The type is float, complex, int, bool or text, followed by ? where not every file
-has the row, or one type for each name. Entries of a shape are numbers or named lengths, which are the same in all
+Names may be patterns such as `eta0_*`. The type is float, complex, int, bool or text, or one for each name, followed by
+? where not every file has the row. Entries of a shape are numbers or named lengths, which are the same in all
 datasets of a file: capitals are at least 1. The shape of an attribute, if it is a list, stands before its type.
 """
 
@@ -89,12 +89,13 @@ class Table:
 
     def __init__(self, text: str, has_shapes: bool):
         joined = re.sub(r"\n +", " ", text.strip())
-        self.lines = [
-            tuple(cell.strip() for cell in re.split(r" \|(?= )", line)) for line in joined.splitlines() if line
-        ]
+        lines = (re.split(r" \|(?= )", line) for line in joined.splitlines() if line)
+        self.lines = [tuple(cell.strip() for cell in cells) for cells in lines]
         self.rows = {}
         for cells in self.lines:
-            names, *shape, types, unit, meaning = cells if has_shapes else (cells[0], *_divided(cells[1]), *cells[2:])
+            if not has_shapes:
+                cells = (cells[0], *_divided(cells[1]), *cells[2:])
+            names, *shape, types, unit, meaning = cells
             names, optional = names.split(", "), types.endswith("?")
             kinds = types.removesuffix("?").split(", ")
             entries = _entries(shape[0]) if shape else None
@@ -116,7 +117,7 @@ class Format:
 
     def attribute(self, name: str) -> Row | None:
         """The row of an attribute; None where it is not declared."""
-        return self.attributes.row(name) or (self.common and self.common.row(name))
+        return self.attributes.row(name) or (self.common.row(name) if self.common else None)
 
     def check(self, path, datasets: Mapping, attributes: Mapping) -> None:
         """Raise InputError where datasets or attributes are not as declared; others of a user's own may be anything.
@@ -127,15 +128,16 @@ class Format:
             if name not in HEADER and (row := self.attribute(name)):
                 row.check_attribute(path, name, value)
         lengths = {}
+        # in the order of the table: a length is that of the first dataset that has it
         known = [name for name in self.datasets.rows if name in datasets]
-        for name in dict.fromkeys([*known, *datasets]):  # as declared: the first of a length is the one it comes from
+        for name in dict.fromkeys([*known, *datasets]):
             if row := self.datasets.row(name):
                 row.check(path, name, datasets[name], lengths)
 
     def dtype(self, name: str, stored):
         """The dtype as which a dataset that is stored as the dtype `stored` is read."""
         row = self.datasets.row(name)
-        return np.dtype(row and TYPES[row.type][1] or stored)
+        return np.dtype((row and TYPES[row.type][1]) or stored)
 
 
 def _refuse(path, name, why):
@@ -154,9 +156,12 @@ def contents(h5, path) -> dict:
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 continue
             if depth > MAX_DEPTH or len(found) >= MAX_OBJECTS:
-                limit = f"more than {MAX_DEPTH} groups inside each other" if depth > MAX_DEPTH else ""
-                limit = limit or f"more than {MAX_OBJECTS} datasets and groups"
-                raise InputError(f"{path}: holds {limit}: not a file that jampetsc has written; make it again")
+                limit = (
+                    f"{MAX_DEPTH} groups inside each other" if depth > MAX_DEPTH else f"{MAX_OBJECTS} objects"
+                )
+                raise InputError(
+                    f"{path}: holds more than {limit}, as no file of jampetsc. Make the file again."
+                )
             item = group[name]
             if isinstance(item, h5py.Dataset | h5py.Group):
                 found[f"{prefix}{name}"] = item

@@ -17,31 +17,33 @@ energy, dissipation | (T,) | float | | U, plus for disks with a mass the kinetic
   dissipated power
 coordination, clusters, largest_cluster, deepest_overlap | (T,) | float | | Z = 2 contacts/N with rattlers, number of
   clusters of touching disks, disks in the largest, largest overlap over σ_ij
-wall_shear_stress, wall_pressure | (T,) | float? | `units` | with `--walls`: force per length of the disks on the walls at
-  the end of a row, mean of both, along and across them
-velocity_profile | (T, 20) | float? | γ̇H | with `--walls`: mean v_x of the disks in 20 layers of equal height H/20 at the
-  end of a row, from −½ at the lower wall to ½ at the upper one; nan without disks
+wall_shear_stress, wall_pressure | (T,) | float? | `units` | with `--walls`: force per length of the disks on the
+  walls at the end of a row, mean of both, along and across them
+velocity_profile | (T, 20) | float? | γ̇H | with `--walls`: mean v_x of the disks in 20 layers of equal height H/20 at
+  the end of a row, from −½ at the lower wall to ½ at the upper one; nan without disks
 snapshots/strain | (S,) | float? | | with `--snapshots` or `--snapshot-every`: their strain
 snapshots/cell | (S, 2, 2) | float? | length | their cell
 snapshots/radii | (N,) | float? | length | radii of the disks (older files: `state/radii`)
 snapshots/positions | (S, N, 2) | float? | length | centres; with `--walls` the disks of the walls come first
 snapshots/velocities | (S, N, 2) | float? | length/time | velocities without the affine flow, at these positions
   (backward Euler; in older files those of the step before)
-snapshots/images | (S, N, 2) | int? | | k₁, k₂: x + k₁ a₁ + k₂ a₂ with the `cell` of the snapshot is the position that was
-  never folded back into the cell, `flow.snapshot(i).unwrapped`; between snapshots it changes by Δγ y and the
+snapshots/images | (S, N, 2) | int? | | k₁, k₂: x + k₁ a₁ + k₂ a₂ with the `cell` of the snapshot is the position that
+  was never folded back into the cell, `flow.snapshot(i).unwrapped`; between snapshots it changes by Δγ y and the
   non-affine displacement. Older files have none
 snapshots/spins | (S, N) | float? | 1/time | laws with rotations: angular velocities; that of uniform shear is −γ̇/2
-snapshots/psi6_local, snapshots/psi6_global | (S,) | float? | | six-fold order ⟨\|ψ₆\|⟩ and \|⟨ψ₆⟩\| of older files and of
-  results kept without positions
+snapshots/psi6_local, snapshots/psi6_global | (S,) | float? | | six-fold order ⟨\|ψ₆\|⟩ and \|⟨ψ₆⟩\| of older files
+  and of results kept without positions
 state/base, state/offset, state/offsets, state/velocities, state/accelerations | (N, 2) | float | | `state`: with which
   `jampetsc flow FILE --strain MORE` continues; not for analysis
 state/radii, state/spins, state/spin_rates | (N,) | float | | likewise
 state/cell_base, state/cell_offset | (2, 2) | float | | likewise
-state/images | (N, 2) | int | | likewise
-state/order | (N,) | int | | likewise, a permutation
+state/images | (N, 2) | int? | | likewise; older files have none
+state/order | (N,) | int? | | likewise, a permutation; older files have none
 state/seen | (10,) | float | | likewise
-state/skin, state/sorted_at | scalar | float | | likewise
-state/steps, state/since, state/rebuilds, state/substeps | scalar | int | | likewise
+state/skin | scalar | float | | likewise
+state/sorted_at | scalar | float? | | likewise; older files have none
+state/steps, state/since, state/rebuilds | scalar | int | | likewise
+state/substeps | scalar | int? | | likewise; older files have none
 state/started | scalar | bool | | likewise
 """,
     attributes=r"""
@@ -51,17 +53,18 @@ shear_stress_mean, shear_stress_error, pressure_mean, pressure_error | float | `
   errors from their autocorrelation
 coordination_mean, coordination_error | float | | likewise
 largest_cluster_mean | float | | disks in the largest cluster of touching disks, mean over strain > `discard`
-shear_stress_samples, pressure_samples, coordination_samples | float | | effective number of independent values; below 20
-  the error is rough
+shear_stress_samples, pressure_samples, coordination_samples | float | | effective number of independent values; below
+  20 the error is rough
 energy_balance, correlation_strain, discard | float | | σγ̇V/⟨D⟩; correlation strain of σ; strain left out of the means
-walls | int? | | with `--walls`: number of disks of a wall; φ is then that of the other disks in the area between the walls
+walls | int? | | with `--walls`: number of disks of a wall; φ is then that of the other disks in the area between the
+  walls
 wall_shear_stress_mean, wall_shear_stress_error, wall_pressure_mean, wall_pressure_error | float? | `units` | with
   `--walls`: means over strain > `discard`, as those above
 wall_shear_stress_samples, wall_pressure_samples | float? | | likewise
 method, step, tolerance, settings | text, float, float, text | | integrator, time step, tolerance of CD0's solve, all
   settings as JSON
-substeps | int | | number of parts of divided time steps, which are halved until no disk moves by more than a quarter of
-  the largest diameter: CD0 from a random start of many disks
+substeps | int | | number of parts of divided time steps, which are halved until no disk moves by more than a quarter
+  of the largest diameter: CD0 from a random start of many disks
 """
     + _DISKS,
     common=PROVENANCE,
@@ -76,23 +79,23 @@ jammed | (T,) | float | | 1 where U/N exceeds `energy_cut` k, else 0
 coordination | (T,) | float | | Z = 2 contacts/N, rattlers included
 nonaffine | (T,) | float | mean diameter | rms non-affine displacement of the step: large where disks rearrange
 dissipated | (T,) | float | `units` | V ½(σ + σ′) Δγ − ΔU: work of the step that is not stored as energy
-plastic | (T,) | float | | 1 where `dissipated` exceeds `plastic_share` G_A V Δγ², more than the error of the trapezoidal
-  rule: disks rearranged; G_A is the modulus of affine motion
+plastic | (T,) | float | | 1 where `dissipated` exceeds `plastic_share` G_A V Δγ², more than the error of the
+  trapezoidal rule: disks rearranged; G_A is the modulus of affine motion
 evaluations | (T,) | float | | force evaluations that the step took
 state/base, state/offset | (N, 2) | float | length | the last minimum, coordinates in two parts
 state/cell_base, state/cell_offset | (2, 2) | float | length | its cell in two parts
 state/radii | (N,) | float | length | radii of the disks
 """,
     attributes=r"""
-step, phi, tolerance, discard, settings | float, float, float, float, text | | Δγ, φ, max\|F\|/(p d) of a minimum, strain
-  left out of means, all settings as JSON
+step, phi, tolerance, discard, settings | float, float, float, float, text | | Δγ, φ, max\|F\|/(p d) of a minimum,
+  strain left out of means, all settings as JSON
 energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16; ¼; factorisations of all steps
 shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, coordination_mean, \
-coordination_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float | |
-  means over strain > `discard`, jammed or not; errors from the autocorrelation
+coordination_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float
+  | | means over strain > `discard`, jammed or not; errors from the autocorrelation
 shear_stress_samples, pressure_samples, energy_samples, coordination_samples, jammed_samples, plastic_samples, \
-dissipated_samples | float | | effective number of independent values of each series; 1 for a constant one, whose error,
-  0 here, is not known
+dissipated_samples | float | | effective number of independent values of each series; 1 for a constant one, whose
+  error, 0 here, is not known
 """.replace("\\\n", "")
     + _DISKS,
     common=PROVENANCE,
@@ -106,13 +109,13 @@ jammed | (S,) | float | | 1 where U/N exceeds `energy_cut` k, else 0
 coordination | (S,) | float | | Z = 2 contacts/N, rattlers included
 strain | (S,) | float? | | protocol shear: γ; samples of one seed are of one run
 phi_J | (S,) | float? | | protocol compress: φ where this sample's energy vanishes, to 1e-5
-segregation | (S,) | float? | | protocol compress: assortativity of sizes among neighbours (gap below 0.2 mean diameters),
-  0 mixed, 1 separated; nan for one size
+segregation | (S,) | float? | | protocol compress: assortativity of sizes among neighbours (gap below 0.2 mean
+  diameters), 0 mixed, 1 separated; nan for one size
 """,
     attributes=r"""
 protocol | text | | random, shear or compress
-step, strain, discard, every | float? | | of shear: Δγ, γ of each run, γ before the first sample and between samples; of
-  compress: Δγ, and γ by which a sample is sheared before its φ_J is determined
+step, strain, discard, every | float? | | of shear: Δγ, γ of each run, γ before the first sample and between samples;
+  of compress: Δγ, and γ by which a sample is sheared before its φ_J is determined
 separated | bool? | | true if large disks started on one side of the cell, else missing
 temperature, cooling_rate, sweeps | float, float, int? | | of compress: T in units of energy over `k`, decrease of ln T
   per sweep of N moves, sweeps at T
@@ -125,8 +128,8 @@ energy_cut, tolerance | float | | 1e-16; max\|F\|/(p d) of a minimum
 VELOCITY_CORRELATION = Format(
     datasets=r"""
 x | (D,) | float | length | middle of each bin of \|x\|
-g_y, g_y_error | (D,) | float | | ⟨v_y v_y⟩/⟨v_y²⟩ of pairs with \|y\| < `lane_width`/2, one standard error over snapshots;
-  nan without pairs
+g_y, g_y_error | (D,) | float | | ⟨v_y v_y⟩/⟨v_y²⟩ of pairs with \|y\| < `lane_width`/2, one standard error over
+  snapshots; nan without pairs
 pairs | (D,) | float | | number of pairs, all snapshots
 """,
     attributes=r"""
@@ -153,16 +156,17 @@ value, error, runs | (M,) | float | | the observable, its error (half of a 68 % 
   averaged
 x, leading, correction | (M,) | float | | x, and the two parts of the fit, b^(y/zν) f₀ and b^(y/zν + ω) f₁
 curve/x, curve/f0, curve/f1 | (200,) | float | | the scaling functions
-drift/cut, drift/chi2_per_dof | (K,) | float | | largest rate or smallest N of fits to fewer and fewer points; their χ²/dof
+drift/cut, drift/chi2_per_dof | (K,) | float | | largest rate or smallest N of fits to fewer and fewer points; their
+  χ²/dof
 drift/parameters, drift/errors | (K, P) | float | | their parameters and errors (nan: not determined by the data)
 """,
     attributes=r"""
-observable, scaling, fitted | text | | the observable; `rate` or `size`; names of the free parameters in the order of the
-  columns
+observable, scaling, fitted | text | | the observable; `rate` or `size`; names of the free parameters in the order of
+  the columns
 functions, corrections | text, bool | | polynomial or spline and its degree; whether there is f₁
 phi_J, y, znu, nu, omega | float? | | parameters, fitted or fixed; for rates zν and ω, which is ω/z, for sizes ν
-phi_J_error, y_error, znu_error, nu_error, omega_error | float? | | standard errors of the fitted ones, nan where the data
-  do not determine them
+phi_J_error, y_error, znu_error, nu_error, omega_error | float? | | standard errors of the fitted ones, nan where the
+  data do not determine them
 *_low, *_high | float? | | ends of the 2σ interval of each fitted one (`y_low`, …), infinite where the data give none
 *_shift | float? | | part of its error: the change by fits of higher degrees
 notes | text? | | warnings about these numbers, separated by `; `

@@ -200,8 +200,8 @@ def _plain(value):
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     if isinstance(value, np.generic):
-        found = value.item()
-        return found if type(found) is type(value) else _plain(found)  # long double and void have no other type
+        found = value.item()  # of a long double the same again
+        return found if type(found) is type(value) else _plain(found)
     if isinstance(value, np.ndarray) and value.shape == (1,):  # how many other writers store a scalar
         return _plain(value[0])
     return value

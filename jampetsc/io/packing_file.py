@@ -109,4 +109,3 @@ def packing_from(h5, path) -> Disks:
     with about(path):
         potential = Potential(attrs.get("potential"), attrs.get("stiffness"), float(attrs.get("k", 1.0)))
         return Disks.from_positions(**arrays, potential=potential, record=record)
-

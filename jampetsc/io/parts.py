@@ -16,7 +16,6 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.io.checksums import seal_of
-from jampetsc.io.formats import PART_GROUP as GROUP
 from jampetsc.io.formats import PARTS
 from jampetsc.io.hdf5 import open_file, opening, values
 from jampetsc.io.regular import open_regular

@@ -19,24 +19,26 @@ format, format_version | text | | which of the kinds here, and the version of it
 run_id | text | | unique to the run
 argv, date | text? | | command line; when the run ended (ISO 8601)
 wall_seconds | float? | s | duration
-request | text? | | the settings of the run (JSON): command, options, hashes of its input files. A finished result of other
-  settings is not replaced without `--overwrite`, nor is an older file, which does not have this attribute. The
+request | text? | | the settings of the run (JSON): command, options, hashes of its input files. A finished result of
+  other settings is not replaced without `--overwrite`, nor is an older file, which does not have this attribute. The
   settings of `pack` are attributes of the packing
 git_commit | text? | | of the program, if it ran from a checkout
 *_version | text | | versions of the program and of PETSc, SLEPc, MUMPS, MPI, numpy, h5py, python if they were used
-scalar_type, petsc_options, ranks | text, text, int? | | if PETSc was used: real or complex; all options in force, given or
-  set by the program; number of ranks
-packing, packing_sha256 | text? | | name of the packing file it was made from, and hash of its disks: coordinates to the
-  last bit, radii, cell, potential (`packing.fingerprint`). Results of older versions have the hash of the file instead,
-  by which the packing is still found; averages do not notice that an old and a new result are of the same packing
+scalar_type, petsc_options, ranks | text, text, int? | | if PETSc was used: real or complex; all options in force,
+  given or set by the program; number of ranks
+packing, packing_sha256 | text? | | name of the packing file it was made from, and hash of its disks: coordinates to
+  the last bit, radii, cell, potential (`packing.fingerprint`). Results of older versions have the hash of the file
+  instead, by which the packing is still found; averages do not notice that an old and a new result are of the same
+  packing
 sources, source_runs | text? | | of spectrum, correlation and collapse: names of the files and their `run_id`
 law, normal, beta, rotations, eta_f, tau1 | text, float, float, bool, float, float? | | damping law, and those of these
   parameters that it has
-transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of a law of one's own, those that are not 0
+transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of a law of one's own, those that are not
+  0
 prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
 alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress in units of k
-k, pressure, phi, particle_count, rattlers, coordination | float, float, float, int, int, float? | | of the packing: k, p,
-  φ, N, disks without rigid contacts, Z without them
+k, pressure, phi, particle_count, rattlers, coordination | float, float, float, int, int, float? | | of the packing:
+  k, p, φ, N, disks without rigid contacts, Z without them
 force_threshold | float? | | contacts with a smaller force are left out
 seed | int? | | of the packing, if it was made from a random start
 """,

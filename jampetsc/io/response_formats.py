@@ -90,8 +90,8 @@ inertia_count, inertia_shift | int, float? | | number of eigenvalues below the s
   was missed
 complete, contacts, method | bool, int, text | | whether the file has all modes; number of contacts; solver
 restarts | int? | | of the solver
-normal_median, transverse_median, nonaffine_median | float? | length | medians of \|Δu∥\|, \|Δu⊥\|, \|u_na\| of the whole
-  response, affine part included, per unit strain
+normal_median, transverse_median, nonaffine_median | float? | length | medians of \|Δu∥\|, \|Δu⊥\|, \|u_na\| of the
+  whole response, affine part included, per unit strain
 """,
     common=PROVENANCE,
 )
@@ -146,13 +146,14 @@ OSCILLATE = Format(
 omega | (M,) | float | 1/time | ω, increasing
 amplitude | (A,) | float | | of what is imposed: stress in units of k, or strain
 G | (A, M) | complex | k | G* = first harmonic of the stress over that of the strain
-error | (A, M) | float | k | estimate of \|ΔG*\|: the difference from the result with half of the steps, plus the errors
-  of the solver, of ending after finitely many cycles or half cycles and, for time steps with fixed contacts, of the
-  regularisation
+error | (A, M) | float | k | estimate of \|ΔG*\|: the difference from the result with half of the steps, plus the
+  errors of the solver, of ending after finitely many cycles or half cycles and, for time steps with fixed contacts,
+  of the regularisation
 harmonics | (A, M, 2) | complex | | third and fifth harmonic over the first, of the strain where stress is imposed and
   the other way round
 work | (A, M) | float | k | ∮σdγ of a cycle, per area
-energy_balance | (A, M) | float | | energy dissipated in a cycle and, with moving contacts, stored, over the work, minus 1
+energy_balance | (A, M) | float | | energy dissipated in a cycle and, with moving contacts, stored, over the work,
+  minus 1
 regularisation_effect | (A, M) | float? | k | fixed contacts: estimate of \|ΔG*\| when `regularisation` is halved
 cycle_change | (A, M) | float? | k | moving contacts: \|ΔG*\| between the last two cycles
 drift | (A, M) | float? | | moving contacts: change of the strain in the last cycle under an imposed stress
@@ -165,9 +166,10 @@ cycles, half_cycles | (A, M) | int? | | number in both runs, with half of the st
 """,
     attributes=r"""
 control, contacts, steps | text, text, int | | stress or strain; fixed or moving; steps of a cycle
-solver | text | | `cycle`: a whole cycle at once; `steps`: time steps, for moving contacts and, if α < 0.45, for fixed ones
-regularisation | float | | force below which a contact counts as linear, over the force at the rms velocity; 0 for linear
-  damping
+solver | text | | `cycle`: a whole cycle at once; `steps`: time steps, for moving contacts and, if α < 0.45, for fixed
+  ones
+regularisation | float | | force below which a contact counts as linear, over the force at the rms velocity; 0 for
+  linear damping
 """,
     common=PROVENANCE,
 )

@@ -107,9 +107,9 @@ class Result(Named):
     def read(cls, h5, path) -> "Result":
         """The result in an open file; `path` is for messages and later reading."""
         format, attrs, found = check_file(h5, path)
-        run_id, declared = attrs.get("run_id", ""), FORMATS.get(format)
+        run_id, declared = attrs.get("run_id", ""), FORMATS[format]
         arrays = {
-            name: StoredArray(path, name, data, declared.dtype(name, data.dtype) if declared else data.dtype, run_id)
+            name: StoredArray(path, name, data, declared.dtype(name, data.dtype), run_id)
             for name, data in found.items()
             if isinstance(data, h5py.Dataset)
         }

@@ -48,9 +48,8 @@ def study(path, ensemble) -> str:
             shown = values if len(values) <= SHOWN else [*values[:2], "…", values[-1]]
             text = ", ".join(one if isinstance(one, str) else f"{one:.6g}" for one in shown)
             rows.append((name, text + (f"  ({len(values)} values)" if len(values) > SHOWN else "")))
-    reasons = [
-        visible(f"  {name}: {why}") for name, why in zip(*(ensemble.failed[c] for c in ("file", "state")), strict=True)
-    ]
+    failed = zip(*(ensemble.failed[column] for column in ("file", "state")), strict=True)
+    reasons = [visible(f"  {name}: {why}") for name, why in failed]
     return "\n".join([table(rows), *reasons])
 
 

@@ -78,7 +78,9 @@ def _names_in(file, files, inside):
     if not file:
         raise InputError("-options_file: needs the name of a file")
     if inside and file.startswith(PREFIX):
-        raise InputError(f"{inside[-1]}: -options_file {file}: PETSc takes paths only. Give the path of the file.")
+        raise InputError(
+            f"{inside[-1]}: -options_file {file}: PETSc takes paths only. Give the path of the file."
+        )
     file = located(file)
     files.append(file)
     if len(files) > MAX_FILES:
@@ -90,7 +92,9 @@ def _names_in(file, files, inside):
     except OSError as error:
         raise InputError(f"{file}: {error.strerror}: give a PETSc options file") from error
     if is_inside:
-        raise InputError(f"{file}: named by itself, in {inside[-1]}: reading would not end. Remove that line.")
+        raise InputError(
+            f"{file}: named by itself, in {inside[-1]}: reading would not end. Remove that line."
+        )
     if Path(file).suffix in (".yml", ".yaml"):
         return []  # YAML, PETSc's other format, is not checked
     names = []

@@ -26,7 +26,9 @@ def made(request):
     """(Format, open file in memory with all that it declares, its attributes)."""
     declared = FORMATS[request.param]
     rows = {**(declared.common.rows if declared.common else {}), **declared.attributes.rows}
-    attributes = {"x".join(one.split("*")): VALUES[row.type] for one, row in rows.items() if row.shape is None}
+    attributes = {
+        "x".join(one.split("*")): VALUES[row.type] for one, row in rows.items() if row.shape is None
+    }
     with h5py.File("made", "w", driver="core", backing_store=False) as h5:
         for name, row in declared.datasets.rows.items():
             h5["x".join(name.split("*"))] = array_of(row)
@@ -80,7 +82,11 @@ def test_other_shapes_and_types_than_declared_are_refused(made):
 
 def test_numbers_are_read_as_they_are_declared(tmp_path):
     """Whatever program wrote them: compiled loops take no other byte order, and eight bits overflow."""
-    arrays = {"omega": np.array([1, 2], np.int8), "G": np.array([1, 2], ">f4"), "error_bound": np.ones(2, "f2")}
+    arrays = {
+        "omega": np.array([1, 2], np.int8),
+        "G": np.array([1, 2], ">f4"),
+        "error_bound": np.ones(2, "f2"),
+    }
     found = jampetsc.load(stored(tmp_path / "s.h5", "sweep", arrays))
     assert [found[name].dtype for name in arrays] == [np.float64, np.complex128, np.float64]
     assert found["G"].tolist() == [1, 2] and found.stored("G").dtype == np.complex128
@@ -94,7 +100,9 @@ def test_what_is_claimed_is_not_read(tmp_path):
     path = stored(tmp_path / "s.h5", "sweep", {"G": np.ones(3) + 0j, "error_bound": np.ones(3)})
     with h5py.File(path, "r+") as h5:
         h5.create_dataset("omega", (10**9,), float, chunks=True)
-    with pytest.raises(InputError, match=r"s\.h5: dataset G: shape \(3,\), must be \(M,\) with M = 1000000000\."):
+    with pytest.raises(
+        InputError, match=r"s\.h5: dataset G: shape \(3,\), must be \(M,\) with M = 1000000000\."
+    ):
         jampetsc.load(path)
 
 
@@ -115,7 +123,9 @@ def test_groups_within_groups_have_an_end(tmp_path, monkeypatch, capsys, deep, l
 
 
 def test_a_table_is_read_as_it_is_written():
-    table = Table("a, b | (M − 1, 2) | float, int? | k | one\n  two \\| three\nc* | scalar | text | | x", True)
+    table = Table(
+        "a, b | (M − 1, 2) | float, int? | k | one\n  two \\| three\nc* | scalar | text | | x", True
+    )
     assert table.lines[0] == ("a, b", "(M − 1, 2)", "float, int?", "k", "one two \\| three")
     assert [(row.name, row.type, row.optional) for row in map(table.row, "ab")] == [
         ("a", "float", True), ("b", "int", True),

@@ -93,10 +93,19 @@ DEFECTS = {
     "negative radius": (change("radii", 3, -0.5), r"radii\[3\] = -0.5: must be positive"),
     "flat cell": (change("cell", (1, 1), 0.0), r"cell .*Lx, Ly > 0"),
     "small cell": (change("cell", (0, 0), 1.0), r"cell that repeats at .*use more disks"),
-    "rows missing": (lambda h5: put(h5, "radii", np.ones(59)), r"dataset radii: shape \(59,\), must be \(N,\) with N = 60"),
+    "rows missing": (
+        lambda h5: put(h5, "radii", np.ones(59)),
+        r"dataset radii: shape \(59,\), must be \(N,\) with N = 60",
+    ),
     "no radii": (lambda h5: h5.__delitem__("radii"), r"dataset radii is missing"),
-    "group": (lambda h5: (h5.__delitem__("cell"), h5.create_group("cell")), r"dataset cell: is a group, must hold real numbers"),
-    "text": (lambda h5: put(h5, "radii", ["a"] * 60), r"dataset radii: holds text or references, must hold real numbers"),
+    "group": (
+        lambda h5: (h5.__delitem__("cell"), h5.create_group("cell")),
+        r"dataset cell: is a group, must hold real numbers",
+    ),
+    "text": (
+        lambda h5: put(h5, "radii", ["a"] * 60),
+        r"dataset radii: holds text or references, must hold real numbers",
+    ),
     "complex": (lambda h5: put(h5, "radii", np.ones(60) * 1j), r"holds complex128, must hold real numbers"),
     "other format": (
         lambda h5: h5.attrs.update(format="jampetsc-sweep"),
@@ -108,7 +117,10 @@ DEFECTS = {
     "worded k": (lambda h5: h5.attrs.update(k="one"), r"attribute k = 'one': must be a real number"),
     "two k": (lambda h5: h5.attrs.update(k=[1.0, 2.0]), r"attribute k = .*: must be a real number"),
     "flags": (lambda h5: put(h5, "radii", np.ones(60, bool)), r"radii: holds true or false, must hold real"),
-    "one too large": (lambda h5: claim(h5, 10**9, ["radii"]), r"radii: shape \(1000000000,\), must be \(N,\)"),
+    "one too large": (
+        lambda h5: claim(h5, 10**9, ["radii"]),
+        r"radii: shape \(1000000000,\), must be \(N,\)",
+    ),
     "too many": (lambda h5: claim(h5, 10**17), r"p.h5: holds or claims more than there is memory for"),
 }
 

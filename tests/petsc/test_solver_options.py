@@ -128,7 +128,10 @@ def test_options_files_that_name_others(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="PETSc option -a: "):
         check("sweep", OWNED, ["-options_file", "a.opts"])
     for name, message in (
-        ("self", r"\./self\.opts: named by itself, in self\.opts: reading would not end\. Remove that line\.$"),
+        (
+            "self",
+            r"\./self\.opts: named by itself, in self\.opts: reading would not end\. Remove that line\.$",
+        ),
         ("two", r"two\.opts: named by itself, in one\.opts: "),
         ("ours", r"ours\.opts: -options_file jampetsc:mumps: PETSc takes paths only"),
         ("gone", r"none\.opts: No such file or directory: give"),

@@ -537,7 +537,9 @@ def test_a_lock_tells_who_has_it_while_it_is_held_and_ends_with_its_machine(tmp_
             assert len(os.listdir("/proc/self/fd")) < handles  # that of the lock was among them
     file.write_text("elsewhere 123\n")
     os.utime(file, (2.3e9,) * 2)  # in 2042
-    with pytest.raises(InputError, match=r"its lock has a time in the future, 2042-11-\d\d: if no .* remove .*lock$"):
+    with pytest.raises(
+        InputError, match=r"its lock has a time in the future, 2042-11-\d\d: if no .* remove .*lock$"
+    ):
         Lock(tmp_path).take()
     file.write_text("")
     lock.take()
@@ -583,7 +585,9 @@ def test_a_study_writes_through_no_link_of_its_folder(tmp_path, name):
     else:
         target.write_text("precious")
     (folder / name).symlink_to(target)
-    with pytest.raises(InputError, match=rf"{name}: is a symbolic link, by which files elsewhere would change\. Remove"):
+    with pytest.raises(
+        InputError, match=rf"{name}: is a symbolic link, by which files elsewhere would change"
+    ):
         study_run._open(folder, folder / "study.toml", Lock(folder))
     assert list(target.iterdir()) == [] if name == "journal" else target.read_text() == "precious"
     assert {path.name for path in folder.iterdir()} == {"journal", name}

@@ -1,4 +1,4 @@
-"""The formats as they are declared against docs/files.md and real files: what is declared is in some file, and no more."""
+"""The formats as they are declared against docs/files.md and real files: all is in some file, and no more."""
 
 import re
 import runpy
@@ -19,7 +19,11 @@ RARE = {  # of runs that are not made here
     "": ("transverse", "sliding", "drag"),  # weights of a law that only python has
     "jampetsc-packing": ("source", "source_sha256", "requested_phi", "walls"),
     "jampetsc-sweep": ("failed_omega",),
-    "jampetsc-flow": ("quality", "snapshots/psi6_local", "snapshots/psi6_global"),  # the latter of older files
+    "jampetsc-flow": (
+        "quality",
+        "snapshots/psi6_local",
+        "snapshots/psi6_global",
+    ),  # the latter of older files
     "jampetsc-velocity-correlation": ("lane", "bin"),  # of older files
     "jampetsc-collapse": "rate model mass protocol znu znu_error nu_error phi_J_error omega_error".split(),
 }
@@ -97,10 +101,14 @@ def test_files_hold_what_their_formats_say(session, shared_path, monkeypatch, ca
             ]
             found |= names
     everything = set().union(*(attributes for _, attributes in seen.values()))
-    wrong += [f"attribute {name} of every result" for name in PROVENANCE.rows if not fitting(name, everything)]
+    wrong += [
+        f"attribute {name} of every result" for name in PROVENANCE.rows if not fitting(name, everything)
+    ]
     for kind, found in seen.items():
         for table, names in zip((FORMATS[kind].datasets, FORMATS[kind].attributes), found, strict=True):
             rare = (*RARE.get(kind, ()), *RARE[""])
-            wrong += [f"{n} of {kind}, in no file" for n in table.rows if n not in rare and not fitting(n, names)]
+            wrong += [
+                f"{n} of {kind}, in no file" for n in table.rows if n not in rare and not fitting(n, names)
+            ]
     wrong = [one for one in wrong if one.split()[1] not in RARE[""]]
     assert not wrong, "\n".join(wrong)
