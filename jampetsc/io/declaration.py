@@ -6,8 +6,9 @@ A line of a table is a row, whose cells stand between bars; an indented line con
     names | type | unit | meaning                 of attributes
 
 Names may be patterns such as `eta0_*`. The type is float, complex, int, bool or text, or one for each name, followed by
-? where not every file has the row. Entries of a shape are numbers or named lengths, which are the same in all
-datasets of a file: capitals are at least 1. The shape of an attribute, if it is a list, stands before its type.
+? where not every file has the row; attributes of a type with > 0 are positive. Entries of a shape are numbers or named
+lengths, which are the same in all datasets of a file: capitals are at least 1. The shape of an attribute, if it is a
+list, stands before its type.
 """
 
 import re
@@ -46,6 +47,7 @@ class Row:
     name: str  # or a pattern
     shape: tuple | None  # of entries (length or "", number to add); None: any
     type: str
+    positive: bool
     optional: bool
     unit: str
     meaning: str
@@ -82,6 +84,10 @@ class Row:
                 shown = shown if len(shown) <= LONGEST else f"{shown[:LONGEST]} …"
                 words = words if is_list or not words.endswith("numbers") else f"a {words[:-1]}"
                 raise InputError(f"{path}: attribute {name} = {shown}: must be {words}. Make the file again.")
+        if self.positive and not value > 0:
+            raise InputError(
+                f"{path}: attribute {name} = {value}: must be a positive number. Make the file again."
+            )
 
 
 class Table:
@@ -100,7 +106,8 @@ class Table:
             kinds = types.removesuffix("?").split(", ")
             entries = _entries(shape[0]) if shape else None
             for name, kind in zip(names, kinds * len(names) if len(kinds) == 1 else kinds, strict=True):
-                self.rows[name] = Row(name, entries, kind, optional, unit, meaning)
+                kind, above, _ = kind.partition(" > 0")
+                self.rows[name] = Row(name, entries, kind, bool(above), optional, unit, meaning)
         self._patterns = [row for name, row in self.rows.items() if "*" in name]
 
     def row(self, name: str) -> Row | None:

@@ -47,7 +47,7 @@ state/substeps | scalar | int? | | likewise; older files have none
 state/started | scalar | bool | | likewise
 """,
     attributes=r"""
-rate, phi, model | float, float, text | | γ̇, φ, the model
+rate, phi, model | float > 0, float > 0, text | | γ̇, φ, the model
 mass, quality, friction | float? | | mass of a disk; Q and δ if they were given
 shear_stress_mean, shear_stress_error, pressure_mean, pressure_error | float | `units` | means over strain > `discard`,
   errors from their autocorrelation
@@ -133,8 +133,8 @@ g_y, g_y_error | (D,) | float | | ⟨v_y v_y⟩/⟨v_y²⟩ of pairs with \|y\| 
 pairs | (D,) | float | | number of pairs, all snapshots
 """,
     attributes=r"""
-lane_width, bin_width | float | length | width of a lane in y, width of a bin in x
-mean_diameter | float | length | mean diameter of the disks
+lane_width, bin_width | float > 0 | length | width of a lane in y, width of a bin in x
+mean_diameter | float > 0 | length | mean diameter of the disks
 lane, bin | float? | length | of older files: half of `lane_width`, and `bin_width`
 snapshots | int | | number of snapshots of all files
 mean_square | float | | ⟨u_y²⟩/γ̇²
@@ -164,13 +164,14 @@ drift/parameters, drift/errors | (K, P) | float | | their parameters and errors 
 observable, scaling, fitted | text | | the observable; `rate` or `size`; names of the free parameters in the order of
   the columns
 functions, corrections | text, bool | | polynomial or spline and its degree; whether there is f₁
-phi_J, y, znu, nu, omega | float? | | parameters, fitted or fixed; for rates zν and ω, which is ω/z, for sizes ν
+phi_J, y, znu, nu, omega | float, float, float > 0, float > 0, float? | | parameters, fitted or fixed; for rates zν
+  and ω, which is ω/z, for sizes ν
 phi_J_error, y_error, znu_error, nu_error, omega_error | float? | | standard errors of the fitted ones, nan where the
   data do not determine them
 *_low, *_high | float? | | ends of the 2σ interval of each fitted one (`y_low`, …), infinite where the data give none
 *_shift | float? | | part of its error: the change by fits of higher degrees
 notes | text? | | warnings about these numbers, separated by `; `
-chi2, dof, probability | float, int, float | | χ², degrees of freedom, probability of a χ² at least as large
+chi2, dof, probability | float, int > 0, float | | χ², degrees of freedom, probability of a χ² at least as large
 potential, stiffness, units, sizes, model, protocol | text? | | of the files
 mass | float? | | of the files
 """,

@@ -20,7 +20,7 @@ cell_low | (2, 2) | float? | length | likewise of `cell`
 format, format_version | text | | `jampetsc-packing`, and the version of its layout; readers refuse a newer major
   version
 potential, stiffness | text | | harmonic or hertzian; constant or inverse-square-diameter
-k | float | | contact stiffness
+k | float > 0 | | contact stiffness
 protocol | text | | how it was made
 pressure, phi, energy, max_force | float | | p = Σ f r/(2V), φ, U, largest net force on a disk
 coordination, rattlers | float, int? | | Z without rattlers, number of rattlers

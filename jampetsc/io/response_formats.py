@@ -136,7 +136,7 @@ minimum, minimum_error | (W, F, 2) | float | length | δ of the smallest C
 packings | int | | number of packings averaged
 pairs | (W,) int | | number of pairs of disks for each lane width
 phase | text | | what Re u_y is in phase with, `stress` or `strain`; `strain` where it is missing
-L, mean_diameter | float | length | side of the cell along x, mean diameter
+L, mean_diameter | float > 0 | length | side of the cell along x, mean diameter
 """,
     common=PROVENANCE,
 )
