@@ -11,6 +11,8 @@ from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.reader import load
+from jampetsc.plots.picture import drawable
 
 OMEGA = np.geomspace(1e-6, 1e2, 9)
 LINEAR = OMEGA * (1 + 1j)
@@ -74,3 +76,19 @@ def test_odd_contents(contents, line, message, tmp_path, monkeypatch, capsys):
                 cli.dispatch(line.split())
             assert "s.h5" in str(raised.value) and "\n" not in str(raised.value)
     assert capsys.readouterr().err == ""
+
+
+def test_a_picture_of_numbers_that_are_not_finite_names_them(tmp_path):
+    """Where matplotlib refuses them; an error of another cause stays what it is."""
+    sweep = stored(
+        tmp_path / "s.h5", "sweep", {"omega": OMEGA, "G": LINEAR, "error_bound": OMEGA}, phi=np.inf
+    )
+    for result, error in (
+        (load(sweep), InputError),
+        (Disks.from_positions([[0.0, 0]], [0.5], 2 * np.eye(2)), IndexError),
+    ):
+        with pytest.raises(
+            error, match=r"s\.h5: attribute phi: not finite" if error is InputError else "^here$"
+        ):
+            with drawable([result]):
+                raise IndexError("here")
