@@ -20,10 +20,30 @@ def aligned(rows, last: bool = True) -> list[list[str]]:
     ]
 
 
+FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # how a cell begins that a spreadsheet computes
+QUOTE = "'"  # before text that begins so, and before text that begins with this
+
+
 def comma_separated(names, rows) -> str:
-    """Rows {name: cell} below a line of names; a row leaves out what it has not."""
+    """Rows {name: cell} below a line of names; a row leaves out what it has not. Text is quoted, see `unquoted`."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, names, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(map(_harmless, names))
+    writer.writerows([_harmless(row.get(name, "")) for name in names] for row in rows)
     return text.getvalue()
+
+
+def _harmless(cell):
+    """A cell that no spreadsheet takes for a formula; a number as text stays one."""
+    if not isinstance(cell, str) or not cell.startswith((*FORMULAS, QUOTE)):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"{QUOTE}{cell}"
+    return cell
+
+
+def unquoted(cell: str) -> str:
+    """The text of a cell without the quote that `comma_separated` has put before it."""
+    return cell[1:] if cell.startswith(tuple(QUOTE + one for one in (*FORMULAS, QUOTE))) else cell

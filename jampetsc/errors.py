@@ -9,6 +9,8 @@ import math
 import re
 import sys
 
+from jampetsc.streams import visible
+
 _NAMED = re.compile("\ue000(\\w*)\ue001")  # two characters that no text has
 
 
@@ -44,8 +46,8 @@ class JampetscError(Exception):
         return self.message(lambda parameter: parameter)
 
     def message(self, how) -> str:
-        """The message, with each parameter's name replaced by `how(name)`."""
-        return in_words(super().__str__(), how)
+        """The message in one line, with each parameter's name replaced by `how(name)`."""
+        return visible(in_words(super().__str__(), how))
 
 
 class InputError(JampetscError, ValueError):

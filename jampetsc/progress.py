@@ -78,7 +78,7 @@ class Progress:
         """One step is finished; `line` says what came out. A Ctrl-C is raised here, see `interrupts`."""
         self.count += 1
         if self.bar is not None:
-            self.bar.set_postfix_str(line, refresh=False)
+            self.bar.set_postfix_str(streams.visible(line), refresh=False)
             self.bar.update()
         elif self.reports:
             LOG.info("[%d%s] %s", self.count, f"/{self.total}" if self.total else "", line)
@@ -87,12 +87,12 @@ class Progress:
     def show(self, line: str) -> None:
         """Show how far the current step has come; on a terminal only."""
         if self.bar is not None:
-            self.bar.set_postfix_str(line)
+            self.bar.set_postfix_str(streams.visible(line))
 
     def note(self, line: str) -> None:
         """Write a line that is not a step."""
         if self.bar is not None:
-            self.bar.write(line, file=sys.stderr)
+            self.bar.write(streams.visible(line), file=sys.stderr)
         elif self.reports:
             LOG.info("%s", line)
 

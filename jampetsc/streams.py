@@ -2,9 +2,17 @@
 
 import contextlib
 import os
+import re
 import sys
 
 ERROR = "jampetsc: error: "  # begins every line of an error
+# what moves the cursor, sets colours or turns the direction of text; a file may bring it along
+_CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+def visible(text: str, keep: str = "") -> str:
+    """Text for a terminal: control characters but those of `keep` as escapes such as \\x1b."""
+    return _CONTROLS.sub(lambda found: found[0] if found[0] in keep else ascii(found[0])[1:-1], text)
 
 
 def prepare() -> None:
@@ -26,7 +34,7 @@ def prepare() -> None:
 def say(text) -> None:
     """Write lines to standard error; a failure to write them is ignored."""
     with contextlib.suppress(OSError):
-        sys.stderr.write(text)
+        sys.stderr.write(visible(text, "\n\t"))
     flush_or_drop(sys.stderr)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from jampetsc.analysis.averages import Average, mean_of_runs
 from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.errors import InputError
 
 FEWEST = 10  # samples for a distribution
 OTHERS = ("phi_J", "segregation")  # columns that samples may also have
@@ -90,7 +91,13 @@ def share_of(runs) -> Share:
 
 
 def runs_of(result) -> list:
-    """[(φ, seed, rows)] of the runs of samples in a jam or shear file; shear is one, after what is discarded."""
+    """[(φ, seed, rows)] of the runs of samples in a jam or shear file; shear is one, after what is discarded.
+
+    Raises InputError where `jammed` has other numbers than 0, 1 and nan.
+    """
+    jammed = result.get("jammed", np.empty(0))
+    if not np.isin(jammed[~np.isnan(jammed)], (0.0, 1.0)).all():
+        raise InputError(f"{result.path}: dataset jammed: numbers other than 0 and 1. Make the file again.")
     if "seed" not in result:
         a = result.attributes
         rows = np.flatnonzero(result["strain"] > float(a["discard"]) * (1 + 1e-12))

@@ -5,6 +5,7 @@ With ω in 1/τ₁ and G*, p in k, the moduli at pressure p follow  G* = p^μ g(
 Δ = μ/λ = ½ for x ≫ 1.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +28,8 @@ class Limit:
 
     @property
     def crossover(self) -> float:
-        """Frequency at which the two are equal: ω* = G₀/η₀ ∝ p^λ, where BT's critical branch begins."""
-        return self.modulus / self.viscosity
+        """Frequency at which the two are equal: ω* = G₀/η₀ ∝ p^λ, where BT's critical branch begins; nan for η₀ = 0."""
+        return self.modulus / self.viscosity if self.viscosity else math.nan
 
 
 @dataclass(frozen=True)

@@ -192,6 +192,7 @@ class Job:
             return f"{to}: there already, by the same settings and inputs; {named('overwrite')} repeats it"
         if self.scalar is not None:
             running = session.current() if comm else self._start(petsc_argv)
+            running.forget_defaults()
             summary = self.work(to)
             running.free_dropped(running.comm)
             if petsc_argv:

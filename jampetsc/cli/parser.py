@@ -2,6 +2,7 @@
 
 import textwrap
 
+from jampetsc import streams
 from jampetsc.asking.job import Job
 from jampetsc.asking.parameters import FILES, OPTION, made, parameters, shown
 from jampetsc.errors import InputError, JampetscError, in_words, option
@@ -103,5 +104,5 @@ def run(job, args, petsc_argv=()) -> int:
         raise
     comm = session.communicator() if needs_petsc else None
     if summary and (comm is None or comm.rank == 0):
-        print(in_words(summary, words_of(type(job))))
+        print(streams.visible(in_words(summary, words_of(type(job))), "\n\t"))
     return to.status

@@ -11,6 +11,7 @@ import numpy as np
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import follow
 from jampetsc.io.checkpoint import Checkpoint
+from jampetsc.io.flow_formats import FLOW
 from jampetsc.io.hdf5 import reading
 from jampetsc.io.provenance import provenance
 from jampetsc.petsc import session
@@ -24,6 +25,7 @@ SERIES = {
 }  # fmt: skip
 SNAPSHOTS = ("strain", "positions", "velocities", "cell", "images", "spins")  # spins where disks roll
 ON_WALLS = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, at the end of a row
+WIDEST_SKIN = 10.0  # of a state that is read, in units of the largest diameter
 LAYERS = 20  # of equal height between walls
 BETWEEN_WALLS = ON_WALLS | {"velocity_profile": LAYERS}
 
@@ -135,9 +137,28 @@ def check_space(to, disks: int, snapshots: int) -> None:
 def record_of(result):
     """(record, state, settings, attributes) of a flow, an `io.results.Result`. Raises InputError."""
     attrs = result.attributes
+    for name, row in FLOW.datasets.rows.items():
+        if name.startswith(STATE) and name not in result and not row.optional:
+            raise InputError(f"{result.path}: dataset {name}: missing. Make the file again.")
     with reading(result.path):
         state = {name.removeprefix(STATE): result[name] for name in result if name.startswith(STATE)}
+        for name, array in state.items():
+            if not _is_sound(name, array, 2.0 * float(state["radii"].max())):
+                raise InputError(
+                    f"{result.path}: dataset {STATE}{name}: not the state of a flow. Make the file again."
+                )
         return Record.of(result), state, json.loads(attrs["settings"]), attrs
+
+
+def _is_sound(name, array, diameter) -> bool:
+    """Whether an array of a state can be what a run has written; diameter: that of the largest disk."""
+    if name == "order":  # loops over disks use it without a look
+        return np.array_equal(np.sort(array), np.arange(len(array)))
+    if name == "skin":
+        return bool(0.0 < array <= WIDEST_SKIN * diameter)
+    if np.ndim(array) == 0:
+        return bool(array >= 0) or name == "sorted_at"
+    return bool(np.isfinite(array).all())
 
 
 def resumed(checkpoint: Checkpoint, columns=None):

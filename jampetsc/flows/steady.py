@@ -25,7 +25,7 @@ from jampetsc.flows.run import Plan, check_balance
 from jampetsc.flows.run import run as shear_until
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import phi_between
-from jampetsc.io.hdf5 import attributes, check_format, open_file
+from jampetsc.io.hdf5 import attributes, check_format, open_file, reading
 from jampetsc.io.notes import note_lines, noted
 
 DEEPEST = 0.5  # largest overlap of two disks of a start, in units of σ
@@ -91,12 +91,17 @@ def begun(
 
 def continued(earlier, strain) -> FlowRun:
     """The run that continues an earlier flow, an `io.results.Result`, by `strain`. Raises InputError."""
-    record, state, settings, attrs = record_of(earlier)
-    settings["model"]["law"] = Law(**settings["model"]["law"])
-    model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
-    strain_step = settings["rate"] * scheme.step
-    old = Plan.stored(settings["plan"], strain_step)
     disks = earlier.listed
+    record, state, settings, attrs = record_of(earlier)
+    with reading(earlier.path):
+        settings["model"]["law"] = Law(**settings["model"]["law"])
+        model, scheme = Model(**settings["model"]), Scheme(**settings["scheme"])
+        strain_step = settings["rate"] * scheme.step
+        old = Plan.stored(settings["plan"], strain_step)
+    if old.rows != len(record):
+        raise InputError(
+            f"{earlier.path}: {len(record)} rows, but settings of {old.rows}. Make the file again."
+        )
     more = Plan.of(settings["rate"], scheme.step, strain, 0.0, steps=old.steps)
     plan = replace(old, rows=old.rows + more.rows)
     origin = {name: attrs[name] for name in KEPT if name in attrs}

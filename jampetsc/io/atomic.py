@@ -33,14 +33,27 @@ _REFUSED = (
 )
 
 
-def write_whole(path, content: bytes) -> None:
-    """Write a small file completely or not at all, replacing what was there. Raises JampetscError."""
-    with NewFile(path) as file:
+def write_whole(path, content: bytes, through_link: bool = True) -> None:
+    """Write a small file completely or not at all, replacing what was there; parameters and errors of `NewFile`."""
+    with NewFile(path, through_link) as file:
         file.stream.write(content)
+
+
+def refuse_links(*paths) -> None:
+    """Raise InputError where one of these is a symbolic link: writing there would change what lies elsewhere."""
+    for path in paths:
+        if os.path.islink(path):
+            raise _link_error(path)
+
+
+def _link_error(path):
+    return InputError(f"{path}: is a symbolic link, by which files elsewhere would change. Remove it.")
 
 
 def write_error(path, error: OSError) -> JampetscError:
     """The one-line error for a failed write to `path`."""
+    if error.errno == errno.ELOOP:
+        return _link_error(path)
     if error.errno in _FULL:
         return JampetscError(f"{path}: {_FULL[error.errno]}: make room, then run the same command again")
     if error.errno in _REFUSED:
@@ -113,10 +126,10 @@ def locked(path):
     the lock.
 
     The lock ends with its process, so that a killed run can continue at once. On a file system without locks the file
-    is not locked. Raises OSError where it cannot be opened.
+    is not locked. Raises OSError where it cannot be opened, also where it is a symbolic link.
     """
     while True:
-        file = open(path, "a+")
+        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666), "r+")
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -166,10 +179,13 @@ class NewFile:
 
     Write through `stream`. As a context manager it is finished and published at the end of the block, and discarded
     after an exception. Raises InputError or JampetscError where writing fails.
+
+    through_link   whether a symbolic link at `path` stays and the file that it stands for is replaced
     """
 
-    def __init__(self, path):
+    def __init__(self, path, through_link: bool = True):
         with writing(path):
+            refuse_links(*[] if through_link else [path])
             self.path = follow(path)
             _require_regular(self.path)
             self.temporary, self.stream = _new_stream(self.path)

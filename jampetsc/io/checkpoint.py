@@ -18,7 +18,15 @@ import numpy as np
 
 from jampetsc.collective import agreed
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io.atomic import follow, locked, remove_abandoned, sync_folder, write_whole, writing
+from jampetsc.io.atomic import (
+    follow,
+    locked,
+    refuse_links,
+    remove_abandoned,
+    sync_folder,
+    write_whole,
+    writing,
+)
 from jampetsc.io.parts import remove_if_empty
 from jampetsc.io.regular import open_regular
 from jampetsc.version import VERSION
@@ -38,7 +46,7 @@ def write_entry(path, entry: dict, arrays: dict | None = None) -> str:
         np.savez(packed, **arrays)
     body = json.dumps(entry, default=_encode).encode() + b"\n" + packed.getvalue()
     digest = hashlib.sha256(body).hexdigest()
-    write_whole(path, digest.encode() + b"\n" + body)
+    write_whole(path, digest.encode() + b"\n" + body, through_link=False)
     return digest
 
 
@@ -122,6 +130,7 @@ class Checkpoint:
 
     def _lock_folder(self):
         """Lock the folder, if there is one. Raises InputError where another process has it."""
+        refuse_links(self.journal)
         self._lock = _locks.get(str(self.journal))
         if self._lock is not None or not self.journal.is_dir():
             return

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.analysis.statistics import mean_with_error, median_with_error
+from jampetsc.columns import unquoted
 from jampetsc.errors import InputError
 from jampetsc.io.averages import SAME, Averages, frame, require_independent, same
 from jampetsc.io.regular import open_regular
@@ -158,7 +159,7 @@ def load_ensemble(folder, load) -> Ensemble:
     try:
         with open_regular(path) as file:
             text = file.read().decode()
-        header, *rows = csv.reader(io.StringIO(text))
+        header, *rows = ([unquoted(cell) for cell in row] for row in csv.reader(io.StringIO(text)))
         if not {"command", "state", "file"} <= set(header) or any(len(row) != len(header) for row in rows):
             raise ValueError
     except OSError as error:

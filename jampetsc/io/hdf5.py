@@ -108,7 +108,7 @@ class _Source(io.BufferedReader):
 
 def values(data: h5py.Dataset, selection=...):
     """The values of a dataset, or a selection. Raises ValueError for a virtual dataset, which lies in other files."""
-    if data.is_virtual:
+    if data.is_virtual or data.external:
         raise ValueError(f"dataset {data.name} lies in other files")
     return data[selection]
 
@@ -202,7 +202,8 @@ def _plain(value):
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     if isinstance(value, np.generic):
-        return _plain(value.item()) if not isinstance(value, np.void) else value
+        found = value.item()  # of a long double the same again
+        return found if type(found) is type(value) else _plain(found)
     if isinstance(value, np.ndarray) and value.shape == (1,):  # how many other writers store a scalar
         return _plain(value[0])
     return value

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import h5py
 
-from jampetsc.io.hdf5 import OutputFile, attributes, check_format, open_file, retry_if_replaced, store
+from jampetsc.io.formats import check_file
+from jampetsc.io.hdf5 import OutputFile, open_file, retry_if_replaced, store
 from jampetsc.io.outputs import check_output, check_place
-from jampetsc.io.parts import GROUP, PartList
+from jampetsc.io.parts import PartList
 
 
 @retry_if_replaced
@@ -22,7 +23,7 @@ def merge(path, out=None, request=None) -> int:
     target = Path(path if out is None else out)
     in_place = os.path.realpath(target) == os.path.realpath(path)
     with open_file(path) as h5:
-        kind = check_format(path, attributes(h5))
+        kind, _, found = check_file(h5, path)
         parts = PartList(h5, path)
         parts.check()
         if in_place and not parts:
@@ -32,7 +33,7 @@ def merge(path, out=None, request=None) -> int:
         else:
             check_output(target, kind, [path])
         with OutputFile(target) as merged:
-            _copy(h5, parts, merged)
+            _copy(h5, found, parts, merged)
             if request and not in_place:
                 merged.attrs["request"] = request.text
             parts.check()  # gone where a run has replaced the result meanwhile
@@ -41,18 +42,14 @@ def merge(path, out=None, request=None) -> int:
     return len(parts.sizes)
 
 
-def _copy(source, parts, target):
-    def copy(name, item):
-        if name == GROUP or name.startswith(f"{GROUP}/"):
-            return
+def _copy(source, found, parts, target):
+    target.attrs.update(source.attrs)
+    for name, item in found.items():
         if isinstance(item, h5py.Dataset):
             _copy_dataset(item, parts, target, name)
         else:
             target.require_group(name)
         target[name].attrs.update(item.attrs)
-
-    target.attrs.update(source.attrs)
-    source.visititems(copy)
 
 
 def _copy_dataset(item, parts, target, name):

@@ -8,16 +8,13 @@ Datasets `positions` (N, 2), `radii` (N,), `cell` (2, 2) rows a1, a2, and the pa
 import hashlib
 from pathlib import Path
 
-import h5py
-
 from jampetsc.collective import on_root
 from jampetsc.core.disks import Disks, join
 from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, about
+from jampetsc.io.formats import check_file
 from jampetsc.io.hdf5 import (
     OutputFile,
-    attributes,
-    check_format,
     open_file,
     opening,
     set_attributes,
@@ -29,6 +26,7 @@ from jampetsc.io.regular import open_regular
 
 FORMAT = "jampetsc-packing"
 FORMAT_VERSION = "1.0"
+ARRAYS = ("positions", "radii", "cell", "positions_low", "cell_low")
 _HEADER = ("format", "format_version", "potential", "stiffness", "k")
 _OF_FILE = (*_HEADER, "request")  # attributes that are no record of the disks
 
@@ -98,29 +96,17 @@ def is_known_as(path, sha256: str | None) -> bool:
 def check_packing(path) -> None:
     """Raise InputError unless the header of `path` is that of a packing file: a check before long work."""
     with open_file(path) as h5:
-        check_format(path, attributes(h5), FORMAT)
+        check_file(h5, path, FORMAT)
 
 
 def packing_from(h5, path) -> Disks:
     """Disks from an open packing file; `path` is for messages. Raises InputError."""
-    attrs = attributes(h5)
-    check_format(path, attrs, FORMAT)
-    arrays = {name: _array(h5, path, name) for name in ("positions", "radii", "cell")}
-    arrays |= {name: _array(h5, path, name) for name in ("positions_low", "cell_low") if name in h5}
-    try:
-        stiffness = float(attrs.get("k", 1.0))
-    except (TypeError, ValueError):
-        raise InputError(f"{path}: attribute k = {attrs['k']!r}: must be a positive number") from None
+    _, attrs, found = check_file(h5, path, FORMAT)
+    for name in ("positions", "radii", "cell"):
+        if name not in found:
+            raise InputError(f"{path}: dataset {name} is missing: a packing needs positions, radii and cell")
+    arrays = {name: values(found[name]).astype(float) for name in ARRAYS if name in found}
     record = {name: value for name, value in attrs.items() if name not in _OF_FILE}
     with about(path):
-        potential = Potential(attrs.get("potential"), attrs.get("stiffness"), stiffness)
+        potential = Potential(attrs.get("potential"), attrs.get("stiffness"), float(attrs.get("k", 1.0)))
         return Disks.from_positions(**arrays, potential=potential, record=record)
-
-
-def _array(h5, path, name):
-    if not isinstance(h5.get(name), h5py.Dataset):
-        raise InputError(f"{path}: dataset {name} is missing: a packing needs positions, radii and cell")
-    data = h5[name]
-    if data.dtype.kind not in "fiu":
-        raise InputError(f"{path}: dataset {name} holds {data.dtype}: must be real numbers")
-    return values(data).astype(float)

@@ -16,10 +16,10 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.io.checksums import seal_of
+from jampetsc.io.formats import PARTS
 from jampetsc.io.hdf5 import open_file, opening, values
 from jampetsc.io.regular import open_regular
 
-GROUP = "part_files"
 _NAME = re.compile(r"[^/]+\.parts/[0-9a-f]{12}-rank-\d{4,}\.h5")
 
 
@@ -36,9 +36,10 @@ class PartList:
         self.path = Path(path).resolve()
         self.shown = path  # as the user wrote it, for messages
         self.run_id = h5.attrs.get("run_id", "")
-        group = h5.get(GROUP, {})
+        lists = {name: h5[name] for name in PARTS.datasets.rows if isinstance(h5.get(name), h5py.Dataset)}
+        PARTS.check(path, lists, {})
         names, sizes, seals = (
-            values(group[name]).tolist() if name in group else [] for name in ("names", "sizes", "seals")
+            values(lists[name]).tolist() if name in lists else [] for name in PARTS.datasets.rows
         )
         names = [name.decode(errors="replace") for name in names]
         for name in names:
@@ -114,7 +115,7 @@ class PartList:
         pieces = []
         for shape, (*_, part, name) in zip(shapes, boxes, strict=True):
             with open_file(self.path.parent / part, self._seals[part]) as h5:
-                if h5[name].shape != shape:
+                if h5[name].shape != shape or h5[name].dtype != data.dtype:
                     raise InputError(f"{self.shown}: part {part} holds other rows: damaged")
                 pieces.append(values(h5[name], lead))
         return np.concatenate(pieces, axis)[rest]

@@ -7,10 +7,49 @@ import sys
 from pathlib import Path
 
 from jampetsc.core.laws import OPTIONS, WEIGHTS
+from jampetsc.io.declaration import Table
 from jampetsc.io.request import shortened
 from jampetsc.version import VERSION
 
 LAW_PARAMETERS = (*dict.fromkeys((*OPTIONS, *WEIGHTS)), "prestress", "tau1", "alpha", "stress")
+PROVENANCE = Table(
+    r"""
+format, format_version | text | | which of the kinds here, and the version of its layout; readers refuse a newer major
+  version
+run_id | text | | unique to the run
+argv, date | text? | | command line; when the run ended (ISO 8601)
+wall_seconds | float? | s | duration
+request | text? | | the settings of the run (JSON): command, options, hashes of its input files. The same command
+  on its own finished result, every byte as it was written, says that it is there and ends; `--overwrite` computes it
+  again. A result of other settings or inputs, a damaged or edited one, and an older file, which does not have this
+  attribute, are not replaced without `--overwrite`. PETSc's options, `--threads` and `--last` do not count
+notes | text? | | what to know about the numbers, such as that errors are rough: `KIND: details. Remedy`, several with `; `
+  between; printed below the summary too
+instruction_set | text? | | processors for which loops were compiled: `x86-64-v3`, or LLVM's name of another one; missing
+  if none were needed. Packings have it too. Seeds give the same packing only where it is the same
+  ([installation](install.md#processors))
+git_commit | text? | | of the program, if it ran from a checkout
+*_version | text | | versions of the program and of PETSc, SLEPc, MUMPS, MPI, numpy, h5py, python if they were used
+scalar_type, petsc_options, ranks | text, text, int? | | if PETSc was used: real or complex; all options in force,
+  given or set by the program; number of ranks
+packing, packing_sha256 | text? | | name of the packing file it was made from, and hash of its disks: coordinates to
+  the last bit, radii, cell, potential (`packing.fingerprint`). Results of older versions have the hash of the file
+  instead, by which the packing is still found; averages do not notice that an old and a new result are of the same
+  packing
+sources, source_runs | text? | | of spectrum, correlation and collapse: names of the files and their `run_id`
+law, normal, beta, rotations, eta_f, tau1 | text, float, float, bool, float, float > 0? | | damping law, and those of
+  these parameters that it has
+transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of a law of one's own, those that are not
+  0
+prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
+alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress in units of k
+k, pressure, phi, particle_count, rattlers, coordination | float > 0, float, float, int > 0, int, float? | | of the
+  packing: k, p, φ, N, disks without rigid contacts, Z without them
+force_threshold | float? | | contacts with a smaller force are left out
+seed | int? | | of the packing, if it was made from a random start
+""",
+    has_shapes=False,
+)
 
 
 def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wall_seconds) -> dict:

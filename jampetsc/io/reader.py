@@ -9,7 +9,7 @@ from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.core.disks import PLACES, Disks
 from jampetsc.core.potentials import Potential
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, about, named
 from jampetsc.io import packing_file
 from jampetsc.io.ensemble import load_ensemble
 from jampetsc.io.hdf5 import attributes, check_format, open_file, retry_if_replaced
@@ -124,10 +124,11 @@ class ShearedResult(Result):
     def listed(self) -> Disks:
         """The disks of the stored state."""
         arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
-        return Disks(
-            **arrays,
-            potential=Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k"))),
-        )
+        with about(self.path):
+            potential = Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k")))
+            disks = Disks(**arrays, potential=potential)
+            Disks.from_positions(disks.positions, disks.radii, disks.cell)  # which refuses what no disks have
+        return disks
 
 
 class FlowResult(ShearedResult):
@@ -215,5 +216,6 @@ def load(path):
         if name not in RESULTS:
             known = ", ".join((packing_file.FORMAT, *RESULTS))
             raise InputError(f"{path}: format {name}: this jampetsc reads {known}; use a newer one")
+        found = RESULTS[name].read(h5, path)
         PartList(h5, path).check()
-        return RESULTS[name].read(h5, path)
+        return found

@@ -13,9 +13,10 @@ import numpy as np
 from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
 from jampetsc.io.atomic import follow, remove_abandoned, writing
+from jampetsc.io.formats import PART_GROUP
 from jampetsc.io.hdf5 import OutputFile, as_stored, set_attributes, store
 from jampetsc.io.outputs import check_place
-from jampetsc.io.parts import GROUP, part_name, parts_of, remove_if_empty
+from jampetsc.io.parts import part_name, parts_of, remove_if_empty
 
 FORMAT_VERSION = "1.0"
 
@@ -208,7 +209,7 @@ def _join(joint, names, sizes, seals, arrays):
     """List the parts, and show their rows as whole arrays."""
     columns = {"names": np.char.encode(names), "sizes": sizes, "seals": np.array(seals, "S")}
     for name, column in columns.items():
-        store(joint.h5, f"{GROUP}/{name}", column)
+        store(joint.h5, f"{PART_GROUP}/{name}", column)
     for name, array in arrays.items():
         if array.axis is None or not sum(array.counts):
             continue

@@ -9,8 +9,9 @@ import h5py
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.io.hdf5 import attributes, open_file, retry_if_replaced
-from jampetsc.io.parts import GROUP, PartList
+from jampetsc.io.formats import FORMATS, check_file
+from jampetsc.io.hdf5 import open_file, retry_if_replaced
+from jampetsc.io.parts import PartList
 from jampetsc.io.provenance import law_of
 from jampetsc.io.result_file import ResultArray, new_run_id, write_result
 
@@ -24,9 +25,9 @@ class StoredArray(ResultArray):
     Raises InputError on reading if the file was replaced, or one of its parts went, since it was loaded.
     """
 
-    def __init__(self, path, name, h5):
-        self._path, self._name, self._run_id = Path(path).resolve(), name, h5.attrs.get("run_id", "")
-        self.shape, self.dtype = h5[name].shape, h5[name].dtype
+    def __init__(self, path, name, data, dtype, run_id):
+        self._path, self._name, self._run_id = Path(path).resolve(), name, run_id
+        self.shape, self.dtype = data.shape, dtype
 
     def __getitem__(self, selection):
         np.broadcast_to(False, self.shape)[selection]  # an IndexError is the caller's, no damage of the file
@@ -37,7 +38,10 @@ class StoredArray(ResultArray):
             parts = PartList(h5, path)
             if parts.run_id != self._run_id:
                 raise InputError(f"{path}: was replaced by another run since it was loaded: load it again")
-            return parts.read(h5[self._name], selection)
+            data = h5[self._name]
+            if data.shape != self.shape:
+                raise InputError(f"{path}: {self._name}: was changed since it was loaded: load it again")
+            return np.asarray(parts.read(data, selection), self.dtype)[()]
 
     def __repr__(self):
         return f"<{self._name} {self.shape} {self.dtype} in {self._path.name}>"
@@ -102,14 +106,14 @@ class Result(Named):
     @classmethod
     def read(cls, h5, path) -> "Result":
         """The result in an open file; `path` is for messages and later reading."""
-        arrays = {}
-
-        def collect(name, item):
-            if isinstance(item, h5py.Dataset) and not name.startswith(f"{GROUP}/"):
-                arrays[name] = StoredArray(path, name, h5)
-
-        h5.visititems(collect)
-        return cls(attributes(h5), arrays, Path(path).resolve())
+        format, attrs, found = check_file(h5, path)
+        run_id, declared = attrs.get("run_id", ""), FORMATS[format]
+        arrays = {
+            name: StoredArray(path, name, data, declared.dtype(name, data.dtype), run_id)
+            for name, data in found.items()
+            if isinstance(data, h5py.Dataset)
+        }
+        return cls(attrs, arrays, Path(path).resolve())
 
     @property
     def file(self) -> Path | None:

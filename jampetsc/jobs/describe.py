@@ -8,6 +8,7 @@ from jampetsc.core.minimum import ENTRIES, proved_minimum
 from jampetsc.core.state import BALANCED, imbalance, measure
 from jampetsc.io.averages import CHOICES
 from jampetsc.io.parts import parts_of
+from jampetsc.streams import visible
 
 DIGITS = 10  # of numbers, enough to compare them with published ones
 SHOWN = 6  # most values of a choice that are listed one by one
@@ -17,7 +18,8 @@ DIFFERS = 1e-6  # relative difference from the recorded value from which a note 
 def table(rows) -> str:
     """Rows (name, value, …) in columns; a row of one word is a heading."""
     return "\n".join(
-        row[0] if len(row) == 1 else "  " + "  ".join(row).rstrip() for row in aligned(rows, last=False)
+        row[0] if len(row) == 1 else "  " + "  ".join(row).rstrip()
+        for row in aligned([[visible(word) for word in row] for row in rows], last=False)
     )
 
 
@@ -46,9 +48,8 @@ def study(path, ensemble) -> str:
             shown = values if len(values) <= SHOWN else [*values[:2], "…", values[-1]]
             text = ", ".join(one if isinstance(one, str) else f"{one:.6g}" for one in shown)
             rows.append((name, text + (f"  ({len(values)} values)" if len(values) > SHOWN else "")))
-    reasons = [
-        f"  {name}: {why}" for name, why in zip(*(ensemble.failed[c] for c in ("file", "state")), strict=True)
-    ]
+    failed = zip(*(ensemble.failed[column] for column in ("file", "state")), strict=True)
+    reasons = [visible(f"  {name}: {why}") for name, why in failed]
     return "\n".join([table(rows), *reasons])
 
 

@@ -46,6 +46,7 @@ def start(scalar=None, petsc_argv=()):
     global _session
     petsc_argv = [located(str(token)) for token in petsc_argv]
     if _session is None:
+        names_given(os.environ.get("PETSC_OPTIONS", "").split())  # whose files may name each other, too
         names = names_given(petsc_argv)
         with builds.selected(scalar):
             PETSc, SLEPc, comm = _load(petsc_argv)
@@ -155,12 +156,15 @@ class Session:
         PETSc.Options().delValue(QUIET)  # not for the record: the user did not give it
         self._for_solvers = not all(map(is_petscs_own, names))  # whether options of solvers were given
         self._defaults = set()
-        atexit.register(self._forget_defaults)
+        atexit.register(self.forget_defaults)
 
-    def _forget_defaults(self):
-        """Delete the defaults: PETSc from 3.19 on reports at its end what nothing has read, as after an error."""
-        for name in self._defaults:
-            self.PETSc.Options().delValue(name)
+    def forget_defaults(self):
+        """Delete the defaults, which each solver sets again: those of one job are no options of the next.
+
+        Also at the end, as PETSc from 3.19 on reports there what nothing has read, as after an error.
+        """
+        while self._defaults:
+            self.PETSc.Options().delValue(self._defaults.pop())
 
     def _work_on(self, comm):
         self.comm, self.rank, self.size = comm, comm.rank, comm.size

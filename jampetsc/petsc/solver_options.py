@@ -6,11 +6,13 @@ before anything starts; of the others, PETSc names at its end those that nothing
 
 import difflib
 import itertools
+import os
 import re
 from pathlib import Path
 
 from jampetsc.errors import InputError
-from jampetsc.shipped_files import located
+from jampetsc.io.regular import open_regular
+from jampetsc.shipped_files import PREFIX, located
 
 SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
     "newton_": "ksp pc mat",
@@ -29,6 +31,7 @@ PETSCS_OWN = tuple(
     "root_device saws_ sf_ shared_tmp skip_petscrc start_in_debugger stop_for_debugger tmp use_gpu vec_view "
     "vecscatter_ version viewer_ x_virtual".split()
 )
+MAX_FILES = 100  # options files of one run
 OPTION = re.compile(r"-[A-Za-z]")
 
 
@@ -48,38 +51,60 @@ def check(command: str, owned: dict, petsc_argv) -> None:
 
 
 def names_given(petsc_argv) -> list[str]:
-    """Names, without the dash, of the options in these words and in the options files that they name.
+    """Names, without the dash, of the options in these words, in the options files that they name, and in those that
+    these name.
 
-    Raises InputError for words that petsc4py cannot pass on, and for an options file that PETSc would refuse with a
-    long message.
+    Raises InputError for words that petsc4py cannot pass on, and for options files that PETSc would refuse with a long
+    message, or would read without end.
     """
     for word in petsc_argv:
         if not word.isprintable():
             raise InputError(f"{ascii(word)[1:-1]}: PETSc takes printable text only: use another name")
+    return _names_among(petsc_argv, [], ())
+
+
+def _names_among(words, files, inside):
+    """Names in words as of a command line; files: all that were read, inside: those that are being read."""
     names = []
-    for word, value in itertools.pairwise([*petsc_argv, ""]):
+    for word, value in itertools.pairwise([*words, ""]):
         if OPTION.match(word):
             names.append(word[1:])
-        if word == "-options_file":
-            names += _names_in(value)
+        if word.lower() == "-options_file":
+            names += _names_in(value, files, inside)
     return names
 
 
-def _names_in(file):
+def _names_in(file, files, inside):
     if not file:
         raise InputError("-options_file: needs the name of a file")
+    if inside and file.startswith(PREFIX):
+        raise InputError(
+            f"{inside[-1]}: -options_file {file}: PETSc takes paths only. Give the path of the file."
+        )
     file = located(file)
+    files.append(file)
+    if len(files) > MAX_FILES:
+        raise InputError(f"{files[0]}: names more than {MAX_FILES} options files. Put them into one.")
     try:
-        lines = Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
+        with open_regular(file) as opened:
+            lines = opened.read().decode(errors="replace").splitlines()
+        is_inside = any(os.path.samefile(file, other) for other in inside)
     except OSError as error:
         raise InputError(f"{file}: {error.strerror}: give a PETSc options file") from error
+    if is_inside:
+        raise InputError(
+            f"{file}: named by itself, in {inside[-1]}: reading would not end. Remove that line."
+        )
     if Path(file).suffix in (".yml", ".yaml"):
         return []  # YAML, PETSc's other format, is not checked
-    words = [(number, line.partition("#")[0].split()[:1]) for number, line in enumerate(lines, 1)]
-    for number, word in words:
-        if word and not re.match(r"-[A-Za-z]|alias$", word[0]):
-            raise InputError(f"{file}: line {number}: {word[0]}: options begin with -, comments with #")
-    return [word[0][1:] for _, word in words if word and word[0] != "alias"]
+    names = []
+    for number, line in enumerate(lines, 1):
+        word, *more = line.partition("#")[0].split()[:2] or [""]
+        if word and not re.match(r"-[A-Za-z]|alias$", word):
+            raise InputError(f"{file}: line {number}: {word}: options begin with -, comments with #")
+        if word != "alias":
+            names += _names_among([word, *(one.strip("\"'") for one in more)], files, (*inside, file))
+    return names
 
 
 def _what_instead(command, name, owned):

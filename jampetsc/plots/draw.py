@@ -14,7 +14,7 @@ from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.reader import load
 from jampetsc.plots import numbers
 from jampetsc.plots.page import Page
-from jampetsc.plots.picture import PICTURES, Picture
+from jampetsc.plots.picture import PICTURES, Picture, drawable
 from jampetsc.plots.style import FORMATS, save
 
 MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
@@ -96,7 +96,8 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
         check_output(place, what, inputs)
     drawn = picture.draw(found, ax, **chosen or {}, **options)
     if out is not None:
-        save(drawn.figure, out)
+        with drawable(found):
+            save(drawn.figure, out)
     if csv is not None:
         write_whole(csv, numbers.written(drawn.axes))
     return drawn

@@ -10,11 +10,16 @@ The function draws on the axes of `page`. The decorated one takes the caller's a
 axes: plot_lanes(results, ax=None, …).
 """
 
+import math
 from collections.abc import Callable
+from contextlib import contextmanager
 from dataclasses import dataclass
 
+import numpy as np
+
 from jampetsc.asking.parameters import SWITCH, WORD, Parameter
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, JampetscError
+from jampetsc.io.results import Result
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import drawn_in
 
@@ -64,10 +69,43 @@ class Picture:
         page = Page(ax, size, [label] if isinstance(label, str) else label, xlim)
         if ax is not None and size is not None:
             raise InputError("size: is of a new figure: leave it out where ax is given")
-        with drawn_in(style, own=ax is None):
+        with drawable(results), drawn_in(style, own=ax is None):
             page.text = self.function(results, page, **options)
             page.finish(ylim)
         return page
+
+
+@contextmanager
+def drawable(results):
+    """Context: an error of drawing numbers that are not finite becomes an InputError that names them."""
+    try:
+        yield
+    except JampetscError:
+        raise
+    except (ArithmeticError, LookupError, ValueError):
+        for result in results:
+            if name := _infinite(result):
+                raise InputError(
+                    f"{result.path}: {name}: not finite, so that no picture shows it. Make the file again."
+                ) from None
+        raise
+
+
+def _infinite(result) -> str:
+    """The name of the first attribute or dataset of a result with a number that is not finite; empty without one."""
+    if not isinstance(result, Result):
+        return ""
+    for name, value in result.attributes.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            return f"attribute {name}"
+    return next(
+        (
+            f"dataset {name}"
+            for name in result
+            if result.stored(name).dtype.kind in "fc" and not np.isfinite(result[name]).all()
+        ),
+        "",
+    )
 
 
 def picture(kind, *of, options=(), single=False, mixed=False):

@@ -27,6 +27,10 @@ def plot_scaling(results, page):
     """O/b^(y/κ) against x with f₀, corrections taken off; residuals in standard errors; parameters against the cut."""
     (result,) = results
     names = str(result.attributes["fitted"]).split(",")
+    if len(names) != result["drift/parameters"].shape[1] or not _NAMES.keys() >= set(names):
+        raise InputError(
+            f"{result.path}: attribute fitted: not a name for each parameter. Make the file again."
+        )
     mosaic = [["top"] * len(names), ["middle"] * len(names), names]
     top, middle, *drifts = page.mosaic(mosaic, PAGE, sum(HEIGHTS), HEIGHTS)
     middle.sharex(top)
@@ -49,7 +53,7 @@ def _collapse(page, top, middle, result):
         here, label = b == scale, f"${1 / scale**2:.0f}$" if sized else f"${number(scale)}$"
         points(top, x[here], left[here], bars[here], ls="none", ms=3, label=label, **look)
         middle.plot(x[here], residuals[here], ls="none", ms=3, label=hidden(label), **look)
-    symbol = SYMBOLS[str(a["observable"])]
+    symbol = SYMBOLS.get(a["observable"], "O")
     power = r"L^{y/\nu}" if sized else r"\dot\gamma^{-y/z\nu}"
     minus = rf"({symbol} - \mathrm{{corr.}})" if a["corrections"] else symbol
     span = r"L^{1/\nu}" if sized else r"\dot\gamma^{-1/z\nu}"
@@ -94,7 +98,7 @@ def plot_branches(results, page):
     if a["scaling"] != "rate":
         raise InputError(f"{result.path}: is a collapse of sizes: branches are of rates; draw it as scaling")
     rate, y, error = scaled(result)
-    scaled_y = rf"${SYMBOLS[str(a['observable'])]}\,\dot\gamma^{{-y/z\nu}}$"
+    scaled_y = rf"${SYMBOLS.get(a['observable'], 'O')}\,\dot\gamma^{{-y/z\nu}}$"
     ax = page.panels(1, 1, PAGE, 4.0, x=r"$|\phi-\phi_J|\,\dot\gamma^{-1/z\nu}$", y=scaled_y, log="xy")
     for one, look in looks(np.unique(rate)):
         label = rf"${number(one)}$"

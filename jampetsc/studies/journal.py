@@ -17,6 +17,7 @@ from jampetsc.io.atomic import remove_abandoned, write_error
 from jampetsc.io.checkpoint import read_entry, write_entry
 
 NAME = "journal"
+RECORD = {"task", "row", "seconds"}  # what every record has
 NAP = 0.02  # seconds between two looks while a rank waits for a task of another one
 DONE, FAILED = ".done", ".failed"  # endings of the files that record the outcome of a task
 PLACE = ".place"  # ending of the files that number finished tasks
@@ -30,7 +31,8 @@ def keep_record(folder, record: dict) -> None:
 def records_of(folder) -> dict:
     """{task: its record} of a study."""
     places = sorted((Path(folder) / NAME).glob("[!.]*"))
-    return {found[0]["task"]: found[0] for found in map(read_entry, places) if found is not None}
+    entries = [found[0] for found in map(read_entry, places) if found is not None]
+    return {one["task"]: one for one in entries if isinstance(one, dict) and one.keys() >= RECORD}
 
 
 def tidy(folder) -> None:

@@ -8,7 +8,9 @@ held: after the loss of a node the folder becomes free when they have passed.
 import contextlib
 import os
 import socket
+import tempfile
 import threading
+import time
 from pathlib import Path
 
 from jampetsc.errors import InputError
@@ -16,6 +18,7 @@ from jampetsc.io.atomic import locked, write_error
 
 NAME = "lock"
 BEAT = 20.0  # seconds between touches of the file
+LONGEST = 200  # characters of its content in a message
 LOST = 120.0  # seconds without a touch after which a study on another machine counts as dead
 
 
@@ -31,18 +34,18 @@ class Lock:
         """Lock the folder. Raises InputError where another study has it."""
         try:
             self._file = locked(self.path)
-            host, _, process = self.path.read_text().strip().partition(" ")
-            left = LOST - self._age()
+            host, _, process = self.path.read_text(errors="replace").strip()[:LONGEST].partition(" ")
+            age = self._age()
         except OSError as error:
             raise write_error(self.path, error) from None
         here, is_locked = socket.gethostname(), self._file is None
-        if is_locked or (host not in ("", here) and left > 0):
+        if is_locked or (host not in ("", here) and age < LOST):
             if not is_locked:
                 self._file.close()
             raise InputError(
                 f"{self.path.parent}: a study is running there (process {process or '?'} on "
                 f"{host or 'another machine'}): wait for it, or choose another folder"
-                + ("" if is_locked else f"; if it is dead, its lock is void in {left:.0f} s")
+                + ("" if is_locked else f"; {self._end(age)}")
             )
         self._file.truncate(0)
         self._file.write(f"{here} {os.getpid()}\n")
@@ -51,16 +54,20 @@ class Lock:
 
     def _age(self):
         """Seconds since the file was touched, by the clock of its file system."""
-        probe = self.path.with_name(f".{NAME}.{os.getpid()}")
-        probe.touch()
-        now = os.stat(probe).st_mtime
-        probe.unlink()
-        return now - os.stat(self.path).st_mtime
+        with tempfile.NamedTemporaryFile(dir=self.path.parent, prefix=f".{NAME}.") as probe:
+            return os.fstat(probe.fileno()).st_mtime - os.lstat(self.path).st_mtime
+
+    def _end(self, age):
+        """When the lock of another machine that was touched so many seconds ago ends, in words."""
+        if age < -LOST:
+            dated = time.strftime("%Y-%m-%d", time.localtime(os.lstat(self.path).st_mtime))
+            return f"its lock has a time in the future, {dated}: if no study runs there, remove {self.path}"
+        return f"if it is dead, its lock is void in {LOST - age:.0f} s"
 
     def _beat(self):
         while not self._over.wait(BEAT):
             with contextlib.suppress(OSError):
-                os.utime(self.path)
+                os.utime(self.path, follow_symlinks=False)
 
     def release(self) -> None:
         """Unlock the folder."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from jampetsc import interrupts
 from jampetsc.collective import on_root, own_cores
 from jampetsc.errors import InputError
-from jampetsc.io.atomic import write_error, write_whole
+from jampetsc.io.atomic import refuse_links, write_error, write_whole
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.outputs import is_same
 from jampetsc.progress import Progress
@@ -15,6 +15,7 @@ from jampetsc.studies.costs import Costs, in_words
 from jampetsc.studies.journal import NAME as JOURNAL
 from jampetsc.studies.journal import NAP, Claims, keep_record, records_of, tidy
 from jampetsc.studies.kinds import KINDS
+from jampetsc.studies.lock import NAME as LOCK
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.table import rows_of, table_text
 from jampetsc.studies.tasks import Runner
@@ -62,7 +63,7 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
             rows = _write_table(folder, tasks, records | made, runner)
             # it may have been edited meanwhile
             if isinstance(source, bytes) and not is_same(path, folder / COPY):
-                write_whole(folder / COPY, source)
+                write_whole(folder / COPY, source, through_link=False)
             return rows
 
         return on_root(comm, finish)
@@ -85,7 +86,7 @@ def _write_table(folder, tasks, records, runner):
     rows = rows_of(
         tasks, {name: one for name, one in records.items() if name in asked or runner.files_unchanged(one)}
     )
-    write_whole(folder / TABLE, table_text(rows).encode())
+    write_whole(folder / TABLE, table_text(rows).encode(), through_link=False)
     return rows
 
 
@@ -105,6 +106,7 @@ def check_folder(folder, path) -> None:
 def _open(folder, path, lock) -> Claims:
     """Take the folder for this study; the claims of its run."""
     check_folder(folder, path)
+    refuse_links(*(folder / name for name in (TABLE, COPY, JOURNAL, LOCK)))
     try:
         # the journal shows that table.csv and study.toml are a study's
         for made in (folder, folder / JOURNAL):

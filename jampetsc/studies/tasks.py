@@ -9,7 +9,8 @@ import time
 from jampetsc import progress
 from jampetsc.collective import on_root
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io.checkpoint import discard_unused
+from jampetsc.io.atomic import refuse_links
+from jampetsc.io.checkpoint import discard_unused, folder_of
 from jampetsc.io.checksums import identity_of
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.outputs import is_finished
@@ -98,6 +99,7 @@ class Runner:
     def _work(self, task, there):
         """Make the file, unless a run made it and was killed before it could write the record."""
         out = self.folder / task.file
+        refuse_links(out, folder_of(out), out.with_suffix(".parts"))
         job = task.choice.job_of([str(self.folder / one.file) for one in there])
         if on_root(session.current().comm, lambda: self._is_there(task, job)):
             return

@@ -496,11 +496,12 @@ def test_flows_of_one_state_are_averaged_each_observable_with_its_own_error(tmp_
 
 @pytest.mark.parametrize("name", ALIKE)
 def test_what_is_scaled_is_of_one_kind(tmp_path, name):
+    one, two = (1.0, 2.0) if name in ("k", "mass", "tau1") else ("one", "two")
     first, other = (
         load(write_flow(tmp_path / f"{n}.h5", 0.84, 1e-3, seed=n, **{name: value}))
-        for n, value in enumerate((1.0, 2.0))
+        for n, value in enumerate((one, two))
     )
-    with pytest.raises(InputError, match=rf"1\.h5: {name} 2\.0, but 0\.h5 has 1\.0: scale one kind"):
+    with pytest.raises(InputError, match=rf"1\.h5: {name} {two}, but 0\.h5 has {one}: scale one kind"):
         read_points([first, other], "pressure", False)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from dataclasses import replace
 
 import h5py
@@ -15,6 +16,7 @@ from jampetsc import progress
 from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.core.potentials import Potential
+from jampetsc.errors import InputError
 from jampetsc.flows import run as running
 from jampetsc.flows import steady as jobs
 from jampetsc.io.packing_file import write_packing
@@ -280,3 +282,39 @@ def test_given_radii(tmp_path):
     result = jampetsc.load(out)
     assert np.array_equal(np.sort(result["state/radii"]), np.sort(radii))
     assert result.attributes["sizes"] == "radii of radii" and "length" in result.attributes["units"]
+
+
+WRONG_STATES = {  # dataset or attribute -> what it holds instead, what is said of it
+    "order": (np.zeros(16, int), "dataset state/order: not the state of a flow"),  # which ended the process
+    "skin": (np.nan, "dataset state/skin: not the state"),
+    "offsets": (np.full((16, 2), np.inf), "dataset state/offsets: not the state"),
+    "steps": (-1, "dataset state/steps: not the state"),
+    "radii": (np.full(16, -0.5), r"radii\[0\] = -0.5: must be positive"),
+    "cell_base": (np.ones((2, 2)), "cell .*: need rows"),
+    "settings": ("[]", "damaged"),
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A short flow of 16 disks."""
+    path = tmp_path_factory.mktemp("flow") / "f.h5"
+    assert flow(*"flow --n 16 --phi 0.86 --model RD0 --rate 1e-2 --strain 0.02 --out".split(), path) == 0
+    return path
+
+
+@pytest.mark.parametrize("name", [*WRONG_STATES, "plan"])
+def test_a_flow_is_not_continued_from_a_state_that_it_cannot_have(finished, tmp_path, name):
+    path = shutil.copy(finished, tmp_path / "f.h5")
+    value, said = WRONG_STATES.get(name, (None, r"\d+ rows, but settings of \d+"))
+    with h5py.File(path, "r+") as h5:
+        if name == "plan":
+            settings = json.loads(h5.attrs["settings"])
+            settings["plan"]["rows"] += 1
+            value, name = json.dumps(settings), "settings"
+        if name == "settings":
+            h5.attrs[name] = value
+        else:
+            h5[f"state/{name}"][...] = value
+    with pytest.raises(InputError, match=f"f.h5: .*{said}"):
+        jampetsc.flow(path, strain=0.01)

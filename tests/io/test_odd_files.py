@@ -11,6 +11,8 @@ from jampetsc.cli import main as cli
 from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.reader import load
+from jampetsc.plots.picture import drawable
 
 OMEGA = np.geomspace(1e-6, 1e2, 9)
 LINEAR = OMEGA * (1 + 1j)
@@ -49,7 +51,7 @@ def field(value):
         ({"bound": np.inf}, "plot s.h5 --out s.svg", None),
         ({"k": 0.0}, "plot s.h5 --out s.svg", "attribute k = 0.0: must be a positive number"),
         ({"pressure": np.nan}, "plot s.h5 --out s.svg", "attribute pressure = nan: must be a number"),
-        ({"tau1": "one"}, "plot s.h5 --out s.svg", "attribute tau1 = one: must be a positive number"),
+        ({"tau1": "one"}, "plot s.h5 --out s.svg", "attribute tau1 = 'one': must be a real number"),
         ({"spectrum": (np.nan, 0.1, RATES, RATES)}, "spectrum s.h5 --out o.h5", "values that no packing has"),
         ({"spectrum": (0.0, 0.0, RATES, RATES)}, "spectrum s.h5 --out o.h5", None),
         ({"fields": field(0.0)}, "correlate s.h5 --lane 1,2 --out o.h5", None),
@@ -74,3 +76,19 @@ def test_odd_contents(contents, line, message, tmp_path, monkeypatch, capsys):
                 cli.dispatch(line.split())
             assert "s.h5" in str(raised.value) and "\n" not in str(raised.value)
     assert capsys.readouterr().err == ""
+
+
+def test_a_picture_of_numbers_that_are_not_finite_names_them(tmp_path):
+    """Where matplotlib refuses them; an error of another cause stays what it is."""
+    sweep = stored(
+        tmp_path / "s.h5", "sweep", {"omega": OMEGA, "G": LINEAR, "error_bound": OMEGA}, phi=np.inf
+    )
+    for result, error in (
+        (load(sweep), InputError),
+        (Disks.from_positions([[0.0, 0]], [0.5], 2 * np.eye(2)), IndexError),
+    ):
+        with pytest.raises(
+            error, match=r"s\.h5: attribute phi: not finite" if error is InputError else "^here$"
+        ):
+            with drawable([result]):
+                raise IndexError("here")

@@ -75,9 +75,11 @@ def put(h5, name, value):
     h5[name] = value
 
 
-def claim(h5, count):
-    del h5["positions"]
-    h5.create_dataset("positions", shape=(count, 2), chunks=(1000, 2), dtype=float)
+def claim(h5, count, names=("positions", "positions_low", "radii")):
+    """Datasets of so many rows, of which nothing is written: the file stays small."""
+    for name in names:
+        del h5[name]
+        h5.create_dataset(name, shape=(count, 2)[: 2 - (name == "radii")], chunks=True, dtype=float)
 
 
 def change(name, index, value):
@@ -91,11 +93,20 @@ DEFECTS = {
     "negative radius": (change("radii", 3, -0.5), r"radii\[3\] = -0.5: must be positive"),
     "flat cell": (change("cell", (1, 1), 0.0), r"cell .*Lx, Ly > 0"),
     "small cell": (change("cell", (0, 0), 1.0), r"cell that repeats at .*use more disks"),
-    "rows missing": (lambda h5: put(h5, "radii", np.ones(59)), r"positions \(60, 2\), radii \(59,\)"),
+    "rows missing": (
+        lambda h5: put(h5, "radii", np.ones(59)),
+        r"dataset radii: shape \(59,\), must be \(N,\) with N = 60",
+    ),
     "no radii": (lambda h5: h5.__delitem__("radii"), r"dataset radii is missing"),
-    "group": (lambda h5: (h5.__delitem__("cell"), h5.create_group("cell")), r"dataset cell is missing"),
-    "text": (lambda h5: put(h5, "radii", ["a"] * 60), r"dataset radii holds object: must be real numbers"),
-    "complex": (lambda h5: put(h5, "radii", np.ones(60) * 1j), r"holds complex128: must be real numbers"),
+    "group": (
+        lambda h5: (h5.__delitem__("cell"), h5.create_group("cell")),
+        r"dataset cell: is a group, must hold real numbers",
+    ),
+    "text": (
+        lambda h5: put(h5, "radii", ["a"] * 60),
+        r"dataset radii: holds text or references, must hold real numbers",
+    ),
+    "complex": (lambda h5: put(h5, "radii", np.ones(60) * 1j), r"holds complex128, must hold real numbers"),
     "other format": (
         lambda h5: h5.attrs.update(format="jampetsc-sweep"),
         r"is a jampetsc-sweep file: a jampetsc-packing file is needed here",
@@ -103,9 +114,13 @@ DEFECTS = {
     "potential": (lambda h5: h5.attrs.update(potential="WCA"), r"potential 'WCA': choose one of harmonic"),
     "no stiffness": (lambda h5: h5.attrs.__delitem__("stiffness"), r"stiffness None: choose one of constant"),
     "negative k": (lambda h5: h5.attrs.update(k=-1.0), r"k = -1.0: must be a positive number"),
-    "worded k": (lambda h5: h5.attrs.update(k="one"), r"k = 'one': must be a positive number"),
-    "two k": (lambda h5: h5.attrs.update(k=[1.0, 2.0]), r"attribute k = .*: must be a positive number"),
-    "flags": (lambda h5: put(h5, "radii", np.ones(60, bool)), r"radii holds bool: must be real"),
+    "worded k": (lambda h5: h5.attrs.update(k="one"), r"attribute k = 'one': must be a real number"),
+    "two k": (lambda h5: h5.attrs.update(k=[1.0, 2.0]), r"attribute k = .*: must be a real number"),
+    "flags": (lambda h5: put(h5, "radii", np.ones(60, bool)), r"radii: holds true or false, must hold real"),
+    "one too large": (
+        lambda h5: claim(h5, 10**9, ["radii"]),
+        r"radii: shape \(1000000000,\), must be \(N,\)",
+    ),
     "too many": (lambda h5: claim(h5, 10**17), r"p.h5: holds or claims more than there is memory for"),
 }
 

@@ -296,7 +296,7 @@ def failing(error):
 @pytest.mark.parametrize(
     ("error", "status", "lines"),
     [
-        (InputError("one\ntwo"), 2, ["one", "two"]),
+        (InputError("one\ntwo\x1b"), 2, [r"one\ntwo\x1b"]),
         (ConvergenceError("no minimum"), 3, ["no minimum"]),
         (JampetscError("disk full"), 1, ["disk full"]),
         (MemoryError(), 1, ["out of memory: use more nodes, or a smaller packing"]),

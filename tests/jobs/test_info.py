@@ -244,3 +244,16 @@ def test_numbers_as_one_reads_them():
     assert describe._files(3) == "joint file and 3 parts, all there"
     rows = [("head",), ("a", "1"), ("longer", "2", "x")]
     assert describe.table(rows) == "head\n  a       1\n  longer  2  x"
+
+
+def test_what_a_file_says_cannot_steer_the_terminal(tmp_path, capsys):
+    """Nor forge rows of the table: control characters are shown as escapes, also in the line of an error."""
+    said = {"argv": "a\x1b[31mred\nranks  99", "packing": "x\x1b]0;title\x07\u202e.h5"}
+    path = stored(tmp_path / "s.h5", "modes", {"eigenvalues": [1.0], "modes": np.ones((1, 2, 2))}, **said)
+    assert cli.main(["info", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert r"a\x1b[31mred\nranks  99" in text and r"x\x1b]0;title\x07\u202e.h5" in text
+    assert cli.main(["export", str(path), "--out", str(tmp_path / "o.xyz")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and r"x\x1b]0;title\x07\u202e.h5" in error
+    assert not set(text + error) & set("\x1b\x07\u202e")

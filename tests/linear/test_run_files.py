@@ -52,7 +52,7 @@ def test_facts_of_a_packing(session):
 
 def test_options_of_petsc_are_all_that_are_in_force(session, path):
     """Whatever made the file: those of the user, and defaults of the solvers that it used."""
-    session.set_defaults({"record_given": "1"})
+    session.PETSc.Options().setValue("record_given", "1")
     files = [
         jampetsc.jam(n=16, phi="0.9", seeds="1:2"),
         jampetsc.sweep(put(path, isostatic(), session.comm), omega=[1.0]),

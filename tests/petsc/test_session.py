@@ -287,6 +287,17 @@ def test_defaults_do_not_override(session):
         database.delValue(name)
 
 
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_options_of_one_job_are_not_recorded_by_the_next(session):
+    """In a study they depended on what its rank had done before."""
+    disks = samples.published()
+    before = jampetsc.sweep(disks, omega=[1.0]).attributes["petsc_options"]
+    assert "modes_" in jampetsc.modes(disks, count=3).attributes["petsc_options"]
+    assert jampetsc.sweep(disks, omega=[1.0]).attributes["petsc_options"] == before
+    assert "-shift_" in before and "modes_" not in before
+
+
 @pytest.mark.scalar("real", "complex")
 def test_versions_for_the_record(session):
     versions = door.versions()

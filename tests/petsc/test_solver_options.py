@@ -103,13 +103,42 @@ def test_what_an_options_file_may_hold(tmp_path, content, expected):
         (["-options_file"], "-options_file: needs the name of a file"),
         (["-options_file", ""], "-options_file: needs the name of a file"),
         (["-options_file", "/none.yml"], "/none.yml: No such file or directory: give a PETSc options file"),
-        (["-options_file", "/"], "/: Is a directory: give a PETSc options file"),
+        (["-options_file", "/"], "/: is a folder: give the file in it"),
     ],
 )
 def test_words_that_petsc_cannot_have(words, message):
     with pytest.raises(InputError) as refused:
         names_given(words)
     assert str(refused.value).startswith(message)
+
+
+def test_options_files_that_name_others(tmp_path, monkeypatch):
+    """PETSc follows them, also those that name each other: until its stack was full."""
+    monkeypatch.chdir(tmp_path)
+    for name, content in (
+        ("a", "-a 1\n-options_file b.opts\n"), ("b", '-B_c\n-Options_File "sub/c.opts" # why\n'), ("sub/c", "-d\n"),
+        ("self", "-options_file ./self.opts"), ("one", "-options_file two.opts"), ("two", "-options_file one.opts"),
+        ("ours", "-options_file jampetsc:mumps"), ("gone", "-options_file none.opts"),
+        *((f"n{n}", f"-options_file n{n + 1}.opts\n" * 2) for n in range(8)), ("n8", ""),
+    ):  # fmt: skip
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / f"{name}.opts").write_text(content)
+    names = ["options_file", "a", "options_file", "B_c", "Options_File", "d"]
+    assert names_given(["-options_file", "a.opts"]) == names
+    with pytest.raises(InputError, match="PETSc option -a: "):
+        check("sweep", OWNED, ["-options_file", "a.opts"])
+    for name, message in (
+        (
+            "self",
+            r"\./self\.opts: named by itself, in self\.opts: reading would not end\. Remove that line\.$",
+        ),
+        ("two", r"two\.opts: named by itself, in one\.opts: "),
+        ("ours", r"ours\.opts: -options_file jampetsc:mumps: PETSc takes paths only"),
+        ("gone", r"none\.opts: No such file or directory: give"),
+        ("n0", "n0.opts: names more than 100 options files"),
+    ):
+        with pytest.raises(InputError, match=message):
+            names_given(["-options_file", f"{name}.opts"])
 
 
 # What PETSc says

@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 from samples import published, stored
 
+import jampetsc
 from jampetsc.analysis.jamming import independent_share
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
+from jampetsc.io.atomic import locked
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.request import Request
 from jampetsc.io.result_file import ResultWriter
@@ -24,7 +26,7 @@ from jampetsc.studies import lock as locks
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks
 from jampetsc.studies.costs import Costs, in_words
-from jampetsc.studies.journal import Claims, records_of
+from jampetsc.studies.journal import Claims, keep_record, records_of
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.numbers import numbers_of
@@ -437,7 +439,7 @@ def result(path, kind, attributes=(), **arrays):
 def test_numbers_of_a_file_are_its_scalars_and_the_few_words_that_a_row_tells(tmp_path):
     attributes = {
         "particle_count": 16, "prestress": True, "eta0": np.float64(0.5), "law": "contact", "argv": "x", "ranks": 2,
-        "wall_seconds": 1.0, "negative_modes": 0, "numpy_version": 3, "sizes": "bidisperse", "method": "direct",
+        "wall_seconds": 1.0, "negative_modes": 0, "numpy_version": "3", "sizes": "bidisperse", "method": "direct",
         "notes": "few: 7",
     }  # fmt: skip
     found = numbers_of(result(tmp_path / "q.h5", "quasistatic", attributes.items()))
@@ -546,6 +548,13 @@ def test_a_lock_tells_who_has_it_while_it_is_held_and_ends_with_its_machine(tmp_
                 Lock(tmp_path).take()
             assert os.listdir(tmp_path) == ["lock"]  # the clock was read without a trace
             assert len(os.listdir("/proc/self/fd")) < handles  # that of the lock was among them
+    file.write_text("elsewhere 123\n")
+    os.utime(file, (2.3e9,) * 2)  # in 2042
+    with pytest.raises(
+        InputError, match=r"its lock has a time in the future, 2042-11-\d\d: if no .* remove .*lock$"
+    ):
+        Lock(tmp_path).take()
+    file.write_text("")
     lock.take()
     lock.release()
     with pytest.raises(InputError, match=r"lock: cannot be written \(No such file or directory\)"):
@@ -576,6 +585,54 @@ def test_a_lock_is_touched_until_it_is_released(tmp_path, monkeypatch):
     os.utime(path, (0, 0))
     time.sleep(0.03)
     assert os.stat(path).st_mtime == 0
+
+
+@pytest.mark.parametrize("name", ["lock", "table.csv", "study.toml", "journal"])
+def test_a_study_writes_through_no_link_of_its_folder(tmp_path, name):
+    """Of a folder that came from others: what the link names was emptied, or received the files."""
+    folder, target = tmp_path / "study", tmp_path / "mine"
+    (folder / "journal").mkdir(parents=True)
+    if name == "journal":
+        target.mkdir()
+        (folder / name).rmdir()
+    else:
+        target.write_text("precious")
+    (folder / name).symlink_to(target)
+    with pytest.raises(
+        InputError, match=rf"{name}: is a symbolic link, by which files elsewhere would change"
+    ):
+        study_run._open(folder, folder / "study.toml", Lock(folder))
+    assert list(target.iterdir()) == [] if name == "journal" else target.read_text() == "precious"
+    assert {path.name for path in folder.iterdir()} == {"journal", name}
+
+
+def test_a_task_writes_through_no_link(tmp_path):
+    (task, *_) = tasks("[jam]\nn = 16\nphi = 0.8\nseeds = '1:1'\n")
+    record, outside = {"task": task.name, "row": {}, "seconds": 1.0}, tmp_path / "outside"
+    outside.mkdir()
+    folder = tmp_path / "study"
+    (folder / "journal").mkdir(parents=True)
+    for name in (task.file, f"{task.file}.resume", f"{task.name}.parts", f"journal/{task.name}"):
+        (folder / name).symlink_to(outside if name[-1] == "s" or name[-1] == "e" else outside / "file")
+        with pytest.raises(InputError, match=f"{name}: is a symbolic link"):
+            keep_record(folder, record) if "/" in name else Runner(folder, {})._work(task, [])
+        (folder / name).unlink()
+    with pytest.raises(OSError, match="symbolic link"):
+        (folder / "lock").symlink_to(outside / "file")
+        locked(folder / "lock")
+    assert list(outside.iterdir()) == []
+
+
+def test_words_of_the_table_are_no_formulas_of_a_spreadsheet(tmp_path):
+    words = ["=1+1", "@SUM(A1)", "-cmd", "+a", "'quoted", "'=b", "plain", "a=b"]
+    rows = [{"command": "pack", "state": "done", "file": one, "seconds": -1.5} for one in words]
+    text = table_text(rows)
+    cells = [line.split(",")[2] for line in text.splitlines()[1:]]
+    assert cells == ["'=1+1", "'@SUM(A1)", "'-cmd", "'+a", "''quoted", "''=b", "plain", "a=b"]
+    assert {line.split(",")[-1] for line in text.splitlines()[1:]} == {"-1.5"}
+    (tmp_path / "table.csv").write_text(text)
+    found = jampetsc.load(tmp_path)
+    assert found["file"].tolist() == words and found["seconds"].tolist() == [-1.5] * len(words)
 
 
 def test_a_study_needs_a_folder(tmp_path):

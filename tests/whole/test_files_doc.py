@@ -1,22 +1,30 @@
-"""docs/files.md against real files: every dataset and attribute is in it, and what is in it is in some file."""
+"""The formats as they are declared against docs/files.md and real files: all is in some file, and no more."""
 
 import re
-from fnmatch import fnmatch
+import runpy
+from fnmatch import fnmatchcase
 
-import h5py
 import launch
 import pytest
 from samples import JAMBASHBULK, isostatic
 
-from jampetsc.io.packing_file import write_packing
-from jampetsc.io.parts import GROUP
+import jampetsc
+from jampetsc.core.disks import Disks
+from jampetsc.io.formats import FORMATS
+from jampetsc.io.packing_file import ARRAYS, write_packing
+from jampetsc.io.provenance import PROVENANCE
+from jampetsc.jobs import JOBS, job_class
 
-DOC = launch.ROOT / "docs" / "files.md"
 RARE = {  # of runs that are not made here
     "": ("transverse", "sliding", "drag"),  # weights of a law that only python has
-    "jampetsc-packing": ("source", "source_sha256", "requested_phi"),
+    "jampetsc-packing": ("source", "source_sha256", "requested_phi", "walls"),
     "jampetsc-sweep": ("failed_omega",),
-    "jampetsc-flow": ("quality",),
+    "jampetsc-flow": (
+        "quality",
+        "snapshots/psi6_local",
+        "snapshots/psi6_global",
+    ),  # the latter of older files
+    "jampetsc-velocity-correlation": ("lane", "bin"),  # of older files
     "jampetsc-collapse": "rate model mass protocol znu znu_error nu_error phi_J_error omega_error".split(),
 }
 RUNS = """\
@@ -34,6 +42,7 @@ oscillate p.h5 --out moving.h5 --contacts moving --omega 1e-2 --strain 1e-9 --st
 oscillate p.h5 --out sticking.h5 --alpha 0.2 --omega 1e-22 --strain 1e-4 --steps 16
 flow made.h5 --law contact --mass 1 --rate 1e-2 --strain 0.5 --discard 0.1 --snapshots 2 --out flow.h5
 correlate flow.h5 --out velocities.h5
+merge flow.h5 --out merged.h5
 shear --n 16 --phi 0.9 --step 1e-2 --strain 0.05 --out shear.h5
 jam --n 16 --phi 0.9 --seeds 1:1 --protocol shear --strain 0.1 --discard 0.05 --step 0.01 --out jam.h5
 jam --n 16 --phi 0.9 --seeds 1:1 --protocol compress --separated --cooling-rate 1 --sweeps 1 --out cooled.h5
@@ -45,52 +54,61 @@ collapse jam16.h5 jam24.h5 jam32.h5 --finite-size --observable pressure --fit ph
 flow --n 16 --phi 0.9 --seed 1 --walls --model RD0 --rate 1e-2 --strain 0.5 --discard 0.1 --out flow0.h5"""
 
 
-def documented():
-    """{format: (datasets, attributes)} of DOC, names as patterns; "" for what every result has."""
-    found, names = {}, []
-    for line in DOC.read_text().splitlines():
-        if line.startswith("## "):
-            kind, names = (re.search(r"jampetsc-[\w-]+", line) or [""])[0], []
-            if kind or line == "## Every result":  # not the folder of a study, which is no file of ours
-                found[kind] = ([], [])
-        elif line.startswith(("| dataset", "| attribute")):
-            names = found[kind][line.startswith("| attribute")]
-        elif line.startswith("| `"):
-            names += re.findall(r"`([^`]+)`", line.split("|")[1])
-    return found
+def test_the_page_has_the_formats_as_they_are_declared():
+    program = runpy.run_path(str(launch.ROOT / "run" / "files_page.py"))
+    text = program["PAGE"].read_text()
+    assert program["page"](text) == text, "out of date: .venv/bin/python run/files_page.py"
+    assert set(re.findall(r"(?m)^## .*`(jampetsc-.*)`", text)) == FORMATS.keys()
 
 
-def held(path):
-    """(format, datasets, attributes) of a file."""
-    datasets = []
-    with h5py.File(path) as h5:
-        h5.visititems(lambda name, item: datasets.append(name) if isinstance(item, h5py.Dataset) else None)
-        return h5.attrs["format"], [n for n in datasets if not n.startswith(GROUP)], list(h5.attrs)
+def names_of(loaded):
+    """(datasets, attributes) of what `load` gives for a file."""
+    if isinstance(loaded, Disks):
+        return set(ARRAYS), {"format", "format_version", "potential", "stiffness", "k", *loaded.record}
+    return set(loaded), set(loaded.attributes)
+
+
+def fitting(name, names):
+    """Whether one of the names is this one, or fits this pattern."""
+    return any(fnmatchcase(one, name) for one in names)
 
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
-def test_files_hold_what_the_documentation_says(session, shared_path, monkeypatch, capsys):
+def test_files_hold_what_their_formats_say(session, shared_path, monkeypatch, capsys):
+    """Types and shapes are checked when they are loaded."""
     monkeypatch.chdir(shared_path)
     write_packing("p.h5", isostatic())
-    for line in RUNS.replace("\\\n", "").splitlines():
+    lines = RUNS.replace("\\\n", "").splitlines()
+    for line in lines:
         launch.here(line.replace("JAMBASHBULK", str(JAMBASHBULK)))
-    doc = documented()
-    missing, seen = [], {}
+    writing = {name for name in JOBS if job_class(name).FORMAT.startswith("jampetsc-")}
+    assert writing <= {line.split()[0] for line in lines}
+    wrong, seen = [], {name: (set(), set()) for name in FORMATS}
     for path in sorted(shared_path.glob("*.h5")):
-        kind, *names = held(path)
-        for part in (0, 1):
-            known = doc[kind][part] + (doc[""][part] if kind != "jampetsc-packing" or part else [])
-            if kind == "jampetsc-quasistatic":
-                known += ["no_prestress/*", "no_prestress_*", "beta_scan/no_prestress_eta0"]
-            missing += [f"{path.name}: {n}" for n in names[part] if not any(fnmatch(n, k) for k in known)]
-            seen.setdefault((kind, part), set()).update(names[part])
-    assert not missing, "not in docs/files.md: " + "; ".join(sorted(set(missing)))
-    everything = set().union(*(names for (_, part), names in seen.items() if part))
-    usual = [name for name in doc[""][1] if name not in RARE[""]]
-    gone = [f"{name} of every result" for name in usual if not any(fnmatch(n, name) for n in everything)]
-    for (kind, part), names in seen.items():
-        patterns = [name for name in doc[kind][part] if name not in RARE.get(kind, ())]
-        gone += [f"{name} of {kind}" for name in patterns if not any(fnmatch(n, name) for n in names)]
-    assert not gone, "in docs/files.md, but in no file: " + "; ".join(gone)
-    assert {kind for kind, _ in seen} == set(doc) - {""}
+        loaded = jampetsc.load(path)
+        kind = "jampetsc-packing" if isinstance(loaded, Disks) else loaded.format
+        declared, common = FORMATS[kind], FORMATS[kind].common
+        tables = (declared.datasets, declared.attributes), ("dataset", "attribute")
+        for names, table, what, found in zip(names_of(loaded), *tables, seen[kind], strict=True):
+            row = declared.attribute if what == "attribute" else table.row
+            wrong += [f"{path.name}: {what} {name} is not declared" for name in names if row(name) is None]
+            needed = [*table.rows.values(), *(common.rows.values() if common and what == "attribute" else ())]
+            wrong += [
+                f"{path.name}: {what} {one.name} is missing"
+                for one in needed
+                if not one.optional and not fitting(one.name, names)
+            ]
+            found |= names
+    everything = set().union(*(attributes for _, attributes in seen.values()))
+    wrong += [
+        f"attribute {name} of every result" for name in PROVENANCE.rows if not fitting(name, everything)
+    ]
+    for kind, found in seen.items():
+        for table, names in zip((FORMATS[kind].datasets, FORMATS[kind].attributes), found, strict=True):
+            rare = (*RARE.get(kind, ()), *RARE[""])
+            wrong += [
+                f"{n} of {kind}, in no file" for n in table.rows if n not in rare and not fitting(n, names)
+            ]
+    wrong = [one for one in wrong if one.split()[1] not in RARE[""]]
+    assert not wrong, "\n".join(wrong)

@@ -1,0 +1,184 @@
+"""Formats of results of steady and quasistatic shear, of samples that jam, and of what is computed from these."""
+
+from jampetsc.io.declaration import Format
+from jampetsc.io.provenance import PROVENANCE
+
+_DISKS = """
+units, potential, stiffness | text | | of the disks
+sizes | text? | | of the disks, where the run has made them
+"""
+
+FLOW = Format(
+    datasets=r"""
+strain | (T,) | float | | γ at the end of a row
+time | (T,) | float | time | t there
+shear_stress, pressure | (T, 3) | float | `units` | elastic, viscous and kinetic parts of σ and p
+energy, dissipation | (T,) | float | | U, plus for disks with a mass the kinetic energy of `velocities` and spins;
+  dissipated power
+coordination, clusters, largest_cluster, deepest_overlap | (T,) | float | | Z = 2 contacts/N with rattlers, number of
+  clusters of touching disks, disks in the largest, largest overlap over σ_ij
+wall_shear_stress, wall_pressure | (T,) | float? | `units` | with `--walls`: force per length of the disks on the
+  walls at the end of a row, mean of both, along and across them
+velocity_profile | (T, 20) | float? | γ̇H | with `--walls`: mean v_x of the disks in 20 layers of equal height H/20 at
+  the end of a row, from −½ at the lower wall to ½ at the upper one; nan without disks
+snapshots/strain | (S,) | float? | | with `--snapshots` or `--snapshot-every`: their strain
+snapshots/cell | (S, 2, 2) | float? | length | their cell
+snapshots/radii | (N,) | float? | length | radii of the disks (older files: `state/radii`)
+snapshots/positions | (S, N, 2) | float? | length | centres; with `--walls` the disks of the walls come first
+snapshots/velocities | (S, N, 2) | float? | length/time | velocities without the affine flow, at these positions
+  (backward Euler; in older files those of the step before)
+snapshots/images | (S, N, 2) | int? | | k₁, k₂: x + k₁ a₁ + k₂ a₂ with the `cell` of the snapshot is the position that
+  was never folded back into the cell, `flow.snapshot(i).unwrapped`; between snapshots it changes by Δγ y and the
+  non-affine displacement. Older files have none
+snapshots/spins | (S, N) | float? | 1/time | laws with rotations: angular velocities; that of uniform shear is −γ̇/2
+snapshots/psi6_local, snapshots/psi6_global | (S,) | float? | | six-fold order ⟨\|ψ₆\|⟩ and \|⟨ψ₆⟩\| of older files
+  and of results kept without positions
+state/base, state/offset, state/offsets, state/velocities, state/accelerations | (N, 2) | float | | `state`: with which
+  `jampetsc flow FILE --strain MORE` continues; not for analysis
+state/radii, state/spins, state/spin_rates | (N,) | float | | likewise
+state/cell_base, state/cell_offset | (2, 2) | float | | likewise
+state/images | (N, 2) | int? | | likewise; older files have none
+state/order | (N,) | int? | | likewise, a permutation; older files have none
+state/seen | (10,) | float | | likewise
+state/skin | scalar | float | | likewise
+state/sorted_at | scalar | float? | | likewise; older files have none
+state/steps, state/since, state/rebuilds | scalar | int | | likewise
+state/substeps | scalar | int? | | likewise; older files have none
+state/started | scalar | bool | | likewise
+""",
+    attributes=r"""
+rate, phi, model | float > 0, float > 0, text | | γ̇, φ, the model
+mass, quality, friction | float? | | mass of a disk; Q and δ if they were given
+shear_stress_mean, shear_stress_error, pressure_mean, pressure_error | float | `units` | means over strain > `discard`,
+  errors from their autocorrelation
+coordination_mean, coordination_error | float | | likewise
+largest_cluster_mean | float | | disks in the largest cluster of touching disks, mean over strain > `discard`
+shear_stress_samples, pressure_samples, coordination_samples | float | | effective sample size; below
+  20 the error is rough
+energy_balance, correlation_strain, discard | float | | σγ̇V/⟨D⟩, nan where disks follow the
+  affine flow; correlation strain of σ; strain left out of the means
+walls | int? | | with `--walls`: number of disks of a wall; φ is then that of the other disks in the area between the
+  walls
+wall_shear_stress_mean, wall_shear_stress_error, wall_pressure_mean, wall_pressure_error | float? | `units` | with
+  `--walls`: means over strain > `discard`, as those above
+wall_shear_stress_samples, wall_pressure_samples | float? | | likewise
+method, step, tolerance, settings | text, float, float, text | | integrator, time step, tolerance of CD0's solve, all
+  settings as JSON
+substeps | int | | number of parts of divided time steps, which are halved until no disk moves by more than a quarter
+  of the largest diameter: CD0 from a random start of many disks
+"""
+    + _DISKS,
+    common=PROVENANCE,
+)
+
+SHEAR = Format(
+    datasets=r"""
+strain | (T,) | float | | γ
+energy | (T,) | float | `units` | U of all disks
+shear_stress, pressure | (T,) | float | `units` | σ_xy, p
+jammed | (T,) | float | | 1 where U/N exceeds `energy_cut` k, else 0
+coordination | (T,) | float | | Z = 2 contacts/N, rattlers included
+nonaffine | (T,) | float | mean diameter | rms non-affine displacement of the step: large where disks rearrange
+dissipated | (T,) | float | `units` | V ½(σ + σ′) Δγ − ΔU: work of the step that is not stored as energy
+plastic | (T,) | float | | 1 where `dissipated` exceeds `plastic_share` G_A V Δγ², more than the error of the
+  trapezoidal rule: disks rearranged; G_A is the modulus of affine motion
+proved | (T,) | float? | | 1 where the Hessian was factorised and has no negative mode: wherever contacts are alike, and
+  in every 50th row; older files have none
+evaluations | (T,) | float | | force evaluations that the step took
+state/base, state/offset | (N, 2) | float | length | the last minimum, coordinates in two parts
+state/cell_base, state/cell_offset | (2, 2) | float | length | its cell in two parts
+state/radii | (N,) | float | length | radii of the disks
+""",
+    attributes=r"""
+step, phi, tolerance, discard, settings | float, float, float, float, text | | Δγ, φ, max\|F\|/(p d) of a minimum,
+  strain left out of means, all settings as JSON
+energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16; ¼; factorisations of all steps
+saddles | int? | | saddles that were left
+shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, coordination_mean, \
+coordination_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float
+  | | means over strain > `discard`, jammed or not; errors from the autocorrelation
+shear_stress_samples, pressure_samples, energy_samples, coordination_samples, jammed_samples, plastic_samples, \
+dissipated_samples | float | | effective sample size of each series; 1 for a constant one, whose
+  error, 0 here, is not known
+""".replace("\\\n", "")
+    + _DISKS,
+    common=PROVENANCE,
+)
+
+JAM = Format(
+    datasets=r"""
+phi, seed | (S,) | float | | φ; seed of the random start, which is another one at each φ
+energy, pressure | (S,) | float | `units` | U/N and p at the minimum, nan where none was found
+jammed | (S,) | float | | 1 where U/N exceeds `energy_cut` k, else 0
+coordination | (S,) | float | | Z = 2 contacts/N, rattlers included
+strain | (S,) | float? | | protocol shear: γ; samples of one seed are of one run
+phi_J | (S,) | float? | | protocol compress: φ where this sample's energy vanishes, to 1e-5
+segregation | (S,) | float? | | protocol compress: assortativity of sizes among neighbours (gap below 0.2 mean
+  diameters), 0 mixed, 1 separated; nan for one size
+""",
+    attributes=r"""
+protocol | text | | random, shear or compress
+step, strain, discard, every | float? | | of shear: Δγ, γ of each run, γ before the first sample and between samples;
+  of compress: Δγ, and γ by which a sample is sheared before its φ_J is determined
+separated | bool? | | true if large disks started on one side of the cell, else missing
+temperature, cooling_rate, sweeps | float, float, int? | | of compress: T in units of energy over `k`, decrease of ln T
+  per sweep of N moves, sweeps at T
+energy_cut, tolerance | float | | 1e-16; max\|F\|/(p d) of a minimum
+"""
+    + _DISKS,
+    common=PROVENANCE,
+)
+
+VELOCITY_CORRELATION = Format(
+    datasets=r"""
+x | (D,) | float | length | middle of each bin of \|x\|
+g_y, g_y_error | (D,) | float | | ⟨v_y v_y⟩/⟨v_y²⟩ of pairs with \|y\| < `lane_width`/2, one standard error over
+  snapshots; nan without pairs
+pairs | (D,) | float | | number of pairs, all snapshots
+""",
+    attributes=r"""
+lane_width, bin_width | float > 0 | length | width of a lane in y, width of a bin in x
+mean_diameter | float > 0 | length | mean diameter of the disks
+lane, bin | float? | length | of older files: half of `lane_width`, and `bin_width`
+snapshots | int | | number of snapshots of all files
+mean_square | float | | ⟨u_y²⟩/γ̇²
+minimum, minimum_at | float | | least g_y, and the x of the parabola through it and its neighbours
+minimum_error, minimum_at_error | float | | their standard errors, from blocks of snapshots; nan for fewer than 20
+model, rate, units | text, float, text | | as in the flow files
+mass | float? | | as in the flow files
+""",
+    common=PROVENANCE,
+)
+
+COLLAPSE = Format(
+    datasets=r"""
+phi | (M,) | float | | φ
+rate | (M,) | float? | 1/time | γ̇, of fits to rates
+size | (M,) | float? | | L = √N, of fits to sizes
+N | (M,) | float | | number of disks
+value, error, runs | (M,) | float | | the observable, its error (half of a 68 % interval), number of runs or samples
+  averaged
+x, leading, correction | (M,) | float | | x, and the two parts of the fit, b^(y/zν) f₀ and b^(y/zν + ω) f₁
+curve/x, curve/f0, curve/f1 | (200,) | float | | the scaling functions
+drift/cut, drift/chi2_per_dof | (K,) | float | | largest rate or smallest N of fits to fewer and fewer points; their
+  χ²/dof
+drift/parameters, drift/errors | (K, P) | float | | their parameters and errors (nan: not determined by the data)
+""",
+    attributes=r"""
+observable, scaling, fitted | text | | the observable; `rate` or `size`; names of the free parameters in the order of
+  the columns
+functions, corrections | text, bool | | polynomial or spline and its degree; whether there is f₁
+phi_J, y, znu, nu, omega | float, float, float > 0, float > 0, float? | | parameters, fitted or fixed; for rates zν
+  and ω, which is ω/z, for sizes ν
+phi_J_error, y_error, znu_error, nu_error, omega_error | float? | | standard errors of the fitted ones, nan where the
+  data do not determine them
+*_low, *_high | float? | | ends of the 2σ interval of each fitted one (`y_low`, …), infinite where the data give none
+*_shift | float? | | part of its error: the change by fits of higher degrees
+notes | text? | | warnings about these numbers, separated by `; `
+chi2, dof, probability | float, int > 0, float | | χ², degrees of freedom, probability of a χ² at least as large
+common_share | float? | | share of the squared errors that is fitted as common to a rate or size
+potential, stiffness, units, sizes, model, protocol | text? | | of the files
+mass | float? | | of the files
+""",
+    common=PROVENANCE,
+)

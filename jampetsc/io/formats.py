@@ -1,0 +1,84 @@
+"""The format of every file that jampetsc writes, by its name, and the check of a file against it.
+
+`run/files_page.py` writes these tables into docs/files.md.
+"""
+
+from jampetsc.io.declaration import Format, contents
+from jampetsc.io.flow_formats import COLLAPSE, FLOW, JAM, SHEAR, VELOCITY_CORRELATION
+from jampetsc.io.hdf5 import attributes, check_format
+from jampetsc.io.response_formats import CORRELATION, MODES, OSCILLATE, QUASISTATIC, SPECTRUM, SWEEP
+
+PACKING = Format(
+    datasets=r"""
+positions | (N, 2) | float | length | centres
+radii | (N,) | float | length | of the disks
+cell | (2, 2) | float | length | rows a₁ = (L, 0) and a₂ of the periodic cell
+positions_low | (N, 2) | float? | length | what double precision cannot hold of `positions`: add it in higher precision
+cell_low | (2, 2) | float? | length | likewise of `cell`
+""",
+    attributes=r"""
+format, format_version | text | | `jampetsc-packing`, and the version of its layout; readers refuse a newer major
+  version
+potential, stiffness | text | | harmonic or hertzian; constant or inverse-square-diameter
+k | float > 0 | | contact stiffness
+protocol | text | | how it was made
+pressure, phi, energy, max_force | float | | p = Σ f r/(2V), φ, U, largest net force on a disk
+coordination, rattlers | float, int? | | Z without rattlers, number of rattlers
+shear_stress, shear_modulus | float? | | σ_xy; G₀ with pre-stress
+negative_modes, negative_modes_counted_by, proof_fingerprint | int, text, text? | | modes of K that lower the energy,
+  how they were counted, and the hash of the disks for which that holds
+seed, sizes, stabilise, tolerance | int, text, text, float? | | as asked for; with `--radii`, `sizes` is the name of
+  their file or the hash of the array
+requested_n, requested_potential, requested_stiffness | int, text, text? | | as asked for
+requested_pressure, requested_phi | float? | | as asked for; one of the two
+source, source_sha256 | text? | | with `--from` and `--ladder`: the packing it began with, name (of a file) and hash as
+  `packing`, `packing_sha256`
+limited_by | text? | | what ended the quench: `tolerance`, or `rounding` where that leaves more
+evaluations, newton_steps | int? | | work: force evaluations and factorisations
+imported_from, imported_index | text, int? | | of imports: the file and the number of the packing in it
+published_* | float? | | of imports: the pressure, energy, … given there
+request, instruction_set | text? | | as in every result
+assumed, units | text? | | of imports: which of potential, stiffness and k neither the file nor an option gave; the units
+  that the file says
+walls | int? | | of snapshots of a flow with `--walls`: number of disks of the walls
+""",
+)
+
+PART_GROUP = "part_files"
+PARTS = Format(  # of a joint file, beside what its format has
+    datasets="""
+part_files/names | (P,) | text | | paths of the parts from the folder of the joint file
+part_files/sizes | (P,) | int | bytes | of each
+part_files/seals | (P,) | text? | | the hash in its line of checksums; older files have none
+""",
+    attributes="",
+)
+FORMATS = {
+    "jampetsc-packing": PACKING,
+    "jampetsc-sweep": SWEEP,
+    "jampetsc-quasistatic": QUASISTATIC,
+    "jampetsc-modes": MODES,
+    "jampetsc-spectrum": SPECTRUM,
+    "jampetsc-correlation": CORRELATION,
+    "jampetsc-oscillate": OSCILLATE,
+    "jampetsc-flow": FLOW,
+    "jampetsc-shear": SHEAR,
+    "jampetsc-jam": JAM,
+    "jampetsc-velocity-correlation": VELOCITY_CORRELATION,
+    "jampetsc-collapse": COLLAPSE,
+}
+
+
+def check_file(h5, path, expected: str | None = None) -> tuple[str, dict, dict]:
+    """(format, attributes, {name: dataset or group}) of an open file that is as its format says.
+
+    Nothing is read but attributes and shapes. The list of parts is left out. Raises InputError as
+    `hdf5.check_format` and `Format.check`.
+    """
+    attrs = attributes(h5)
+    name = check_format(path, attrs, expected)
+    found = contents(h5, path)
+    for one in (FORMATS.get(name), PARTS):
+        if one is not None:
+            one.check(path, found, attrs)
+    return name, attrs, {key: item for key, item in found.items() if key.partition("/")[0] != PART_GROUP}

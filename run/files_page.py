@@ -1,0 +1,53 @@
+"""Writes the tables of docs/files.md from the declaration of the formats (`jampetsc.io.formats`).
+
+    .venv/bin/python run/files_page.py
+
+A test says when the page is not up to date.
+"""
+
+import re
+from pathlib import Path
+
+from jampetsc.io.formats import FORMATS
+from jampetsc.io.provenance import PROVENANCE
+
+PAGE = Path(__file__).parents[1] / "docs" / "files.md"
+HEADS = {False: "| attribute | type | unit | meaning |", True: "| dataset | shape | type | unit | meaning |"}
+COMMON = "## Every result"
+_TABLE = re.compile(r"(?:^\|.*\n)+", re.MULTILINE)
+
+
+def table(declared, of_datasets: bool) -> str:
+    """A table in Markdown of the rows of a `declaration.Table`."""
+    head = HEADS[of_datasets]
+    lines = [head, "|---" * (head.count("|") - 1) + "|"]
+    for names, *cells in declared.lines:
+        cells[of_datasets] = cells[of_datasets].replace("?", ", optional")
+        lines.append(f"| {', '.join(f'`{name}`' for name in names.split(', '))} | {' | '.join(cells)} |")
+    return re.sub(r" +\|", " |", "\n".join(lines)) + "\n"
+
+
+def page(text: str) -> str:
+    """The page with its tables as the formats are declared. Raises ValueError where a section lacks a table."""
+    sections = re.split(r"(?m)^(?=## )", text)
+    for number, section in enumerate(sections):
+        title = section.partition("\n")[0]
+        kind = re.search(r"`(jampetsc-[\w-]+)`", title)
+        if title == COMMON:
+            wanted = [table(PROVENANCE, False)]
+        elif kind:
+            known = FORMATS[kind[1]]
+            wanted = [table(known.datasets, True), table(known.attributes, False)]
+        else:
+            continue
+        tables = list(_TABLE.finditer(section))[: len(wanted)]
+        if len(tables) < len(wanted):
+            raise ValueError(f"{title}: {len(tables)} tables, must be {len(wanted)}")
+        for old, new in reversed(list(zip(tables, wanted, strict=True))):
+            section = section[: old.start()] + new + section[old.end() :]
+        sections[number] = section
+    return "".join(sections)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(PAGE.read_text()))
