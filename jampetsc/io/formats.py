@@ -38,8 +38,8 @@ evaluations, newton_steps | int? | | work: force evaluations and factorisations
 imported_from, imported_index | text, int? | | of imports: the file and the number of the packing in it
 published_* | float? | | of imports: the pressure, energy, … given there
 request, instruction_set | text? | | as in every result
-assumed, units | text? | | of imports: which of potential, stiffness and k neither the file nor an option gave; the units
-  that the file says
+assumed, units | text? | | of imports: which of potential, stiffness and k neither the file nor an option gave; the
+  units that the file says
 walls | int? | | of snapshots of a flow with `--walls`: number of disks of the walls
 """,
 )

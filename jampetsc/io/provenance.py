@@ -23,10 +23,10 @@ request | text? | | the settings of the run (JSON): command, options, hashes of 
   on its own finished result, every byte as it was written, says that it is there and ends; `--overwrite` computes it
   again. A result of other settings or inputs, a damaged or edited one, and an older file, which does not have this
   attribute, are not replaced without `--overwrite`. PETSc's options, `--threads` and `--last` do not count
-notes | text? | | what to know about the numbers, such as that errors are rough: `KIND: details. Remedy`, several with `; `
-  between; printed below the summary too
-instruction_set | text? | | processors for which loops were compiled: `x86-64-v3`, or LLVM's name of another one; missing
-  if none were needed. Packings have it too. Seeds give the same packing only where it is the same
+notes | text? | | what to know about the numbers, such as that errors are rough: `KIND: details. Remedy`, several with
+  `; ` between; printed below the summary too
+instruction_set | text? | | processors for which loops were compiled: `x86-64-v3`, or LLVM's name of another one;
+  missing if none were needed. Packings have it too. Seeds give the same packing only where it is the same
   ([installation](install.md#processors))
 git_commit | text? | | of the program, if it ran from a checkout
 *_version | text | | versions of the program and of PETSc, SLEPc, MUMPS, MPI, numpy, h5py, python if they were used
