@@ -54,7 +54,7 @@ def field(value):
         ({"tau1": "one"}, "plot s.h5 --out s.svg", "attribute tau1 = 'one': must be a real number"),
         ({"spectrum": (np.nan, 0.1, RATES, RATES)}, "spectrum s.h5 --out o.h5", "values that no packing has"),
         ({"spectrum": (0.0, 0.0, RATES, RATES)}, "spectrum s.h5 --out o.h5", None),
-        ({"fields": field(0.0)}, "correlate s.h5 --lane 1,2 --out o.h5", None),
+        ({"fields": field(0.0)}, "correlate s.h5 --lane 1,2 --out o.h5", "nothing to correlate"),
         ({"fields": field(0.0)}, "plot s.h5 --kind fields --out s.svg", None),
         (
             {"fields": field(np.nan)},

@@ -3,6 +3,7 @@
 import re
 import runpy
 from fnmatch import fnmatchcase
+from pathlib import Path
 
 import launch
 import pytest
@@ -11,6 +12,7 @@ from samples import JAMBASHBULK, isostatic
 import jampetsc
 from jampetsc.core.disks import Disks
 from jampetsc.io.formats import FORMATS
+from jampetsc.io.hdf5 import open_file
 from jampetsc.io.packing_file import ARRAYS, write_packing
 from jampetsc.io.provenance import PROVENANCE
 from jampetsc.jobs import JOBS, job_class
@@ -30,6 +32,7 @@ RARE = {  # of runs that are not made here
 RUNS = """\
 pack --n 16 --pressure 1e-2 --stabilise shear --out made.h5
 import JAMBASHBULK --out imported.h5
+import plain.xyr --out plain.h5
 sweep made.h5 --out sweep.h5 --fields 1e-3,1
 sweep p.h5 --out alpha.h5 --alpha 0.5 --stress 1e-6 --omega 1e-3,1
 sweep p.h5 --out stokes.h5 --law stokes --method direct --omega 1e-3
@@ -43,6 +46,8 @@ oscillate p.h5 --out sticking.h5 --alpha 0.2 --omega 1e-22 --strain 1e-4 --steps
 flow made.h5 --law contact --mass 1 --rate 1e-2 --strain 0.5 --discard 0.1 --snapshots 2 --out flow.h5
 correlate flow.h5 --out velocities.h5
 merge flow.h5 --out merged.h5
+export flow.h5 --out frames.xyz
+import frames.xyz --out frames.h5
 shear --n 16 --phi 0.9 --step 1e-2 --strain 0.05 --out shear.h5
 jam --n 16 --phi 0.9 --seeds 1:1 --protocol shear --strain 0.1 --discard 0.05 --step 0.01 --out jam.h5
 jam --n 16 --phi 0.9 --seeds 1:1 --protocol compress --separated --cooling-rate 1 --sweeps 1 --out cooled.h5
@@ -61,10 +66,11 @@ def test_the_page_has_the_formats_as_they_are_declared():
     assert set(re.findall(r"(?m)^## .*`(jampetsc-.*)`", text)) == FORMATS.keys()
 
 
-def names_of(loaded):
-    """(datasets, attributes) of what `load` gives for a file."""
+def names_of(loaded, path):
+    """(datasets, attributes) of what `load` gives for a file, a packing's attributes as the file has them."""
     if isinstance(loaded, Disks):
-        return set(ARRAYS), {"format", "format_version", "potential", "stiffness", "k", *loaded.record}
+        with open_file(path) as h5:
+            return set(ARRAYS), set(h5.attrs)
     return set(loaded), set(loaded.attributes)
 
 
@@ -79,6 +85,7 @@ def test_files_hold_what_their_formats_say(session, shared_path, monkeypatch, ca
     """Types and shapes are checked when they are loaded."""
     monkeypatch.chdir(shared_path)
     write_packing("p.h5", isostatic())
+    Path("plain.xyr").write_text("box 2\n0 0 0.55\n1 0 0.55\n0 1 0.55\n1 1 0.55\n")
     lines = RUNS.replace("\\\n", "").splitlines()
     for line in lines:
         launch.here(line.replace("JAMBASHBULK", str(JAMBASHBULK)))
@@ -90,7 +97,7 @@ def test_files_hold_what_their_formats_say(session, shared_path, monkeypatch, ca
         kind = "jampetsc-packing" if isinstance(loaded, Disks) else loaded.format
         declared, common = FORMATS[kind], FORMATS[kind].common
         tables = (declared.datasets, declared.attributes), ("dataset", "attribute")
-        for names, table, what, found in zip(names_of(loaded), *tables, seen[kind], strict=True):
+        for names, table, what, found in zip(names_of(loaded, path), *tables, seen[kind], strict=True):
             row = declared.attribute if what == "attribute" else table.row
             wrong += [f"{path.name}: {what} {name} is not declared" for name in names if row(name) is None]
             needed = [*table.rows.values(), *(common.rows.values() if common and what == "attribute" else ())]
