@@ -150,7 +150,11 @@ class Disks:
         Lagrange's reduction: subtract m times the shorter vector from the longer, m the nearest integer, until m = 0.
         """
         short, long = sorted(self.cell, key=lambda vector: vector @ vector)
-        while turns := np.round(short @ long / (short @ short)):
+        while (
+            (square := short @ short) > 0
+            and (turns := np.round(short @ long / square))
+            and np.isfinite(turns)
+        ):
             short, long = sorted((short, long - turns * short), key=lambda vector: vector @ vector)
         return float(np.hypot(*short))
 

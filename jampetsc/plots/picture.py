@@ -77,35 +77,35 @@ class Picture:
 
 @contextmanager
 def drawable(results):
-    """Context: an error of drawing numbers that are not finite becomes an InputError that names them."""
+    """Context: an error of drawing numbers that no result has becomes an InputError that names them."""
     try:
         yield
     except JampetscError:
         raise
     except (ArithmeticError, LookupError, ValueError):
         for result in results:
-            if name := _infinite(result):
+            if why := _unsound(result):
                 raise InputError(
-                    f"{result.path}: {name}: not finite, so that no picture shows it. Make the file again."
+                    f"{result.path}: {why}, so that no picture shows it. Make the file again."
                 ) from None
         raise
 
 
-def _infinite(result) -> str:
-    """The name of the first attribute or dataset of a result with a number that is not finite; empty without one."""
+def _unsound(result) -> str:
+    """Which attribute or dataset of a result has numbers that are not finite, or negative errors; empty if none has."""
     if not isinstance(result, Result):
         return ""
     for name, value in result.attributes.items():
         if isinstance(value, float) and not math.isfinite(value):
-            return f"attribute {name}"
-    return next(
-        (
-            f"dataset {name}"
-            for name in result
-            if result.stored(name).dtype.kind in "fc" and not np.isfinite(result[name]).all()
-        ),
-        "",
-    )
+            return f"attribute {name}: not finite"
+    for name in result:
+        if result.stored(name).dtype.kind in "fc":
+            array = result[name]
+            if "error" in name and (array.real < 0).any():
+                return f"dataset {name}: negative"
+            if not np.isfinite(array).all():
+                return f"dataset {name}: not finite"
+    return ""
 
 
 def picture(kind, *of, options=(), single=False, mixed=False):

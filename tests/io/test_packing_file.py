@@ -92,6 +92,10 @@ DEFECTS = {
     "nan cell low": (change("cell_low", (0, 0), np.nan), r"cell_low\[0\] = .*must be finite"),
     "negative radius": (change("radii", 3, -0.5), r"radii\[3\] = -0.5: must be positive"),
     "flat cell": (change("cell", (1, 1), 0.0), r"cell .*Lx, Ly > 0"),
+    "no cell": (
+        change("cell", (0, 0), 1e-300),
+        "cell that repeats at .*use more disks",
+    ),  # the search had no end
     "small cell": (change("cell", (0, 0), 1.0), r"cell that repeats at .*use more disks"),
     "rows missing": (
         lambda h5: put(h5, "radii", np.ones(59)),
