@@ -139,6 +139,9 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
     """
     ax = page.panels(x=labels[0], y=labels[1], log="xy")
     title, groups = group_curves(curves)
+    barred = [group.value for group in groups if group.value]
+    if barred := barred if len(groups) > _LEGEND_ROWS and symbol_of(groups) else []:
+        groups = [replace(group, marker="o") for group in groups]
     drawn = [_curve(ax, g, curve, n, parts) for n, g in enumerate(groups) for curve in g.curves]
     if not any(drawn):
         positive = "neither G' nor G''" if parts == _BOTH else "no modulus"
@@ -154,8 +157,7 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
             if exponent:
                 seen = page.seen(curve.omega)
                 draw_guide(ax, curve.omega[seen], curve.G.imag[seen], exponent, symbol, above)
-    barred = [group.value for group in groups if group.value] if len(groups) > _LEGEND_ROWS else []
-    if barred := barred if symbol_of(groups) else []:
+    if barred:
         colours = ScalarMappable(LogNorm(min(barred), max(barred)), sequential())
         bar = page.figure.colorbar(colours, ax=ax, pad=0.02, aspect=30, label=symbol_of(groups))
         bar.ax.tick_params(which="both", length=2)
