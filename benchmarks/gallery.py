@@ -1,4 +1,4 @@
-"""Puts pictures of figures into docs/gallery: those of the table below, in 64 colours, a third of their size.
+"""Puts pictures of figures into docs/gallery: those of the table below, in 32 colours, a third of their size.
 
 run/figures/bt-fig3 --kept
 .venv/bin/python benchmarks/gallery.py figures/bt-fig3-kept [figures/bt-fig5-kept …]
@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 GALLERY = Path(__file__).resolve().parents[1] / "docs" / "gallery"
-COLOURS = 64
+COLOURS = 32
 SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "bt-fig1": {"bt-fig1": "bt-fig1", "bt-fig1-fields": "bt-fig1-fields"},
     "bt-fig3": {"3a": "bt-fig3a", "3b": "bt-fig3b", "3c": "bt-fig3-exponents"},

@@ -3,16 +3,14 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib.collections import LineCollection
 
 from jampetsc.analysis.order import six_fold_order
-from jampetsc.core.state import find_contacts
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.flowcurves import flow_curves
 from jampetsc.plots.logaxes import limits_kept
 from jampetsc.plots.packing import circles
-from jampetsc.plots.page import points
-from jampetsc.plots.periodic import disk_images, segment_images, wrap
+from jampetsc.plots.page import band, points
+from jampetsc.plots.periodic import disk_images, wrap
 from jampetsc.plots.shearing import ORDERS
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 from pictures.shared import drawn, results
@@ -26,7 +24,7 @@ SIZES = (("monodisperse", "Fig. 4.6, one size"), ("bidisperse", "Fig. 4.7, two s
 def configurations(page, folder):
     """Disks of one size and of two at the start and the end of shear, and their order |⟨ψ₆⟩| over the strain."""
     names = [["a", "b", "order"], ["c", "d", "order"]]
-    a, b, order, c, d = page.mosaic(names, PAGE, 4.7, (1, 1))
+    a, b, order, c, d = page.mosaic(names, PAGE, 4.3, (1, 1))
     styles = dict(looks(sizes for sizes, _ in SIZES))
     for (sizes, words), pair in zip(SIZES, ((a, b), (c, d)), strict=True):
         runs = results(folder, command="flow", sizes=sizes)
@@ -36,25 +34,20 @@ def configurations(page, folder):
             ax.set_title(rf"{words}, $\gamma={strain:.3g}$", loc="right", pad=3, fontsize=8)
         strain, values = runs[0]["snapshots/strain"], np.array([six_fold_order(run)[1] for run in runs])
         colour = styles[sizes]["color"]
-        for one in values:
-            order.plot(strain, one, color=colour, lw=0.3, alpha=0.5, label=hidden(f"{sizes}, a run"))
+        band(order, strain, values.min(0), values.max(0), f"{sizes}, all runs", color=colour)
         order.plot(strain, values.mean(0), color=colour, lw=1.6, label=sizes)
     order.set(xlabel=r"$\gamma$", ylabel=ORDERS[1], ylim=(0.0, 1.0), xlim=(0.0, strain[-1]))
-    page.legend(order, title=f"mean of {len(runs)} runs", first="upper right")
+    page.legend(order, title=f"mean and range of {len(runs)} runs", first="upper right")
 
 
 def _configuration(ax, disks):
-    """Disks of a cell with their contacts, cut at the edge of the picture."""
-    centres, contacts = wrap(disks.positions, disks.cell), find_contacts(disks)
-    rows, places = disk_images(centres, disks.radii, disks.cell)
-    circles(ax, places, 2 * disks.radii[rows], facecolors="0.85", edgecolors="0.35", linewidths=0.3)
-    rows, starts = segment_images(centres[contacts.i], contacts.r, disks.cell)
-    lines = np.stack((starts, starts + contacts.r[rows]), axis=1)
-    ax.add_collection(
-        LineCollection(lines, linewidths=0.5, colors="0.05", label=hidden("contacts")), autolim=False
-    )
-    side = disks.cell[1, 1]
-    ax.set(xlim=(0.0, disks.cell[0, 0]), ylim=(0.0, side), aspect="equal", xticks=(), yticks=())
+    """Disks of a cell, cut at the edge of the picture; large ones are darker."""
+    rows, places = disk_images(wrap(disks.positions, disks.cell), disks.radii, disks.cell)
+    radii = disks.radii[rows]
+    faces = np.where(radii > disks.radii.min(), "0.62", "0.85")
+    circles(ax, places, 2 * radii, facecolors=faces, edgecolors="0.3", linewidths=0.3)
+    sides = disks.cell[0, 0], disks.cell[1, 1]
+    ax.set(xlim=(0.0, sides[0]), ylim=(0.0, sides[1]), aspect="equal", xticks=(), yticks=())
 
 
 @drawn("vagberg-fig5.1")
@@ -83,7 +76,8 @@ def branches(page, folder):
         line = np.array([0.12, 1.2 * np.abs(x[side * x > 0]).max()])
         with limits_kept(ax):
             ax.plot(line, level * line**slope, color=GREY, lw=0.9, ls="--", zorder=1, label=hidden(name))
-        ax.annotate(rf"slope ${name}={slope:.1f}$", (line[1], level * line[1] ** slope), (-6, 4 * side), color="0.3",
-                    textcoords="offset points", ha="right", va="bottom" if side > 0 else "top")  # fmt: skip
+        middle = line[0] ** 0.35 * line[1] ** 0.65
+        look = {"textcoords": "offset points", "ha": "right", "va": "bottom" if side > 0 else "top"}
+        ax.annotate(rf"slope ${name}={slope:.1f}$", (middle, level * middle**slope), (-6, 2 * side), **look)
     ax.set_title(rf"$\phi_J={PHI_J}$, $y={Y}$, $z\nu={ZNU}$ (V's)", loc="right", pad=3)
     page.legend(ax, title="$\\dot\\gamma$; hollow: $\\phi<\\phi_J$", first="lower left")
