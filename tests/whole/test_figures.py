@@ -103,7 +103,8 @@ def as_python(words):
 
 def kind_of(words):
     """What a picture shares with those that differ from it in the rows that they take, or in their observable."""
-    return words[0], words[words.index("--kind") + 1] if "--kind" in words else words[1]
+    last = words[-1] if is_program(words) else words[1]
+    return words[0], words[words.index("--kind") + 1] if "--kind" in words else last
 
 
 def sizes(text):
@@ -134,6 +135,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "paper4": sizes("STRAIN=1.2 DISCARD=0.6 RATES=0.1,0.05 SLOW=0.03 PHI=0.78 HEAVY=1,10 HEAVIEST=10"),
     "softening": sizes("PRESSURES=1e-2 STRAINS=0.01,1 STEPS=16 CYCLES=3"),
     "vagberg-fig4.8": sizes("RUNS=0.1,0.05:1.2"),
+    "vagberg-fig5.1": sizes("WIDE=0.7,0.95 WIDE_RUNS=0.1,0.05:0.6"),
     "walls": sizes("RATES=0.1 STRAIN=0.3 DISCARD=0.1"),
 }
 
