@@ -20,6 +20,7 @@ from jampetsc.plots.jamming import samples_of
 
 MIXED, SEPARATED = "mixed", "separated"
 DECADES = np.arange(-44.0, 0.5, 1.0)  # of U/N in the picture
+LOOSE = 0.4  # error of a ratio of ⟨p⟩ from which on few states jam, and it tells nothing
 STEEP = 0.02  # share of ones, or of zeros, below which a point tells nothing of where the step is
 
 
@@ -228,29 +229,45 @@ def _draw_steps(ax, jammed):
     for one in jammed:
         value = np.array([share.value for share in one.shares])
         bars = [value - [s.low for s in one.shares], [s.high for s in one.shares] - value]
-        label = f"{one.name}, $N={one.n}$" + (", separated" if one.start == SEPARATED else "")
-        look = {
-            "color": style.colours(len(sizes))[sizes.index(one.n)],
-            "marker": "s" if one.name == "RAND" else "o",
-            "ls": "--" if one.name == "RAND" else ":" if one.start == SEPARATED else "-",
-            **({"mfc": "white"} if one.start == SEPARATED else {}),
-        }
+        look = {"color": style.colours(len(sizes))[sizes.index(one.n)], **_look_of_states(one)}
+        label = style.hidden(f"{_kind(one)}, N = {one.n}")
         ax.errorbar(one.phi, value, bars, capsize=1.5, elinewidth=0.6, label=label, **look)
     ax.set(xlabel=r"$\phi$", ylabel=r"$f(\phi)$", ylim=(-0.04, 1.04))
-    ax.legend(fontsize=6)
+    left, right = ax.get_xlim()
+    ax.set_xlim(left, right + 0.5 * (right - left))  # with room for the legend
+    handles = [
+        style.entry(f"$N={n}$", colour) for n, colour in zip(sizes, style.colours(len(sizes)), strict=True)
+    ]
+    looks = {_kind(one): _look_of_states(one) for one in jammed}
+    handles += [style.entry(words, **look) for words, look in sorted(looks.items())]
+    ax.legend(handles=handles, fontsize=7, loc="lower right")
+
+
+def _kind(one):
+    return one.name + (", separated" if one.start == SEPARATED else "")
+
+
+def _look_of_states(one):
+    """Marker and line by ensemble and start."""
+    fill = {"mfc": "white"} if one.start == SEPARATED else {}
+    dash = "--" if one.name == "RAND" else ":" if one.start == SEPARATED else "-"
+    return {"marker": "s" if one.name == "RAND" else "o", "ls": dash, **fill}
 
 
 def _draw_starts(ax, jammed):
-    """⟨p⟩ along shear from separated over that from mixed sizes, at every φ."""
+    """⟨p⟩ along shear from separated over that from mixed sizes, at every φ where its error is below LOOSE."""
     sheared = {(one.n, one.start): one for one in jammed if one.name == "QS"}
     sizes = sorted({n for n, _ in sheared if (n, MIXED) in sheared and (n, SEPARATED) in sheared})
     for n, colour, marker in zip(sizes, style.colours(len(sizes)), style.MARKERS, strict=False):
         phi, value, error = ratios(sheared[n, SEPARATED], sheared[n, MIXED])
+        close = error < LOOSE
+        phi, value, error = phi[close], value[close], error[close]
         ax.errorbar(phi, value, error, color=colour, marker=marker, capsize=1.5, label=f"$N={n}$")
     ax.axhline(1.0, color=style.GREY, lw=0.6, ls=":")
-    ax.set(xlabel=r"$\phi$", ylabel=r"$\langle p\rangle$, separated over mixed", ylim=(0.0, 2.0))
+    ax.set(xlabel=r"$\phi$", ylabel=r"$\langle p\rangle$, separated over mixed")
+    ax.set_ylim(0.0, 1.05 * (1.0 + LOOSE) + 0.2)
     if sizes:
-        ax.legend(title="QS")
+        ax.legend(title=f"QS, errors below {LOOSE:g}", loc="lower right", ncol=2)
 
 
 def ratios(one, other):

@@ -4,7 +4,7 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LogNorm, to_rgba
 
 from jampetsc.analysis.statistics import median_interval
 from jampetsc.core.laws import FAMILIES, OPTIONS
@@ -14,6 +14,7 @@ from jampetsc.plots.picture import grouped
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
+    GREY,
     colours,
     entry,
     looks,
@@ -75,6 +76,7 @@ class Group:
     """Sweeps that share a label, a colour, a marker and a dash: one, or the members of an ensemble.
 
     parts   of the label, pressure and law, where a legend tells them apart: by colour, and by marker or dash
+    value   of the only number in which the groups differ; None where they differ in other things
     """
 
     label: str
@@ -83,6 +85,7 @@ class Group:
     marker: str
     dash: str | tuple = "-"
     parts: tuple = ()
+    value: float | None = None
 
 
 def curve_of(result) -> Curve:
@@ -136,8 +139,9 @@ def _curve(result, x, G, bounds, **more):
 def group_curves(curves, crossed=True) -> tuple[str, list]:
     """(legend title, groups) of curves that differ in pressure, law or parameters, low pressure first.
 
-    Colours run from dark at low pressure (or at the first label) to light; the title is "p/k" if that is all. If they
-    may be `crossed`, several laws at several pressures have the colours of these, and each law a marker and a dash.
+    Colours run from dark at low pressure (or at the first label) to light; the title is "p/k" if that is all. Where
+    one number differs, its logarithm sets the colour, and grey is 0. If they may be `crossed`, several laws at several
+    pressures have the colours of these, and each law a marker and a dash.
     """
     descriptions = [c.description for c in curves]
     varying = [key for key in descriptions[0] if _varies(key, [d[key] for d in descriptions])]
@@ -147,13 +151,15 @@ def group_curves(curves, crossed=True) -> tuple[str, list]:
         sorted(zip(curves, descriptions, strict=True), key=lambda pair: _rank(pair[1])),
         lambda pair: tuple(_part(key, pair[1][key], only_pressure) for key in keys),
     )
-    shades = colours(len(members))
-    if only_pressure:
-        pressures = [found[0][0].pressure for found in members.values()]
-        shades = map(tuple, sequential()(LogNorm(min(pressures), max(pressures))(pressures)))
+    numbers = [found[0][0].pressure if only_pressure else found[0][1][keys[0]] for found in members.values()]
+    scaled = keys in ([name] for name in ("p/k", *_SYMBOLS)) and all(
+        isinstance(one, int | float) and one >= 0 for one in numbers
+    )
+    shades = log_colours(numbers) if scaled and any(numbers) else colours(len(members))
     groups = []
-    for ((parts, found), look), shade in zip(looks(members.items()), shades, strict=True):
-        groups.append(Group(_label(parts), [curve for curve, _ in found], shade, look["marker"]))
+    for ((parts, found), look), shade, value in zip(looks(members.items()), shades, numbers, strict=True):
+        own = [curve for curve, _ in found]
+        groups.append(Group(_label(parts), own, shade, look["marker"], value=value if scaled else None))
     pairs = [(level, _label(law)) for level, *law in members]
     levels, laws = (dict(looks(dict.fromkeys(parts))) for parts in zip(*pairs, strict=True))
     if crossed and keys[0] == "p/k" and len(pairs) > max(len(levels), len(laws)):
@@ -162,6 +168,22 @@ def group_curves(curves, crossed=True) -> tuple[str, list]:
             look = {"colour": levels[level]["color"], "marker": laws[law]["marker"], "dash": dashes[law]}
             groups[n] = replace(groups[n], **look, parts=pairs[n])
     return ("$p/k$" if only_pressure else ""), groups
+
+
+def log_colours(values) -> list[tuple]:
+    """Colours of values (G,) by their logarithm, dark to light; grey is 0."""
+    values = np.array(values, float)
+    positive = values[values > 0]
+    shades = sequential()(LogNorm(positive.min(), positive.max())(np.maximum(values, positive.min())))
+    return [tuple(shade) if value > 0 else to_rgba(GREY) for value, shade in zip(values, shades, strict=True)]
+
+
+def symbol_of(groups) -> str:
+    """The symbol of the number in which alone groups differ, in TeX; "" where they differ in other things."""
+    if any(group.value is None for group in groups):
+        return ""
+    first, last = groups[0].curves[0].description, groups[-1].curves[0].description
+    return next((f"${_SYMBOLS.get(key, key)}$" for key in first if first[key] != last[key]), "")
 
 
 def entries_of(groups, look) -> list:

@@ -6,7 +6,7 @@ from matplotlib.patches import Patch
 from jampetsc.analysis.statistics import median_interval
 from jampetsc.core.laws import having
 from jampetsc.errors import InputError
-from jampetsc.plots.logaxes import power_law
+from jampetsc.plots.logaxes import draw_guide, power_law
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import GREY, OPEN, entry, hidden, looks, power_or_number
@@ -131,7 +131,7 @@ def unstable(results) -> str:
 @picture("viscosities", "quasistatic")
 def plot_viscosities(results, page):
     """η₀ (filled) and η_∞ (open) in kτ₁ against β, a colour for each pressure and N; with the scans over β of the
-    files.
+    files. Guides are β and β^½, where the first colour's lines follow them.
 
     Raises InputError for files of another law.
     """
@@ -143,7 +143,7 @@ def plot_viscosities(results, page):
     sizes = groups_of(results)
     groups = looks((size, level, files) for size, levels in sizes.items() for level, files in levels.items())
     ax = page.panels(x=r"$\beta$", y=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$", log="xy")
-    handles, bands = [], []
+    handles, bands, first = [], [], {}
     columns = ((r"$\eta_0$", {}), (r"$\eta_\infty$", OPEN))
     for (size, level, files), look in groups:
         points = np.array([row for result in files for row in _rows(result)])
@@ -152,7 +152,11 @@ def plot_viscosities(results, page):
         handles.append(entry(label, **look))
         for column, (symbol, face) in enumerate(columns, 1):
             samples = [points[points[:, 0] == beta, column] for beta in betas]
-            bands = draw_medians(ax, betas, samples, look | face, f"{symbol}, {label}")[1] or bands
+            middle, drawn = draw_medians(ax, betas, samples, look | face, f"{symbol}, {label}")
+            bands = drawn or bands
+            first.setdefault(symbol, (betas, middle))
+    for (symbol, _), exponent, above in zip(columns, (1.0, 0.5), (True, False), strict=True):
+        draw_guide(ax, *first[symbol], exponent, r"\beta", above)
     handles += [entry(symbol, marker="o", mew=0.7, **face) for symbol, face in columns]
     page.legend(ax, handles + bands, "$p/k$")
     return f"eta0 and eta_inf against beta of {count(results, 'file', 'files')}"

@@ -104,7 +104,7 @@ def draw_flow_curves(results, page) -> str:
 def _draw_exponents(ax, curves):
     """Local exponents with errors, in limits of the values, and lines at those that have a name and are in sight."""
     values = np.concatenate([y for _, _, y, _ in curves])
-    low, high = np.array([values.min(), values.max()]) + np.array([-0.06, 0.06]) * max(np.ptp(values), 0.1)
+    low, high = np.array([values.min(), values.max()]) + np.array([-0.06, 0.12]) * max(np.ptp(values), 0.1)
     for look, x, y, error in curves:
         points(ax, x, y, error, **look)
     ax.set_ylim(low, high)

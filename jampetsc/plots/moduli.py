@@ -12,7 +12,7 @@ from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
 from jampetsc.asking.parameters import NUMBER, WORD
 from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
-from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves
+from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves, symbol_of
 from jampetsc.plots.logaxes import draw_guide
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import count, option, picture
@@ -20,7 +20,7 @@ from jampetsc.plots.style import DASHED, LOSS, OPEN, STORAGE, entry, hidden, pow
 
 _FEW = 16  # so many frequencies or fewer: a marker on each
 _SPACED = 8  # markers along a longer curve
-_LEGEND_ROWS = 7  # more pressures than this get a colour bar instead
+_LEGEND_ROWS = 7  # more values of one parameter than this get a colour bar instead
 _BOTH = (STORAGE, LOSS)
 ROUGH = 6  # packings below which twice an error holds less than 92 % of cases
 _FILES = ("sweep", "oscillate")
@@ -139,6 +139,9 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
     """
     ax = page.panels(x=labels[0], y=labels[1], log="xy")
     title, groups = group_curves(curves)
+    barred = [group.value for group in groups if group.value]
+    if barred := barred if len(groups) > _LEGEND_ROWS and symbol_of(groups) else []:
+        groups = [replace(group, marker="o") for group in groups]
     drawn = [_curve(ax, g, curve, n, parts) for n, g in enumerate(groups) for curve in g.curves]
     if not any(drawn):
         positive = "neither G' nor G''" if parts == _BOTH else "no modulus"
@@ -154,13 +157,14 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
             if exponent:
                 seen = page.seen(curve.omega)
                 draw_guide(ax, curve.omega[seen], curve.G.imag[seen], exponent, symbol, above)
-    entries = entries_of(groups, lambda group: {"marker": group.marker, "markeredgewidth": 0.7})
-    if len(groups) > _LEGEND_ROWS and title:
-        pressures = [group.curves[0].pressure for group in groups]
-        colours = ScalarMappable(LogNorm(min(pressures), max(pressures)), sequential())
-        bar = page.figure.colorbar(colours, ax=ax, pad=0.02, aspect=30, label="$p/k$")
+    if barred:
+        colours = ScalarMappable(LogNorm(min(barred), max(barred)), sequential())
+        bar = page.figure.colorbar(colours, ax=ax, pad=0.02, aspect=30, label=symbol_of(groups))
         bar.ax.tick_params(which="both", length=2)
-        title, entries = "", []
+        title = ""
+    named = [group for group in groups if not (barred and group.value)]
+    look = {"markeredgewidth": 0.7}
+    entries = entries_of(named, lambda group: {"marker": group.marker} | look) if named else []
     if len(parts) > 1:
         marked = {} if groups[0].parts else {"marker": "o", "mew": 0.7}  # where markers do not tell laws
         entries += [entry(STORAGE, **marked), entry(LOSS, **marked, **OPEN)]

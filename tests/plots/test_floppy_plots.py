@@ -97,6 +97,18 @@ def test_viscosities_are_medians_over_files_in_units_of_k_and_tau1():
     assert told(both)[:2] == ["$10^{-3}$, $N=16$", "$10^{-3}$, $N=64$"]
 
 
+def test_guides_at_the_viscosities_have_slopes_1_and_one_half():
+    """η₀ = 0.01 + β and η_∞ = √(0.01 + β): over the decades where these are straight."""
+    beta = np.logspace(-6, 3, 10)
+    one = quasistatic_of([1, 1, 1], eta0=1.01, eta_inf=1.01**0.5, beta=1.0)
+    scan = {"beta": beta, "eta0": 0.01 + beta, "eta_inf": np.sqrt(0.01 + beta)}
+    held = Held({f"beta_scan/{name}": values for name, values in scan.items()}, one.attributes)
+    ax = figure_of(plot_viscosities, [held]).axes[0]
+    guides = [np.log(line.get_data()) for line in ax.get_lines() if len(line.get_xdata()) == 50]
+    np.testing.assert_allclose([np.ptp(y) / np.ptp(x) for x, y in guides], [1.0, 0.5])
+    assert [text.get_text() for text in ax.texts] == [r"$\beta$", r"$\beta^{1/2}$"]
+
+
 def test_modes_keep_their_numbers_where_some_have_no_frequency():
     """Of λ = −1, 0, 4, 16 in k = 4 the third and fourth are shown, coloured by floppiness; infinite is the largest."""
     one = modes_of([-4.0, 0.0, 4.0, 16.0], [1.0, 10.0, 5.0, np.inf], k=4.0)

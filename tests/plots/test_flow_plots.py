@@ -200,10 +200,12 @@ def test_what_cannot_be_drawn(count, kind, says):
     [(1.0, ["Newtonian"]), (2.0, ["Bagnoldian"]), (0.4, []), (2.5, ["Newtonian", "Bagnoldian"])],
 )
 def test_exponents_that_have_a_name_are_marked_where_they_are_in_sight(power, names):
-    ax, rates = Figure().subplots(), np.array([0.1, 0.2, 0.4])
+    ax, rates = Figure(figsize=(2.3, 2.3)).subplots(), np.array([0.1, 0.2, 0.4])
     powers = power, 0.9 if power == 2.5 else 1.01 * power
     _draw_exponents(ax, [({}, *local_exponents(rates, rates**one, 0.1 * rates)) for one in powers])
     assert [text.get_text() for text in ax.texts] == names
+    ax.figure.draw_without_rendering()
+    assert all(text.get_window_extent().y1 <= ax.bbox.y1 for text in ax.texts)  # not over the frame
     levels = [line.get_ydata()[0] for line in ax.get_lines() if line.get_linestyle() == ":"]
     assert levels == [{"Newtonian": 1, "Bagnoldian": 2}[name] for name in names]
 

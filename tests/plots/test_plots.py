@@ -26,7 +26,7 @@ from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
 from jampetsc.plots.moduli import plot_collapse, plot_moduli
 from jampetsc.plots.numbers import table
 from jampetsc.plots.packing import _draw, flowing, plot_packing, touching
-from jampetsc.plots.style import LOSS, STORAGE
+from jampetsc.plots.style import LOSS, STORAGE, sequential
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -204,6 +204,21 @@ def test_laws_at_several_pressures_share_their_colours_and_each_law_has_a_marker
     assert all(
         group.parts == () for group in group_curves(some[1:3])[1]
     )  # a pressure each: nothing is shared
+
+
+def test_many_values_of_one_parameter_have_a_colour_bar():
+    """Their logarithm is the colour; 0, which has none, is grey and keeps its entry."""
+    betas = [0.0, *np.logspace(-6, 1, 8)]
+    some = [curve(law="contact", beta=beta) for beta in betas]
+    ax, bar = figure_of(plot_moduli, some).axes
+    assert bar.get_ylabel() == r"$\beta$" and bar.get_ylim() == pytest.approx((1e-6, 10.0))
+    assert told(ax) == [r"$\beta=0$", STORAGE, LOSS]
+    colours = [group.colour for group in group_curves(some)[1]]
+    np.testing.assert_allclose(colours[1:], sequential()(np.linspace(0.0, 1.0, 8)), atol=0.02)
+    assert len(set(colours[0][:3])) == 1 and bar.get_yscale() == "log"
+    assert len(figure_of(plot_moduli, some[:7]).axes) == 1  # few have a legend
+    both = [curve(law="contact", beta=beta, pressure=p) for beta in betas[1:6] for p in (1e-3, 1e-2)]
+    assert len(figure_of(plot_moduli, both).axes) == 1  # two parameters differ
 
 
 def oscillation(omega, amplitude, **attributes):

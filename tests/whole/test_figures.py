@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from jampetsc.studies.plan import plan
 sys.path.insert(0, str(launch.ROOT / "benchmarks"))
 from claims import motion  # noqa: F401  it enters its claims
 from claims.shared import CLAIMS
+from gallery import GALLERY, SHOWN
 from keep import slim
 
 FIGURES = launch.ROOT / "run" / "figures"
@@ -103,7 +105,8 @@ def as_python(words):
 
 def kind_of(words):
     """What a picture shares with those that differ from it in the rows that they take, or in their observable."""
-    return words[0], words[words.index("--kind") + 1] if "--kind" in words else words[1]
+    last = words[-1] if is_program(words) else words[1]
+    return words[0], words[words.index("--kind") + 1] if "--kind" in words else last
 
 
 def sizes(text):
@@ -134,6 +137,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "paper4": sizes("STRAIN=1.2 DISCARD=0.6 RATES=0.1,0.05 SLOW=0.03 PHI=0.78 HEAVY=1,10 HEAVIEST=10"),
     "softening": sizes("PRESSURES=1e-2 STRAINS=0.01,1 STEPS=16 CYCLES=3"),
     "vagberg-fig4.8": sizes("RUNS=0.1,0.05:1.2"),
+    "vagberg-fig5.1": sizes("WIDE=0.7,0.95 WIDE_RUNS=0.1,0.05:0.6"),
     "walls": sizes("RATES=0.1 STRAIN=0.3 DISCARD=0.1"),
 }
 
@@ -188,6 +192,17 @@ def test_figures_are_made(tmp_path):
     assert len(made) > 20 and len(STUDIES) > 15
     for path in made:
         assert os.path.getsize(path) > 5000, path
+
+
+def test_the_gallery_has_the_pictures_that_its_page_shows_and_figures_make():
+    shown_there = set(re.findall(r"\(gallery/(\S+)\.png\)", (GALLERY.parent / "gallery.md").read_text()))
+    files = {path.stem: path.stat().st_size for path in GALLERY.iterdir()}
+    assert shown_there == set(files) == {name for some in SHOWN.values() for name in some.values()}
+    assert max(files.values()) < 2.5e5
+    for figure, some in SHOWN.items():
+        made = {os.path.basename(word) for words in shown(figure)[1] for word in words}
+        made |= {name.replace(".h5", ".png") for name in made}
+        assert made >= {f"{name}.png" for name in some}, figure
 
 
 def test_a_figure_does_without_a_task_that_fails(tmp_path):

@@ -85,6 +85,7 @@ vagberg-fig4.8 --paper flow,correlate rate model=RD0|CD0 phi=0.8|0.8433 = 1e-5 1
 vagberg-fig4.8 --quick flow snapshots = 200
 vagberg-fig4.8 --paper flow snapshots = 400
 vagberg-fig5.1 flow model = RD0
+vagberg-fig5.1 flow phi >= 0.6 0.95
 vagberg-flow-curves flow model = CDn RD0
 vagberg-flow-curves flow quality model=CDn = 1
 vagberg-flow-curves flow rate model=CDn phi=0.78 >= 1e-4 3e-4 1e-3
@@ -97,12 +98,16 @@ walls flow model = CD CD0
 walls --quick flow strain discard=5 = 20
 walls --paper flow strain discard=15 = 30"""
 PICTURES = """\
+bt-fig1 draw.py bt-fig1.png
+bt-fig1 draw.py bt-fig1-fields.png
 bt-fig1 plot --kind moduli
 bt-fig1 plot --kind fields --total --phase stress
 bt-fig3 3a.png --kind moduli --where rotations=1,prestress=1
 bt-fig3 3b.png --kind collapse --mu 0.5 --lambda 1 --where rotations=1,prestress=1
 bt-fig3 3c.png --kind exponents --where command=sweep,rotations=1,prestress=1
 bt-fig3 3d.png --kind exponents --where command=quasistatic
+bt-fig4 draw.py bt-fig4a.png
+bt-fig4 draw.py bt-fig4b.png
 bt-fig4 4a.png --kind collapse --mu 0.5 --lambda 0 --where beta=0,prestress=1
 bt-fig4 4a-no-prestress.png --kind collapse --mu 0.5 --lambda 0 --where beta=0,prestress=0
 bt-fig4 4b.png --kind moduli --where command=sweep,pressure=1e-4,prestress=1
@@ -110,16 +115,21 @@ bt-fig4 4b-inset.png --kind viscosities --where pressure=1e-4
 bt-fig5 5.png --kind medians
 bt-fig6 6a.png --kind collapse --mu 0.5 --lambda 1 --where eta_f=1,prestress=1
 bt-fig6 6b.png --kind moduli --where command=sweep,pressure=1e-4,prestress=1
+bt-fig7 draw.py bt-fig7a.png
+bt-fig7 draw.py bt-fig7cd.png
 bt-fig7 7a.png --kind correlation --where law=contact,phase=stress,pressure=1e-4
 bt-fig7 7b.png --kind correlation --where law=stokes,eta_f=0,phase=stress,pressure=1e-4
 bt-fig7 7cd.png --kind length --where law=stokes,eta_f=0,phase=stress !--log-exponent
 bt-fig7 7cd-exponent-below-0.png --kind length --where law=stokes,eta_f=0,phase=stress --log-exponent -0.65
+bt-fig8 draw.py bt-viscosity-ratio.png
 bt-fig8 8a.png --kind finite-size --size-power 1 --where law=contact
 bt-fig8 8b.png --kind finite-size --size-power 1.09 --where law=stokes
 bt-modes plot --kind lowest-modes
+paper2 draw.py paper2.png
 paper4 plot --kind regimes
 paper5 collapse --where model=RD0
 paper5 collapse --where model=CD0
+vagberg-fig4.6-4.7 draw.py vagberg-fig4.6-4.7.png
 vagberg-fig4.6-4.7 4.6.png --kind snapshot --where sizes=monodisperse,seed=1
 vagberg-fig4.6-4.7 4.7.png --kind snapshot --where sizes=bidisperse,seed=1
 vagberg-fig4.6-4.7 plot --kind order
@@ -127,6 +137,7 @@ vagberg-fig4.8 4.8a.png --kind lanes --where model=RD0,phi=0.8
 vagberg-fig4.8 4.8b.png --kind lanes --where model=CD0,phi=0.8
 vagberg-fig5.1 collapse --observable pressure --fit phi_J,y,znu !--corrections
 vagberg-fig5.1 collapse --observable shear_stress --fit phi_J,y,znu !--corrections
+vagberg-fig5.1 draw.py vagberg-fig5.1.png
 vagberg-fig5.1 plot --kind branches
 vagberg-flow-curves plot --kind flow
 walls plot --kind profile"""
@@ -205,7 +216,8 @@ def test_the_viscosity_of_many_sizes_can_be_compared(law, own):
 @pytest.mark.parametrize("mode", MODES)
 def test_rates_and_densities_of_flows(mode):
     flows = asked("vagberg-fig5.1", mode)[0]
-    phis, rates = values(flows, "phi"), values(flows, "rate")
+    phis = {phi for phi in values(flows, "phi") if 0.8 <= phi <= 0.87}  # farther ones have fewer rates
+    rates = values(flows, "rate", phi=0.8433)
     assert (
         0.8433 in phis and sum(phi < 0.8433 for phi in phis) >= 4 and sum(phi > 0.8433 for phi in phis) >= 2
     )

@@ -1,0 +1,19 @@
+"""Draws a picture that one figure of the papers alone needs; the name of the file says which.
+
+.venv/bin/python benchmarks/draw.py figures/bt-fig7-kept --picture bt-fig7a.png
+"""
+
+from common import folder_and_picture, saved_page
+from pictures import correlations, flows, moduli, sizes  # noqa: F401  they enter their pictures
+from pictures.shared import PICTURES
+
+
+def main():
+    args = folder_and_picture(__doc__, f"one of {', '.join(PICTURES)}, with the ending .png, .pdf or .svg")
+    with saved_page(args.picture) as page:
+        PICTURES[args.picture.stem](page, args.folder)
+    print(f"{args.picture}: {PICTURES[args.picture.stem].__doc__}")
+
+
+if __name__ == "__main__":
+    main()
