@@ -129,6 +129,14 @@ class FlowResult(ShearedResult):
 
     snapshot = snapshot
 
+    @property
+    def last(self) -> Disks:
+        """The packing at the end: the state has the disks as they were listed last, and how they moved since."""
+        from jampetsc.core.pairs import deformed  # compiled
+
+        shear = float(self["state/since"]) * self.attributes["rate"] * self.attributes["step"]
+        return deformed(super().last, np.asarray(self["state/offsets"], float), 0.0, shear).folded()
+
 
 class SpectrumResult(Result):
     """Relaxation and retardation spectrum of a packing, H(τ), G(t) and J(t)."""
