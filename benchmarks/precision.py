@@ -37,26 +37,34 @@ def centred(disks):
     return replace(disks, base=base, offset=offset)
 
 
-def rows_of(disks):
-    """Rows of COLUMNS of a packing, an octave of the distance each."""
+def residuals(disks):
+    """(distance from the origin over that of the edge, of the disks inside; those in units of length; |F|/(p d), (2, N))."""
     disks = centred(disks)
     distance, unit = np.hypot(*disks.positions.T), disks.record["pressure"] * 2.0 * np.mean(disks.radii)
     edge = 0.5 * np.min(np.diag(disks.cell)) - 2.0 * disks.radii.max()
-    octave = np.where(distance < edge, np.floor(np.log2(distance / edge)), 1).astype(int)
-    forces = [forces_of(disks, rounded) / unit for rounded in (False, True)]
-    for one in np.unique(octave[octave < 1]):
+    inside = distance < edge
+    forces = np.array([forces_of(disks, rounded) / unit for rounded in (False, True)])
+    return distance[inside] / edge, distance[inside], forces[:, inside]
+
+
+def rows_of(packings):
+    """Rows of COLUMNS of the packings at a pressure, an octave of the distance each."""
+    share, distance, forces = (np.concatenate(part, axis=-1) for part in zip(*map(residuals, packings), strict=True))
+    octave = np.floor(np.log2(share)).astype(int)
+    for one in np.unique(octave):
         inside = octave == one
         if inside.sum() >= FEWEST:
-            rms = [float(np.sqrt(np.mean(force[inside] ** 2))) for force in forces]
             centre = float(np.exp(np.mean(np.log(distance[inside]))))
-            yield disks.n, disks.record["pressure"], centre, int(inside.sum()), *rms
+            rms = np.sqrt(np.mean(forces[:, inside] ** 2, axis=1)).tolist()
+            yield packings[0].n, packings[0].record["pressure"], centre, int(inside.sum()), *rms
 
 
 def gradients(folder):
     """{name: (rows,) array} of COLUMNS for the packings of a study in `folder`, from forces.csv if that is there."""
     path = folder / FORCES
     if not path.exists():
-        rows = [row for disks in load(folder).where(command="pack").results() for row in rows_of(disks)]
+        table = load(folder).where(command="pack")
+        rows = [row for _, some in table.groups(["pressure"]) for row in rows_of(some.results())]
         with path.open("w", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
     return {name: np.atleast_1d(column) for name, column in zip(COLUMNS, read(path), strict=True)}

@@ -176,7 +176,7 @@ def test_figures_are_made(tmp_path):
     assert all(sum(entry["figure"] == name for entry in entries) >= 2 for name in JAMMING)
     linear = "| 0.01 | 0.01 | 1 of 1 | 1.00 | 1.00 |"  # the least strain
     assert linear in said and "alpha = 0.6667" in said and "measured over self-consistent" in said
-    for figure, claims in CLAIMS:
+    for (figure, *_), claims in CLAIMS:
         if figure in ("bt-fig1", "bt-fig7", "bt-modes"):
             rows = list(claims(jampetsc.load(tmp_path / figure)))
             assert len(rows) >= 6 and all(np.isfinite(row.ours.value) and row.size for row in rows), figure
