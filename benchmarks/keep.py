@@ -26,7 +26,7 @@ from jampetsc.io.reader import load
 
 KEPT = Path(__file__).resolve().parents[1] / "docs" / "kept"
 LEFT_OUT = re.compile(
-    r"(no_prestress/)?(state|snapshots/(positions|velocities|cell)|fields/|reduced|modes$|contacts|nonaffine|rotation|"
+    r"(no_prestress/)?(state|snapshots/(positions|velocities|cell)|fields/|modes$|contacts|nonaffine|rotation|"
     r"particles|radii)"
 )
 MOST = 100_000  # numbers of a dataset

@@ -1,6 +1,6 @@
 """Minimisers and dynamics from the same starts: do single states differ, and do their mean energies (V, sec. 4.7)?
 
-    .venv/bin/python benchmarks/relaxation.py figures/relaxation-quick --n 64 --samples 100 --picture x.png
+    .venv/bin/python benchmarks/relaxation.py figures/relaxation-quick --n 64 --starts 160 --picture x.png
 
 Starts are the states of RD0 sheared at γ̇ = 1e-2. From each, minima are found by nonlinear conjugate gradients (V's
 choice), by `minimise` (L-BFGS with longer moves, then Newton's method), and by RD0 itself, whose cell stands still but
@@ -50,8 +50,8 @@ def relaxed(n, seed):
     return {"command": "relaxation", "state": "done", "n": n, "phi": PHI, "seed": seed, "earlier": earlier} | found
 
 
-def compute(folder: Path, n, samples):
-    """Write the table of starts 1 … samples, row by row, those that are there left as they are."""
+def compute(folder: Path, n, starts):
+    """Write the table of the starts with seeds 1 … starts, row by row, those that are there left as they are."""
     from jampetsc.petsc import session
 
     path = folder / "table.csv"
@@ -59,7 +59,7 @@ def compute(folder: Path, n, samples):
     rows = list(csv.DictReader(path.open())) if path.exists() else []
     done = {int(row["seed"]) for row in rows}
     session.start("real")
-    for seed in range(1, samples + 1):
+    for seed in range(1, starts + 1):
         if seed not in done:
             rows.append(relaxed(n, seed))
             with path.open("w", newline="") as file:
@@ -96,8 +96,8 @@ def draw(table, path):
 
 
 def main():
-    args = folder_and_picture(__doc__, "draw one energy against the other", n=64, samples=100)
-    compute(args.folder, args.n, args.samples)
+    args = folder_and_picture(__doc__, "draw one energy against the other", n=64, starts=160)
+    compute(args.folder, args.n, args.starts)
     table = load(args.folder)
     print("| minimiser | N | starts | ⟨U⟩ of the dynamics over its own | other states |\n|---|---|---|---|---|")
     for name, words in MINIMISERS.items():

@@ -14,7 +14,7 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from claims import checks, exponents, flow, jamming, moduli, motion  # noqa: F401  they enter their claims
+from claims import checks, exponents, flow, jamming, moduli, motion, power_law  # noqa: F401  they enter their claims
 from claims.shared import CLAIMS, GROUPS, THEORY
 from claims.verdicts import verdict
 from keep import KEPT

@@ -18,7 +18,7 @@ from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
 
 sys.path.insert(0, str(launch.ROOT / "benchmarks"))
-from claims import motion  # noqa: F401  it enters its claims
+from claims import checks, motion  # noqa: F401  they enter their claims
 from claims.shared import CLAIMS
 from keep import slim
 
@@ -124,6 +124,10 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "bt-fig8": sizes("SMALL,MIDDLE,LARGE=16 MANY,SOME,FEW=1:1"),
     "bt-modes": sizes("MODES=10"),
     "bt-nonlinear": sizes("STRESSES=1e-5 POINTS=3 PRESSURES=1e-2"),
+    "contact-lifetimes": sizes("RATE=0.05 SLOW=0.03 BOUND,SLOW_BOUND=0.4 EVERY,COLLISION,SLOW_COLLISION=0.02"),
+    "lees-edwards": sizes("RATE=0.1"),
+    "overdamped-limit": sizes("RATE=0.1 DRAG_STRAIN,CONTACT_STRAIN,PARTIAL_STRAIN=0.6")
+    | {"QUALITY": "1,0.3", "LIGHT": "1,0.3"},
     "paper1": sizes(
         "LIQUID=16 LARGE=20 SEVERAL,MIXED=1:2 MIXING=0.02 THIRD,RUNS=1:1 PHI=0.84,0.86 FIRST=0.06"
     )
@@ -132,8 +136,10 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     | sizes("SLOW=20 STRAIN,LITTLE=0.1 DISCARD=0.04"),
     "paper3": sizes("STRAIN=0.1 DISCARD=0.04 RUNS=1:1"),
     "paper4": sizes("STRAIN=1.2 DISCARD=0.6 RATES=0.1,0.05 SLOW=0.03 PHI=0.78 HEAVY=1,10 HEAVIEST=10"),
+    "relaxation": sizes("STARTS=2"),
     "softening": sizes("PRESSURES=1e-2 STRAINS=0.01,1 STEPS=16 CYCLES=3"),
-    "vagberg-fig4.8": sizes("RUNS=0.1,0.05:1.2"),
+    "split-coordinates": sizes("N=64"),
+    "vagberg-fig4.8": sizes("RUNS,CONTACT=0.1,0.05:1.2"),
     "walls": sizes("RATES=0.1 STRAIN=0.3 DISCARD=0.1"),
 }
 
