@@ -13,6 +13,7 @@ import re
 import sys
 import tarfile
 import tempfile
+from collections import defaultdict
 from pathlib import Path
 
 import h5py
@@ -30,7 +31,7 @@ LEFT_OUT = re.compile(
     r"particles|radii)"
 )
 MOST = 100_000  # numbers of a dataset
-ROWS = 100  # of the series of a flow
+ROWS = defaultdict(lambda: 100, {"overdamped-limit": 20})  # of the series of a flow, by figure
 EXACT = ("omega", "phi")  # what results are compared or chosen by
 TEXTS = ("table.csv", "study.toml", "asked.toml", "forces.csv")
 ORDER = STORED, six_fold_order
@@ -40,14 +41,14 @@ OF_SNAPSHOTS = {  # figure: names of what is kept of the snapshots of a flow, an
 }
 
 
-def slim(source: Path, target: Path, of_snapshots=ORDER) -> None:
-    """A result at `source` without what takes room, in a file of its own at `target`; see OF_SNAPSHOTS."""
+def slim(source: Path, target: Path, figure="") -> None:
+    """A result of a figure at `source` without what takes room, in a file of its own at `target`."""
     with open_file(source) as h5, OutputFile(target) as kept:
         facts = attributes(h5)
         facts["argv"] = re.sub(r"(?<!\S)/\S*/", "", str(facts["argv"]))  # no path of the machine
         set_attributes(kept, facts)
         rows = len(h5["strain"]) if facts["format"] == "jampetsc-flow" else 0
-        most = 4 * ROWS if "velocity_profile" in h5 else ROWS  # of walls the start is wanted
+        most = (4 if "velocity_profile" in h5 else 1) * ROWS[figure]  # of walls the start is wanted
 
         def copy(name, item):
             if isinstance(item, h5py.Dataset) and not LEFT_OUT.match(name) and item.size <= MOST:
@@ -58,7 +59,7 @@ def slim(source: Path, target: Path, of_snapshots=ORDER) -> None:
 
         h5.visititems(copy)
         if "snapshots/positions" in h5:
-            names, of = of_snapshots
+            names, of = OF_SNAPSHOTS.get(figure, ORDER)
             for name, values in zip(names, of(load(source)), strict=True):
                 store(kept, name, single(values))
 
@@ -81,7 +82,7 @@ def keep(folder: Path, to: Path = KEPT) -> Path:
                 add(archive, path.relative_to(folder), path.read_bytes())
             elif path.suffix == ".h5" and not path.name.startswith("pack-"):
                 small = Path(scratch) / "small.h5"
-                slim(path, small, OF_SNAPSHOTS.get(name, ORDER))
+                slim(path, small, name)
                 add(archive, path.relative_to(folder), small.read_bytes())
     return target
 

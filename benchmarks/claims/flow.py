@@ -122,7 +122,8 @@ def _no_minimum(files, phi, size):
 
 
 def _growth(phi, found, narrow, size):
-    """ℓ ~ γ̇^(−x): from the highest to the lowest rate at V's φ, where the caption sees ℓ grow; the lowest two at φ_J.
+    """ℓ at the lowest two rates: their mean over ℓ at the highest one at V's φ, where the caption sees ℓ grow and it
+    saturates; x of ℓ ~ γ̇^(−x) between them at φ_J.
 
     found: `minima` of lanes of the same width, the widest bins first, of which statistical errors are; systematic: half
     of the range of all bins.
@@ -140,10 +141,11 @@ def _growth(phi, found, narrow, size):
         whole = power_law(rates, x, errors)
         yield check(f"{what}, all rates", -whole.value, whole.inflated, told, size)
         return
-    ratios = [one[-1] / one[0] for _, one, _, _ in found]
-    own = ratios[0] * np.hypot(errors[-1] / x[-1], errors[0] / x[0])
+    last = [weighted_mean(one[-2:], own[-2:]) for _, one, own, _ in found]
+    ratios = [mean.value / one[0] for mean, (_, one, _, _) in zip(last, found, strict=True)]
+    own = ratios[0] * np.hypot(last[0].inflated / last[0].value, errors[0] / x[0])
     yield Row(
-        f"RD0, φ = {phi:g}: ℓ at γ̇ = {rates[-1]:g} over ℓ at {rates[0]:g}",
+        f"RD0, φ = {phi:g}: ℓ at γ̇ = {rates[-1]:g} and {rates[-2]:g} over ℓ at {rates[0]:g}",
         "grows: > 1",
         Estimate(ratios[0], float(own), 0.5 * float(np.ptp(ratios))),
         between(low=1.0),
