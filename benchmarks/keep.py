@@ -3,8 +3,8 @@
     .venv/bin/python benchmarks/keep.py figures/bt-fig3-paper [figures/bt-fig5-paper …]
 
 The archive holds the folder of the study with its table and its results, these without what `run/figures/NAME --kept`
-and benchmarks/reproduction.py do not need: packings, displacements, states to go on from. Of snapshots their six-fold
-order is kept. Numbers are kept to single precision, the series of steady flows as means over a hundredth of the run.
+and benchmarks/reproduction.py do not need: packings, displacements, states to go on from. Of snapshots what a figure shows of
+them is kept, by default their six-fold order. Numbers are kept to single precision, the series of steady flows as means over a hundredth of the run.
 Every result still names the commit and the command line that made it.
 """
 
@@ -13,9 +13,12 @@ import re
 import sys
 import tarfile
 import tempfile
+from collections import defaultdict
 from pathlib import Path
 
 import h5py
+import layers
+import lifetimes
 import numpy as np
 
 from jampetsc.analysis.order import STORED, six_fold_order
@@ -24,23 +27,28 @@ from jampetsc.io.reader import load
 
 KEPT = Path(__file__).resolve().parents[1] / "docs" / "kept"
 LEFT_OUT = re.compile(
-    r"(no_prestress/)?(state|snapshots/(positions|velocities|cell|images|spins)|fields/|reduced|modes$|contacts|nonaffine|rotation|"
-    r"particles|radii)"
+    r"(no_prestress/)?(state|snapshots/(positions|velocities|cell|images|spins)|fields/|modes$|contacts|nonaffine|"
+    r"rotation|particles|radii)"
 )
 MOST = 100_000  # numbers of a dataset
-ROWS = 100  # of the series of a flow
+ROWS = defaultdict(lambda: 100, {"overdamped-limit": 20})  # of the series of a flow, by figure
 EXACT = ("omega", "phi")  # what results are compared or chosen by
-TEXTS = ("table.csv", "study.toml", "asked.toml")
+TEXTS = ("table.csv", "study.toml", "asked.toml", "forces.csv")
+ORDER = STORED, six_fold_order
+OF_SNAPSHOTS = {  # figure: names of what is kept of the snapshots of a flow, and the function that gives it
+    "contact-lifetimes": (lifetimes.STORED, lifetimes.contact_survival),
+    "lees-edwards": (layers.STORED, layers.profiles),
+}
 
 
-def slim(source: Path, target: Path) -> None:
-    """A result at `source` without what takes room, in a file of its own at `target`."""
+def slim(source: Path, target: Path, figure="") -> None:
+    """A result of a figure at `source` without what takes room, in a file of its own at `target`."""
     with open_file(source) as h5, OutputFile(target) as kept:
         facts = attributes(h5)
         facts["argv"] = re.sub(r"(?<!\S)/\S*/", "", str(facts["argv"]))  # no path of the machine
         set_attributes(kept, facts)
         rows = len(h5["strain"]) if facts["format"] == "jampetsc-flow" else 0
-        most = 4 * ROWS if "velocity_profile" in h5 else ROWS  # of walls the start is wanted
+        most = (4 if "velocity_profile" in h5 else 1) * ROWS[figure]  # of walls the start is wanted
 
         def copy(name, item):
             if isinstance(item, h5py.Dataset) and not LEFT_OUT.match(name) and item.size <= MOST:
@@ -51,7 +59,8 @@ def slim(source: Path, target: Path) -> None:
 
         h5.visititems(copy)
         if "snapshots/positions" in h5:
-            for name, values in zip(STORED, six_fold_order(load(source)), strict=True):
+            names, of = OF_SNAPSHOTS.get(figure, ORDER)
+            for name, values in zip(names, of(load(source)), strict=True):
                 store(kept, name, single(values))
 
 
@@ -73,7 +82,7 @@ def keep(folder: Path, to: Path = KEPT) -> Path:
                 add(archive, path.relative_to(folder), path.read_bytes())
             elif path.suffix == ".h5" and not path.name.startswith("pack-"):
                 small = Path(scratch) / "small.h5"
-                slim(path, small)
+                slim(path, small, name)
                 add(archive, path.relative_to(folder), small.read_bytes())
     return target
 

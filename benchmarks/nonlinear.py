@@ -27,6 +27,7 @@ from scipy.special import gamma
 from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.statistics import draws_of
 from jampetsc.io.reader import load
+from jampetsc.minimise.sizes import radii_of
 from jampetsc.plots import style
 
 DRAWS = 1000
@@ -57,7 +58,7 @@ class Packing:
 
 
 def read(folder, sweeps):
-    """{α: {p: [Packing, …]}} of the oscillations in a folder, with the sweeps and packings of another."""
+    """{α: {p: [Packing, …]}} of the oscillations in a folder, with the sweeps of another."""
     found = defaultdict(lambda: defaultdict(list))
     linear = {sweep.attributes["packing"]: sweep for sweep in map(load, sorted(sweeps.glob("sweep-*.h5")))}
     for path in sorted(folder.glob("oscillate-*.h5")):
@@ -66,7 +67,7 @@ def read(folder, sweeps):
         sweep = linear[packing]
         told = measured.attributes
         alpha = float(told["alpha"])
-        area = load(sweeps / packing).area
+        area = np.sum(np.pi * radii_of("bidisperse", told["particle_count"]) ** 2) / told["phi"]
         contacts = 0.5 * told["coordination"] * (told["particle_count"] - told["rattlers"]) / area
         omega, stress = (
             grid.ravel() for grid in np.meshgrid(measured["omega"], measured["amplitude"], indexing="xy")
@@ -132,16 +133,29 @@ def bootstrap(sets, statistic):
     return statistic(sets), np.std(draws, axis=0)
 
 
-def exponents(packings, value, regime):
-    """((2,) exponents in ω and σ, their errors, points) of value(packing) (points,) in a regime."""
+def exponents(packings, value, regime, along=lambda one: one.logs):
+    """((E,) exponents, their errors, points) of value(packing) (points,) in a regime, by default in ω and σ.
+
+    along   (points, E) logarithms of what the exponents are in
+    """
     sets = []
     for one in packings:
         inside = one.inside(regime)
         if np.count_nonzero(inside) >= 3 and np.ptp(one.logs[inside, 0]) > 1.0:
-            sets.append((one.logs[inside], np.log(value(one)[inside])))
+            sets.append((along(one)[inside], np.log(value(one)[inside])))
     if len(sets) < 2:
         return None
     return *bootstrap(sets, slopes), sum(len(y) for _, y in sets)
+
+
+def prefactor_exponent(data, value):
+    """(exponent in p, its error) of value(packing) (points,) over X at the least X, {p: [Packing, …]}, quasistatic."""
+    sets = []
+    for row in zip(*data.values(), strict=False):
+        prefactors = [(value(one) / one.X)[np.argmin(one.X)] for one in row]
+        sets.append((np.log(list(data))[:, None], np.log(prefactors)))
+    (slope,), (error,) = bootstrap(sets, slopes)
+    return slope, error
 
 
 def expected(alpha, regime):
@@ -182,12 +196,8 @@ def print_prefactors(alpha, data):
             (motion - 0.5, lambda one, c: one.G[c].imag),
             (motion, lambda one, c: one.Omega[c]),
         ):
-            sets = []
-            for row in zip(*data.values(), strict=False):
-                prefactors = [(value(one, column) / one.X)[np.argmin(one.X)] for one in row]
-                sets.append((np.log(list(data))[:, None], np.log(prefactors)))
-            slope, error = bootstrap(sets, slopes)
-            told.append(f"{slope[0]:.3f} ± {error[0]:.3f}, as p → 0 {theory:.3f}")
+            slope, error = prefactor_exponent(data, partial(value, c=column))
+            told.append(f"{slope:.3f} ± {error:.3f}, as p → 0 {theory:.3f}")
         print(f"  {COLUMNS[column]}: {told[0]}; of Ω/X: {told[1]}")
     for p, packings in sorted(data.items()):
         off = [(one.storage / one.G[0].real)[one.inside("critical")] for one in packings]

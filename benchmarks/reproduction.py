@@ -14,7 +14,7 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from claims import exponents, flow, jamming, moduli, motion  # noqa: F401  they enter their claims
+from claims import checks, exponents, flow, jamming, moduli, motion, power_law  # noqa: F401  they enter their claims
 from claims.shared import CLAIMS, GROUPS, THEORY
 from claims.verdicts import verdict
 from keep import KEPT
@@ -46,29 +46,30 @@ def judged(row) -> tuple[str, str]:
 
 
 def rows_of(folder, mode):
-    """[(figure, row)] of the figures whose studies lie in folder/NAME-mode."""
+    """[(figures, row)] of the figures whose studies lie in folder/NAME-mode."""
     found = []
-    for figure, rows in sorted(CLAIMS, key=lambda entry: entry[0]):
-        if (folder / f"{figure}-{mode}" / "table.csv").exists():
-            found += [(figure, row) for row in rows(jampetsc.load(folder / f"{figure}-{mode}"))]
+    for figures, rows in sorted(CLAIMS, key=lambda entry: entry[0]):
+        studies = [folder / f"{figure}-{mode}" for figure in figures]
+        if all((study / "table.csv").exists() for study in studies):
+            found += [(figures, row) for row in rows(*map(jampetsc.load, studies))]
     return found
 
 
 def print_tables(found):
     """Print the claims of each group, and last what theory of our own predicts, the table of docs/physics.md."""
     for group in (*GROUPS, THEORY):
-        rows = [(figure, row) for figure, row in found if row.group == group]
+        rows = [(figures, row) for figures, row in found if row.group == group]
         if not rows:
             continue
         head = "| claim | theirs | ours | | figure | reason |\n|---|---|---|---|---|---|"
         print(f"\n### {group}\n\n{head}")
-        for figure, row in rows:
+        for figures, row in rows:
             cells = (
                 row.claim,
                 row.theirs,
                 with_errors(row.ours),
                 *judged(row)[:1],
-                f"`{figure}`",
+                ", ".join(f"`{figure}`" for figure in figures),
                 judged(row)[1],
             )
             print("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
@@ -79,12 +80,22 @@ def write_csv(found, path):
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        for figure, row in sorted(found, key=lambda entry: (entry[0], entry[1].target is None)):
+        for figures, row in sorted(found, key=lambda entry: (entry[0], entry[1].target is None)):
             ours = row.ours
             numbers = [f"{x:.6g}" for x in (ours.value, ours.statistical, ours.systematic, ours.chi2)]
             said, reason = judged(row)
             writer.writerow(
-                [row.group, row.claim, row.theirs, *numbers, ours.dof, said, reason, row.size, figure]
+                [
+                    row.group,
+                    row.claim,
+                    row.theirs,
+                    *numbers,
+                    ours.dof,
+                    said,
+                    reason,
+                    row.size,
+                    " ".join(figures),
+                ]
             )
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 import jampetsc
 from claims.flow import PHI_J, extrapolated_fluidity, slower, weighted_mean
-from claims.shared import SYMBOLS, Row, check, claim, line_fit, power_law, rates_of, size_of
+from claims.jamming import drift_of
+from claims.shared import SYMBOLS, Row, check, claim, fitted, line_fit, power_law, rates_of, size_of
 from claims.verdicts import Estimate, number
 from jampetsc.analysis.collapse import form_named
 from jampetsc.analysis.collapse_errors import estimate
@@ -241,3 +242,41 @@ def stand_in(table, flows):
         note = f"from {ratio.min():.3f} to {ratio.max():.3f}, φ = 0.80 and {PHI_J}"
         ours = weighted_mean(ratio, error)
         yield Row(what, "CD stands in for CD0: 1", ours, number(1.0), "Steady flow", note, size_of(flows))
+
+
+@claim("paper2", "paper5", "vagberg-fig5.1")
+def density_of_jamming(samples, models, drag):
+    """φ_J of random starts, of quasistatic shear and of flow, γ̇ → 0: that of shear is one number, path independent."""
+    found = {}
+    for name, ensemble in (("RAND", "random"), ("QS", "shear")):
+        estimates = fitted(samples, f"{ensemble}-corrected")
+        if estimates:
+            found[name] = estimates["phi_J"]
+    for name, table, file, cut in (
+        ("RD0", drag, "pressure", SLOWEST_FIT),
+        ("CD0", models, "pressure-CD0", 3 * SLOWEST_FIT),
+    ):
+        if (table.path / f"{file}.h5").exists():
+            found[name] = at_cut(jampetsc.load(table.path / f"{file}.h5"), cut)["phi_J"]
+    how = {"RAND": "f(φ, N) with corrections to scaling", "QS": "f(φ, N) with corrections to scaling"}
+    for name, ours in found.items():
+        what = f"φ_J of {name}, from {how.get(name, 'the collapse of p at low γ̇')}"
+        yield check(what, ours.value, 0.5 * ours.half_width, "side by side", "")
+    told = ", ".join(f"{name} {one.value:.4f}({5e3 * one.half_width:.0f})" for name, one in found.items())
+    if "QS" in found:
+        told += f"; QS with {drift_of(jampetsc.load(samples.path / 'shear-corrected.h5'), 'phi_J', 4)}"
+    for name in ("RD0", "CD0"):
+        if name not in found or "QS" not in found:
+            continue
+        one, other = found["QS"], found[name]
+        ours = Estimate(
+            one.value - other.value,
+            float(np.hypot(one.inflated, other.inflated)),
+            float(np.hypot(one.systematic, other.systematic)),
+        )
+        what = f"φ_J of quasistatic shear less φ_J of {name}, γ̇ → 0"
+        if name == "RD0":
+            words = "one well-defined number, path independent: 0"
+            yield Row(what, words, ours, number(0.0, absolute=PHI_MARGIN), CRITICAL, told, "")
+        else:
+            yield check(what, ours.value, 0.5 * ours.half_width, "", "", "0")

@@ -70,28 +70,34 @@ def _length(file):
 
 @claim("vagberg-fig4.8")
 def velocity_correlation(table):
-    flows, growth = table.where(command="flow"), {}
+    flows = table.where(command="flow")
     for phi in (0.80, PHI_J):
-        for model in ("RD0", "CD0"):
-            rows = table.where(command="correlate", model=model, phi=phi)
-            files = sorted(rows.results(), key=lambda g: -g.attributes["rate"])
-            size = size_of(flows.where(model=model, phi=phi))
-            if model == "CD0":
-                yield from _no_minimum(files, phi, size)
-                continue
-            found = []
-            for g in files:
-                length, rate = _length(g), g.attributes["rate"]
-                what = f"RD0, φ = {phi:g}, γ̇ = {rate:g}: place of the minimum of g_y, in d_s"
-                note = f"g_y = {g.attributes['minimum']:.3f}; bins of {g['x'][1] - g['x'][0]:.2g} d_s"
-                value, error = length or (np.nan, None)
-                yield check(what, value, error, note, size_of(flows.where(model=model, phi=phi, rate=rate)))
-                if length:
-                    found.append((rate, value, error))
-            if len(found) > 1:
-                growth[phi] = found, size
-    for phi, (found, size) in growth.items():
-        yield from _growth(phi, np.transpose(found), size)
+        rows = table.where(command="correlate", model="CD0", phi=phi)
+        files = sorted(rows.results(), key=lambda g: -g.attributes["rate"])
+        yield from _no_minimum(files, phi, size_of(flows.where(model="CD0", phi=phi)))
+        rows = table.where(command="correlate", model="RD0", phi=phi)
+        bins, lanes = np.unique(rows["bin"]), np.unique(rows["lane"])
+        found = [minima(rows.where(bin=one, lane=lanes[-1])) for one in bins[::-1]]
+        rates = found[0][0]
+        if any(not np.array_equal(one, rates) for one, *_ in found) or len(rates) < 2:
+            continue  # no minimum inside the cell
+        for i, rate in enumerate(rates):
+            what = f"RD0, φ = {phi:g}, γ̇ = {rate:g}: place of the minimum of g_y, in d_s"
+            places, error = [x[i] for _, x, _, _ in found], found[0][2][i]
+            told = ", ".join(
+                f"{x:.2f} with {width:.2g} d_s" for x, (*_, width) in zip(places, found, strict=True)
+            )
+            size = size_of(flows.where(model="RD0", phi=phi, rate=rate))
+            yield check(what, places[0], float(np.hypot(error, 0.5 * np.ptp(places))), f"bins: {told}", size)
+        narrow = minima(rows.where(bin=bins[-1], lane=lanes[0]))
+        yield from _growth(phi, found, narrow, size_of(flows.where(model="RD0", phi=phi)))
+
+
+def minima(rows):
+    """(γ̇ falling, place of the minimum of g_y in d_s, its error, width of a bin in d_s) of files of one bin and lane."""
+    files = sorted(rows.results(), key=lambda g: -g.attributes["rate"])
+    known = [(g.attributes["rate"], *_length(g)) for g in files if _length(g)]
+    return *np.reshape(known, (-1, 3)).T, files[0].attributes["bin_width"]
 
 
 def _no_minimum(files, phi, size):
@@ -115,46 +121,40 @@ def _no_minimum(files, phi, size):
     )
 
 
-def _growth(phi, found, size):
-    """ℓ ~ γ̇^(−x): over all rates at V's φ, where the caption sees ℓ grow; at the lowest ones at φ_J."""
-    rates, x, errors = found
+def _growth(phi, found, narrow, size):
+    """ℓ at the lowest two rates: their mean over ℓ at the highest one at V's φ, where the caption sees ℓ grow and it
+    saturates; x of ℓ ~ γ̇^(−x) between them at φ_J.
+
+    found: `minima` of lanes of the same width, the widest bins first, of which statistical errors are; systematic: half
+    of the range of all bins.
+    """
+    rates, x, errors, _ = found[0]
     told = ", ".join(f"{one:.2f} at {rate:g}" for rate, one in zip(rates, x, strict=True))
-    whole, slow = power_law(rates, x, errors), power_law(rates[-2:], x[-2:], errors[-2:])
+    narrower = ", ".join(f"{one:.2f} at {rate:g}" for rate, one in zip(*narrow[:2], strict=True))
+    note = f"{told}; lanes of a quarter of this width: {narrower}"
+    slow = [power_law(rates[-2:], one[-2:], own[-2:]) for _, one, own, _ in found]
+    ours = Estimate(-slow[0].value, slow[0].statistical, 0.5 * float(np.ptp([one.value for one in slow])))
     what = f"RD0, φ = {phi:g}: place ℓ of the minimum of g_y ~ γ̇^(−x)"
-    if phi != PHI_J:
-        ratio = x[-1] / x[0]
-        own = ratio * np.hypot(errors[-1] / x[-1], errors[0] / x[0])
-        ours = Estimate(ratio, own)
-        yield Row(
-            f"RD0, φ = {phi:g}: ℓ at γ̇ = {rates[-1]:g} over ℓ at {rates[0]:g}",
-            "grows: > 1",
-            ours,
-            between(low=1.0),
-            FLOW,
-            told,
-            size,
-        )
-        note = f"ℓ = {told}; in the Newtonian limit g_y depends on the strain alone, and ℓ saturates"
-        yield check(
-            f"{what}, {rates[-1]:g} to {rates[-2]:g}",
-            -slow.value,
-            slow.statistical,
-            note,
-            size,
-            "diverges: > 0",
-        )
-    else:
-        ours = Estimate(-slow.value, slow.statistical)
-        yield Row(
-            f"{what}, γ̇ = {rates[-1]:g} to {rates[-2]:g}",
-            "diverges: > 0",
-            ours,
-            between(low=0.0),
-            FLOW,
-            told,
-            size,
-        )
+    at_last = f"{what}, γ̇ = {rates[-1]:g} to {rates[-2]:g}"
+    if phi == PHI_J:
+        yield Row(at_last, "diverges: > 0", ours, between(low=0.0), FLOW, note, size)
+        whole = power_law(rates, x, errors)
         yield check(f"{what}, all rates", -whole.value, whole.inflated, told, size)
+        return
+    last = [weighted_mean(one[-2:], own[-2:]) for _, one, own, _ in found]
+    ratios = [mean.value / one[0] for mean, (_, one, _, _) in zip(last, found, strict=True)]
+    own = ratios[0] * np.hypot(last[0].inflated / last[0].value, errors[0] / x[0])
+    yield Row(
+        f"RD0, φ = {phi:g}: ℓ at γ̇ = {rates[-1]:g} and {rates[-2]:g} over ℓ at {rates[0]:g}",
+        "grows: > 1",
+        Estimate(ratios[0], float(own), 0.5 * float(np.ptp(ratios))),
+        between(low=1.0),
+        FLOW,
+        note,
+        size,
+    )
+    note = "in the Newtonian limit g_y depends on the strain alone, and ℓ saturates"
+    yield check(at_last, ours.value, 0.5 * ours.half_width, note, size, "diverges: > 0")
 
 
 @claim("vagberg-flow-curves")

@@ -12,7 +12,7 @@ from jampetsc.analysis.statistics import log_median
 
 NEAR, LARGE = 1e-3, 1e3  # p up to which, pN² from which, a packing counts as near jamming and large
 POINT = ("n", "pressure", "law", "beta", "eta_f", "prestress")  # what packings of one point have in common
-CLAIMS = []  # (figure, function)
+CLAIMS = []  # (figures, function)
 
 
 GROUPS = (
@@ -66,11 +66,11 @@ def check(claim, value, error=None, note="", size="", theirs="", group="") -> Ro
     )
 
 
-def claim(figure):
-    """Decorator: the function yields a `Row` for each claim, from the table of a study."""
+def claim(*figures):
+    """Decorator: the function yields a `Row` for each claim, from the tables of the studies of these figures."""
 
     def enter(function):
-        CLAIMS.append((figure, function))
+        CLAIMS.append((figures, function))
         return function
 
     return enter

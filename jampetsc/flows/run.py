@@ -43,7 +43,7 @@ class Plan:
     def of(cls, rate, step, strain, discard, snapshots=0, steps=None, every=None, spacing="even") -> "Plan":
         """The plan that covers `strain`.
 
-        steps       to a row, if an earlier part of the run has set it
+        steps       to a row, if an earlier part of the run has set it; else a row is no longer than `every`
         snapshots   how many: with `spacing` "even" the last one at the end, "log" at strains since `discard` that grow
                     by a factor
         every       instead: strain from one to the next
@@ -57,7 +57,10 @@ class Plan:
                 f"larger {named('rate')} or {named('step')}, or a smaller {named('strain')}"
             )
         if steps is None:
-            steps = max(1, round(min(ROW, strain / FEWEST_ROWS) / (rate * step)))
+            steps = round(min(ROW, strain / FEWEST_ROWS) / (rate * step))
+            if every is not None:  # snapshots are taken after rows
+                steps = min(steps, int(every / (rate * step) + 1e-9))
+            steps = max(1, steps)
         row = steps * rate * step
         plan = cls(steps, max(1, int(np.ceil(strain / row - 1e-9))), discard)
         first = plan.first_kept(rate * step)
@@ -72,10 +75,10 @@ class Plan:
                 raise InputError(f"{named('snapshots')} {snapshots}: need 3 or more for logarithmic spacing")
             return replace(plan, factor=kept ** (1.0 / (snapshots - 2)))
         if every is not None:
-            if not row <= every * (1 + 1e-9) <= kept * row * (1 + 2e-9):
+            if not rate * step <= every * (1 + 1e-9) <= kept * row * (1 + 2e-9):
                 raise InputError(
-                    f"{named('snapshot_every')} {every:g}: must be at least the strain of a row, {row:.3g}, and "
-                    f"at most what is left after {named('discard')}, {kept * row:.3g}"
+                    f"{named('snapshot_every')} {every:g}: must be at least the strain of a time step, "
+                    f"{rate * step:.3g}, and at most what is left after {named('discard')}, {kept * row:.3g}"
                 )
             return replace(plan, every=every / row)
         return plan.spread(snapshots, first)

@@ -140,6 +140,12 @@ def test_rows_of_a_run(given, steps, rows):
     assert Plan.of(*given, 0.0, steps=3 * steps).steps == 3 * steps
 
 
+def test_a_row_is_no_longer_than_the_strain_between_snapshots():
+    plan = Plan.of(1e-2, 0.1, 1.0, 0.9, every=3.5e-3)
+    assert plan.steps == 3 and plan.every == pytest.approx(3.5 / 3.0)
+    assert Plan.of(1e-2, 0.1, 1.0, 0.9, every=0.03).steps == 10
+
+
 def test_more_steps_or_snapshots_than_there_can_be():
     with pytest.raises(InputError, match=r"strain 1.01: 1e\+12 time steps of 1e-12, at most 1e\+12"):
         Plan.of(1.0, 1e-12, 1.01, 0.0)
@@ -148,7 +154,7 @@ def test_more_steps_or_snapshots_than_there_can_be():
     for refused, words in (
         ("snapshots 8: there are 7 rows after discard, at most one for each", {"snapshots": 8}),
         ("snapshots 2: need 3 or more", {"snapshots": 2, "spacing": "log"}),
-        ("snapshot_every 0.09: must be at least the strain of a row, 0.1, and .* 0.7", {"every": 0.09}),
+        ("snapshot_every 0.09: must be at least the strain of a time step, 0.1, and .* 0.7", {"every": 0.09}),
         ("snapshot_every 0.71: must be", {"every": 0.71}),
     ):
         with pytest.raises(InputError, match=refused):

@@ -44,6 +44,18 @@ bt-fig7 correlate lane = 0.5,0.25,0.125
 bt-fig7 correlate phase = stress strain
 bt-modes modes count prestress=0 = 200
 bt-modes modes prestress = 0
+bt-nonlinear pack pressure >= 1e-4
+bt-nonlinear oscillate alpha >= 0.5 0.6667
+bt-nonlinear --quick oscillate n alpha=0.5|0.6667 >= 512
+contact-lifetimes flow model = CD CDn RD
+contact-lifetimes flow quality = 3
+contact-lifetimes flow phi = 0.78
+contact-lifetimes flow rate model=CD|CDn|RD = 1e-4 3e-4
+lees-edwards flow model = CD CD0 RD0
+lees-edwards flow walls = 0
+overdamped-limit flow model = CD CD0 CDn CDt RD RD0
+overdamped-limit flow quality model=RD|CD >= 0.03 0.1 1
+overdamped-limit flow quality model=CDn|CDt >= 0.1 1
 paper1 --quick jam cooling_rate protocol=compress = 1e-1 1e-2 1e-3
 paper1 --paper jam cooling_rate protocol=compress = 1e-1 1e-2 1e-3 1e-4
 paper1 jam separated protocol=compress|shear = 0 1
@@ -71,6 +83,7 @@ paper5 --quick flow rate model=RD0|CD0 phi=0.8|0.8433 = 1e-4 3e-4 1e-3 3e-3 1e-2
 paper5 --paper flow rate model=RD0|CD0 phi=0.8|0.8433 = 1e-5 3e-5 1e-4 3e-4 1e-3 3e-3 1e-2
 paper5 flow quality model=CD phi=0.8|0.8433 = 0.1 0.3 1
 paper5 correlate model = CD CD0
+split-coordinates pack pressure >= 1e-7
 vagberg-fig4.6-4.7 flow n = 256
 vagberg-fig4.6-4.7 flow phi = 0.8
 vagberg-fig4.6-4.7 flow rate = 1e-3
@@ -82,6 +95,7 @@ vagberg-fig4.8 flow model = RD0 CD0
 vagberg-fig4.8 flow phi model=RD0|CD0 = 0.8 0.8433
 vagberg-fig4.8 --quick flow,correlate rate model=RD0|CD0 phi=0.8|0.8433 = 1e-4 1e-3 1e-2
 vagberg-fig4.8 --paper flow,correlate rate model=RD0|CD0 phi=0.8|0.8433 = 1e-5 1e-4 1e-3 1e-2
+vagberg-fig4.8 correlate bin model=RD0 = 0.1667 0.25 0.3333
 vagberg-fig4.8 --quick flow snapshots = 200
 vagberg-fig4.8 --paper flow snapshots = 400
 vagberg-fig5.1 flow model = RD0
