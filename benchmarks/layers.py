@@ -2,9 +2,9 @@
 
     .venv/bin/python benchmarks/layers.py figures/lees-edwards-quick --picture x.png
 
-The cell is divided into layers of equal height. u_x(y) is the mean velocity beside γ̇y of the disks of a layer, φ(y) the
-area of those whose centres are in it. Spreads are rms over layers, less what the errors of the means make of it; a spread
-of u_x is in units of γ̇H, the difference of velocity across the cell.
+The cell is divided into layers of equal height. u_x(y) is the mean velocity beside γ̇y of the disks of a layer, φ(y)
+the area of those whose centres are in it. Spreads are rms over layers, less what the errors of the means make of it; a
+spread of u_x is in units of γ̇H, the difference of velocity across the cell.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ LAYERS = 10
 
 
 def layers_of(positions, velocities, radii, height):
-    """((LAYERS,) mean u_x, (LAYERS,) area of disks over that of the layer times the width of the cell) of a snapshot."""
+    """((LAYERS,) mean u_x, (LAYERS,) area of disks over the height of a layer) of a snapshot."""
     layer = np.floor(np.mod(positions[:, 1] / height, 1.0) * LAYERS).astype(int) % LAYERS
     number = np.bincount(layer, minlength=LAYERS)
     return (

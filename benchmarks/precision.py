@@ -1,4 +1,4 @@
-"""Residual forces of coordinates in doubles and in two parts: the table and the picture of run/figures/split-coordinates.
+"""Residual forces of coordinates in doubles and in two parts: table and picture of run/figures/split-coordinates.
 
     .venv/bin/python benchmarks/precision.py figures/split-coordinates-quick --picture x.png
 
@@ -38,7 +38,7 @@ def centred(disks):
 
 
 def residuals(disks):
-    """(distance from the origin over that of the edge, of the disks inside; those in units of length; |F|/(p d), (2, N))."""
+    """(distances from the origin over that of the edge, distances, |F|/(p d) (2, M)) of the M disks inside."""
     disks = centred(disks)
     distance, unit = np.hypot(*disks.positions.T), disks.record["pressure"] * 2.0 * np.mean(disks.radii)
     edge = 0.5 * np.min(np.diag(disks.cell)) - 2.0 * disks.radii.max()

@@ -29,7 +29,9 @@ LONG = "figures help trade interrupted options oscillate_command pack documents"
 HANG = 300.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
 
 running = None  # the Session of this process
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it in what it starts in the background
+signal.signal(
+    signal.SIGINT, signal.default_int_handler
+)  # a shell ignores it in what it starts in the background
 
 
 def pytest_report_header(config):

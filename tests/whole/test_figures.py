@@ -132,7 +132,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     ),
     "lees-edwards": sizes("RATE=0.1"),
     "overdamped-limit": sizes("RATE=0.1 DRAG_STRAIN,CONTACT_STRAIN,PARTIAL_STRAIN=0.6")
-    | {"QUALITY": "1,0.3", "LIGHT": "1,0.3"},
+    | {"QUALITY": "1,0.3", "LIGHT": "1,0.8"},
     "paper1": sizes(
         "LIQUID=16 LARGE=20 SEVERAL,MIXED=1:2 MIXING=0.02 THIRD,RUNS=1:1 PHI=0.84,0.86 FIRST=0.06"
     )
@@ -141,7 +141,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     | sizes("SLOW=20 STRAIN,LITTLE=0.1 DISCARD=0.04"),
     "paper3": sizes("STRAIN=0.1 DISCARD=0.04 RUNS=1:1"),
     "paper4": sizes("STRAIN=1.2 DISCARD=0.6 RATES=0.1,0.05 SLOW=0.03 PHI=0.78 HEAVY=1,10 HEAVIEST=10"),
-    "relaxation": sizes("STARTS=2"),
+    "relaxation": sizes("N=24 STARTS=2"),
     "softening": sizes("PRESSURES=1e-2 STRAINS=0.01,1 STEPS=16 CYCLES=3"),
     "split-coordinates": sizes("N=64"),
     "vagberg-fig4.8": sizes("RUNS,CONTACT=0.1,0.05:1.2"),
