@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.analysis.averages import Average
 from jampetsc.analysis.statistics import draws_of, small_sample_factor
-from jampetsc.analysis.velocities import lane_products
+from jampetsc.analysis.velocities import check_snapshots, lane_products
 from jampetsc.errors import InputError, named
 
 FORMAT = "jampetsc-velocity-correlation"
@@ -91,6 +91,7 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
                 )
         if abs(result.attributes["phi"] - first.attributes["phi"]) > SAME_PHI:
             raise InputError(f"{result.path}: another phi than {first.path.name}: average one kind")
+        check_snapshots(result)
         positions, velocities, cells = (result[f"snapshots/{n}"] for n in ("positions", "velocities", "cell"))
         if edges is None:
             diameter = 2.0 * float(np.mean(first["state/radii"]))
@@ -114,6 +115,8 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
             squares.append(np.mean(u[:, 1] ** 2))
     products, pairs = np.array(products), np.array(pairs)
     square, counts = float(np.mean(squares)), pairs.sum(0)
+    if not square > 0:
+        raise InputError(f"{first.path}: no velocities across the flow, so that they have no correlation")
     squares = np.array(squares)
     with np.errstate(invalid="ignore", divide="ignore"):
         values = products.sum(0) / counts / square
