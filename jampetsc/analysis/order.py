@@ -9,6 +9,7 @@ turned alike: 1 in one crystal, about 0.6/√N in a liquid.
 
 import numpy as np
 
+from jampetsc.analysis.velocities import check_snapshots
 from jampetsc.errors import InputError, named
 
 # in files without positions, such as those of docs/kept
@@ -49,6 +50,7 @@ def six_fold_order(result):
         return tuple(result[name] for name in STORED)
     if "snapshots/positions" not in result:
         raise InputError(f"{result.path}: holds no snapshots: run the flow with {named('snapshots')}")
+    check_snapshots(result)
     walls = int(result.attributes.get("walls", 0))
     moments = zip(result["snapshots/positions"], result["snapshots/cell"], strict=True)
     psi = [bond_order(positions, cell)[walls:] for positions, cell in moments]

@@ -9,6 +9,9 @@ even without correlations.
 
 import numpy as np
 
+from jampetsc.core.disks import Disks
+from jampetsc.errors import about
+
 
 def lane_products(positions, cell, v, reach, bins):
     """Sums over the pairs of one snapshot with |y_ij| < reach, half the width of a lane: (Σ v_i v_j (D,), pairs (D,)).
@@ -34,3 +37,12 @@ def lane_products(positions, cell, v, reach, bins):
         products += np.histogram(dx, bins, weights=(np.roll(v, -shift) * v)[near])[0]
         pairs += np.histogram(dx, bins)[0]
     return products, pairs
+
+
+def check_snapshots(result) -> None:
+    """Raise InputError where the snapshots of a loaded flow file have positions or cells that no disks have."""
+    radii = result.get("snapshots/radii", result.get("state/radii"))  # older files have them in the state
+    if radii is not None:
+        with about(result.path):
+            for places, cell in zip(result["snapshots/positions"], result["snapshots/cell"], strict=True):
+                Disks.from_positions(places, radii, cell)

@@ -8,7 +8,7 @@ from jampetsc import interrupts
 from jampetsc.analysis.averages import Average
 from jampetsc.analysis.correlations import ROUNDING
 from jampetsc.analysis.statistics import draws_of, small_sample_factor
-from jampetsc.analysis.velocities import lane_products
+from jampetsc.analysis.velocities import check_snapshots, lane_products
 from jampetsc.errors import InputError, named
 
 FORMAT = "jampetsc-velocity-correlation"
@@ -93,6 +93,7 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
                 )
         if abs(result.attributes["phi"] - first.attributes["phi"]) > SAME_PHI:
             raise InputError(f"{result.path}: another phi than {first.path.name}: average one kind")
+        check_snapshots(result)
         positions, velocities, cells = (result[f"snapshots/{n}"] for n in ("positions", "velocities", "cell"))
         if edges is None:
             diameter = 2.0 * float(np.mean(first["state/radii"]))

@@ -79,13 +79,22 @@ def phase_factor(result, omega, phase):
     return np.conj(G) / abs(G)
 
 
-def particle_rows(result, disks):
-    """Rows (n,) of the packing that the fields belong to. Raises InputError if the numbers do not fit."""
-    count = result.fields.displacement.shape[1]
+def disk_rows(result, disks):
+    """Rows (n,) of the packing that the disks of a result are. Raises InputError where it has no such rows."""
     rows = result["particles"] if "particles" in result else np.arange(disks.n)
+    if not ((0 <= rows) & (rows < disks.n)).all():
+        raise InputError(
+            f"{result.path}: dataset particles: not rows of the {disks.n} disks of the packing. Make the file again."
+        )
+    return rows
+
+
+def particle_rows(result, disks):
+    """Rows (n,) of the packing that the fields of a sweep belong to. Raises InputError if the numbers do not fit."""
+    count, rows = result.fields.displacement.shape[1], disk_rows(result, disks)
     if not count:
         raise InputError(f"{result.path}: its fields are those of no disk, every one is a rattler")
-    if len(rows) != count or not (0 <= rows.min() and rows.max() < disks.n):
+    if len(rows) != count:
         raise InputError(
             f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing: "
             "run the sweep again"

@@ -7,7 +7,7 @@ import numpy as np
 from jampetsc.core.disks import Disks
 from jampetsc.core.state import Contacts, disk_areas, disk_stresses, find_contacts, measure
 from jampetsc.errors import InputError, named
-from jampetsc.io.fields import chosen_frequencies, field_at, packing_of, particle_rows
+from jampetsc.io.fields import chosen_frequencies, disk_rows, field_at, packing_of, particle_rows
 from jampetsc.io.snapshots import snapshot
 
 _COMPONENTS = (("xx", 0, 0), ("yy", 1, 1), ("xy", 0, 1))
@@ -104,7 +104,7 @@ def field_frame(result, omega: float, packing=None) -> Frame:
 
 def _on_packing(result, disks, vectors, **facts):
     """A frame of the packing with vectors of the disks that bear load; those of rattlers are zero."""
-    rows, whole = result["particles"], {}
+    rows, whole = disk_rows(result, disks), {}
     for name, values in vectors.items():
         whole[name] = np.zeros((disks.n, *values.shape[1:]))
         whole[name][rows] = values

@@ -8,7 +8,15 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from jampetsc.asking.kinds import INTEGERS
 from jampetsc.asking.parameters import SWITCH, WORD
 from jampetsc.errors import InputError
-from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
+from jampetsc.io.fields import (
+    PHASES,
+    chosen_frequencies,
+    disk_rows,
+    field_at,
+    packing_of,
+    particle_rows,
+    phase_factor,
+)
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.correlation import OMEGA
 from jampetsc.plots.packing import circles
@@ -102,7 +110,8 @@ def plot_response(results, page, packing=None):
     if not result.attributes["prestress"]:
         fields = {"no pre-stress": "nonaffine"}
     panels = [(title, result[name]) for title, name in fields.items()]
-    _draw_real(page, packing_of(result, packing), panels, result["particles"], r"u_{\rm na}/\gamma")
+    disks = packing_of(result, packing)
+    _draw_real(page, disks, panels, disk_rows(result, disks), r"u_{\rm na}/\gamma")
     return f"quasistatic response, {' and '.join(fields)}"
 
 
@@ -114,7 +123,8 @@ def plot_mode(results, page, packing=None, mode=(1,)):
     """Modes on the packing, numbered from 1. Raises InputError for one that the file does not hold."""
     (result,) = results
     panels = chosen_modes(result, mode)
-    _draw_real(page, packing_of(result, packing), panels, result["particles"], r"\varphi")
+    disks = packing_of(result, packing)
+    _draw_real(page, disks, panels, disk_rows(result, disks), r"\varphi")
     return f"mode {','.join(map(str, np.ravel(mode)))}"
 
 

@@ -59,8 +59,11 @@ def plot_modes(results, page):
     shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry, means over the files of one
     pressure with errors as bands. A marker for each pressure.
     """
-    finite = [result["floppiness"][np.isfinite(result["floppiness"])] for result in results]
-    norm = LogNorm(min(f.min() for f in finite), max(f.max() for f in finite))
+    floppiness = np.concatenate([result["floppiness"] for result in results])
+    floppiness = floppiness[np.isfinite(floppiness) & (floppiness > 0)]
+    if not len(floppiness):
+        raise InputError(f"{results[0].path}: dataset floppiness: no positive number. Make the file again.")
+    norm = LogNorm(floppiness.min(), floppiness.max())
     axes = {"x": "mode number", "y": [FREQUENCY, "cumulative share"], "log": ["xy", "x"]}
     above, below = page.panels(2, 1, COLUMN, 4.4, **axes, sharex=True, height_ratios=(1.4, 1))
     pressures = looks(by_pressure(results).items())

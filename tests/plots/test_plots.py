@@ -438,7 +438,7 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
         ),
         ("p2.h5 --kind fields --lambda 1", r"lambda 1\.0: belongs to collapse pictures, not to fields"),
         ("few.h5 --kind fields", "dataset particles: shape .15,., must be .n,. with n = 16"),
-        ("beyond.h5 --kind fields", "fields of 16 particles do not fit the 16 disks"),
+        ("beyond.h5 --kind fields", "dataset particles: not rows of the 16 disks"),
         ("many.h5 --omega 1e-3:1:6 --phase strain", "6 frequencies: one picture holds 5"),
         ("fields.h5 --omega 0.001", r"no fields at omega = 0\.001: nearest are 1e-06, 0\.0001, 0\.0316228"),
         ("none.h5", "none.h5: holds no modulus at any frequency"),
