@@ -21,6 +21,7 @@ HARD = 2e-3  # γ̇ in units of 1/√(m/k_e) or k_e/k_d d_s², whichever is long
 NEWTONIAN = 1.0 - 1.1 / 3.5  # γ̇/p ~ γ̇^this at φ_J, with V's y/zν
 
 
+SLOWEST = 9e-6  # γ̇ above which the exponent at φ_J is fitted: 1e-5 to 1e-3
 EXTRAPOLATED = 4e-3  # γ̇ below which the limit γ̇ → 0 is extrapolated from
 MIDDLE = 0.6  # of the height between walls: layers beside them may slip
 NARROW, WIDE = 0.3, 0.8  # parts of the height whose shear rates are compared
@@ -168,9 +169,10 @@ def flow_curves(table):
         for name, symbol, theirs in (("pressure", "p", 1.1 / 3.5), ("shear_stress", "σ", None)):
             rates, values, errors = rates_of(slow, name)
             _, local, spread = local_exponents(rates, values, errors)
-            note = "from low γ̇ up: " + ", ".join(
+            note = f"local exponents from γ̇ = {rates[0]:g} up: " + ", ".join(
                 f"{x:.3f}({1e3 * e:.0f})" for x, e in zip(local, spread, strict=True)
             )
+            rates, values, errors = (part[rates > SLOWEST] for part in (rates, values, errors))
             found = power_law(rates, values, errors)
             near = power_law(rates[: len(rates) - 1], values[: len(rates) - 1], errors[: len(rates) - 1])
             ours = Estimate(
