@@ -3,9 +3,9 @@
     .venv/bin/python benchmarks/keep.py figures/bt-fig3-paper [figures/bt-fig5-paper …]
 
 The archive holds the folder of the study with its table and its results, these without what `run/figures/NAME --kept`
-and benchmarks/reproduction.py do not need: packings, displacements, states to go on from. Of snapshots what a figure shows of
-them is kept, by default their six-fold order. Numbers are kept to single precision, the series of steady flows as means over a hundredth of the run.
-Every result still names the commit and the command line that made it.
+and benchmarks/reproduction.py do not need: packings, displacements, states to go on from. Of snapshots what a figure
+shows of them is kept, by default their six-fold order. Numbers are kept to single precision, the series of steady flows
+as means over a hundredth of the run. Every result still names the commit and the command line that made it.
 """
 
 import io

@@ -2,9 +2,9 @@
 
     .venv/bin/python benchmarks/layers.py figures/lees-edwards-quick --picture x.png
 
-The cell is divided into layers of equal height. u_x(y) is the mean velocity beside γ̇y of the disks of a layer, φ(y) the
-area of those whose centres are in it. Spreads are rms over layers, less what the errors of the means make of it; a spread
-of u_x is in units of γ̇H, the difference of velocity across the cell.
+The cell is divided into layers of equal height. u_x(y) is the mean velocity beside γ̇y of the disks of a layer, φ(y)
+the area of those whose centres are in it. Spreads are rms over layers, less what the errors of the means make of it; a
+spread of u_x is in units of γ̇H, the difference of velocity across the cell.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ LAYERS = 10
 
 
 def layers_of(positions, velocities, radii, height):
-    """((LAYERS,) mean u_x, (LAYERS,) area of disks over that of the layer times the width of the cell) of a snapshot."""
+    """((LAYERS,) mean u_x, (LAYERS,) area of disks over the height of a layer) of a snapshot."""
     layer = np.floor(np.mod(positions[:, 1] / height, 1.0) * LAYERS).astype(int) % LAYERS
     number = np.bincount(layer, minlength=LAYERS)
     return (
@@ -41,7 +41,9 @@ def profiles(result):
     ]
     velocity, area = np.transpose(series, (1, 2, 0))
     found = [[Average.of(one) for one in rows] for rows in (velocity / scale, area / width)]
-    return tuple(np.array([getattr(one, name) for one in rows]) for rows in found for name in ("mean", "error"))
+    return tuple(
+        np.array([getattr(one, name) for one in rows]) for rows in found for name in ("mean", "error")
+    )
 
 
 def spread(means, errors):
@@ -87,7 +89,9 @@ def main():
     print("| model | spread of u_x/γ̇H | χ²/dof | spread of φ(y)/φ | χ²/dof |\n|---|---|---|---|---|")
     for model in np.unique(flows["model"]):
         (u, u_error), (phi, phi_error), of_u, of_phi = bands(flows.where(model=model).results())
-        print(f"| {model} | {u:.4f} ± {u_error:.4f} | {of_u:.2f} | {phi:.4f} ± {phi_error:.4f} | {of_phi:.2f} |")
+        print(
+            f"| {model} | {u:.4f} ± {u_error:.4f} | {of_u:.2f} | {phi:.4f} ± {phi_error:.4f} | {of_phi:.2f} |"
+        )
     if args.picture:
         draw(load(args.folder), args.picture)
 

@@ -53,7 +53,7 @@ def half_life(shares, strain):
 
 
 def collision_time(mass, radii):
-    """Duration of a collision of two free disks, π/√(2k/m − (c/m)²) at c = k_d = 1, k = k_e/σ²; mean over σ of pairs."""
+    """Duration of a collision of two free disks, π/√(2k/m − (c/m)²) with c = 1, k = 1/σ²; mean over σ of pairs."""
     sizes = 2.0 * np.unique(radii)
     sigma = 0.5 * np.add.outer(sizes, sizes).ravel()  # of sizes in equal numbers
     return float(np.mean(np.pi / np.sqrt(2.0 / (mass * sigma**2) - mass**-2.0)))
@@ -90,7 +90,9 @@ def draw(table, path):
 def main():
     args = folder_and_picture(__doc__, "draw the share of contacts left")
     table = load(args.folder)
-    print("| model | γ̇ | half-life, strain | half-life, time | duration of a collision |\n|---|---|---|---|---|")
+    print(
+        "| model | γ̇ | half-life, strain | half-life, time | duration of a collision |\n|---|---|---|---|---|"
+    )
     for model, rates in lifetimes(table).items():
         for rate, (life, error, duration) in rates.items():
             print(f"| {model} | {rate:g} | {life:.3g} ± {error:.1g} | {life / rate:.3g} | {duration:.3g} |")

@@ -12,7 +12,12 @@ from common import folder_and_picture, saved_page
 from jampetsc.io.reader import load
 from jampetsc.plots import style
 
-LIMITS = {"RD": "RD0", "CD": "CD0", "CDt": "CD0", "CDn": "CD0"}  # model with a mass: one without that it might tend to
+LIMITS = {
+    "RD": "RD0",
+    "CD": "CD0",
+    "CDt": "CD0",
+    "CDn": "CD0",
+}  # model with a mass: one without that it might tend to
 
 
 def limits(table, name="shear_stress"):
@@ -33,7 +38,9 @@ def draw(found, path):
     with saved_page(path) as page:
         ax = page.panels(1, 1, 3.6, 3.0)
         for (model, (q, ratio, error)), colour in zip(found.items(), style.colours(len(found)), strict=True):
-            ax.errorbar(q, ratio, error, fmt="o-", ms=3, lw=0.6, color=colour, label=f"{model}/{LIMITS[model]}")
+            ax.errorbar(
+                q, ratio, error, fmt="o-", ms=3, lw=0.6, color=colour, label=f"{model}/{LIMITS[model]}"
+            )
         ax.axhline(1.0, lw=0.5, color=style.GREY)
         ax.set(xscale="log", yscale="log", xlabel="$Q$", ylabel=r"$\sigma/\sigma_{Q = 0}$")
         ax.legend()

@@ -1,4 +1,4 @@
-"""Residual forces of coordinates in doubles and in two parts: the table and the picture of run/figures/split-coordinates.
+"""Residual forces of coordinates in doubles and in two parts: table and picture of run/figures/split-coordinates.
 
     .venv/bin/python benchmarks/precision.py figures/split-coordinates-quick --picture x.png
 
@@ -38,7 +38,7 @@ def centred(disks):
 
 
 def residuals(disks):
-    """(distance from the origin over that of the edge, of the disks inside; those in units of length; |F|/(p d), (2, N))."""
+    """(distances from the origin over that of the edge, distances, |F|/(p d) (2, M)) of the M disks inside."""
     disks = centred(disks)
     distance, unit = np.hypot(*disks.positions.T), disks.record["pressure"] * 2.0 * np.mean(disks.radii)
     edge = 0.5 * np.min(np.diag(disks.cell)) - 2.0 * disks.radii.max()
@@ -49,7 +49,9 @@ def residuals(disks):
 
 def rows_of(packings):
     """Rows of COLUMNS of the packings at a pressure, an octave of the distance each."""
-    share, distance, forces = (np.concatenate(part, axis=-1) for part in zip(*map(residuals, packings), strict=True))
+    share, distance, forces = (
+        np.concatenate(part, axis=-1) for part in zip(*map(residuals, packings), strict=True)
+    )
     octave = np.floor(np.log2(share)).astype(int)
     for one in np.unique(octave):
         inside = octave == one
@@ -78,7 +80,9 @@ def read(path):
 def draw(found, path):
     """Residual forces against the distance from the origin, for each pressure."""
     with saved_page(path) as page:
-        ax = page.panels(1, 1, 3.8, 3.0, x="distance from the origin ($d$)", y="rms $|F|$ ($p\\,d$)", log="xy")
+        ax = page.panels(
+            1, 1, 3.8, 3.0, x="distance from the origin ($d$)", y="rms $|F|$ ($p\\,d$)", log="xy"
+        )
         levels = np.unique(found["pressure"])
         for p, colour in zip(levels, style.colours(len(levels)), strict=True):
             at = found["pressure"] == p

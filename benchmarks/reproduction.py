@@ -85,7 +85,17 @@ def write_csv(found, path):
             numbers = [f"{x:.6g}" for x in (ours.value, ours.statistical, ours.systematic, ours.chi2)]
             said, reason = judged(row)
             writer.writerow(
-                [row.group, row.claim, row.theirs, *numbers, ours.dof, said, reason, row.size, " ".join(figures)]
+                [
+                    row.group,
+                    row.claim,
+                    row.theirs,
+                    *numbers,
+                    ours.dof,
+                    said,
+                    reason,
+                    row.size,
+                    " ".join(figures),
+                ]
             )
 
 

@@ -94,7 +94,7 @@ def velocity_correlation(table):
 
 
 def minima(rows):
-    """(γ̇ falling, place of the minimum of g_y in d_s, its error, width of a bin in d_s) of files of one bin and lane."""
+    """(γ̇ falling, place of the minimum of g_y in d_s, its error, width of a bin in d_s) for one bin and lane."""
     files = sorted(rows.results(), key=lambda g: -g.attributes["rate"])
     known = [(g.attributes["rate"], *_length(g)) for g in files if _length(g)]
     return *np.reshape(known, (-1, 3)).T, files[0].attributes["bin_width"]

@@ -1,9 +1,9 @@
 """Power-law damping: BT 27 to 29 beside oscillations that solve the equations of a whole cycle.
 
-Primary estimators. Exponents in X = ω^α σ^(α−1), of which all moduli are functions: planes through points of a regime at
-the lowest pressure, an offset for each packing, errors by bootstrap over packings. Systematic: half of the distance of the
-linear packing's G*(Ω) from the limit of its exponent at the same points. The effective frequency Ω has no such error: with
-Ω ~ X, as BT have it, G′ and G″ ~ Ω^½ are 28 and 29.
+Primary estimators. Exponents in X = ω^α σ^(α−1), of which all moduli are functions: lines through points of a regime
+at the lowest pressure, an offset for each packing, errors by bootstrap over packings. Systematic: half of the distance
+of the linear packing's G*(Ω) from the limit of its exponent at the same points. The effective frequency Ω has no such
+error: with Ω ~ X, as BT have it, G′ and G″ ~ Ω^½ are 28 and 29.
 """
 
 import numpy as np
@@ -91,8 +91,8 @@ def quasistatic(alpha, of_pressures, size):
     if len(several) > 1:
         slope, error = prefactor_exponent(several, loss)
         of_omega, its = prefactor_exponent(several, effective)
-        told = f"Ω/X ~ p^{of_omega:.2f}({100 * its:.0f}), BT p^0; G″/X ~ p^{0.25 * (1 - 3 * alpha):.2f} as p → 0 with the "
-        told += f"motion that contacts have; p = {', '.join(f'{p:g}' for p in sorted(several))}"
+        told = f"Ω/X ~ p^{of_omega:.2f}({100 * its:.0f}), BT p^0; G″/X ~ p^{0.25 * (1 - 3 * alpha):.2f} as p → 0 with "
+        told += f"the motion that contacts have; p = {', '.join(f'{p:g}' for p in sorted(several))}"
         what = f"α = {alpha:.2g}, quasistatic: G″/X ~ p^x (BT 27)"
         yield Row(what, "-0.5", Estimate(slope, error), number(-0.5), POWER, told, size)
 

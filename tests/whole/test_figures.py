@@ -124,10 +124,12 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "bt-fig8": sizes("SMALL,MIDDLE,LARGE=16 MANY,SOME,FEW=1:1"),
     "bt-modes": sizes("MODES=10"),
     "bt-nonlinear": sizes("STRESSES=1e-5 POINTS=3 PRESSURES=1e-2"),
-    "contact-lifetimes": sizes("RATE=0.05 SLOW=0.03 BOUND,SLOW_BOUND=0.4 EVERY,COLLISION,SLOW_COLLISION=0.02"),
+    "contact-lifetimes": sizes(
+        "RATE=0.05 SLOW=0.03 BOUND,SLOW_BOUND=0.4 EVERY,COLLISION,SLOW_COLLISION=0.02"
+    ),
     "lees-edwards": sizes("RATE=0.1"),
     "overdamped-limit": sizes("RATE=0.1 DRAG_STRAIN,CONTACT_STRAIN,PARTIAL_STRAIN=0.6")
-    | {"QUALITY": "1,0.3", "LIGHT": "1,0.3"},
+    | {"QUALITY": "1,0.3", "LIGHT": "1,0.8"},
     "paper1": sizes(
         "LIQUID=16 LARGE=20 SEVERAL,MIXED=1:2 MIXING=0.02 THIRD,RUNS=1:1 PHI=0.84,0.86 FIRST=0.06"
     )
