@@ -258,10 +258,12 @@ def density_of_jamming(samples, models, drag):
     ):
         if (table.path / f"{file}.h5").exists():
             found[name] = at_cut(jampetsc.load(table.path / f"{file}.h5"), cut)["phi_J"]
+    jams = samples.where(command="jam")
+    size = f"{size_of(drag.where(command='flow'))}; N = {jams['n'].min():.0f} to {jams['n'].max():.0f} of samples"
     how = {"RAND": "f(φ, N) with corrections to scaling", "QS": "f(φ, N) with corrections to scaling"}
     for name, ours in found.items():
         what = f"φ_J of {name}, from {how.get(name, 'the collapse of p at low γ̇')}"
-        yield check(what, ours.value, 0.5 * ours.half_width, "side by side", "")
+        yield check(what, ours.value, 0.5 * ours.half_width, "", size)
     told = ", ".join(f"{name} {one.value:.4f}({5e3 * one.half_width:.0f})" for name, one in found.items())
     if "QS" in found:
         told += f"; QS with {drift_of(jampetsc.load(samples.path / 'shear-corrected.h5'), 'phi_J', 4)}"
@@ -277,6 +279,6 @@ def density_of_jamming(samples, models, drag):
         what = f"φ_J of quasistatic shear less φ_J of {name}, γ̇ → 0"
         if name == "RD0":
             words = "one well-defined number, path independent: 0"
-            yield Row(what, words, ours, number(0.0, absolute=PHI_MARGIN), CRITICAL, told, "")
+            yield Row(what, words, ours, number(0.0, absolute=PHI_MARGIN), CRITICAL, told, size)
         else:
-            yield check(what, ours.value, 0.5 * ours.half_width, "", "", "0")
+            yield check(what, ours.value, 0.5 * ours.half_width, "", size, "0")
