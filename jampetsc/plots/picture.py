@@ -92,7 +92,7 @@ def drawable(results):
 
 
 def _unsound(result) -> str:
-    """Which attribute or dataset of a result has numbers that are not finite or far too large, or negative errors; empty if none has."""
+    """Which attribute or dataset of a result has numbers beyond LARGEST, nan, or negative errors; empty if none has."""
     if not isinstance(result, Result):
         return ""
     for name, value in result.attributes.items():
