@@ -10,7 +10,6 @@ The function draws on the axes of `page`. The decorated one takes the caller's a
 axes: plot_lanes(results, ax=None, …).
 """
 
-import math
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from jampetsc.io.results import Result
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import drawn_in
 
+LARGEST = 1e150  # of the numbers that matplotlib can be asked to draw
 PICTURES = {}  # kind -> Picture; `plots.draw` loads all of them
 
 
@@ -92,19 +92,19 @@ def drawable(results):
 
 
 def _unsound(result) -> str:
-    """Which attribute or dataset of a result has numbers that are not finite, or negative errors; empty if none has."""
+    """Which attribute or dataset of a result has numbers beyond LARGEST, nan, or negative errors; empty if none has."""
     if not isinstance(result, Result):
         return ""
     for name, value in result.attributes.items():
-        if isinstance(value, float) and not math.isfinite(value):
-            return f"attribute {name}: not finite"
+        if isinstance(value, float) and not abs(value) < LARGEST:
+            return f"attribute {name}: not finite, or beyond {LARGEST:g}"
     for name in result:
         if result.stored(name).dtype.kind in "fc":
             array = result[name]
             if "error" in name and (array.real < 0).any():
                 return f"dataset {name}: negative"
-            if not np.isfinite(array).all():
-                return f"dataset {name}: not finite"
+            if not (np.abs(array) < LARGEST).all():
+                return f"dataset {name}: not finite, or beyond {LARGEST:g}"
     return ""
 
 
