@@ -20,7 +20,7 @@ import traceback
 from pathlib import Path
 
 from jampetsc import streams
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, about
 from jampetsc.petsc import builds, launcher
 from jampetsc.petsc.solver_options import is_petscs_own, names_given
 from jampetsc.shipped_files import located
@@ -46,7 +46,9 @@ def start(scalar=None, petsc_argv=()):
     global _session
     petsc_argv = [located(str(token)) for token in petsc_argv]
     if _session is None:
-        names_given(os.environ.get("PETSC_OPTIONS", "").split())  # whose files may name each other, too
+        given = os.environ.get("PETSC_OPTIONS", "")
+        with about(f"PETSC_OPTIONS={given}"):
+            names_given(given.split())  # whose files may name each other
         names = names_given(petsc_argv)
         with builds.selected(scalar):
             PETSc, SLEPc, comm = _load(petsc_argv)

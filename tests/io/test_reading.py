@@ -259,7 +259,7 @@ def test_rows_of_fields_are_disks_of_the_packing():
     assert fields.particle_rows(of_fields([1.0], particles=[2, 0, 1]), disks).tolist() == [2, 0, 1]
     for n, more in ((3, [0, 1]), (3, [0, 1, 3]), (3, [-1, 0, 1]), (4, None)):
         held = of_fields([1.0], n, **({} if more is None else {"particles": more}))
-        with pytest.raises(InputError, match=r"fields of . particles do not fit the 3 disks of the packing"):
+        with pytest.raises(InputError, match="the 3 disks of the packing"):
             fields.particle_rows(held, disks)
     with pytest.raises(InputError, match="its fields are those of no disk, every one is a rattler"):
         fields.particle_rows(of_fields([1.0], 0, particles=[]), disks)

@@ -78,7 +78,6 @@ EDITS = {
     "no fingerprint": lambda h5: h5.attrs.__delitem__("proof_fingerprint"),
     "another method": lambda h5: h5.attrs.update(negative_modes_counted_by="LU"),
     "modes": lambda h5: h5.attrs.update(negative_modes=2),
-    "a list": lambda h5: h5.attrs.update(negative_modes=[0, 0], proof_fingerprint=[1.0, 2.0]),
 }
 
 

@@ -419,14 +419,21 @@ def test_what_does_not_start_is_one_line(module, found, message):
 
 def test_options_that_keep_petsc_from_starting_are_named_wherever_they_are(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name, text in (("PETSC_OPTIONS=-options_file none", ""), (".petscrc", "-options_file none")):
+    for name, text, reason in (
+        (
+            "PETSC_OPTIONS=-options_file none",
+            "",
+            "none: No such file or directory: give a PETSc options file",
+        ),
+        (".petscrc", "-options_file none", "PETSc does not start with this."),
+    ):
         if text:
             monkeypatch.delenv("PETSC_OPTIONS")
             (tmp_path / name).write_text(text)
         else:
             monkeypatch.setenv(*name.split("=", 1))
         done = python("session.start('real')")
-        assert f"InputError: {name}: PETSc does not start with this." in done.stderr, done.stderr
+        assert f"InputError: {name}: {reason}" in done.stderr, done.stderr
 
 
 @pytest.mark.parametrize(
