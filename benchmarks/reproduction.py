@@ -3,7 +3,7 @@
     .venv/bin/python benchmarks/reproduction.py                   # from docs/kept; the csv goes to docs/kept/claims.csv
     .venv/bin/python benchmarks/reproduction.py figures quick     # from what run/figures/NAME left, or paper
 
-Each claim has one estimator, chosen beforehand, and a verdict by the rule of claims/verdicts.py. What has not been run
+Each claim has one estimator and a verdict by the rule of claims/verdicts.py. What has not been run
 is left out. claims.csv has all numbers, also those of other estimators, which get no verdict.
 """
 
