@@ -19,6 +19,8 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "bt-fig7": {"bt-fig7a": "bt-fig7a", "7b": "bt-fig7b", "bt-fig7cd": "bt-fig7cd"},
     "bt-fig8": {"8a": "bt-fig8a", "8b": "bt-fig8b", "bt-viscosity-ratio": "bt-viscosity-ratio"},
     "bt-modes": {"lowest-modes": "bt-modes"},
+    "contact-lifetimes": {"lifetimes": "contact-lifetimes"},
+    "overdamped-limit": {"overdamped": "overdamped-limit"},
     "paper1": {"densities": "paper1"},
     "paper2": {"paper2": "paper2"},
     "paper3": {"pressures": "paper3"},
