@@ -12,12 +12,8 @@ from common import folder_and_picture, saved_page
 from jampetsc.io.reader import load
 from jampetsc.plots import style
 
-LIMITS = {
-    "RD": "RD0",
-    "CD": "CD0",
-    "CDt": "CD0",
-    "CDn": "CD0",
-}  # model with a mass: one without that it might tend to
+# model with a mass: one without that it might tend to
+LIMITS = {"RD": "RD0", "CD": "CD0", "CDt": "CD0", "CDn": "CD0"}
 
 
 def limits(table, name="shear_stress"):

@@ -1,7 +1,7 @@
 """What the claims share: how one is entered, and estimates over the rows of a study."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,6 +64,11 @@ def check(claim, value, error=None, note="", size="", theirs="", group="") -> Ro
         note,
         size,
     )
+
+
+def unjudged(row: Row) -> Row:
+    """The same number without a verdict."""
+    return replace(row, target=None, group="")
 
 
 def claim(*figures):

@@ -9,9 +9,8 @@ from jampetsc.flows.record import ON_WALLS
 
 UNBALANCED = 0.05  # largest |mismatch| of the energy balance
 ROWS = 20  # fewest for which the balance is checked
-REVERSIBLE = (
-    1e-6  # dissipation over Σ|work| below which disks follow the affine flow but for rounding, which may grow
-)
+# dissipation over Σ|work| below which disks follow the affine flow but for rounding, which may grow
+REVERSIBLE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -28,9 +27,8 @@ class Means:
     spacing: float  # strain between rows
     energy_balance: float  # σγ̇V/⟨D⟩; nan where motion is reversible
     mismatch: float  # (work − dissipation − growth of the energy) / dissipation; nan if there are too few rows to tell
-    unresolved: (
-        float  # part of the mismatch that rows leave open: second difference of the energy / dissipation
-    )
+    # part of the mismatch that rows leave open: second difference of the energy / dissipation
+    unresolved: float
 
     @classmethod
     def of(cls, record, discard: float, rate: float, area: float) -> "Means | None":

@@ -32,9 +32,8 @@ DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
 NEARBY = 3e-3  # mean diameters: pairs with a smaller gap, which may touch within the step, are in the Hessian
 ORDERED = 0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched,
 FILLED = 1.25  # and found anew if a factor has so many times the entries of the first one in that order
-SYMMETRIC = (
-    0.125  # share of contacts with the overlap of another one from which states are proved, until `_renew`
-)
+# share of contacts with the overlap of another one from which states are proved, until `_renew`
+SYMMETRIC = 0.125
 SHARE = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event
 
 
