@@ -22,7 +22,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 from jampetsc.errors import JampetscError
 from jampetsc.io.declaration import contents
 from jampetsc.io.reader import load

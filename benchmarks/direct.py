@@ -17,11 +17,11 @@ from common import machine, packing, report, worker
 
 def matrices(path):
     """(pencil, network) of a packing in the complex build."""
-    from jampetsc.core.laws import damping_law
     from jampetsc.io.packing_file import read_packing
-    from jampetsc.mechanics.assembly import assemble
-    from jampetsc.mechanics.network import build_network
+    from jampetsc.laws.damping import damping_law
+    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
+    from jampetsc.response.assembly import assemble
 
     running = session.start("complex")
     network = build_network(read_packing(path), running.comm)
@@ -30,7 +30,7 @@ def matrices(path):
 
 def ours(path, omega):
     """Time FrequencySolver over the frequencies, the symbolic factorisation included."""
-    from jampetsc.linear.direct import FrequencySolver
+    from jampetsc.response.direct import FrequencySolver
 
     pencil, network = matrices(path)
     solver = FrequencySolver(pencil, positive_semidefinite=True)  # `pack` proves it

@@ -15,12 +15,12 @@ import numpy as np
 from common import both_included, machine, processor
 
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.core.pairs import PairList
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import measure
 from jampetsc.minimise import protocols
 from jampetsc.minimise.hessian import Bonds, Pattern, border
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.pairs import PairList
+from jampetsc.packing.potentials import Potential
 from jampetsc.petsc import session as door
 from jampetsc.petsc.hessian_solver import HessianSolver
 

@@ -32,7 +32,7 @@ DIGITS = 50
 
 def laws():
     """All laws with what varies most first."""
-    from jampetsc.core.laws import Physics, damping_law
+    from jampetsc.laws.damping import Physics, damping_law
 
     for prestress in (True, False):
         for beta in (0.0, 1e-10, 1e-6, 1e-3, 1.0, 1e4):
@@ -123,8 +123,8 @@ def references(disks, network, physics, omega):
                     for a, b in zip(here, there, strict=True)
                 )
         return G, np.zeros((len(omega), 3)), off
-    from jampetsc.linear.direct import FrequencySolver
-    from jampetsc.mechanics.assembly import assemble
+    from jampetsc.response.assembly import assemble
+    from jampetsc.response.direct import FrequencySolver
 
     pencil = assemble(replace(network, prestress=physics.prestress), physics.law)
     solver = FrequencySolver(pencil)
@@ -134,8 +134,8 @@ def references(disks, network, physics, omega):
 
 def sweep(network, physics, omega, accuracy):
     """(G*, bounds, factorisations, vectors)."""
-    from jampetsc.linear.rational import RationalSweep
-    from jampetsc.mechanics.assembly import assemble
+    from jampetsc.response.assembly import assemble
+    from jampetsc.response.rational import RationalSweep
 
     pencil = assemble(replace(network, prestress=physics.prestress), physics.law)
     rational = RationalSweep(pencil, omega, accuracy)
@@ -149,7 +149,7 @@ def run_one(path, accuracies, points, count):
     """All laws on one packing; hands one record per law and accuracy to `report`."""
     from jampetsc.errors import ConvergenceError
     from jampetsc.io.packing_file import read_packing
-    from jampetsc.mechanics.network import build_network
+    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
 
     running = session.start("real")

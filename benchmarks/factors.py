@@ -12,12 +12,12 @@ from functools import partial
 import numpy as np
 from common import both_included, in_turn, machine, processor
 
-from jampetsc.core.potentials import Potential
-from jampetsc.core.threads import Team
 from jampetsc.minimise import ldl, protocols, warm_start
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.newton import DAMPING, Pattern, Point
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.threads import Team
 from jampetsc.petsc import session
 from jampetsc.petsc.local import NewtonSolver
 

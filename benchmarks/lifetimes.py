@@ -10,8 +10,8 @@ import numpy as np
 from common import folder_and_picture, saved_page
 
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.core.neighbours import neighbour_pairs
 from jampetsc.io.reader import load
+from jampetsc.packing.neighbours import neighbour_pairs
 from jampetsc.plots import style
 
 STORED = "snapshots/contact_survival", "snapshots/contact_strain"  # in files without positions: docs/kept

@@ -20,13 +20,13 @@ def measure(path, count, repeats):
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import eigsh
 
-    from jampetsc.core.laws import UNDAMPED
     from jampetsc.io.packing_file import read_packing
-    from jampetsc.mechanics.assembly import assemble
-    from jampetsc.mechanics.network import build_network
+    from jampetsc.laws.damping import UNDAMPED
+    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
     from jampetsc.petsc.eigen import SHIFT, SPARE, lowest
     from jampetsc.petsc.inertia import count_below
+    from jampetsc.response.assembly import assemble
 
     running = session.start("real")
     network = build_network(read_packing(path), running.comm)

@@ -24,9 +24,9 @@ from common import folder_and_picture, saved_page
 from scipy.optimize import brentq
 from scipy.special import gamma
 
-from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.statistics import draws_of
 from jampetsc.io.reader import load
+from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.plots import style
 

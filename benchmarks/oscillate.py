@@ -76,9 +76,9 @@ def main():
     args = words.parse_args()
     path = packing(args.n, args.pressure)
 
-    from jampetsc.core.laws import damping_law
     from jampetsc.io.packing_file import read_packing
-    from jampetsc.mechanics.network import build_network
+    from jampetsc.laws.damping import damping_law
+    from jampetsc.network.contact_network import build_network
     from jampetsc.oscillation.response import Drive
     from jampetsc.oscillation.steady import SteadyOscillation
     from jampetsc.petsc import session

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from common import folder_and_picture, saved_page
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.state import find_contacts, net_forces
 from jampetsc.io.reader import load
+from jampetsc.packing.contacts import find_contacts, net_forces
+from jampetsc.packing.disks import Disks
 from jampetsc.plots import style
 
 FORCES = "forces.csv"

@@ -12,7 +12,7 @@ from common import folder_and_picture, saved_page
 
 import jampetsc
 from jampetsc.analysis.jamming import memory
-from jampetsc.core.potentials import EXPONENTS
+from jampetsc.packing.potentials import EXPONENTS
 from jampetsc.plots import style
 from jampetsc.plots.jamming import samples_of
 

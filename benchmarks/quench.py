@@ -78,7 +78,7 @@ QUENCH = """
 import inspect, json, resource, sys, time
 from jampetsc.petsc import session
 session.start(scalar="real")
-from jampetsc.core.potentials import Potential
+from jampetsc.packing.potentials import Potential
 from jampetsc.minimise import protocols
 from jampetsc.minimise.sizes import radii_of
 try:
@@ -88,7 +88,7 @@ except ImportError:
 
 n, pressure, seed, threads = int(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
 if "team" in inspect.signature(protocols.make_packing).parameters:
-    from jampetsc.core.threads import Team
+    from jampetsc.packing.threads import Team
     words = {"team": Team(threads)}
 else:
     words = {"seed": seed}
@@ -163,12 +163,12 @@ def trees(args):
 
 def step(args):
     """An L-BFGS step and a force evaluation, shortest times, in turn."""
-    from jampetsc.core.kernel import bond_forces
-    from jampetsc.core.potentials import Potential
-    from jampetsc.core.threads import Team
     from jampetsc.minimise import minimise, protocols
     from jampetsc.minimise.descent import Descent, Goal
     from jampetsc.minimise.sizes import radii_of
+    from jampetsc.packing.kernel import bond_forces
+    from jampetsc.packing.potentials import Potential
+    from jampetsc.packing.threads import Team
 
     pressure, steps, team = 1e-3, 30, Team(max(args.threads))
     start = protocols.random_start(
@@ -207,11 +207,11 @@ def step(args):
 
 def ours(args):
     """Worker of `lammps`: packings before and after, data for LAMMPS, and our times."""
-    from jampetsc.core.pairs import deformed
-    from jampetsc.core.potentials import Potential
     from jampetsc.minimise import minimise, protocols
     from jampetsc.minimise.descent import Goal
     from jampetsc.minimise.sizes import radii_of
+    from jampetsc.packing.pairs import deformed
+    from jampetsc.packing.potentials import Potential
     from jampetsc.petsc import session
     from jampetsc.petsc.hessian_solver import HessianSolver
 

@@ -21,17 +21,17 @@ import numpy as np
 from common import processor
 
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.core.compiled import FAST, compiled
-from jampetsc.core.kernel import bond_forces
-from jampetsc.core.pairs import PairList, deformed, is_stale
-from jampetsc.core.potentials import Potential
-from jampetsc.core.threads import Team
 from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.pairs import PairList, deformed, is_stale
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.threads import Team
 from jampetsc.petsc import session
 from jampetsc.petsc.hessian_solver import HessianSolver
 

@@ -30,13 +30,13 @@ OMEGA = np.geomspace(1e-10, 1e4, 141)
 
 def rational(path, chosen):
     """Wall seconds of all that `jampetsc sweep` does between reading the packing and writing the file."""
-    from jampetsc.core.laws import damping_law
     from jampetsc.io.packing_file import read_packing
-    from jampetsc.linear.rational import RationalSweep
-    from jampetsc.mechanics.assembly import assemble
-    from jampetsc.mechanics.network import build_network
+    from jampetsc.laws.damping import damping_law
+    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
     from jampetsc.petsc.shifted import ShiftedFactor, shifted
+    from jampetsc.response.assembly import assemble
+    from jampetsc.response.rational import RationalSweep
 
     running = session.start("real")
     disks = read_packing(path)

@@ -3,7 +3,7 @@
     python examples/own_law.py [N]
 
 The dissipation over kτ₁ is Σ [normal (Δu̇∥)² + transverse (Δu̇⊥)² + sliding (Δu̇⊥ᶜ)²] of contacts + drag Σ |u̇ − u̇_aff|²
-of disks. To have it on the command line, too, give it a row of FAMILIES in jampetsc/core/laws.py.
+of disks. To have it on the command line, too, give it a row of FAMILIES in jampetsc/laws/damping.py.
 """
 
 import sys

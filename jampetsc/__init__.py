@@ -8,27 +8,27 @@
     sweep.save("sweep.h5")
     sweep = jp.load("sweep.h5")                                    # numpy arrays; needs neither MPI nor PETSc
 
-Every job of `jampetsc.jobs` is a function of this package. Importing it loads nothing else, and
+Every job of `jampetsc.commands` is a function of this package. Importing it loads nothing else, and
 `jampetsc.petsc.session.start` is the one door to PETSc and MPI.
 """
 
 from importlib import import_module
 
-from jampetsc.jobs import JOBS, job_class
+from jampetsc.commands import JOBS, job_class
 from jampetsc.version import VERSION as __version__
 
 _HOMES = {  # name -> module, of the names that are not jobs
-    "ContactDamping": "jampetsc.core.laws",
-    "Disks": "jampetsc.core.disks",
-    "Law": "jampetsc.core.laws",
-    "Packing": "jampetsc.core.packing",
-    "StokesDrag": "jampetsc.core.laws",
-    "assemble": "jampetsc.jobs.matrices",
+    "ContactDamping": "jampetsc.laws.damping",
+    "Disks": "jampetsc.packing.disks",
+    "Law": "jampetsc.laws.damping",
+    "Packing": "jampetsc.packing.from_arrays",
+    "StokesDrag": "jampetsc.laws.damping",
+    "assemble": "jampetsc.commands.matrices",
     "import_packing": "jampetsc.io.importers",
     "load": "jampetsc.io.reader",
     "plot": "jampetsc.plots.draw",
 }
-_MODULES = {"models": "jampetsc.flows.models"}  # models.CD0() and others, of flow
+_MODULES = {"models": "jampetsc.laws.flow_models"}  # models.CD0() and others, of flow
 _FUNCTIONS = [name for name in JOBS if name != "import"]  # a keyword of python: import_packing instead
 
 __all__ = ["__version__", *_HOMES, *_MODULES, *_FUNCTIONS]
@@ -40,7 +40,7 @@ def __getattr__(name):  # PEP 562: numpy, h5py and PETSc are imported when somet
     elif name in _MODULES:
         found = import_module(_MODULES[name])
     elif name in _FUNCTIONS:
-        from jampetsc.asking.functions import function_of
+        from jampetsc.options.functions import function_of
 
         found = function_of(job_class(name))
     else:

@@ -9,7 +9,7 @@ def main():
     # python's own handler would end the imports with a traceback; while a job runs see `interrupts`
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from jampetsc.cli.main import main
+    from jampetsc.main import main
 
     sys.exit(main())
 

@@ -1,6 +1,6 @@
 """The errors a user can meet, each a single clear line: what, which value, what to do.
 
-`cli.main` prints that line and exits with `exit_code`; in scripts they are ordinary exceptions. A message marks the
+`main` prints that line and exits with `exit_code`; in scripts they are ordinary exceptions. A message marks the
 names of parameters by `named`, so that they can be shown as the user writes them: `eta_f` in python, `--eta-f` on a
 command line.
 """

@@ -4,13 +4,13 @@ import inspect
 
 import jampetsc
 from jampetsc import errors
-from jampetsc.flows.models import MODELS
 from jampetsc.io.averages import Averages
 from jampetsc.io.ensemble import AverageCurve, Ensemble
 from jampetsc.io.reader import FlowResult, SpectrumResult, SweepResult
 from jampetsc.io.results import Result
 from jampetsc.io.snapshots import Snapshot
-from jampetsc.mechanics.matrices import Matrices
+from jampetsc.laws.flow_models import MODELS
+from jampetsc.response.matrices import Matrices
 
 RETURNED = (
     *(Result, SweepResult, FlowResult, SpectrumResult, Snapshot, Ensemble, Averages, AverageCurve, Matrices),

@@ -9,7 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from jampetsc.cli import main, parser
+from jampetsc import main
+from jampetsc.options import parser
 from jampetsc.petsc.launcher import without_launcher
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -72,7 +73,7 @@ def asked(words):
 
 
 def here(line):
-    """Do a command in this process, which has PETSc: `cli.dispatch` would end MPI after one that does not need it."""
+    """Do a command in this process, which has PETSc: `main.dispatch` would end MPI after one that does not need it."""
     assert parser.run(*asked(line.split())) == 0
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from dense import Reference
 from scipy.integrate import solve_ivp
 
-from jampetsc.linear.elastic import ElasticResponse
+from jampetsc.response.elastic import ElasticResponse
 
 
 class Motion:

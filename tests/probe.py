@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.asking.job import Job
-from jampetsc.asking.parameters import FILE, asked
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILE, asked
 
 
 @dataclass(frozen=True)
@@ -106,12 +106,12 @@ def talk(args):
 
 
 if __name__ == "__main__":
-    from jampetsc import jobs
-    from jampetsc.cli import main as cli
+    from jampetsc import commands
+    from jampetsc import main as cli
     from jampetsc.petsc import solver_options
 
     solver_options.SOLVERS["probe_"] = "ksp pc"
-    jobs.JOBS.clear()
-    jobs.JOBS["probe"] = "probe:Probe"
-    sys.modules["jampetsc.jobs.probe"] = sys.modules["__main__"]
+    commands.JOBS.clear()
+    commands.JOBS["probe"] = "probe:Probe"
+    sys.modules["jampetsc.commands.probe"] = sys.modules["__main__"]
     sys.exit(cli.main())

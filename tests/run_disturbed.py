@@ -15,11 +15,11 @@ import os
 import signal
 import sys
 
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 from jampetsc.errors import JampetscError
 from jampetsc.io.checkpoint import Checkpoint
-from jampetsc.linear import rational
 from jampetsc.petsc.session import current
+from jampetsc.response import rational
 from jampetsc.studies import run
 
 

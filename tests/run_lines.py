@@ -7,7 +7,7 @@ import gc
 import json
 import sys
 
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 
 names, commands = {}, set()
 for item in json.load(sys.stdin):

@@ -9,16 +9,16 @@ import h5py
 import numpy as np
 from dense import Reference
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law, Physics, damping_law
-from jampetsc.core.potentials import Potential
+from jampetsc.commands.sweep import Sweep
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.jobs.sweep import Sweep
-from jampetsc.linear.run import Run
-from jampetsc.mechanics.network import build_network
+from jampetsc.laws.damping import Law, Physics, damping_law
+from jampetsc.network.contact_network import build_network
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
+from jampetsc.response.sweep_run import Run
 
 DATA = Path(__file__).parent / "data"
 JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import find_contacts
-from jampetsc.flows.models import MODELS, Model, Scheme
 from jampetsc.flows.shearing import Shear
+from jampetsc.laws.damping import Law
+from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
 
 # name -> (weights, mass): Vågberg's six, and laws of the linear part with rolling and with unequal weights
 ROWS = {name: (law, 0.7 if massive else 0.0) for name, (law, massive) in MODELS.items()}

@@ -3,8 +3,8 @@
 import numpy as np
 from samples import network_of
 
-from jampetsc.linear.rational import RationalSweep
-from jampetsc.mechanics.assembly import assemble
+from jampetsc.response.assembly import assemble
+from jampetsc.response.rational import RationalSweep
 
 
 class Sweep:

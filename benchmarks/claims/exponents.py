@@ -14,7 +14,7 @@ from claims.shared import SYMBOLS, Row, check, claim, fitted, line_fit, power_la
 from claims.verdicts import Estimate, number
 from jampetsc.analysis.collapse import form_named
 from jampetsc.analysis.collapse_errors import estimate
-from jampetsc.jobs.scaling import read_points
+from jampetsc.commands.scaling import read_points
 
 CRITICAL = "Criticality"
 SLOWEST_FIT = 3e-4  # γ̇ of the primary collapse

@@ -1,8 +1,8 @@
 """How many small faults the tests notice: puts one after another into a copy of the package, runs what could see it.
 
     faults.py map                        # once: which test runs which lines; about twice as long as the suite
-    faults.py sample --count 100 --seed 1 [--only jampetsc/linear …]
-    faults.py one jampetsc/linear/run.py 17      # all faults of one line
+    faults.py sample --count 100 --seed 1 [--only jampetsc/response …]
+    faults.py one jampetsc/response/sweep_run.py 17      # all faults of one line
 
 Everything happens in a copy, --scratch, with compiled loops of its own. A fault is run by the tests that run its line,
 those of the same room and cheap ones first: plain, on one rank, then on two. The first that fails notices it, and so
@@ -34,7 +34,7 @@ SLOWER = 20  # times what its tests take without a fault, and
 START = 120  # seconds beside: then a fault counts as one that hangs
 COMPILING = 600  # more of them where loops are compiled anew
 # cannot end while its ranks are followed, by a handler of SIGTERM in python
-DEAF = "tests/jobs/test_cli.py::test_one_of_two_ranks_takes_the_other_along"
+DEAF = "tests/commands/test_cli.py::test_one_of_two_ranks_takes_the_other_along"
 BUDGET = 20  # seconds of processor time of the tests of one fault, without it
 
 
@@ -198,7 +198,7 @@ def tried(copy: Copy, reach: Reach, module, fault):
     """(verdict, test or reason) of one fault."""
     path = copy.root / module
     before, content = path.stat(), path.read_bytes()
-    left, out, compiled = BUDGET, 0, b"numba" in content or b"core.compiled" in content
+    left, out, compiled = BUDGET, 0, b"numba" in content or b"packing.compiled" in content
     least = START + COMPILING * compiled
     path.write_text(fault.applied(content.decode()))
     try:

@@ -40,7 +40,7 @@ def stage() -> str:
 
 
 def label_of(item) -> str:
-    """ "real tests/linear/test_x.py::test_y": all parameters of a test are one."""
+    """ "real tests/response/test_x.py::test_y": all parameters of a test are one."""
     return f"{stage()} {item.nodeid.split('[')[0]}"
 
 

@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 
 import jampetsc
 from jampetsc.analysis.statistics import log_median
-from jampetsc.core.state import measure
 from jampetsc.io.fields import field_at, packing_of, particle_rows, phase_factor
+from jampetsc.packing.contacts import measure
 from jampetsc.plots.floppy import plot_viscosities
 from jampetsc.plots.logaxes import draw_guide
 from jampetsc.plots.moduli import averaged, plot_collapse, plot_moduli

@@ -9,8 +9,8 @@ even without correlations.
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
 from jampetsc.errors import about
+from jampetsc.packing.disks import Disks
 
 
 def lane_products(positions, cell, v, reach, bins):

@@ -5,8 +5,8 @@ Each domain finds the clusters of its own disks; then clusters that touch across
 
 import numpy as np
 
-from jampetsc.core.compiled import FAST, compiled
 from jampetsc.flows.resistance import WIDTH, find_contacts_of
+from jampetsc.packing.compiled import FAST, compiled
 
 NONE = np.uint32(2**32 - 1)
 

@@ -14,16 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.jamming import assortativity
-from jampetsc.core.disks import Disks
-from jampetsc.core.neighbours import neighbour_pairs
-from jampetsc.core.pairs import deformed
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.descent import Goal
 from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.thermal import annealed
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.neighbours import neighbour_pairs
+from jampetsc.packing.pairs import deformed
+from jampetsc.packing.potentials import Potential
 
 SETTLED = 1e-4  # max |F| in k_e/d to which a random start is relaxed before it is minimised
 STEP = 2e-3  # of φ, in the search for φ_J before it is bracketed

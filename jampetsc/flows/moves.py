@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.core.compiled import FAST, NUMBERS, compiled
-from jampetsc.core.domains import Domains, choose_near
-from jampetsc.core.pairs import are_worn, is_stale
+from jampetsc.packing.compiled import FAST, NUMBERS, compiled
+from jampetsc.packing.domains import Domains, choose_near
+from jampetsc.packing.pairs import are_worn, is_stale
 
 # Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², energy U + kinetic, dissipation,
 # iterations, steps
@@ -190,7 +190,7 @@ def renew_near_pairs(space, task, mine, o, g, moved, then):
     """Choose near pairs anew if the present ones may miss a contact at offsets o and shear g.
 
     moved: path of the disks since they were chosen, FAR before the first time; then: shear at which they were. Returns
-    (moved, then) of the pairs that serve now; see `core.pairs.are_worn`.
+    (moved, then) of the pairs that serve now; see `packing.pairs.are_worn`.
     """
     largest, _, skin = task.listed
     if not are_worn(moved, g, then, largest, skin):

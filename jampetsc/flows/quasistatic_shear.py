@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.disks import PLACES, Disks
-from jampetsc.core.neighbours import fractional, vectors
-from jampetsc.core.pairs import SKIN_RANGE, ListedDisks
-from jampetsc.core.state import find_contacts, measure
-from jampetsc.core.threads import Team
 from jampetsc.minimise import warm_start as compiled
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise, stress_unit
 from jampetsc.minimise.newton import FORCE_FLOOR
+from jampetsc.packing.contacts import find_contacts, measure
+from jampetsc.packing.disks import PLACES, Disks
+from jampetsc.packing.neighbours import fractional, vectors
+from jampetsc.packing.pairs import SKIN_RANGE, ListedDisks
+from jampetsc.packing.threads import Team
 
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
 # mean diameters: longest move in one iteration of the descent, as longer ones leave the path of a rearrangement for

@@ -13,15 +13,15 @@ velocities; the means are subtracted afterwards (see `clusters`), so s needs no 
 The first `held` disks, those of walls, keep u = 0: their rows are left out, and a cluster that touches one has no free
 translation.
 
-Threads share the work by domains (see `core.domains`); all take the same decisions, from the same sums.
+Threads share the work by domains (see `packing.domains`); all take the same decisions, from the same sums.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.core.compiled import FAST, compiled
-from jampetsc.core.threads import meet
+from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.threads import meet
 
 SOLVES = 20_000  # most iterations: far more than any tolerance above rounding takes
 # Contacts in the row of a disk, padded with the disk itself: processors predict loops of one length. The further
@@ -196,7 +196,7 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
 
     residual = b − (A + hold) u is overwritten; ends when |residual| ≤ tolerance |b|, or at `search.rounding`: where
     forces cancel, as in a crystal, b is less than that. Preconditioned by the diagonal.
-    Returns the number of iterations, −1 if SOLVES were not enough. By thread `me` of `threads`: see `core.threads`.
+    Returns the number of iterations, −1 if SOLVES were not enough. By thread `me` of `threads`: see `packing.threads`.
     """
     number = len(graph.begin)
     mine = range(me * number // threads, (me + 1) * number // threads)

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from jampetsc.core.disks import PLACES, Disks
-from jampetsc.core.domains import Domains, borders, domain_order
-from jampetsc.core.kernel import block_room
-from jampetsc.core.pairs import ListedDisks
-from jampetsc.core.threads import Team
 from jampetsc.flows import moves
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.clusters import survey_of
-from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.resistance import Graph, Search
+from jampetsc.laws.flow_models import Model, Scheme
+from jampetsc.packing.disks import PLACES, Disks
+from jampetsc.packing.domains import Domains, borders, domain_order
+from jampetsc.packing.kernel import block_room
+from jampetsc.packing.pairs import ListedDisks
+from jampetsc.packing.threads import Team
 
 NEAR = 0.2  # skin of the near pairs, of which forces are computed, relative to that of the list
 SORTED = 0.5  # strain between two sorts of the disks, which keep domains compact

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from jampetsc.core.pairs import deformed
-from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.flows import moves
 from jampetsc.flows import steps as compiled
-from jampetsc.flows.models import Model, Scheme, stiffest
 from jampetsc.flows.sheared import ShearedDisks
+from jampetsc.laws.flow_models import Model, Scheme, stiffest
+from jampetsc.packing.pairs import deformed
+from jampetsc.packing.threads import Team
 
 REACH = 0.25  # in units of the largest diameter, longest move of a disk in a part of a divided step
 SMALLEST = 2.0**-30  # part of a time step; if a disk jumps in this one too, the step is refused

@@ -5,12 +5,8 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import WEIGHTS, Law
-from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.means import Means, discarded_strain, independent_samples
-from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.record import (
     FORMAT,
     check_space,
@@ -27,6 +23,10 @@ from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.hdf5 import attributes, check_format, open_file, reading
 from jampetsc.io.notes import note_lines, noted
+from jampetsc.laws.damping import WEIGHTS, Law
+from jampetsc.laws.flow_models import Model, Scheme, scheme_for
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.disks import Disks
 
 DEEPEST = 0.5  # largest overlap of two disks of a start, in units of σ
 UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
@@ -117,7 +117,7 @@ def is_flow(path) -> bool:
 def execute(run: FlowRun, to, write_last=None, team=None) -> Means:
     """Do the run; its result goes into the outlet `to`, after `write_last(its last state, attributes, to)`.
 
-    team: the `core.threads.Team` that runs the steps.
+    team: the `packing.threads.Team` that runs the steps.
     Raises ConvergenceError as `flows.run.run`, and where disks never touch.
     """
     began = time.perf_counter()

@@ -9,7 +9,7 @@ A move takes g in the middle of its step: exact for constant u. Every function s
 list is stale or something is wrong, and adds the terms of TALLY of each time step to `tally`. A step begins with
 forces, from a list that is not stale, and ends with a move.
 
-All are run by a `core.threads.Team`, thread `me` of `threads`, each on its domains: it reads arrays of all disks and
+All are run by a `packing.threads.Team`, thread `me` of `threads`, each on its domains: it reads arrays of all disks and
 writes rows of its own, where no other thread reads before the next barrier (`meet`). So a step takes one barrier, two
 by Heun's method, besides those of a solve for velocities. All threads take the same decisions, from the same sums.
 """
@@ -18,10 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.core.compiled import FAST, compiled
-from jampetsc.core.domains import domain_forces
-from jampetsc.core.kernel import block_room
-from jampetsc.core.threads import meet
 from jampetsc.flows.clusters import centre_clusters_of, find_clusters_of, unite_clusters
 from jampetsc.flows.moves import (
     DONE,
@@ -40,6 +36,10 @@ from jampetsc.flows.moves import (
     write_terms,
 )  # fmt: skip
 from jampetsc.flows.resistance import Graph, Search, find_contacts_of, solve
+from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.domains import domain_forces
+from jampetsc.packing.kernel import block_room
+from jampetsc.packing.threads import meet
 
 ROUNDING = 1e-15  # of a force, relative
 

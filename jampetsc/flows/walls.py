@@ -14,15 +14,15 @@ their means are equal, if σ includes its kinetic part. With drag the fluid take
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.kernel import bond_forces
-from jampetsc.core.neighbours import spatial_order
-from jampetsc.core.pairs import PairList
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, named
-from jampetsc.flows.models import MODELS, Model, Scheme
 from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import Shear
+from jampetsc.laws.flow_models import MODELS, Model, Scheme
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.neighbours import spatial_order
+from jampetsc.packing.pairs import PairList
+from jampetsc.packing.potentials import Potential
 
 GAP = 0.05  # between the disks of a row, in units of their diameters: they never touch
 # relaxation of a random start at zero rate: number of time steps, and their length in k_d d²/k_e of the smallest disk

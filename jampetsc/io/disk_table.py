@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jampetsc.core.potentials import EXPONENTS
 from jampetsc.errors import InputError, named
+from jampetsc.packing.potentials import EXPONENTS
 
 RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
 TYPES = ("type", "types", "species", "element")  # columns looked for, for radii by type
-LAW = ("potential", "stiffness", "k")  # what a file may say of its forces, see `core.potentials`
+LAW = ("potential", "stiffness", "k")  # what a file may say of its forces, see `packing.potentials`
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +19,7 @@ class DiskTable:
 
     columns: dict  # name in the file -> (N,) words or numbers
     positions: np.ndarray  # (N, 2) or (N, 3)
-    box: object  # in a form that `core.packing.cell_of` takes; None where the file has none
+    box: object  # in a form that `packing.from_arrays.cell_of` takes; None where the file has none
     law: dict = field(default_factory=dict)  # name of LAW, or units -> what the file says
 
 

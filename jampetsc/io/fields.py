@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 from jampetsc.io.packing_file import is_known_as, read_packing
+from jampetsc.packing.disks import Disks
 
 # what the real part of a field is in phase with, the default first; files hold fields per strain
 PHASES = ("stress", "strain")

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.state import Contacts, disk_areas, disk_stresses, find_contacts, measure
 from jampetsc.errors import InputError, named
 from jampetsc.io.fields import chosen_frequencies, disk_rows, field_at, packing_of, particle_rows
 from jampetsc.io.snapshots import snapshot
+from jampetsc.packing.contacts import Contacts, disk_areas, disk_stresses, find_contacts, measure
+from jampetsc.packing.disks import Disks
 
 _COMPONENTS = (("xx", 0, 0), ("yy", 1, 1), ("xy", 0, 1))
 

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.packing import Packing, measured
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.checksums import SIGNATURE
 from jampetsc.io.disk_table import LAW, numbers, radii_in
 from jampetsc.io.exchange import READERS, check_uncompressed, format_of, pick
 from jampetsc.io.hdf5 import open_file, values
 from jampetsc.io.regular import open_regular
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.from_arrays import Packing, measured
+from jampetsc.packing.potentials import Potential
 
 _NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
 _LARGEST = 1 << 29  # bytes of text, about ten million disks
@@ -36,7 +36,7 @@ def import_packing(
     format   one of `exchange.READERS`; None: recognised by the content
     radius   column or array of radii, halved if its name begins with diameter; radii by type, {1: 0.5, 2: 0.7} or
              "1=0.5,2=0.7"; None: radius or diameter
-    box      as for `core.packing.Packing`, for a file that has none
+    box      as for `packing.from_arrays.Packing`, for a file that has none
     potential, stiffness, k   as for `Packing`; None: what the file says, or else those of `Packing`. LAMMPS' pair
              style harmonic/cut has the energy K δ²: k = 2K
 

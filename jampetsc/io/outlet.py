@@ -119,9 +119,9 @@ class Outlet:
     @property
     def result(self):
         """The result, as `load` gives it. Collective."""
-        from jampetsc.core.disks import Disks
         from jampetsc.io.reader import collected, load
         from jampetsc.io.results import Result
+        from jampetsc.packing.disks import Disks
 
         if isinstance(self._found, list):
             return [one if isinstance(one, Disks) else load(one) for one in self._found]

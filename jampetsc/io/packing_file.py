@@ -9,8 +9,6 @@ import hashlib
 from pathlib import Path
 
 from jampetsc.collective import on_root
-from jampetsc.core.disks import Disks, join
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, about
 from jampetsc.io.formats import check_file
 from jampetsc.io.hdf5 import (
@@ -23,6 +21,8 @@ from jampetsc.io.hdf5 import (
 )
 from jampetsc.io.outputs import check_replaced
 from jampetsc.io.regular import open_regular
+from jampetsc.packing.disks import Disks, join
+from jampetsc.packing.potentials import Potential
 
 FORMAT = "jampetsc-packing"
 FORMAT_VERSION = "1.0"

@@ -6,9 +6,9 @@ import shlex
 import sys
 from pathlib import Path
 
-from jampetsc.core.laws import OPTIONS, WEIGHTS
 from jampetsc.io.declaration import Table
 from jampetsc.io.request import shortened
+from jampetsc.laws.damping import OPTIONS, WEIGHTS
 from jampetsc.version import VERSION
 
 LAW_PARAMETERS = (*dict.fromkeys((*OPTIONS, *WEIGHTS)), "prestress", "tau1", "alpha", "stress")
@@ -108,8 +108,8 @@ def _run(wall_seconds) -> dict:
 
 
 def instruction_set() -> str | None:
-    """Processors for which loops were compiled, see `core.compiled`; None in a process without compiled loops."""
-    compiled = sys.modules.get("jampetsc.core.compiled")
+    """Processors for which loops were compiled, see `packing.compiled`; None in a process without compiled loops."""
+    compiled = sys.modules.get("jampetsc.packing.compiled")
     return compiled and compiled.instruction_set()
 
 

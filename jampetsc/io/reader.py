@@ -5,10 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.relaxation import RelaxationSpectrum
-from jampetsc.core.disks import PLACES, Disks
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, about, named
 from jampetsc.io import packing_file
 from jampetsc.io.ensemble import load_ensemble
@@ -17,6 +14,9 @@ from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
 from jampetsc.io.snapshots import snapshot
+from jampetsc.laws.equivalent_damping import EquivalentDamping
+from jampetsc.packing.disks import PLACES, Disks
+from jampetsc.packing.potentials import Potential
 
 _SLOWEST = 1e-100  # rates beyond this and its inverse are no rates of relaxation
 _SAME = 1e-12  # two frequencies that differ by less, relatively, are the same

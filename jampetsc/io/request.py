@@ -14,7 +14,7 @@ LONGEST_LINE = 10_000  # characters of a command line or a list of files: an HDF
 class Request:
     """The settings of one run: its command and options, and what its input files hold.
 
-    job         an `asking.job.Job`
+    job         an `options.job.Job`
     argv        the command line
     overwrite   whether a finished result is computed again and replaced
     """

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError, named
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
 
 
 @dataclass(frozen=True, eq=False)

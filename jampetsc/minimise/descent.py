@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.domains import Domains, borders, padded
-from jampetsc.core.pairs import ListedDisks
-from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.minimise.lbfgs import CONVERGED, STALE, Task, descend
 from jampetsc.minimise.lbfgs_kernels import Space
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.domains import Domains, borders, padded
+from jampetsc.packing.pairs import ListedDisks
+from jampetsc.packing.threads import Team
 
 MEMORY = 5  # pairs (s, y) that are kept
 STEPS = 2000  # evaluations between two adjustments of the skin

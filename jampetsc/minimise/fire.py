@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.core.compiled import FAST, compiled
-from jampetsc.core.domains import domain_forces
-from jampetsc.core.kernel import block_room
-from jampetsc.core.pairs import is_stale
-from jampetsc.core.threads import meet
 from jampetsc.minimise.descent import Descent
 from jampetsc.minimise.lbfgs import CONVERGED, MORE, STALE
+from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.domains import domain_forces
+from jampetsc.packing.kernel import block_room
+from jampetsc.packing.pairs import is_stale
+from jampetsc.packing.threads import meet
 
 STEP = 0.5  # largest time step, in units of √(m/k): the stiffest mode, ω² ≈ 8–12 k/m, is stable up to 0.6
 DELAY = 20  # steps downhill before the time step grows

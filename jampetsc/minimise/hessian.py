@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.compiled import compiled
-from jampetsc.core.forms import linear_forms, squares
-from jampetsc.core.pairs import PairList
+from jampetsc.laws.relative_motion import linear_forms, squares
+from jampetsc.packing.compiled import compiled
+from jampetsc.packing.pairs import PairList
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.core.compiled import compiled
-from jampetsc.core.kernel import block_room
-from jampetsc.core.pairs import is_stale
-from jampetsc.core.threads import meet
 from jampetsc.minimise.lbfgs_kernels import Space, adjust, measure, step
+from jampetsc.packing.compiled import compiled
+from jampetsc.packing.kernel import block_room
+from jampetsc.packing.pairs import is_stale
+from jampetsc.packing.threads import meet
 
 STRETCH = 0.01  # no side of the cell changes by more than this fraction in one step
 UPHILL = 0.9  # a step after which the slope is more than this against it was too long

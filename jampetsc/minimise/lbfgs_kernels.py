@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.core.compiled import FAST, compiled
-from jampetsc.core.domains import GRAIN, domain_forces
+from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.domains import GRAIN, domain_forces
 
 CHUNK = 2 * GRAIN  # coordinates worked on at a time
 

@@ -11,7 +11,7 @@ j running over the disks that the elimination tree leads to from the neighbours 
 
 import numpy as np
 
-from jampetsc.core.compiled import FAST, NUMBERS, compiled
+from jampetsc.packing.compiled import FAST, NUMBERS, compiled
 
 
 @compiled(False)

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.minimum import with_proof
-from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.descent import Descent, Effort, Goal
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.newton import Limits, Newton, Point
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.minimum_proof import with_proof
+from jampetsc.packing.threads import Team
 
 HANDOVER = 1e-5  # max |F| / (p d) at which Newton's method is tried first
 EVALUATIONS = 20_000_000  # force evaluations after which a minimisation is given up

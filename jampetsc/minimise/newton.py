@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.core.state import both_ends, find_rattlers, force_threshold, virial_pressure
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.hessian import Bonds, Pattern, border
+from jampetsc.packing.contacts import both_ends, find_rattlers, force_threshold, virial_pressure
 
 STEPS = 12  # at most; a few are enough once the contacts are those of the minimum, else L-BFGS should go on
 DAMPING = 1e-3  # first μ, in units of p

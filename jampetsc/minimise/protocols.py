@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.compiled import instruction_set
-from jampetsc.core.disks import Disks
-from jampetsc.core.neighbours import spatial_order
-from jampetsc.core.pairs import deformed
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import measure
-from jampetsc.core.threads import Team
 from jampetsc.errors import InputError
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import Minimum, minimise, relax, settle, stress_unit
+from jampetsc.packing.compiled import instruction_set
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.neighbours import spatial_order
+from jampetsc.packing.pairs import deformed
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.threads import Team
 
 FIRST = 1e-3  # pressure in units of k from which a random start is decompressed decade by decade
 LOOSE = 1e-2  # max |F| / (p d) to which the packings on the way are quenched

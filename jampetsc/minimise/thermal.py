@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.core.compiled import compiled
-from jampetsc.core.disks import Disks
-from jampetsc.core.kernel import pair_energy
-from jampetsc.core.pairs import ListedDisks, PairList, is_stale
-from jampetsc.core.state import both_ends
+from jampetsc.packing.compiled import compiled
+from jampetsc.packing.contacts import both_ends
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.kernel import pair_energy
+from jampetsc.packing.pairs import ListedDisks, PairList, is_stale
 
 SKIN = 0.5  # of the pair list, in mean diameters
 LONGEST = 0.25  # reach, in skins: a move from a new list never makes it stale

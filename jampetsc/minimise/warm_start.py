@@ -7,11 +7,11 @@ inverse of the factor). For disks in a cell of fixed shape; moves are in the lab
 
 import numpy as np
 
-from jampetsc.core.compiled import FAST, NUMBERS, compiled
-from jampetsc.core.kernel import _secant, bond_forces
-from jampetsc.core.pairs import is_stale
 from jampetsc.minimise.lbfgs_kernels import dot
 from jampetsc.minimise.ldl import diagonal_of, factorise, solve
+from jampetsc.packing.compiled import FAST, NUMBERS, compiled
+from jampetsc.packing.kernel import _secant, bond_forces
+from jampetsc.packing.pairs import is_stale
 
 MEMORY = 8  # pairs (s, y)
 OVERSHOT = 0.5  # a step is too long if the slope at its end is against it by more than this part of that at its start

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.core.forms import linear_forms
-from jampetsc.core.laws import Law
-from jampetsc.mechanics.compatibility import stacked
+from jampetsc.laws.damping import Law
+from jampetsc.laws.relative_motion import linear_forms
 from jampetsc.minimise.hessian import Bonds, gathered
 from jampetsc.oscillation.powerlaw import PowerLaw
+from jampetsc.response.compatibility import stacked
 
 LINEAR_BELOW = 1e-5  # of the typical |z|: below, the force of a contact is linear in its velocity
 

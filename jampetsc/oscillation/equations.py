@@ -14,11 +14,11 @@ from functools import cached_property
 
 import numpy as np
 
-from jampetsc.mechanics.assembly import Pencil
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.response import Drive
 from jampetsc.petsc.session import current
+from jampetsc.response.assembly import Pencil
 
 
 class Contacts:

@@ -1,6 +1,6 @@
 """Fixed contacts of a packing: linear springs, and dashpots whose geometry does not change.
 
-K is that of `mechanics.assembly` with its γ border, as a sum over contacts of weighted squares of relative motions,
+K is that of `response.assembly` with its γ border, as a sum over contacts of weighted squares of relative motions,
 
     ½ (x, γ)ᵀ K (x, γ) = ½ Σ_c [ k (a∥)² − (f/r) (a⊥)² ] ,
 
@@ -9,9 +9,9 @@ so that forces lose no digits where displacements are far larger than relative d
 
 import numpy as np
 
-from jampetsc.core.laws import Law
-from jampetsc.mechanics.network import Network
+from jampetsc.laws.damping import Law
 from jampetsc.minimise.hessian import Bonds, gathered
+from jampetsc.network.contact_network import Network
 from jampetsc.oscillation.dashpots import Damping, Dashpots, motion_rows
 from jampetsc.oscillation.stage import State
 

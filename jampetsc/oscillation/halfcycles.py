@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.laws import Law
 from jampetsc.errors import ConvergenceError, named
-from jampetsc.mechanics.network import Network
+from jampetsc.laws.damping import Law
+from jampetsc.network.contact_network import Network
 from jampetsc.oscillation.dashpots import LINEAR_BELOW, Damping
 from jampetsc.oscillation.fixed import FixedSprings
 from jampetsc.oscillation.powerlaw import PowerLaw

@@ -1,6 +1,6 @@
 """Disks whose contacts open and close while their cell is sheared: implicit steps in time, without inertia.
 
-In the coordinates of a pair list (see `core.pairs`) disks move by offsets o, and r = F (r0 + o_j − o_i) with
+In the coordinates of a pair list (see `packing.pairs`) disks move by offsets o, and r = F (r0 + o_j − o_i) with
 F = [[1, g], [0, 1]]; their non-affine velocity in the laboratory is u = F ȯ. Forces balance at every instant,
 
     ∂R/∂u = f(o, γ) ,     ∂R/∂γ̇ = σV − ∂U/∂γ   where the stress σ is imposed and the strain free,
@@ -12,16 +12,16 @@ state of the packing between steps.
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law
-from jampetsc.core.pairs import SKIN_START, ListedDisks, is_stale
-from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, named
+from jampetsc.laws.damping import Law
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.dashpots import Damping, Dashpots
 from jampetsc.oscillation.powerlaw import PowerLaw
 from jampetsc.oscillation.stage import STAGE, Stages, State
 from jampetsc.oscillation.stepmatrix import StepMatrix
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.pairs import SKIN_START, ListedDisks, is_stale
 
 REACH = 3.0  # mean overlaps: no disk moves farther in one of Newton's steps, lest it reach another minimum
 WIDEST = 2.0  # mean diameters: a step that needs a pair list with a larger skin is too long

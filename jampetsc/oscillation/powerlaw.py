@@ -5,7 +5,7 @@ The weighted relative velocity of a contact is z = (√w∥ ȧ∥, √w⊥ ȧ⊥
     R = c Σ_c |z_c|^(1+α) / (1+α) ,     c = kτ₁ (ρ₀/τ₁)^(1−α) ,     f = ∂R/∂z = c |z|^(α−1) z
 
 with the length |z| of the *vector*: the force of a contact is opposite to its velocity and does not depend on how that
-is split into components. At α = 1 this is the quadratic form of `core.laws`, and for motion along a line, in any
+is split into components. At α = 1 this is the quadratic form of `laws.damping`, and for motion along a line, in any
 direction, a cycle dissipates what BT 25 assumes. ρ₀ is the mean diameter.
 
 For α < 1 the force has an infinite slope at z = 0, where Newton's method in z alternates between both sides. The
@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.laws import Law
+from jampetsc.laws.damping import Law
 
 TINY = 1e-300
 STIFFEST = 1e7  # slope df/dz of a contact at rest over that at the typical velocity

@@ -23,13 +23,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law
 from jampetsc.errors import ConvergenceError, named
+from jampetsc.laws.damping import Law
 from jampetsc.oscillation.moving import MovingContacts
 from jampetsc.oscillation.response import Moduli, Response
 from jampetsc.oscillation.stage import STAGE, WEIGHTS
 from jampetsc.oscillation.start import Start
+from jampetsc.packing.disks import Disks
 
 REPEATED = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
 SAME = 1e-7  # of |G*|: a change that counts as none

@@ -7,22 +7,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
 from jampetsc.errors import ConvergenceError, InputError, about, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_name
-from jampetsc.linear.elastic import ElasticResponse
-from jampetsc.linear.record import run_record
-from jampetsc.mechanics.minimum import examine_balance
-from jampetsc.mechanics.network import Network, build_network
+from jampetsc.network.contact_network import Network, build_network
 from jampetsc.oscillation.dashpots import LINEAR_BELOW
 from jampetsc.oscillation.halfcycles import SteppedOscillation
 from jampetsc.oscillation.powerlaw import relative_softening
 from jampetsc.oscillation.repeated import START_STEPS, repeat_cycles
 from jampetsc.oscillation.response import HARMONICS, Drive, Response
 from jampetsc.oscillation.steady import LEAST_ALPHA, SteadyOscillation
+from jampetsc.packing.disks import Disks
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
+from jampetsc.response.elastic import ElasticResponse
+from jampetsc.response.minimum_check import examine_balance
+from jampetsc.response.run_record import run_record
 
 COUNTS = ("newton_steps", "linear_iterations", "factorisations", "steps_taken", "cycles", "half_cycles")
 
@@ -56,7 +56,7 @@ def _solver(job, disks: Disks, network: Network) -> _Solver:
 
 
 def solve(job, to: Outlet) -> dict:
-    """Solve every point of a `jobs.oscillate.Oscillate` that no earlier run has finished, and write. Collective.
+    """Solve every point of a `commands.oscillate.Oscillate` that no earlier run has finished, and write. Collective.
 
     Returns {dataset: array}, first axes (A, M), nan where a point failed. Raises InputError for a packing that is not
     a rigid minimum or, where a stress is imposed, has no positive shear modulus; ConvergenceError, after writing the

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.pairs import deformed
-from jampetsc.core.state import find_contacts
-from jampetsc.mechanics.network import Network
+from jampetsc.network.contact_network import Network
 from jampetsc.oscillation.response import Drive
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.pairs import deformed
 
 
 @dataclass(frozen=True, eq=False)

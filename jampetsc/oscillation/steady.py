@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.analysis.equivalent_damping import EquivalentDamping
-from jampetsc.core.laws import Law
 from jampetsc.errors import ConvergenceError
-from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.network import Network
+from jampetsc.laws.damping import Law
+from jampetsc.laws.equivalent_damping import EquivalentDamping
+from jampetsc.network.contact_network import Network
 from jampetsc.oscillation import newton
 from jampetsc.oscillation.cycle import Cycle
 from jampetsc.oscillation.equations import Contacts, Equations
 from jampetsc.oscillation.powerlaw import STIFFEST, PowerLaw
 from jampetsc.oscillation.response import HARMONICS, Drive, Response
 from jampetsc.oscillation.start import Start
+from jampetsc.response.assembly import assemble
 
 # residual of the equations over the driving force, with all steps and with half
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7

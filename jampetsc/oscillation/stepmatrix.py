@@ -6,10 +6,10 @@ matrix is if and only if the Schur complement κ + μ − kᵀA⁻¹k is positiv
 
 import numpy as np
 
-from jampetsc.core.state import both_ends, find_rattlers
 from jampetsc.minimise.hessian import Bonds, Pattern, gathered
 from jampetsc.oscillation.dashpots import Dashpots, motion_rows
 from jampetsc.oscillation.preconditioner import PREFIX
+from jampetsc.packing.contacts import both_ends, find_rattlers
 from jampetsc.petsc.local import NewtonSolver
 
 # Least μ in units of k or, in a short step, of the stiffest dashpot over h: without it rounding would move free disks

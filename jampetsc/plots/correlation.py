@@ -13,9 +13,9 @@ from jampetsc.analysis.correlation_lengths import (
     medium_collapse,
     stokes_collapse,
 )
-from jampetsc.asking.kinds import FREQUENCIES
-from jampetsc.asking.parameters import NUMBER
 from jampetsc.errors import InputError, named
+from jampetsc.options.parameters import NUMBER
+from jampetsc.options.values import FREQUENCIES
 from jampetsc.plots.curves import Curve, entries_of, group_curves
 from jampetsc.plots.page import HEIGHT, band, points
 from jampetsc.plots.picture import count, option, picture

@@ -5,13 +5,13 @@ import importlib
 import os
 from pathlib import Path
 
-from jampetsc.asking.kinds import refuse_repeated
-from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import write_whole
 from jampetsc.io.ensemble import Ensemble
 from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.reader import load
+from jampetsc.options.values import refuse_repeated
+from jampetsc.packing.disks import Disks
 from jampetsc.plots import numbers
 from jampetsc.plots.page import Page
 from jampetsc.plots.picture import PICTURES, Picture, drawable

@@ -5,8 +5,6 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 
-from jampetsc.asking.kinds import INTEGERS
-from jampetsc.asking.parameters import SWITCH, WORD
 from jampetsc.errors import InputError
 from jampetsc.io.fields import (
     PHASES,
@@ -18,6 +16,8 @@ from jampetsc.io.fields import (
     phase_factor,
 )
 from jampetsc.io.snapshots import snapshot
+from jampetsc.options.parameters import SWITCH, WORD
+from jampetsc.options.values import INTEGERS
 from jampetsc.plots.correlation import OMEGA
 from jampetsc.plots.packing import circles
 from jampetsc.plots.periodic import (

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.asking.parameters import NUMBER
 from jampetsc.errors import InputError, named
+from jampetsc.options.parameters import NUMBER
 from jampetsc.plots.floppy import (
     BARE,
     draw_medians,

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.patches import Patch
 
 from jampetsc.analysis.statistics import median_interval
-from jampetsc.core.laws import having
 from jampetsc.errors import InputError
+from jampetsc.laws.damping import having
 from jampetsc.plots.logaxes import draw_guide, power_law
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import count, picture

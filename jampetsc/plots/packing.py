@@ -3,10 +3,10 @@
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 
-from jampetsc.core.state import find_contacts, measure, virial_pressure
 from jampetsc.errors import InputError
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.snapshots import snapshot
+from jampetsc.packing.contacts import find_contacts, measure, virial_pressure
 from jampetsc.plots.periodic import (
     disk_images,
     framed,

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.asking.parameters import SWITCH, WORD, Parameter
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.results import Result
+from jampetsc.options.parameters import SWITCH, WORD, Parameter
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import drawn_in
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.core.laws import FAMILIES, Physics, damping_law
+from jampetsc.commands.sweep import Sweep
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.reader import load
-from jampetsc.jobs.sweep import Sweep
+from jampetsc.laws.damping import FAMILIES, Physics, damping_law
 from jampetsc.shipped_files import located
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.compare import Reference, certified, log_interpolate

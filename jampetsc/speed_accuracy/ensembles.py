@@ -3,9 +3,9 @@
 import numpy as np
 
 from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.commands.pack import Pack
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_packing
-from jampetsc.jobs.pack import Pack
 from jampetsc.minimise.sizes import SIZES
 from jampetsc.speed_accuracy import processes
 from jampetsc.speed_accuracy.choices import PHYSICS_ACCURACY, Bench

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.asking.damping import OfPacking
-from jampetsc.asking.kinds import FREQUENCIES, Numbers, grid_text, words
-from jampetsc.asking.parameters import Kind, asked
-from jampetsc.core.disks import Disks
+from jampetsc.commands.sweep import OMEGA
 from jampetsc.errors import InputError, named
-from jampetsc.jobs.sweep import OMEGA
+from jampetsc.options.law_options import OfPacking
+from jampetsc.options.parameters import Kind, asked
+from jampetsc.options.values import FREQUENCIES, Numbers, grid_text, words
+from jampetsc.packing.disks import Disks
 from jampetsc.shipped_files import located
 
 GROUPS = ("accuracy", "method", "physics", "frequencies")

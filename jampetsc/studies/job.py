@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.asking.job import Job
-from jampetsc.asking.parameters import FILE, Kind, asked
 from jampetsc.errors import InputError, named
 from jampetsc.io.notes import counted
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILE, Kind, asked
 from jampetsc.petsc.solver_options import SOLVERS
 
 MANY = 10  # failures that the summary lists

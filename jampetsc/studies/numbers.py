@@ -5,9 +5,9 @@ import numpy as np
 from jampetsc.analysis.jamming import OTHERS, effective_samples, runs_of, share_of
 from jampetsc.analysis.scaling import low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
+from jampetsc.packing.disks import Disks
 from jampetsc.speed_accuracy.compare import FEWEST, critical, slopes
 
 WORDS = ("law", "model", "method", "packing", "phase", "notes")  # text attributes that are columns

@@ -4,10 +4,10 @@ import dataclasses
 import itertools
 from dataclasses import dataclass
 
-from jampetsc.asking.job import Job
-from jampetsc.asking.kinds import seeds_of
-from jampetsc.asking.parameters import COUNT, FILES, NUMBER, OPTION, did_you_mean, made, parameters
 from jampetsc.errors import InputError
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import COUNT, FILES, NUMBER, OPTION, did_you_mean, made, parameters
+from jampetsc.options.values import seeds_of
 
 OWN = ("out", "packing", "last", "overwrite", "quiet")  # keys that the study sets itself
 LABEL = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}  # column -> its letters in names of files

@@ -17,10 +17,10 @@ import math
 import tomllib
 from dataclasses import dataclass
 
-from jampetsc.asking.parameters import did_you_mean
+from jampetsc.commands import job_class
 from jampetsc.errors import InputError
 from jampetsc.io.regular import open_regular
-from jampetsc.jobs import job_class
+from jampetsc.options.parameters import did_you_mean
 from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
 from jampetsc.studies.options import STAND_IN, Choice, choices_of, label_of, number_of, values_of
 

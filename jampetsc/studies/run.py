@@ -157,7 +157,7 @@ class _Work:
 
     def apart(self, tasks):
         """Each task on a rank of its own. Collective."""
-        # A rank that fails alone enters a barrier on COMM_WORLD (`cli.main`), so waiting needs another communicator.
+        # A rank that fails alone enters a barrier on COMM_WORLD (`main`), so waiting needs another communicator.
         waiting = self.session.comm.Dup()
         for place, task in enumerate(tasks):
             if self.claims.take(task.name):

@@ -9,16 +9,16 @@ from drawn import Held, bars, figure_of, lines
 from samples import stored
 
 import jampetsc
+from jampetsc import main as cli
 from jampetsc.analysis import collapse_errors, collapse_fit, jamming
 from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.collapse import Form, Points, scaled
 from jampetsc.analysis.collapse_errors import Estimate, drift, estimate
 from jampetsc.analysis.collapse_fit import minima
 from jampetsc.analysis.statistics import half_width, mean_with_error
-from jampetsc.cli import main as cli
+from jampetsc.commands.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.jobs.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.plots.scaling import plot_branches, plot_scaling
 from jampetsc.studies.table import table_text
 

@@ -11,16 +11,16 @@ from claims.motion import stokes
 from drawn import bands, bars, figure_of, lines, told
 from samples import stored
 
+from jampetsc import main as cli
 from jampetsc.analysis import correlations
 from jampetsc.analysis.correlation_lengths import length_spread, stokes_collapse
 from jampetsc.analysis.correlations import ENOUGH_PACKINGS, correlate, first_root
 from jampetsc.analysis.lane_sums import LaneSums, bin_edges, grid_cells, lane_sums
-from jampetsc.cli import main as cli
-from jampetsc.core.disks import Disks
+from jampetsc.commands.correlate_sweeps import refuse_mixture
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
-from jampetsc.jobs.correlate_sweeps import refuse_mixture
+from jampetsc.packing.disks import Disks
 from jampetsc.plots.correlation import MEDIUM, correlation_curve, plot_correlation, plot_lengths
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from claims.moduli import upper_border
 
-from jampetsc.analysis.equivalent_damping import EquivalentDamping
 from jampetsc.analysis.scaling import (
     collapse,
     collapse_spread,
@@ -14,6 +13,7 @@ from jampetsc.analysis.scaling import (
     low_frequency_limit,
 )
 from jampetsc.errors import InputError
+from jampetsc.laws.equivalent_damping import EquivalentDamping
 
 G_LOW, ETA_HIGH = 0.03, 0.4
 

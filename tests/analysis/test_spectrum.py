@@ -5,9 +5,9 @@ import pytest
 from drawn import figure_of, lines, told
 from samples import stored
 
+from jampetsc import main as cli
 from jampetsc.analysis.creep import retardation
 from jampetsc.analysis.relaxation import RelaxationSpectrum
-from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve

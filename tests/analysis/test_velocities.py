@@ -5,8 +5,8 @@ import pytest
 from samples import stored
 
 import jampetsc
+from jampetsc import main as cli
 from jampetsc.analysis.velocities import lane_products
-from jampetsc.cli import main as cli
 from jampetsc.flows.velocity_correlation import correlate_lanes
 
 

@@ -9,16 +9,16 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from sheared import ROWS, crowd, shear
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import find_contacts
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import moves
 from jampetsc.flows import steady as jobs
-from jampetsc.flows.models import Model, Scheme, scheme_for
 from jampetsc.flows.shearing import Shear
 from jampetsc.io.outlet import Outlet
+from jampetsc.laws.damping import Law
+from jampetsc.laws.flow_models import Model, Scheme, scheme_for
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
 
 
 def test_the_mean_velocity_of_a_cluster_is_that_of_the_flow():

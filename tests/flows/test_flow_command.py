@@ -12,14 +12,14 @@ import pytest
 from sheared import crowd, model, stop_after
 
 import jampetsc
+from jampetsc import main as cli
 from jampetsc import progress
-from jampetsc.cli import main as cli
-from jampetsc.core.disks import Disks
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.flows import run as running
 from jampetsc.flows import steady as jobs
 from jampetsc.io.packing_file import write_packing
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
 
 SMALL = "flow --n 64 --phi 0.86 --seed 2 --model RD0 --rate 1e-2 --strain 0.6 --discard 0.2".split()
 
@@ -90,7 +90,7 @@ def test_the_file(tmp_path, capsys):
     assert np.allclose(packing.cell, result["snapshots/cell"][-1])
     assert packing.radii.min() == 0.5 and packing.potential.stiffness == "inverse-square-diameter"
     # the drag balances the forces of the snapshot: u = f/k_d
-    from jampetsc.core.state import find_contacts, net_forces
+    from jampetsc.packing.contacts import find_contacts, net_forces
 
     forces = net_forces(packing.n, find_contacts(packing))
     assert np.abs(result["snapshots/velocities"][-1] - forces).max() < 1e-9

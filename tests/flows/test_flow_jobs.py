@@ -10,22 +10,22 @@ from sheared import crowd
 
 import jampetsc
 from jampetsc.analysis.jamming import independent_share
-from jampetsc.asking import starts
-from jampetsc.asking.parameters import made
-from jampetsc.core.laws import ContactDamping, Law
+from jampetsc.commands import jam
+from jampetsc.commands.flow import Flow
+from jampetsc.commands.jam import Jam
+from jampetsc.commands.shear import Shear
 from jampetsc.errors import InputError
-from jampetsc.flows import models
 from jampetsc.flows.jamming import PROTOCOLS
 from jampetsc.flows.record import Record
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, write_packing
-from jampetsc.jobs import jam
-from jampetsc.jobs.flow import Flow
-from jampetsc.jobs.jam import Jam
-from jampetsc.jobs.shear import Shear
+from jampetsc.laws import flow_models as models
+from jampetsc.laws.damping import ContactDamping, Law
 from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.options import starts
+from jampetsc.options.parameters import made
 
 NAN, INF, LAST = float("nan"), float("inf"), 2**63 - 1
 FLOW = {"n": 16, "phi": 0.8, "model": "RD0", "rate": 1e-2, "strain": 0.5}

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc.core.laws import damping_law
-from jampetsc.core.state import find_contacts, stress_tensor
-from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.shearing import Shear
+from jampetsc.laws.damping import damping_law
+from jampetsc.laws.flow_models import Model, Scheme
+from jampetsc.packing.contacts import find_contacts, stress_tensor
 
 STEP = 1e-7  # of strain: few contacts change
 LAWS = {

@@ -7,17 +7,17 @@ import pytest
 import sheared
 from sheared import OVERDAMPED, ROWS, crowd, forces
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Law
-from jampetsc.core.pairs import deformed
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import find_contacts
-from jampetsc.core.threads import Team
 from jampetsc.flows import moves
 from jampetsc.flows import sheared as state_of_disks
-from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.moves import TALLY
 from jampetsc.flows.shearing import Shear
+from jampetsc.laws.damping import Law
+from jampetsc.laws.flow_models import Model, Scheme
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.pairs import deformed
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.threads import Team
 
 LAWS = ROWS | {"across": (Law("across", normal=0.3, transverse=1.0), 0.0)}
 SHEARED = 5e-3  # strain of a step

@@ -9,14 +9,14 @@ from sheared import stop_after
 
 import jampetsc
 from jampetsc.analysis.jamming import assortativity
-from jampetsc.core.disks import Disks
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import find_contacts, net_forces
+from jampetsc.commands import samples
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import jamming
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
-from jampetsc.jobs import samples
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import find_contacts, net_forces
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
 
 POTENTIAL = Potential("harmonic", "inverse-square-diameter")
 

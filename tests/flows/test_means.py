@@ -9,7 +9,6 @@ import pytest
 from samples import stored
 from sheared import crowd, shear
 
-from jampetsc.core.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import record as records
 from jampetsc.flows import run as running
@@ -20,6 +19,7 @@ from jampetsc.flows.velocity_correlation import LaneCorrelation, correlate_lanes
 from jampetsc.io.checkpoint import Checkpoint, folder_of
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
+from jampetsc.packing.contacts import find_contacts, measure
 
 RATE, AREA, SPACING = 0.1, 30.0, 0.02
 

@@ -8,10 +8,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from sheared import crowd
 
-from jampetsc.core.domains import Domains
-from jampetsc.core.pairs import deformed
-from jampetsc.core.state import find_contacts
 from jampetsc.flows import clusters, resistance
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.domains import Domains
+from jampetsc.packing.pairs import deformed
 
 
 def dense(disks, weights, hold, held=0):

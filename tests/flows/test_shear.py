@@ -7,19 +7,19 @@ import pytest
 from sheared import stop_after
 
 import jampetsc
-from jampetsc.cli import main as cli
-from jampetsc.core.minimum import proved_minimum
-from jampetsc.core.pairs import deformed
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import measure
+from jampetsc import main as cli
+from jampetsc.commands import shear_run as slowjob
 from jampetsc.errors import InputError
 from jampetsc.flows import quasistatic_shear as slowly
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SlowShear, minimum_of
-from jampetsc.jobs import shear_run as slowjob
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.minimum_proof import proved_minimum
+from jampetsc.packing.pairs import deformed
+from jampetsc.packing.potentials import Potential
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process
 

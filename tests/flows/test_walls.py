@@ -6,14 +6,10 @@ from claims.flow import middle_share
 from sheared import ROWS
 
 import jampetsc
+from jampetsc import main as cli
 from jampetsc.analysis.profiles import heights, mean_profile
-from jampetsc.cli import main as cli
-from jampetsc.core.kernel import bond_forces
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import find_contacts
 from jampetsc.errors import InputError
 from jampetsc.flows import walls
-from jampetsc.flows.models import Model, Scheme
 from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import (
@@ -23,7 +19,11 @@ from jampetsc.flows.walls import (
     velocity_profile,
     wall_columns,
 )
+from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.potentials import Potential
 
 SOFT = Potential("harmonic", "inverse-square-diameter")
 

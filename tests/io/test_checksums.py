@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from samples import DATA, published
 from test_result_file import assert_holds, parts, written
 
-from jampetsc.core.disks import Disks
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
 from jampetsc.io.checksums import BLOCK, LINE, Damaged, identity_of, seal, seal_of, verify
@@ -23,6 +22,7 @@ from jampetsc.io.hdf5 import open_file
 from jampetsc.io.merge import merge
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
+from jampetsc.packing.disks import Disks
 
 
 @pytest.fixture(scope="module")

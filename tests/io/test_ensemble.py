@@ -9,9 +9,9 @@ import pytest
 import samples
 
 import jampetsc
+from jampetsc import main as cli
 from jampetsc.analysis.jamming import independent_share
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
-from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.averages import CHOICES
 from jampetsc.io.ensemble import load_ensemble

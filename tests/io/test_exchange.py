@@ -17,12 +17,12 @@ from dense import Reference
 from samples import physics, polydisperse, published
 
 import jampetsc
-from jampetsc.cli import main as cli
-from jampetsc.core.packing import cell_of
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import measure
+from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_packing
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.from_arrays import cell_of
+from jampetsc.packing.potentials import Potential
 
 DISKS = published()
 X, R, (A1, A2) = DISKS.positions, DISKS.radii, DISKS.cell

@@ -6,7 +6,7 @@ import pytest
 from samples import stored
 
 import jampetsc
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.declaration import HEADER, MAX_DEPTH, TYPES, Table, contents, shape_text
 from jampetsc.io.formats import FORMATS

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from samples import JAMBASHBULK, JAXMD
 
-from jampetsc.cli import main as cli
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import measure
+from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io import importers
 from jampetsc.io.importers import import_packing
 from jampetsc.io.packing_file import read_packing
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.potentials import Potential
 
 
 def test_jambashbulk_has_its_published_numbers():

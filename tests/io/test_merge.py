@@ -10,7 +10,7 @@ import pytest
 from disturbed import WRITES, disturb, killed
 from test_result_file import assert_holds, names
 
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 from jampetsc.errors import JampetscError
 from jampetsc.io.merge import merge
 from jampetsc.io.parts import parts_of

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from samples import stored
 
-import jampetsc.core.compiled  # noqa: F401  numba, whose import warns
-from jampetsc.cli import main as cli
-from jampetsc.core.disks import Disks
+import jampetsc.packing.compiled  # noqa: F401  numba, whose import warns
+from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
+from jampetsc.packing.disks import Disks
 from jampetsc.plots.picture import drawable
 
 OMEGA = np.geomspace(1e-6, 1e2, 9)

@@ -15,7 +15,7 @@ import pytest
 from samples import JAMBASHBULK, published, put, stored
 
 import jampetsc
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.merge import merge
 from jampetsc.io.outlet import Outlet

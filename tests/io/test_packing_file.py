@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from disturbed import WRITES, killed
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
 from jampetsc.io.reader import load
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
 
 RECORD = {
     "pressure": 1e-7,

@@ -12,9 +12,9 @@ import pytest
 import samples
 
 import jampetsc
-from jampetsc.core.state import find_contacts, measure
 from jampetsc.io.exporters import write_frames
 from jampetsc.io.frames import flow_frames, packing_frame
+from jampetsc.packing.contacts import find_contacts, measure
 
 SINGLE = 1e-4  # of a pressure of 1e-3 that single precision, or eight digits, leaves
 

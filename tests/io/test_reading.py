@@ -12,7 +12,8 @@ import pytest
 from samples import published
 
 import jampetsc
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
+from jampetsc.commands.modes import Modes
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io import fields, hdf5, regular
 from jampetsc.io.hdf5 import (
@@ -30,7 +31,6 @@ from jampetsc.io.reader import collected
 from jampetsc.io.regular import open_regular
 from jampetsc.io.request import LONGEST_LINE, Request
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.jobs.modes import Modes
 
 # What is no regular file
 

@@ -5,11 +5,11 @@ import pytest
 import samples
 from sheared import crowd
 
-from jampetsc.core.pairs import PairList
 from jampetsc.minimise import warm_start as compiled
 from jampetsc.minimise.hessian import Bonds, Pattern
 from jampetsc.minimise.ldl import blocks_of, diagonal_of, factorise, solve
 from jampetsc.minimise.minimise import settle
+from jampetsc.packing.pairs import PairList
 
 
 @pytest.fixture(scope="module", params=["harmonic", "hertzian"])

@@ -6,10 +6,6 @@ import numpy as np
 import pytest
 from sheared import crowd
 
-from jampetsc.core.pairs import PairList, deformed, is_stale, tuned_skin
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import find_contacts, net_forces
-from jampetsc.core.threads import Team
 from jampetsc.minimise import lbfgs
 from jampetsc.minimise import warm_start as compiled
 from jampetsc.minimise.descent import MEMORY, Descent, Goal
@@ -17,6 +13,10 @@ from jampetsc.minimise.ldl import solve
 from jampetsc.minimise.newton import Point
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import find_contacts, net_forces
+from jampetsc.packing.pairs import PairList, deformed, is_stale, tuned_skin
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.threads import Team
 
 
 def two_loops(pairs, gradient, first):

@@ -9,13 +9,6 @@ from numba import typeof
 from samples import lattice, physics
 from test_quench import LAWS, hessian_of
 
-from jampetsc.core import domains, state
-from jampetsc.core.disks import Disks
-from jampetsc.core.minimum import proved_minimum
-from jampetsc.core.pairs import deformed, is_stale
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import find_contacts, measure
-from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise import descent as descent_module
 from jampetsc.minimise import fire, minimise, protocols
@@ -25,6 +18,14 @@ from jampetsc.minimise.fire import fall
 from jampetsc.minimise.minimise import relax
 from jampetsc.minimise.newton import Limits, Newton, Point, Residual
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing import contacts as state
+from jampetsc.packing import domains
+from jampetsc.packing.contacts import find_contacts, measure
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.minimum_proof import proved_minimum
+from jampetsc.packing.pairs import deformed, is_stale
+from jampetsc.packing.potentials import Potential
+from jampetsc.packing.threads import Team
 from jampetsc.petsc.local import NewtonSolver
 
 

@@ -12,15 +12,15 @@ import pytest
 from samples import published
 
 import jampetsc
-from jampetsc.cli import main as cli
-from jampetsc.core import compiled
-from jampetsc.core.state import measure
+from jampetsc import main as cli
+from jampetsc.commands import pack as job
+from jampetsc.commands import packings
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import read_packing, write_packing
-from jampetsc.jobs import pack as job
-from jampetsc.jobs import packings
 from jampetsc.minimise.protocols import Target, changed
 from jampetsc.minimise.sizes import Radii
+from jampetsc.packing import compiled
+from jampetsc.packing.contacts import measure
 
 
 def pack(folder, *words, ranks=0):

@@ -5,14 +5,14 @@ import pytest
 from dense import Reference
 from samples import physics
 
-from jampetsc.core.pairs import deformed
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import measure
 from jampetsc.minimise import protocols
 from jampetsc.minimise.descent import Goal
 from jampetsc.minimise.minimise import minimise
 from jampetsc.minimise.protocols import Target
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.pairs import deformed
+from jampetsc.packing.potentials import Potential
 from jampetsc.petsc.local import NewtonSolver
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a packing is one rank's own

@@ -7,18 +7,18 @@ import pytest
 from dense import NewtonSteps
 from samples import lattice
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.kernel import bond_forces
-from jampetsc.core.pairs import PairList
-from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.core.state import find_contacts, measure, net_forces
-from jampetsc.core.threads import Team
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise import newton, protocols
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.hessian import Bonds, Pattern, border
 from jampetsc.minimise.minimise import _down_to_fraction, minimise, relax, settle, stress_unit
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import find_contacts, measure, net_forces
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.pairs import PairList
+from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.packing.threads import Team
 from jampetsc.petsc.local import NewtonSolver
 
 LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.pairs import PairList
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import measure
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.minimise.thermal import ACCEPTED, COLD, Around, Thermal, annealed, energy_of
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.pairs import PairList
+from jampetsc.packing.potentials import Potential
 
 POTENTIALS = [Potential("harmonic", "inverse-square-diameter", 2.0), Potential("hertzian", "constant", 1.5)]
 CELL = np.array([[1.6, 0.0], [0.3, 1.5]])

@@ -6,10 +6,10 @@ from oscillations import stepped_oscillation
 from samples import SAMPLES, lattice, physics, polydisperse, published, put
 from sweeps import Sweep
 
+from jampetsc.commands.oscillate import Oscillate
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
-from jampetsc.jobs.oscillate import Oscillate
 from jampetsc.oscillation import run
 from jampetsc.oscillation.halfcycles import SteppedOscillation
 from jampetsc.oscillation.response import Drive

@@ -10,7 +10,6 @@ from samples import isostatic, physics, published
 from sheared import forces
 from sweeps import Sweep
 
-from jampetsc.core.state import find_contacts, measure
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.hessian import Bonds
@@ -20,6 +19,7 @@ from jampetsc.oscillation.repeated import START_STEPS, repeat_cycles
 from jampetsc.oscillation.response import Drive, Imposed, Moduli
 from jampetsc.oscillation.stage import STAGE
 from jampetsc.oscillation.steady import SteadyOscillation
+from jampetsc.packing.contacts import find_contacts, measure
 from jampetsc.petsc.local import NewtonSolver
 from jampetsc.petsc.session import current
 

@@ -7,12 +7,12 @@ import pytest
 from oscillations import steady_oscillation, stepped_oscillation
 from samples import physics, published
 
-from jampetsc.core.disks import Disks
-from jampetsc.core.potentials import Potential
 from jampetsc.errors import ConvergenceError
 from jampetsc.oscillation import repeated
 from jampetsc.oscillation.repeated import repeat_cycles
 from jampetsc.oscillation.response import Drive
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 # units of stiffness, length and time, which change no digit, so that contacts open alike; a second amplitude

@@ -5,13 +5,13 @@ import pytest
 from samples import SAMPLES, physics
 from sheared import crowd
 
-from jampetsc.core.pairs import PairList
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.linear.modes import lowest_modes
-from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.network import build_network
 from jampetsc.minimise import ldl
+from jampetsc.network.contact_network import build_network
+from jampetsc.packing.pairs import PairList
 from jampetsc.petsc import blocks, eigen
+from jampetsc.response.assembly import assemble
+from jampetsc.response.vibrations import lowest_modes
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 

@@ -8,11 +8,11 @@ from samples import SAMPLES, physics, published
 
 import jampetsc
 from jampetsc.errors import InputError
-from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.examine import examine
-from jampetsc.mechanics.network import build_network
+from jampetsc.network.contact_network import build_network
 from jampetsc.petsc import mumps
 from jampetsc.petsc.session import current
+from jampetsc.response.assembly import assemble
+from jampetsc.response.stability import examine
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 OMEGA, STOKES = (1e-2, 1.0), jampetsc.StokesDrag()

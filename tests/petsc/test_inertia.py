@@ -7,10 +7,11 @@ from samples import LAWS, SAMPLES, physics, reference
 from scipy.linalg import block_diag
 
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.mechanics import minimum
-from jampetsc.mechanics.assembly import assemble
-from jampetsc.mechanics.examine import asymmetry, examine
-from jampetsc.mechanics.minimum import (
+from jampetsc.network.contact_network import build_network
+from jampetsc.petsc.inertia import Inertia, count_below, count_eigenvalues
+from jampetsc.response import minimum_check as minimum
+from jampetsc.response.assembly import assemble
+from jampetsc.response.minimum_check import (
     BY_CHOLESKY,
     BY_INERTIA,
     count_modes,
@@ -18,8 +19,7 @@ from jampetsc.mechanics.minimum import (
     require_minimum,
     require_unique_response,
 )
-from jampetsc.mechanics.network import build_network
-from jampetsc.petsc.inertia import Inertia, count_below, count_eigenvalues
+from jampetsc.response.stability import asymmetry, examine
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 

@@ -7,11 +7,11 @@ import pytest
 from samples import DATA
 from scipy.sparse import bmat, diags, eye, random
 
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 from jampetsc.errors import named
-from jampetsc.linear import modes
 from jampetsc.petsc import mumps
 from jampetsc.petsc.matrices import distributed_matrix
+from jampetsc.response import vibrations as modes
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 SOLVER = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}

@@ -9,8 +9,8 @@ from launch import ROOT, run
 from samples import physics, polydisperse
 
 import jampetsc
+from jampetsc.commands.sweep import Sweep
 from jampetsc.io.packing_file import write_packing
-from jampetsc.jobs.sweep import Sweep
 
 OMEGA = "1e-10:1e4:8"
 PROGRAM = "../jampetsc/__main__.py"

@@ -16,7 +16,7 @@ import pytest
 import samples
 
 import jampetsc
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.petsc import builds
@@ -50,7 +50,7 @@ def test_every_module_imports_without_mpi_and_petsc():
     )
     assert "jampetsc.petsc.session" in modules and "jampetsc.io.reader" in modules
     imports = "".join(f"import {module}\n" for module in modules)
-    door = "import jampetsc, jampetsc.cli.main\nassert 'numpy' not in sys.modules\n"
+    door = "import jampetsc, jampetsc.main\nassert 'numpy' not in sys.modules\n"
     done = python(f"{BLOCK}{door}{imports}print(jampetsc.load, jampetsc.Disks)")
     assert done.returncode == 0, done.stderr
 

@@ -7,9 +7,9 @@ import launch
 import pytest
 from samples import polydisperse
 
+from jampetsc.commands import JOBS, job_class
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.jobs import JOBS, job_class
 from jampetsc.petsc import solver_options
 from jampetsc.petsc.solver_options import check, names_given
 
@@ -51,7 +51,7 @@ def test_an_option_is_petscs_or_of_a_solver_of_the_command(line):
 
 
 def test_what_is_said_knows_every_solver_and_every_command():
-    homes = {"shift_": "petsc.shifted", "freq_": "linear.direct", "inertia_": "petsc.inertia",
+    homes = {"shift_": "petsc.shifted", "freq_": "response.direct", "inertia_": "petsc.inertia",
              "modes_": "petsc.eigen", "newton_": "petsc.local",
              "osc_": "oscillation.newton", "osc_factor_": "oscillation.preconditioner"}  # fmt: skip
     prefixes = {importlib.import_module(f"jampetsc.{home}").PREFIX for home in homes.values()}

@@ -9,8 +9,8 @@ from test_jam_plots import jam_of, shear_of
 from test_picture_limits import curve
 from test_plots import write_sweep
 
+from jampetsc import main as cli
 from jampetsc.analysis.statistics import half_width, median_interval
-from jampetsc.cli import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.curves import average_curves, group_curves

@@ -9,14 +9,14 @@ from drawn import Held, bands, bars, figure_of, lines, require_arrows, told
 from matplotlib.figure import Figure
 
 import jampetsc
+from jampetsc import main as cli
 from jampetsc.analysis.profiles import heights, mean_profile
 from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import half_width
-from jampetsc.cli import main as cli
-from jampetsc.core.state import measure
 from jampetsc.errors import InputError
 from jampetsc.io.results import Attributes
 from jampetsc.io.snapshots import snapshot
+from jampetsc.packing.contacts import measure
 from jampetsc.plots.draw import draw
 from jampetsc.plots.flowcurves import (
     _draw_exponents,

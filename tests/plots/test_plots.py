@@ -13,12 +13,12 @@ from samples import stored
 from test_picture_limits import curve
 
 import jampetsc
-from jampetsc.cli import main as cli
-from jampetsc.core.disks import Disks
-from jampetsc.core.potentials import Potential
-from jampetsc.core.state import measure
+from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import Potential
 from jampetsc.plots import periodic
 from jampetsc.plots.curves import group_curves
 from jampetsc.plots.draw import draw, pictures
@@ -469,7 +469,7 @@ def test_the_help_lists_all_kinds(capsys):
 
 def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(with_fields, tmp_path):
     script = (
-        "import sys; from jampetsc.cli import main as cli\n"
+        "import sys; from jampetsc import main as cli\n"
         "import jampetsc.io.reader, jampetsc.plots.flowcurves\n"
         "assert 'numba' not in sys.modules, 'a third of a second for a compiler that reading does not need'\n"
         "status = cli.main(sys.argv[1:])\n"

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
+from jampetsc import main as cli
 from jampetsc.analysis.statistics import half_width
-from jampetsc.asking.kinds import grid_text
-from jampetsc.cli import main as cli
-from jampetsc.core.disks import Disks
-from jampetsc.core.laws import Physics, damping_law
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
+from jampetsc.laws.damping import Physics, damping_law
+from jampetsc.options.values import grid_text
+from jampetsc.packing.disks import Disks
 from jampetsc.petsc import launcher
 from jampetsc.progress import Progress
 from jampetsc.speed_accuracy import choices, ensembles, measure, processes, table

@@ -15,12 +15,12 @@ import pytest
 import samples
 
 import jampetsc
-from jampetsc.asking.job import Job
-from jampetsc.asking.parameters import asked
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
+from jampetsc.commands import packings
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.jobs import packings
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import asked
 from jampetsc.petsc.session import current
 from jampetsc.studies import run as study_run
 from jampetsc.studies import tasks as study_tasks

@@ -10,7 +10,7 @@ import launch
 import pytest
 
 import jampetsc
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 
 SMALL = {  # option -> its value here
     **{"--n": "32", "--count": "5", "--seeds": "1:2", "--strain": "0.05", "--snapshots": "2"},

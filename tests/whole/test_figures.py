@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import jampetsc
+from jampetsc import main as cli
 from jampetsc.analysis.order import six_fold_order
-from jampetsc.cli import main as cli
 from jampetsc.plots import draw
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan

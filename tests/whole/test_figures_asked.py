@@ -8,8 +8,8 @@ from itertools import product
 import pytest
 from test_figures import shown
 
-from jampetsc.asking.kinds import FREQUENCIES
-from jampetsc.asking.parameters import parameters
+from jampetsc.options.parameters import parameters
+from jampetsc.options.values import FREQUENCIES
 from jampetsc.studies.options import number_of
 from jampetsc.studies.plan import plan
 

@@ -10,12 +10,12 @@ import pytest
 from samples import JAMBASHBULK, isostatic
 
 import jampetsc
-from jampetsc.core.disks import Disks
+from jampetsc.commands import JOBS, job_class
 from jampetsc.io.formats import FORMATS
 from jampetsc.io.hdf5 import open_file
 from jampetsc.io.packing_file import ARRAYS, write_packing
 from jampetsc.io.provenance import PROVENANCE
-from jampetsc.jobs import JOBS, job_class
+from jampetsc.packing.disks import Disks
 
 RARE = {  # of runs that are not made here
     "": ("transverse", "sliding", "drag"),  # weights of a law that only python has

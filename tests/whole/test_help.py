@@ -8,8 +8,8 @@ import pytest
 from samples import stored
 from test_collapse import PHIS, RATES, write_flow
 
-from jampetsc.cli import main as cli
-from jampetsc.jobs import JOBS, job_class
+from jampetsc import main as cli
+from jampetsc.commands import JOBS, job_class
 from jampetsc.studies.table import table_text
 
 SMALL = {  # option -> {its value: that here}

@@ -14,7 +14,7 @@ import pytest
 from samples import published
 
 import jampetsc
-from jampetsc.cli import main as cli
+from jampetsc import main as cli
 from jampetsc.io.packing_file import write_packing
 
 SHIPPED = {"options": "options", "examples": "examples", "slurm": "run/slurm"}  # in a copy -> in the tree

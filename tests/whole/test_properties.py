@@ -8,18 +8,18 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from jampetsc.asking.kinds import FREQUENCIES, SEEDS, grid_text, numbers
-from jampetsc.asking.parameters import made, parameters
-from jampetsc.core.disks import GRID, Disks, join, split
-from jampetsc.core.neighbours import neighbour_pairs, spatial_order
-from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.core.state import measure
+from jampetsc.commands import JOBS, job_class
 from jampetsc.errors import InputError
 from jampetsc.io.exporters import write_frames
 from jampetsc.io.frames import packing_frame
 from jampetsc.io.importers import import_packing
 from jampetsc.io.packing_file import read_packing, write_packing
-from jampetsc.jobs import JOBS, job_class
+from jampetsc.options.parameters import made, parameters
+from jampetsc.options.values import FREQUENCIES, SEEDS, grid_text, numbers
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.disks import GRID, Disks, join, split
+from jampetsc.packing.neighbours import neighbour_pairs, spatial_order
+from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 
 settings.register_profile("the same inputs in every run", derandomize=True, deadline=None, database=None)
 settings.load_profile("the same inputs in every run")

@@ -9,19 +9,19 @@ from pathlib import Path
 import pytest
 
 import jampetsc
-from jampetsc.core import compiled
-from jampetsc.core.laws import FAMILIES
-from jampetsc.jobs import JOBS
+from jampetsc.commands import JOBS
+from jampetsc.laws.damping import FAMILIES
+from jampetsc.packing import compiled
 
 PACKAGE = Path(jampetsc.__file__).parent
 # rooms from the ground up; a module may import its own room and those before it
-ROOMS = "ground core analysis io minimise petsc mechanics linear flows oscillation asking plots jobs".split()
-ROOMS += ["speed_accuracy", "studies", "cli"]
-TOP = {"__main__": "cli"}  # other modules: ground
-WITHOUT_PETSC = ("ground", "core", "analysis", "io", "minimise", "plots")
+ROOMS = "ground packing laws analysis io minimise petsc network response flows oscillation options".split()
+ROOMS += ["plots", "commands", "speed_accuracy", "studies", "main"]
+TOP = {"__main__": "main", "main": "main"}  # other modules: ground
+WITHOUT_PETSC = ("ground", "packing", "laws", "analysis", "io", "minimise", "plots")
 PETSC = ("petsc4py", "slepc4py", "mpi4py")
-# cli.main only to end a job that fails before the session has begun
-DOORS = ("petsc.session", "petsc.builds", "cli.main")
+# main only to end a job that fails before the session has begun
+DOORS = ("petsc.session", "petsc.builds", "main")
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -104,10 +104,10 @@ def test_no_modules_import_each_other():
 
 def test_jobs_that_load_compiled_code():
     """The others start in half the time."""
-    needing = {"jampetsc.core.compiled"}
+    needing = {"jampetsc.packing.compiled"}
     while more := {one for one, others in graph().items() if others & needing} - needing:
         needing |= more
-    jobs = {module.split(".")[-1] for module in needing if module.startswith("jampetsc.jobs.")}
+    jobs = {module.split(".")[-1] for module in needing if module.startswith("jampetsc.commands.")}
     assert jobs & JOBS.keys() == {"pack", "flow", "shear", "jam", "oscillate", "modes"}
 
 
@@ -139,14 +139,14 @@ def test_one_door_to_hdf5():
 
 def test_no_module_knows_a_law_by_its_name():
     """A law is a row of FAMILIES: what depends on it follows from its weights and options."""
-    assert holding(ast.Constant, lambda node: node.value in FAMILIES) == {"core.laws"}
+    assert holding(ast.Constant, lambda node: node.value in FAMILIES) == {"laws.damping"}
 
 
 def test_one_module_has_numba_compile():
     """A function that does not say how fast its mathematics is inherits it from whatever calls it first."""
     words = ast.Attribute | ast.Name
     named = holding(words, lambda node: ast.unparse(node).split(".")[-1] in ("njit", "jit"))
-    assert named == {"core.compiled"}
+    assert named == {"packing.compiled"}
 
 
 def taken(path):
@@ -158,7 +158,7 @@ def taken(path):
 
 
 def test_compiled_code_is_made_of_known_sources():
-    """What numba keeps is thrown away when one of these changes: see `core.compiled`."""
+    """What numba keeps is thrown away when one of these changes: see `packing.compiled`."""
     known, wrong, found = set(compiled.sources()), [], 0
     for path in MODULES:
         names = set(taken(path))
@@ -177,7 +177,7 @@ def test_compiled_code_does_not_outlive_its_sources(tmp_path):
     package.mkdir()
     g = "import numba\n@numba.njit(cache=True)\ndef g():\n    return 1\n"
     f = "import numba\nfrom sample.a import g\n@numba.njit(cache=True)\ndef f():\n    return g()\n"
-    forget = "from pathlib import Path\nfrom jampetsc.core import compiled\n"
+    forget = "from pathlib import Path\nfrom jampetsc.packing import compiled\n"
     forget += "compiled.forget_outdated(Path(__file__).parent)\n"
     for name, text in (("a", g), ("b", f), ("__init__", forget)):
         (package / f"{name}.py").write_text(text)

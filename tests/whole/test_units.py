@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from dense import NewtonSteps
 
-from jampetsc.core.potentials import EXPONENTS, STIFFNESSES, Potential
-from jampetsc.core.state import measure
 from jampetsc.flows.quasistatic_shear import SlowShear
 from jampetsc.minimise import protocols
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import relax
 from jampetsc.minimise.protocols import Target, make_packing, random_start
 from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 
 UNITS = [(4.0, 1.0), (0.25, 1.0), (1.0, 1024.0), (1.0, 2.0**-10)]  # of length and of stiffness
 

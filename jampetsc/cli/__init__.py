@@ -1,1 +1,0 @@
-"""The command line: its parser, messages and exit status. Modules of commands are imported only when needed."""

@@ -1,0 +1,191 @@
+"""Exponents near jamming, by collapse of flow, jam and shear results."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.analysis.collapse import form_named, words_of
+from jampetsc.commands.sources import WHERE, rows_named, write_derived
+from jampetsc.errors import InputError, as_float, named
+from jampetsc.io.ensemble import Ensemble
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILES, Kind, asked, optional
+from jampetsc.options.values import RESULT, opened, refuse_repeated, words
+
+OBSERVABLES = ("pressure", "shear_stress", "jammed")
+DRAWN = 200  # places along x at which f₀ and f₁ are kept
+SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
+
+
+def _range(given):
+    """Two packing fractions, or words A:B."""
+    try:
+        low, high = (as_float(one) for one in (given.split(":") if isinstance(given, str) else given))
+    except (TypeError, ValueError):
+        raise ValueError("write A:B, two packing fractions") from None
+    if not 0 < low < high:
+        raise ValueError("must be A:B with 0 < A < B")
+    return low, high
+
+
+@dataclass(frozen=True, eq=False)
+class Collapse(Job):
+    """Critical exponents from rates or sizes.
+
+    Fit the scaling of an observable O near jamming (Vågberg, thesis ch. 5). Of flows at several rates and phi of one N:
+
+      O = rate^(y/znu) [f0(x) + rate^(omega/z) f1(x)],   x = (phi - phi_J) / rate^(1/znu)
+
+    and with finite_size, of jam and shear results at several N and phi, L = sqrt(N):
+
+      O = L^(-y/nu) [f0(x) + L^(-omega) f1(x)],          x = (phi - phi_J) L^(1/nu)
+
+    f0 and |f1| are exponentials of polynomials or splines; f1 is there with corrections. Weighted least squares; errors
+    from the profile of chi^2 and from fits of higher degrees; the same fit with the largest rates, or smallest N, left
+    out one by one.
+    """
+
+    scalar: ClassVar = None
+    EPILOG: ClassVar = """The name omega stands for omega/z with rates. A small probability of chi^2 says that
+the form is wrong, or the errors are.
+
+examples:
+  jampetsc collapse flows --observable pressure --fit phi_J,y,znu --out scaling.h5       # the folder of a study
+  jampetsc collapse flows --where model=RD0 --observable pressure --fit phi_J,y,znu,omega --corrections --out full.h5
+  jampetsc collapse jam-*.h5 --finite-size --observable jammed --fit phi_J,y=0,nu --out sizes.h5
+  jampetsc plot scaling.h5 --out scaling.png"""
+
+    results: Sequence = asked(
+        help="flows, or jam and shear results, or the folder of a study", kind=RESULT, place=FILES
+    )
+    observable: str = asked(help="what is scaled", choices=OBSERVABLES)
+    fit: str = asked(
+        help="phi_J,y,znu[,omega]; nu for znu with finite_size; y=1 fixes y",
+        kind=Kind(lambda given: ",".join(map(str, words(given))), metavar="NAMES"),
+    )
+    finite_size: bool = asked(False, "scale with L = sqrt(N) instead of the rate")
+    corrections: bool = asked(False, "with f1, which needs omega in fit")
+    degree: int = asked(5, "of the polynomial ln f0", low=1, high=12, metavar="D")
+    spline: bool = asked(False, "a cubic spline over degree intervals instead")
+    where: str | None = WHERE
+    cut: float | None = optional(
+        "largest rate, or smallest N, that is used", above=0.0, high=1e300, metavar="R"
+    )
+    range: tuple | None = optional(
+        "packing fractions that are used (default: all)",
+        kind=Kind(_range, lambda ends: ":".join(map(repr, ends)), metavar="A:B"),
+    )
+
+    def check(self):
+        """Refuse unknown, missing or repeated names in `fit`, and a fit without free parameters."""
+        _ = self.form
+
+    @property
+    def form(self):
+        """The `analysis.collapse.Form` to fit. Raises InputError."""
+        return form_named(self.fit, self.finite_size, self.corrections, self.degree, self.spline)
+
+    def _named(self) -> list:
+        """The inputs: files, for the folder of a study those of its rows, and results in memory."""
+        from jampetsc.commands.scaling import files_of
+
+        found = []
+        for one in rows_named(self.results, self.where):
+            several = isinstance(one, Ensemble)
+            found += files_of(one, self.finite_size, self.where) if several else [one]
+        return found
+
+    def check_outputs(self, to):
+        """Refuse a result given twice, and an output that may not be replaced."""
+        sources = self._named()
+        refuse_repeated(sources)
+        to.check(self.FORMAT, [one for one in sources if isinstance(one, str)])
+
+    def work(self, to):
+        from jampetsc.analysis.collapse_errors import drift
+        from jampetsc.commands import scaling
+
+        began, form = time.perf_counter(), self.form
+        results = [opened(one) for one in self._named()]
+        points = scaling.read_points(results, self.observable, self.finite_size)
+        low, high = self.range or (0.0, math.inf)
+        largest = math.inf if self.cut is None else self.cut**-0.5 if self.finite_size else self.cut
+        points = points[points.within(low, high, largest)]
+        if not len(points):
+            raise InputError(f"{results[0].path}: no points are left by {named('cut')} and {named('range')}")
+        cuts = drift(points, form)
+        _, fit, found = cuts[0]
+        notes = scaling.notes_of(points, fit, found, self.finite_size)
+        arrays, facts = self._arrays(points, fit, cuts), self._attributes(results[0], fit, found, notes)
+        write_derived(to, self.FORMAT, results, began, arrays, **facts)
+        return _summary(to, self, points, cuts, notes)
+
+    def _arrays(self, points, fit, cuts):
+        """{name: array}: points, f₀ and f₁ along x, and parameters against the cut; cuts: of `drift`."""
+        import numpy as np
+
+        x, free = fit.x(points), fit.form.free
+        along = np.linspace(x.min(), x.max(), DRAWN)
+        return {
+            "N": points.size,
+            "runs": points.runs,
+            **({"size": 1 / points.scale} if self.finite_size else {"rate": points.scale}),
+            "phi": points.phi,
+            "value": points.value,
+            "error": points.error,
+            "x": x,
+            **dict(zip(("leading", "correction"), fit.terms(points), strict=True)),
+            "curve/x": along,
+            **dict(zip(("curve/f0", "curve/f1"), fit.functions(along), strict=True)),
+            "drift/cut": _shown(np.array([cut for cut, _, _ in cuts]), self.finite_size),
+            "drift/parameters": np.array([[one.parameters[name] for name in free] for _, one, _ in cuts]),
+            "drift/errors": np.array([[some[name].error for name in free] for _, _, some in cuts]),
+            "drift/chi2_per_dof": np.array([one.chi2 / one.dof for _, one, _ in cuts]),
+        }
+
+    def _attributes(self, first, fit, found, notes):
+        words = words_of(self.finite_size)
+        return {
+            **{name: first.attributes.get(name) for name in SHARED},
+            "observable": self.observable,
+            "scaling": "size" if self.finite_size else "rate",
+            "fitted": ",".join(words[name] for name in fit.form.free),
+            "functions": f"{'spline' if self.spline else 'polynomial'}, degree {self.degree}",
+            "corrections": self.corrections,
+            "chi2": fit.chi2,
+            "dof": fit.dof,
+            "probability": fit.probability,
+            "common_share": fit.common,
+            **{words[name]: value for name, value in fit.parameters.items()},
+            **{
+                f"{words[name]}_{what}": getattr(one, what)
+                for name, one in found.items()
+                for what in ("error", "low", "high", "shift")
+            },
+            "notes": "; ".join(notes),
+        }
+
+
+def _shown(scale, finite_size):
+    """A cut in the user's terms: a rate, or N."""
+    return scale**-2 if finite_size else scale
+
+
+def _summary(to, job, points, cuts, notes) -> str:
+    """The summary."""
+    from jampetsc.commands.scaling import text_of
+
+    (_, fit, found), *others = cuts
+    lines = [
+        f"{to}: {job.observable} at {len(points)} points, {text_of(fit.parameters, found, job.finite_size)}",
+        f"  chi2/dof = {fit.chi2 / fit.dof:.3g} with {fit.dof} degrees of freedom, probability {fit.probability:.2g}",
+    ]
+    what = "N >=" if job.finite_size else "rates <="
+    for cut, one, some in others:
+        lines.append(
+            f"  {what} {_shown(cut, job.finite_size):.4g}: {text_of(one.parameters, some, job.finite_size)}, "
+            f"chi2/dof = {one.chi2 / one.dof:.3g}"
+        )
+    return "\n".join(lines + [f"  note: {note}" for note in notes])

@@ -1,0 +1,129 @@
+"""Correlation of transverse motions along the flow: of displacement fields of sweeps, of velocities of flows."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.commands import correlate_sweeps
+from jampetsc.commands.correlate_sweeps import LANES
+from jampetsc.commands.sources import write_derived
+from jampetsc.errors import InputError, as_float, named
+from jampetsc.flows import velocity_correlation as lanes
+from jampetsc.io.fields import PHASES
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILES, Kind, asked, optional, shown
+from jampetsc.options.values import FREQUENCIES, PACKING, RESULT, Numbers, opened, refuse_repeated, words
+from jampetsc.packing.disks import Disks
+
+NARROWEST, WIDEST = 0.01, 1e6  # lanes
+SWEEPS, FLOW = "jampetsc-sweep", "jampetsc-flow"
+
+
+def _lanes(given):
+    """Widths of lanes in the order given: the summary shows the first."""
+    try:
+        lanes = tuple(map(as_float, words(given)))
+    except (TypeError, ValueError):
+        raise ValueError(f"must be widths in mean diameters, such as {_lanes_text(LANES)}") from None
+    for width in lanes:
+        if not NARROWEST <= width <= WIDEST:
+            raise ValueError(f"{width:g} must lie between {NARROWEST:g} and {WIDEST:g}")
+    if not lanes or len(set(lanes)) < len(lanes):
+        raise ValueError("must be at least one width, none of them twice")
+    return lanes
+
+
+def _lanes_text(lanes):
+    return ",".join(shown(width) if float(shown(width)) == width else repr(width) for width in lanes)
+
+
+@dataclass(frozen=True, eq=False)
+class Correlate(Job):
+    """Correlation of displacements along the flow, and its length.
+
+    C(δ) of the displacements u_y along x in narrow lanes (BT Fig. 7), real and imaginary part, of the fields that
+    sweeps hold, and the length l at its first root: by default in the phase of the stress, which is what BT impose.
+    Several sweeps of one kind (law, pressure, number of disks) are averaged. Of flows with snapshots: the correlation
+    g_y(x) of transverse velocities along the flow (Vågberg, eq. 4.23) of pairs in the lane around one of them, and
+    its minimum.
+
+    Each packing is looked for beside its sweep. Errors come from resampling the packings, or strips of lanes where
+    there are fewer than five packings; those are lower bounds.
+    """
+
+    scalar: ClassVar = None
+    FORMAT: ClassVar = "jampetsc-correlation"
+    EPILOG: ClassVar = """examples:
+  jampetsc correlate sweep.h5 --out correlation.h5
+  jampetsc correlate stokes-*.h5 --lane 0.5,1 --out stokes.h5    # the mean over several packings
+  jampetsc correlate rd0.h5 --out g.h5                           # of a flow with snapshots
+  jampetsc plot correlation.h5 --out correlation.png"""
+
+    results: Sequence = asked(
+        help="sweeps with fields, or flows with snapshots, of one kind", kind=RESULT, place=FILES
+    )
+    lane: Numbers | None = optional(
+        f"widths of a lane, the first for the summary (default {_lanes_text(LANES)}; flow: one, default 1)",
+        kind=Kind(_lanes, _lanes_text, metavar="w1,w2,…"),
+        unit="mean diameters",
+    )
+    bin: float | None = optional(
+        "flow: width of a bin of x (default 1)", above=0.0, high=WIDEST, unit="mean diameters", metavar="B"
+    )
+    phase: str | None = optional(
+        "sweeps: real parts are in phase with the stress (default, as BT have it) or with the strain",
+        choices=PHASES,
+    )
+    omega: Numbers | None = optional("fields at these frequencies (default: all)", kind=FREQUENCIES)
+    packing: Disks | None = optional("packing of a single sweep, if it is not beside it", kind=PACKING)
+
+    def check(self):
+        """Refuse a result given twice."""
+        refuse_repeated(self.results)
+
+    def check_outputs(self, to):
+        """Refuse a file that holds another kind of correlation."""
+        flows = getattr(opened(self.results[0]), "format", "") == FLOW
+        to.check(lanes.FORMAT if flows else self.FORMAT, self.paths)
+
+    def work(self, to):
+        opened_ = [opened(source) for source in self.results]
+        kind = getattr(opened_[0], "format", "")
+        for source, result in zip(self.results, opened_, strict=True):
+            if kind not in (SWEEPS, FLOW) or getattr(result, "format", "") != kind:
+                raise InputError(
+                    f"{source}: correlations are of sweeps with fields or of flows with snapshots: average one kind"
+                )
+        return (_of_flows if kind == FLOW else correlate_sweeps.run)(self, opened_, to)
+
+
+def _of_flows(job, flows, to) -> str:
+    """Correlate transverse velocities in the snapshots of flows; returns the summary. Raises InputError."""
+    began = time.perf_counter()
+    for name in ("omega", "packing", "phase"):
+        if getattr(job, name) is not None:
+            raise InputError(f"{named(name)}: belongs to sweeps, not to {flows[0].path}; leave it out")
+    widths, bin_ = job.lane or (lanes.LANE,), job.bin or lanes.BIN
+    if len(widths) > 1:
+        raise InputError(f"{named('lane')} {job.settings()['lane']}: flows are correlated at one width")
+    found = lanes.correlate_lanes(flows, widths[0], bin_)
+    place, depth = found.minimum
+    arrays = {"x": found.centres, "g_y": found.values, "g_y_error": found.errors, "pairs": found.pairs}
+    write_derived(
+        *(to, lanes.FORMAT, flows, began, arrays),
+        **{name: flows[0].attributes.get(name) for name in ("model", "rate", "mass", "units")},
+        lane_width=widths[0] * found.diameter,
+        bin_width=bin_ * found.diameter,
+        mean_diameter=found.diameter,
+        snapshots=found.snapshots,
+        mean_square=found.mean_square,
+        minimum=depth,
+        minimum_at=place,
+        minimum_error=found.minimum_errors[1],
+        minimum_at_error=found.minimum_errors[0],
+    )
+    return (
+        f"{to}: g_y of {found.snapshots} snapshots, lanes of {widths[0]:g} d: least {depth:.3g} at x = "
+        f"{place / found.diameter:.3g} d, <u_y^2>/rate^2 = {found.mean_square:.3g}"
+    )

@@ -1,0 +1,168 @@
+"""C(δ) of the displacement fields of sweeps, one for each packing, averaged."""
+
+import math
+import time
+
+import numpy as np
+
+from jampetsc import interrupts
+from jampetsc.analysis.correlations import ROUNDING, correlate
+from jampetsc.analysis.lane_sums import grid_cells, lane_sums
+from jampetsc.commands.sources import write_derived
+from jampetsc.errors import InputError, about, named
+from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
+
+LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, if no others are asked for
+SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
+
+
+def run(job, sweeps, to) -> str:
+    """Correlate for a `correlate.Correlate` and write the result; returns the summary. Raises InputError."""
+    began = time.perf_counter()
+    if job.bin is not None:
+        raise InputError(f"{named('bin')} {job.bin:g}: belongs to flows; leave it out")
+    refuse_mixture(sweeps)
+    if job.packing is not None and len(sweeps) > 1:
+        raise InputError(
+            f"{named('packing')}: one packing for {len(sweeps)} sweeps: correlate them one by one"
+        )
+    phase, lanes = job.phase or PHASES[0], job.lane or LANES
+    motions, frequencies = zip(*(_motion(job, sweep, phase) for sweep in sweeps), strict=True)
+    for sweep, omega in zip(sweeps, frequencies, strict=True):
+        if len(omega) != len(frequencies[0]) or not np.allclose(omega, frequencies[0], rtol=0.01, atol=0):
+            raise InputError(
+                f"{sweep.path}: fields at other frequencies than in {sweeps[0].path.name}: choose common ones "
+                f"with {named('omega')}"
+            )
+    G = np.mean([sweep.modulus(omega) for sweep, omega in zip(sweeps, frequencies, strict=True)], axis=0)
+    results, widths = _correlated(sweeps, motions, lanes)
+    length, diameter = np.mean([(disks.cell[0, 0], _diameter(disks)) for disks, *_ in motions], axis=0)
+    arrays = {"omega": frequencies[0], "G": G, "lane_width": widths}
+    arrays |= {"delta": length * np.array([one.separation for one in results])}
+    for name, what, unit in (
+        ("C", "values", 1.0), ("C_error", "errors", 1.0), ("length", "root", length),
+        ("length_error", "root_error", length), ("minimum", "minimum", length),
+        ("minimum_error", "minimum_error", length),
+    ):  # fmt: skip
+        values = np.array([getattr(one, what) for one in results])
+        arrays[name] = unit * values.reshape(
+            len(results), -1, 2, *values.shape[2:]
+        )  # Re and Im of each field
+    write_derived(
+        *(to, job.FORMAT, sweeps, began, arrays),
+        **_mean_pressure(sweeps),
+        phase=phase,
+        packings=len(sweeps),
+        L=length,
+        mean_diameter=diameter,
+        pairs=[one.pairs for one in results],
+    )
+    return _summary(to, len(sweeps), frequencies[0], phase, lanes, results, length / diameter)
+
+
+def _diameter(disks):
+    """The mean one."""
+    return 2.0 * float(disks.radii.mean())
+
+
+def _correlated(sweeps, motions, lanes):
+    """(a Correlation for each width of a lane, these widths such that lanes fill the cell) of what `_motion` gives.
+
+    Raises InputError for lanes that do not fit, naming the sweep.
+    """
+    first, sums = motions[0][0], [[] for _ in lanes]
+    cells = grid_cells(first.cell[0, 0], _diameter(first))
+    for sweep, (disks, particles, fields) in zip(sweeps, motions, strict=True):
+        for width, found in zip(lanes, sums, strict=True):
+            interrupts.check()
+            with about(sweep.path):
+                places = disks.positions[particles]
+                found.append(lane_sums(places, disks.cell, fields, width * _diameter(disks), cells))
+    return [correlate(found) for found in sums], np.array([found[0].width for found in sums])
+
+
+def _motion(job, sweep, phase):
+    """((disks, rows of those in the fields (n,), u_y (2F, n): Re and Im of each), frequencies (F,)) of a sweep."""
+    stored = sweep.fields.omega
+    rows = chosen_frequencies(sweep, stored[np.argsort(stored)] if job.omega is None else job.omega)
+    disks = packing_of(sweep, job.packing)
+    particles = particle_rows(sweep, disks)
+    transverse = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, 1] for row in rows]
+    parts = [part for u in transverse for part in (u.real, u.imag)]
+    known = np.array([_rms(part) > ROUNDING * _diameter(disks) for part in parts]).reshape(-1, 2)
+    if not known.any(axis=1).all():
+        at = stored[rows][np.argmin(known.any(axis=1))]
+        raise InputError(
+            f"{sweep.path}: omega = {at:g}: |u_y| is rounding, at most {ROUNDING:g} mean diameters per strain, "
+            f"as in a perfect crystal: nothing to correlate; choose other frequencies by {named('omega')}"
+        )
+    parts = [part if some else np.zeros_like(part) for part, some in zip(parts, known.flat, strict=True)]
+    return (disks, particles, parts), stored[rows]
+
+
+def refuse_mixture(sweeps):
+    """Raise InputError unless sweeps are of different packings, all of one law, pressure and number of disks."""
+    first, of_packing = sweeps[0], {}
+    for sweep in sweeps:
+        for what, mine, other in (
+            ("law", _words(sweep.law), _words(first.law)),
+            ("number of disks", *(s.attributes.get("particle_count") for s in (sweep, first))),
+        ):
+            if mine != other:
+                raise InputError(
+                    f"{sweep.path}: {what} {mine}, but {first.path.name} has {other}: average sweeps of one kind"
+                )
+        pressure, other = (float(s.attributes.get("pressure", 0.0)) for s in (sweep, first))
+        if abs(pressure - other) > SAME_PRESSURE * abs(other):
+            raise InputError(
+                f"{sweep.path}: pressure {pressure:g}, but {first.path.name} has {other:g}: average those of one"
+            )
+        sha256 = sweep.attributes.get("packing_sha256")
+        same = of_packing.setdefault(sha256, sweep)
+        if sha256 is not None and same is not sweep:
+            raise InputError(
+                f"{sweep.path}: comes from the same packing as {same.path.name} (sha256 {sha256[:12]}…): "
+                "an average takes each packing once"
+            )
+
+
+def _words(law):
+    return ", ".join(f"{name} {value}" for name, value in law.items())
+
+
+def _mean_pressure(sweeps):
+    known = [float(sweep.attributes["pressure"]) for sweep in sweeps if "pressure" in sweep.attributes]
+    return {"pressure": sum(known) / len(known)} if known else {}
+
+
+def _summary(to, packings, omega, phase, lanes, results, size) -> str:
+    """Lengths in diameters for the first lane width, and how much C differs at the other widths; size: L in these."""
+    first = results[0]
+    lines = [
+        f"{to}: {packings} packing{'s' * (packings > 1)}, L = {size:.4g} d, lanes of {lanes[0]:g} d, "
+        f"{first.pairs} pairs, in phase with the {phase}"
+    ]
+    for n, w in enumerate(omega):
+        parts = [
+            f"{name} {_with_error(size * first.root[2 * n + part], size * first.root_error[2 * n + part])}"
+            for part, name in enumerate(("Re", "Im"))
+        ]
+        lines.append(f"  omega {w:.3g}: l/d {',  '.join(parts)}")
+    for width, other in zip(lanes[1:], results[1:], strict=True):
+        change = _rms((other.values - first.values)[:, 1:])  # beyond δ = 0, where C is 1
+        error = math.hypot(_rms(first.errors[:, 1:]), _rms(other.errors[:, 1:]))
+        known = f"differs by {change:.2g} (rms), with errors of {error:.2g}"
+        lines.append(f"  lanes of {width:g} d: C {known if change == change else 'is not known'}")
+    return "\n".join(lines)
+
+
+def _rms(values):
+    """Root mean square of the finite ones of values; nan if none is."""
+    known = values[np.isfinite(values)]
+    return np.sqrt(np.mean(known**2)) if len(known) else np.nan
+
+
+def _with_error(value, error):
+    if value != value:
+        return "no root"
+    return f"{value:.3g}" if error != error else f"{value:.3g} ± {error:.1g}"

@@ -1,0 +1,257 @@
+"""What `jampetsc info` says: packings, results and matrices as aligned text."""
+
+import numpy as np
+
+from jampetsc.analysis.bounds import relative_bound
+from jampetsc.columns import aligned
+from jampetsc.io.averages import CHOICES
+from jampetsc.io.parts import parts_of
+from jampetsc.packing.contacts import BALANCED, imbalance, measure
+from jampetsc.packing.minimum_proof import ENTRIES, proved_minimum
+from jampetsc.streams import visible
+
+DIGITS = 10  # of numbers, enough to compare them with published ones
+SHOWN = 6  # most values of a choice that are listed one by one
+DIFFERS = 1e-6  # relative difference from the recorded value from which a note is printed
+
+
+def table(rows) -> str:
+    """Rows (name, value, …) in columns; a row of one word is a heading."""
+    return "\n".join(
+        row[0] if len(row) == 1 else "  " + "  ".join(row).rstrip()
+        for row in aligned([[visible(word) for word in row] for row in rows], last=False)
+    )
+
+
+def number(value) -> str:
+    """A number in DIGITS digits, several with commas; anything else as str."""
+    if isinstance(value, float):
+        return f"{value:.{DIGITS}g}"
+    if isinstance(value, np.ndarray):
+        return ", ".join(number(entry) for entry in value.tolist())
+    return str(value)
+
+
+def study(path, ensemble) -> str:
+    """How many tasks of each command are done, the values of every setting, and why tasks failed."""
+    rows = [(f"{path}: study of {ensemble.rows} tasks",)]
+    for command in dict.fromkeys(ensemble["command"].tolist()):
+        tasks = ensemble.where(command=command)
+        failed = tasks.failed.rows
+        rows.append((command, f"{tasks.rows - failed} done" + (f", {failed} failed" if failed else "")))
+    rows.append(("chosen",))
+    for name in ("requested_n", "particle_count", "pressure", "phi", "seed", *CHOICES[1:]):
+        values = [
+            value for value in np.unique(ensemble.get(name, [])).tolist() if value == value and value != ""
+        ]
+        if values:
+            shown = values if len(values) <= SHOWN else [*values[:2], "…", values[-1]]
+            text = ", ".join(one if isinstance(one, str) else f"{one:.6g}" for one in shown)
+            rows.append((name, text + (f"  ({len(values)} values)" if len(values) > SHOWN else "")))
+    failed = zip(*(ensemble.failed[column] for column in ("file", "state")), strict=True)
+    reasons = [visible(f"  {name}: {why}") for name, why in failed]
+    return "\n".join([table(rows), *reasons])
+
+
+def packing(path, disks) -> str:
+    """Geometry, state and record of a packing; published values stand beside ours."""
+    state, record = measure(disks), dict(disks.record)
+    cell, radii, law = disks.cell, disks.radii, disks.potential
+    diameter = 2.0 * float(radii.mean())
+    rattlers = int(np.count_nonzero(state.rattlers))
+    ours = {
+        "pressure": ("pressure p", state.pressure),
+        "phi": ("packing fraction φ", disks.phi),
+        "energy": ("energy U", state.energy),
+        "stress_xx": ("stress σ_xx", float(state.stress[0, 0])),
+        "stress_xy": ("stress σ_xy", float(state.stress[0, 1])),
+        "stress_yy": ("stress σ_yy", float(state.stress[1, 1])),
+    }
+    rows = [
+        (f"{path}: packing of {disks.n} disks",),
+        ("made by", str(record.pop("protocol", "unknown"))),
+        ("potential", f"{law.kind}, stiffness {law.stiffness}, k = {law.k:g}"),
+        ("radii", f"{radii.min():.6g} to {radii.max():.6g}, mean diameter d = {diameter:.6g}"),
+        (
+            "cell",
+            f"a1 = ({cell[0, 0]:.9g}, 0), a2 = ({cell[1, 0]:.9g}, {cell[1, 1]:.9g}), V = {disks.area:.9g}",
+        ),
+    ]
+    notes = []
+    for name, (label, value) in ours.items():
+        published = record.pop(f"published_{name}", None)
+        rows.append(
+            (label, number(value), *([] if published is None else [f"published {number(published)}"]))
+        )
+        recorded = record.pop(name, None)
+        if isinstance(recorded, float) and abs(recorded - value) > DIFFERS * abs(value):
+            notes.append(f"the file records {name} = {number(recorded)}: its positions were changed")
+    record.pop("published_stress_yx", None)
+    rows += [
+        ("contacts", f"{len(state.contacts)} that carry more than {state.threshold:.3g}"),
+        ("rattlers", f"{rattlers} ({100.0 * rattlers / disks.n:.2g} %)"),
+        ("coordination Z", f"{number(state.coordination)} without rattlers"),
+        ("max |F| / p", _residual(disks, state)),
+    ]
+    stated = record.get("negative_modes")
+    if proved_minimum(disks):
+        rows.append(("minimum", f"proved when it was made: {record['negative_modes_counted_by']}"))
+    elif stated is not None:
+        notes.append(
+            f"the file records negative_modes = {stated}, but not of these disks: it counts for nothing"
+        )
+    for name in ("max_force", "coordination", "rattlers", *ENTRIES):  # measured above
+        record.pop(name, None)
+    if record:
+        rows.append(("recorded in the file",))
+        rows += [(name, number(value)) for name, value in sorted(record.items())]
+    return "\n".join([table(rows), *(f"note: {note}" for note in notes)])
+
+
+def _residual(disks, state):
+    if not state.pressure > 0:
+        return "no contacts: below jamming"
+    remark = "" if imbalance(disks, state) <= BALANCED else ": forces are not balanced"
+    return f"{state.max_force / state.pressure:.2e}{remark}"
+
+
+LIBRARIES = ("jampetsc", "petsc", "slepc", "mumps", "mpi", "mpi4py", "numpy", "h5py", "python")
+HEADER = ("format", "format_version", "run_id", "argv", "petsc_options", "packing", "packing_sha256", "date")
+HOW = ("ranks", "scalar_type", "wall_seconds", "git_commit")
+
+
+def _origin(a):
+    """What a result was made from: a packing, other files, or random disks of its command."""
+    if "packing" in a:
+        return str(a["packing"])
+    if "sources" in a:
+        return str(a["sources"])
+    return f"{a['particle_count']} disks that it made" if "particle_count" in a else "an unknown packing"
+
+
+def result(path, loaded) -> str:
+    """Origin, law and contents of a result."""
+    a = dict(loaded.attributes)
+    scalar = a.get("scalar_type")
+    kind = loaded.format.removeprefix("jampetsc-")
+    rows = [
+        (f"{path}: {kind} of {_origin(a)}",),
+        *([("packing sha256", str(a.get("packing_sha256", "unknown")))] if "packing" in a else []),
+        ("law", ", ".join(f"{name} = {number(value)}" for name, value in loaded.law.items()) or "none"),
+        ("made", f"{a.get('date', 'unknown')} in {a.get('wall_seconds', float('nan')):.3g} s"),
+        ("command", str(a.get("argv", "unknown"))),
+        ("PETSc options", str(a.get("petsc_options", "")) or "none"),
+        (
+            "ranks",
+            f"{a.get('ranks', 'unknown')}"
+            + (f", PETSc with {scalar} scalars" if scalar else ", without PETSc"),
+        ),
+        (
+            "versions",
+            ", ".join(f"{name} {a[f'{name}_version']}" for name in LIBRARIES if f"{name}_version" in a),
+        ),
+        ("git commit", str(a.get("git_commit", "unknown"))),
+        ("files", _files(len(parts_of(path).sizes)) if loaded.file else "none: in memory"),
+    ]
+    if "G" in loaded:
+        rows += _moduli(loaded)
+    known = {*HEADER, *HOW, *loaded.law, *(f"{name}_version" for name in LIBRARIES)}
+    rest = {name: value for name, value in a.items() if name not in known}
+    if rest:
+        rows.append(("attributes",))
+        rows += [(name, number(value)) for name, value in sorted(rest.items())]
+    rows.append(("datasets",))
+    rows += [
+        (name, str(loaded.stored(name).shape), str(loaded.stored(name).dtype)) for name in sorted(loaded)
+    ]
+    return table(rows)
+
+
+def _files(parts):
+    return f"joint file and {parts} parts, all there" if parts else "one, complete"
+
+
+def _moduli(sweep):
+    omega, G = sweep["omega"], sweep["G"]
+    rows = [("frequencies", f"{len(omega)}, from {omega.min():.4g} to {omega.max():.4g}")]
+    for label, bound, part in (
+        ("worst bound, G'", "error_bound_storage", G.real),
+        ("worst bound, G''", "error_bound_loss", G.imag),
+        ("worst bound, G*", "error_bound", np.abs(G)),
+    ):
+        if bound in sweep:
+            relative = relative_bound(sweep[bound], part)
+            worst = int(np.argmax(relative))
+            rows.append((label, f"{relative[worst]:.1e} relative, at omega = {omega[worst]:.4g}"))
+    return rows
+
+
+def matrices(disks, network, physics, facts, ranks) -> str:
+    """Sizes, symmetry and inertia of K and B, and whether the packing is a minimum."""
+    from jampetsc.petsc.inertia import SHIFT
+
+    contacts = facts.contacts
+    excess = contacts - (2 * network.n - 2)
+    rows = [
+        (f"K and B for {physics}, on {ranks} rank{'s' * (ranks > 1)}",),
+        (
+            "unknowns",
+            f"{facts.unknowns}, {facts.dofs} for each of {network.n} disks; "
+            f"{network.rattlers} rattlers left out",
+        ),
+        ("nonzeros", f"{facts.nonzeros} in each of K and B, one pattern"),
+        ("contacts", f"{contacts}, Z = {number(2.0 * contacts / network.n)}"),
+        ("Maxwell's count", f"{contacts} contacts − (2·{network.n} − 2) = {excess} in excess"),
+        ("pieces", f"{facts.pieces} connected, {facts.gears} of them bipartite (gears)"),
+        ("pinned unknowns", _pins(facts)),
+        ("asymmetry", f"|K − Kᵀ|/|K| = {facts.asymmetry_K:.1e}, |B − Bᵀ|/|B| = {facts.asymmetry_B:.1e}"),
+        ("eigenvalues", "negative", "zero", "positive", ""),
+        _inertia("K, pre-stress", facts.with_prestress, "displacements, nothing pinned"),
+        _inertia("K, no pre-stress", facts.without_prestress, "displacements, nothing pinned"),
+        _inertia("B", facts.damping, "without the pinned unknowns"),
+    ]
+    return "\n".join(
+        [
+            table(rows[:8]),
+            table(rows[8:]),
+            f"  inertia of L D Lᵀ; zero: within {SHIFT:.0e} of it, the matrix scaled to a unit diagonal",
+            *verdict(facts, imbalance(disks, measure(disks)) <= BALANCED),
+        ]
+    )
+
+
+def _inertia(name, inertia, remark):
+    return name, str(inertia.negative), str(inertia.zero), str(inertia.positive), remark
+
+
+def _pins(facts):
+    if not facts.pins:
+        return "0: every move meets drag"
+    gears = f" and {facts.pins - facts.translations} gear mode{'s' * (facts.pins - facts.translations > 1)}"
+    return f"{facts.pins}: {facts.translations} translations" + gears * (facts.pins > facts.translations)
+
+
+def verdict(facts, at_rest) -> list[str]:
+    """Lines that say what the numbers of eigenvalues mean; at_rest: the forces are balanced."""
+    K, free = facts.with_prestress, facts.without_prestress
+    lines = []
+    floppy = free.zero - facts.translations
+    if K.negative:
+        lines.append(
+            f"not a minimum: K has {K.negative} negative eigenvalue{'s' * (K.negative > 1)}; "
+            "error bounds of a sweep do not hold; "
+            "`sweep --method direct` solves all the same, --no-prestress leaves out what makes them negative"
+        )
+    elif not at_rest:
+        lines.append(
+            "not a minimum: K has no negative eigenvalue, but the forces are not balanced; finish the quench"
+        )
+    elif K.zero > facts.translations:
+        lines.append(f"marginal: {K.zero - facts.translations} moves besides the translations cost no energy")
+    else:
+        lines.append("a minimum: K has no negative eigenvalue, and only the translations cost no energy")
+    if floppy > 0:
+        lines.append(f"floppy without pre-stress: {floppy} moves besides the translations stretch no contact")
+    if facts.damping.zero:
+        lines.append(f"B lets {facts.damping.zero} moves pass besides those pinned")
+    return lines

@@ -1,0 +1,82 @@
+"""Packings, modes, fields and flows for OVITO, ASE, LAMMPS, ParaView and HOOMD."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.errors import InputError, named
+from jampetsc.io import frames
+from jampetsc.io.exporters import check_format, write_frames
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILE, asked, optional
+from jampetsc.options.values import PACKING, PACKING_OR_RESULT, input_name, opened
+from jampetsc.packing.disks import Disks
+
+OWNERS = {"mode": ("modes",), "field": ("sweep",), "packing": ("modes", "sweep", "quasistatic")}
+
+
+@dataclass(frozen=True, eq=False)
+class Export(Job):
+    """Write packings, modes, fields and flows for OVITO, ASE, LAMMPS, ParaView, HOOMD and numpy.
+
+    Of a packing: radius, coordination, rattlers and stress of every disk and, in data, vtp, npz and gsd, its contacts
+    with force and overlap. Of modes, a sweep's fields or slow shear: the motion as vectors on the packing. Of a flow:
+    the snapshots with their velocities, as frames of one file (xyz, dump, gsd). The ending of the name chooses the
+    format.
+    """
+
+    scalar: ClassVar = None
+    FORMAT: ClassVar = "exported"
+    OUT_HELP: ClassVar = "file to write: .xyz, .dump, .data, .vtp, .npz or .gsd"
+    GIVES: ClassVar = "the name of the file, a Path"
+    EPILOG: ClassVar = """examples:
+  jampetsc export p.h5 --out p.vtp
+  jampetsc export modes.h5 --mode 3 --out mode3.xyz
+  jampetsc export sweep.h5 --field 1e-3 --out field.dump
+  jampetsc export rd0.h5 --out rd0.xyz                  # the snapshots of a flow"""
+
+    file: Disks = asked(
+        help="packing, modes, sweep with fields, quasistatic or flow file", place=FILE, kind=PACKING_OR_RESULT
+    )
+    mode: int | None = optional("of a modes file: which mode, from 1 (default 1)", metavar="I")
+    field: float | None = optional(
+        "of a sweep: frequency of the field", above=0.0, high=1e300, metavar="OMEGA"
+    )
+    packing: Disks | None = optional("packing of a result, if it is not beside it", kind=PACKING)
+
+    def check_outputs(self, to):
+        """Refuse an unknown ending, and an output that may not be replaced."""
+        to.must_be_file()
+        check_format(to.path)
+        super().check_outputs(to)
+
+    def work(self, to):
+        count = write_frames(to.path, self._frames())
+        return f"{to}: {count} frame{'s' * (count != 1)} of {input_name(self.file)}"
+
+    def answer(self, to, summary):
+        return to.path
+
+    def _frames(self):
+        """The frames to export. Raises InputError for a file that has none, and for options of other kinds of files."""
+        loaded, name = opened(self.file), input_name(self.file)
+        kind = "packing" if isinstance(loaded, Disks) else loaded.format.removeprefix("jampetsc-")
+        for option, owners in OWNERS.items():
+            if getattr(self, option) is not None and kind not in owners:
+                raise InputError(
+                    f"{named(option)}: is of {' or '.join(owners)} files, and {name} is a {kind} file"
+                )
+        match kind:
+            case "packing":
+                return [frames.packing_frame(loaded)]
+            case "flow":
+                return frames.flow_frames(loaded)
+            case "modes":
+                return [frames.mode_frame(loaded, 1 if self.mode is None else self.mode, self.packing)]
+            case "quasistatic":
+                return [frames.slow_frame(loaded, self.packing)]
+            case "sweep":
+                if self.field is None:
+                    known = ", ".join(f"{omega:g}" for omega in loaded.fields.omega)
+                    raise InputError(f"{name}: give {named('field')}: it has fields at omega = {known}")
+                return [frames.field_frame(loaded, self.field, self.packing)]
+        raise InputError(f"{name}: is a {kind} file: export packing, modes, sweep, quasistatic or flow files")

@@ -1,0 +1,125 @@
+"""A packing of another program as a packing file."""
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from jampetsc.commands.pack import PHIS
+from jampetsc.errors import option
+from jampetsc.io.exchange import READERS
+from jampetsc.io.importers import import_packing
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILE, PATH, Kind, asked, optional
+from jampetsc.packing.contacts import BALANCED, imbalance, measure
+from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
+
+
+def _box(given):
+    """A box of `packing.from_arrays.Packing`; in words L, Lx,Ly or Lx,Ly,xy."""
+    if not isinstance(given, str):
+        return given
+    try:
+        return tuple(float(word) for word in given.split(","))
+    except ValueError:
+        raise ValueError("must be L, Lx,Ly or Lx,Ly,xy") from None
+
+
+def _box_text(box) -> str:
+    return ",".join(repr(float(one)) for one in np.ravel(box))
+
+
+@dataclass(frozen=True, eq=False)
+class Import(Job):
+    """Turn a packing of another program into a packing file.
+
+    Reads LAMMPS data and dump, extended XYZ, GSD (needs the package gsd), lines x y r with a line 'box Lx Ly xy', and
+    npz with positions, radii or diameters, and box. Disks lie in one plane, periodic in x and y; lengths keep their
+    unit. The potential is the one in FILE, as in those of `jampetsc export`, or the one of the options. Also the
+    published packings of jamBashbulk (text; U = ½ δ², k = 1) and jax-md (netCDF4; U = ½ (1 − r/σ)²), whose pressure and
+    energy must be those stored in FILE.
+    """
+
+    scalar: ClassVar = None
+    FORMAT: ClassVar = "jampetsc-packing"
+    EPILOG: ClassVar = """examples:
+  jampetsc import dump.lammpstrj --frame 1 --out dump.h5
+  jampetsc import types.lammpstrj --radius 1=0.5,2=0.7 --k 2 --out types.h5    # columns id type x y; harmonic/cut K = 1
+  jampetsc import disks.txt --box 7.5,7 --potential hertzian --out own.h5      # lines x y r without a box
+
+A packing that is not at rest, to its minimum: jampetsc pack --from dump.h5 --phi 0.86 --out rest.h5"""
+    OUT_HELP: ClassVar = "packing file to write"
+
+    file: Path = asked(help="file of the other program", place=FILE, kind=PATH)
+    format: str | None = optional("(default: by the content of FILE)", choices=READERS)
+    index: int = asked(0, "which packing of FILE, from 0", low=0, metavar="I", also="--frame")
+    radius: str | None = optional(
+        "column or array of radii, or of diameters if it is called so (default radius or diameter); or a radius for "
+        "each type",
+        metavar="COLUMN|TYPE=R,…",
+    )
+    box: tuple | None = optional(
+        "of a file that has none; a₂ = (xy Ly, Ly): xy is a number",
+        kind=Kind(_box, _box_text, metavar="L|Lx,Ly[,xy]"),
+    )
+    potential: str | None = optional(
+        "energy of an overlap (default: what FILE says, or harmonic)", choices=EXPONENTS
+    )
+    stiffness: str | None = optional(
+        "convention of the contact stiffness (default: what FILE says, or constant)", choices=STIFFNESSES
+    )
+    k: float | None = optional(
+        "contact stiffness, in units of FILE (default: what FILE says, or 1); LAMMPS' harmonic/cut K means k = 2K"
+    )
+
+    def work(self, to):
+        how = ("format", "radius", "box", "potential", "stiffness", "k")
+        disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in how})
+        to.packing(disks)
+        return _summary(to, self.file, disks)
+
+
+def _summary(to, file, disks) -> str:
+    """The summary."""
+    state, potential = measure(disks), disks.potential
+    overlap, alpha = ("(δ/σ)" if potential.constants[2] else "δ"), potential.alpha
+    (Lx, _), (tilt, Ly) = disks.cell
+    units = disks.record.get("units", f"lengths as in {file}")
+    lines = [
+        f"{to}: {disks.n} disks, phi = {disks.phi:.9g}, read as {disks.record['protocol']}",
+        f"  units     {units}; U = (k/{alpha:g}) {overlap}^{alpha:g}, k = {potential.k:g}",
+        f"  box       a1 = ({Lx:.9g}, 0), a2 = ({tilt:.9g}, {Ly:.9g})",
+        f"  radii     {disks.radii.min():.9g} to {disks.radii.max():.9g}",
+    ]
+    for name in ("pressure", "energy"):
+        published = disks.record.get(f"published_{name}")
+        beside = "" if published is None else f"   published {published:.9g}"
+        lines.append(f"  {name:9s} {disks.record[name]:.9g}{beside}")
+    rattlers = int(state.rattlers.sum())
+    lines.append(f"  contacts  {len(state.contacts)}, Z = {state.coordination:.6g}, rattlers {rattlers}")
+    assumed = disks.record.get("assumed")
+    if assumed:
+        options = ", ".join(map(option, assumed.split(", ")))
+        lammps = "; LAMMPS' harmonic/cut K means k = 2K" if "lammps" in disks.record["protocol"] else ""
+        lines.append(f"  assumed   {assumed}: not in {file}. If they differ, give {options}{lammps}")
+    rest = imbalance(disks, state)
+    if len(state.contacts) and not rest <= BALANCED:
+        lines.append(
+            f"  forces    are not balanced, max|F|/(p d) = {rest:.1e}: other radii or another potential than assumed, "
+            f"too few digits, or no minimum. To make it one: {_command_to_minimise(to.path, disks)}"
+        )
+    return "\n".join(lines)
+
+
+def _command_to_minimise(path, disks) -> str:
+    """The command that minimises the energy of a packing file: at its φ, or at its p where `pack` refuses that φ."""
+    low, high = PHIS
+    goal = (
+        f"--phi {disks.phi!r}"
+        if low <= disks.phi <= high
+        else f"--pressure {disks.pressure / disks.potential.k:.6g}"
+    )
+    out = path.with_name(f"{path.stem}-minimum{path.suffix}")
+    return f"jampetsc pack --from {shlex.quote(str(path))} {goal} --out {shlex.quote(str(out))}"

@@ -1,0 +1,87 @@
+"""What a packing or a result is, in words and numbers."""
+
+import os
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.commands import describe
+from jampetsc.errors import InputError, named
+from jampetsc.io.ensemble import Ensemble
+from jampetsc.io.packing_file import read_identified
+from jampetsc.laws.damping import Law, Physics, damping_law
+from jampetsc.options.job import Job
+from jampetsc.options.law_options import DAMPING, PRESTRESS
+from jampetsc.options.parameters import FILE, asked, part
+from jampetsc.options.values import PACKING_OR_RESULT, input_name, opened
+from jampetsc.packing.disks import Disks
+from jampetsc.petsc import session
+
+
+@dataclass(frozen=True, eq=False)
+class Info(Job):
+    """Print the content of a file; with `matrices`, whether a packing is a minimum of its energy.
+
+    For `matrices`, the Hessian K and the damping matrix B of a packing are assembled, in parallel under mpirun, and
+    their negative, zero and positive eigenvalues counted.
+    """
+
+    FORMAT: ClassVar = "no file"
+    OUT: ClassVar = ""
+    GIVES: ClassVar = "str, lines of text"
+    EPILOG: ClassVar = """examples:
+  jampetsc info p.h5
+  jampetsc info p.h5 --matrices --beta 0.1
+
+PETSc options: -inertia_… for the factorisations of --matrices."""
+    SOLVERS: ClassVar = ("inertia_",)
+
+    file: Disks = asked(
+        help="packing file, result file or folder of a study", place=FILE, kind=PACKING_OR_RESULT
+    )
+    matrices: bool = asked(False, "assemble K and B and count their eigenvalues")
+    law: Law = part(DAMPING)
+    prestress: bool = PRESTRESS
+
+    @property
+    def physics(self) -> Physics:
+        """Law and pre-stress of the matrices."""
+        return Physics(self.law, self.prestress)
+
+    def check(self):
+        """Refuse a law where there are no matrices, and matrices of a result."""
+        if not self.matrices and self.physics != Physics(damping_law()):
+            raise InputError(
+                f"{self.physics}: only the matrices depend on a damping law; add {named('matrices')}"
+            )
+        if self.matrices and not isinstance(self.file, str | Disks):
+            raise InputError(f"{named('matrices')}: needs a packing, not {input_name(self.file)}")
+
+    @property
+    def scalar(self):
+        """PETSc is needed for the matrices only."""
+        return "real" if self.matrices else None
+
+    def check_outputs(self, to):
+        """Nothing is written; the folder of a study is refused before PETSc starts."""
+        if self.matrices and isinstance(self.file, str) and os.path.isdir(self.file):
+            raise InputError(f"{self.file}: is the folder of a study: {named('matrices')} needs a packing")
+
+    def work(self, to):
+        """The description. Collective with matrices."""
+        name = input_name(self.file)
+        if self.matrices:
+            return self._with_matrices(name)
+        loaded = opened(self.file)
+        describe_one = {Disks: describe.packing, Ensemble: describe.study}.get(type(loaded), describe.result)
+        return describe_one(name, loaded)
+
+    def _with_matrices(self, name):
+        from jampetsc.network.contact_network import build_network
+        from jampetsc.response.stability import examine
+
+        running = session.current()
+        disks, _ = read_identified(self.file, running.comm)
+        network = build_network(disks, running.comm, self.prestress)
+        facts = examine(network, self.law)
+        counts = describe.matrices(disks, network, self.physics, facts, running.size)
+        return f"{describe.packing(name, disks)}\n\n{counts}"

@@ -1,0 +1,69 @@
+"""K, B and what goes with them as scipy, Matrix Market or PETSc read them."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.errors import about
+from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.laws.damping import DEFAULT
+from jampetsc.options.law_options import OfPacking
+from jampetsc.petsc import session
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices(OfPacking):
+    """Write K, B and the border of a packing for scipy, Matrix Market or PETSc.
+
+    The matrices of physics.md, not scaled and without constraints. With them come their border k_gamma, b_gamma, k_gg,
+    b_gg, the area, the disk and the component of every unknown, and the unknowns to leave out where K + i omega B is to
+    be regular (pins). docs/python.md computes G* of them in five lines; in python `assemble` gives them without a file.
+    """
+
+    FORMAT: ClassVar = "exported"
+    OUT_HELP: ClassVar = (
+        "file to write: .npz (numpy), .petsc (PETSc binary) or .mtx (Matrix Market, NAME-K.mtx and so on)"
+    )
+    GIVES: ClassVar = "the names of the files, a list of Path"
+    EPILOG: ClassVar = "examples:\n  jampetsc matrices p.h5 --beta 0.1 --out K.npz"
+
+    def check_outputs(self, to):
+        """Refuse an unknown ending, and outputs that may not be replaced."""
+        from jampetsc.response.matrices import files_of
+
+        to.must_be_file()
+        for path in files_of(to.path).values():
+            to.check(self.FORMAT, self.paths, path)
+
+    def work(self, to):
+        from jampetsc.response.matrices import files_of, matrices_of, write_matrices
+
+        comm = session.current().comm
+        disks, _ = read_identified(self.packing, comm)
+        with about(source_name(self.packing)):
+            matrices = matrices_of(disks, self.physics, comm)
+        write_matrices(to.path, matrices)
+        names = ", ".join(map(str, files_of(to.path).values()))
+        unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)
+        matrices.destroy()
+        return f"{names}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
+
+    def answer(self, to, summary):
+        from jampetsc.response.matrices import files_of
+
+        return list(files_of(to.path).values())
+
+
+def assemble(packing, law=DEFAULT, *, prestress=True):
+    """The Hessian K in k, the damping matrix B in kτ₁ and their columns of the strain γ (BT eqs. 10, 11). Collective.
+
+    packing     Disks, or the name of a file
+    law         a damping law, or the name of a family of them
+    prestress   whether K keeps the f/r term of its contacts (BT eq. 4)
+
+    Returns a `response.matrices.Matrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a packing that
+    is not rigid, and for an unknown law.
+    """
+    from jampetsc.response.matrices import matrices_of
+
+    asked, comm = Matrices(packing, law, prestress=prestress), session.start("real").comm
+    return matrices_of(read_identified(asked.packing, comm)[0], asked.physics, comm)

@@ -1,0 +1,181 @@
+"""Steady oscillations of a packing with power-law damping, without the equivalent linear damping."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from jampetsc.errors import InputError, named
+from jampetsc.laws.damping import Physics
+from jampetsc.options.law_options import OfPacking
+from jampetsc.options.parameters import Kind, asked, optional
+from jampetsc.options.values import Numbers, numbers
+from jampetsc.response.limits import LARGEST, SMALLEST
+
+DOUBLES = 1e-300, 1e300  # what ω and ωτ₁ may be
+LEAST, MOST = 1e-30, 1.0  # amplitudes
+LEAST_MOVING = 1e-9  # strain, or stress, whose forces rounding leaves some digits of
+FEWEST_CYCLES, MOST_CYCLES = 3, 100_000
+
+
+def _cycles(given):
+    """A number of cycles; None: until they repeat."""
+    try:
+        number = None if given == "auto" else int(str(given))
+    except ValueError:
+        number = 0
+    if number is not None and not FEWEST_CYCLES <= number <= MOST_CYCLES:
+        raise ValueError(f"must be auto or a number from {FEWEST_CYCLES} to {MOST_CYCLES}")
+    return number
+
+
+@dataclass(frozen=True, eq=False)
+class Oscillate(OfPacking):
+    """G*(ω), harmonics and work of a packing with power-law damping.
+
+    Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^alpha (BT eq. 9): G*(ω) of the first
+    harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. With fixed contacts the
+    equations are solved for a whole cycle at once or, below alpha = 0.45, where contacts stick, by steps in time for
+    half a cycle that repeats with its sign changed; with moving contacts, which open and close, cycles are integrated
+    in time until they repeat.
+    """
+
+    EPILOG: ClassVar = """examples:
+  jampetsc oscillate p1e-3.h5 --out half.h5 --alpha 0.5 --omega 1e-9:1e-5:9 --stress 1e-6,1e-5
+  jampetsc oscillate p1e-3.h5 --out strain.h5 --alpha 0.6667 --omega 1e-4 --strain 1e-6
+  mpirun -n 2 jampetsc oscillate p1e-3.h5 --out fine.h5 --alpha 0.5 --omega 1e-7 --stress 1e-5 --steps 256
+  jampetsc oscillate p1e-3.h5 --out soft.h5 --contacts moving --omega 1e-4 --strain 1e-6,1e-4,1e-3
+  jampetsc oscillate p1e-3.h5 --out open.h5 --contacts moving --alpha 0.5 --omega 1e-6 --stress 1e-5,1e-4
+
+PETSc options: -osc_snes_… and -osc_ksp_… for Newton's method and its linear solver, -osc_factor_… for the
+factorisations of its preconditioner, -shift_… for the proof that the packing is a minimum.
+A killed run continues when the same command is given again."""
+
+    SOLVERS: ClassVar = ("osc_", "osc_factor_", "shift_", "inertia_")
+
+    omega: Numbers = asked(
+        help="frequencies ω", kind=numbers(*DOUBLES, "LOW:HIGH:COUNT|LIST"), unit="1/τ₁ (with τ₁ = 1)"
+    )
+    stress: Numbers | None = optional(
+        "impose a shear stress of these amplitudes", kind=numbers(LEAST, MOST), unit="k"
+    )
+    strain: Numbers | None = optional("impose a shear strain of these amplitudes", kind=numbers(LEAST, MOST))
+    alpha: float = asked(
+        1.0,
+        "exponent of the damping force; 1: linear, 0 would be dry friction",
+        above=0.0,
+        high=2.0,
+        metavar="A",
+    )
+    contacts: str = asked(
+        "fixed",
+        "fixed: the contacts of the packing stay as they are; moving: they open and close",
+        choices=("fixed", "moving"),
+    )
+    cycles: int | None = optional(
+        "with moving contacts: how many cycles to compute, first with half as many time steps each, then with all; "
+        "auto (default): until one repeats the one before",
+        kind=Kind(_cycles, metavar="auto|N"),
+    )
+    steps: int = asked(64, "steps of a cycle, a multiple of 8", low=16, high=4096, metavar="N")
+
+    def check(self):
+        if (self.stress is None) == (self.strain is None):
+            raise InputError(f"{named('stress')}, {named('strain')}: give one of them")
+        if self.steps % 8:
+            raise InputError(f"{named('steps')} {self.steps}: must be a multiple of 8")
+        if not self.law.is_of_contacts:
+            what = "the fluid dissipates, too" if self.law.damps_contacts else "no contact dissipates"
+            raise InputError(
+                f"{named('law')} {self.law.family or self.law}: {what}: take one of contacts; a sweep solves linear "
+                "damping of any kind"
+            )
+        self._check_contacts()
+        self._check_frequencies()
+
+    def _check_contacts(self):
+        if self.contacts == "fixed":
+            if self.cycles is not None:
+                raise InputError(
+                    f"{named('cycles')} {self.cycles}: belongs to {named('contacts')} moving; fixed contacts are "
+                    "solved for a steady cycle"
+                )
+            return
+        if not self.prestress:
+            raise InputError(
+                f"{named('prestress')}: contacts that open and close have their forces: leave it out, or "
+                f"{named('contacts')} moving"
+            )
+        if self.amplitude[0] < LEAST_MOVING:
+            raise InputError(
+                f"{named(self.control)} {self.amplitude[0]:g}: must be at least {LEAST_MOVING:g} with "
+                f"{named('contacts')} moving"
+            )
+
+    def _check_frequencies(self):
+        """Refuse frequencies out of range: a power law depends on ω^α, which has the range of ω for linear damping."""
+        (low, high), widened, tau1 = DOUBLES, 1.0 / min(self.alpha, 1.0), self.law.tau1
+        least = max(low, SMALLEST**widened)
+        most = LARGEST**widened if widened * math.log(LARGEST) < math.log(high) else high
+        for end in self.omega[[0, -1]]:
+            if not least <= end <= most:
+                raise InputError(f"{named('omega')} {end:g}: must lie between {least:g} and {most:g}")
+            if not math.log(low) <= math.log(end) + math.log(tau1) <= math.log(high):
+                raise InputError(
+                    f"{named('omega')} {end:g} {named('tau1')} {tau1:g}: their product must lie between {low:g} and "
+                    f"{high:g}"
+                )
+
+    @property
+    def physics(self) -> Physics:
+        """The law with its exponent."""
+        return Physics(replace(self.law, exponent=self.alpha), self.prestress)
+
+    @property
+    def control(self) -> str:
+        """What is imposed, "stress" or "strain"."""
+        return "strain" if self.stress is None else "stress"
+
+    @property
+    def amplitude(self):
+        """Of what is imposed, (A,) increasing."""
+        return getattr(self, self.control)
+
+    @property
+    def parameters(self) -> dict:
+        """Parameters of the law as a file records them, with its exponent."""
+        return {**self.physics.parameters, "alpha": self.alpha}
+
+    def key(self, identity) -> dict:
+        """What identifies the job to a checkpoint; identity: that of its packing, `read_identified`."""
+        return {
+            "packing": identity[1],
+            "law": self.parameters,
+            "omega": self.omega,
+            "amplitude": self.amplitude,
+            "control": self.control,
+            "steps": self.steps,
+            "contacts": self.contacts,
+            "cycles": self.cycles,
+        }
+
+    def work(self, to):
+        from jampetsc.oscillation import run
+
+        return _summary(self, to, run.solve(self, to))
+
+
+def _summary(job, to, arrays) -> str:
+    """The summary."""
+    G, error = arrays["G"], arrays["error"]
+    lines = [
+        f"{to}: {job.physics}, alpha = {job.alpha:g}, {G.size} oscillations, estimated to "
+        f"{(error / abs(G)).max():.1e} of |G*|, energy balanced to {abs(arrays['energy_balance']).max():.0e}"
+    ]
+    for a, amplitude in enumerate(job.amplitude):
+        for m in sorted({0, len(job.omega) - 1}):
+            third = abs(arrays["harmonics"][a, m, 0])
+            lines.append(
+                f"  {job.control} {amplitude:.3g}, omega {job.omega[m]:.3g}: G' = {G[a, m].real:.6g}, "
+                f"G'' = {G[a, m].imag:.6g}, third harmonic {100 * third:.2g} %"
+            )
+    return "\n".join(lines)

@@ -1,0 +1,140 @@
+"""The packings that a `pack.Pack` asks for, made one after another by one rank, and their lines in the summary."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from jampetsc.errors import ConvergenceError, JampetscError, named
+from jampetsc.io.outputs import is_finished
+from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.request import Request
+from jampetsc.minimise.descent import Effort
+from jampetsc.minimise.protocols import Target, changed, make_packing, random_start, start_phi
+from jampetsc.packing.potentials import Potential
+from jampetsc.petsc.hessian_solver import HessianSolver
+from jampetsc.progress import Progress
+
+
+@dataclass(frozen=True)
+class Task:
+    """One packing to make."""
+
+    path: Path | None  # its file, None in memory
+    seed: int | None  # of its random start, None if it starts from another packing
+    target: Target
+    rung: int = 0  # of a ladder: it starts from the packing of the task before it, unless this is 0
+    job: object = None  # the `pack.Pack` that makes this packing alone, None in memory
+
+    @property
+    def name(self) -> str:
+        """Its name in messages."""
+        return str(self.path or f"the packing at p = {self.target.pressure:g}")
+
+    @property
+    def request(self) -> Request:
+        """What its file records as asked for; the files that it reads must be there."""
+        request = Request(self.job)
+        request.read(self.job.paths)
+        return request
+
+    def is_finished(self) -> bool:
+        """Whether its file is there already. Raises InputError as `outputs.is_finished`."""
+        return self.path is not None and is_finished(self.path, self.request)
+
+    @property
+    def asked(self) -> dict:
+        """Entries of its record for its own settings: the target, and the seed."""
+        name = "phi" if self.target.phi else "pressure"
+        seed = {} if self.seed is None else {"seed": self.seed}
+        return {f"requested_{name}": getattr(self.target, name)} | seed
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """What packings start from."""
+
+    record: dict  # entries of the record of each packing
+    disks: Callable  # task -> the disks from which it starts
+    k: float = 1.0  # their stiffness, the unit of the pressures
+
+
+def at_random(radii, potential: Potential, how: dict) -> Beginning:
+    """Disks of radii (N,) at random places; how: entries of the record."""
+
+    def disks(task):
+        phi = task.target.phi or start_phi(task.target.pressure)
+        return random_start(radii, phi, task.seed, potential)
+
+    kind = {"requested_potential": potential.kind, "requested_stiffness": potential.stiffness}
+    return Beginning(how | kind, disks)
+
+
+def from_packing(source, how: dict, comm=None) -> Beginning:
+    """Another packing, a file or Disks; how: entries of the record. Collective over comm."""
+    disks, identity = read_identified(source, comm)
+    record = how | dict(zip(("source", "source_sha256"), identity, strict=True))
+    return Beginning(record, lambda task: changed(disks, task.target), disks.potential.k)
+
+
+def make(tasks, team, rank) -> dict:
+    """Make the packings of tasks [(number, task, beginning)]: {number: (disks, line of the summary) or JampetscError}.
+
+    beginning   `Beginning`; disks are None where they were written to a file
+    """
+    solver, found = HessianSolver(), {}
+    with Progress(len(tasks), "packings", rank) as progress:
+        for number, task, beginning in tasks:
+            began = time.perf_counter()
+            effort = Effort(report=lambda e: progress.show(f"{e.stage}, max|F|/p = {e.residual:.0e}"))
+            try:
+                start, fresh = beginning.disks(task), task.seed is not None
+                disks = make_packing(start, task.target, solver, fresh=fresh, team=team, effort=effort)
+                disks = disks.with_record(**beginning.record, **task.asked)
+                if task.path is not None:
+                    write_packing(task.path, disks, task.request)
+            except ConvergenceError as error:
+                remedy = f"use another {named('seed')}, or a larger {named('tolerance')}"
+                found[number] = ConvergenceError(f"{error.args[0]}: {remedy}")
+                continue
+            except JampetscError as error:
+                found[number] = error
+                continue
+            line = _line(task.path or "in memory", disks, time.perf_counter() - began)
+            found[number] = (disks if task.path is None else None), line
+            if len(tasks) > 1:
+                progress.step(line)
+    return found
+
+
+def raise_failures(failures, tasks) -> None:
+    """Raise the error of one packing, or say which of several failed and why."""
+    if len(tasks) == 1:
+        raise failures[0]
+    reasons = [f"{tasks[i].path or f'packing {i + 1}'}: {error.args[0]}" for i, error in failures.items()]
+    others = ", the others are on disk" if tasks[0].path else ""
+    raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{others}: {'; '.join(reasons)}")
+
+
+def summary(tasks, made, ranks) -> str:
+    """The summary: the packings made, and how many existed already or ranks had nothing to do."""
+    lines = []
+    if len(made) < len(tasks):
+        lines.append(f"{len(tasks) - len(made)} of {len(tasks)} packings are there already")
+    if 0 < len(made) < ranks:
+        idle = ranks - len(made)
+        lines.append(f"one rank makes a packing: {idle} of {ranks} ranks had nothing to do")
+    return "\n".join([*lines, *made.values()])
+
+
+def _line(name, disks, seconds) -> str:
+    """A line about a packing, and one more where rounding leaves forces above its tolerance."""
+    record = disks.record
+    residual = record["max_force"] / (record["pressure"] * 2.0 * float(disks.radii.mean()))
+    note = f"\n  max|F|/(p d) = {residual:.1e} is what rounding leaves, more than the tolerance {record['tolerance']:g}"
+    return (
+        f"{name}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
+        f"Z = {record['coordination']:.4f}, "
+        f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
+        f"{record['evaluations']} force evaluations, {seconds:.2f} s{note * bool(residual > record['tolerance'])}"
+    )

@@ -1,0 +1,115 @@
+"""Pictures of what files hold."""
+
+import functools
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.commands.sources import WHERE, rows_named
+from jampetsc.errors import as_float
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILES, WORD, Kind, Parameter, Part, asked, optional, part
+from jampetsc.options.values import PACKING_OR_RESULT, words
+
+
+def _given(**options) -> dict:
+    """The options that are given: all but switches that are off."""
+    return {name: value for name, value in options.items() if value is not False}
+
+
+@functools.cache
+def _options() -> tuple[Parameter, ...]:
+    """The kind of picture, and what the kinds may be asked for."""
+    from jampetsc.plots.draw import pictures
+
+    known = pictures()
+    kind = Parameter(
+        "kind",
+        "what to draw (default: by files and options); one of",
+        WORD,
+        None,
+        choices=tuple(known),
+        metavar="KIND",
+    )
+    return kind, *dict.fromkeys(option for one in known.values() for option in one.options)
+
+
+def _size(given):
+    try:
+        width, height = map(as_float, words(given))
+    except (TypeError, ValueError):
+        raise ValueError("write the width and the height in inches, such as 3.4,2.9") from None
+    if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
+        raise ValueError("must be from 0.5 to 100 inches")
+    return width, height
+
+
+def _limits(text):
+    try:
+        pairs = [tuple(float(one) for one in pair.split(":")) if pair else None for pair in text.split(",")]
+    except (AttributeError, ValueError):
+        pairs = [()]
+    if not all(pair is None or (len(pair) == 2 and pair[0] < pair[1]) for pair in pairs):
+        raise ValueError("write low:high, such as 1e-6:1; with commas for each panel")
+    return pairs[0] if len(pairs) == 1 else pairs
+
+
+LIMITS = Kind(_limits, str, metavar="LOW:HIGH")
+PANELS = "of all panels, or of each, with commas; an empty one stays as it is"
+
+
+@dataclass(frozen=True, eq=False)
+class Plot(Job):
+    """Draw sweeps, packings, flows and whatever else a file holds.
+
+    G' and G'' of sweeps and oscillations, the scaling collapse of sweeps, relaxation spectra with stress relaxation
+    and creep, correlations of displacements and their length, a packing with its contacts and forces, displacement
+    fields of a sweep, quasistatic responses, modes, or steady shear: series of one rate, flow curves of several,
+    snapshots, velocities and their correlation; quasistatic shear along the strain; the share of samples that jam,
+    f(phi), and their pressures, P(p). Frequencies are shown in 1/τ₁, moduli and pressures in k.
+    """
+
+    FORMAT: ClassVar = "picture"
+    scalar: ClassVar = None
+    OUT_HELP: ClassVar = "picture to write: .png, .pdf or .svg"
+    AGAIN: ClassVar = True
+    EPILOG: ClassVar = """examples:
+  jampetsc plot s1e-2.h5 s1e-3.h5 s1e-4.h5 --out moduli.png           # G' and G'' of three sweeps
+  jampetsc plot s1e-2.h5 s1e-3.h5 s1e-4.h5 --kind collapse --out collapse.pdf
+  jampetsc plot p.h5 --out packing.svg
+  jampetsc plot sweep.h5 --kind fields --omega 1e-3 --total --out fields.png
+  jampetsc plot modes.h5 --mode 1,2,5 --out modes.png                 # on the packing
+  jampetsc plot q-p*.h5 --kind medians --out medians.png              # of quasistatic files
+  jampetsc plot ensemble --kind exponents --out exponents.png         # means over the packings of a study
+  jampetsc plot ensemble --where beta=1e-3 --out beta.png           # of those with this beta
+  jampetsc plot rd0-*.h5 --size 7,4 --csv flow.csv --out flow.pdf     # flow curves of several rates
+  jampetsc plot rd0.h5 --kind snapshot --out snapshot.png
+  jampetsc plot f64.h5 f256.h5 --out f.png                            # of jam files: f(phi) with errors
+  jampetsc plot f64.h5 qs.h5 --kind pressures --out pressures.png     # P(p), of quasistatic shear too
+
+Every result is drawn without --kind."""
+
+    files: tuple = asked(
+        help="files of results or packings, or the folder of a study", kind=PACKING_OR_RESULT, place=FILES
+    )
+    where: str | None = WHERE
+    csv: str | None = optional("write the numbers that are drawn, too: .csv", metavar="FILE")
+    size: tuple | None = optional("width and height in inches", kind=Kind(_size, metavar="W,H"))
+    xlim: tuple | None = optional(PANELS, kind=LIMITS)
+    ylim: tuple | None = optional(PANELS, kind=LIMITS)
+    label: tuple | None = optional(
+        "words that replace those of the legend, in its order", kind=Kind(words, ",".join, metavar="TEXT,…")
+    )
+    style: str | None = optional("style of matplotlib (.mplstyle) on top of the program's", metavar="FILE")
+    options: dict = part(Part(_options, _given, dict, dict))
+
+    def check_outputs(self, to):
+        """Left to `draw`, which checks them once the kind of picture is known."""
+
+    def work(self, to):
+        from jampetsc.plots.draw import draw
+
+        items = rows_named(self.files, self.where)
+        chosen = {name: getattr(self, name) for name in ("size", "xlim", "ylim", "style")}
+        chosen["label"] = self.label or ()
+        out = None if to.path is None else str(to.path)
+        return f"{out}: {draw(items, out=out, csv=self.csv, chosen=chosen, **self.options).text}"

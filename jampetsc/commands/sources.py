@@ -1,0 +1,69 @@
+"""Several results as one: which files are named, and what is made of them."""
+
+import time
+from pathlib import Path
+
+from jampetsc.errors import InputError, named
+from jampetsc.io.ensemble import TABLE
+from jampetsc.io.provenance import derived_from
+from jampetsc.io.reader import load
+from jampetsc.options.parameters import optional
+from jampetsc.options.values import input_name, opened
+
+WHERE = optional(
+    "of the folder of a study: the files whose rows in its table have these values", metavar="COLUMN=VALUE,…"
+)
+
+FEW = 5  # values of a column that a message names
+
+
+def rows_named(sources, where) -> list:
+    """The sources; the folder of a study is replaced by its table, an `Ensemble`, of the rows that have these values.
+
+    where    column=value,…, or None
+
+    Raises InputError for a malformed `where`, and for one without a study or that no row has.
+    """
+    wanted = _wanted(where)
+    studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in sources]
+    if wanted and not any(studies):
+        opened(sources[0])  # which may be missing, or the folder of a study that was stopped
+        raise InputError(
+            f"{named('where')} {where}: chooses rows of a study, but {input_name(sources[0])} is none: leave it out"
+        )
+    found = [load(one) if study else one for one, study in zip(sources, studies, strict=True)]
+    for place, study in enumerate(found):
+        if wanted and studies[place]:
+            found[place] = study.where(**wanted)
+            if not found[place].rows:
+                there = "; ".join(f"{name} is {_values(study[name])}" for name in wanted)
+                raise InputError(f"{named('where')} {where}: no row of {study.table}: {there}")
+    return found
+
+
+def _values(column) -> str:
+    """The values of a column in words, some of many."""
+    found = list(dict.fromkeys(str(value) for value in column.tolist() if value == value and value != ""))
+    few = found if len(found) <= FEW else [*found[: FEW - 1], f"one of {len(found) - FEW + 1} more"]
+    return " or ".join(few)
+
+
+def _wanted(where) -> dict:
+    """{column: value} of column=value,…; empty for None. Raises InputError."""
+    pairs = [word.partition("=") for word in where.split(",")] if where else []
+    if not all(name and equals and value for name, equals, value in pairs):
+        raise InputError(
+            f"{named('where')} {where}: write column=value, several with commas, such as law=stokes,beta=1"
+        )
+    return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
+
+
+def write_derived(to, format, results, began, arrays: dict, **attributes) -> None:
+    """Write a result that was computed from other results: arrays by name, and attributes besides those they share.
+
+    began   time.perf_counter() at the start
+    """
+    with to.writer(format) as writer:
+        for name, values in arrays.items():
+            writer.dataset(name, values)
+        writer.attributes(**derived_from(results, time.perf_counter() - began) | attributes)

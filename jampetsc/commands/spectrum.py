@@ -1,0 +1,128 @@
+"""Relaxation spectrum, stress relaxation and creep of a sweep."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.analysis.transient import transient
+from jampetsc.commands.sources import write_derived
+from jampetsc.errors import InputError, named
+from jampetsc.io.outputs import PICTURE
+from jampetsc.io.reader import SweepResult
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILES, asked, optional
+from jampetsc.options.values import RESULT, opened, refuse_repeated
+
+HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum(Job):
+    """Relaxation spectrum, G(t) and J(t) of a sweep.
+
+    The response in time from a sweep by the rational method: relaxation times and weights, the spectrum
+    H(τ), stress relaxation G(t), creep compliance J(t) and its retardation spectrum. One sweep gives a result; any
+    number of sweeps give a picture, where the name of the file ends in .png, .pdf or .svg.
+
+    A packing has thousands of modes, the spectrum of a sweep a few tens: nodes of a quadrature that gives G* to the
+    accuracy of the sweep. H(τ) is therefore given as its mean between neighbouring nodes, and averaged over a window
+    that is twice as wide as the widest gap between nodes unless you choose.
+    """
+
+    scalar: ClassVar = None
+    OUT_HELP: ClassVar = "result (HDF5), or picture"
+    EPILOG: ClassVar = """examples:
+  jampetsc spectrum sweep.h5 --out spectrum.h5
+  jampetsc spectrum s1e-2.h5 s1e-3.h5 s1e-4.h5 --out spectra.png"""
+
+    sweeps: Sequence = asked(help="sweeps by the rational method", kind=RESULT, place=FILES, metavar="SWEEP")
+    window: float | None = optional(
+        "width of the average of H(τ)", low=0.01, high=1.5, unit="decades", metavar="DECADES"
+    )
+
+    def check(self):
+        """Refuse a sweep given twice."""
+        refuse_repeated(self.sweeps)
+
+    def check_outputs(self, to):
+        """Refuse an output that is neither a file of one spectrum nor a picture."""
+        from jampetsc.plots.style import FORMATS
+
+        suffix = "" if to.path is None else to.path.suffix.lower()
+        if suffix in FORMATS:
+            to.check(PICTURE, self.paths)
+            return
+        if to.path is not None and suffix not in HDF5:
+            raise InputError(
+                f"{named('out')} {to}: give it the ending {HDF5[0]} for a file, {', '.join(FORMATS)} for a picture"
+            )
+        if len(self.sweeps) > 1:
+            raise InputError(
+                f"{named('out')} {to}: one spectrum in a result, not {len(self.sweeps)}: ask once for each, or for a "
+                "picture"
+            )
+        super().check_outputs(to)
+
+    def work(self, to):
+        """Find the spectrum, or draw the spectra."""
+        from jampetsc.plots.style import FORMATS
+
+        sweeps = [opened(source) for source in self.sweeps]
+        for source, sweep in zip(self.sweeps, sweeps, strict=True):
+            if not isinstance(sweep, SweepResult):
+                raise InputError(f"{source}: is not a sweep: spectra come from sweeps")
+        if to.path is not None and to.path.suffix.lower() in FORMATS:
+            from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
+            from jampetsc.plots.style import save
+
+            drawn = plot_relaxation.draw([spectrum_curve(sweep, self.window) for sweep in sweeps])
+            save(drawn.figure, to.path)
+            return f"{to}: {drawn.text}"
+        return _write(sweeps[0], to, self.window)
+
+
+def _write(sweep, to, window):
+    """Write the result and return the summary."""
+    began = time.perf_counter()
+    slowest, fastest = sweep.frequency_range
+    found = transient(sweep.spectrum, slowest, fastest, window)
+    ends = {"slowest_omega": slowest, "fastest_omega": fastest}
+    write_derived(to, Spectrum.FORMAT, [sweep], began, found.arrays, **found.numbers | ends)
+    return _summary(to, sweep, found)
+
+
+def _summary(to, sweep, found) -> str:
+    """The summary."""
+    spectrum, late = found.spectrum, found.retardation
+    lines = [f"{to}: {len(spectrum.rates)} relaxation times"]
+    if len(spectrum.rates):
+        times = 1.0 / spectrum.rates
+        lines[0] += f" from {times[0]:.3g} to {times[-1]:.3g}, H averaged over {found.window:.2g} decades"
+    lines.append(
+        f"  G(0+) = {spectrum.G_inf:.6g} and {spectrum.eta_inf:.6g} delta(t), "
+        f"G(t -> inf) = {spectrum.G0:.6g}, eta0 = {spectrum.eta0:.6g}"
+    )
+    if late.growth_rate:
+        lines.append(
+            f"  G0 < 0: the packing is unstable to shear, creep diverges as exp({late.growth_rate:.3g} t)"
+        )
+    elif late.fluidity:
+        lines.append(f"  G0 = 0: it flows in the end, J(t) -> {late.fluidity:.6g} t")
+    else:
+        lines.append(
+            f"  J(t -> inf) = 1/G0 = {1.0 / spectrum.G0:.6g}, slowest retardation {1 / late.rates[0]:.3g}"
+        )
+    slowest, fastest = sweep.frequency_range
+    if len(spectrum.rates) and not (
+        slowest < 0.1 * spectrum.rates[-1] and fastest > 10.0 * spectrum.rates[0]
+    ):
+        lines.append(
+            f"  the sweep covers times {1 / fastest:.3g} to {1 / slowest:.3g}: "
+            "what is faster or slower is not certified"
+        )
+    if sweep.damping is not None:
+        lines.append(
+            "  this is the spectrum of linear damping: alpha is not in it, and J(t), G(t) need linearity"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,190 @@
+"""Models of steady shear: a damping law, a mass or none, and the time step that fits them.
+
+MODELS is the table of those that have a name; the functions RD0(), CD0(), RD(mass=…) … of this module, the command's
+choices and its messages follow from it: a new model is one more row.
+"""
+
+import inspect
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jampetsc.errors import InputError, as_float, named
+from jampetsc.laws.damping import LARGEST, Law, refuse_beyond
+
+# Vågberg, thesis sec. 4.3: weights of the law (see `laws.damping`), and whether disks have a mass.
+MODELS = {
+    "RD0": (Law("drag, overdamped", drag=1.0), False),
+    "CD0": (Law("contact damping, overdamped", normal=1.0, transverse=1.0), False),
+    "RD": (Law("drag", drag=1.0), True),
+    "CD": (Law("contact damping", normal=1.0, transverse=1.0), True),
+    "CDn": (Law("normal contact damping", normal=1.0), True),
+    "CDt": (Law("tangential contact damping", transverse=1.0), True),
+}
+STRAIN_STEP = 5e-3  # largest γ̇Δt
+QUALITY = 0.3  # Q below which damping is stiff and backward Euler takes over from velocity Verlet
+
+
+@dataclass(frozen=True)
+class Model:
+    """Damping and mass of the disks of a flow.
+
+    law        damping law
+    mass       m of every disk, 0: overdamped
+    friction   δ, drag beside contact damping, in units of k_d
+    name       its name in MODELS, if it has one
+    quality    Q = √(m k)/(k τ₁), which sets the mass when the stiffness k is known, see `of_stiffness`
+
+    Raises InputError for values out of range and where overdamped motion has no unique velocities.
+    """
+
+    law: Law
+    mass: float = 0.0
+    friction: float = 0.0
+    name: str = ""
+    quality: float | None = None
+
+    def __post_init__(self):
+        law = self.law
+        for name in ("mass", "friction"):
+            refuse_beyond(named(name), getattr(self, name))
+        if self.quality is not None and not 0 < self.quality <= LARGEST:
+            quality = f"{named('quality')} {as_float(self.quality):g}"
+            raise InputError(f"{quality}: must be positive and at most {LARGEST:g}")
+        if self.quality is not None and self.mass:
+            raise InputError(
+                f"{named('quality')} {self.quality:g}: {named('mass')} says the same; leave one out"
+            )
+        if law.tau1 > LARGEST:
+            raise InputError(f"{named('tau1')} {law.tau1:g}: must be at most {LARGEST:g}")
+        law.require_dissipation()
+        if law.exponent != 1.0:
+            raise InputError(f"{named('alpha')} {law.exponent:g}: flow has linear damping only; leave it out")
+        if self.friction and not law.damps_contacts:
+            raise InputError(
+                f"{named('friction')} {self.friction:g}: belongs to contact damping, not to {self}; leave it out"
+            )
+        if self.massive:
+            return
+        remedy = f"give {named('mass')}"  # otherwise forces do not determine the velocities
+        if law.couples_rotations:
+            raise InputError(
+                f"{self}: no overdamped limit, because disks that roll have motions that no contact damps: {remedy}, "
+                f"or turn {named('rotations')} off"
+            )
+        if law.damps_contacts and not (law.normal and law.transverse) and not self.drag:
+            raise InputError(
+                f"{self}: no overdamped limit, because damping of one direction only leaves the other free: {remedy}"
+            )
+
+    @property
+    def massive(self) -> bool:
+        """Whether disks have a mass."""
+        return bool(self.mass or self.quality)
+
+    @property
+    def drag(self) -> float:
+        """Weight of |u|² per disk, in units of kτ₁."""
+        return self.law.drag + self.friction
+
+    def of_stiffness(self, k: float) -> "Model":
+        """The model with its mass, Q² k τ₁² if it was given by a quality Q."""
+        if self.quality is None:
+            return self
+        return replace(self, mass=self.quality**2 * k * self.law.tau1**2, quality=None)
+
+    def __str__(self):
+        return self.name or str(self.law)
+
+
+def model_of(name: str, *, mass=None, quality=None, friction=0.0, tau1=1.0) -> Model:
+    """The model of this name, see `Model`. Raises InputError for a name not in MODELS and as `Model`."""
+    if name not in MODELS:
+        raise InputError(f"{named('model')} {name}: choose one of {', '.join(MODELS)}")
+    law, massive = MODELS[name]
+    if massive and not mass and quality is None:
+        limit = (
+            f"; the overdamped limit is {name}0" if f"{name}0" in MODELS else "; it has no overdamped limit"
+        )
+        raise InputError(
+            f"{named('model')} {name}: give {named('mass')} or {named('quality')}, positive{limit}"
+        )
+    if not massive and (mass is not None or quality is not None):
+        given = "quality" if mass is None else "mass"
+        other = f", or take {name[:-1]}" if name[:-1] in MODELS else ""
+        raise InputError(f"{named(given)}: {named('model')} {name} is overdamped; leave it out{other}")
+    return Model(replace(law, tau1=tau1), mass or 0.0, friction, name, quality)
+
+
+def _maker(name):
+    """The function that makes the model of this name."""
+    law, massive = MODELS[name]
+
+    def make(**given):
+        bound = make.__signature__.bind(**given)
+        return model_of(name, **bound.arguments)
+
+    options = {"mass": None, "quality": None} if massive else {}
+    options |= ({"friction": 0.0} if law.damps_contacts else {}) | {"tau1": 1.0}
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    make.__signature__ = inspect.Signature(
+        [inspect.Parameter(option, keyword, default=default) for option, default in options.items()]
+    )
+    make.__name__ = make.__qualname__ = name
+    make.__doc__ = (
+        f"{law.label[0].upper()}{law.label[1:]} (Vågberg, thesis sec. 4.3), see `Model` and `model_of`."
+    )
+    return make
+
+
+globals().update({name: _maker(name) for name in MODELS})  # jampetsc.models.CD0() …
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """How a model is integrated: time step, method and tolerance."""
+
+    step: float  # Δt
+    method: str  # "euler" | "heun" | "verlet" | "backward Euler"
+    tolerance: float  # of the solve for velocities, |residual| / |forces|
+
+    @property
+    def heun(self) -> bool:
+        """Whether a step has a predictor and a corrector."""
+        return self.method == "heun"
+
+
+def stiffest(disks) -> float:
+    """Stiffness of the stiffest contact that these disks can have."""
+    potential = disks.potential
+    scale = float(potential.scale(2.0 * np.array(disks.radii.min())))
+    return potential.k * (potential.alpha - 1.0) / scale**2
+
+
+def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> Scheme:
+    """The scheme that suits a model at this rate; `step` overrides its time step.
+
+    Δt follows from the stiffest contact, k/σ² at the smallest σ, damping c = kτ₁ × weight and mass m: drag 0.2 c/k
+    (unstable from 0.56), contacts 0.5 c/k (unstable from 2), backward Euler 0.25 c/k, velocity Verlet
+    0.1 min(m/c, √(m/k)). c is the weakest of several without mass, the strongest with.
+    """
+    law, potential, stiffness = model.law, disks.potential, stiffest(disks)
+    unit = potential.k * law.tau1
+    weights = [unit * w for w in law.on_contacts if w]
+    drag = unit * model.drag
+    fast = rate * unit / stiffness > 5e-3
+    if not model.mass:
+        longest = 0.5 * min(weights) / stiffness if weights else 0.2 * drag / stiffness
+        method = "heun" if fast else "euler"
+    else:
+        swing = math.sqrt(model.mass / stiffness)
+        # A disk's moment of inertia is only ½ m ρ²: sliding damps its spin at a higher rate than its velocity.
+        damping = max([*weights, drag, 4.0 * unit * law.sliding])
+        # Damped in every direction, a disk follows the forces; else it flies freely between collisions that last m/c.
+        braked = drag or (law.normal and law.transverse)
+        if swing * stiffness / damping < QUALITY and braked and not law.couples_rotations:
+            method, longest = "backward Euler", 0.25 * damping / stiffness
+        else:
+            method, longest = "verlet", 0.1 * min(model.mass / damping, swing)
+    return Scheme(step or min(longest, STRAIN_STEP / rate), method, tolerance)

@@ -1,0 +1,233 @@
+"""The command line: `--long` words are the program's, `-single_dash` words are PETSc's.
+
+Finds the command's module, gives it its arguments, and turns an error into one line and an exit status:
+1 unexpected or from the system, 2 bad input, 3 not converged, 130 interrupted, 141 nobody reads the output.
+SIGTERM is the system's: what was finished is on disk at every moment. For Ctrl-C see `interrupts`.
+"""
+
+import argparse
+import contextlib
+import errno
+import importlib
+import os
+import re
+import sys
+import time
+
+from jampetsc import progress, streams
+from jampetsc.commands import JOBS, job_class
+from jampetsc.errors import InputError, JampetscError
+from jampetsc.options.parameters import did_you_mean
+from jampetsc.options.parser import add_job, job_of, run
+from jampetsc.petsc import launcher, session, solver_options
+from jampetsc.version import VERSION
+
+REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
+MORE_MEMORY = "use more nodes, or a smaller packing"
+OWN = ("-h", "-q", "-v")  # short options of the program's own
+PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
+
+
+def main(argv=None):
+    """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # OpenBLAS reads it, too, when numpy is imported
+    os.environ.pop(
+        "NUMBA_NUM_THREADS", None
+    )  # of threads that nothing here uses; numba does not start with 0
+    streams.prepare()
+    try:
+        status = dispatch(sys.argv[1:] if argv is None else argv)
+        sys.stdout.flush()
+        return status
+    except JampetscError as error:
+        return _fail(str(error), error.exit_code)
+    except MemoryError as error:
+        return _fail(": ".join(filter(None, ["out of memory", _one_line(error), MORE_MEMORY])), 1)
+    except BrokenPipeError:
+        streams.flush_or_drop(sys.stdout)
+        return 141
+    except OSError as error:
+        return _fail(_system_message(error), 1)
+    except KeyboardInterrupt as error:
+        return _fail(str(error) or "interrupted: nothing is kept.", 130)
+    except Warning as error:  # a library's, too
+        return _fail(
+            f"PYTHONWARNINGS makes this warning an error: {_one_line(error).rstrip('.')}. Unset it.", 1
+        )
+    except Exception as error:
+        if not session.petsc_error(error):
+            raise
+        return _fail(*session.explained(error))
+
+
+def dispatch(argv):
+    """Parse `argv` (without the program's name) and run its command; returns the exit status.
+
+    Raises InputError for a word that is neither the program's nor PETSc's.
+    """
+    words, petsc_argv = split_petsc(argv or ["--help"])
+    if "_ARGCOMPLETE" in os.environ:
+        _complete()
+    parser, commands = command_parser(words)
+    try:
+        args, rest = parser.parse_known_args(words)
+    except InputError as error:
+        if "required" not in str(error):
+            raise
+        chosen = commands.choices.get(words[0])
+        known = chosen._option_string_actions if chosen else words
+        for word in words:  # a required option may be missing because it was misspelt
+            if word.startswith("--") and word.partition("=")[0] not in known:
+                raise InputError(_unknown(word, chosen)) from None
+        taken = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
+        hint = f"; PETSc's options took {', '.join(taken)}: put them last" if taken else ""
+        raise InputError(f"{error}{hint}") from None
+    if rest:
+        raise InputError(_unknown(rest[0], commands.choices[args.command]))
+    job = job_of(args)
+    takes_petsc = job.scalar is not None
+    if petsc_argv and not takes_petsc:
+        raise InputError(
+            f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
+            "the program's own begin with --"
+        )
+    if petsc_argv:
+        solver_options.check(args.command, {name: job_class(name).SOLVERS for name in JOBS}, petsc_argv)
+    progress.report(-1 if args.quiet else 1 if args.verbose else 0)
+    if not takes_petsc and not _chosen(argv):
+        return 0
+    return run(job, args, petsc_argv)
+
+
+def split_petsc(argv):
+    """(program's words, PETSc's words) of a command line.
+
+    As PETSc reads it: an option is one dash and a letter, and the next word is its value unless that is an
+    option too. So a file name must not follow a PETSc option that has no value of its own.
+    """
+    words, petsc = [], []
+    value_may_follow = False
+    for token in argv:
+        option = bool(solver_options.OPTION.match(token)) and token not in OWN
+        value = value_may_follow and not token.startswith("--")
+        (petsc if option or value else words).append(token)
+        value_may_follow = option
+    return words, petsc
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse without abbreviations of options, which raises InputError and prints help on one rank only."""
+
+    def __init__(self, **settings):
+        settings.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        super().__init__(**{**settings, "add_help": False, "allow_abbrev": False})
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # argparse takes -1e-4 for an option
+        self.add_argument("-h", "--help", action="help", help="show this text and exit")
+
+    def error(self, message):
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+    def _print_message(self, message, file=None):  # help and version
+        if _chosen(sys.argv):
+            super()._print_message(message, file)
+
+
+def command_parser(words):
+    """(parser, its subparsers) for these words: of the command that they name, or else of all commands."""
+    parser = Parser(
+        prog="jampetsc",
+        description="How jammed packings of soft disks respond to slow and fast shear.",
+        epilog="examples:\n"
+        "  jampetsc pack --n 1024 --pressure 1e-3 --out p.h5\n"
+        "  jampetsc sweep p.h5 --out sweep.h5\n"
+        "  jampetsc plot sweep.h5 --out moduli.png\n\n"
+        "jampetsc COMMAND --help says more. Options with a single dash are PETSc's and go last,\n"
+        "for example -options_file FILE or -log_view. In parallel: mpirun -n RANKS jampetsc …",
+    )
+    parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    asked = words[0] if words else ""
+    if asked and asked not in JOBS and not asked.startswith("-"):
+        raise InputError(f"{asked}: no such command{did_you_mean(asked, JOBS)} (see jampetsc --help)")
+    whole = asked in JOBS
+    for name in [asked] if whole else [] if asked == "--version" else JOBS:
+        add_job(job_class(name), subparsers, whole)
+    return parser, subparsers
+
+
+def _complete():
+    """Tell the shell what may follow, where argcomplete is installed, and end; see docs/install.md."""
+    with contextlib.suppress(ImportError):
+        import argcomplete
+
+        begun = os.environ["COMP_LINE"].split()[1:2]
+        argcomplete.autocomplete(command_parser(begun if begun and begun[0] in JOBS else ["--help"])[0])
+
+
+def _unknown(token, parser):
+    """The message for a word that argparse left over."""
+    word = token.partition("=")[0]
+    if not word.startswith("-"):
+        return f"{token}: one argument too many (see {parser.prog} --help)"
+    near = did_you_mean(word, parser._option_string_actions)
+    return f"{word}: no such option{near} (see {parser.prog} --help)"
+
+
+def _chosen(request):
+    """Whether this process runs a command that needs no MPI: of ranks with the same command line only one does.
+
+    `request` is the command line. If mpirun started several ranks, MPI is started to compare them and then ended, so
+    that nobody waits for the rank that works. An MPI that was running before is left running.
+    """
+    before, MPI = "mpi4py.MPI" in sys.modules, _mpi()
+    if not MPI:
+        return True
+    requests = MPI.COMM_WORLD.allgather((request, os.getcwd()))
+    chosen = requests.index(requests[MPI.COMM_WORLD.rank]) == MPI.COMM_WORLD.rank
+    if not before:
+        MPI.Finalize()
+    return chosen
+
+
+def _fail(message, status):
+    """Print `message` once and return `status`; abort the MPI job if not all ranks fail within PATIENCE seconds."""
+    MPI = _mpi()  # a rank that left before another has printed would end the job without a word
+    if not MPI:
+        _print_error(message)
+        return status
+    comm = MPI.COMM_WORLD
+    all_here, deadline = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not all_here.Test():
+        if time.monotonic() > deadline:
+            _print_error(f"rank {comm.rank}: {message}")
+            comm.Abort(status)
+        time.sleep(0.01)
+    if comm.allgather(message).index(message) == comm.rank:
+        _print_error(message)
+    comm.Barrier()  # mpirun ends the others when the first one leaves, printed or not
+    return status
+
+
+def _mpi():
+    """mpi4py's MPI if this is one of several ranks or MPI was started already, and was not ended; else None."""
+    if launcher.several():
+        with contextlib.suppress(ImportError):
+            importlib.import_module("mpi4py.MPI")
+    MPI = sys.modules.get("mpi4py.MPI")
+    return MPI if MPI and MPI.Is_initialized() and not MPI.Is_finalized() else None
+
+
+def _print_error(message):
+    streams.say("".join(f"{streams.ERROR}{line}\n" for line in message.splitlines()))
+    streams.flush_or_drop(sys.stdout)
+
+
+def _system_message(error):
+    """One line for an OSError."""
+    name = f"{error.filename}: " if error.filename else ""
+    reason = os.strerror(error.errno) if error.errno else _one_line(error)
+    return f"{name}{reason}{REMEDIES.get(error.errno, '')}"
+
+
+def _one_line(error):
+    return " ".join(str(error).split())

@@ -1,0 +1,175 @@
+"""The contact network of a packing, spread over the ranks by ranges of disks along a space-filling curve.
+
+Every rank knows the coordinates of all disks (a few MB at N = 1e5), but looks for and keeps only the contacts of the
+disks in its own range. A contact between disks of two ranks is kept by both, each seeing it from its own end, so that
+matrices assemble without communication.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jampetsc.errors import InputError
+from jampetsc.laws.damping import Law
+from jampetsc.packing.contacts import Contacts, find_contacts, find_rattlers, force_threshold, virial_pressure
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.neighbours import spatial_order
+from jampetsc.petsc.session import current
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """Load-bearing contacts between n disks (rattlers left out), those of this rank.
+
+    Disks are renumbered 0 … n−1 along the curve; this rank owns first … last−1. `contacts` has an entry for
+    each contact of an owned disk, seen from that disk (its i is owned), ordered by i.
+    """
+
+    comm: object  # mpi4py communicator
+    n: int  # disks that bear load, on all ranks
+    first: int
+    last: int
+    particles: np.ndarray  # (last − first,) numbers of the owned disks in the packing file
+    contacts: Contacts
+    radii: np.ndarray  # (n,) of all disks, in the new numbering
+    area: float  # V
+    k: float  # contact stiffness constant of the potential
+    pressure: float  # p = Σ f r / (2V) over all overlaps
+    rattlers: int  # number of disks left out
+    threshold: float  # force above which a contact counts
+    prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
+
+    def unstressed(self) -> "Network":
+        """The same contacts as springs at rest: K without pre-stress."""
+        return replace(self, prestress=False)
+
+    def damping(self, law: Law) -> float:
+        """kτ₁, the unit of a law's weights: one number for all contacts, whatever the stiffness convention."""
+        return self.k * law.tau1
+
+    def sum(self, value):
+        """Sum over ranks of a number or an array. Collective."""
+        return self.comm.allreduce(value)
+
+    def max(self, values) -> float:
+        """Largest of arrays of numbers ≥ 0 over ranks, or of a number, 0 where there are none. Collective."""
+        return max(self.comm.allgather(float(np.max(values, initial=0.0))))
+
+    @property
+    def contact_count(self) -> int:
+        """Number of contacts N_c on all ranks. Collective."""
+        return self.sum(len(self.contacts)) // 2
+
+    @property
+    def coordination(self) -> float:
+        """Z = 2 N_c / n, rattlers left out. Collective."""
+        return 2.0 * self.contact_count / self.n if self.n else 0.0
+
+
+def build_network(disks: Disks, comm, prestress: bool = True) -> Network:
+    """The network of a packing that every rank has read, linearised with pre-stress or without. Collective.
+
+    Raises InputError when too few contacts are left to be rigid: n disks in a periodic cell need at
+    least 2n − 2 (Maxwell's count), and each missing one leaves a floppy mode.
+    """
+    order = spatial_order(disks.positions, disks.cell)
+    disks = disks.reordered(order)
+    rows = tuple((comm.rank + end) * disks.n // comm.size for end in (0, 1))
+    every = find_contacts(disks, rows)
+    pressure = comm.allreduce(virial_pressure(every.force, every.distance, disks.area)) / 2.0  # two ends each
+    threshold = force_threshold(disks, pressure)
+    loaded = every[every.force > threshold]
+    rattler = find_rattlers(
+        disks.n, loaded.i, loaded.j, lambda loose: np.concatenate(comm.allgather(loose[slice(*rows)]))
+    )
+
+    contacts = loaded[~(rattler[loaded.i] | rattler[loaded.j])]
+    number = np.cumsum(~rattler) - 1
+    owned = ~rattler[slice(*rows)]
+    before = int(np.count_nonzero(~rattler[: rows[0]]))
+    network = Network(
+        comm=comm,
+        n=int(number[-1]) + 1,
+        first=before,
+        last=before + int(np.count_nonzero(owned)),
+        particles=order[slice(*rows)][owned],
+        contacts=replace(contacts, i=number[contacts.i], j=number[contacts.j]),
+        radii=disks.radii[~rattler],
+        area=disks.area,
+        k=disks.potential.k,
+        pressure=pressure,
+        rattlers=int(np.count_nonzero(rattler)),
+        threshold=threshold,
+        prestress=prestress,
+    )
+    _require_rigid(network, disks.n)
+    return network
+
+
+def _require_rigid(network, total):
+    contacts = network.contact_count
+    if network.n == 0:
+        raise InputError(
+            f"no load-bearing contacts among {total} disks: below jamming, nothing resists shear; raise the pressure"
+        )
+    floppy = 2 * network.n - 2 - contacts
+    if floppy > 0:
+        raise InputError(
+            f"{contacts} contacts between {network.n} disks leave at least {floppy} floppy modes: below jamming; "
+            "raise the pressure or finish the quench"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Connected pieces of the contact graph; each moves freely as a whole."""
+
+    label: np.ndarray  # (n,) lowest disk number of the piece each disk belongs to
+    bipartite: np.ndarray  # (n,) whether that piece is bipartite, so that its disks can turn like gears
+
+    @property
+    def roots(self):
+        """One disk of each piece, the lowest in number."""
+        return np.unique(self.label)
+
+    @property
+    def translations(self) -> int:
+        """How many moves cost no energy whatever the packing: two for each piece."""
+        return 2 * len(self.roots)
+
+    @cached_property
+    def index(self):
+        """(n,) which of the pieces, 0, 1, …, each disk belongs to."""
+        return np.unique(self.label, return_inverse=True)[1]
+
+    def mean(self, network: Network, values):
+        """Mean over its piece of what each owned disk has: values and result (last − first, c). Collective."""
+        mine = self.index[network.first : network.last]
+        total = np.zeros((self.index.max() + 1, values.shape[1]), values.dtype)
+        np.add.at(total, mine, values)
+        return (network.sum(total) / np.bincount(self.index)[:, None])[mine]
+
+
+def find_pieces(network: Network) -> Pieces:
+    """Connected pieces and whether each is bipartite. Collective.
+
+    Uses the double cover, two copies v⁺ and v⁻ of each disk with edges i⁺j⁻ and i⁻j⁺: a piece is bipartite
+    exactly where v⁺ and v⁻ stay apart. Labels spread over ranks by taking minima until nothing changes.
+    """
+    n, i, j = network.n, network.contacts.i, network.contacts.j
+    edges = coo_array((np.ones(2 * len(i), bool), (np.r_[i, i + n], np.r_[j + n, j])), shape=(2 * n, 2 * n))
+    _, piece = connected_components(edges, directed=False)
+    label, MPI = np.arange(2 * n), current().MPI
+    while True:
+        lowest = np.full(piece.max() + 1, 2 * n)
+        np.minimum.at(lowest, piece, label)
+        joined = lowest[piece]
+        network.comm.Allreduce(MPI.IN_PLACE, joined, op=MPI.MIN)
+        if np.array_equal(joined, label):
+            break
+        label = joined
+    plus, minus = label[:n], label[n:]
+    return Pieces(label=np.minimum(plus, minus), bipartite=plus != minus)

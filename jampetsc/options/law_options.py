@@ -1,0 +1,70 @@
+"""The damping law of a job: the options that make one, from the table of families."""
+
+from dataclasses import dataclass
+
+from jampetsc.laws.damping import DEFAULT, FAMILIES, NAMES, OPTIONS, Law, Physics, damping_law, having
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILE, NUMBER, SWITCH, WORD, Parameter, Part, asked, part
+from jampetsc.options.values import PACKING
+from jampetsc.packing.disks import Disks
+
+GROUP = "damping law"
+
+
+def law_parameters(default):
+    """The parameters of a damping law; `default`: the family if none is given, or None."""
+    labels = " or ".join(f"{family.label} ({name})" for name, family in FAMILIES.items())
+    found = [Parameter("law", labels, WORD, default, choices=tuple(FAMILIES), group=GROUP)]
+    for name in OPTIONS:
+        owners = having(name)
+        option = FAMILIES[owners[0]].options[name]
+        belongs = f"law {' or '.join(owners)}"
+        if isinstance(option.default, bool):
+            off = f"{option.meaning} ({belongs})"
+            found.append(Parameter(name, f"unless {off}", SWITCH, True, off=off, group=GROUP))
+        else:
+            help = f"{option.meaning} ({belongs}, default {option.default:g})"
+            found.append(Parameter(name, help, NUMBER, None, metavar=name.upper(), group=GROUP))
+    found.append(Parameter("tau1", "damping time τ₁", NUMBER, 1.0, above=0.0, metavar="TIME", group=GROUP))
+    return tuple(found)
+
+
+def law_options(law: Law) -> dict:
+    """{name: value} of the options that describe a law, without defaults; python text where it is of no family."""
+    if law.family:
+        usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
+        changed = {name: value for name, value in law.options if value != usual[name]}
+        return {"law": law.family, "tau1": law.tau1, **changed}
+    return {"law": repr(law), "tau1": law.tau1}
+
+
+def law_written(**options) -> str:
+    """Python text of the law that these options describe."""
+    family = having(next((name for name in options if name != "tau1"), "beta"))[0]
+    return f"jampetsc.{NAMES[family]}({', '.join(f'{name}={value!r}' for name, value in options.items())})"
+
+
+LAW_HELP = (
+    f"damping law: {', '.join(f'jampetsc.{name}(…)' for name in NAMES.values())}, a Law of your own, or the name of a "
+    f"family ({', '.join(FAMILIES)})"
+)
+DAMPING = Part(law_parameters(DEFAULT), damping_law, law_options, Law, LAW_HELP, law_written)
+PRESTRESS = asked(
+    True,
+    "K keeps the f/r term of its contacts (BT: 'with pre-stress')",
+    off="drop the f/r term of K (BT: 'without pre-stress')",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class OfPacking(Job):
+    """Base of jobs on the matrices of a packing, under a damping law."""
+
+    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
+    law: Law = part(DAMPING)
+    prestress: bool = PRESTRESS
+
+    @property
+    def physics(self) -> Physics:
+        """Law and pre-stress."""
+        return Physics(self.law, self.prestress)

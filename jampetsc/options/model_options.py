@@ -1,0 +1,61 @@
+"""The model of a flow: the options that make one, a name of `laws.flow_models.MODELS` or a damping law, and a mass."""
+
+from jampetsc.errors import InputError, named
+from jampetsc.laws.damping import LARGEST, OPTIONS, damping_law
+from jampetsc.laws.flow_models import MODELS, Model, model_of
+from jampetsc.options.law_options import law_options, law_parameters, law_written
+from jampetsc.options.parameters import NUMBER, WORD, Parameter, Part
+
+WHAT = "drag (RD) or contact damping (CD, of normal or tangential motion only CDn, CDt); 0: overdamped"
+MOTION = {  # parameter -> what it is, and its range
+    "mass": ("mass of every disk", {"above": 0.0, "metavar": "M"}),
+    "quality": ("Q = √(m k)/(k τ₁), instead of a mass", {"above": 0.0, "metavar": "Q"}),
+    "friction": (
+        "drag δ of the fluid beside contact damping (default: the limit δ → 0)",
+        {"low": 0.0, "metavar": "D"},
+    ),
+}
+OWN = (
+    Parameter("model", WHAT, WORD, None, choices=tuple(MODELS), group="model"),
+    *(
+        Parameter(name, help, NUMBER, None, high=LARGEST, group="model", **how)
+        for name, (help, how) in MOTION.items()
+    ),
+)
+
+
+def model_made(**given) -> Model:
+    """The model that these options describe. Raises InputError for a contradiction, and as `Model`."""
+    law = {name: value for name, value in given.items() if name in ("law", *OPTIONS)}
+    if "model" in given:
+        if law:
+            raise InputError(
+                f"{named('model')} {given['model']} and {named(next(iter(law)))}: give one of them"
+            )
+        return model_of(given["model"], **{name: value for name, value in given.items() if name != "model"})
+    if "law" not in given:
+        raise InputError(
+            f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options"
+        )
+    motion = {name: given[name] for name in MOTION if name in given}
+    return Model(damping_law(**{name: one for name, one in given.items() if name not in motion}), **motion)
+
+
+def model_options(model: Model) -> dict:
+    """{name: value} of the options that describe a model."""
+    motion = {name: getattr(model, name) or None for name in MOTION}
+    if model.name:
+        return {"model": model.name, "tau1": model.law.tau1} | motion
+    return law_options(model.law) | motion
+
+
+def model_written(**options) -> str:
+    """Python text of a model that these options describe."""
+    law = {name: value for name, value in options.items() if name not in MOTION}
+    if law:
+        return law_written(**law)
+    return f"jampetsc.models.CDn({', '.join(f'{name}={value!r}' for name, value in options.items())})"
+
+
+MODEL_HELP = f"a name ({', '.join(MODELS)}), jampetsc.models.CDn(mass=…), a damping law or a Model of it"
+MODEL = Part((*OWN, *law_parameters(None)), model_made, model_options, Model, MODEL_HELP, model_written)

@@ -1,0 +1,147 @@
+"""What a flow or a shear starts from: a packing, or random disks of a given number, packing fraction and sizes."""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from jampetsc.errors import InputError, named
+from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.reader import load
+from jampetsc.minimise.sizes import (
+    FEWEST,
+    MOST,
+    OTHER_SIZES,
+    SIZES,
+    Radii,
+    in_small_diameters,
+    radii_asked,
+    sizes_text,
+)
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILE, optional, parameters
+from jampetsc.options.values import LAST_SEED, MOST_THREADS, PACKING, RADII, input_name
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.potentials import EXPONENTS, Potential
+
+PHIS = (0.1, 1.0)
+SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
+UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
+OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
+GROUP = "random disks, without START; smallest diameter 1, k_e = k_d = 1"
+of_disks, of_run = partial(optional, group=GROUP), partial(optional, group="run")
+
+
+@dataclass(frozen=True, eq=False)
+class FromStart(Job):
+    """Base of jobs that shear a packing, or random disks that they make."""
+
+    start: Disks | None = optional("packing to start from", kind=PACKING, place=FILE, metavar="START")
+    n: int | None = of_disks("number of disks", low=FEWEST, high=MOST, metavar="N")
+    phi: float | None = of_disks(
+        "packing fraction; disks jam near 0.84", low=PHIS[0], high=PHIS[1], metavar="PHI"
+    )
+    seed: int | None = of_disks("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
+    sizes: str | None = of_disks(
+        f"disk sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default {SIZES[0]})",
+        choices=SIZES,
+        remedy=OTHER_SIZES,
+    )
+    radii: Radii | None = of_disks(
+        "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII
+    )
+    potential: str | None = of_disks(
+        f"energy of an overlap (default {next(iter(EXPONENTS))})", choices=EXPONENTS
+    )
+
+    discard: float | None = of_run(
+        "strain left out of the means (default 1, at most half)", low=0.0, metavar="S"
+    )
+    last: Path | None = of_run("write the last state as a packing, too", metavar="FILE")
+    threads: int | None = of_run(
+        "at most so many threads (default: one for each core)", low=1, high=MOST_THREADS, metavar="T"
+    )
+
+    def check(self):
+        """Refuse parameters of random disks beside a packing, and missing ones without a packing."""
+        self.check_discard()
+        if self.start is not None:
+            for name, one in parameters(type(self)).items():
+                if one.group == GROUP and getattr(self, name) not in (None, False):
+                    raise InputError(f"{named(name)}: belongs to {input_name(self.start)}; leave it out")
+            return
+        for name in ("phi", "n"):
+            if getattr(self, name) is None and not (name == "n" and self.radii is not None):
+                raise InputError(
+                    f"{named(name)}: must be given: {named('n')} and {named('phi')}, or a packing to start from"
+                )
+        radii_asked(self.n, self.sizes, self.radii)
+
+    def check_discard(self):
+        """Refuse a strain left out of the means that is as long as the run."""
+        if self.discard is not None and self.discard >= self.strain:
+            raise InputError(
+                f"{named('discard')} {self.discard:g}: must lie in [0, {named('strain')}), below {self.strain:g}"
+            )
+
+    def check_outputs(self, to):
+        """Check the file of the last state, too."""
+        super().check_outputs(to)
+        self.check_last(to)
+
+    def check_last(self, to) -> bool:
+        """Raise InputError unless a packing may be written to `last`; whether it is there already, or not wanted."""
+        if self.last is None:
+            return True
+        return to.check("jampetsc-packing", self.paths, self.last, [to.path] if to.path else [])
+
+    def complete(self, to):
+        """See `Job`; writes the last state, too."""
+        super().complete(to)
+        if not self.check_last(to):
+            result = load(to.path)
+            self.write_last(result.last, result.attributes, to)
+
+    def write_last(self, disks, attributes, to):
+        """Write the last state as a packing, where that is wanted; attributes: of the result."""
+        if self.last is not None:
+            write_packing(self.last, disks.with_record(protocol=self.protocol(attributes)), to.request)
+
+    def protocol(self, attributes) -> str:
+        """How the last state came about."""
+        raise NotImplementedError
+
+    @property
+    def team(self):
+        """The threads that it may use, a `packing.threads.Team`."""
+        from jampetsc.packing.threads import Team, cores
+
+        return Team(self.threads or cores())
+
+    def disks(self) -> tuple[Disks, dict]:
+        """(disks, attributes that say where they come from).
+
+        Without a packing: disks at random places, relaxed from deep overlaps, in Vågberg's units, in which the smallest
+        diameter is 1, or with the radii that are given.
+        """
+        if self.start is not None:
+            disks, (name, digest) = read_identified(self.start)
+            return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
+
+        radii, units, seed = radii_asked(self.n, self.sizes, self.radii), OWN_UNITS, self.seed
+        if self.radii is None:
+            radii, units = in_small_diameters(radii), UNITS
+        seed = 1 if seed is None else seed
+        disks, more = self.random(radii, seed)
+        return disks, {"seed": seed, "sizes": sizes_text(self.sizes, self.radii), "units": units} | more
+
+    def random(self, radii, seed) -> tuple[Disks, dict]:
+        """(disks of these radii (N,) at random places of a seed, more attributes)."""
+        from jampetsc.minimise.minimise import settle
+        from jampetsc.minimise.protocols import random_start
+
+        return settle(random_start(radii, self.phi, seed, self.made_potential), SETTLED), {}
+
+    @property
+    def made_potential(self) -> Potential:
+        """The potential of random disks."""
+        return Potential(self.potential or next(iter(EXPONENTS)), "inverse-square-diameter")

@@ -1,0 +1,202 @@
+"""Kinds of values besides numbers and words: packings, results, frequencies and other lists of numbers.
+
+One grammar for lists: `a,b,c` as they are, `low:high:count` a logarithmic grid, `lin:low:high:count` an even one;
+from python any list or array.
+"""
+
+import operator
+import os
+from collections.abc import Iterable, Sequence
+from functools import partial
+
+from jampetsc.errors import InputError
+from jampetsc.options.parameters import Kind, shown
+from jampetsc.response.limits import LARGEST, SMALLEST
+
+Numbers = str | Sequence[float]
+MOST = 100_000  # numbers of a grid
+LAST_SEED = 2**63 - 1  # what a file can record
+MOST_SEEDS = 1_000_000
+MOST_THREADS = 256
+
+
+def words(given) -> tuple:
+    """A tuple of values: the words between commas of a string, the entries of a list or array, or a single value."""
+    if isinstance(given, str):
+        return tuple(given.split(","))
+    return tuple(given) if getattr(given, "ndim", 1) and hasattr(given, "__iter__") else (given,)
+
+
+def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
+    """Several numbers within [least, most], read as an array (M,), increasing and without repeats.
+
+    unit   what follows the limits in a message
+    even   whether low:high:count is an even grid, without lin:
+    """
+
+    def read(given):
+        if even and isinstance(given, str) and ":" in given:
+            given = f"lin:{given.removeprefix('lin:')}"
+        return _numbers(given, least, most, unit)
+
+    return Kind(read, partial(grid_text, even=even), metavar=metavar)
+
+
+def _numbers(given, least, most, unit):
+    import numpy as np
+
+    if isinstance(given, str):
+        values = _written(given)
+    else:
+        try:
+            values = np.unique(np.asarray(given, float).ravel())
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError("must be numbers") from None
+    if not len(values):
+        raise ValueError("must be at least one number")
+    for value in values:
+        if not least <= value <= most:  # nan as well
+            raise ValueError(f"{shown(float(value))} must lie between {least:g} and {most:g}{unit}")
+    return values
+
+
+def _integers(given):
+    try:
+        return [int(word) for word in words(given)]
+    except (TypeError, ValueError):
+        raise ValueError("write numbers with commas, such as 1,2,5") from None
+
+
+def _written(text):
+    """Numbers of the grammar above."""
+    import numpy as np
+
+    even = text.startswith("lin:")
+    try:
+        if ":" not in text:
+            return np.unique([float(word) for word in text.split(",")])
+        low, high, count = text.removeprefix("lin:").split(":")
+        low, high, count = float(low), float(high), int(count)
+    except ValueError:
+        raise ValueError("write low:high:count, such as 1e-3:1e2:51, lin:low:high:count, or a,b,…") from None
+    if not (np.isfinite([low, high]).all() and low < high and 2 <= count <= MOST and (even or low > 0)):
+        raise ValueError(f"need {'' if even else '0 < '}low < high and a count from 2 to {MOST}")
+    return (np.linspace if even else np.geomspace)(low, high, count)
+
+
+def grid_text(values, even=False) -> str:
+    """Numbers (M,) written in the grammar above, such that reading gives the same to the last bit.
+
+    even   whether low:high:count is an even grid, without lin:
+    """
+    import numpy as np
+
+    values = np.asarray(values, float)
+    if len(values) > 2:
+        ends = f"{float(values[0])!r}:{float(values[-1])!r}:{len(values)}"
+        if not even and values[0] > 0 and np.array_equal(_written(ends), values):
+            return ends
+        if np.array_equal(_written(f"lin:{ends}"), values):
+            return ends if even else f"lin:{ends}"
+    return ",".join(repr(float(value)) for value in values)
+
+
+def seeds_of(given) -> Sequence[int]:
+    """The seeds that `FIRST:LAST`, both included, or `a,b,…` stands for; one or several whole numbers.
+
+    Raises ValueError.
+    """
+    try:
+        if isinstance(given, str):
+            first, colon, last = given.partition(":")
+            given = range(int(first), int(last) + 1) if colon else tuple(map(int, given.split(",")))
+        elif not isinstance(given, Iterable):
+            given = (given,)
+        seeds = given if isinstance(given, range) else tuple(operator.index(one) for one in given)
+    except (TypeError, ValueError):
+        raise ValueError("must be FIRST:LAST, for instance 1:20, or a,b,…") from None
+    if not seeds:
+        raise ValueError("the last must not be below the first")
+    if len(seeds[: MOST_SEEDS + 1]) > MOST_SEEDS:  # there are ranges longer than python can count
+        raise ValueError(f"more than {MOST_SEEDS} seeds at a time")
+    if not isinstance(seeds, range) and len(set(seeds)) < len(seeds):
+        raise ValueError("has a seed twice")
+    if not 0 <= min(seeds) <= max(seeds) <= LAST_SEED:
+        raise ValueError(f"must lie in [0, {LAST_SEED}]")
+    return seeds
+
+
+def _seeds_text(seeds) -> str:
+    first, last = min(seeds), max(seeds)
+    return f"{first}:{last}" if list(seeds) == list(range(first, last + 1)) else ",".join(map(str, seeds))
+
+
+def _radii(given):
+    from jampetsc.minimise.sizes import Radii
+
+    if isinstance(given, Radii):
+        return given
+    return Radii.read(os.fspath(given)) if isinstance(given, str | os.PathLike) else Radii(given)
+
+
+def _read_as(names, what):
+    """The `read` of a Kind for a packing or a result: the name of its file, or the object if it is in memory only.
+
+    names   classes of objects in memory that are accepted, of "Disks" and "Result"
+    what    describes them in messages
+    """
+
+    def read(given):
+        from jampetsc.io.results import Result
+        from jampetsc.packing.disks import Disks
+
+        classes = tuple({"Disks": Disks, "Result": Result}[name] for name in names)
+        if isinstance(given, Result):
+            if isinstance(given, classes) and (given.file is None or given.packing is not None):
+                return given  # also one that was saved, for the packing that it knows
+            place = given.file
+        elif isinstance(given, classes):
+            return given
+        else:
+            place = getattr(given, "path", given)  # of a study's table
+        try:
+            return os.fsdecode(place)
+        except TypeError:
+            raise ValueError(f"must be {what} or the name of its file") from None
+
+    return read
+
+
+def opened(source):
+    """A packing or a result that a job was given, loaded if it is the name of a file."""
+    from jampetsc.io.reader import load
+
+    return load(source) if isinstance(source, str) else source
+
+
+def input_name(source) -> str:
+    """A packing or a result in messages: the name of its file, or a description if it is in memory."""
+    return f"<{source.n} disks>" if hasattr(source, "potential") else str(getattr(source, "path", source))
+
+
+def refuse_repeated(sources) -> None:
+    """Raise InputError where two sources are one file, also through links, or one object: it would count twice."""
+    seen = {}
+    for source in sources:
+        file = source if isinstance(source, str | os.PathLike) else getattr(source, "file", None)
+        one, told = id(source) if file is None else os.path.realpath(file), input_name(source)
+        if one in seen:
+            again = f"is {seen[one]}, which" if told != seen[one] else "this file"
+            raise InputError(f"{told}: {again} is given already: name each file once")
+        seen[one] = told
+
+
+PACKING = Kind(_read_as(["Disks"], "a packing"), input_name, metavar="PACKING")  # Disks, or a path
+RESULT = Kind(_read_as(["Result"], "a result"), input_name, metavar="FILE")  # Result in memory, or a path
+PACKING_OR_RESULT = Kind(
+    _read_as(["Disks", "Result"], "a packing, a result"), input_name, metavar="FILE"
+)  # either
+INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
+SEEDS = Kind(seeds_of, _seeds_text, metavar="FIRST:LAST|LIST")
+RADII = Kind(_radii, lambda radii: radii.path or radii.text, metavar="FILE")  # a `minimise.sizes.Radii`
+FREQUENCIES = numbers(SMALLEST, LARGEST, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)")

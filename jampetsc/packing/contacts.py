@@ -1,0 +1,207 @@
+"""Contacts of a packing: bond vectors rounded once, overlaps, forces, rattlers, pressure and stress."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.packing.neighbours import neighbour_pairs, vectors
+
+if TYPE_CHECKING:
+    from jampetsc.packing.disks import Disks
+
+TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
+FORCELESS = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
+BALANCED = 1e-4  # largest max |F| / (p d) of forces that are called balanced; `pack` leaves 1e-10
+RIGID = 3  # fewer contacts than this cannot hold a disk in two dimensions
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """M contacts, structure of arrays. Bond vectors point from i to j: r = x_j − x_i + image · cell."""
+
+    i: np.ndarray  # (M,)
+    j: np.ndarray  # (M,)
+    r: np.ndarray  # (M, 2) bond vector
+    distance: np.ndarray  # (M,) |r|
+    overlap: np.ndarray  # (M,) δ = ρ_i + ρ_j − |r| > 0
+    sigma: np.ndarray  # (M,) ρ_i + ρ_j
+    force: np.ndarray  # (M,) f = −dV/dr
+    stiffness: np.ndarray  # (M,) d²V/dr², the k of BT eq. 4
+
+    def __len__(self):
+        return len(self.i)
+
+    def __getitem__(self, selection) -> Contacts:
+        """The contacts of a mask or an index array."""
+        return Contacts(*(getattr(self, f.name)[selection] for f in fields(self)))
+
+    @property
+    def tension(self):
+        """f/r, (M,): what pre-stress takes from the stiffness across a bond (BT eq. 4)."""
+        return self.force / self.distance
+
+    @property
+    def normal(self):
+        """n = r/|r|, (M, 2)."""
+        return self.r / self.distance[:, None]
+
+    @property
+    def transverse(self):
+        """t = ẑ × n, (M, 2)."""
+        n = self.normal
+        return np.column_stack((-n[:, 1], n[:, 0]))
+
+
+def bond_vectors(disks: Disks, i, j, image):
+    """x_j − x_i + image · cell, (M, 2), rounded once: the bases cancel exactly, the offsets are tiny."""
+    shift_base, shift_offset = vectors(image, disks.cell_base), vectors(image, disks.cell_offset)
+    coarse = (disks.base[j] - disks.base[i]) + shift_base
+    return coarse + ((disks.offset[j] - disks.offset[i]) + shift_offset)
+
+
+def find_contacts(disks: Disks, rows=None) -> Contacts:
+    """All overlapping pairs, just touching ones included; `rows` as for `neighbour_pairs`."""
+    i, j, image = neighbour_pairs(
+        disks.positions, disks.radii, disks.cell, skin=1e-9 * disks.radii.max(), rows=rows
+    )
+    r = bond_vectors(disks, i, j, image)
+    distance = np.hypot(r[:, 0], r[:, 1])
+    sigma = disks.radii[i] + disks.radii[j]
+    overlap = sigma - distance
+    touching = overlap > 0
+    i, j, r, distance, sigma, overlap = (a[touching] for a in (i, j, r, distance, sigma, overlap))
+    law = disks.potential
+    return Contacts(
+        i, j, r, distance, overlap, sigma, law.force(overlap, sigma), law.contact_stiffness(overlap, sigma)
+    )
+
+
+def force_threshold(disks: Disks, pressure: float) -> float:
+    """Force above which a contact counts: max(1e-6 p d, 1e-14 k d), d the mean diameter, k the unit of stiffness.
+
+    Disks that only just touch carry no load, yet would add their stiffness to K and shift G* by per cents.
+    """
+    d = 2.0 * float(np.mean(disks.radii))
+    stiffness = disks.potential.k / float(disks.potential.scale(np.array(d))) ** 2
+    return max(TOUCH * pressure * d, FORCELESS * stiffness * d)
+
+
+def virial_pressure(force, distance, area: float) -> float:
+    """p = Σ f r / (2V) of contacts that are each listed once, (M,) and (M,)."""
+    return float(np.sum(force * distance)) / (2.0 * area)
+
+
+def stress_tensor(contacts: Contacts, area: float):
+    """σ_ab = −Σ f r_a r_b / (|r| V), (2, 2): compression is negative, p = −tr σ / 2."""
+    x, y = contacts.r.T
+    xx, xy, yy = (float(np.sum(contacts.tension * a * b)) for a, b in ((x, x), (x, y), (y, y)))
+    return -np.array([[xx, xy], [xy, yy]]) / area
+
+
+def disk_areas(disks: Disks):
+    """A_i = V ρ_i²/Σ ρ_j², (N,): the area of the cell assigned to each disk, its own area over φ. They add up to V."""
+    return disks.area * disks.radii**2 / np.sum(disks.radii**2)
+
+
+def disk_stresses(disks: Disks, contacts: Contacts):
+    """Stress of every disk, σ_i = −1/(2A_i) Σ f r r/|r| over its contacts, (N, 2, 2), with A_i of `disk_areas`.
+
+    Each of its two disks has half of a contact's virial: Σ A_i σ_i = σ V with σ of `stress_tensor`, exactly.
+    """
+    virial = contacts.tension[:, None, None] * contacts.r[:, :, None] * contacts.r[:, None, :] / 2.0
+    total = np.zeros((disks.n, 2, 2))
+    for end in (contacts.i, contacts.j):
+        np.add.at(total, end, virial)
+    return -total / disk_areas(disks)[:, None, None]
+
+
+def find_rattlers(n: int, i, j, joined=lambda loose: loose):
+    """Mask (N,) of disks with fewer than three contacts, found by removing such disks until none is left.
+
+    i, j     disks of each contact (M,), every contact from both its ends (`both_ends`)
+    joined   function that completes a mask (N,) which is right only for the disks whose contacts are given
+    """
+    rattler = np.zeros(n, bool)
+    while True:
+        alive = ~(rattler[i] | rattler[j])
+        loose = joined(np.bincount(i[alive], minlength=n) < RIGID)
+        if np.array_equal(loose, rattler):
+            return rattler
+        rattler = loose
+
+
+def both_ends(i, j):
+    """(i, j) of contacts that are listed once, seen from both ends, (2M,) each."""
+    return np.concatenate((i, j)), np.concatenate((j, i))
+
+
+def net_forces(n: int, contacts: Contacts):
+    """Sum of contact forces on each disk, (N, 2)."""
+    pull = contacts.normal * contacts.force[:, None]
+    forces = np.empty((n, 2))
+    for axis in range(2):
+        forces[:, axis] = np.bincount(contacts.j, pull[:, axis], minlength=n)
+        forces[:, axis] -= np.bincount(contacts.i, pull[:, axis], minlength=n)
+    return forces
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Static state of a packing: what `pack` records and `info` prints."""
+
+    contacts: Contacts  # the load-bearing ones, between disks that are not rattlers
+    rattlers: np.ndarray  # (N,) mask
+    pressure: float  # p = Σ f r / (2V) over all overlaps
+    energy: float  # U, total
+    stress: np.ndarray  # (2, 2)
+    max_force: float  # largest net force on a disk that is not a rattler
+    threshold: float  # force above which a contact counts
+
+    def bears(self, contacts: Contacts):
+        """Mask (M,) of those that bear load: above the threshold, between disks that are not rattlers."""
+        loose = self.rattlers[contacts.i] | self.rattlers[contacts.j]
+        return (contacts.force > self.threshold) & ~loose
+
+    @property
+    def coordination(self) -> float:
+        """Z = 2 N_c / (N − N_rattlers)."""
+        held = int(np.count_nonzero(~self.rattlers))
+        return 2.0 * len(self.contacts) / held if held else 0.0
+
+
+def measure(disks: Disks, every: Contacts | None = None) -> State:
+    """Contacts, rattlers, p, U, stress and force residual of a packing. Raises InputError for disks at one place.
+
+    every: all its contacts, if they were found already
+    """
+    every = find_contacts(disks) if every is None else every
+    if not every.distance.all():
+        pair = int(np.argmin(every.distance))
+        raise InputError(
+            f"disks {every.i[pair]} and {every.j[pair]} are in one place: a force has no direction there"
+        )
+    pressure = virial_pressure(every.force, every.distance, disks.area)
+    threshold = force_threshold(disks, pressure)
+    loaded = every[every.force > threshold]
+    rattlers = find_rattlers(disks.n, *both_ends(loaded.i, loaded.j))
+    backbone = loaded[~(rattlers[loaded.i] | rattlers[loaded.j])]
+    residual = net_forces(disks.n, every)[~rattlers]
+    return State(
+        contacts=backbone,
+        rattlers=rattlers,
+        pressure=pressure,
+        energy=float(np.sum(disks.potential.energy(every.overlap, every.sigma))),
+        stress=stress_tensor(every, disks.area),
+        max_force=float(np.hypot(residual[:, 0], residual[:, 1]).max()) if len(residual) else 0.0,
+        threshold=threshold,
+    )
+
+
+def imbalance(disks: Disks, state: State) -> float:
+    """max |F| / (p d) of a packing, with d its mean diameter; infinite where there is no pressure."""
+    size = state.pressure * 2.0 * float(np.mean(disks.radii))
+    return state.max_force / size if size > 0 else np.inf

@@ -1,0 +1,244 @@
+"""The packing as data: disks in a periodic, possibly sheared cell, with positions more precise than one double.
+
+At low pressure an overlap (~ p) is far smaller than a coordinate (~ √N), so rounding coordinates to one
+double would set the force residual (Vågberg, thesis sec. 4.7). Every coordinate is therefore a sum base +
+offset: `base` is a multiple of GRID, so that differences of bases and cell vectors are exact, and `offset`
+(|offset| ≤ GRID/2) carries the rest.
+"""
+
+import hashlib
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.packing.neighbours import fractional, vectors
+from jampetsc.packing.potentials import Potential
+
+GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved to 3e-24
+PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Disks` that change when disks move
+
+
+def split(high, low=0.0):
+    """(base, offset) of the number high + low: base on the grid, offset the exact remainder plus low."""
+    base = np.round(np.asarray(high, float) / GRID) * GRID
+    offset = (high - base) + low
+    carry = np.round(offset / GRID) * GRID
+    return base + carry, offset - carry
+
+
+def join(base, offset):
+    """(high, low) with high = the double nearest to base + offset and low what it cannot hold."""
+    high = base + offset
+    return high, offset - (high - base)
+
+
+@dataclass(frozen=True, eq=False)
+class Disks:
+    """N soft disks in a periodic cell. Arrays are float64 and never changed in place.
+
+    Make one with `Disks.from_positions`, which checks its input.
+    """
+
+    base: np.ndarray  # (N, 2) coordinates, multiples of GRID
+    offset: np.ndarray  # (N, 2) remainder
+    radii: np.ndarray  # (N,)
+    cell_base: np.ndarray  # (2, 2) rows a1 = (Lx, 0), a2 = (γ Ly, Ly), multiples of GRID
+    cell_offset: np.ndarray  # (2, 2)
+    potential: Potential = field(default_factory=Potential)
+    record: dict = field(default_factory=dict)  # how it was made: pressure, phi, seed, protocol, …
+    images: np.ndarray | None = (
+        None  # (N, 2) numbers of cell vectors by which each disk was wrapped into the cell, if counted
+    )
+
+    def __repr__(self):
+        pressure = f", pressure = {self.record['pressure']:.6g}" if "pressure" in self.record else ""
+        return f"<{self.n} disks, {self.potential.kind}, phi = {self.phi:.6g}{pressure}>"
+
+    @classmethod
+    def from_positions(
+        cls, positions, radii, cell, potential=None, *, positions_low=None, cell_low=None, record=None
+    ):
+        """Disks from coordinates (N, 2), radii (N,) and cell rows (2, 2).
+
+        Raises InputError for wrong shapes, values that are not finite, radii ≤ 0 or a cell of no area.
+        """
+        # all in C order: for another layout all loops over disks would be compiled again
+        positions, radii, cell = (np.asarray(a, float, "C") for a in (positions, radii, cell))
+        n = len(radii) if radii.ndim == 1 else 0
+        if n == 0 or positions.shape != (n, 2) or cell.shape != (2, 2):
+            raise InputError(
+                f"positions {positions.shape}, radii {radii.shape}, cell {cell.shape}: need (N, 2), (N,) and (2, 2)"
+            )
+        low = np.zeros((n, 2)) if positions_low is None else np.asarray(positions_low, float)
+        cell_rest = np.zeros((2, 2)) if cell_low is None else np.asarray(cell_low, float)
+        if low.shape != positions.shape or cell_rest.shape != cell.shape:
+            raise InputError(
+                f"positions_low {low.shape}, cell_low {cell_rest.shape}: shapes of positions and cell"
+            )
+        for name, array in (
+            ("positions", positions),
+            ("radii", radii),
+            ("cell", cell),
+            ("positions_low", low),
+            ("cell_low", cell_rest),
+        ):
+            if not np.isfinite(array).all():
+                row = int(np.argwhere(~np.isfinite(array))[0][0])
+                raise InputError(
+                    f"{name}[{row}] = {array[row]}: must be finite; was the file written completely?"
+                )
+        if (radii <= 0).any():
+            row = int(np.argmax(radii <= 0))
+            raise InputError(f"radii[{row}] = {radii[row]}: must be positive")
+        if cell[0, 1] != 0 or cell[0, 0] <= 0 or cell[1, 1] <= 0:
+            raise InputError(f"cell {cell.tolist()}: need rows (Lx, 0) and (γ Ly, Ly) with Lx, Ly > 0")
+        if np.abs(positions).max() > 2.0**28 or np.abs(cell).max() > 2.0**28:
+            raise InputError(
+                "positions or cell beyond 2^28 in units of length: scale them to disks of size about one"
+            )
+        disks = cls(
+            *split(positions, low),
+            radii,
+            *split(cell, cell_rest),
+            potential or Potential(),
+            dict(record or {}),
+        )
+        if 2 * radii.max() > disks.period:
+            raise InputError(
+                f"cell that repeats at a distance of {disks.period:.6g} with a disk of diameter "
+                f"{2 * radii.max():.6g}: a disk would touch its own image; use more disks"
+            )
+        return disks
+
+    @property
+    def n(self) -> int:
+        """Number of disks N."""
+        return len(self.radii)
+
+    @property
+    def positions(self):
+        """Coordinates rounded to one double, (N, 2)."""
+        return self.base + self.offset
+
+    @property
+    def unwrapped(self):
+        """Coordinates that do not jump where a disk leaves the cell, x + k₁ a₁ + k₂ a₂ with `images` k, (N, 2).
+
+        Raises InputError where images are not counted.
+        """
+        if self.images is None:
+            raise InputError("unwrapped positions: images are not counted; the snapshots of a flow have them")
+        return self.positions + self.images @ self.cell
+
+    @property
+    def cell(self):
+        """Cell rows rounded to one double, (2, 2)."""
+        return self.cell_base + self.cell_offset
+
+    @property
+    def area(self) -> float:
+        """V = Lx Ly."""
+        cell = self.cell
+        return float(cell[0, 0] * cell[1, 1])
+
+    @property
+    def period(self) -> float:
+        """Distance between a disk and its nearest image: the shortest vector of the lattice.
+
+        Lagrange's reduction: subtract m times the shorter vector from the longer, m the nearest integer, until m = 0.
+        """
+        short, long = sorted(self.cell, key=lambda vector: vector @ vector)
+        while (
+            (square := short @ short) > 0
+            and (turns := np.round(short @ long / square))
+            and np.isfinite(turns)
+        ):
+            short, long = sorted((short, long - turns * short), key=lambda vector: vector @ vector)
+        return float(np.hypot(*short))
+
+    @property
+    def phi(self) -> float:
+        """Packing fraction Σ π ρ² / V, overlaps counted twice (the field's convention)."""
+        return float(np.pi * np.sum(self.radii**2) / self.area)
+
+    def contacts(self):
+        """All overlaps, those that bear no load included: `Contacts` of i, j, r, overlap, force, …"""
+        from jampetsc.packing.contacts import find_contacts
+
+        return find_contacts(self)
+
+    def minimise(self, **options) -> "Disks":
+        """A proved minimum of the energy in this cell, reached from these positions; `options` as for `jampetsc.pack`.
+
+        Collective. Raises as `jampetsc.pack`.
+        """
+        import jampetsc
+
+        return jampetsc.pack(from_=self, phi=self.phi, **options)
+
+    @cached_property
+    def _state(self):
+        from jampetsc.packing.contacts import measure
+
+        return measure(self)
+
+    @property
+    def pressure(self) -> float:
+        """p = Σ f r/(2V) over all overlaps."""
+        return self._state.pressure
+
+    @property
+    def stress(self):
+        """σ = −Σ f r r/(|r| V), (2, 2): compression is negative, p = −tr σ/2."""
+        return self._state.stress
+
+    @property
+    def coordination(self) -> float:
+        """Z = 2N_c/n of the contacts that bear load, n disks without rattlers."""
+        return self._state.coordination
+
+    @property
+    def rattlers(self):
+        """Mask (N,) of disks with fewer than three loaded contacts, found by removing such disks until none is left."""
+        return self._state.rattlers
+
+    @property
+    def fingerprint(self) -> str:
+        """sha256 of all that determines the forces: coordinates to the last bit, radii, cell and potential.
+
+        The same for disks written to a file and read again, however a coordinate is divided between base and offset.
+        """
+        law = f"{self.potential.kind} {self.potential.stiffness} {float(self.potential.k).hex()} {self.n}"
+        digest = hashlib.sha256(law.encode())
+        for array in (*join(self.base, self.offset), self.radii, *join(self.cell_base, self.cell_offset)):
+            digest.update(np.ascontiguousarray(array + 0.0, "<f8"))  # + 0.0: -0 and 0 are one number
+        return digest.hexdigest()
+
+    def with_record(self, **entries) -> "Disks":
+        """The same disks with `entries` added to the record."""
+        return replace(self, record={**self.record, **entries})
+
+    def folded(self) -> "Disks":
+        """The same packing in the equivalent cell with tilt |γ| ≤ ½ Lx/Ly, a2 → a2 − m a1, every disk inside it.
+
+        Whole cell vectors are subtracted, so that no bond changes by more than the rounding of offsets.
+        """
+        turns = np.round(self.cell[1, 0] / self.cell[0, 0])
+        whole = np.array([[1.0, 0.0], [-turns, 1.0]])
+        cell_base, cell_offset = vectors(whole, self.cell_base), vectors(whole, self.cell_offset)
+        image = np.floor(fractional(self.positions, cell_base + cell_offset))
+        base, offset = self.base - vectors(image, cell_base), self.offset - vectors(image, cell_offset)
+        images = self.images
+        if images is not None:  # k₁ a₁ + k₂ a₂ in vectors of the new cell, whose a₂ is the old one less m a₁
+            images = (images @ [[1.0, 0.0], [turns, 1.0]] + image).astype(int)
+        cell = {"cell_base": cell_base, "cell_offset": cell_offset}
+        return replace(self, base=base, offset=offset, images=images, **cell)
+
+    def reordered(self, order) -> "Disks":
+        """The same packing with its disks in another order."""
+        arrays = {
+            one.name: getattr(self, one.name) for one in fields(self) if not one.name.startswith("cell")
+        }
+        return replace(self, **{name: a[order] for name, a in arrays.items() if isinstance(a, np.ndarray)})

@@ -1,0 +1,207 @@
+"""The search of `neighbours`, compiled, for lists that are remade every hundred steps: same pairs, same order."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jampetsc.packing.compiled import compiled
+from jampetsc.packing.neighbours import grid_shape, upright
+from jampetsc.packing.threads import meet
+
+ROOM = 4  # pairs per disk for which arrays have room at first
+
+
+class Grid(NamedTuple):
+    """Disks sorted by the cells of a grid, row by row, with margins of images around them.
+
+    An entry is a disk or an image of one; cell c has the entries start[c] … start[c + 1] − 1. The entries near a disk
+    are therefore in contiguous ranges, one for each row of cells.
+    """
+
+    corner: np.ndarray  # (N,) uint64: the lower left one of the cells around each disk
+    width: int  # cells in a row, with margins
+    around: tuple  # (columns, rows) of the cells around a disk, its own included
+    start: np.ndarray  # (cells + 1,) uint64
+    x: np.ndarray  # (E,)
+    y: np.ndarray  # (E,)
+    reach: np.ndarray  # (E,) ρ + skin
+    disk: np.ndarray  # (E,) uint32
+    image: np.ndarray  # (E, 2) cell vectors from the disk's given coordinates to the entry
+    inside: np.ndarray  # (N, 2) coordinates of the disks in the cell
+    wrapped: np.ndarray  # (N, 2) numbers of cell vectors subtracted for that
+
+
+@compiled(False)
+def _grid(positions, radii, cell, skin, shape, margin):
+    """The Grid of `shape` cells and `margin` more on each side, both (columns, rows)."""
+    n = len(positions)
+    nx, ny = shape
+    width, height = nx + 2 * margin[0], ny + 2 * margin[1]
+    cell_of_disk, corner = np.empty(n, np.uint32), np.empty(n, np.uint64)
+    inside, wrapped = np.empty((n, 2)), np.empty((n, 2), np.int32)
+    preceding = np.zeros(nx * ny + 1, np.uint32)  # [c]: disks in the cells before c
+    for p in range(n):
+        fy = positions[p, 1] / cell[1, 1]
+        fx = (positions[p, 0] - fy * cell[1, 0]) / cell[0, 0]
+        over, up = np.floor(fx), np.floor(fy)
+        wrapped[p, 0], wrapped[p, 1] = over, up
+        inside[p, 0] = positions[p, 0] - over * cell[0, 0] - up * cell[1, 0]
+        inside[p, 1] = positions[p, 1] - up * cell[1, 1]
+        column, row = min(int((fx - over) * nx), nx - 1), min(int((fy - up) * ny), ny - 1)
+        cell_of_disk[p] = row * nx + column
+        corner[p] = row * width + column
+        preceding[row * nx + column + 1] += np.uint32(1)
+    for c in range(nx * ny):
+        preceding[c + 1] += preceding[c]
+    fill, members = preceding[:-1].copy(), np.empty(n, np.uint32)
+    for p in range(n):
+        members[fill[cell_of_disk[p]]] = p
+        fill[cell_of_disk[p]] += np.uint32(1)
+    start = np.zeros(width * height + 1, np.uint64)
+    for r in range(height):
+        first = (r - margin[1]) % ny * nx
+        for c in range(width):
+            real = first + (c - margin[0]) % nx
+            start[r * width + c + 1] = start[r * width + c] + np.uint64(preceding[real + 1] - preceding[real])
+    entries = start[width * height]
+    x, y, reach = np.empty(entries), np.empty(entries), np.empty(entries)
+    disk, image = np.empty(entries, np.uint32), np.empty((entries, 2), np.int32)
+    for r in range(height):
+        up = (r - margin[1]) // ny
+        first = (r - margin[1] - up * ny) * nx
+        for c in range(width):
+            over = (c - margin[0]) // nx
+            real = first + c - margin[0] - over * nx
+            shift_x, shift_y = over * cell[0, 0] + up * cell[1, 0], up * cell[1, 1]
+            e = start[r * width + c]
+            for m in range(preceding[real], preceding[real + 1]):
+                j = members[m]
+                x[e] = inside[j, 0] + shift_x
+                y[e] = inside[j, 1] + shift_y
+                reach[e] = radii[j] + skin
+                disk[e] = j
+                image[e, 0] = over - wrapped[j, 0]
+                image[e, 1] = up - wrapped[j, 1]
+                e += np.uint64(1)
+    around = (2 * margin[0] + 1, 2 * margin[1] + 1)
+    return Grid(corner, width, around, start, x, y, reach, disk, image, inside, wrapped)
+
+
+@compiled(False)
+def _search(grid, radii, first, found, ends):
+    """Write the entries near disks first, first + 1, … into `found`, those of disk first + a before ends[a].
+
+    Returns how many, or −1 if `found` is too short. A pair of two of these disks is found once, from the lower index;
+    a pair with any other disk, from the one that is among these. There is no branch on which entries are near, which
+    would often be mispredicted: all are stored, and only near ones advance the count.
+    """
+    x, y, reach, disk = grid.x, grid.y, grid.reach, grid.disk
+    columns, rows, width = np.uint64(grid.around[0]), np.uint64(grid.around[1]), np.uint64(grid.width)
+    count, before = np.uint64(0), np.uint64(first)
+    for own in range(np.uint64(len(ends))):
+        i = before + own
+        xi, yi, radius = grid.inside[i, 0], grid.inside[i, 1], radii[i]
+        for row in range(rows):
+            cells = grid.corner[i] + row * width
+            begin, end = grid.start[cells], grid.start[cells + columns]
+            if count + end - begin > np.uint64(len(found)):
+                return -1
+            for e in range(begin, end):
+                dx, dy, near = x[e] - xi, y[e] - yi, radius + reach[e]
+                found[count] = e
+                count += np.uint64((dx * dx + dy * dy < near * near) & ((disk[e] > i) | (disk[e] < before)))
+        ends[own] = count
+    return np.int64(count)
+
+
+@compiled(False)
+def _search_domains(grid, radii, borders, counts):
+    """(found, ends) of `_search` for domains with borders (D + 1,); writes their pairs (within, across) into counts."""
+    first, total, d = borders[0], 0, 0
+    ends = np.empty(borders[-1] - first, np.int64)  # relative to the first entry of the domain
+    found = np.empty(ROOM * len(ends) + 64, np.uint32)
+    while d < len(counts):
+        low, high = borders[d], borders[d + 1]
+        count = _search(grid, radii, low, found[total:], ends[low - first : high - first])
+        if count < 0:
+            more = np.empty(2 * len(found), np.uint32)
+            more[:total] = found[:total]
+            found = more
+            continue
+        inside = 0
+        for q in range(total, total + count):
+            b = np.int64(grid.disk[found[q]])
+            inside += (low <= b) & (b < high)
+        counts[d, 0], counts[d, 1] = inside, count - inside
+        total += count
+        d += 1
+    return found, ends
+
+
+@compiled(False, nogil=True)
+def _fill_lists(me, threads, counter, borders, grid_arguments, exact, counts, pairs):
+    """Thread `me`'s part of `listed`: counts (D, 2), and pairs = (i, j, r0, sigma) if they have room for all.
+
+    Returns (number of all pairs, 1).
+
+    grid_arguments: those of `_grid`, in the upright cell a1, a2 − m a1; exact = (base, offset, cell_base, cell_offset,
+    m) of the disks
+    """
+    meet(counter, threads)  # all begin together
+    number = len(borders) - 1
+    first, last = me * number // threads, (me + 1) * number // threads
+    grid, radii = _grid(*grid_arguments), grid_arguments[1]
+    found, ends = _search_domains(grid, radii, borders[first : last + 1], counts[first:last])
+    meet(counter, threads)
+    (base, offset, cell_base, cell_offset, turns), (i, j, r0, sigma) = exact, pairs
+    wanted = counts.sum()
+    if wanted > len(sigma):
+        return wanted, 1
+    # unsigned: no code for negative indices
+    disk, image, wrapped = grid.disk, grid.image, grid.wrapped
+    at, q, row = np.uint64(counts[:first].sum()), np.uint64(0), np.uint64(0)
+    for d in range(first, last):
+        within, low, high = at, np.uint64(borders[d]), np.uint64(borders[d + 1])
+        across = at + np.uint64(counts[d, 0])
+        at, start = across + np.uint64(counts[d, 1]), q
+        for a in range(low, high):
+            stop = start + np.uint64(ends[row])
+            row += np.uint64(1)
+            while q < stop:
+                e = found[q]
+                q += np.uint64(1)
+                b = np.uint64(disk[e])
+                inside = (b >= low) & (b < high)
+                p = within if inside else across
+                within += np.uint64(inside)
+                across += np.uint64(not inside)
+                up = image[e, 1] + wrapped[a, 1]
+                over = image[e, 0] + wrapped[a, 0] - turns * up
+                i[p], j[p], sigma[p] = a, b, radii[a] + radii[b]
+                for axis in range(2):  # differences of bases are exact, offsets are added to them
+                    coarse = base[b, axis] - base[a, axis]
+                    coarse += over * cell_base[0, axis] + up * cell_base[1, axis]
+                    fine = offset[b, axis] - offset[a, axis]
+                    fine += over * cell_offset[0, axis] + up * cell_offset[1, axis]
+                    r0[axis, p] = coarse + fine
+    return wanted, 1
+
+
+def listed(disks, skin, borders, team):
+    """Pairs of `disks` closer than σ + skin, by domains; d has the disks borders[d] … borders[d + 1] − 1, up to N.
+
+    Returns counts (D, 2) of pairs within each domain, and across its border with i in it; and i, j, r0 (2, M'),
+    sigma: domain by domain, first the pairs within it. The arrays are longer than the list.
+    """
+    n, number, borders = disks.n, len(borders) - 1, np.minimum(borders, disks.n)
+    cell, turns = upright(disks.cell)
+    shape = grid_shape(cell, n, 2.0 * float(disks.radii.max()) + skin)
+    arguments = disks.positions, disks.radii, cell, skin, *shape
+    cells = np.ascontiguousarray(disks.cell_base), np.ascontiguousarray(disks.cell_offset)
+    exact = disks.base, disks.offset, *cells, turns
+    counts, wanted, room = np.empty((number, 2), np.int64), 1, 0
+    while wanted > room:
+        room = max(ROOM * n, wanted)
+        found = np.empty(room, np.uint32), np.empty(room, np.uint32), np.empty((2, room)), np.empty(room)
+        wanted, _ = team.run(_fill_lists, number, borders, arguments, exact, counts, found)
+    return counts, *found

@@ -1,0 +1,170 @@
+"""Hessian K, damping matrix B and the γ border of a contact network, as distributed PETSc matrices.
+
+Unknowns are the non-affine displacements ũ = u − γ y x̂ and, where the law couples to them, the angles θ,
+interleaved (x, y, θ) per disk. A contact contributes weighted squares of its relative motions (`laws.relative_motion`):
+
+    K:  k (a∥)² − (f/r) (a⊥)²           (BT eqs. 4, 11)
+    B:  kτ₁ × the weights of the law on (a∥)², (a⊥)², (a⊥ᶜ)², |ũ_i|² and V γ²   (see `laws.damping`)
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array
+
+from jampetsc.laws.damping import Law
+from jampetsc.laws.relative_motion import squares
+from jampetsc.network.contact_network import Network, Pieces, find_pieces
+from jampetsc.petsc.matrices import diagonal_of, distributed_matrix
+from jampetsc.petsc.session import current
+from jampetsc.response.compatibility import Compatibility, build_compatibility, forms_of, weights
+
+ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
+
+
+@dataclass(frozen=True, eq=False)
+class Pencil:
+    """K + sB and its border for one law on one network. Matrices and vectors are distributed alike.
+
+    Zero modes of K and B (translations of each connected piece, unless there is drag, and gear modes where disks roll)
+    are removed by pinning one unknown each: its row and column are those of the identity (times k) in K and zero in B,
+    and its border entries are zero. The response does not depend on the choice, because K, B and the border vanish on
+    these modes. Under drag translations dissipate, and `project` removes them instead.
+    """
+
+    network: Network
+    law: Law
+    pieces: Pieces
+    K: object  # PETSc.Mat
+    B: object  # PETSc.Mat, same nonzero pattern as K (explicit zeros)
+    k_gamma: object  # PETSc.Vec
+    b_gamma: object  # PETSc.Vec
+    k_gg: float  # k_γγ
+    b_gg: float  # b_γγ
+    pins: np.ndarray  # pinned unknowns, global numbers
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns, pinned ones included."""
+        return self.network.n * self.law.dofs
+
+    def project(self, x):
+        """Remove the mean displacement of each piece from x (n_local,), in place, if none is pinned. Collective."""
+        if not self.law.holds_translations:
+            return
+        local = x.reshape(-1, self.law.dofs)[:, :2]
+        local -= self.pieces.mean(self.network, local)
+
+    @cached_property
+    def compatibility(self) -> Compatibility:
+        """The relative motions of which K and B are sums of squares. Collective."""
+        return build_compatibility(self.network, self.law, self.pins)
+
+    @cached_property
+    def diagonals(self):
+        """The diagonals of K and of B, (n_local,) each, real. Collective."""
+        return diagonal_of(self.K), diagonal_of(self.B)
+
+    def diagonal(self, s: float):
+        """The diagonal of K + sB, (n_local,). Collective."""
+        of_K, of_B = self.diagonals
+        return of_K + s * of_B
+
+    @cached_property
+    def largest(self) -> tuple[float, float]:
+        """Largest |diagonal entry| of K and of B. Collective."""
+        return tuple(self.network.max(np.abs(diagonal)) for diagonal in self.diagonals)
+
+    def gathered(self) -> "Pencil":
+        """A copy with all rows on every rank, on COMM_SELF; its contacts remain those of this rank. Collective."""
+        PETSc, MPI, comm = current().PETSc, current().MPI, self.network.comm
+        border = (
+            np.concatenate(comm.allgather(vector.getArray())) for vector in (self.k_gamma, self.b_gamma)
+        )
+        return Pencil(
+            replace(self.network, comm=MPI.COMM_SELF, first=0, last=self.network.n),
+            self.law, self.pieces,
+            *(matrix.getRedundantMatrix(comm.size) for matrix in (self.K, self.B)),
+            *(PETSc.Vec().createWithArray(values, comm=PETSc.COMM_SELF) for values in border),
+            self.k_gg, self.b_gg, self.pins,
+        )  # fmt: skip
+
+    def split(self, x):
+        """This rank's (displacement (disks, 2), rotation (disks,) or None) of a solution vector (n_local,).
+
+        Displacements are per unit strain and without the mean of each piece. Collective.
+        """
+        values = np.asarray(x).reshape(-1, self.law.dofs)
+        displacement = values[:, :2] - self.pieces.mean(self.network, values[:, :2])
+        return displacement, values[:, 2].copy() if self.law.couples_rotations else None
+
+
+def assemble(network: Network, law: Law, pinned: bool = True) -> Pencil:
+    """K, B and the border, in the scalar type of the running PETSc. Collective.
+
+    pinned   whether zero modes are pinned, see `Pencil`; False leaves K + sB singular on them
+    """
+    dofs, c = law.dofs, network.contacts
+    m, rows = len(c), (network.last - network.first) * dofs
+    # K is the real, B the imaginary part of one complex array: they have one pattern, and are summed at once.
+    near, far, border, corner = squares(forms_of(network, dofs), weights(network, law))
+    corner = network.sum(np.sum(corner)) / 2.0  # each contact is seen from both ends
+
+    local = c.i - network.first
+    own = np.arange(network.last - network.first)
+    starts = np.searchsorted(local, own)  # contacts come ordered by i, and every disk here has at least three
+    diagonal = np.add.reduceat(near, starts)
+    gamma = np.add.reduceat(border, starts)
+    damping = network.damping(law)
+    diagonal[:, [0, 1], [0, 1]] += 1j * damping * law.drag
+    corner += 1j * damping * law.eta_f * network.area
+
+    component = np.arange(dofs)
+    row = np.r_[own, local][:, None, None] * dofs + component[None, :, None]
+    column = np.r_[own + network.first, c.j][:, None, None] * dofs + component[None, None, :]
+    shape = (len(own) + m, dofs, dofs)
+    matrix = coo_array(
+        (
+            np.concatenate((diagonal, far)).ravel(),
+            (np.broadcast_to(row, shape).ravel(), np.broadcast_to(column, shape).ravel()),
+        ),
+        shape=(rows, network.n * dofs),
+    ).tocsr()
+    matrix.sort_indices()
+    gamma = gamma.ravel()
+
+    pieces = find_pieces(network)
+    pins = pins_of(law, pieces) if pinned else np.zeros(0, int)
+    _pin(matrix, gamma, pins, network.first * dofs, network.k)
+    return Pencil(
+        network, law, pieces,
+        distributed_matrix(network.comm, matrix, matrix.data.real),
+        distributed_matrix(network.comm, matrix, matrix.data.imag),
+        _vector(network.comm, gamma.real), _vector(network.comm, gamma.imag),
+        float(corner.real), float(corner.imag), pins,
+    )  # fmt: skip
+
+
+def pins_of(law: Law, pieces: Pieces):
+    """Unknowns to pin against zero modes: (x, y) of a disk of each piece, θ of one of each bipartite piece."""
+    roots = pieces.roots
+    held = [np.zeros(0, int)] if law.holds_translations else [roots * law.dofs, roots * law.dofs + 1]
+    if law.couples_rotations:
+        held.append(roots[pieces.bipartite[roots]] * law.dofs + 2)
+    return np.sort(np.concatenate(held))
+
+
+def _pin(matrix, gamma, pins, offset, k):
+    """Turn rows and columns of pinned unknowns into the identity's (times k in K), in place."""
+    matrix.data[np.isin(matrix.indices, pins)] = 0.0
+    for row in pins - offset:
+        if 0 <= row < matrix.shape[0]:
+            entries = slice(matrix.indptr[row], matrix.indptr[row + 1])
+            matrix.data[entries] = np.where(matrix.indices[entries] == row + offset, k, 0.0)
+            gamma[row] = 0.0
+
+
+def _vector(comm, values):
+    PETSc = current().PETSc
+    return PETSc.Vec().createWithArray(values.astype(PETSc.ScalarType), comm=comm)

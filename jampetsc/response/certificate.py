@@ -1,0 +1,192 @@
+"""G* of an approximate solution, and a bound on its error that holds whatever solver found the solution.
+
+With s = iω, A = K + sB, c = k_γ + s b_γ and any trial field x, the modulus is the stationary value of
+
+    G* V = k_γγ + s b_γγ + 2 cᵀx + xᵀA x ,    and its error is exactly   rᵀA⁻¹r ,   r = c + A x .
+
+r is computed contact by contact (see `compatibility`), and a bound on its rounding is added. How much A⁻¹ amplifies it
+is bounded by a `SingularBound`, which uses only the residuals of solves, too:
+
+    |rᵀA⁻¹r| ≤ rᴴD⁻¹r / σ    if no singular value of D^(−½) A D^(−½) is below σ, for a diagonal D.
+
+That does not need K ≥ 0. If K ≥ 0 (B ≥ 0 always), a SingularBound at ω serves at other frequencies ω' as well: K and B
+can be diagonalised together, so S(ω)⁻¹ ≤ Re A⁻¹ − Im A⁻¹ for S = K + ωB, hence S(ω) ≥ (σ/√2) D; and
+
+    |rᵀA(ω')⁻¹r| ≤ √2 rᴴS(ω')⁻¹r ≤ √2 max(1, ω/ω') rᴴS(ω)⁻¹r .
+
+The stationary value is summed contact by contact as well, so that rounding of x, K and B changes it to second order
+only.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.response.assembly import ROW, Pencil
+
+EPSILON = float(np.finfo(float).eps)
+# rounding of a contact's motion, relative to its terms: bond, distance, normal, products, sum; also of sums of forces
+ROUNDING = 6.0 * EPSILON
+
+
+@dataclass(frozen=True, eq=False)
+class Certified:
+    """G* at a frequency, or at (M,) of them, with bounds on what the equations left and rounding may change in it."""
+
+    omega: object
+    G: object  # complex
+    error: object  # bound on |ΔG*| = |rᵀA⁻¹r| / V, rounding left out
+    rounding: np.ndarray  # (…, 2) of G' and of G'', from the sums over contacts
+
+    @property
+    def bounds(self):
+        """Bounds on |ΔG*|, |ΔG'| and |ΔG''|, each with its own rounding as G'' may be far smaller than |G*|, (…, 3)."""
+        both = np.hypot(self.rounding[..., :1], self.rounding[..., 1:])
+        return np.expand_dims(self.error, -1) + np.concatenate((both, self.rounding), axis=-1)
+
+    @property
+    def parts(self):
+        """|G'| and |G''|, (…, 2)."""
+        return np.abs(np.stack((self.G.real, self.G.imag), axis=-1))
+
+    @property
+    def relative(self):
+        """Bounds on |ΔG'| and |ΔG''| relative to them, (…, 2)."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return np.nan_to_num(self.bounds[..., 1:] / self.parts, nan=np.inf)
+
+    def within(self, accuracy: float):
+        """Whether G' and G'' are each known to this, relative to them, (…, 2); not where there is a nan."""
+        return self.bounds[..., 1:] <= accuracy * self.parts
+
+
+@dataclass(frozen=True, eq=False)
+class SingularBound:
+    """No singular value of D^(−½) (K + iωB) D^(−½) is below σ, see `least_singular_value`."""
+
+    omega: float
+    diagonal: np.ndarray  # (n_local,) of D
+    least: float  # σ
+
+    def reach(self, omega: float) -> float:
+        """a with |rᵀ(K + iωB)⁻¹r| ≤ a rᴴD⁻¹r; at frequencies other than its own only if K ≥ 0."""
+        if not self.least > 0.0:
+            return float("inf")
+        return (1.0 if omega == self.omega else 2.0 * max(1.0, self.omega / omega)) / self.least
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A trial field at strain γ, and its residual. Arrays hold this rank's part, complex."""
+
+    omega: float
+    x: np.ndarray  # (n_local,)
+    motions: np.ndarray  # (rows,) a = C x + γ g
+    strain: float  # γ
+    left: np.ndarray  # (n_local,) r = γ c + A x
+
+
+class Functional:
+    """G*, residual and bound of trial fields of one pencil. All methods are collective."""
+
+    def __init__(self, pencil: Pencil):
+        self.pencil, self.network = pencil, pencil.network
+        c = self.compatibility = pencil.compatibility
+        affine = np.array([c.size_K @ c.g**2, c.w_B @ c.g**2])
+        self.affine = np.sqrt(self.network.sum(affine))
+
+    def affine_modulus(self, omega) -> float:
+        """The size of G* if all motion were affine: the sum of the sizes of what contacts contribute."""
+        elastic, viscous = self.affine**2
+        return float(elastic + omega * viscous) / self.network.area
+
+    def trial(self, omega, x, strain: float = 1.0) -> Trial:
+        """The trial field x (n_local,), complex, with its motions and residual."""
+        c = self.compatibility
+        a = c.motions(x) + strain * c.g
+        left = c.forces((c.w_K + 1j * omega * c.w_B) * a) + 1j * omega * c.drag * x
+        self.pencil.project(left)  # no net force but for rounding, which drag alone would not hold back
+        return Trial(omega, x, a, strain, left)
+
+    def norm(self, forces, diagonal) -> float:
+        """|f| of forces (n_local,) in the norm of D⁻¹."""
+        return float(np.sqrt(self.network.sum(np.sum(np.abs(forces) ** 2 / diagonal))))
+
+    def rounding(self, trial: Trial, omega: float, diagonal) -> float:
+        """Bound on the rounding of a trial's residual, in the norm of D⁻¹; ω and D are those of a `SingularBound`.
+
+        With D(ω) = `reach(ω)` and forces f of contacts |D(ω)^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + ω w_B).
+        The sum of f = w a is rounded, and so is a = C x + γ g in it.
+        """
+        c, x2 = self.compatibility, np.abs(trial.x) ** 2
+        here, there = (np.abs(c.w_K) + at * c.w_B for at in (trial.omega, omega))
+        forces2 = np.abs(c.w_K + 1j * trial.omega * c.w_B) ** 2 * np.abs(trial.motions) ** 2
+        forces2 = np.divide(forces2, there, out=np.zeros_like(there), where=there > 0.0)
+        local = [
+            np.sum(forces2),
+            c.reach(trial.omega) @ x2,
+            here @ (trial.strain * c.g) ** 2,
+            np.sum((trial.omega * c.drag) ** 2 * x2 / diagonal),
+        ]
+        of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
+        stretch = self.network.max(c.reach(omega) / diagonal)
+        of_motions = max(1.0, trial.omega / omega) * (np.sqrt(ROW * of_x) + np.sqrt(of_g)) ** 2
+        return float(ROUNDING * np.sqrt(ROW * stretch * (of_sums + of_motions) + of_drag))
+
+    def certify(self, trial: Trial, lower: SingularBound) -> Certified:
+        """G* of a trial at strain 1, with its bound."""
+        c, network, omega = self.compatibility, self.network, trial.omega
+        a, field = trial.motions, trial.x
+        parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
+        squares = field.real**2, field.imag**2, field.real * field.imag
+        drag, reach_K, reach_B = np.array([c.drag, c.reach_K, c.reach_B]) @ np.transpose(squares)
+        local = parts @ c.w_K, parts @ c.w_B + drag, parts @ c.size_K, np.append(reach_K[:2], reach_B[:2])
+        (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), reach = map(network.sum, local)
+        B_rr += c.drag_gg
+        elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
+        # Evaluating a is off by 2ε|C||x|, see `Compatibility.reach`. The coefficients are off by a few ε; they
+        # multiply relative motions, and g. The rest is Cauchy and Schwarz. Real and imaginary parts are kept
+        # apart: at low frequency they differ by many decades.
+        noise = e_Kr, e_Ki, e_Br, e_Bi = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
+        noise = 7.0 * noise + 2.0 * np.sqrt(ROW * reach)
+        noise[::2] += 4.0 * self.affine
+        d_Kr, d_Ki, d_Br, d_Bi = noise
+        storage = e_Kr * (e_Kr + d_Kr) + e_Ki * (e_Ki + d_Ki)
+        storage += omega * (2.0 * e_Br * e_Bi + e_Br * d_Bi + e_Bi * d_Br)
+        loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr
+        loss += omega * (e_Br * (e_Br + d_Br) + e_Bi * (e_Bi + d_Bi))
+        volume = network.area
+        left = self.norm(trial.left, lower.diagonal) + self.rounding(trial, lower.omega, lower.diagonal)
+        return Certified(
+            omega=float(omega),
+            G=(elastic + 1j * omega * viscous) / volume,
+            error=float(lower.reach(omega) * left**2 / volume),
+            rounding=2.0 * EPSILON * np.array((storage, loss)) / volume,
+        )
+
+    def field_bound(self, found: Certified, x) -> float:
+        """Bound on the error of the field x that was certified, see `field_bound`: an estimate where K is not ≥ 0."""
+        squared = 2.0 * np.sqrt(2.0) * found.error * self.network.area  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
+        return field_bound(self.pencil, found.omega, x, squared)
+
+
+def field_bound(pencil: Pencil, omega: float, x, squared: float, size: float = 0.0) -> float:
+    """Bound on the relative error ‖x − exact‖ / ‖x‖ of a field in the energy norm ‖x‖² = xᴴ(K + ωB) x. Collective.
+
+    x        non-affine field (n_local,), complex
+    squared  bound on ‖x − exact‖² from the residual r = c + A x. With e = A⁻¹r and S = K + ωB,
+             ‖e‖² = eᴴS e ≤ √2 |eᴴA e| = √2 |eᴴr| when e itself is known, and from there, by Cauchy and
+             Schwarz, √2 |eᴴr| ≤ √2 ‖e‖ (rᴴS⁻¹r)^½, so ‖e‖² ≤ 2 rᴴS⁻¹r, when only the energy of r is
+    size     (xᴴDx)^½, D = `reach(ω)`, of the terms that x was summed from, if larger than that of x: for its rounding
+
+    Translations and gear modes have no energy and do not count. Where K has negative modes this is not a bound.
+    """
+    c, network = pencil.compatibility, pencil.network
+    a = np.abs(c.motions(x)) ** 2
+    x2 = np.abs(x) ** 2
+    local = np.array([(c.w_K + omega * c.w_B) @ a + omega * c.drag @ x2, c.reach(omega) @ x2])
+    energy, norm2 = network.sum(local)
+    if energy == 0.0:  # a crystal: nothing moves against the strain
+        return 0.0 if squared == 0.0 else float("inf")
+    rounding = 4.0 * EPSILON * np.sqrt(ROW) * max(np.sqrt(norm2), size)
+    return float((np.sqrt(abs(squared)) + rounding) / np.sqrt(abs(energy)))

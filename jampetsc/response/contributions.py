@@ -1,0 +1,82 @@
+"""Contribution of each mode to the quasistatic response to shear, and the motion in the lowest modes alone.
+
+With F = k_γ·φ, the force of a unit shear on a mode φ of eigenvalue λ, the non-affine response and the moduli are
+
+    ũ = −Σ (F/λ) φ ,     (G_affine − G₀) V = Σ F²/λ .
+
+Modes are orthogonal, so |ũ|² is a sum over them as well. The motions Δu∥ and Δu⊥ that ũ gives the contacts are not:
+the share of a mode is its projection on those of the whole, Σ_c Δu Δu_mode / Σ_c Δu². It can be negative; over all
+modes the shares sum to one. Without pre-stress and with one stiffness of all contacts the share of Δu∥ is that of
+G_affine − G₀; with its affine part, which is left out here, the whole Δu∥ is then orthogonal to all modes, for its
+forces are in balance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.analysis.distribution import Distribution
+from jampetsc.petsc.inertia import SHIFT
+from jampetsc.response.assembly import Pencil
+from jampetsc.response.elastic import ElasticResponse
+
+LOWEST = (10, 50, 200)  # numbers of lowest modes whose joint motion is recorded, as far as so many were found
+AFFINE = 1e-12  # a non-affine part of the modulus this small, relative to the affine one, is rounding
+QUANTITIES = ("normal", "transverse", "nonaffine")
+
+
+@dataclass(frozen=True, eq=False)
+class Contributions:
+    """Contributions of m modes. Medians are of |Δu∥|, |Δu⊥| and |u_na| per unit strain, over all contacts or disks."""
+
+    share: dict  # "nonaffine", "normal", "transverse", "modulus" -> (m,) of Σ|ũ|², Σ(Δu∥)², Σ(Δu⊥)², G_affine − G₀
+    count: np.ndarray  # (q,) those of LOWEST that are at most m
+    median: dict  # QUANTITIES -> (q,) of the motion that the lowest `count` modes make alone, no affine part
+    whole: dict  # QUANTITIES -> the median of the whole response, the affine part of Δu∥ and Δu⊥ included
+
+
+def contributions_of(pencil: Pencil, values, vectors, force) -> Contributions | None:
+    """Contributions of modes to the response of their network; None where zero modes leave it undetermined, and where
+    it is affine, as in a crystal. Collective.
+
+    values (m,) λ > 0 in k, increasing; vectors (m, n_local, 2) φ of unit length; force (m,) F, the same on all ranks
+    """
+    network = pencil.network
+    if values[0] <= SHIFT:
+        return None
+    elastic = ElasticResponse(network)
+    shear = elastic.shear()
+    field, _ = elastic.pencil.split(shear.x)
+    imposed = elastic.pencil.compatibility.g.reshape(-1, 2)
+    affine = elastic.pencil.k_gg
+    if affine - shear.value <= AFFINE * abs(affine):
+        return None
+    comm, motions = network.comm, shear.motions - imposed
+    weights = -force / values
+    count = np.array([number for number in LOWEST if number <= len(values)], int)
+    median = {name: np.empty(len(count)) for name in QUANTITIES}
+    products, alone, moved = np.empty((len(values), 2)), np.zeros_like(motions), np.zeros_like(field)
+    for row, (weight, vector) in enumerate(zip(weights, vectors, strict=True)):
+        motion = weight * pencil.compatibility.motions(vector.ravel()).reshape(-1, 2)
+        products[row] = np.sum(motion * motions, axis=0)
+        alone += motion
+        moved += weight * vector
+        for place in np.flatnonzero(count == row + 1):
+            for name, found in distributions(comm, *alone.T, moved).items():
+                median[name][place] = found.median
+    squares = network.sum(np.array([*np.sum(motions**2, axis=0), np.sum(field**2)]))
+    normal, transverse = (network.sum(products) / squares[:2]).T
+    share = {
+        "nonaffine": weights**2 / squares[2],
+        "normal": normal,
+        "transverse": transverse,
+        "modulus": force**2 / values / (affine - shear.value),
+    }
+    whole = distributions(comm, *shear.motions.T, field)
+    return Contributions(share, count, median, {name: found.median for name, found in whole.items()})
+
+
+def distributions(comm, *parts) -> dict:
+    """QUANTITIES -> Distribution over all ranks' contacts, (…,) and (…,), and disks, (…, 2). Collective."""
+    named = zip(QUANTITIES, parts, strict=True)
+    return {name: Distribution.of(np.concatenate(comm.allgather(part))) for name, part in named}

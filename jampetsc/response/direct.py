@@ -1,0 +1,167 @@
+"""One complex solve per frequency: (K + iωB) x = −(k_γ + iω b_γ) with KSP, each certified.
+
+It works with real and with complex scalars (see `complexform`); complex ones take half the memory.
+
+The matrix is scaled symmetrically to a unit diagonal first, since its θ block is of order ω and would be lost in
+rounding otherwise. The symbolic factorisation is done once, because the pattern never changes. Options have the prefix
+`freq_`.
+"""
+
+import contextlib
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError, named
+from jampetsc.petsc import mumps
+from jampetsc.petsc.cholesky import least_singular_value
+from jampetsc.petsc.complexform import ComplexForm
+from jampetsc.petsc.session import current
+from jampetsc.response.assembly import Pencil
+from jampetsc.response.certificate import EPSILON, Certified, Functional, SingularBound
+
+PREFIX = "freq_"
+DEFAULTS = {
+    "ksp_type": "preonly",
+    "pc_type": "cholesky",  # L D Lᵀ of a symmetric matrix, for complex scalars not L D Lᴴ
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_7": 2,  # approximate minimum fill: faster here than the orderings MUMPS would choose
+}
+REFINEMENTS = 40  # at most; one or two are usual, a loose iterative method needs more
+DIGITS = 1e-12  # refinement stops where the bound is this small relative to G' and G'', or to rounding
+NOTHING = 1e-14  # a modulus this small relative to that of affine motion is zero
+PRECISE = 1e-8  # residual of a solve for a `SingularBound`, relative
+
+
+class FrequencySolver:
+    """K + iωB for one frequency after another. Every method is collective.
+
+    positive_semidefinite   whether K is known to be: a `SingularBound` then serves at other frequencies, too
+    x                       complex (n_local,), the field of the last `solve`
+    """
+
+    def __init__(self, pencil: Pencil, positive_semidefinite: bool = False):
+        self.pencil, self.positive_semidefinite = pencil, positive_semidefinite
+        self.functional = Functional(pencil)
+        self.form = ComplexForm(pencil.K, pencil.B)
+        session = current()
+        self.ksp = mumps.make_ksp(session.comm, PREFIX, DEFAULTS)
+        self.ksp.setOperators(self.form.A)
+        # whether the factor of an earlier frequency serves until it no longer converges
+        self.reuse = session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
+        self.singular_bound = self.x = None
+        self.iterations = 0
+        self.factorisations = 0
+
+    def solve(self, omega: float, accuracy: float) -> Certified:
+        """G* at ω with its bound; the field stays in `x`.
+
+        Raises ConvergenceError with the solver's reason where the bound is not ≤ accuracy for each of G' and
+        G''.
+        """
+        self.iterations = 0
+        if self.reuse and self.factorisations:
+            self.form.set(omega)
+            self.form.scale(self.scale)  # as the matrix of the factor was
+            with contextlib.suppress(ConvergenceError):
+                return self._refine(omega, accuracy)
+        self._factorise(omega)
+        return self._refine(omega, accuracy)
+
+    def _factorise(self, omega):
+        """A ← D (K + iωB) D with a unit diagonal, and its factor."""
+        self.form.set(omega)
+        self.scale = 1.0 / np.sqrt(self.form.magnitude)
+        self.form.scale(self.scale)
+        pc = self.ksp.getPC()
+        pc.setReusePreconditioner(False)
+        self.factorisations += mumps.factorise(self.ksp, self.form.A, f"K + iωB at ω = {omega:g}")
+        pc.setReusePreconditioner(self.reuse)
+
+    def _apply_inverse(self, omega, right):
+        """A⁻¹ right to the accuracy of the KSP, scaling undone."""
+        solution = self.form.solve(self.ksp, self.scale * right, f"ω = {omega:g}")
+        self.iterations += self.ksp.getIterationNumber()
+        if self.pencil.network.sum(np.count_nonzero(~np.isfinite(solution))):
+            raise ConvergenceError(f"ω = {omega:g}: KSP gave what is no number; try another options file")
+        solution *= self.scale
+        self.pencil.project(solution)
+        return solution
+
+    def _refine(self, omega, accuracy):
+        """x ← x − A⁻¹(c + A x) from x = 0, until the bound is met or what is left does not shrink any more."""
+        functional = self.functional
+        if self.singular_bound is None or not self.positive_semidefinite:
+            self.singular_bound = self._find_singular_bound(omega)
+        x = np.zeros(self.pencil.K.getLocalSize()[0], complex)
+        trial, result = functional.trial(omega, x), None
+        for _ in range(REFINEMENTS):
+            x = x - self._apply_inverse(omega, trial.left)
+            trial = functional.trial(omega, x)
+            previous, result = result, functional.certify(trial, self.singular_bound)
+            if result.error <= (enough := _enough(result)):
+                break
+            if previous is not None and not result.error < 0.25 * previous.error:  # nan and inf as well
+                break
+        if not result.error <= enough and self.singular_bound.omega != omega:
+            self.singular_bound = self._find_singular_bound(omega)
+            result = functional.certify(trial, self.singular_bound)
+        self.x = x
+        if not result.within(accuracy).all():
+            affine = self.functional.affine_modulus(omega)
+            if abs(result.G) + result.error < NOTHING * affine:
+                raise ConvergenceError(
+                    f"ω = {omega:g}: G* is zero but for rounding, where affine motion would have {affine:.2g}: the "
+                    "contacts do not resist shear, as of disks that are not at rest: quench them (pack from)"
+                )
+            _, storage, loss = result.bounds
+            raise ConvergenceError(
+                f"ω = {omega:g}: G' = {result.G.real:.3e} only known to {storage:.1e}, G'' = {result.G.imag:.3e} to "
+                f"{loss:.1e} after refinement: the matrix is too ill-conditioned for this solver, or "
+                f"{named('accuracy')} too "
+                "strict"
+            )
+        return result
+
+    def restore(self, omega: float, least: float) -> None:
+        """Use the `SingularBound` that an earlier run has found."""
+        self.form.set(omega)
+        self.singular_bound = SingularBound(omega, self._diagonal(), least)
+
+    def _diagonal(self):
+        """That of a `SingularBound` at the frequency of the form; without a minimum that of K may be negative."""
+        magnitude = self.form.magnitude
+        return np.ones_like(magnitude) if self.pencil.law.holds_translations else magnitude
+
+    def _find_singular_bound(self, omega) -> SingularBound:
+        """A `SingularBound` at ω, from solves with random right-hand sides."""
+        diagonal = self._diagonal()
+        root, first = np.sqrt(diagonal), self.pencil.K.getOwnershipRange()[0]
+        generator = np.random.default_rng(first)
+
+        def start():
+            x = generator.standard_normal(2 * len(root)).view(complex)
+            mine = self.pencil.pins - first
+            x[mine[(mine >= 0) & (mine < len(x))]] = 0.0  # K and B do not act on what is pinned
+            self.pencil.project(x)
+            return x
+
+        def step(x):
+            right = root * x
+            size, left, y = self.functional.norm(right, diagonal), np.inf, np.zeros_like(right)
+            rest = right
+            for _ in range(REFINEMENTS):
+                y = y + self._apply_inverse(omega, rest)
+                trial = self.functional.trial(omega, y, strain=0.0)
+                rest = right - trial.left
+                before, left = left, self.functional.norm(rest, diagonal)
+                if left <= PRECISE * size or not left <= 0.5 * before:
+                    break
+            left += self.functional.rounding(trial, omega, diagonal) + EPSILON * size
+            return root * y, left, self.functional.norm(root * y, 1.0)
+
+        return SingularBound(omega, diagonal, least_singular_value(start, step))
+
+
+def _enough(result: Certified) -> float:
+    """An error so small that there is nothing to gain from a smaller one."""
+    return max(DIGITS * result.parts.min(), result.rounding.min())

@@ -1,0 +1,264 @@
+"""The whole spectrum from a handful of real factorisations, with a bound on the error at every frequency.
+
+Galerkin's method on a rational Krylov space (see `basis`). With exact solves its residual would be f(iω) φ(iω) q,
+so that
+
+    |ΔG*| V ≤ √2 rᴴ(K + ωB)⁻¹r = √2 |f(iω) φ(iω)|² qᵀ(K + ωB)⁻¹q ,
+
+and qᵀ(K + sB)⁻¹q costs one solve with a factor that exists. This estimate chooses the shifts: the next one goes where
+it is furthest above the accuracy asked for. The final certificate rests on the true residual (see `residual`).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from jampetsc.collective import on_root
+from jampetsc.errors import ConvergenceError, named
+from jampetsc.petsc.session import current
+from jampetsc.response.assembly import Pencil
+from jampetsc.response.certificate import Certified
+from jampetsc.response.galerkin import Galerkin
+from jampetsc.response.krylov_basis import RationalBasis
+from jampetsc.response.residual import ResidualBound, energy_between, positive
+from jampetsc.response.shift_factors import Factors, closest
+
+VECTORS = 8  # made at a time with one factor: a solve is some twentieth of a factorisation
+NEARBY = 20.0  # ratio of shifts within which a factor is used a second time instead of a new one
+MOST_VECTORS = 240
+APART = 30.0  # least ratio of shifts that are done at the same time
+SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but for rounding
+LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
+NOTHING = 1e-13  # a modulus this small, relative to the affine one, is rounding
+ROOM = 0.5  # of the allowed error, for the estimate, after a certificate was larger than the estimate
+
+
+class RationalSweep:
+    """Grows a basis for one pencil until the bound is met at all frequencies asked for. All methods are collective.
+
+    When no shifts are left, `certificate` has what was found.
+
+    omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each; parallel as for `Factors`.
+    """
+
+    def __init__(self, pencil: Pencil, omega, accuracy: float, parallel: str = "auto"):
+        self.pencil, self.accuracy = pencil, accuracy
+        self.comm = pencil.network.comm
+        self.omega = self.comm.bcast(np.asarray(omega, float))
+        self.largest_rate = largest_rate(pencil)
+        self.rate = self.largest_rate  # sets the scale of the shifts
+        if not np.isfinite(self.rate):
+            of_K, of_B = pencil.largest
+            self.rate = of_K / of_B
+        self.factors = Factors(pencil, parallel)
+        self.basis: RationalBasis | None = None
+        self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
+        self.certificate: Certified | None = None  # the last of so many, of the solution `galerkin`:
+        self._certified, self.galerkin = 0, None
+
+    @property
+    def factorisations(self) -> int:
+        """Factorisations made."""
+        return len(self.factors.shifts)
+
+    def restore(self, first, x0, vectors, shifts, owner: dict, certificate=None) -> None:
+        """Continue from the basis of an earlier run: x₀, vectors (m, n_local) and their shifts (m,).
+
+        owner         as in `Factors`: shifts of its factors, which are made again and so certify whatever basis this is
+        certificate   the last one of that run, which steers where this one goes
+        """
+        basis = RationalBasis(self.pencil, first, x0)
+        for vector, shift in zip(vectors, shifts, strict=True):
+            basis.append(vector, shift)
+        self.factors.owner |= owner
+        self._set_basis(basis)
+        self._renew_estimate()
+        self.certificate, self._certified = certificate, int(certificate is not None)
+
+    def next_shifts(self) -> list[float]:
+        """The shifts of the next factorisations, as many as are done at once; none when all is certified.
+
+        Raises ConvergenceError where the accuracy cannot be met.
+        """
+        while not (shifts := on_root(self.comm, self._choose)):
+            self._certified += 1
+            with current().stage("projection"):
+                self.galerkin = Galerkin(self.basis)
+                self.certificate = self._certify(self.galerkin)
+            if on_root(self.comm, self._is_met):
+                break
+        return shifts
+
+    def _choose(self):
+        """The next shifts; none where the estimate meets the accuracy everywhere."""
+        if self.basis is None:
+            return self._spread([self._clip(self.omega[0])])
+        ratio = self._ratio()
+        worst = int(np.argmax(ratio))
+        if ratio[worst] <= 1.0:
+            return self._for_certificate()
+        if self.basis.complete and self._nothing_resists(worst):
+            raise ConvergenceError(
+                "nothing resists the shear: G* vanishes but for rounding, as where no connected piece of contacts "
+                "reaches around the cell along y"
+            )
+        if self.basis.complete and not np.isfinite(ratio[worst]):
+            raise ConvergenceError(
+                f"G″ vanishes at ω = {self.omega[worst]:g}, so no relative accuracy can be met: nothing moves "
+                "against the strain, and there is no fluid"
+            )
+        if self.basis.complete or self.basis.size >= MOST_VECTORS:
+            raise ConvergenceError(
+                f"the bound on the error of G* stays at {ratio[worst]:.1e} times what "
+                f"{named('accuracy')} {self.accuracy:g} "
+                f"allows at ω = {self.omega[worst]:g} after {self.factorisations} factorisations"
+            )
+        shifts = []
+        candidates = self._clip(self.omega)
+        while len(shifts) < self.factors.width and ratio.max() > 1.0:
+            shifts.append(self._serving(float(candidates[np.argmax(ratio)])))
+            ratio[(candidates > shifts[-1] / APART) & (candidates < shifts[-1] * APART)] = 0.0
+        return shifts
+
+    def _serving(self, wanted):
+        """The nearest shift whose factor was used only once, if it is near the one wanted; else the wanted one."""
+        near = [
+            s
+            for s in self.factors.shifts
+            if 1.0 / NEARBY < s / wanted < NEARBY and self.basis.shifts.count(s) <= VECTORS
+        ]
+        return min(near, key=lambda s: abs(np.log(s / wanted)), default=wanted)
+
+    def _nothing_resists(self, i):
+        """Whether G* at the i-th frequency is rounding of what it would be if nothing relaxed."""
+        affine = abs(self.pencil.k_gg + 1j * self.omega[i] * self.pencil.b_gg)
+        return abs(self._modulus()[i]) * self.pencil.network.area <= NOTHING * affine
+
+    def _for_certificate(self):
+        """The shift where the certificate is worst, if there is no factor near it; else none."""
+        if self.certificate is None:
+            return []
+        worst = np.argmax(np.max(self.certificate.relative, axis=1))
+        wanted = float(self._clip(self.omega[worst]))
+        return [] if closest(self.factors.shifts, wanted) else [wanted]
+
+    def _spread(self, shifts):
+        """Extend a first shift to as many as are done at once, evenly spread in log ω."""
+        more = np.geomspace(shifts[0], self._clip(self.omega[-1]), self.factors.width + 1)[1:]
+        return [*shifts, *(float(s) for s in more[::-1][: self.factors.width - 1] if s > APART * shifts[0])]
+
+    def _clip(self, omega):
+        return np.clip(omega, SMALLEST_SHIFT * self.rate, min(self.largest_rate, LARGEST_SHIFT * self.rate))
+
+    def add_shifts(self, shifts) -> None:
+        """Factorise K + sB at each shift, or use a factor close to it, extend the basis and renew the estimate."""
+        self.factors.factorise(shifts)
+        if self.basis is None:
+            first, x0 = np.inf, np.zeros(self.pencil.K.getLocalSize()[0])  # where only a fluid dissipates
+            if self.pencil.law.damps_contacts:
+                first, x0 = self.factors.field(shifts[0])
+            self._set_basis(RationalBasis(self.pencil, first, x0))
+        self.factors.extend(self.basis, shifts, VECTORS)
+        self._renew_estimate()
+
+    def _renew_estimate(self):
+        """Compute what is missing in the basis as it is."""
+        q, more = self.basis.residual()
+        self.basis.complete |= not more
+        self.missing = q, positive(self.factors.energies(q))
+
+    def _set_basis(self, basis):
+        self.basis = basis
+        c = self.pencil.compatibility
+        motions = c.motions(basis.x0) + c.g
+        local = [c.w_K @ motions**2, c.dissipation(motions, basis.x0)]
+        self._still = self.pencil.network.sum(np.array(local))
+        self._still[1] += c.drag_gg
+
+    def worst(self) -> float:
+        """Largest ratio of the estimated to the allowed error; done when ≤ 1."""
+        return float(np.max(self._ratio()))
+
+    def _ratio(self):
+        """Estimated over allowed error, (M,), for the present G' and G''."""
+        G, error = self._modulus(), self._steering_bound()
+        allowed = self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag))
+        if self.certificate is not None:
+            allowed = ROOM * self._allowed(self.certificate)
+        ratio = np.full(len(allowed), np.inf)
+        np.divide(error, allowed, out=ratio, where=allowed > 0.0)
+        ratio[np.isnan(ratio)] = np.inf
+        return np.where((error == 0.0) & (allowed == 0.0), 0.0, ratio)  # nothing dissipates, exactly
+
+    def _modulus(self):
+        """The present estimate of G*, (M,)."""
+        basis, s = self.basis, 1j * self.omega
+        rates, rotation = np.linalg.eigh(basis.K)
+        loads = rotation.T @ basis.t
+        relaxed = np.sum(loads**2 / (rates + s[:, None]), axis=1)
+        return (
+            self._still[0] + s * self._still[1] - basis.factor(s) ** 2 * relaxed
+        ) / self.pencil.network.area
+
+    def _steering_bound(self):
+        """Bound on |ΔG*|, (M,), if the residual were exactly r = f φ q."""
+        energies = {s: e for s, (e, _) in self.missing[1].items()}
+        size = np.abs(self.basis.factor(1j * self.omega)) ** 2 * self.basis.phi(self.omega)
+        best = energy_between(self.largest_rate, energies, self.omega)
+        return np.sqrt(2.0) * size * best / self.pencil.network.area
+
+    def _certify(self, galerkin) -> Certified:
+        """G* of Galerkin's solution in the space as it is, with its bounds."""
+        G, rounding = on_root(
+            self.comm, lambda: (galerkin.spectrum.modulus(self.omega), galerkin.rounding(self.omega))
+        )
+        bound = ResidualBound(galerkin.residual(), self.factors, *self.missing, self.largest_rate, self.omega)
+        area = self.pencil.network.area
+        bare = Certified(self.omega, G, np.zeros(len(G)), rounding)
+        error = bound.within(area * on_root(self.comm, lambda: self._allowed(bare))) / area
+        return replace(bare, error=error)
+
+    def _allowed(self, certificate):
+        """Error allowed in |G*|, (M,), less its rounding; zero where rounding exceeds it."""
+        return np.maximum((self.accuracy * certificate.parts - certificate.rounding).min(axis=1), 0.0)
+
+    def _is_met(self):
+        """Whether the certificate is good enough. Raises ConvergenceError where it will never be."""
+        found = self.certificate
+        if found.within(self.accuracy).all():
+            return True
+        relative = found.relative
+        worst = np.unravel_index(np.argmax(relative), relative.shape)
+        where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
+        if not np.all(found.rounding <= self.accuracy * found.parts):
+            raise ConvergenceError(
+                f"{where}, by rounding; {named('accuracy')} {self.accuracy:g} cannot be met here"
+            )
+        if self._certified > 1 and not self._for_certificate():
+            raise ConvergenceError(
+                f"{where}, by what the solves at the shifts leave; {named('accuracy')} {self.accuracy:g} cannot be "
+                "met here"
+            )
+        return False
+
+    def error_at(self, omega: float) -> float:
+        """Bound on |ΔG*| at one of the frequencies, rounding left out."""
+        return float(self.certificate.error[np.searchsorted(self.omega, omega)])
+
+
+def largest_rate(pencil: Pencil) -> float:
+    """λ_max with K ≤ λ_max B, infinite where motions along the bonds are not damped. Collective.
+
+    A contact has k (a∥)² in K, which pre-stress only lowers, and kτ₁ normal (a∥)² in B. With drag, K is at most
+    the largest sum of absolute values in one of its rows, and B at least kτ₁ drag.
+    """
+    network, law = pencil.network, pencil.law
+    limits = [np.inf]
+    if law.normal:
+        stiffest = network.max(network.contacts.stiffness)
+        limits.append(stiffest / (network.damping(law) * law.normal))
+    if law.drag:
+        indptr, _, values = pencil.K.getValuesCSR()
+        sums = np.add.reduceat(np.abs(values), indptr[:-1])
+        limits.append(network.max(sums) / (network.damping(law) * law.drag))
+    return min(limits)

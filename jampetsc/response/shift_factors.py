@@ -1,0 +1,193 @@
+"""The factorisations of a rational sweep, and the two ways to use ranks for them.
+
+shared        one factorisation at a time, by all ranks: for matrices that fill more than the memory of one
+side by side  every rank holds all of K + sB and factorises a shift of its own: no communication where the time goes
+"""
+
+import itertools
+
+import numpy as np
+
+from jampetsc.collective import agreed
+from jampetsc.petsc.session import current
+from jampetsc.petsc.shifted import ShiftedFactor, shifted
+from jampetsc.response.assembly import Pencil
+from jampetsc.response.krylov_basis import RationalBasis, field_at
+
+SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
+MOST_AT_ONCE = 4  # shifts at the same time; a sweep needs few, and where to put more would be guessed
+SHARE = 0.25  # of the memory, for factors: the basis and its projection take as much or more
+BYTES = 60.0  # of a factor and its matrix per n log₂ n, n unknowns: 60 to 61 at N = 32768 to 900 000
+ALONE = 400_000  # unknowns up to which every rank holds whole matrices: a factor then takes about 1 GB
+
+
+def side_by_side(pencil: Pencil, parallel: str) -> bool:
+    """Whether each rank has shifts of its own: for "shifts", and for "auto" by number of unknowns and ranks."""
+    size = pencil.network.comm.size
+    few = size <= MOST_AT_ONCE and pencil.unknowns <= ALONE
+    return size > 1 and (parallel == "shifts" or (parallel == "auto" and few))
+
+
+def most_held(pencil: Pencil) -> int:
+    """How many factors of K + sB, shared by all ranks, fit into SHARE of the memory: at least one. Collective."""
+    n = pencil.unknowns
+    room = SHARE * pencil.network.sum(current().memory())
+    return max(1, int(room / (BYTES * n * np.log2(n))))
+
+
+def _named(s):
+    return f"K + sB at s = {s:g}"
+
+
+def _new_factor(pencil, s):
+    """The factor of K + sB."""
+    project = pencil.project if pencil.law.holds_translations else None
+    return ShiftedFactor(shifted(pencil.K, pencil.B, s), _named(s), project)
+
+
+def closest(shifts, s):
+    """The first of the shifts that is within SAME_SHIFT of s, or None."""
+    return next((at for at in shifts if 1.0 / SAME_SHIFT < at / s < SAME_SHIFT), None)
+
+
+class Factors:
+    """Factors of K + sB at some shifts. Methods are collective; what fails on one rank is raised on all.
+
+    Of those that all ranks share as many are kept as fit into `SHARE` of the memory; others are freed, and made again
+    when they are needed. Side by side each rank grows a short Krylov chain of its own from the residual of the basis;
+    together they span what they would have one after the other (parallel rational Krylov, Berljafa & Güttel 2017).
+
+    parallel   "shifts" (side by side), "matrix" (shared) or "auto"
+    width      number of shifts factorised at the same time
+    """
+
+    def __init__(self, pencil: Pencil, parallel: str = "auto"):
+        self.pencil, self.comm = pencil, pencil.network.comm
+        self._alone = side_by_side(pencil, parallel)
+        self.width = min(self.comm.size, MOST_AT_ONCE) if self._alone else 1
+        self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
+        self.whole = pencil.gathered() if self._alone else pencil  # what is factorised
+        self.owner: dict[float, int] = {}  # rank that has the factor of a shift; 0 if all share it
+        self._held: dict[float, ShiftedFactor] = {}  # in this rank's memory, the one used last at the end
+        self._most = np.inf if self._alone else most_held(pencil)
+
+    @property
+    def shifts(self) -> list[float]:
+        """Shifts of all factors, freed ones included."""
+        return list(self.owner)
+
+    def _is_mine(self, s):
+        return not self._alone or self.owner[s] == self.comm.rank
+
+    def _factor(self, s):
+        """The factor of K + sB."""
+        factor = self._held.pop(s, None)
+        if factor is None and len(self._held) == self._most:
+            factor = self._held.pop(next(iter(self._held)))
+            factor.renew(self.whole.K, self.whole.B, s, _named(s))
+        self._held[s] = factor or _new_factor(self.whole, s)
+        return self._held[s]
+
+    def _by_owner(self, s, action):
+        """What a function finds with the factor of s, on the ranks that have it; None on the others."""
+        with agreed(self.comm):
+            return action(self._factor(s)) if self._is_mine(s) else None
+
+    def _gather(self, local):
+        """All rows of a vector, as the factors have them."""
+        if not self._alone:
+            return local
+        whole = np.empty(self.rows.sum(), local.dtype)
+        self.comm.Allgatherv(np.ascontiguousarray(local), (whole, self.rows))
+        return whole
+
+    def _scatter(self, whole, owner):
+        """This rank's rows of a vector that `owner` has whole."""
+        if not self._alone:
+            return whole
+        local = np.empty(self.rows[self.comm.rank])
+        send = None if whole is None else (np.ascontiguousarray(whole), self.rows)
+        self.comm.Scatterv(send, local, root=owner)
+        return local
+
+    def factorise(self, shifts) -> None:
+        """Make sure that each shift has a factor near it; up to `width` new ones are made at the same time."""
+        new = [s for s in shifts if closest(self.owner, s) is None]
+        self.owner |= dict(zip(new, itertools.cycle(range(self.width)), strict=False))
+        with agreed(self.comm):
+            for s in filter(self._is_mine, new):
+                self._factor(s)
+
+    def field(self, s: float):
+        """(shift, x): the field x (n_local,) at the shift next to s that there is a factor of, see `field_at`."""
+        s = closest(self.owner, s)
+        x = self._by_owner(s, lambda factor: field_at(self.whole, factor, s))
+        return s, self._scatter(x, self.owner[s])
+
+    def extend(self, basis: RationalBasis, shifts, count: int) -> None:
+        """Add `count` vectors at each shift; side by side their chains grow at the same time."""
+        shifts = [closest(self.owner, s) for s in shifts]
+        if not self._alone:
+            for s in shifts:
+                basis.extend(self._factor(s), s, count)
+            return
+        q, more = basis.residual()
+        if basis.complete or not more:
+            basis.complete = True
+            return
+        source = self._gather(q)
+        with agreed(self.comm):
+            chains = {s: self._chain(s, source, count) for s in filter(self._is_mine, shifts)}
+        for s in shifts:
+            chain = chains.get(s, [])
+            length = self.comm.bcast(len(chain), root=self.owner[s])
+            for step in range(count):
+                vector = chain[step] if step < len(chain) else None
+                if step < length and basis.append(self._scatter(vector, self.owner[s]), s):
+                    continue
+                # The chains overlap here: what is new is what the residual of all of them asks for.
+                q, more = basis.residual()
+                if not more or not basis.append(self._solve(s, q), s):
+                    basis.complete = True
+                    return
+
+    def _solve(self, s, right):
+        """(K + sB)⁻¹ of a distributed vector, by the rank that has the factor."""
+        whole = self._gather(right)
+        x = self._by_owner(s, lambda factor: self._solve_whole(factor, whole))
+        return self._scatter(x, self.owner[s])
+
+    def _solve_whole(self, factor, source):
+        x = self.whole.K.createVecRight()
+        x.setArray(source)
+        factor.solve(x, x)
+        return x.getArray()
+
+    def _chain(self, s, source, count):
+        """Vectors (m, unknowns): (K + sB)⁻¹ applied to `source`, then to B times the vector before, orthonormal in B.
+
+        Ends early where nothing new is found, but for rounding.
+        """
+        basis = RationalBasis(self.whole, np.inf, np.zeros(len(source)))
+        for _ in range(count):
+            if not basis.append(self._solve_whole(self._factor(s), source), s):
+                break
+            source = basis.images[-1]
+        return basis.vectors
+
+    def energies(self, v) -> dict[float, tuple[float, float]]:
+        """vᵀ(K + sB)⁻¹v for each of `shifts`, as `ShiftedFactor.energy` has it; v (n_local,)."""
+        rhs = self.whole.K.createVecRight()
+        rhs.setArray(self._gather(v))
+        held = list(self._held)  # first, before they make room for the others
+        mine = sorted(filter(self._is_mine, self.shifts), key=lambda s: s not in held)
+        with agreed(self.comm):
+            found = {s: self._factor(s).energy(rhs) for s in mine}
+        current().free_dropped(self.comm)  # vectors of the solves, of which a certificate may need many
+        every = {s: energy for part in self.comm.allgather(found) for s, energy in part.items()}
+        return {s: every[s] for s in self.shifts}
+
+    def least_eigenvalue(self, s: float) -> float:
+        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s one of `shifts`."""
+        found = self._by_owner(s, lambda factor: factor.least_eigenvalue())
+        return self.comm.bcast(found, root=self.owner[s])

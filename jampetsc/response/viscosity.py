@@ -1,0 +1,108 @@
+"""The two limits of G''/ω without any frequency: η₀ of the quasistatic flow, η_∞ of the flow of least dissipation.
+
+η₀ V γ² is the dissipation form of B at the quasistatic field, minimised over the angles (torques vanish as ω → 0):
+
+    η₀ = (kτ₁/V) [ Σ a∥² + β min_θ Σ (a⊥ − ρ_i θ_i − ρ_j θ_j)² ]     damping by contacts, split as in BT eq. 22
+    η₀ = (kτ₁/V) Σ |ũ_i|² + η_F                                      by the fluid
+
+and the sum of both with their weights where both dissipate.
+
+η_∞ V γ² is the minimum of B over all fields and angles.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.petsc.cholesky import NotPositiveDefinite
+from jampetsc.petsc.matrices import set_diagonal
+from jampetsc.petsc.session import current
+from jampetsc.petsc.shifted import ShiftedFactor
+from jampetsc.response.assembly import Pencil
+from jampetsc.response.refined_solve import relax
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """η₀ of one quasistatic field, in its parts, and how the disks turn in it. Viscosities in kτ₁."""
+
+    parts: dict  # "normal" and "transverse" of contacts, "drag" and "fluid": those that the law has
+    rotation: np.ndarray | None  # (n_local,) θ per unit strain where disks roll
+    sliding: np.ndarray | None  # (contacts_local,) a⊥ᶜ where disks roll
+
+    @property
+    def eta0(self) -> float:
+        """η₀."""
+        return sum(self.parts.values())
+
+
+def quasistatic_flow(pencil: Pencil, displacement) -> Flow:
+    """η₀ of the field `displacement` (n_local, 2), non-affine per unit strain, under the law of a pencil. Collective.
+
+    With drag, the mean of each piece must be zero; without, the displacements of pinned disks.
+    """
+    network, law, c = pencil.network, pencil.law, pencil.compatibility
+    start = np.zeros((len(displacement), law.dofs))
+    start[:, :2] = displacement
+    parts = {}
+    if law.drag or law.eta_f:
+        drag = network.sum(float(c.drag @ start.ravel() ** 2))
+        parts = {"drag": drag / network.area, "fluid": c.drag_gg / network.area}
+    if not law.damps_contacts:
+        return Flow(parts, None, None)
+    if law.couples_rotations:
+        flow = relax(c, c.w_B, _turns(pencil), c.g, "rotations of the quasistatic flow", start.ravel())
+        motions, rotation = flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
+    else:
+        motions, rotation = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None
+    costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.area
+    return Flow(
+        {"normal": float(costs[0]), "transverse": float(costs[1:].sum()), **parts},
+        rotation,
+        None if rotation is None else motions[:, -1].copy(),
+    )
+
+
+def _turns(pencil):
+    """solve(rhs, out) that solves for the angles only, with B_θθ, one angle pinned in each bipartite piece."""
+    PETSc, network, law = current().PETSc, pencil.network, pencil.law
+    rows = PETSc.IS().createStride(network.last - network.first, 3 * network.first + 2, 3, comm=network.comm)
+    block = pencil.B.createSubMatrix(rows, rows)
+    held = pencil.pins[pencil.pins % 3 == 2] // 3
+    set_diagonal(block, held, law.sliding * network.damping(law))
+    factor = _factor(block, law)
+    work = block.createVecRight()
+
+    def solve(rhs, out):
+        work.setArray(rhs.getArray()[2::3])
+        factor.solve(work, work)
+        out.zeroEntries()
+        out.getArray()[2::3] = work.getArray()
+
+    return solve
+
+
+def infinite_viscosity(pencil: Pencil) -> float:
+    """η_∞ under the law of a pencil, in kτ₁. Collective.
+
+    Raises InputError where B has zero modes besides translations and gears.
+    """
+    network, law, c = pencil.network, pencil.law, pencil.compatibility
+    if not law.damps_contacts:  # disks that follow the affine flow dissipate nothing but η_F
+        return c.drag_gg / network.area
+    block = pencil.B.copy()
+    set_diagonal(block, pencil.pins, network.damping(law))
+    factor = _factor(block, law)
+    relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation", drag=c.drag)
+    return (relaxed.value + c.drag_gg) / network.area
+
+
+def _factor(block, law):
+    try:
+        return ShiftedFactor(block, f"B of {law}")
+    except NotPositiveDefinite:
+        raise InputError(
+            f"B of {law} has moves without dissipation besides translations: η is not unique; "
+            "raise the pressure or the weights of the law"
+        ) from None

@@ -1,0 +1,74 @@
+"""What the words of the command line mean: those that contradict each other, or mean nothing, are refused."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from jampetsc import main as cli
+from jampetsc.commands.correlate_sweeps import refuse_mixture
+from jampetsc.commands.scaling import files_of
+from jampetsc.commands.sources import rows_named
+from jampetsc.errors import InputError
+from jampetsc.io.reader import load
+from jampetsc.options.values import refuse_repeated
+from jampetsc.studies.table import table_text
+
+
+def test_one_file_under_two_names(tmp_path):
+    (tmp_path / "a.h5").touch()
+    (tmp_path / "b.h5").symlink_to("a.h5")
+    refuse_repeated([tmp_path / "a.h5", tmp_path / "c.h5"])
+    with pytest.raises(InputError, match=r"b\.h5: is .*a\.h5, which is given already: name each file once"):
+        refuse_repeated([str(tmp_path / "a.h5"), str(tmp_path / "b.h5")])
+    with pytest.raises(InputError, match=r"a\.h5: this file is given already"):
+        refuse_repeated([str(tmp_path / "a.h5")] * 2)
+
+
+def test_no_two_sweeps_of_one_packing_but_of_unknown_ones():
+    def sweep(name, sha256):
+        known = {"packing_sha256": sha256} if sha256 else {}
+        return SimpleNamespace(path=Path(name), attributes=known, law={})
+
+    others = [sweep("a.h5", None), sweep("b.h5", None), sweep("c.h5", "1" * 64), sweep("d.h5", "2" * 64)]
+    refuse_mixture(others)
+    with pytest.raises(
+        InputError, match=r"e\.h5: comes from the same packing as c\.h5 \(sha256 111111111111…\)"
+    ):
+        refuse_mixture([*others, sweep("e.h5", "1" * 64)])
+
+
+def test_files_of_a_study_are_of_rows_that_are_done(tmp_path):
+    rows = [
+        {"command": "jam", "state": state, "file": f"{n}.h5", "seconds": 1, "cooling_rate": rate}
+        for n, (state, rate) in enumerate((("done", 0.1), ("failed: no", 0.1), ("done", 0.2), ("done", 0.1)))
+    ]
+    (tmp_path / "table.csv").write_text(table_text(rows))
+    folder, where = str(tmp_path), "cooling-rate=0.1, command = jam"
+    (rows,) = rows_named([folder], None)
+    assert files_of(rows, True, None) == [str(tmp_path / f"{n}.h5") for n in (0, 2, 3)]
+    other, some = rows_named(["other.h5", folder], where)
+    assert other == "other.h5" and files_of(some, True, where) == [f"{folder}/0.h5", f"{folder}/3.h5"]
+    assert rows_named(["other.h5"], None) == ["other.h5"]
+    for finite, here, says in (
+        (False, where, f"a study without .* that is done where {where}: nothing"),
+        (True, "cooling-rate=7", "where cooling-rate=7: no row of .*: cooling_rate is 0.1 or 0.2$"),
+    ):
+        with pytest.raises(InputError, match=says):
+            files_of(rows_named([folder], here)[0], finite, here)
+
+
+def test_a_flow_that_goes_on_elsewhere_leaves_what_it_goes_on_from(tmp_path):
+    line = f"flow --n 16 --phi 0.5 --model RD0 --rate 0.1 --strain 0.02 --out {tmp_path}/f.h5"
+    assert cli.dispatch(line.split()) == 0
+    before = (tmp_path / "f.h5").read_bytes()
+    for more, message in (
+        (f"--out {tmp_path}/g.h5 --last {tmp_path}/f.h5", "is the input"),
+        (f"--out {tmp_path}/g.h5 --last {tmp_path}/g.h5", "another file that this run writes"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=message):
+            cli.dispatch(f"flow {tmp_path}/f.h5 --strain 0.02 {more}".split())
+    assert (tmp_path / "f.h5").read_bytes() == before and len(list(tmp_path.iterdir())) == 1
+    assert cli.dispatch(f"flow {tmp_path}/f.h5 --strain 0.02 --out {tmp_path}/g.h5".split()) == 0
+    assert (tmp_path / "f.h5").read_bytes() == before
+    assert load(tmp_path / "g.h5")["strain"][-1] == pytest.approx(0.04, rel=0.1)

@@ -1,0 +1,106 @@
+"""Laws as data: the table, what its rows mean, and what is refused."""
+
+from functools import partial
+
+import pytest
+from samples import LAWS, physics, published
+
+import jampetsc
+from jampetsc.errors import InputError
+from jampetsc.laws.damping import FAMILIES, LARGEST, UNDAMPED, Law, damping_law
+
+TRANSVERSE = physics(normal=0.0, rotations=False)
+
+
+@pytest.mark.parametrize(
+    ("law", "weights"),
+    [
+        (damping_law(), (1, 0, 1, 0, 0)),
+        (damping_law(beta=0.5, normal=2.0), (2, 0, 0.5, 0, 0)),
+        (damping_law(rotations=False, beta=0.5), (1, 0.5, 0, 0, 0)),
+        (TRANSVERSE.law, (0, 1, 0, 0, 0)),
+        (damping_law("stokes"), (0, 0, 0, 1, 1)),
+        (damping_law("stokes", eta_f=0.0), (0, 0, 0, 1, 0)),
+        (UNDAMPED, (0, 0, 0, 0, 0)),
+    ],
+    ids=str,
+)
+def test_weights(law, weights):
+    assert (*law.on_contacts, law.drag, law.eta_f) == weights
+    assert law.dofs == (3 if law.sliding else 2)
+    assert law.holds_translations == bool(law.drag)
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_every_option_of_a_family_does_something(name):
+    family, base = FAMILIES[name], damping_law(name)
+    assert base == damping_law(name, **{option: row.default for option, row in family.options.items()})
+    for option, row in family.options.items():
+        other = base.altered(**{option: not row.default if isinstance(row.default, bool) else 0.25})
+        assert (*other.on_contacts, other.drag, other.eta_f) != (*base.on_contacts, base.drag, base.eta_f)
+        assert str(other) != str(base) and dict(other.options)[option] != row.default
+    law = damping_law(beta=0.1, tau1=2.0, exponent=0.5, rotations=False).altered(beta=0.3)
+    assert law == damping_law(beta=0.3, tau1=2.0, exponent=0.5, rotations=False)  # the rest is kept
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "says"),
+    [
+        ("glue", {}, "law glue: choose one of contact, stokes"),
+        ("stokes", {"beta": 1.0}, "beta: belongs to law contact, not to stokes"),
+        ("contact", {"eta_f": 1.0}, "eta_f: belongs to law stokes, not to contact"),
+        ("stokes", {"rotations": False}, "rotations: belongs to law contact"),
+        ("contact", {"beta": -1.0}, "beta -1: must lie between 0 and 1e"),
+        ("contact", {"normal": float("nan")}, "normal nan: must lie"),
+        ("stokes", {"eta_f": 10 * LARGEST}, "eta_f 1e+13: must lie"),
+        ("contact", {"tau1": 0.0}, "tau1 0: must be positive"),
+        ("contact", {"tau1": "slow"}, "tau1 'slow': must be a number"),
+        ("contact", {"beta": None}, "beta None: must be a number"),
+        ("contact", {"normal": 0.0, "beta": 0.0}, "nothing dissipates"),
+    ],
+)
+def test_refused(name, options, says):
+    with pytest.raises(InputError) as caught:
+        damping_law(name, **options)
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["normal", "transverse", "sliding", "drag", "eta_f"])
+def test_weights_of_a_law_without_a_family_have_limits_too(name):
+    assert getattr(Law("own", **{name: 1e12}), name) == 1e12
+    assert damping_law(normal=LARGEST).normal == LARGEST
+    for weight in (-1e-300, 1.001e12, float("nan"), float("inf")):
+        with pytest.raises(InputError, match=rf"{name} = .*: must lie between 0 and 1e\+12"):
+            Law("own", **{name: weight})
+    for tau1 in (0.0, -1.0, float("inf"), float("nan")):
+        with pytest.raises(InputError, match=r"tau1 .*: must be positive"):
+            Law("own", normal=1.0, tau1=tau1)
+
+
+def test_a_fluid_alone_does_not_damp_disks():
+    """Viscosity of the fluid, without drag on a disk, leaves every motion free."""
+    assert not Law("own", eta_f=1.0).damps_contacts
+    with pytest.raises(InputError, match="nothing dissipates; raise one of the weights"):
+        damping_law(normal=0.0, beta=0.0, rotations=False)
+    for eta_f in (0.0, 1.0):
+        for ask in (jampetsc.sweep, jampetsc.quasistatic, partial(jampetsc.flow, rate=1e-2, strain=0.1)):
+            with pytest.raises(InputError, match="own: nothing dissipates; raise one of the weights"):
+                ask(published(), Law("own", eta_f=eta_f))
+
+
+@pytest.mark.parametrize("fluid", ["drag", "eta_f"])
+def test_power_laws_are_refused_with_a_fluid(fluid):
+    """The fluid's part is linear, and must not be left out silently."""
+    law = Law("both", normal=1.0, **{fluid: 0.1})
+    with pytest.raises(InputError, match="law both: the fluid dissipates, too: take one of contacts"):
+        jampetsc.oscillate(published(), law, omega=1.0, strain=1e-6)
+    with pytest.raises(InputError, match="alpha: belongs to law contact, not to both"):
+        jampetsc.sweep(published(), law, alpha=0.5, stress=1e-6)
+
+
+def test_samples_cover_the_table():
+    """Every option of every family has a value that is not its default in some law that tests compare."""
+    for name, family in FAMILIES.items():
+        for option, row in family.options.items():
+            values = {dict(one.law.options)[option] for one in LAWS.values() if one.law.family == name}
+            assert values - {row.default}, option

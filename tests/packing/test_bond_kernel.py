@@ -1,0 +1,60 @@
+"""The bond kernel against sums over pairs in plain numpy, for every weight of a damping law, with and without spins."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sheared
+
+from jampetsc.laws.damping import Law
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.pairs import PairList, deformed
+from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+
+WEIGHTS = {
+    "CD": (1, 1, 0),
+    "CDn": (1, 0, 0),
+    "CDt": (0, 1, 0),
+    "rolling": (1.3, 0, 0.7),
+    "all": (0.3, 0.8, 2.1),
+}
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    """Enough disks for more than one block of pairs, in a tilted cell."""
+    return sheared.crowd(700, phi=1.1)
+
+
+@pytest.mark.parametrize("name", WEIGHTS)
+@pytest.mark.parametrize("spinning", [False, True])
+@pytest.mark.parametrize("kind, stiffness", [(k, s) for k in EXPONENTS for s in STIFFNESSES])
+def test_against_sums_over_contacts(crowd, name, spinning, kind, stiffness):
+    potential = Potential(kind, stiffness, 1.7)
+    disks, rng = replace(crowd, potential=potential), np.random.default_rng(2)
+    weights = tuple(float(w) for w in WEIGHTS[name])
+    if not spinning:
+        weights = (*weights[:2], 0.0)
+    offsets, u, spin = (rng.normal(0, s, (disks.n, 2)) for s in (0.02, 1.0, 1.0))
+    spin = spin[:, 0].copy()
+    strain, shear, rate = 0.01, -0.03, 0.3
+    pairs, forces, torques = PairList.build(disks, 0.3), np.empty((disks.n, 2)), np.empty(disks.n)
+    assert len(pairs.i) > 1024
+    sums = bond_forces(
+        pairs, offsets, strain, shear, potential.constants, forces,
+        (u, rate, weights), (spin, disks.radii, torques) if spinning else None,
+    )  # fmt: skip
+    moved = deformed(disks, offsets, strain, shear)
+    law = Law(name, *weights, tau1=1.0 / potential.k)  # weights count kτ₁
+    springs, viscous, turned, virial, work = sheared.forces(moved, law, rate, u, spin)
+    c, wanted = find_contacts(moved), springs + viscous
+    assert np.abs(forces - wanted).max() < 1e-12 * np.abs(wanted).max()
+    if spinning:
+        assert np.abs(torques - turned).max() < 1e-12 * max(np.abs(turned).max(), 1)
+    assert sums.dissipation == pytest.approx(work, rel=1e-12)
+    assert np.allclose(sums[5:], virial.ravel()[[0, 1, 3]], rtol=0, atol=1e-11 * np.abs(virial).max())
+    energy = potential.energy(c.overlap, c.sigma).sum()
+    assert sums.energy / potential.alpha == pytest.approx(energy, rel=1e-12)
+    elastic = (c.normal * c.force[:, None]).T @ c.r
+    assert np.allclose(sums[1:4], [elastic[0, 0], elastic[0, 1], elastic[1, 1]], rtol=1e-11)

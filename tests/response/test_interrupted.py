@@ -1,0 +1,69 @@
+"""A sweep killed half-way: the same command continues, another one starts from the beginning."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from launch import run
+from samples import physics, polydisperse, published, run_of
+
+import jampetsc
+from jampetsc.io.packing_file import write_packing
+from jampetsc.laws.equivalent_damping import EquivalentDamping
+
+DIRECT = ("--method", "direct", "--omega", "1e-4:1:6")
+KELVIN_VOIGT = ("--beta", "0", "--no-prestress")  # everything is known after the first step, without vectors
+KILLED = [  # packing, options, ranks, after how many steps, what is said
+    (polydisperse(3)[0], (), 0, 1, "1 shifts"),
+    (polydisperse(3)[0], (), 2, 1, "1 shifts"),
+    (polydisperse(3)[0], DIRECT, 2, 4, "4 frequencies"),
+    (polydisperse(3)[0], DIRECT, 0, 2, "2 frequencies"),
+    (published(), KELVIN_VOIGT, 0, 1, "1 shifts"),
+]
+
+
+@pytest.mark.parametrize(("disks", "options", "ranks", "steps", "said"), KILLED)
+def test_the_same_command_continues(tmp_path, disks, options, ranks, steps, said):
+    packing = tmp_path / "packing.h5"
+    write_packing(packing, disks)
+
+    def sweep(out, count=99, ranks=ranks):
+        words = ("sweep", packing, "--out", out, "--accuracy", "1e-10", "--fields", "0.01", *options)
+        return run(ranks, "run_disturbed.py", "steps", count, *words)
+
+    whole, out = tmp_path / "whole.h5", tmp_path / "sweep.h5"
+    assert sweep(whole, ranks=0).returncode == 0
+    assert sweep(out, steps).returncode != 0 and not out.exists()
+    done = sweep(out)
+    assert done.returncode == 0, done.stderr
+    assert f"continuing {out}.resume: {said} are finished" in done.stderr
+    assert not list(tmp_path.glob("*.resume*"))
+    one, other = (jampetsc.load(path) for path in (whole, out))
+    alike = not ranks  # two ranks make two factors at a time
+    np.testing.assert_allclose(other.G, one.G, rtol=1e-12 if alike else 1e-9)
+    if alike:
+        np.testing.assert_allclose(other["error_bound"], one["error_bound"], rtol=0.1)
+        for name in ("factorisations", "vectors"):
+            assert other.attributes.get(name) == one.attributes.get(name)
+    exact = 1e-8 if options else 1e-4
+    np.testing.assert_allclose(other["fields/displacement"], one["fields/displacement"], atol=exact)
+    if options == KELVIN_VOIGT:
+        assert other.attributes["vectors"] == 0
+
+
+def test_everything_that_decides_a_sweep_identifies_its_checkpoint():
+    """So that no other is gone on with (tests/io/test_checkpoint.py)."""
+    omega = np.array([0.1, 1.0])
+    job = run_of(published(), physics(), omega, [1.0])
+    others = [
+        {"identity": (job.identity[0], "another")},
+        {"physics": physics(beta=0.5)},
+        {"physics": physics(prestress=False)},
+        {"damping": EquivalentDamping(0.5, 1e-5)},
+        {"omega": 2.0 * omega},
+        {"field_omega": omega},
+        {"method": "direct"},
+        {"accuracy": 1e-3},
+    ]
+    keys = [job.key(1), job.key(2), *(replace(job, **other).key(1) for other in others)]
+    assert len(set(map(str, keys))) == len(keys) and str(replace(job, started=0.0).key(1)) == str(keys[0])

@@ -1,0 +1,116 @@
+"""The proof that a packing is a minimum holds for the disks it was made from, and for no others."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+from samples import lattice, physics, polydisperse, published, put, run_of
+
+from jampetsc.commands import describe
+from jampetsc.errors import InputError
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.packing_file import read_packing, write_packing
+from jampetsc.packing.disks import GRID, Disks
+from jampetsc.packing.minimum_proof import PROVED_BY, proved_minimum, with_proof
+from jampetsc.packing.potentials import Potential
+from jampetsc.response import vibrations as modes
+
+
+@pytest.fixture
+def path(tmp_path):
+    write_packing(tmp_path / "p.h5", with_proof(published()))
+    return tmp_path / "p.h5"
+
+
+def test_a_proof_survives_a_file(path):
+    disks, read = published(), read_packing(path)
+    assert read.fingerprint == disks.fingerprint
+    assert proved_minimum(read) and not proved_minimum(disks)
+    told = describe.packing(path, read)
+    assert f"proved when it was made: {PROVED_BY}" in told and "note" not in told
+
+
+def test_a_coordinate_is_the_same_however_base_and_offset_share_it():
+    plus, minus = (
+        Disks.from_positions([[x, 0.0], [1.0, 1.0]], [0.5, 0.5], 4 * np.eye(2)) for x in (0.0, -0.0)
+    )
+    assert plus.fingerprint == minus.fingerprint
+    disks = published()
+    fine = GRID * 2.0**-26
+    disks = replace(disks, offset=fine * np.round(disks.offset / fine))  # leaves room for a grid step
+    moved = replace(disks, base=disks.base + GRID, offset=disks.offset - GRID)
+    assert not np.array_equal(moved.base, disks.base)
+    assert moved.fingerprint == disks.fingerprint
+
+
+def test_everything_that_forces_follow_from_is_in_the_fingerprint():
+    disks = published()
+    ulp = np.zeros((16, 2))
+    ulp[5, 1] = 1e-23
+    radii = disks.radii.copy()
+    radii[3] = np.nextafter(radii[3], 0)
+    others = [
+        replace(disks, offset=disks.offset + ulp),
+        replace(disks, radii=radii),
+        replace(disks, cell_offset=disks.cell_offset + np.diag([1e-23, 0])),
+        replace(disks, potential=Potential("hertzian")),
+        replace(disks, potential=Potential(stiffness="inverse-square-diameter")),
+        replace(disks, potential=Potential(k=1.0 + 1e-15)),
+        disks.reordered(np.arange(16)[::-1]),
+    ]
+    assert len({disks.fingerprint, *(other.fingerprint for other in others)}) == 8
+
+
+def edited(path, change):
+    """The packing at `path` after `change(h5)`."""
+    with h5py.File(path, "r+") as h5:
+        change(h5)
+    return read_packing(path)
+
+
+EDITS = {
+    "a position": lambda h5: h5["positions"].__setitem__((5, 0), h5["positions"][5, 0] + 1e-9),
+    "a low part": lambda h5: h5["positions_low"].__setitem__((5, 0), 1e-18),
+    "a radius": lambda h5: h5["radii"].__setitem__(5, 1e-300),
+    "the potential": lambda h5: h5.attrs.update(potential="hertzian"),
+    "the fingerprint": lambda h5: h5.attrs.update(proof_fingerprint="0" * 64),
+    "no fingerprint": lambda h5: h5.attrs.__delitem__("proof_fingerprint"),
+    "another method": lambda h5: h5.attrs.update(negative_modes_counted_by="LU"),
+    "modes": lambda h5: h5.attrs.update(negative_modes=2),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_what_is_edited_has_no_proof(path, edit):
+    disks = edited(path, EDITS[edit])
+    assert not proved_minimum(disks)
+    told = describe.packing(path, disks)
+    assert "it counts for nothing" in told and "proved" not in told
+
+
+@pytest.mark.scalar("real")
+def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
+    proved, forged = with_proof(published()), {"negative_modes": 0, "negative_modes_counted_by": PROVED_BY}
+    stolen = forged | {"proof_fingerprint": published().fingerprint}
+    moved = replace(proved, offset=proved.offset + 1e-9 * np.eye(16, 2))
+    for disks, known, negative, method, says in (
+        (proved, 0, 0, "rational", "proved when the packing was made"),
+        (lattice().with_record(**forged), None, 14, "direct", "no: 14 negative modes"),
+        (lattice().with_record(**stolen), None, 14, "direct", "no: 14 negative modes"),
+        (moved, None, 0, "rational", "proved by Cholesky's factorisation of K"),
+    ):
+        job = run_of(put(shared_path / "p.h5", disks, session.comm), physics(), [1.0])
+        assert job.negative_modes == known
+        job = job.examined()
+        assert (job.negative_modes, job.method) == (negative, method) and says in job.positive_semidefinite
+
+
+@pytest.mark.scalar("real")
+def test_modes_count_anew_what_was_forged(session):
+    proof = with_proof(published()).record
+    with pytest.raises(InputError, match="K has 14 negative modes"):
+        modes.run(lattice().with_record(**proof), Outlet(), True, 3)
+    for prestress in (True, False):
+        found = modes.run(polydisperse()[0].with_record(**proof), Outlet(), prestress, 3)
+        assert len(found.eigenvalues) >= 3

@@ -1,0 +1,265 @@
+"""Low modes against dense eigen-decompositions; planted floppy modes, clusters and pieces; refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dense import Reference
+from gathered import unknowns
+from samples import SAMPLES, crystal, cut, pairs_of, physics, published, reference, strips
+
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.network.contact_network import build_network
+from jampetsc.packing.potentials import Potential
+from jampetsc.petsc import eigen
+from jampetsc.response import vibrations as modes_module
+from jampetsc.response.assembly import assemble
+from jampetsc.response.contributions import LOWEST
+from jampetsc.response.elastic import ElasticResponse
+from jampetsc.response.vibrations import _require_different, lowest_modes
+
+pytestmark = pytest.mark.scalar("real")
+
+
+def spectrum(sample, prestress=True):
+    """(λ (m,), φ (unknowns, m), exact) of the dense K, translations left out."""
+    law = physics("stokes") if prestress else physics("stokes", prestress=False, eta_f=1e-5)
+    exact = Reference(SAMPLES[sample](), law) if sample == "hertzian" else reference(sample, str(law))
+    K = exact.K[:-1, :-1].astype(float)
+    moves = exact.free_moves().astype(float)
+    moves /= np.sqrt(np.sum(moves**2, axis=0))
+    values, vectors = np.linalg.eigh(K + 100.0 * moves @ moves.T)
+    m = len(values) - moves.shape[1]
+    return values[:m], vectors[:, :m], exact
+
+
+def vectors_of(modes):
+    """Modes of all ranks, (unknowns, m)."""
+    whole = np.concatenate(modes.network.comm.allgather(modes.vectors), axis=1)
+    return whole.reshape(len(whole), -1).T
+
+
+def check(modes, wanted, vectors, exact):
+    """Eigenvalues and vectors (up to sign; the spectra compared here are simple) against dense ones."""
+    m = len(modes.eigenvalues)
+    np.testing.assert_allclose(modes.eigenvalues, wanted[:m], rtol=1e-10, atol=1e-13)
+    found = vectors_of(modes)
+    np.testing.assert_allclose(found.T @ found, np.eye(m), rtol=0, atol=1e-10)
+    rows = unknowns(modes.network, 2, exact.disks)
+    overlap = np.abs(np.sum(found * vectors[rows, :m], axis=0))
+    np.testing.assert_allclose(overlap, 1.0, rtol=0, atol=1e-10)
+    assert modes.residuals.max() < 1e-10
+    assert modes.inertia_count == m
+
+
+@pytest.mark.parametrize(
+    ("sample", "count"),
+    [("published", 4), ("published", 30), ("hertzian", 3), ("polydisperse", 20), ("isostatic", 5)],
+)
+@pytest.mark.parametrize("prestress", [True, False])
+def test_against_dense(session, sample, count, prestress):
+    """Few modes come from SLEPc, many from LAPACK; every quantity from its definition."""
+    wanted, vectors, exact = spectrum(sample, prestress)
+    modes = lowest_modes(build_network(SAMPLES[sample](), session.comm, prestress), count)
+    assert modes.method == ("lapack" if 2 * (count + 2) >= len(wanted) else "krylovschur")
+    check(modes, wanted, vectors, exact)
+    assert modes.complete == (count == len(wanted))
+    assert count == len(wanted) or wanted[count - 1] < modes.inertia_shift < wanted[count]
+    for row in range(count):
+        phi = vectors[:, row].reshape(-1, 2)
+        move = phi[exact.j] - phi[exact.i]
+        n = (exact.r / exact.distance[:, None]).astype(float)
+        normal = np.mean(np.sum(n * move, axis=1) ** 2)
+        transverse = np.mean((n[:, 0] * move[:, 1] - n[:, 1] * move[:, 0]) ** 2)
+        sizes = np.sum(phi**2, axis=1)
+        force = float(exact.K[:-1, -1].astype(float) @ vectors[:, row])
+        assert modes.normal[row] == pytest.approx(normal, rel=1e-8)
+        assert modes.transverse[row] == pytest.approx(transverse, rel=1e-8)
+        assert modes.floppiness[row] == pytest.approx(np.sqrt(transverse / normal), rel=1e-8)
+        assert modes.participation_ratio[row] == pytest.approx(1 / (len(sizes) * np.sum(sizes**2)), rel=1e-8)
+        assert abs(modes.shear_force[row]) == pytest.approx(abs(force), rel=1e-7, abs=1e-10)
+    check_contributions(modes, vectors, wanted, exact)
+
+
+def check_contributions(modes, vectors, wanted, exact):
+    """Shares are projections on the response that a dense solve gives; medians are those of sums of dense modes."""
+    m, whole = len(modes.eigenvalues), exact.quasistatic()[0].astype(float)
+    n, t = (exact.r / exact.distance[:, None]).astype(float), np.empty((len(exact.r), 2))
+    t[:, 0], t[:, 1] = -n[:, 1], n[:, 0]
+
+    def motions(u):
+        move = u.reshape(-1, 2)[exact.j] - u.reshape(-1, 2)[exact.i]
+        return {
+            "normal": np.sum(n * move, axis=1),
+            "transverse": np.sum(t * move, axis=1),
+            "nonaffine": u.ravel(),
+        }
+
+    force = exact.K[:-1, -1].astype(float) @ vectors
+    parts = -(force / wanted) * vectors
+    contributions, target, each = modes.contributions, motions(whole), [motions(part) for part in parts.T]
+    shares = {name: [one[name] @ of / (of @ of) for one in each] for name, of in target.items()}
+    shares["modulus"] = force**2 / wanted / np.sum(force**2 / wanted)
+    for name, share in shares.items():
+        np.testing.assert_allclose(contributions.share[name], share[:m], rtol=1e-6, atol=1e-8, err_msg=name)
+        assert sum(share) == pytest.approx(1.0, abs=1e-7)
+    for name, axis in (("normal", n), ("transverse", t)):
+        total = target[name] + axis[:, 0] * exact.r[:, 1].astype(float)
+        assert contributions.whole[name] == pytest.approx(np.median(np.abs(total)), rel=1e-7)
+    assert contributions.count.tolist() == [count for count in LOWEST if count <= m]
+    for row, count in enumerate(contributions.count):
+        alone = motions(parts[:, :count].sum(axis=1))
+        alone["nonaffine"] = np.hypot(*alone["nonaffine"].reshape(-1, 2).T)
+        for name, values in alone.items():
+            assert contributions.median[name][row] == pytest.approx(np.median(np.abs(values)), rel=1e-6), name
+    if not modes.network.prestress and np.ptp(modes.network.contacts.stiffness) == 0:
+        np.testing.assert_allclose(contributions.share["normal"], contributions.share["modulus"], rtol=1e-7)
+
+
+@pytest.mark.most_ranks(1)
+def test_all_below(session):
+    wanted, vectors, exact = spectrum("polydisperse")
+    network = build_network(SAMPLES["polydisperse"](), session.comm)
+    for count in (15, 1):
+        modes = lowest_modes(network, below=float(0.5 * (wanted[count - 1] + wanted[count])))
+        assert len(modes.eigenvalues) == count
+        check(modes, wanted, vectors, exact)
+    with pytest.raises(InputError, match="no mode lies there; raise it, or ask for a number with count"):
+        lowest_modes(network, below=float(0.5 * wanted[0]))
+
+
+@pytest.mark.most_ranks(1)
+def test_a_mode_that_was_missed_is_found(session, monkeypatch):
+    """The list loses a mode: the count tells, and it is looked for beside the others."""
+    calls = []
+
+    def forgetful(*args, **words):
+        pairs = eigen.lowest(*args, **words)
+        calls.append(words.get("known"))
+        return pairs[np.arange(len(pairs.values)) != (4 if len(calls) == 1 else -1)]
+
+    monkeypatch.setattr("jampetsc.response.vibrations.lowest", forgetful)
+    wanted, vectors, exact = spectrum("polydisperse")
+    modes = lowest_modes(build_network(SAMPLES["polydisperse"](), session.comm), 9)
+    assert len(calls) > 1 and calls[-1] is not None
+    check(modes, wanted, vectors, exact)
+
+
+@pytest.mark.most_ranks(2)
+def test_planted_floppy_mode(session):
+    """2n − 1 contacts, all of them needed: the first that goes takes the self-stress along, the second leaves
+    a floppy mode.
+
+    That mode costs nothing and only slides; the modes above it are ordinary.
+    """
+    network = build_network(SAMPLES["isostatic"](), session.comm, prestress=False)
+    assert network.contact_count == 2 * network.n - 1
+    contacts = pairs_of(network)
+    degree = np.bincount(np.array(contacts).ravel(), minlength=network.n)
+    free = [pair for pair in contacts if (degree[list(pair)] > 3).all()]
+    one = lowest_modes(cut(network, free[:1]), 3)
+    assert one.eigenvalues[0] > 1e-6
+    floppy = cut(network, [free[0], free[-1]])
+    modes = lowest_modes(floppy, 3)
+    assert abs(modes.eigenvalues[0]) < 1e-13 and modes.eigenvalues[1] > 1e-6
+    assert modes.normal[0] < 1e-20 and modes.transverse[0] > 1e-3
+    assert modes.floppiness[0] > 1e8 and modes.floppiness[1] < 1e3
+    assert modes.contributions is None
+    assert abs(modes.shear_force[0]) < 1e-10
+    with pytest.raises(InputError, match="K has 1 floppy mode besides its translations"):
+        ElasticResponse(floppy)
+
+
+@pytest.mark.most_ranks(2)
+def test_residuals_are_those_of_the_modes(session):
+    """|Kφ − λφ| of dense vectors that are none: also of the second after the first."""
+    wanted, dense_vectors, exact = spectrum("published")
+    pencil = assemble(build_network(published(), session.comm), physics("stokes").law)
+    rows = unknowns(pencil.network, 2, exact.disks)
+    first, last = pencil.K.getOwnershipRange()
+    vectors = dense_vectors[:, :3].T + 0.1 * np.random.default_rng(2).normal(size=(3, len(dense_vectors)))
+    found = eigen._residuals(pencil.K, wanted[:3], vectors[:, rows][:, first:last])
+    K = exact.K[:-1, :-1].astype(float)
+    left = K @ vectors.T - wanted[:3] * vectors.T
+    np.testing.assert_allclose(found, np.linalg.norm(left[rows], axis=0), rtol=1e-10)
+
+
+@pytest.mark.most_ranks(1)
+def test_how_exact_and_how_different_modes_must_be(session, monkeypatch):
+    """Residuals of 1e-9 in units of the stiffness; products and lengths to 1e-6."""
+    network = build_network(replace(published(), potential=Potential(k=2.5)), session.comm)
+    right = lowest_modes(network, 3)
+    vectors = right.vectors.reshape(3, -1)
+    _require_different((1.0 + 0.45e-6) * vectors, network)
+    for wrong in ((1.0 + 0.55e-6) * vectors, vectors[[0, 1, 1]], np.nan * vectors):
+        with pytest.raises(ConvergenceError, match="modes are not orthonormal"):
+            _require_different(wrong, network)
+    lowest = eigen.lowest
+    for size, found in ((0.99, True), (1.01, False)):
+
+        def rough(*args, size=size, **words):
+            pairs = lowest(*args, **words)
+            return replace(pairs, residuals=np.full(len(pairs.values), 2.5e-9 * size))
+
+        monkeypatch.setattr(modes_module, "lowest", rough)
+        if found:
+            np.testing.assert_allclose(lowest_modes(network, 3).eigenvalues, right.eigenvalues, rtol=1e-10)
+        else:
+            with pytest.raises(ConvergenceError, match=r"a mode has a residual of 2.5e-09: tighten"):
+                lowest_modes(network, 3)
+
+
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("beyond", [-1, 1])
+def test_a_count_that_never_agrees_is_an_error(session, monkeypatch, beyond):
+    """Too few below, or too many: either way modes are not what they are said to be."""
+    count = modes_module.count_below
+    monkeypatch.setattr(modes_module, "count_below", lambda *given: count(*given) + beyond)
+    network = build_network(SAMPLES["polydisperse"](), session.comm)
+    with pytest.raises(ConvergenceError, match="their count does not agree with inertia"):
+        lowest_modes(network, 5)
+
+
+@pytest.mark.most_ranks(1)
+def test_where_a_cluster_ends():
+    """Just above it, if the next value is farther than 1e-7 relatively and than rounding; else with it."""
+    apart, together = 1.0 + 1.5e-7, 1.0 + 0.5e-7
+    for values, count, there, wanted in (
+        ([0.5, 1.0, apart], 2, 9, (2, 0.5 * (1.0 + apart))),
+        ([0.5, 1.0, together, 2.0], 2, 9, (3, 0.5 * (together + 2.0))),
+        ([0.5, 1.0, together], 2, 9, (None, None)),
+        ([0.5, 1.0, together], 2, 3, (3, together)),
+        ([1e-13, 4e-13, 1.0], 1, 9, (2, 0.5 * (1.0 + 4e-13))),  # nothing but rounding apart
+        ([0.5, 1.0], 2, 9, (None, None)),
+    ):
+        assert modes_module._cut(np.array(values), count, there, 1.0) == pytest.approx(wanted, rel=1e-15)
+    assert modes_module._cut(np.array([1e-6, 4e-6]), 1, 9, 1e7) == (None, None)  # in units of the stiffness
+
+
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize("count", [1, 5, 12])
+def test_clusters_are_kept_whole(session, count):
+    """In a crystal; where a shear moves every disk with the cell, so that there is nothing for modes to share."""
+    network = build_network(crystal(), session.comm)
+    every = lowest_modes(network)
+    modes = lowest_modes(network, count=count)
+    m = len(modes.eigenvalues)
+    assert m >= count and modes.contributions is None
+    assert np.abs(modes.shear_force).max() < 1e-12
+    np.testing.assert_allclose(modes.eigenvalues, every.eigenvalues[:m], rtol=1e-10)
+    assert every.eigenvalues[m] - every.eigenvalues[m - 1] > 1e-6
+    assert every.eigenvalues[count - 1] == pytest.approx(every.eigenvalues[m - 1], rel=1e-10)
+    assert modes.inertia_count == m
+    found = vectors_of(modes)
+    np.testing.assert_allclose(found.T @ found, np.eye(m), rtol=0, atol=1e-10)
+
+
+def test_each_piece_has_its_translations(session):
+    """Two strips that do not touch, without pre-stress: four moves of no cost, and the rest as dense says."""
+    exact = Reference(strips(), physics(prestress=False, beta=0.0))
+    values = np.linalg.eigvalsh(exact.K[:-1, :-1].astype(float))
+    zeros = int(np.sum(np.abs(values) < 1e-12))
+    modes = lowest_modes(build_network(strips(), session.comm, prestress=False), 8)
+    found = modes.eigenvalues
+    np.testing.assert_allclose(found, values[4 : 4 + len(found)], rtol=1e-9, atol=1e-13)
+    assert int(np.sum(np.abs(found) < 1e-12)) == min(zeros - 4, 8)
