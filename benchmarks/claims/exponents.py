@@ -1,8 +1,8 @@
 """Exponents of flow near jamming: V figure 5.1 and paper V.
 
-Primary estimators. φ_J, y and zν: the collapse without corrections to scaling of γ̇ ≤ SLOWEST_FIT alone, as higher
-rates move φ_J; systematic: half of the change to the next larger cut. β and y beside φ_J: power laws of values
-extrapolated to γ̇ → 0, with the χ² of the extrapolations.
+Primary estimators. φ_J, y and zν: the collapse without corrections to scaling of γ̇ ≤ SLOWEST_FIT and the largest N
+alone, as higher rates move φ_J; systematic: half of the change to the next larger cut. β and y beside φ_J: power laws
+of values extrapolated to γ̇ → 0, with the χ² of the extrapolations.
 """
 
 import numpy as np
@@ -45,33 +45,69 @@ def at_cut(fit, cut) -> dict[str, Estimate]:
 
 @claim("vagberg-fig5.1")
 def scaling(table):
+    """The collapse of the figure's own rates, all of them and γ̇ ≤ SLOWEST_FIT: both without a verdict."""
+    size = size_of(table.where(command="flow"))
+    for fit, symbol, theirs in collapses(table):
+        yield from whole_rows(fit, symbol, theirs, size)
+        for parameter, found in at_cut(fit, SLOWEST_FIT).items():
+            what = f"collapse of {symbol}, RD0, γ̇ ≤ {SLOWEST_FIT:g}: {SYMBOLS[parameter]}"
+            note = f"systematic error {found.systematic:.2g}"
+            yield check(
+                what, found.value, found.statistical, note, size, f"{theirs[parameter]:g}" if theirs else ""
+            )
+
+
+@claim("vagberg-fig5.1-slow")
+def slow_scaling(table):
+    """The collapse at the lowest rates and the largest N, which decides."""
     flows = table.where(command="flow")
     size = size_of(flows)
-    for name, symbol in (("pressure", "p"), ("shear-stress", "σ")):
-        path = table.path / f"{name}.h5"
-        if not path.exists():  # a fit that did not converge, or that is under way
-            continue
-        fit = jampetsc.load(path)
-        slow = at_cut(fit, SLOWEST_FIT)
-        held = held_at_phi_J(fit, flows) if name == "pressure" else ""
-        for parameter, found in slow.items():
-            what = f"collapse of {symbol}, RD0, γ̇ ≤ {SLOWEST_FIT:g}: {SYMBOLS[parameter]}"
-            if name == "pressure":
-                words = f"{THEIRS[parameter][0]:g}"
-                yield Row(what, words, found, target_of(parameter), CRITICAL, held, size)
+    for fit, symbol, theirs in collapses(table):
+        rates = fit["drift/cut"]
+        primary = at_cut(fit, min(SLOWEST_FIT, rates[0]))
+        held = held_at_phi_J(fit, flows) if theirs else ""
+        for parameter, found in primary.items():
+            what = f"collapse of {symbol}, RD0, γ̇ ≤ {min(SLOWEST_FIT, rates[0]):g}: {SYMBOLS[parameter]}"
+            if theirs:
+                yield Row(what, f"{theirs[parameter]:g}", found, target_of(parameter), CRITICAL, held, size)
             else:
                 yield check(what, found.value, found.statistical, "", size)
-            whole, own = fit.attributes[parameter], fit.attributes[f"{parameter}_error"]
-            what = f"collapse of {symbol}, RD0, γ̇ ≤ {fit['drift/cut'][0]:g}: {SYMBOLS[parameter]}"
-            note = f"χ²/dof {fit.attributes['chi2'] / fit.attributes['dof']:.2f}; higher rates than the primary fit"
-            yield check(
-                what, whole, own, note, size, f"{THEIRS[parameter][0]:g}" if name == "pressure" else ""
-            )
-        if name == "pressure":
-            y, znu = slow["y"], slow["znu"]
+        if theirs:
+            y, znu = primary["y"], primary["znu"]
             error = float(np.hypot(y.statistical, znu.statistical))
             yield check("β = zν − y from the collapse of p, RD0", znu.value - y.value, error, "", size, "2.4")
+            cuts = zip(rates, fit["drift/parameters"], fit["drift/errors"], strict=True)
+            for cut, values, errors in cuts:
+                names = str(fit.attributes["fitted"]).split(",")
+                told = ", ".join(
+                    f"{n} {v:.4g} ± {e:.2g}" for n, v, e in zip(names, values, errors, strict=True)
+                )
+                yield check(
+                    f"collapse of p, RD0, γ̇ ≤ {cut:g}: y", values[names.index("y")], None, told, size, "1.1"
+                )
     yield from powers_beside_phi_J(flows, size)
+
+
+def collapses(table):
+    """(fit, symbol, V's numbers or None) of the collapses of p and σ that have converged."""
+    for name, symbol, theirs in (
+        ("pressure", "p", {parameter: value for parameter, (value, _) in THEIRS.items()}),
+        ("shear-stress", "σ", None),
+    ):
+        path = table.path / f"{name}.h5"
+        if path.exists():
+            yield jampetsc.load(path), symbol, theirs
+
+
+def whole_rows(fit, symbol, theirs, size):
+    """Numbers of the fit of all rates."""
+    chi2 = fit.attributes["chi2"] / fit.attributes["dof"]
+    for parameter in str(fit.attributes["fitted"]).split(","):
+        what = f"collapse of {symbol}, RD0, γ̇ ≤ {fit['drift/cut'][0]:g}: {SYMBOLS[parameter]}"
+        value, error = fit.attributes[parameter], fit.attributes[f"{parameter}_error"]
+        yield check(
+            what, value, error, f"χ²/dof {chi2:.2f}", size, f"{theirs[parameter]:g}" if theirs else ""
+        )
 
 
 def held_at_phi_J(fit, flows):
@@ -244,7 +280,7 @@ def stand_in(table, flows):
         yield Row(what, "CD stands in for CD0: 1", ours, number(1.0), "Steady flow", note, size_of(flows))
 
 
-@claim("paper2", "paper5", "vagberg-fig5.1")
+@claim("paper2", "paper5", "vagberg-fig5.1-slow")
 def density_of_jamming(samples, models, drag):
     """φ_J of random starts, of quasistatic shear and of flow, γ̇ → 0: that of shear is one number, path independent."""
     found = {}

@@ -482,7 +482,7 @@ def finite_size(table):
         for prefix, where in BOTH:
             yield from size_rows(slow.where(law=law), f"{name}, {where}", prefix, theirs, subtracted)
     contact = slow.where(law="contact")
-    yield from saturation(contact)
+    yield from saturation([contact, *largest_of(table)])
     x = contact["pressure"] * contact["n"] ** 2
     ranges = (("< 1", x < 1), ("1 … 1e3", (x >= 1) & (x < 1e3)), ("> 1e3", x >= 1e3))
     told = [
@@ -501,9 +501,18 @@ def finite_size(table):
         yield from growth_with_size(slow.where(law=law), name)
 
 
-def saturation(rows):
+def largest_of(table) -> list:
+    """The rows of the largest packings, of a study of its own, in a list: empty if it has not been run."""
+    study = table.path / "largest"
+    return [jampetsc.load(study).where(command="quasistatic", state="done")] if study.exists() else []
+
+
+def saturation(tables):
     """Slope of ln R in ln pN² at the largest pN², R = η₀ with over without pre-stress: 0 where the crossover ends."""
-    x, ratio, error = ratio_of_prestress(rows)
+    x, ratio, error = (np.concatenate(part) for part in zip(*map(ratio_of_prestress, tables), strict=True))
+    order = np.argsort(x, kind="stable")
+    x, ratio, error = x[order], ratio[order], error[order]
+    rows = tables[-1]
     last = x > 0.05 * x[-1]
     if x[-1] < 10 * LARGE or last.sum() < 2:
         return

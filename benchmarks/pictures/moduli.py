@@ -1,6 +1,7 @@
 """BT's figures 1 and 4, and η₀ with over without pre-stress."""
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -117,7 +118,8 @@ def sliding_damping(page, folder):
 def with_over_without(page, folder):
     """R = η₀ with over without pre-stress of each packing, medians with their errors, against pN²: one curve."""
     found = {}
-    for place in filter(None, (folder, beside(folder, "bt-fig3"))):
+    largest = Path(folder) / "largest"
+    for place in filter(None, (folder, largest if largest.exists() else None, beside(folder, "bt-fig3"))):
         rows = jampetsc.load(place).where(command="quasistatic", law="contact", state="done")
         for key, part in rows.groups(["n", "pressure"]):
             ratio = part["eta0"] / part["no_prestress_eta0"]

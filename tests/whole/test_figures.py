@@ -124,7 +124,7 @@ WHOLE = "bt-fig5"  # is run by its script
 ALIKE = ("bt-fig6", "paper5", "vagberg-flow-curves")  # as others are, but for laws, models and rates
 LESS = {  # a figure of which something has to be smaller, or must not be
     "bt-fig7": sizes("N=36 OMEGA=1e-7:10:3"),  # two disks in a lane
-    "bt-fig8": sizes("SMALL,MIDDLE,LARGE=16 MANY,SOME,FEW=1:1"),
+    "bt-fig8": sizes("SMALL,MIDDLE,LARGE,LARGEST=16 MANY,SOME,FEW,LAST=1:1"),
     "bt-modes": sizes("MODES=10"),
     "bt-nonlinear": sizes("STRESSES=1e-5 POINTS=3 PRESSURES=1e-2"),
     "contact-lifetimes": sizes(

@@ -100,6 +100,9 @@ vagberg-fig4.8 --quick flow snapshots = 200
 vagberg-fig4.8 --paper flow snapshots = 400
 vagberg-fig5.1 flow model = RD0
 vagberg-fig5.1 flow phi >= 0.6 0.95
+vagberg-fig5.1-slow flow model = RD0
+vagberg-fig5.1-slow --paper flow n = 4096
+vagberg-fig5.1-slow --paper flow rate >= 1e-6 3e-6 1e-5 3e-5 1e-4 3e-4
 vagberg-flow-curves flow model = CDn RD0
 vagberg-flow-curves flow quality model=CDn = 1
 vagberg-flow-curves flow rate model=CDn phi=0.78 >= 1e-4 3e-4 1e-3
@@ -152,6 +155,7 @@ vagberg-fig4.8 4.8b.png --kind lanes --where model=CD0,phi=0.8
 vagberg-fig5.1 collapse --observable pressure --fit phi_J,y,znu !--corrections
 vagberg-fig5.1 collapse --observable shear_stress --fit phi_J,y,znu !--corrections
 vagberg-fig5.1 draw.py vagberg-fig5.1.png
+vagberg-fig5.1-slow collapse --observable pressure --fit phi_J,y,znu !--corrections
 vagberg-fig5.1 plot --kind branches
 vagberg-flow-curves plot --kind flow
 walls plot --kind profile"""
