@@ -4,13 +4,28 @@ Primary estimators. φ_J of protocols: means over samples, or φ where f = ½. E
 corrections to scaling; systematic: half of the largest change where the smallest N are left out.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from densities import MIXED, SEPARATED, densities, energies, mean, of_protocol, ratios, steps
 from pressures import pressures
 
 import jampetsc
-from claims.shared import SYMBOLS, Row, check, claim, exponent, fitted, line_fit, medians_in_pressure, size_of
+from claims.flow import PHI_J
+from claims.shared import (
+    SYMBOLS,
+    Row,
+    check,
+    claim,
+    exponent,
+    fitted,
+    line_fit,
+    medians_in_pressure,
+    power_law,
+    size_of,
+)
 from claims.verdicts import Estimate, between, exact, number
+from jampetsc.analysis.averages import Average
 from jampetsc.analysis.collapse import BOUNDS
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
@@ -23,6 +38,7 @@ COMPARED = (  # (ensemble, potential), less another, what for
     (("QS", "hertzian"), ("RAND", "hertzian"), "the same of Hertzian disks"),
 )
 PHI_MARGIN = 1e-3  # of φ_J
+FEWEST_DISKS, FEWEST_STATES = 128, 20  # for exponents of N without corrections to scaling, and for a mean
 ENSEMBLES = {"random": "RAND", "shear": "QS"}
 OHERN = 0.71, 0.08  # ν of O'Hern et al., PRE 68, 011306 (2003), an earlier value than V's, who prints none
 
@@ -255,6 +271,67 @@ def finite_size(table):
         yield Row(
             "y of QS less y of RAND", "exponents differ: > 0", change, between(low=0.0), CRITICAL, note, size
         )
+
+
+@claim("paper2")
+def pressure_at_phi_J(table):
+    """y/ν of both ensembles from ⟨p⟩ of jammed states at φ_J, which falls as N^(−y/2ν): paper III has y > 1 of QS."""
+    found = {}
+    for ensemble, name in ENSEMBLES.items():
+        levels = mean_pressures(table.where(command="jam", protocol=ensemble), FEWEST_DISKS)
+        curves = {phi: size_exponent(levels, phi) for phi in (PHI_J, PHI_J - PHI_MARGIN)}
+        if None in curves.values():
+            return
+        ours, lower = curves.values()
+        ours = replace(ours, systematic=abs(ours.value - lower.value))
+        found[name] = ours
+        what = f"{name}, φ = {PHI_J}: y/ν of ⟨p⟩ ~ N^(−y/2ν), jammed states, N ≥ {FEWEST_DISKS}"
+        note = f"{lower.value:.2f} at φ = {PHI_J - PHI_MARGIN:.4f}; χ² = {ours.chi2:.1f} for {ours.dof}"
+        yield check(
+            what, ours.value, ours.inflated, note, f"N = {', '.join(f'{n:g}' for n in sorted(levels))}"
+        )
+    one, other = found["QS"], found["RAND"]
+    change = Estimate(
+        one.value - other.value,
+        float(np.hypot(one.inflated, other.inflated)),
+        float(np.hypot(one.systematic, other.systematic)),
+    )
+    what = "y/ν of QS less that of RAND, from the fall of ⟨p⟩ with N at φ_J"
+    note = (
+        f"QS {one.value:.2f}, RAND {other.value:.2f}; P(p → 0) at finite N is that of the potential in both"
+    )
+    size = f"N ≥ {FEWEST_DISKS}"
+    yield Row(what, "paper III, y > 1 under shear alone: > 0", change, between(low=0.0), CRITICAL, note, size)
+
+
+def mean_pressures(jams, fewest) -> dict:
+    """{N: (φ, ln⟨p⟩ of jammed states, its error), each (F,)} of samples, in the order in which shear has passed them."""
+    found = {}
+    for result in jams.results():
+        n = int(result.attributes["particle_count"])
+        for phi in np.unique(result["phi"]) if n >= fewest else ():
+            p = result["pressure"][(result["phi"] == phi) & (result["jammed"] == 1)]
+            if len(p) >= FEWEST_STATES:
+                mean = Average.of(p)
+                found.setdefault(n, []).append((phi, np.log(mean.mean), mean.error / mean.mean))
+    return {n: np.transpose(sorted(rows)) for n, rows in found.items()}
+
+
+def size_exponent(levels, phi) -> Estimate | None:
+    """y/ν of ⟨p⟩ ~ N^(−y/2ν) at φ, ln⟨p⟩ interpolated between the two φ beside it; None with fewer than three N."""
+    points = []
+    for n, (known, logs, errors) in levels.items():
+        right = np.searchsorted(known, phi)
+        if 0 < right < len(known):
+            share = (phi - known[right - 1]) / (known[right] - known[right - 1])
+            weights = np.array([1 - share, share])
+            pair = slice(right - 1, right + 1)
+            points.append((n, np.exp(weights @ logs[pair]), np.hypot(*(weights * errors[pair]))))
+    if len(points) < 3:
+        return None
+    n, p, relative = np.transpose(sorted(points))
+    fall = power_law(n, p, relative * p)
+    return replace(fall, value=-2.0 * fall.value, statistical=2.0 * fall.statistical)
 
 
 def at_bound(result):
