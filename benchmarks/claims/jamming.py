@@ -283,7 +283,7 @@ def pressure_at_phi_J(table):
         if None in curves.values():
             return
         ours, lower = curves.values()
-        ours = replace(ours, systematic=abs(ours.value - lower.value))
+        ours = replace(ours, systematic=0.5 * abs(ours.value - lower.value))
         found[name] = ours
         what = f"{name}, φ = {PHI_J}: y/ν of ⟨p⟩ ~ N^(−y/2ν), jammed states, N ≥ {FEWEST_DISKS}"
         note = f"{lower.value:.2f} at φ = {PHI_J - PHI_MARGIN:.4f}; χ² = {ours.chi2:.1f} for {ours.dof}"
@@ -291,11 +291,8 @@ def pressure_at_phi_J(table):
             what, ours.value, ours.inflated, note, f"N = {', '.join(f'{n:g}' for n in sorted(levels))}"
         )
     one, other = found["QS"], found["RAND"]
-    change = Estimate(
-        one.value - other.value,
-        float(np.hypot(one.inflated, other.inflated)),
-        float(np.hypot(one.systematic, other.systematic)),
-    )
+    spread = one.systematic + other.systematic  # half of the range of the four differences
+    change = Estimate(one.value - other.value, float(np.hypot(one.inflated, other.inflated)), spread)
     what = "y/ν of QS less that of RAND, from the fall of ⟨p⟩ with N at φ_J"
     note = (
         f"QS {one.value:.2f}, RAND {other.value:.2f}; P(p → 0) at finite N is that of the potential in both"
@@ -305,7 +302,7 @@ def pressure_at_phi_J(table):
 
 
 def mean_pressures(jams, fewest) -> dict:
-    """{N: (φ, ln⟨p⟩ of jammed states, its error), each (F,)} of samples, in the order in which shear has passed them."""
+    """{N: (φ, ln⟨p⟩ of jammed states, its error), each (F,)} of samples in the order in which shear passes them."""
     found = {}
     for result in jams.results():
         n = int(result.attributes["particle_count"])
