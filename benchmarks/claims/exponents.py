@@ -31,12 +31,13 @@ def target_of(parameter):
 
 
 def at_cut(fit, cut) -> dict[str, Estimate]:
-    """{parameter: estimate} of the fit up to the rate nearest to `cut`; systematic: half the change to the next."""
+    """{parameter: estimate} of the fit up to the rate nearest to `cut`; systematic: half the change to the next cut,
+    the larger one if there is one."""
     cuts, values, errors = (fit[f"drift/{name}"] for name in ("cut", "parameters", "errors"))
     i = int(np.argmin(np.abs(np.log(cuts / cut))))
     names, dof = str(fit.attributes["fitted"]).split(","), fit.attributes["dof"]
     whole = fit.attributes["chi2"], int(dof)  # of the fit of all rates: the narrower ones do not say theirs
-    change = 0.5 * np.abs(values[i] - values[max(i - 1, 0)])
+    change = 0.5 * np.abs(values[i] - values[i - 1 if i else min(1, len(cuts) - 1)])
     return {
         name: Estimate(values[i, n], errors[i, n], change[n], *(whole if i == 0 else (0.0, 0)))
         for n, name in enumerate(names)
@@ -69,23 +70,23 @@ def slow_scaling(table):
         for parameter, found in primary.items():
             what = f"collapse of {symbol}, RD0, γ̇ ≤ {min(SLOWEST_FIT, rates[0]):g}: {SYMBOLS[parameter]}"
             if theirs:
-                yield Row(what, f"{theirs[parameter]:g}", found, target_of(parameter), CRITICAL, held, size)
+                note = f"{lower_cuts(fit, parameter)}; {held}"
+                yield Row(what, f"{theirs[parameter]:g}", found, target_of(parameter), CRITICAL, note, size)
             else:
                 yield check(what, found.value, found.statistical, "", size)
         if theirs:
             y, znu = primary["y"], primary["znu"]
             error = float(np.hypot(y.statistical, znu.statistical))
             yield check("β = zν − y from the collapse of p, RD0", znu.value - y.value, error, "", size, "2.4")
-            cuts = zip(rates, fit["drift/parameters"], fit["drift/errors"], strict=True)
-            for cut, values, errors in cuts:
-                names = str(fit.attributes["fitted"]).split(",")
-                told = ", ".join(
-                    f"{n} {v:.4g} ± {e:.2g}" for n, v, e in zip(names, values, errors, strict=True)
-                )
-                yield check(
-                    f"collapse of p, RD0, γ̇ ≤ {cut:g}: y", values[names.index("y")], None, told, size, "1.1"
-                )
     yield from powers_beside_phi_J(flows, size)
+
+
+def lower_cuts(fit, parameter) -> str:
+    """What the fits of lower rates alone give for a parameter, in words."""
+    column = str(fit.attributes["fitted"]).split(",").index(parameter)
+    cuts, values, errors = (fit[f"drift/{name}"] for name in ("cut", "parameters", "errors"))
+    rows = zip(cuts[1:], values[1:, column], errors[1:, column], strict=True)
+    return ", ".join(f"γ̇ ≤ {cut:g}: {value:.4g} ± {error:.2g}" for cut, value, error in rows)
 
 
 def collapses(table):
