@@ -57,8 +57,18 @@ def _apart(x, y):
 
 @drawn("bt-fig7cd")
 def lengths(page, folder):
-    """l/L against ω, and four collapses of l without its plateau, in the phase of the stress, of Re u_y."""
-    files = results(folder, command="correlate", law="stokes", eta_f=0.0, phase="stress")
+    """l/L against ω, and four collapses of l without its plateau, in phase with the stress, of Re u_y."""
+    _lengths(page, folder, "stress")
+
+
+@drawn("bt-fig7cd-in-phase-with-the-strain")
+def lengths_in_phase_with_the_strain(page, folder):
+    """The lengths of bt-fig7cd in phase with the strain."""
+    _lengths(page, folder, "strain")
+
+
+def _lengths(page, folder, phase):
+    files = results(folder, command="correlate", law="stokes", eta_f=0.0, phase=phase)
     largest = max(one.attributes["particle_count"] for one in files)
     curves = [correlation_curve(one) for one in files if one.attributes["particle_count"] == largest]
     curves = sorted(curves, key=lambda one: one.pressure)

@@ -1,18 +1,26 @@
-"""V's paper II: the four fits with corrections to scaling, and what ν and y do as small N are left out."""
+"""BT's figure 8b; V's paper II: the four fits with corrections to scaling, ν and y as small N are left out."""
 
 from pathlib import Path
 
 import numpy as np
 
 import jampetsc
+from jampetsc.plots.finite_size import draw_finite_size
 from jampetsc.plots.page import points
 from jampetsc.plots.scaling import scaled
 from jampetsc.plots.style import GREY, OPEN, PAGE, entry, hidden, looks
-from pictures.shared import drawn
+from pictures.shared import drawn, results
 
+STOKES_POWER = 1.09  # of N, BT's under Stokes drag
 ENSEMBLES = (("random", "RAND"), ("shear", "QS"))
 OBSERVABLES = (("", "f"), ("-pressure", r"\langle p\rangle"))
 RANGES = {"nu": (0.4, 1.6), "y": (0.6, 1.8)}  # in sight; fits beyond have lost their way
+
+
+@drawn("bt-fig8b")
+def viscosity_under_drag(page, folder):
+    """η₀/N^1.09 and (η₀ − η_F)/N^1.09 against pN², √p (η₀ − η_F) against N, under Stokes drag."""
+    draw_finite_size(results(folder, command="quasistatic", law="stokes"), page, STOKES_POWER)
 
 
 @drawn("paper2")

@@ -14,7 +14,6 @@ from jampetsc.analysis.correlation_lengths import (
     stokes_collapse,
 )
 from jampetsc.errors import InputError, named
-from jampetsc.options.parameters import NUMBER
 from jampetsc.options.values import FREQUENCIES
 from jampetsc.plots.curves import Curve, entries_of, group_curves
 from jampetsc.plots.page import HEIGHT, band, points
@@ -45,10 +44,6 @@ MEDIUM = (0.1691383468239038, 0.24575240074885307)
 OMEGA = option(
     "omega", FREQUENCIES, "fields: at these frequencies (default: up to four); correlation: one at which to compare "
     "files, or several of one file", "w1,w2,…",
-)  # fmt: skip
-LOG = option(
-    "log_exponent", NUMBER, "length: collapse of l (-ln p)^B against omega/p^(1/2) (default 0.65, as BT have it)",
-    "B", low=-10, high=10,
 )  # fmt: skip
 
 
@@ -236,15 +231,15 @@ def _fit(axes, curves):
         ax.set(xlim=(0.0, None), ylim=(min(-0.5, lowest - 0.05), 1.05))
 
 
-@picture("length", "correlation", options=(LOG,))
-def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
-    """(a) l/L against ωτ₁; for Stokes drag two collapses: (b) l (−ln p)^exponent against ω/p^½ (BT), p in units of k,
+@picture("length", "correlation")
+def plot_lengths(results, page):
+    """(a) l/L against ωτ₁; for Stokes drag two collapses: (b) l (−ln p)^0.65 against ω/p^½ (BT), p in units of k,
     and (c) l against √(|G*|/ω), the length of an elastic medium (docs/physics.md), if the files have G*.
 
     Filled symbols: Re u_y; open ones: Im u_y. Dotted: L/4, and the lengths for random stresses at low frequency, .169 L
     and .246 L. Raises InputError if no C has a root, a pressure is unknown, or files have different phases.
     """
-    curves, exponent = _curves(results), log_exponent
+    curves = _curves(results)
     if not any(np.isfinite(part).any() for curve in curves for part in (curve.G.real, curve.G.imag)):
         raise InputError(f"{curves[0].name}: no correlation falls to zero, so there is no length to show")
     for curve in curves:
@@ -253,8 +248,8 @@ def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
     medium = all(curve.modulus is not None for curve in curves)
     panels = [  # names of the axes, and where lengths y of a curve lie in them
         (r"$\omega\tau_1$", "$l/L$", lambda one, y: (one.omega, y / one.size)),
-        (r"$\omega\tau_1\,/\,(p/k)^{1/2}$", rf"$(l/d)\,[-\ln(p/k)]^{{{exponent:g}}}$",
-         lambda one, y: stokes_collapse(one.omega, y, one.pressure, exponent)),
+        (r"$\omega\tau_1\,/\,(p/k)^{1/2}$", rf"$(l/d)\,[-\ln(p/k)]^{{{LOG_EXPONENT:g}}}$",
+         lambda one, y: stokes_collapse(one.omega, y, one.pressure, LOG_EXPONENT)),
         (r"$(|G^*|/k\omega\tau_1)^{1/2}$", "$l/d$", lambda one, y: medium_collapse(one.omega, y, one.modulus)),
     ][: 3 if medium else 2]  # fmt: skip
     x_names, y_names, places = zip(*panels, strict=True)
@@ -282,15 +277,15 @@ def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
     handles.append(entry("$L/4$", "0.4", linewidth=0.6, linestyle=":"))
     handles.append(entry("medium", "0.4", linewidth=0.6, linestyle="--"))
     page.legend(axes[0], handles, title)
-    return _lengths_in_words(curves, exponent, medium)
+    return _lengths_in_words(curves, medium)
 
 
-def _lengths_in_words(curves, exponent, medium):
+def _lengths_in_words(curves, medium):
     text = f"correlation lengths of {count(curves, 'file', 'files')}, in phase with the {curves[0].phase}"
     try:
-        printed = [(c.omega, c.G, c.size, c.pressure, exponent) for c in curves]
+        printed = [(c.omega, c.G, c.size, c.pressure, LOG_EXPONENT) for c in curves]
         spread = 100 * length_spread(printed, stokes_collapse)
-        text += f"; l (-ln p)^{exponent:g} differs by {spread:.2g} % (rms) at equal omega/p^(1/2)"
+        text += f"; l (-ln p)^{LOG_EXPONENT:g} differs by {spread:.2g} % (rms) at equal omega/p^(1/2)"
         if medium:
             spread = 100 * length_spread([(c.omega, c.G, c.size, c.modulus) for c in curves], medium_collapse)
             text += f", l by {spread:.2g} % at equal |G*|/omega"

@@ -11,7 +11,6 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
-from jampetsc.options.parameters import NUMBER
 from jampetsc.plots.floppy import (
     BARE,
     draw_medians,
@@ -23,7 +22,7 @@ from jampetsc.plots.floppy import (
 )
 from jampetsc.plots.logaxes import limits_kept
 from jampetsc.plots.page import points
-from jampetsc.plots.picture import count, option, picture
+from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import GREY, PAGE, entry, exponent_text, looks, power_or_number, power_text
 from jampetsc.plots.units import units_of
 
@@ -31,18 +30,20 @@ HEIGHT = 3.0  # inches
 LARGE = 30.0  # pN² from which on a packing counts as large
 CRITICAL = 2e-3  # p/k up to which √p η₀ does
 FEWEST = 3  # sizes of a line in ln N
-SIZE_POWER = option(
-    "size_power", NUMBER, "finite-size: eta0 over N^A against pN^2 (default 1)", "A", low=0, high=10
-)
 
 
-@picture("finite-size", "quasistatic", options=(SIZE_POWER,))
-def plot_finite_size(results, page, size_power=1.0):
-    """η₀/N^a against pN² with the slope −a/2 of what does not depend on N: medians over packings, 68 % intervals.
+@picture("finite-size", "quasistatic")
+def plot_finite_size(results, page):
+    """As `draw_finite_size` with a = 1, the exponent of contact damping (BT)."""
+    return draw_finite_size(results, page, 1.0)
+
+
+def draw_finite_size(results, page, size_power) -> str:
+    """η₀/N^a against pN², a = size_power, with the slope −a/2 of what does not depend on N: medians, 68 % intervals.
 
     Filled: without pre-stress; open: with. Under a law with a fluid a second panel has η₀ − η_F; the last √p (η₀ − η_F)
     without pre-stress against N where pN² > LARGE and p/k < CRITICAL, means with their errors, and A + B ln N for each
-    pressure with enough sizes. size_power is a, by default 1, that of contact damping (BT).
+    pressure with enough sizes.
 
     Raises InputError for files of several laws, and where pressures are not positive.
     """

@@ -12,7 +12,9 @@ from jampetsc.analysis.statistics import half_width, log_median, median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
 from jampetsc.plots.exponents import plot_exponents
-from jampetsc.plots.finite_size import plot_finite_size
+from jampetsc.plots.finite_size import draw_finite_size, plot_finite_size
+from jampetsc.plots.page import Page
+from jampetsc.plots.style import drawn_in
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 SIZES, PRESSURES = np.array([64, 256, 1024]), np.array([1e-6, 1e-5, 1e-4, 1e-3])
@@ -98,7 +100,11 @@ def test_the_fluid_is_in_one_panel_and_out_of_the_next():
     with_fluid = files(lambda n, p: drag(n, p) + 3.0, law="stokes", fluid=3.0)
     for one in with_fluid:  # 10 % more or less of the drag, not of the fluid
         one.attributes["no_prestress_eta0"] = 3.0 + (one.attributes["no_prestress_eta0"] - 3.0)
-    fig = figure_of(plot_finite_size, with_fluid, size_power=1.09)
+    with drawn_in():
+        page = Page()
+        draw_finite_size(with_fluid, page, 1.09)
+        page.finish()
+    fig = page.figure
     assert [ax.get_ylabel() for ax in fig.axes] == [
         r"$\eta_0\,/\,N^{1.09}$ $[k\tau_1]$",
         r"$(\eta_0-\eta_F)\,/\,N^{1.09}$ $[k\tau_1]$",
