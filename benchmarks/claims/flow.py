@@ -13,7 +13,7 @@ from jampetsc.analysis.order import six_fold_order
 from jampetsc.analysis.profiles import heights, mean_profile
 from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.plots.flowcurves import regimes
+from jampetsc.plots.flow_plots import regimes
 
 FLOW, CRITICAL = "Steady flow", "Criticality"
 PHI_J = 0.8433  # V's, RD0

@@ -31,7 +31,7 @@ from claims.verdicts import Estimate, between, exact, number
 from jampetsc.analysis.scaling import collapse_spread, critical_exponents, local_slope
 from jampetsc.analysis.statistics import draws_of, log_median, mean_with_error
 from jampetsc.plots.curves import curve_of
-from jampetsc.plots.finite_size import FEWEST
+from jampetsc.plots.quasistatic_plots import FEWEST
 
 BALANCED, SLIDING, DRAG, SIZE = "Moduli at β = 1", "Moduli at β ≠ 1", "Stokes drag", "Finite size"
 BOTH = (("no_prestress_", "without pre-stress"), ("", "with pre-stress"))

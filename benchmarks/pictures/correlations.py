@@ -11,7 +11,7 @@ from jampetsc.analysis.correlation_lengths import (
     stokes_collapse,
 )
 from jampetsc.errors import InputError
-from jampetsc.plots.correlation import MEDIUM, correlation_curve
+from jampetsc.plots.correlation_plots import MEDIUM, correlation_curve
 from jampetsc.plots.page import points
 from jampetsc.plots.style import GREY, PAGE, entry, hidden, looks, power_or_number
 from pictures.shared import drawn, results

@@ -6,12 +6,9 @@ import numpy as np
 
 from jampetsc.analysis.order import six_fold_order
 from jampetsc.io.snapshots import snapshot
-from jampetsc.plots.flowcurves import flow_curves
-from jampetsc.plots.logaxes import limits_kept
-from jampetsc.plots.packing import circles
-from jampetsc.plots.page import band, points
-from jampetsc.plots.periodic import disk_images, wrap
-from jampetsc.plots.shearing import ORDERS
+from jampetsc.plots.flow_plots import ORDERS, flow_curves
+from jampetsc.plots.packing_plots import circles, disk_images, wrap
+from jampetsc.plots.page import band, limits_kept, points
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 from pictures.shared import drawn, results
 

@@ -10,12 +10,10 @@ import jampetsc
 from jampetsc.analysis.statistics import log_median
 from jampetsc.io.fields import field_at, packing_of, particle_rows, phase_factor
 from jampetsc.packing.contacts import measure
-from jampetsc.plots.floppy import plot_viscosities
-from jampetsc.plots.logaxes import draw_guide
-from jampetsc.plots.moduli import averaged, plot_collapse, plot_moduli
-from jampetsc.plots.packing import circles
-from jampetsc.plots.page import points
-from jampetsc.plots.periodic import wrap
+from jampetsc.plots.moduli_plots import averaged, plot_collapse, plot_moduli
+from jampetsc.plots.packing_plots import circles, wrap
+from jampetsc.plots.page import draw_guide, points
+from jampetsc.plots.quasistatic_plots import plot_viscosities
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number, power_or_number
 from pictures.shared import beside, drawn, results
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 import jampetsc
-from jampetsc.plots.finite_size import draw_finite_size
 from jampetsc.plots.page import points
-from jampetsc.plots.scaling import scaled
+from jampetsc.plots.quasistatic_plots import draw_finite_size
+from jampetsc.plots.scaling_plots import scaled
 from jampetsc.plots.style import GREY, OPEN, PAGE, entry, hidden, looks
 from pictures.shared import drawn, results
 

@@ -10,7 +10,7 @@ from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.io.averages import STATISTICS
 from jampetsc.laws.damping import FAMILIES, OPTIONS
-from jampetsc.plots.picture import grouped
+from jampetsc.plots.picture import grouped, units_of
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
@@ -22,7 +22,6 @@ from jampetsc.plots.style import (
     power_or_number,
     sequential,
 )
-from jampetsc.plots.units import units_of
 
 _SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
 _LARGEST = 1e200  # modulus that a log axis can show, and the inverse of the smallest

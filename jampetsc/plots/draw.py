@@ -12,14 +12,14 @@ from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.reader import load
 from jampetsc.options.values import refuse_repeated
 from jampetsc.packing.disks import Disks
-from jampetsc.plots import numbers
+from jampetsc.plots import picture_table
 from jampetsc.plots.page import Page
 from jampetsc.plots.picture import PICTURES, Picture, drawable
 from jampetsc.plots.style import FORMATS, save
 
 MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
-    "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "flowcurves",
-    "quasistatic_shear", "shearing", "jamming", "scaling", "fields", "packing",
+    "moduli_plots", "spectrum_plots", "correlation_plots", "quasistatic_plots", "exponent_plots", "mode_plots",
+    "flow_plots", "jamming_plots", "scaling_plots", "field_plots", "packing_plots",
 )  # fmt: skip
 COMMANDS = {  # format -> the command, where they have two names
     "correlation": "correlate",
@@ -99,7 +99,7 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
         with drawable(found):
             save(drawn.figure, out)
     if csv is not None:
-        write_whole(csv, numbers.written(drawn.axes))
+        write_whole(csv, picture_table.written(drawn.axes))
     return drawn
 
 

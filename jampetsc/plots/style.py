@@ -120,7 +120,7 @@ def entry(label, color="0.2", **look) -> Line2D:
 
 
 def hidden(name) -> str:
-    """The label of what a legend does not name, and a table of numbers does (`plots.numbers`)."""
+    """The label of what a legend does not name, and a table of numbers does (`picture_table`)."""
     return f"_:{name}"
 
 

@@ -19,7 +19,7 @@ from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.commands.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.plots.scaling import plot_branches, plot_scaling
+from jampetsc.plots.scaling_plots import plot_branches, plot_scaling
 from jampetsc.studies.table import table_text
 
 

@@ -21,7 +21,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
 from jampetsc.packing.disks import Disks
-from jampetsc.plots.correlation import MEDIUM, correlation_curve, plot_correlation, plot_lengths
+from jampetsc.plots.correlation_plots import MEDIUM, correlation_curve, plot_correlation, plot_lengths
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

@@ -11,9 +11,9 @@ from drawn import bars, figure_of, lines, require_inside, told
 from jampetsc.analysis.statistics import half_width, log_median, median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
-from jampetsc.plots.exponents import plot_exponents
-from jampetsc.plots.finite_size import draw_finite_size, plot_finite_size
+from jampetsc.plots.exponent_plots import plot_exponents
 from jampetsc.plots.page import Page
+from jampetsc.plots.quasistatic_plots import draw_finite_size, plot_finite_size
 from jampetsc.plots.style import drawn_in
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib

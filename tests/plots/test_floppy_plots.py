@@ -9,8 +9,8 @@ from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots import style
 from jampetsc.plots.draw import plot
-from jampetsc.plots.floppy import plot_medians, plot_viscosities
-from jampetsc.plots.vibrations import density_of_states, plot_lowest, plot_modes, plot_states
+from jampetsc.plots.mode_plots import density_of_states, plot_lowest, plot_modes, plot_states
+from jampetsc.plots.quasistatic_plots import plot_medians, plot_viscosities
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 MOTIONS = ("normal", "transverse", "nonaffine")

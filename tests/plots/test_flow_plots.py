@@ -18,18 +18,23 @@ from jampetsc.io.results import Attributes
 from jampetsc.io.snapshots import snapshot
 from jampetsc.packing.contacts import measure
 from jampetsc.plots.draw import draw
-from jampetsc.plots.flowcurves import (
+from jampetsc.plots.flow_plots import (
     _draw_exponents,
     flow_curves,
+    kind_of,
+    labels_of,
+    lanes_of,
     plot_against_phi,
     plot_flow,
+    plot_lanes,
+    plot_order,
+    plot_profiles,
     plot_regimes,
     regimes,
 )
-from jampetsc.plots.numbers import table
-from jampetsc.plots.packing import touching
-from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes, plot_order, plot_profiles
-from jampetsc.plots.units import flow_units
+from jampetsc.plots.packing_plots import touching
+from jampetsc.plots.picture import flow_units
+from jampetsc.plots.picture_table import table
 
 
 @pytest.fixture(scope="module")

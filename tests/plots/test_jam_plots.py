@@ -16,10 +16,15 @@ from jampetsc.analysis.jamming import (
     memory,
 )
 from jampetsc.errors import InputError
-from jampetsc.plots import jamming
+from jampetsc.plots import jamming_plots
 from jampetsc.plots.draw import draw
-from jampetsc.plots.jamming import plot_fraction, plot_jamming_densities, plot_pressures, samples_of
-from jampetsc.plots.quasistatic_shear import plot_quasistatic_shear
+from jampetsc.plots.jamming_plots import (
+    plot_fraction,
+    plot_jamming_densities,
+    plot_pressures,
+    plot_quasistatic_shear,
+    samples_of,
+)
 
 UNITS = {"units": "k_e = k_d = 1, diameter of the small disks 1", "stiffness": "inverse-square-diameter"}
 PHIS = (0.83, 0.84)
@@ -150,7 +155,7 @@ def test_kinds_of_samples_are_named_by_what_differs():
     sheared, cooled = {"protocol": "shear", "step": 1e-3}, {"protocol": "compress", "cooling_rate": 1e-2}
     files = [jam_of(), jam_of(separated=True), jam_of(**sheared), jam_of(**sheared | {"step": 1e-4})]
     kinds = [one.kind for one in samples_of([*files, jam_of(**cooled, step=1e-3, strain=4.0)])]
-    assert sorted(jamming._labels(kinds)) == [
+    assert sorted(jamming_plots._labels(kinds)) == [
         "compress, $R=10^{-2}$, sheared by 4", "random", "random, separated", r"shear, $\Delta\gamma=10^{-3}$",
         r"shear, $\Delta\gamma=10^{-4}$",
     ]  # fmt: skip
@@ -161,7 +166,7 @@ def test_kinds_of_samples_are_named_by_what_differs():
         ({"protocol": "shear"}, ["random", "shear"]),
     ):
         kinds = [one.kind for one in samples_of([jam_of(), jam_of(**more)] if more else [jam_of()])]
-        assert jamming._labels(kinds) == names
+        assert jamming_plots._labels(kinds) == names
 
 
 def test_jamming_densities_by_rate_of_cooling():

@@ -10,14 +10,14 @@ from drawn import drawn_by, figure_of, lines, told
 from test_flow_plots import facts
 
 from jampetsc.errors import InputError
-from jampetsc.plots import logaxes, trade
-from jampetsc.plots.correlation import CorrelationCurve, plot_lengths
+from jampetsc.plots import page, trade_plots
+from jampetsc.plots.correlation_plots import CorrelationCurve, plot_lengths
 from jampetsc.plots.curves import Curve, average_curves, curve_of
-from jampetsc.plots.floppy import pressures_of
-from jampetsc.plots.flowcurves import plot_flow
-from jampetsc.plots.moduli import plot_collapse, plot_loss, plot_moduli
+from jampetsc.plots.flow_plots import plot_flow
+from jampetsc.plots.moduli_plots import plot_collapse, plot_loss, plot_moduli
+from jampetsc.plots.picture import units_of
+from jampetsc.plots.quasistatic_plots import pressures_of
 from jampetsc.plots.style import STORAGE
-from jampetsc.plots.units import units_of
 from jampetsc.speed_accuracy.table import Row
 
 OMEGA = np.array([1e-2, 1e-1, 1.0])
@@ -142,11 +142,11 @@ def test_moduli_are_guided_where_they_are_viscous():
 def test_a_guide_is_the_middle_of_the_longest_stretch():
     x = np.geomspace(1.0, 1e8, 81)
     y = np.where(x < 10**1.05, x**0.5, np.where(x < 10**3.05, x**2, x**0.5 * 10 ** (1.5 * 3.05)))
-    first, last = logaxes._regime(x, y, 0.5)
+    first, last = page._regime(x, y, 0.5)
     assert last - first == pytest.approx(2.5) and first + last == pytest.approx(3.2 + 8.0, abs=0.2)
-    assert logaxes._regime(x[:2], x[:2], 1.0) is None
+    assert page._regime(x[:2], x[:2], 1.0) is None
     for slope, close in ((0.61, True), (0.63, False), (0.39, True), (0.37, False)):
-        assert (logaxes._regime(x, x**slope, 0.5) is not None) == close
+        assert (page._regime(x, x**slope, 0.5) is not None) == close
 
 
 def run(choice, error, seconds, group="accuracy"):
@@ -185,7 +185,7 @@ def test_errors_of_a_trade_end_where_the_reference_does(floor):
         run("direct, a.opts", 1e-3, 0.0, "method"), run("direct, b.opts", np.nan, 2.0, "method"),
         run("", 1.0, 1.0, "reference"),
     ]  # fmt: skip
-    ax = drawn_by(trade.draw_trade, rows, floor).axes[0]
+    ax = drawn_by(trade_plots.draw_trade, rows, floor).axes[0]
     points = sorted((face == "white", x[0], y[0]) for x, y, _, face in lines(ax, 1))  # open: G''
     errors = {1.0: 1e-2, 2.0: 1e-3, 4.0: 1e-6}
     wanted = [(n, t, max(e * share, floor)) for n, share in enumerate((1, 0.5)) for t, e in errors.items()]

@@ -14,12 +14,12 @@ from test_plots import plot, sweep_of, write_sweep
 
 import jampetsc
 from jampetsc.errors import InputError
-from jampetsc.plots import logaxes, style
+from jampetsc.plots import style
 from jampetsc.plots.draw import MODULES, pictures
-from jampetsc.plots.flowcurves import plot_flow
-from jampetsc.plots.moduli import plot_moduli
-from jampetsc.plots.numbers import plain, table, written
-from jampetsc.plots.page import Page, band, points
+from jampetsc.plots.flow_plots import plot_flow
+from jampetsc.plots.moduli_plots import plot_moduli
+from jampetsc.plots.page import Page, band, points, visible_labels
+from jampetsc.plots.picture_table import plain, table, written
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
 
@@ -175,7 +175,7 @@ def test_labels_that_would_touch_are_taken_away():
     page.xlim = (4e-4, 1.2e-2)
     page.finish()
     page.figure.draw_without_rendering()
-    boxes = [label.get_window_extent() for label in logaxes._labels(ax.xaxis)]
+    boxes = [label.get_window_extent() for label in visible_labels(ax.xaxis)]
     assert len(boxes) >= 2 and all(one.x1 < other.x0 for one, other in itertools.pairwise(boxes))
 
 

@@ -19,13 +19,13 @@ from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import Potential
-from jampetsc.plots import periodic
+from jampetsc.plots import packing_plots
 from jampetsc.plots.curves import group_curves
 from jampetsc.plots.draw import draw, pictures
-from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
-from jampetsc.plots.moduli import plot_collapse, plot_moduli
-from jampetsc.plots.numbers import table
-from jampetsc.plots.packing import _draw, flowing, plot_packing, touching
+from jampetsc.plots.field_plots import ARROWS, _colours, _spread, plot_fields
+from jampetsc.plots.moduli_plots import plot_collapse, plot_moduli
+from jampetsc.plots.packing_plots import _draw, flowing, plot_packing, touching
+from jampetsc.plots.picture_table import table
 from jampetsc.plots.style import LOSS, STORAGE, sequential
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -301,19 +301,19 @@ def test_colours_grow_lighter_with_pressure_and_stay_visible_on_white():
 def test_what_leaves_the_cell_comes_in_on_the_other_side(cell):
     """Every point of every disk and segment, folded into the cell, lies on a drawn image, also across a corner."""
     rng = np.random.default_rng(7)
-    starts, radii = periodic.wrap(rng.uniform(-20, 20, (40, 2)), cell), rng.uniform(0.1, 0.6, 40)
+    starts, radii = packing_plots.wrap(rng.uniform(-20, 20, (40, 2)), cell), rng.uniform(0.1, 0.6, 40)
     vectors, turns = rng.uniform(-1.2, 1.2, (40, 2)), np.linspace(0, 2 * np.pi, 60)
     rims = radii[:, None, None] * np.column_stack((np.cos(turns), np.sin(turns)))
     along = vectors[:, None] * np.linspace(0, 1, 23)[:, None]
     for (rows, anchors), points in (
-        (periodic.disk_images(starts, radii, cell), rims),
-        (periodic.segment_images(starts, vectors, cell), along),
+        (packing_plots.disk_images(starts, radii, cell), rims),
+        (packing_plots.segment_images(starts, vectors, cell), along),
     ):
         assert len({(row, *np.round(anchor, 9)) for row, anchor in zip(rows, anchors, strict=True)}) == len(
             rows
         )
         for row, offsets in enumerate(points):
-            folded = periodic.wrap(starts[row] + offsets, cell)
+            folded = packing_plots.wrap(starts[row] + offsets, cell)
             images = anchors[rows == row][:, None] + offsets
             assert np.linalg.norm(images - folded, axis=2).min(axis=0).max() < 1e-9
 
@@ -343,7 +343,7 @@ def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part():
     sweep.packing = disks
     turn = np.exp(-1j * np.angle(modulus(OMEGA, 1e-3)[24]))
     total = u[0].copy()
-    total[:, 0] += periodic.wrap(disks.positions, disks.cell)[:, 1] - disks.cell[1, 1] / 2
+    total[:, 0] += packing_plots.wrap(disks.positions, disks.cell)[:, 1] - disks.cell[1, 1] / 2
     motion, spin = turn * total, turn * u[0, :, 0]
     axes = plot_fields([sweep], total=True)
     for ax, name, take in zip(axes, ("peak", "zero"), (np.real, lambda z: -np.imag(z)), strict=True):
@@ -351,7 +351,9 @@ def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part():
         assert f"$u$ at {name} stress" in ax.get_title()
         require_arrows(ax, take(motion))
         turned = take(spin) / np.sqrt(np.mean(take(spin) ** 2))
-        rows = periodic.disk_images(periodic.wrap(disks.positions, disks.cell), disks.radii, disks.cell)[0]
+        rows = packing_plots.disk_images(
+            packing_plots.wrap(disks.positions, disks.cell), disks.radii, disks.cell
+        )[0]
         np.testing.assert_allclose(faces.get_facecolors(), _colours()(0.5 + turned[rows] / 4))
 
 
@@ -359,7 +361,9 @@ def test_rattlers_are_hollow_walls_dark_and_both_are_told():
     disks = samples.published()
     radii = disks.radii * np.where(np.arange(16) == 5, 0.5, 1.0)
     disks = Disks.from_positions(disks.positions, radii, disks.cell)
-    rows = periodic.disk_images(periodic.wrap(disks.positions, disks.cell), disks.radii, disks.cell)[0]
+    rows = packing_plots.disk_images(
+        packing_plots.wrap(disks.positions, disks.cell), disks.radii, disks.cell
+    )[0]
     state, loose = measure(disks), replace(disks, record={"walls": 3})
     flow = drawn_by(lambda page: _draw(page, [flowing("", loose)]))
     for fig, hollow, walls in (
@@ -470,7 +474,7 @@ def test_the_help_lists_all_kinds(capsys):
 def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(with_fields, tmp_path):
     script = (
         "import sys; from jampetsc import main as cli\n"
-        "import jampetsc.io.reader, jampetsc.plots.flowcurves\n"
+        "import jampetsc.io.reader, jampetsc.plots.flow_plots\n"
         "assert 'numba' not in sys.modules, 'a third of a second for a compiler that reading does not need'\n"
         "status = cli.main(sys.argv[1:])\n"
         "unwanted = ('petsc4py', 'slepc4py', 'mpi4py', 'matplotlib.pyplot', 'tkinter')\n"

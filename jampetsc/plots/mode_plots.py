@@ -7,10 +7,9 @@ from matplotlib.patches import Patch
 
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
-from jampetsc.plots.floppy import QUANTITIES, groups_of, pressures_of, values_of
-from jampetsc.plots.logaxes import power_law
-from jampetsc.plots.page import band, points
-from jampetsc.plots.picture import count, grouped, picture
+from jampetsc.plots.page import band, points, power_law
+from jampetsc.plots.picture import count, grouped, picture, units_of
+from jampetsc.plots.quasistatic_plots import QUANTITIES, groups_of, pressures_of, values_of
 from jampetsc.plots.style import (
     COLUMN,
     DASHED,
@@ -26,7 +25,6 @@ from jampetsc.plots.style import (
     power_or_number,
     sequential,
 )
-from jampetsc.plots.units import units_of
 
 BINS = 8  # per decade of frequency, of the density of states
 FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"

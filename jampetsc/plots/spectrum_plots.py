@@ -8,10 +8,9 @@ from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.transient import Transient, transient
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
-from jampetsc.plots.logaxes import limits_kept
-from jampetsc.plots.picture import count, picture
+from jampetsc.plots.page import limits_kept
+from jampetsc.plots.picture import count, picture, units_of
 from jampetsc.plots.style import DASHED, PAGE, entry, hidden, number
-from jampetsc.plots.units import units_of
 
 HEIGHT = 5.0  # inches
 _FEW = 2  # so many spectra or fewer: the modes and the content between them are drawn too

@@ -13,8 +13,7 @@ from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
 from jampetsc.options.parameters import NUMBER, WORD
 from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves, symbol_of
-from jampetsc.plots.logaxes import draw_guide
-from jampetsc.plots.page import band
+from jampetsc.plots.page import band, draw_guide
 from jampetsc.plots.picture import count, option, picture
 from jampetsc.plots.style import DASHED, LOSS, OPEN, STORAGE, entry, hidden, power_text, sequential
 

@@ -17,7 +17,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.options.values import FREQUENCIES
 from jampetsc.plots.curves import Curve, entries_of, group_curves
 from jampetsc.plots.page import HEIGHT, band, points
-from jampetsc.plots.picture import count, option, picture
+from jampetsc.plots.picture import count, option, picture, units_of
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
@@ -29,7 +29,6 @@ from jampetsc.plots.style import (
     power_or_number,
     sequential,
 )
-from jampetsc.plots.units import units_of
 
 _DASHES = ("-", DASHED, DOTTED, (0, (4, 1.2, 1, 1.2)))  # of files, where colours are of frequencies
 _PARTS = (("Re", "-", 0), ("Im", DASHED, 1))

@@ -18,9 +18,10 @@ from jampetsc.io.fields import (
 from jampetsc.io.snapshots import snapshot
 from jampetsc.options.parameters import SWITCH, WORD
 from jampetsc.options.values import INTEGERS
-from jampetsc.plots.correlation import OMEGA
-from jampetsc.plots.packing import circles
-from jampetsc.plots.periodic import (
+from jampetsc.plots.correlation_plots import OMEGA
+from jampetsc.plots.mode_plots import chosen_modes
+from jampetsc.plots.packing_plots import (
+    circles,
     disk_images,
     framed,
     lay_out,
@@ -31,7 +32,6 @@ from jampetsc.plots.periodic import (
 )
 from jampetsc.plots.picture import PACKING, option, picture
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
-from jampetsc.plots.vibrations import chosen_modes
 
 ARROWS = 1600  # at most so many in a panel, evenly spread
 COLUMNS = 5  # frequencies in one picture

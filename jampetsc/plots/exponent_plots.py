@@ -13,7 +13,9 @@ from jampetsc.analysis.statistics import log_median, mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
 from jampetsc.plots.curves import Curve, curve_of, entries_of, group_curves, require_same_frequencies
-from jampetsc.plots.floppy import (
+from jampetsc.plots.page import band, points
+from jampetsc.plots.picture import count, picture
+from jampetsc.plots.quasistatic_plots import (
     PRESTRESS,
     QUANTITIES,
     groups_of,
@@ -23,8 +25,6 @@ from jampetsc.plots.floppy import (
     value_of,
     values_of,
 )
-from jampetsc.plots.page import band, points
-from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, hidden, looks
 
 HEIGHT = 2.5  # inches of one row of panels

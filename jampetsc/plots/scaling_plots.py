@@ -3,8 +3,7 @@
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.plots.logaxes import limits_kept
-from jampetsc.plots.page import points
+from jampetsc.plots.page import limits_kept, points
 from jampetsc.plots.picture import picture
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 

@@ -1,21 +1,26 @@
-"""Flow curves: stress, pressure, friction, viscosity and coordination against the rate, or against φ at each rate.
+"""Pictures of steady shear: flow curves, regimes, series and order over strain, profiles between walls, g_y(x).
+
+Quantities are in the units of the files (`picture.flow_units`): Vågberg's if `jampetsc flow` made the disks.
 
 Local exponents d ln σ/d ln γ̇ show the regime (Vågberg, thesis sec. 6.4): 1 is Newtonian, where disks stay together in
 large clusters, 2 Bagnoldian, where they part after a collision.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from jampetsc.analysis.averages import mean_of_facts
+from jampetsc.analysis.order import six_fold_order
+from jampetsc.analysis.profiles import heights, mean_profile
 from jampetsc.analysis.scaling import local_exponents
 from jampetsc.errors import InputError
-from jampetsc.plots.page import points
-from jampetsc.plots.picture import count, picture
-from jampetsc.plots.shearing import draw_series, kind_of, labels_of
-from jampetsc.plots.style import GREY, OPEN, PAGE, entry, hidden, looks, number
-from jampetsc.plots.units import flow_units
+from jampetsc.flows.velocity_correlation import BIN, FORMAT, LANE, correlate_lanes
+from jampetsc.plots.page import band, points
+from jampetsc.plots.picture import count, differing, flow_units, grouped, picture
+from jampetsc.plots.style import DASHED, GREY, OPEN, PAGE, colours, entry, hidden, looks, number
 
-HEIGHT = 2.3  # inches of one row of panels
+CURVE_HEIGHT = 2.3  # inches of one row of panels
 _FEWEST = 2  # rates, or packing fractions, that make a curve
 QUANTITIES = ("shear_stress", "pressure", "coordination")
 
@@ -23,8 +28,8 @@ QUANTITIES = ("shear_stress", "pressure", "coordination")
 def flow_curves(results, over="rate") -> dict:
     """{kind: {quantity: (rates or φ (R,), values (R,), errors (R,))}}, runs of one kind and rate averaged.
 
-    QUANTITIES in the units of `units.flow_units`; errors are the larger of the scatter of runs and their own. over:
-    "rate", with kinds as `shearing.kind_of` has them, or "phi", with kinds (kind, γ̇) whose φ is nan. Raises InputError
+    QUANTITIES in the units of `picture.flow_units`; errors are the larger of the scatter of runs and their own. over:
+    "rate", with kinds as `kind_of` has them, or "phi", with kinds (kind, γ̇) whose φ is nan. Raises InputError
     where a run is there twice, or units differ.
     """
     units, curves, seen = flow_units(results), {}, {}
@@ -76,7 +81,7 @@ def draw_flow_curves(results, page) -> str:
     names += [units.label(r"\sigma/\dot\gamma,\ p/\dot\gamma", "viscosity")]
     names += [r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$", "$Z$"]
     rate = units.label(r"\dot\gamma", "rate")
-    axes = page.panels(2, 3, PAGE, 2 * HEIGHT, x=rate, y=names, log=["xy"] * 4 + ["x"] * 2)
+    axes = page.panels(2, 3, PAGE, 2 * CURVE_HEIGHT, x=rate, y=names, log=["xy"] * 4 + ["x"] * 2)
     every = np.concatenate([curve["pressure"][0] for curve in curves.values()])
     for ax in axes:
         ax.set_xlim(every.min() / 1.3, 1.3 * every.max())
@@ -125,7 +130,7 @@ def plot_against_phi(results, page):
     kinds = [kind for kind, _ in curves]
     words = labels_of(kinds) if len(set(kinds)) > 1 else [""] * len(kinds)
     names = [units.label(r"\sigma", "stress"), units.label("p", "stress"), "$Z$"]
-    axes = page.panels(1, 3, PAGE, HEIGHT * 1.2, x=r"$\phi$", y=names, log=["y", "y", ""])
+    axes = page.panels(1, 3, PAGE, CURVE_HEIGHT * 1.2, x=r"$\phi$", y=names, log=["y", "y", ""])
     for ax, name in zip(axes, QUANTITIES, strict=True):
         for (((_, rate), curve), word), look in looks(zip(curves.items(), words, strict=True)):
             label = (f"{word}, " if word else "") + f"${number(rate * units.tau1)}$"
@@ -190,3 +195,146 @@ def plot_regimes(results, page):
     handles = [entry(rf"${phi:g}$", **look) for phi, look in styles.items()]
     page.legend(axes[1, 0], handles, r"$\phi$", "lower left")
     return f"exponents and clusters of {count(results, 'run', 'runs')} against Q"
+
+
+HEIGHT = 2.7  # inches of one row of panels
+_STRESSES = (("shear_stress", r"\sigma"), ("pressure", "p"))
+NAMED = 12  # runs that a legend names
+ORDERS = (r"$\langle|\psi_6|\rangle$", r"$|\langle\psi_6\rangle|$")
+WINDOWS = (0.0, 0.1, 0.3, 1.0)  # strains between which the start is shown; the last window is the steady part
+PANELS = 3  # kinds of flow between walls
+
+
+def kind_of(result) -> tuple:
+    """What flow curves have in common: model, φ, N, mass, sizes and potential of the disks."""
+    a = result.attributes
+    walls = " between walls" if "walls" in a else ""
+    found = f"{a['model']}{walls}", round(float(a["phi"]), 6), int(a["particle_count"]), float(a["mass"])
+    return *found, str(a.get("sizes", "")), str(a["potential"])
+
+
+def labels_of(kinds) -> list[str]:
+    """A legend's words for each of `kinds`: the parts that differ between them, the model where none does."""
+    parts = [
+        (model, rf"$\phi={phi:.6g}$", f"$N={n}$", f"$m={number(mass)}$" if mass else "no mass", *words)
+        for model, phi, n, mass, *words in kinds
+    ]
+    varied = [len(set(column)) > 1 for column in zip(*kinds, strict=True)]
+    varied[3] = varied[3] and len({(kind[0], kind[3]) for kind in kinds}) > len({kind[0] for kind in kinds})
+    return [words or one[0] for words, one in zip(differing(parts, varied), parts, strict=True)]
+
+
+def draw_mean(ax, result, name, unit, colour, width) -> None:
+    """The mean of NAME over the steady part of a run, dashed along its strain."""
+    a = result.attributes
+    mean, span = float(a[f"{name}_mean"]) / unit, [float(a["discard"]), result["strain"][-1]]
+    ax.plot(span, [mean, mean], color=colour, lw=width, ls=DASHED, label=hidden(f"{result.path.stem}, mean"))
+
+
+def draw_series(results, page) -> str:
+    """σ and p over the strain, of one file or several, with the means of the steady part."""
+    units = flow_units(results)
+    names = [units.label(symbol, "stress") for _, symbol in _STRESSES]
+    axes = page.panels(1, 2, PAGE, HEIGHT, x=r"$\gamma$", y=names)
+    for ax, (name, _) in zip(axes, _STRESSES, strict=True):
+        for result, colour in zip(results, colours(len(results)), strict=True):
+            values = result[name].sum(1) / units.k
+            ax.plot(result["strain"], values, color=colour, lw=0.6, label=result.path.stem)
+            draw_mean(ax, result, name, units.k, colour, 1.6)
+        ax.set(ylim=(0, None), xmargin=0)
+    handles = [entry("means", GREY, lw=1.6, ls=DASHED)]
+    if 1 < len(results) <= NAMED:
+        handles = axes[0].get_legend_handles_labels()[0] + handles
+    page.legend(axes[1], handles)
+    return f"stress and pressure of {count(results, 'run', 'runs')} over the strain"
+
+
+@picture("order", "flow")
+def plot_order(results, page):
+    """⟨|ψ₆|⟩ and |⟨ψ₆⟩| over the strain: disks of one size order into layers, disks of two do not (Vågberg, Fig. 4.6).
+
+    Kind by kind: thin lines runs, thick ones their mean. Raises InputError for files without snapshots, and for runs of
+    one kind with snapshots at other strains.
+    """
+    kinds = grouped([(result, six_fold_order(result)) for result in results], lambda pair: kind_of(pair[0]))
+    for (first, _), *others in kinds.values():
+        for result, _ in others:
+            if not np.array_equal(result["snapshots/strain"], first["snapshots/strain"]):
+                raise InputError(
+                    f"{result.path}: snapshots at other strains than {first.path.name}: a mean needs the same"
+                )
+    axes = page.panels(1, 2, PAGE, HEIGHT, x=r"$\gamma$", y=ORDERS)
+    for part, ax in enumerate(axes):
+        for (runs, label), look in looks(zip(kinds.values(), labels_of(list(kinds)), strict=True)):
+            strain, thin = runs[0][0]["snapshots/strain"], {"color": look["color"], "lw": 0.3, "alpha": 0.6}
+            for run, order in runs if len(runs) > 1 else ():
+                ax.plot(strain, order[part], label=hidden(run.path.name), **thin)
+            mean = np.mean([order[part] for _, order in runs], axis=0)
+            ax.plot(strain, mean, markevery=max(1, len(strain) // 10), label=label, **look)
+        ax.set(ylim=(0, 1), xmargin=0.01)
+    page.legend(axes[1], title=f"thin: {len(results)} runs" if len(results) > len(kinds) else None)
+    return f"six-fold order of {count(results, 'run', 'runs')} over the strain"
+
+
+@picture("profile", "flow")
+def plot_profiles(results, page):
+    """y/H − ½ against v_x/(γ̇H) between walls in windows of strain: where the shear is at the start, and when steady.
+
+    A panel for each kind and rate, runs averaged; dotted: linear, bars: standard errors. Raises InputError for files
+    without profiles, and for more kinds than PANELS.
+    """
+    kinds = grouped(results, lambda one: (kind_of(one), float(one.attributes["rate"])))
+    if len(kinds) > PANELS:
+        raise InputError(f"{len(kinds)} kinds of flow: one picture of profiles shows {PANELS}; choose some")
+    rates = {rate for _, rate in kinds}
+    named = {"x": r"$v_x/(\dot\gamma H)$", "y": r"$y/H-\frac{1}{2}$"}
+    axes = np.ravel(page.panels(1, len(kinds), PAGE, 3.0, **named, sharey=True))
+    names = labels_of([kind for kind, _ in kinds])
+    for ax, ((_, rate), runs), name in zip(axes, kinds.items(), names, strict=True):
+        steady = min(float(run.attributes["discard"]) for run in runs)
+        end = min(float(run["strain"][-1]) for run in runs)
+        windows = [*pairwise([edge for edge in WINDOWS if edge < steady]), (steady, end)]
+        ax.plot([-0.5, 0.5], [-0.5, 0.5], color=GREY, lw=0.8, ls=":", zorder=1)
+        for (low, high), look in looks(windows):
+            v, error = mean_profile(runs, low, high)
+            bars = {"xerr": np.nan_to_num(error), "elinewidth": 0.6, "label": f"${low:g}$ to ${high:.3g}$"}
+            ax.errorbar(v, heights(len(v)), ms=3, lw=0.8, **bars, **look)
+        ax.set(xlim=(-0.52, 0.52), ylim=(-0.5, 0.5))
+        title = rf"{name}, $\dot\gamma={number(rate)}$" if len(rates) > 1 else name
+        ax.set_title(title, loc="right", pad=3)
+    page.legend(axes[0], title=r"$\gamma$", first="upper left")
+    return f"velocity between walls of {count(results, 'run', 'runs')} in windows of strain"
+
+
+def lanes_of(results) -> list:
+    """[(label, x (D,), g_y (D,), error (D,))] of files of g_y, or of flow files with snapshots, kind by kind.
+
+    Flow files are correlated with the defaults of `jampetsc correlate`. Raises InputError without snapshots.
+    """
+    found = []
+    if results[0].format == FORMAT:
+        for result in results:
+            a = result.attributes
+            label = rf"{a['model']}, $\phi={float(a['phi']):.5g}$, $\dot\gamma={number(float(a['rate']))}$"
+            found.append((label, result["x"], result["g_y"], result["g_y_error"]))
+        return found
+    groups = grouped(results, lambda one: (kind_of(one), float(one.attributes["rate"])))
+    names = labels_of([kind for kind, _ in sorted(groups)])
+    for ((_, rate), some), name in zip(sorted(groups.items()), names, strict=True):
+        g = correlate_lanes(some, LANE, BIN)
+        found.append((rf"{name}, $\dot\gamma={number(rate)}$", g.centres, g.values, g.errors))
+    return found
+
+
+@picture("lanes", "velocity-correlation", "flow")
+def plot_lanes(results, page):
+    """g_y against x of one or several files, with bands of one standard error."""
+    curves = lanes_of(results)
+    ax = page.panels(1, 1, PAGE, HEIGHT, x=flow_units(results).label("x", "length"), y="$g_y(x)$")
+    ax.axhline(0.0, color=GREY, lw=0.6)
+    for (label, x, g, error), look in looks(curves):
+        band(ax, x, g - error, g + error, label, color=look["color"])
+        ax.plot(x, g, label=label, **look)
+    ax.set_xmargin(0.02)
+    page.legend(ax, title="bands: one standard error")
+    return f"g_y of {count(results, 'file', 'files')}"
