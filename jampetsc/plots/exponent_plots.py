@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from jampetsc.analysis.local_power_laws import median_exponents
 from jampetsc.analysis.scaling import (
     BORDER,
     critical_exponents,
-    local_exponents,
     local_slope,
     low_frequency_limit,
 )
-from jampetsc.analysis.statistics import log_median, mean_with_error
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
 from jampetsc.plots.curves import Curve, curve_of, entries_of, group_curves, require_same_frequencies
@@ -102,22 +102,9 @@ def draw_pressure_exponents(results, page) -> str:
         ax.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
         for size, levels in groups.items():
             for prefix, words, face in PRESTRESS:
-                drawn = local_exponents_of(np.array(list(levels)), values_of(levels, value_of, name, prefix))
+                drawn = median_exponents(np.array(list(levels)), values_of(levels, value_of, name, prefix))
                 points(ax, *drawn, label=hidden(f"$N={size}$, {words}"), **styles[size], **face)
         ax.set(xlim=(min(every), max(every)), ylim=(limit - 0.5, limit + 0.5))
     page.legend(axes[2], handles_of(styles))
     of = count(results, "file", "files")
     return f"local exponents of G0, eta0 and omega* against p of {of}{unstable(results)}"
-
-
-def local_exponents_of(levels, samples):
-    """(middles, d ln X/d ln p, errors), (m − 1,) each, between neighbouring levels (m,); X: medians of m samples.
-
-    Errors are those of the medians, nan for fewer than three values; nan where a median is not positive.
-    """
-    known = [
-        log_median(one) if len(one) > 2 else (np.log(max(np.median(one), 0.0) or np.nan), np.nan)
-        for one in samples
-    ]
-    logs, errors = np.transpose(known)
-    return local_exponents(levels, np.exp(logs), np.exp(logs) * errors)

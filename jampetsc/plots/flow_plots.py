@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from jampetsc.analysis.averages import mean_of_facts
+from jampetsc.analysis.local_power_laws import quotient
 from jampetsc.analysis.order import six_fold_order
 from jampetsc.analysis.profiles import heights, mean_profile
 from jampetsc.analysis.scaling import local_exponents
@@ -55,12 +56,6 @@ def flow_curves(results, over="rate") -> dict:
     return found
 
 
-def _ratio(one, other):
-    """(value, error) of the quotient of two (value, error)."""
-    value = one[0] / other[0]
-    return value, np.abs(value) * np.hypot(one[1] / one[0], other[1] / other[0])
-
-
 @picture("flow", "flow")
 def plot_flow(results, page):
     """Flow curves of runs at several rates, as `draw_flow_curves`; σ and p over the strain of runs at one rate."""
@@ -92,7 +87,7 @@ def draw_flow_curves(results, page) -> str:
         shown = (curve["shear_stress"][1] > 0) & (curve["pressure"][1] > 0)
         stress, pressure = ([part[shown] for part in curve[quantity][1:]] for quantity in QUANTITIES[:2])
         rates = rates[shown]
-        for ax, both in zip(axes, (stress, pressure, _ratio(stress, pressure)), strict=False):
+        for ax, both in zip(axes, (stress, pressure, quotient(stress, pressure)), strict=False):
             points(ax, rates, *both, label=name, **look)
         for symbol, both, face in ((r"$\sigma$", stress, {}), ("$p$", pressure, OPEN)):
             named = look | {"label": hidden(f"{name}, {symbol}")}

@@ -5,6 +5,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
+from jampetsc.analysis.density_of_states import density_of_states
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
 from jampetsc.plots.page import band, points, power_law
@@ -26,7 +27,6 @@ from jampetsc.plots.style import (
     sequential,
 )
 
-BINS = 8  # per decade of frequency, of the density of states
 FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"
 
 
@@ -112,15 +112,10 @@ def chosen_modes(result, numbers):
     ]
 
 
-def density_of_states(results):
-    """(ω, D): states per unit frequency and degree of freedom of complete spectra pooled, in log bins with some."""
-    pooled = np.concatenate([frequencies(result) for result in results])
+def pooled_density(results):
+    """(ω, D) of complete spectra together (`analysis.density_of_states`)."""
     states = sum(2 * len(result["particles"]) for result in results)
-    low, high = np.floor(np.log10(pooled.min()) * BINS), np.ceil(np.log10(pooled.max()) * BINS)
-    edges = 10.0 ** (np.arange(low, high + 1) / BINS)
-    counts, _ = np.histogram(pooled, edges)
-    filled = counts > 0
-    return np.sqrt(edges[1:] * edges[:-1])[filled], (counts / np.diff(edges) / states)[filled]
+    return density_of_states(np.concatenate([frequencies(result) for result in results]), states)
 
 
 @picture("states", "modes")
@@ -137,7 +132,7 @@ def plot_states(results, page):
             )
     ax = page.panels(x=FREQUENCY, y=r"$D(\omega_m)$", log="xy")
     for (level, files), look in looks(by_pressure(results).items()):
-        ax.plot(*density_of_states(files), markersize=2.8, label=_pressure(level), **look)
+        ax.plot(*pooled_density(files), markersize=2.8, label=_pressure(level), **look)
     page.legend(ax, title="$p/k$")
     return f"density of states of {count(results, 'packing', 'packings')}"
 

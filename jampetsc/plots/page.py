@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from jampetsc.analysis.scaling import local_slope
+from jampetsc.analysis.local_power_laws import power_law_window
 from jampetsc.errors import InputError
 from jampetsc.plots.style import COLUMN, GREY, hidden, number, power_text
 
@@ -207,8 +207,6 @@ def points(ax, x, y, error=None, **look):
 _SHORT = 2.0  # decades, below which powers of ten are too few
 _LABELS = 7  # of powers of ten at most
 _STEPS = ((1, 2, 5), (1, 3), (1,))  # labels in a decade, as many as there is room for
-_CLOSE = 0.12  # a guide is drawn where the data's slope is this close to it
-_SHORTEST, _LONGEST = 0.6, 2.5  # decades of a guide
 _CORNERS = (
     "lower right", "upper left", "center right", "lower left", "upper right", "upper center", "lower center"
 )  # fmt: skip
@@ -274,7 +272,7 @@ def draw_guide(ax, x, y, exponent, symbol, above) -> None:
 
     Nothing is drawn where there is no such stretch: a guide marks a regime, it does not claim one.
     """
-    window = _regime(x, y, exponent)
+    window = power_law_window(x, y, exponent)
     if window is None:
         return
     u = np.linspace(*window, 50)
@@ -289,22 +287,6 @@ def draw_guide(ax, x, y, exponent, symbol, above) -> None:
     at = (10 ** u[middle], 10 ** v[middle])
     ax.annotate(f"${power_text(symbol, exponent)}$", at, (-2 * sign, 2 * sign), **look)
     ax.update_datalim([(10 ** u[0], 10 ** (v.max() + gap)), (10 ** u[0], 10 ** (v.min() - 0.5 * gap))])
-
-
-def _regime(x, y, exponent):
-    """(first, last) log10 x of a guide: the longest run with a slope near `exponent`; None if too short."""
-    x, y = x[y > 0], y[y > 0]
-    if len(x) < 3:
-        return None
-    u = np.log10(x)
-    near = np.abs(local_slope(x, y) - exponent) <= _CLOSE
-    edges = np.flatnonzero(np.diff(np.r_[0, near.astype(int), 0]))
-    runs = [(u[a], u[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    first, last = max(runs, key=lambda run: run[1] - run[0], default=(0.0, 0.0))
-    if last - first < _SHORTEST:
-        return None
-    spare = max(0.0, (last - first) - _LONGEST) / 2
-    return first + spare, last - spare
 
 
 def power_law(ax, x, y, exponent) -> None:

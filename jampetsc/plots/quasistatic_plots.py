@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
+from jampetsc.analysis.local_power_laws import fit_logarithm
 from jampetsc.analysis.statistics import mean_with_error, median_interval
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import having
@@ -279,7 +280,7 @@ def _draw_sizes(page, ax, groups):
         points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
         known = np.isfinite(error) & (error > 0)
         if known.sum() >= FEWEST:
-            slope, constant = np.polyfit(np.log(n[known]), y[known], 1, w=1.0 / error[known])
+            constant, slope = fit_logarithm(n[known], y[known], error[known])
             ax.plot(n, constant + slope * np.log(n), color=look["color"], linewidth=0.8, zorder=1)
     ax.set_ylim(0.0, None)
     page.legend(ax, title="$p/k$", named=False)

@@ -9,7 +9,7 @@ from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots import style
 from jampetsc.plots.draw import plot
-from jampetsc.plots.mode_plots import density_of_states, plot_lowest, plot_modes, plot_states
+from jampetsc.plots.mode_plots import plot_lowest, plot_modes, plot_states, pooled_density
 from jampetsc.plots.quasistatic_plots import plot_medians, plot_viscosities
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -147,11 +147,11 @@ def test_states_are_pooled_by_pressure():
     ax = figure_of(plot_states, some).axes[0]
     drawn, width = lines(ax), 10 ** (1 / 8) - 1
     for (x, y, *_), pooled in zip(drawn, ([some[1], some[2]], [some[0]]), strict=True):
-        np.testing.assert_allclose((x, y), density_of_states(pooled))
+        np.testing.assert_allclose((x, y), pooled_density(pooled))
     np.testing.assert_allclose(drawn[1][1], [2 / 8 / width])
     np.testing.assert_allclose(drawn[0][1], [2 / 16 / width])
     assert told(ax) == ["$10^{-3}$", "$10^{-2}$"]
-    omega, density = density_of_states([modes_of(2.0 * (0.05 * np.arange(1, 8)) ** 2, k=2.0)] * 2)
+    omega, density = pooled_density([modes_of(2.0 * (0.05 * np.arange(1, 8)) ** 2, k=2.0)] * 2)
     edges = 10.0 ** (np.round(np.log10(omega) * 8 - 0.5) / 8)  # the integral over ω is the share of modes
     assert np.sum(density * edges * width) == pytest.approx(7 / 8) and 0.04 < omega.min() < omega.max() < 0.4
 

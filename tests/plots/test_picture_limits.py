@@ -10,7 +10,7 @@ from drawn import drawn_by, figure_of, lines, told
 from test_flow_plots import facts
 
 from jampetsc.errors import InputError
-from jampetsc.plots import page, trade_plots
+from jampetsc.plots import trade_plots
 from jampetsc.plots.correlation_plots import CorrelationCurve, plot_lengths
 from jampetsc.plots.curves import Curve, average_curves, curve_of
 from jampetsc.plots.flow_plots import plot_flow
@@ -137,16 +137,6 @@ def test_moduli_are_guided_where_they_are_viscous():
     for limits in ((0.01, 1.0), [(0.01, 1.0)]):  # a guide to what is out of sight would be cut off
         (ax,) = figure_of(plot_moduli, [curve(omega=omega, G=1 + 1j * omega)], xlim=limits).axes
         assert ax.texts and ax.get_lines()[-1].get_xdata().min() >= 0.01
-
-
-def test_a_guide_is_the_middle_of_the_longest_stretch():
-    x = np.geomspace(1.0, 1e8, 81)
-    y = np.where(x < 10**1.05, x**0.5, np.where(x < 10**3.05, x**2, x**0.5 * 10 ** (1.5 * 3.05)))
-    first, last = page._regime(x, y, 0.5)
-    assert last - first == pytest.approx(2.5) and first + last == pytest.approx(3.2 + 8.0, abs=0.2)
-    assert page._regime(x[:2], x[:2], 1.0) is None
-    for slope, close in ((0.61, True), (0.63, False), (0.39, True), (0.37, False)):
-        assert (page._regime(x, x**slope, 0.5) is not None) == close
 
 
 def run(choice, error, seconds, group="accuracy"):
