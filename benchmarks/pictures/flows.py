@@ -7,7 +7,7 @@ import numpy as np
 from jampetsc.analysis.order import six_fold_order
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.flow_plots import ORDERS, flow_curves
-from jampetsc.plots.packing_plots import circles, disk_images, wrap
+from jampetsc.plots.packing_plots import disk_images, draw_circles, wrap
 from jampetsc.plots.page import band, limits_kept, points
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 from pictures.shared import drawn, results
@@ -42,7 +42,7 @@ def _configuration(ax, disks):
     rows, places = disk_images(wrap(disks.positions, disks.cell), disks.radii, disks.cell)
     radii = disks.radii[rows]
     faces = np.where(radii > disks.radii.min(), "0.62", "0.85")
-    circles(ax, places, 2 * radii, facecolors=faces, edgecolors="0.3", linewidths=0.3)
+    draw_circles(ax, places, 2 * radii, facecolors=faces, edgecolors="0.3", linewidths=0.3)
     sides = disks.cell[0, 0], disks.cell[1, 1]
     ax.set(xlim=(0.0, sides[0]), ylim=(0.0, sides[1]), aspect="equal", xticks=(), yticks=())
 

@@ -10,8 +10,8 @@ import jampetsc
 from jampetsc.analysis.statistics import log_median
 from jampetsc.io.fields import field_at, packing_of, particle_rows, phase_factor
 from jampetsc.packing.contacts import measure
-from jampetsc.plots.moduli_plots import averaged, plot_collapse, plot_moduli
-from jampetsc.plots.packing_plots import circles, wrap
+from jampetsc.plots.moduli_plots import average_files, plot_collapse, plot_moduli
+from jampetsc.plots.packing_plots import draw_circles, wrap
 from jampetsc.plots.page import draw_guide, points
 from jampetsc.plots.quasistatic_plots import plot_viscosities
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number, power_or_number
@@ -28,7 +28,7 @@ def moduli_and_packing(page, folder):
     sweeps = results(folder, command="sweep")
     moduli, packing = page.mosaic([["moduli", "moduli", "packing"]], PAGE, 2.9, (1,))
     plot_moduli(sweeps, ax=moduli, statistic="median")
-    (curve,), *_ = averaged(sweeps, "median")
+    (curve,), *_ = average_files(sweeps, "median")
     draw_guide(moduli, curve.omega, curve.G.imag, 0.5, r"\omega", True)
     n, p = (sweeps[0].attributes[name] for name in ("particle_count", "pressure"))
     title = rf"$N={n}$, $p/k={power_or_number(p)}$, $\beta=1$, {len(sweeps)} packings"
@@ -55,7 +55,7 @@ def _part(ax, disks):
     middle, side = 0.5 * disks.cell.sum(0), WINDOW * 2 * disks.radii.mean()
     near = (np.abs(centres - middle) < 0.5 * side + disks.radii.max() * 2).all(axis=1)
     faces = np.where(state.rattlers[near], "white", "0.88")
-    circles(ax, centres[near], 2 * disks.radii[near], facecolors=faces, edgecolors="0.6", linewidths=0.3)
+    draw_circles(ax, centres[near], 2 * disks.radii[near], facecolors=faces, edgecolors="0.6", linewidths=0.3)
     seen = near[state.contacts.i]
     starts = centres[state.contacts.i[seen]]
     lines = np.stack((starts, starts + state.contacts.r[seen]), axis=1)

@@ -7,7 +7,7 @@ import numpy as np
 import jampetsc
 from jampetsc.plots.page import points
 from jampetsc.plots.quasistatic_plots import draw_finite_size
-from jampetsc.plots.scaling_plots import scaled
+from jampetsc.plots.scaling_plots import rescaled_values
 from jampetsc.plots.style import GREY, OPEN, PAGE, entry, hidden, looks
 from pictures.shared import drawn, results
 
@@ -35,7 +35,7 @@ def finite_size(page, folder):
         result = _fit(folder, f"{ensemble}{ending}-corrected")
         if result is None:
             continue
-        a, (b, left, bars) = result.attributes, scaled(result)
+        a, (b, left, bars) = result.attributes, rescaled_values(result)
         ax.plot(result["curve/x"], result["curve/f0"], color=GREY, lw=0.9, zorder=1, label=hidden("f0"))
         for scale, look in looks(np.unique(b)):
             here = b == scale

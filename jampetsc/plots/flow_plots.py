@@ -18,11 +18,11 @@ from jampetsc.analysis.scaling import local_exponents
 from jampetsc.errors import InputError
 from jampetsc.flows.velocity_correlation import BIN, FORMAT, LANE, correlate_lanes
 from jampetsc.plots.page import band, points
-from jampetsc.plots.picture import count, differing, flow_units, grouped, picture
+from jampetsc.plots.picture import count_text, flow_units, group_by, join_varied, picture
 from jampetsc.plots.style import DASHED, GREY, OPEN, PAGE, colours, entry, hidden, looks, number
 
 CURVE_HEIGHT = 2.3  # inches of one row of panels
-_FEWEST = 2  # rates, or packing fractions, that make a curve
+_MIN_POINTS = 2  # rates or packing fractions of a curve
 QUANTITIES = ("shear_stress", "pressure", "coordination")
 
 
@@ -35,25 +35,25 @@ def flow_curves(results, over="rate") -> dict:
     """
     units, curves, seen = flow_units(results), {}, {}
     for result in results:
-        a, kind = result.attributes, kind_of(result)
-        rate = float(a["rate"])
-        origin = str(a.get("seed", a.get("packing_sha256")))
+        attributes, kind = result.attributes, kind_of(result)
+        rate = float(attributes["rate"])
+        origin = str(attributes.get("seed", attributes.get("packing_sha256")))
         if (kind, rate, origin) in seen:
             raise InputError(
-                f"{result.path}: the same model, phi, N, rate and start as {seen[kind, rate, origin]}: "
-                "an average takes each once"
+                f"{result.path}: model, phi, N, rate and start of {seen[kind, rate, origin]}. "
+                "Give each run once."
             )
         seen[kind, rate, origin] = result.path.name
         group, x = (kind, rate) if over == "rate" else (((kind[0], 0.0, *kind[2:]), rate), kind[1])
-        curves.setdefault(group, {}).setdefault(x, []).append(a)
-    found = {}
+        curves.setdefault(group, {}).setdefault(x, []).append(attributes)
+    averages = {}
     for kind, runs in sorted(curves.items()):
-        x, found[kind] = np.array(sorted(runs)), {}
+        x, averages[kind] = np.array(sorted(runs)), {}
         for name in QUANTITIES:
-            values, errors = np.array([mean_of_facts(runs[one], name) for one in x]).T
+            values, errors = np.array([mean_of_facts(runs[position], name) for position in x]).T
             unit = 1.0 if name == "coordination" else units.k
-            found[kind][name] = x * (units.tau1 if over == "rate" else 1.0), values / unit, errors / unit
-    return found
+            averages[kind][name] = x * (units.tau1 if over == "rate" else 1.0), values / unit, errors / unit
+    return averages
 
 
 @picture("flow", "flow")
@@ -70,8 +70,10 @@ def draw_flow_curves(results, page) -> str:
     kind has two rates.
     """
     curves, units = flow_curves(results), flow_units(results)
-    if not any(len(curve["pressure"][0]) >= _FEWEST for curve in curves.values()):
-        raise InputError(f"{results[0].path}: flow curves need several rates of one model, phi and N")
+    if not any(len(curve["pressure"][0]) >= _MIN_POINTS for curve in curves.values()):
+        raise InputError(
+            f"{results[0].path}: one rate of each model, phi and N. For flow curves give several."
+        )
     names = [units.label(r"\sigma", "stress"), units.label("p", "stress"), r"$\sigma/p$"]
     names += [units.label(r"\sigma/\dot\gamma,\ p/\dot\gamma", "viscosity")]
     names += [r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$", "$Z$"]
@@ -98,7 +100,7 @@ def draw_flow_curves(results, page) -> str:
     page.legend(axes[0], fontsize=7, handlelength=1.2, labelspacing=0.2)
     both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mew=0.7, **OPEN)]
     page.legend(axes[3], both, fontsize=7, named=False)
-    return f"flow curves of {count(results, 'run', 'runs')} at {len(set(every))} rates"
+    return f"flow curves of {count_text(results, 'run', 'runs')} at {len(set(every))} rates"
 
 
 def _draw_exponents(ax, curves):
@@ -119,8 +121,10 @@ def _draw_exponents(ax, curves):
 def plot_against_phi(results, page):
     """σ, p and Z against φ, a line for every rate of a kind. Raises InputError where none has two φ."""
     curves = flow_curves(results, "phi")
-    if not any(len(curve["pressure"][0]) >= _FEWEST for curve in curves.values()):
-        raise InputError(f"{results[0].path}: curves against phi need several phi of one model, rate and N")
+    if not any(len(curve["pressure"][0]) >= _MIN_POINTS for curve in curves.values()):
+        raise InputError(
+            f"{results[0].path}: one phi of each model, rate and N. For curves against phi give several."
+        )
     units = flow_units(results)
     kinds = [kind for kind, _ in curves]
     words = labels_of(kinds) if len(set(kinds)) > 1 else [""] * len(kinds)
@@ -131,21 +135,23 @@ def plot_against_phi(results, page):
             label = (f"{word}, " if word else "") + f"${number(rate * units.tau1)}$"
             points(ax, *curve[name], label=label, **look)
     page.legend(axes[2], title=units.label(r"\dot\gamma", "rate"))
-    return f"stress, pressure and coordination of {count(results, 'run', 'runs')} against phi"
+    return f"stress, pressure and coordination of {count_text(results, 'run', 'runs')} against phi"
 
 
-def regimes(results) -> dict:
+def flow_regimes(results) -> dict:
     """{model: {φ: (Q (M,), exponent (M,), error (M,), cluster (M,), low, high)}} of massive flows at two rates or more.
 
     exponent   d ln σ/d ln γ̇ between the two lowest rates, low and high, in 1/τ₁; nan where σ is not positive
     cluster    share of the disks in the largest cluster, at the lowest rate
 
-    Raises InputError where there is no massive flow at two rates.
+    Raises InputError without a massive flow at two rates.
     """
-    found, clusters = {}, {}
+    table, clusters = {}, {}
     for result in results:
-        a = result.attributes
-        clusters.setdefault((kind_of(result), float(a["rate"])), []).append(float(a["largest_cluster_mean"]))
+        attributes = result.attributes
+        clusters.setdefault((kind_of(result), float(attributes["rate"])), []).append(
+            float(attributes["largest_cluster_mean"])
+        )
     quality = {kind_of(result): result.attributes.get("quality") for result in results}
     for kind, curve in flow_curves(results).items():
         rates, stress, error = curve["shear_stress"]
@@ -154,15 +160,17 @@ def regimes(results) -> dict:
         exponent, spread = np.nan, np.nan
         if (stress[:2] > 0).all():
             _, (exponent,), (spread,) = local_exponents(rates[:2], stress[:2], error[:2])
-        slowest = min(rate for one, rate in clusters if one == kind)
+        slowest = min(rate for other, rate in clusters if other == kind)
         share = np.mean(clusters[kind, slowest]) / kind[2]
         row = (float(quality[kind]), exponent, spread, share, rates[0], rates[1])
-        found.setdefault(kind[0], {}).setdefault(kind[1], []).append(row)
-    if not found:
-        raise InputError(f"{results[0].path}: regimes are of massive disks at several rates of one φ and Q")
+        table.setdefault(kind[0], {}).setdefault(kind[1], []).append(row)
+    if not table:
+        raise InputError(
+            f"{results[0].path}: no massive disks at two rates of one φ and Q. For regimes give such flows."
+        )
     return {
         model: {phi: np.array(sorted(rows)).T for phi, rows in sorted(some.items())}
-        for model, some in found.items()
+        for model, some in table.items()
     }
 
 
@@ -172,7 +180,7 @@ def plot_regimes(results, page):
 
     Raises InputError as `regimes`.
     """
-    maps = regimes(results)
+    maps = flow_regimes(results)
     phis = sorted({phi for some in maps.values() for phi in some})
     styles = dict(looks(phis))
     axes = page.panels(2, len(maps), PAGE, 4.2, x="$Q$", log="x", sharex=True, sharey="row").reshape(2, -1)
@@ -189,23 +197,28 @@ def plot_regimes(results, page):
         share.set_ylim(0, 1.05)
     handles = [entry(rf"${phi:g}$", **look) for phi, look in styles.items()]
     page.legend(axes[1, 0], handles, r"$\phi$", "lower left")
-    return f"exponents and clusters of {count(results, 'run', 'runs')} against Q"
+    return f"exponents and clusters of {count_text(results, 'run', 'runs')} against Q"
 
 
 HEIGHT = 2.7  # inches of one row of panels
 _STRESSES = (("shear_stress", r"\sigma"), ("pressure", "p"))
-NAMED = 12  # runs that a legend names
+MAX_NAMED = 12  # runs in a legend
 ORDERS = (r"$\langle|\psi_6|\rangle$", r"$|\langle\psi_6\rangle|$")
 WINDOWS = (0.0, 0.1, 0.3, 1.0)  # strains between which the start is shown; the last window is the steady part
-PANELS = 3  # kinds of flow between walls
+MAX_PROFILES = 3  # kinds of flow between walls in one picture
 
 
 def kind_of(result) -> tuple:
     """What flow curves have in common: model, φ, N, mass, sizes and potential of the disks."""
-    a = result.attributes
-    walls = " between walls" if "walls" in a else ""
-    found = f"{a['model']}{walls}", round(float(a["phi"]), 6), int(a["particle_count"]), float(a["mass"])
-    return *found, str(a.get("sizes", "")), str(a["potential"])
+    attributes = result.attributes
+    walls = " between walls" if "walls" in attributes else ""
+    state = (
+        f"{attributes['model']}{walls}",
+        round(float(attributes["phi"]), 6),
+        int(attributes["particle_count"]),
+        float(attributes["mass"]),
+    )
+    return *state, str(attributes.get("sizes", "")), str(attributes["potential"])
 
 
 def labels_of(kinds) -> list[str]:
@@ -216,7 +229,7 @@ def labels_of(kinds) -> list[str]:
     ]
     varied = [len(set(column)) > 1 for column in zip(*kinds, strict=True)]
     varied[3] = varied[3] and len({(kind[0], kind[3]) for kind in kinds}) > len({kind[0] for kind in kinds})
-    return [words or one[0] for words, one in zip(differing(parts, varied), parts, strict=True)]
+    return [words or row[0] for words, row in zip(join_varied(parts, varied), parts, strict=True)]
 
 
 def draw_mean(ax, result, name, unit, colour, width) -> None:
@@ -238,10 +251,10 @@ def draw_series(results, page) -> str:
             draw_mean(ax, result, name, units.k, colour, 1.6)
         ax.set(ylim=(0, None), xmargin=0)
     handles = [entry("means", GREY, lw=1.6, ls=DASHED)]
-    if 1 < len(results) <= NAMED:
+    if 1 < len(results) <= MAX_NAMED:
         handles = axes[0].get_legend_handles_labels()[0] + handles
     page.legend(axes[1], handles)
-    return f"stress and pressure of {count(results, 'run', 'runs')} over the strain"
+    return f"stress and pressure of {count_text(results, 'run', 'runs')} over the strain"
 
 
 @picture("order", "flow")
@@ -251,12 +264,12 @@ def plot_order(results, page):
     Kind by kind: thin lines runs, thick ones their mean. Raises InputError for files without snapshots, and for runs of
     one kind with snapshots at other strains.
     """
-    kinds = grouped([(result, six_fold_order(result)) for result in results], lambda pair: kind_of(pair[0]))
-    for (first, _), *others in kinds.values():
-        for result, _ in others:
+    kinds = group_by([(result, six_fold_order(result)) for result in results], lambda pair: kind_of(pair[0]))
+    for (first, _), *repeats in kinds.values():
+        for result, _ in repeats:
             if not np.array_equal(result["snapshots/strain"], first["snapshots/strain"]):
                 raise InputError(
-                    f"{result.path}: snapshots at other strains than {first.path.name}: a mean needs the same"
+                    f"{result.path}: snapshots at other strains than {first.path.name}. For a mean give equal strains."
                 )
     axes = page.panels(1, 2, PAGE, HEIGHT, x=r"$\gamma$", y=ORDERS)
     for part, ax in enumerate(axes):
@@ -268,7 +281,7 @@ def plot_order(results, page):
             ax.plot(strain, mean, markevery=max(1, len(strain) // 10), label=label, **look)
         ax.set(ylim=(0, 1), xmargin=0.01)
     page.legend(axes[1], title=f"thin: {len(results)} runs" if len(results) > len(kinds) else None)
-    return f"six-fold order of {count(results, 'run', 'runs')} over the strain"
+    return f"six-fold order of {count_text(results, 'run', 'runs')} over the strain"
 
 
 @picture("profile", "flow")
@@ -276,11 +289,13 @@ def plot_profiles(results, page):
     """y/H − ½ against v_x/(γ̇H) between walls in windows of strain: where the shear is at the start, and when steady.
 
     A panel for each kind and rate, runs averaged; dotted: linear, bars: standard errors. Raises InputError for files
-    without profiles, and for more kinds than PANELS.
+    without profiles, and for more kinds than MAX_PROFILES.
     """
-    kinds = grouped(results, lambda one: (kind_of(one), float(one.attributes["rate"])))
-    if len(kinds) > PANELS:
-        raise InputError(f"{len(kinds)} kinds of flow: one picture of profiles shows {PANELS}; choose some")
+    kinds = group_by(results, lambda result: (kind_of(result), float(result.attributes["rate"])))
+    if len(kinds) > MAX_PROFILES:
+        raise InputError(
+            f"{len(kinds)} kinds of flow: one picture of profiles shows {MAX_PROFILES}. Choose some."
+        )
     rates = {rate for _, rate in kinds}
     named = {"x": r"$v_x/(\dot\gamma H)$", "y": r"$y/H-\frac{1}{2}$"}
     axes = np.ravel(page.panels(1, len(kinds), PAGE, 3.0, **named, sharey=True))
@@ -298,7 +313,7 @@ def plot_profiles(results, page):
         title = rf"{name}, $\dot\gamma={number(rate)}$" if len(rates) > 1 else name
         ax.set_title(title, loc="right", pad=3)
     page.legend(axes[0], title=r"$\gamma$", first="upper left")
-    return f"velocity between walls of {count(results, 'run', 'runs')} in windows of strain"
+    return f"velocity between walls of {count_text(results, 'run', 'runs')} in windows of strain"
 
 
 def lanes_of(results) -> list:
@@ -306,19 +321,20 @@ def lanes_of(results) -> list:
 
     Flow files are correlated with the defaults of `jampetsc correlate`. Raises InputError without snapshots.
     """
-    found = []
+    curves = []
     if results[0].format == FORMAT:
         for result in results:
-            a = result.attributes
-            label = rf"{a['model']}, $\phi={float(a['phi']):.5g}$, $\dot\gamma={number(float(a['rate']))}$"
-            found.append((label, result["x"], result["g_y"], result["g_y_error"]))
-        return found
-    groups = grouped(results, lambda one: (kind_of(one), float(one.attributes["rate"])))
+            attributes = result.attributes
+            model, phi, rate = attributes["model"], float(attributes["phi"]), float(attributes["rate"])
+            label = rf"{model}, $\phi={phi:.5g}$, $\dot\gamma={number(rate)}$"
+            curves.append((label, result["x"], result["g_y"], result["g_y_error"]))
+        return curves
+    groups = group_by(results, lambda result: (kind_of(result), float(result.attributes["rate"])))
     names = labels_of([kind for kind, _ in sorted(groups)])
-    for ((_, rate), some), name in zip(sorted(groups.items()), names, strict=True):
-        g = correlate_lanes(some, LANE, BIN)
-        found.append((rf"{name}, $\dot\gamma={number(rate)}$", g.centres, g.values, g.errors))
-    return found
+    for ((_, rate), runs), name in zip(sorted(groups.items()), names, strict=True):
+        g = correlate_lanes(runs, LANE, BIN)
+        curves.append((rf"{name}, $\dot\gamma={number(rate)}$", g.centres, g.values, g.errors))
+    return curves
 
 
 @picture("lanes", "velocity-correlation", "flow")
@@ -332,4 +348,4 @@ def plot_lanes(results, page):
         ax.plot(x, g, label=label, **look)
     ax.set_xmargin(0.02)
     page.legend(ax, title="bands: one standard error")
-    return f"g_y of {count(results, 'file', 'files')}"
+    return f"g_y of {count_text(results, 'file', 'files')}"

@@ -11,7 +11,7 @@ from jampetsc.analysis.jamming import FEWEST, Share, density, memory, runs_of, s
 from jampetsc.errors import InputError, named
 from jampetsc.plots.flow_plots import draw_mean
 from jampetsc.plots.page import points
-from jampetsc.plots.picture import count, differing, flow_units, picture
+from jampetsc.plots.picture import count_text, flow_units, join_varied, picture
 from jampetsc.plots.style import COLUMN, DASHED, GREY, PAGE, colours, entry, hidden, looks, number
 
 STRAIN_HEIGHT = 2.3  # inches of one row of panels
@@ -47,7 +47,9 @@ def plot_quasistatic_shear(results, page):
     if any(map(len, plastic)):
         handles.append(entry("plastic events, in (b)", marker="|", ms=4, ls="none"))
     page.legend(axes[0], [*handles, entry("means", lw=1.3, ls=DASHED)])
-    return f"energy, stress, pressure and coordination of {count(results, 'run', 'runs')} over the strain"
+    return (
+        f"energy, stress, pressure and coordination of {count_text(results, 'run', 'runs')} over the strain"
+    )
 
 
 def _draw_states(ax, strain, values, jammed, colour, name):
@@ -60,7 +62,7 @@ def _draw_states(ax, strain, values, jammed, colour, name):
 
 
 HEIGHT = 2.7  # inches of one row of panels
-PANELS = 6  # kinds in one picture of P(p)
+MAX_PANELS = 6  # kinds in one picture of P(p)
 RUN = "shear"  # the protocol of files of quasistatic shear
 
 
@@ -91,60 +93,60 @@ class Samples:
 
 def samples_of(results) -> list[Samples]:
     """The samples of jam and shear files, kind by kind. Raises InputError where one is there twice, or none is left."""
-    found, seen = {}, {}
+    by_kind, seen = {}, {}
     for result in results:
-        a = result.attributes
+        attributes = result.attributes
         # of disks out of a packing they are not known
-        words = (str(a.get(name, "")) for name in ("sizes", "potential"))
-        kind = _protocol(result), int(a["particle_count"]), *words, _step(result)
-        here = found.setdefault(kind, Samples(kind))
+        words = (str(attributes.get(name, "")) for name in ("sizes", "potential"))
+        kind = _protocol(result), int(attributes["particle_count"]), *words, _step(result)
+        samples = by_kind.setdefault(kind, Samples(kind))
         every = result["jammed"], result["pressure"]
         for phi, seed, rows in runs_of(result):
             phi, (jammed, pressure) = round(phi, 9), (values[rows] for values in every)
-            known = np.isfinite(jammed)
+            finite = np.isfinite(jammed)
             if (kind, phi, seed) in seen:
                 raise InputError(
-                    f"{result.path}: phi = {phi:g}, seed {seed} is in {seen[kind, phi, seed].name} too: "
-                    "every sample counts once"
+                    f"{result.path}: phi = {phi:g}, seed {seed} is in {seen[kind, phi, seed].name} as well. "
+                    "Give each sample once."
                 )
             seen[kind, phi, seed] = result.path
-            if known.any():
-                here.runs.setdefault(phi, []).append((jammed[known], pressure[known]))
+            if finite.any():
+                samples.runs.setdefault(phi, []).append((jammed[finite], pressure[finite]))
         if "phi_J" in result:
             phis, values = np.round(result["phi"], 9), result["phi_J"]
             for phi in np.unique(phis):
-                some = values[(phis == phi) & np.isfinite(values)]
-                here.jamming[phi] = np.concatenate((here.jamming.get(phi, []), some))
-    kept = [found[kind] for kind in sorted(found) if found[kind].runs]
+                values_at_phi = values[(phis == phi) & np.isfinite(values)]
+                samples.jamming[phi] = np.concatenate((samples.jamming.get(phi, []), values_at_phi))
+    kept = [by_kind[kind] for kind in sorted(by_kind) if by_kind[kind].runs]
     if not kept:
-        raise InputError(f"{results[0].path}: holds no sample that reached a minimum")
+        raise InputError(f"{results[0].path}: no sample reached a minimum. Make samples again.")
     return kept
 
 
 def _protocol(result):
     """Protocol of the samples, with the rate of cooling where there is one."""
-    a = result.attributes
-    name = str(a.get("protocol", RUN if result.format == "jampetsc-shear" else "random"))
+    attributes = result.attributes
+    name = str(attributes.get("protocol", RUN if result.format == "jampetsc-shear" else "random"))
     parts = [name]
-    if "cooling_rate" in a:
-        parts.append(f"$R={number(float(a['cooling_rate']))}$")
-        if float(a.get("strain", 0.0)) > 0:
-            parts.append(rf"sheared by {float(a['strain']):g}")
-    return ", ".join(parts + ["separated"] * bool(a.get("separated", False)))
+    if "cooling_rate" in attributes:
+        parts.append(f"$R={number(float(attributes['cooling_rate']))}$")
+        if float(attributes.get("strain", 0.0)) > 0:
+            parts.append(rf"sheared by {float(attributes['strain']):g}")
+    return ", ".join(parts + ["separated"] * bool(attributes.get("separated", False)))
 
 
 def _step(result):
-    """Δγ where every sample is a step of shear, or so many."""
+    """Δγ of quasistatic shear whose minima are the samples, in TeX; empty for other protocols."""
     sheared = str(result.attributes.get("protocol", RUN)) == RUN and "step" in result.attributes
     return rf"$\Delta\gamma={number(float(result.attributes['step']))}$" if sheared else ""
 
 
 def _labels(kinds):
     """A legend's words for each kind: the parts that differ, N at least."""
-    protocols, sizes, *others = (len(set(part) - {""}) > 1 for part in zip(*kinds, strict=True))
-    alike = not any((protocols, sizes, *others))
+    protocols, sizes, *further = (len(set(part) - {""}) > 1 for part in zip(*kinds, strict=True))
+    alike = not any((protocols, sizes, *further))
     parts = [(f"$N={n}$", protocol, *words) for protocol, n, *words in kinds]
-    return differing(parts, (sizes or alike, protocols, *others))
+    return join_varied(parts, (sizes or alike, protocols, *further))
 
 
 @picture("fraction", "jam", "shear", mixed=True)
@@ -154,13 +156,13 @@ def plot_fraction(results, page):
     ax = page.panels(1, 1, COLUMN, HEIGHT, x=r"$\phi$", y=r"$f(\phi)$")
     ax.set_ylim(-0.04, 1.04)
     ax.axhline(0.5, color=GREY, lw=0.5, ls=":")
-    labels = _labels([one.kind for one in samples])
-    for (one, label), look in looks(zip(samples, labels, strict=True)):
-        phis = sorted(one.runs)
-        value, low, high = np.transpose([(s.value, s.low, s.high) for s in map(one.share, phis)])
+    labels = _labels([sample.kind for sample in samples])
+    for (sample, label), look in looks(zip(samples, labels, strict=True)):
+        phis = sorted(sample.runs)
+        value, low, high = np.transpose([(s.value, s.low, s.high) for s in map(sample.share, phis)])
         points(ax, phis, value, [value - low, high - value], label=label, **look)
     page.legend(ax, first="upper left")
-    return f"f(phi), the share of samples that jam, of {count(results, 'file', 'files')}"
+    return f"f(phi), the share of samples that jam, of {count_text(results, 'file', 'files')}"
 
 
 @picture("pressures", "jam", "shear", mixed=True)
@@ -171,26 +173,31 @@ def plot_pressures(results, page):
     """
     samples = samples_of(results)
     curves = [
-        (one, [phi for phi in sorted(one.runs) if len(one.pressures(phi)) >= FEWEST]) for one in samples
+        (sample, [phi for phi in sorted(sample.runs) if len(sample.pressures(phi)) >= FEWEST])
+        for sample in samples
     ]
-    curves = [(one, some) for one, some in curves if some]
+    curves = [(sample, phis) for sample, phis in curves if phis]
     if not curves:
-        raise InputError(f"{results[0].path}: fewer than {FEWEST} jammed samples at every phi: make more")
-    if len(curves) > PANELS:
-        raise InputError(f"{len(curves)} kinds of samples: one picture shows P(p) of {PANELS}; choose some")
+        raise InputError(f"{results[0].path}: fewer than {FEWEST} jammed samples at every phi. Make more.")
+    if len(curves) > MAX_PANELS:
+        raise InputError(
+            f"{len(curves)} kinds of samples: one picture shows P(p) of {MAX_PANELS}. Choose some."
+        )
     units, columns = flow_units(results), min(len(curves), 2)
     rows, width = -(-len(curves) // columns), PAGE if columns == 2 else COLUMN
     named = {"x": units.label("p", "stress"), "y": "$P(p)$"}
     axes = np.ravel(page.panels(rows, columns, width, HEIGHT * rows, **named, count=len(curves)))
-    for ax, (one, some), label in zip(axes, curves, _labels([one.kind for one, _ in curves]), strict=True):
-        for phi, colour in zip(some, colours(len(some)), strict=True):
+    for ax, (sample, phis), label in zip(
+        axes, curves, _labels([sample.kind for sample, _ in curves]), strict=True
+    ):
+        for phi, colour in zip(phis, colours(len(phis)), strict=True):
             look = {"color": colour, "marker": "o", "ms": 2.4, "label": rf"$\phi={phi:.6g}$"}
-            _density(ax, *one.density(phi, units.k), **look)
+            _density(ax, *sample.density(phi, units.k), **look)
         ax.set(xlim=(0, None), ylim=(0, None))
         ax.set_title(label, pad=3)
         ax.ticklabel_format(axis="x", style="sci", scilimits=(-2, 3), useMathText=True)
         page.legend(ax, first="upper right")
-    return f"P(p) of the jammed samples of {count(results, 'file', 'files')}"
+    return f"P(p) of the jammed samples of {count_text(results, 'file', 'files')}"
 
 
 def _density(ax, edges, height, error, **look):
@@ -204,14 +211,14 @@ def plot_jamming_densities(results, page):
     Raises InputError for samples that were not brought to their φ_J, and for fewer than make a density.
     """
     curves = [
-        (one.kind, phi, values)
-        for one in samples_of(results)
-        for phi, values in sorted(one.jamming.items())
+        (samples.kind, phi, values)
+        for samples in samples_of(results)
+        for phi, values in sorted(samples.jamming.items())
         if len(values) >= FEWEST
     ]
     if not curves:
         raise InputError(
-            f"{results[0].path}: holds fewer than {FEWEST} values of phi_J: run jam with {named('protocol')} compress"
+            f"{results[0].path}: fewer than {FEWEST} values of phi_J. Run jam with {named('protocol')} compress."
         )
     labels = _labels([kind for kind, _, _ in curves])
     several = len({phi for _, phi, _ in curves}) > 1
@@ -222,4 +229,4 @@ def plot_jamming_densities(results, page):
         ax.axvline(values.mean(), color=look["color"], lw=0.6, ls=":")
     ax.set_ylim(0, None)
     page.legend(ax, title="dotted: means")
-    return f"distribution of phi_J of {count(results, 'file', 'files')}"
+    return f"distribution of phi_J of {count_text(results, 'file', 'files')}"

@@ -12,8 +12,8 @@ from jampetsc.plots.flow_plots import kind_of, labels_of
 from jampetsc.plots.picture import picture
 from jampetsc.plots.style import COLUMN, PAGE, hidden, power_or_number
 
-TALLEST = 2.5  # heights beyond this many widths are shrunk to fit
-CAPTION = 0.42  # inches above and below a panel
+MAX_ASPECT = 2.5  # height over width of a cell; taller cells shrink
+CAPTION_HEIGHT = 0.42  # inches above and below a panel
 _SHIFTS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
 
 
@@ -47,14 +47,14 @@ def _images(low, high, anchors, cell):
     return np.concatenate(rows), np.concatenate(points)
 
 
-def framed(page, cells, rows, width, linewidth=0.6) -> list:
+def frame_cells(page, cells, rows, width, linewidth=0.6) -> list:
     """[(axes, outline of its cell, at which `within` cuts what is in it)] of cells [(2, 2), …] in rows.
 
-    No cell is higher than TALLEST times its width.
+    No cell is higher than MAX_ASPECT times its width.
     """
     columns = len(cells) // rows
     ratio = max(cell[1, 1] / (abs(cell[0, 0]) + abs(cell[1, 0])) for cell in cells)
-    height = rows * (width / columns * min(ratio, TALLEST) + CAPTION)
+    height = rows * (width / columns * min(ratio, MAX_ASPECT) + CAPTION_HEIGHT)
     axes = np.ravel(page.panels(rows, columns, width, height, letters=False))
     return [(ax, _frame(ax, cell, linewidth)) for ax, cell in zip(axes, cells, strict=True)]
 
@@ -84,7 +84,7 @@ def _frame(ax, cell, linewidth):
     return outline
 
 
-def within(outline, artists, rasterized=False) -> None:
+def clip_artists(outline, artists, rasterized=False) -> None:
     """Cut artists at an outline; they do not count for the layout."""
     for artist in artists:
         artist.set(clip_path=outline, in_layout=False, rasterized=rasterized)
@@ -97,9 +97,9 @@ def points_per_length(ax) -> float:
     return (x1 - x0) * 72 / ax.figure.dpi
 
 
-MANY = 5000  # disks beyond which vector files get the contents as pixels, and outlines go
+MAX_VECTOR_DISKS = 5000  # beyond, vector files hold pixels and outlines are thin
 _MEAN_WIDTH, _WIDEST = 0.09, 2.0  # width of the line of a mean force in mean diameters, and at most in points
-PANELS = 4  # snapshots side by side
+MAX_SNAPSHOTS = 4  # side by side
 
 
 @picture("packing", "packing", single=True)
@@ -129,8 +129,8 @@ def plot_minimum(results, page):
 def plot_snapshots(results, page):
     """Disks under shear, side by side: the last snapshot of each file, and the first where it is the start.
 
-    Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. As many disks as the record
-    of a packing says, the first ones, are those of walls: dark. Raises InputError for more panels than fit.
+    Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. Disks of
+    walls, the first ones by the record of the packing, are dark. Raises InputError for more panels than fit.
     """
     titles = labels_of([kind_of(result) for result in results]) if len(results) > 1 else [""]
     panels, shown = [], []
@@ -140,22 +140,22 @@ def plot_snapshots(results, page):
         rows = (0, -1) if strain[0] == 0 else (-1,)
         for row in rows:
             disks, at = snapshot(result, row), rf"$\gamma={strain[row]:.4g}$" if len(rows) > 1 else ""
-            panels.append(flowing(", ".join(filter(None, (title, at))), disks))
+            panels.append(flow_panel(", ".join(filter(None, (title, at))), disks))
             shown.append(f"{disks.n - disks.record.get('walls', 0)} disks at strain {strain[row]:.4g}")
     _draw(page, panels)
     return f"contacts of {', '.join(shown)}"
 
 
-def touching(disks):
+def find_touching(disks):
     """(all contacts, number of each disk's (N,), mask (N,) of those that have none and are not of a wall)."""
     contacts = find_contacts(disks)
     number = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n)
     return contacts, number, (number == 0) & (np.arange(disks.n) >= disks.record.get("walls", 0))
 
 
-def flowing(title, disks):
+def flow_panel(title, disks):
     """A panel of disks that are not at rest."""
-    contacts, number, alone = touching(disks)
+    contacts, number, alone = find_touching(disks)
     walls = disks.record.get("walls", 0)
     pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
     hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
@@ -165,11 +165,11 @@ def flowing(title, disks):
 
 def _draw(page, panels):
     """Panels [(title, disks, contacts, mask of hollow disks, caption), …] side by side, in columns of one width."""
-    if len(panels) > PANELS:
-        raise InputError(f"{len(panels)} snapshots: one picture shows {PANELS}; choose some")
+    if len(panels) > MAX_SNAPSHOTS:
+        raise InputError(f"{len(panels)} snapshots: one picture shows {MAX_SNAPSHOTS}. Choose some.")
     count, largest = len(panels), max(disks.n for _, disks, *_ in panels)
-    width = count * (COLUMN if count > 1 or largest <= MANY else PAGE)
-    axes = framed(page, [disks.cell for _, disks, *_ in panels], 1, width)
+    width = count * (COLUMN if count > 1 or largest <= MAX_VECTOR_DISKS else PAGE)
+    axes = frame_cells(page, [disks.cell for _, disks, *_ in panels], 1, width)
     for (ax, _), (title, *_, caption) in zip(axes, panels, strict=True):
         ax.set_title(title)
         ax.set_xlabel(caption, linespacing=1.4)
@@ -179,7 +179,7 @@ def _draw(page, panels):
         drawn = [_disks(disks, centres, hollow, ax)]
         if len(contacts):
             drawn.append(_forces(ax, disks, centres, contacts))
-        within(outline, drawn, rasterized=disks.n > MANY)
+        clip_artists(outline, drawn, rasterized=disks.n > MAX_VECTOR_DISKS)
 
 
 def _disks(disks, centres, hollow, ax):
@@ -188,11 +188,13 @@ def _disks(disks, centres, hollow, ax):
     faces = np.where(hollow[:, None], (1.0, 1.0, 1.0, 1.0), (0.88, 0.88, 0.88, 1.0))
     faces[rows < disks.record.get("walls", 0)] = (0.45, 0.45, 0.45, 1.0)
     edges = np.where(hollow[:, None], (0.35, 0.35, 0.35, 1.0), (0.6, 0.6, 0.6, 1.0))
-    width = 0.3 if disks.n <= MANY else 0.1
-    return circles(ax, places, 2 * disks.radii[rows], facecolors=faces, edgecolors=edges, linewidths=width)
+    width = 0.3 if disks.n <= MAX_VECTOR_DISKS else 0.1
+    return draw_circles(
+        ax, places, 2 * disks.radii[rows], facecolors=faces, edgecolors=edges, linewidths=width
+    )
 
 
-def circles(ax, places, diameters, **look) -> EllipseCollection:
+def draw_circles(ax, places, diameters, **look) -> EllipseCollection:
     """Circles (M,) at places (M, 2), drawn on `ax`."""
     look |= {"offsets": places, "transOffset": ax.transData, "label": hidden("disks"), "zorder": 1}
     drawn = EllipseCollection(diameters, diameters, np.zeros(len(places)), units="xy", **look)

@@ -15,7 +15,7 @@ from jampetsc.errors import InputError
 from jampetsc.plots.style import COLUMN, GREY, hidden, number, power_text
 
 HEIGHT = 2.9  # inches of a picture of one panel
-_LEAST = 1.6  # highest over lowest of a log axis
+MIN_LOG_RATIO = 1.6  # of the limits of a log axis
 
 
 class Page:
@@ -23,7 +23,7 @@ class Page:
 
     axes     axes of the caller; None: `panels` makes a figure
     size     (width, height) of that figure in inches, None: the default of the picture
-    labels   words that replace those of the legends, in their order
+    labels   words that replace the entries of the legends, in their order
     xlim     (low, high) of x for all panels, or one, or None, for each
 
     own      whether the figure is new
@@ -53,12 +53,14 @@ class Page:
         count = count or rows * columns
         if self.own:
             self._make(width, height)
-            made = self._figure.subplots(rows, columns, squeeze=False, **grid).ravel()
-            self.axes, self.lettered = list(made[:count]), letters and count > 1
-            for ax in made[count:]:
+            axes = self._figure.subplots(rows, columns, squeeze=False, **grid).ravel()
+            self.axes, self.lettered = list(axes[:count]), letters and count > 1
+            for ax in axes[count:]:
                 ax.remove()
         elif len(self.axes) != count:
-            raise InputError(f"ax: {len(self.axes)} axes: this picture of these files takes {count}, or none")
+            raise InputError(
+                f"ax: {len(self.axes)} axes, but this picture needs {count}. Give {count} or none."
+            )
         for n, ax in enumerate(self.axes):
             inner = (
                 bool(grid.get("sharex")) and n < count - columns,
@@ -75,7 +77,7 @@ class Page:
         return self.axes[0] if len(self.axes) == 1 else np.array(self.axes)
 
     @property
-    def given_back(self):
+    def returned_axes(self):
         """The axes of the caller, as they were given; else the new ones: one, or (panels,) of them."""
         return self._one_or_all() if self.own else self._given
 
@@ -120,7 +122,7 @@ class Page:
             ax.legend(loc=corner or "best", **settings)
             return
         self._raised = True
-        left = min(one.get_window_extent().x0 for one in self.axes) / self.figure.bbox.width
+        left = min(panel.get_window_extent().x0 for panel in self.axes) / self.figure.bbox.width
         place = {"loc": "upper left", "bbox_to_anchor": (left, 1), "bbox_transform": self.figure.transFigure}
         for columns in (4, 3, 2, 1):
             legend = ax.legend(
@@ -134,8 +136,8 @@ class Page:
             self.figure.set_figheight(height + rise)
         self.figure.get_layout_engine().set(rect=(0, 0, 1, 1 - rise / self.figure.get_figheight()))
 
-    def seen(self, x):
-        """Where x (M,) of a picture of one panel is in sight, a mask."""
+    def visible_mask(self, x):
+        """Mask of the x (M,) within the limits of a picture of one panel."""
         limits = self.xlim if self.xlim is None or np.isscalar(self.xlim[0]) else self.xlim[0]
         low, high = limits or (-np.inf, np.inf)
         return (x >= low) & (x <= high)
@@ -151,20 +153,20 @@ class Page:
             pairs = [limits] * len(self.axes) if np.isscalar(limits[0]) else list(limits)
             if len(pairs) != len(self.axes):
                 raise InputError(
-                    f"{name}: {len(pairs)} pairs for {len(self.axes)} panels: give one, or each its own"
+                    f"{name}: {len(pairs)} pairs for {len(self.axes)} panels. Give one pair, or one for each panel."
                 )
             for ax, pair in zip(self.axes, pairs, strict=True):
                 if pair is not None:
                     ax.set(**{name: pair})
         if self.labels:
-            raise InputError(f"label {self.labels[0]}: the legends have no entry that is left: give fewer")
+            raise InputError(f"label {self.labels[0]}: more labels than entries of legends. Give fewer.")
         for ax, letter in zip(self.axes, string.ascii_lowercase, strict=False):
             if self.lettered:
                 ax.set_title(f"({letter})", loc="left", pad=3)
             low, high = ax.get_ylim()
-            if ax.get_yscale() == "log" and ax.get_autoscaley_on() and high < _LEAST * low:
+            if ax.get_yscale() == "log" and ax.get_autoscaley_on() and high < MIN_LOG_RATIO * low:
                 middle = (low * high) ** 0.5  # small changes are not magnified
-                ax.set_ylim(middle / _LEAST**0.5, middle * _LEAST**0.5)
+                ax.set_ylim(middle / MIN_LOG_RATIO**0.5, middle * MIN_LOG_RATIO**0.5)
         axes = self.figure.axes if self.own else self.axes
         short = [axis for ax in axes for axis in (ax.xaxis, ax.yaxis) if set_ticks(axis)]
         if not self.laid_out:  # which also makes the ticks
@@ -172,8 +174,8 @@ class Page:
                 self.figure.get_layout_engine().execute(self.figure)  # less work than to draw it
             else:
                 self.figure.draw_without_rendering()
-        for wanted in self._legends:
-            self._place(*wanted)
+        for legend in self._legends:
+            self._place(*legend)
         for axis in short:
             thin_ticks(axis)
 
@@ -190,22 +192,22 @@ def points(ax, x, y, error=None, **look):
     Log axes show only what is positive, and bars widen their limits by a factor of three at most. Gives the container.
     """
     x, y, log = np.asarray(x, float), np.asarray(y, float), ax.get_yscale() == "log"
-    known = np.isfinite(y) & ((y > 0) | (not log))
-    x, y, seen = x[known], y[known], np.zeros((2, known.sum()))
+    drawable = np.isfinite(y) & ((y > 0) | (not log))
+    x, y, half_widths = x[drawable], y[drawable], np.zeros((2, drawable.sum()))
     if error is not None:
-        error = np.asarray(error, float)[..., known]
-        seen = np.broadcast_to(np.where(np.isfinite(error), error, 0.0), seen.shape)
-        error = seen if np.isfinite(error).any() else None
+        error = np.asarray(error, float)[..., drawable]
+        half_widths = np.broadcast_to(np.where(np.isfinite(error), error, 0.0), half_widths.shape)
+        error = half_widths if np.isfinite(error).any() else None
     with limits_kept(ax, when=log):
         drawn = ax.errorbar(x, y, error, **{"elinewidth": 0.6, "markeredgewidth": 0.7} | look)
     if log:
-        for ends in (np.maximum(y - seen[0], y / 3), np.minimum(y + seen[1], 3 * y)):
+        for ends in (np.maximum(y - half_widths[0], y / 3), np.minimum(y + half_widths[1], 3 * y)):
             ax.update_datalim(np.column_stack((x, ends)))
     return drawn
 
 
-_SHORT = 2.0  # decades, below which powers of ten are too few
-_LABELS = 7  # of powers of ten at most
+MIN_POWER_DECADES = 2.0  # of an axis that has labels at powers of ten alone
+MAX_LABELS = 7  # of powers of ten at most
 _STEPS = ((1, 2, 5), (1, 3), (1,))  # labels in a decade, as many as there is room for
 _CORNERS = (
     "lower right", "upper left", "center right", "lower left", "upper right", "upper center", "lower center"
@@ -218,8 +220,8 @@ def set_ticks(axis) -> bool:
         return False
     low, high = np.log10(sorted(axis.get_view_interval()))
     axis.set_minor_formatter(NullFormatter())
-    if high - low >= _SHORT:
-        step = int(np.ceil((np.floor(high) - np.ceil(low) + 1) / _LABELS))
+    if high - low >= MIN_POWER_DECADES:
+        step = int(np.ceil((np.floor(high) - np.ceil(low) + 1) / MAX_LABELS))
         axis.set_major_locator(LogLocator(10.0**step, numticks=99))
         between = {"base": 10.0} if step > 1 else {"subs": range(2, 10)}
         axis.set_minor_locator(LogLocator(**between, numticks=99))
@@ -234,7 +236,7 @@ def thin_ticks(axis) -> None:
         if not _label(axis, steps):
             return
         boxes = [label.get_window_extent().padded(0.03 * axis.figure.dpi) for label in visible_labels(axis)]
-        if not any(one.overlaps(other) for one, other in pairwise(boxes)):
+        if not any(first.overlaps(second) for first, second in pairwise(boxes)):
             return
 
 
@@ -270,14 +272,14 @@ def limits_kept(ax, when=True):
 def draw_guide(ax, x, y, exponent, symbol, above) -> None:
     """A line of slope `exponent` over the longest stretch where y(x) follows it, above or below all lines of `ax`.
 
-    Nothing is drawn where there is no such stretch: a guide marks a regime, it does not claim one.
+    Without such a stretch nothing is drawn: a guide marks a regime, it does not claim one.
     """
     window = power_law_window(x, y, exponent)
     if window is None:
         return
     u = np.linspace(*window, 50)
     drawn = [np.log10(line.get_data()) for line in ax.get_lines() if len(line.get_xdata())]
-    heights = np.array([np.interp(u, *one, left=np.nan, right=np.nan) for one in drawn])
+    heights = np.array([np.interp(u, *line, left=np.nan, right=np.nan) for line in drawn])
     sign, edge = (1, np.nanmax(heights, axis=0)) if above else (-1, np.nanmin(heights, axis=0))
     gap = max(0.035 * np.ptp(np.log10(ax.get_ylim())), 0.12)
     v = exponent * u + sign * (np.max(sign * (edge - exponent * u)) + gap)
@@ -299,25 +301,25 @@ def power_law(ax, x, y, exponent) -> None:
 
 def clear_corner(ax, first, settings) -> str | None:
     """The corner in which a legend with these settings lies on no line, bar or text of `ax`; None where all do."""
-    drawn, texts = _drawn(ax), [text.get_window_extent() for text in ax.texts]
+    outlines, texts = _outlines(ax), [text.get_window_extent() for text in ax.texts]
     for corner in dict.fromkeys((first, *_CORNERS)):
         box = ax.legend(loc=corner, **settings).get_window_extent().padded(2.0 * ax.figure.dpi / 72)
-        if not any(_covers(box, *one) for one in drawn) and not any(map(box.overlaps, texts)):
+        if not any(_covers(box, *outline) for outline in outlines) and not any(map(box.overlaps, texts)):
             return corner
     return None
 
 
-def _drawn(ax):
+def _outlines(ax):
     """[(path in pixels, whether its corners are joined by a line)] of all lines and error bars of `ax`."""
-    found = []
+    outlines = []
     for line in ax.get_lines():
         path = line.get_transform().transform_path(line.get_path()).cleaned(remove_nans=True)
         path = Path(path.vertices[:-1], path.codes[:-1])  # without what says that it ends
         if len(path):
-            found.append((path, line.get_linestyle() not in ("None", "", " ")))
+            outlines.append((path, line.get_linestyle() not in ("None", "", " ")))
     for bars in (bar for container in ax.containers for bar in container.lines[2]):
-        found += [(bars.get_transform().transform_path(path), True) for path in bars.get_paths()]
-    return found
+        outlines += [(bars.get_transform().transform_path(path), True) for path in bars.get_paths()]
+    return outlines
 
 
 def _covers(box, path, joined):

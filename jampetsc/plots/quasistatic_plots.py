@@ -15,7 +15,7 @@ from jampetsc.analysis.statistics import mean_with_error, median_interval
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import having
 from jampetsc.plots.page import band, draw_guide, limits_kept, points, power_law
-from jampetsc.plots.picture import count, picture, units_of
+from jampetsc.plots.picture import count_text, picture, units_of
 from jampetsc.plots.style import (
     GREY,
     OPEN,
@@ -42,25 +42,25 @@ PRESTRESS = (  # prefix of attributes, its meaning, further keywords of the line
 
 def pressures_of(results):
     """p/k of each file, (F,). Raises InputError where it is not positive."""
-    found = []
+    pressures = []
     for result in results:
         pressure = units_of(result).pressure
         if pressure is None or not pressure > 0:
-            known = "is not recorded" if pressure is None else f"{pressure:g}"
-            raise InputError(f"{result.path}: pressure {known}: must be positive on a log axis")
-        found.append(float(f"{pressure:.6g}"))
-    return np.array(found)
+            words = "is not recorded" if pressure is None else f"{pressure:g}"
+            raise InputError(f"{result.path}: pressure {words}. Give files of positive pressure.")
+        pressures.append(float(f"{pressure:.6g}"))
+    return np.array(pressures)
 
 
 def groups_of(results) -> dict:
     """{N: {p/k: files}}, of files that differ in the packing alone, small N and low pressure first."""
-    found = {}
+    groups = {}
     for result, pressure in sorted(
         zip(results, pressures_of(results), strict=True), key=lambda pair: pair[1]
     ):
-        sized = found.setdefault(int(result.attributes.get("particle_count", 0)), {})
-        sized.setdefault(pressure, []).append(result)
-    return dict(sorted(found.items()))
+        levels = groups.setdefault(int(result.attributes.get("particle_count", 0)), {})
+        levels.setdefault(pressure, []).append(result)
+    return dict(sorted(groups.items()))
 
 
 def values_of(levels, value, *more) -> list:
@@ -68,7 +68,7 @@ def values_of(levels, value, *more) -> list:
     return [np.array([value(result, *more) for result in files]) for files in levels.values()]
 
 
-def drawn_of_both(levels, value, *more):
+def prestress_samples(levels, value, *more):
     """(values as `values_of`, words, look, prefix) without pre-stress and with it, of what the files hold."""
     for prefix, words, face in PRESTRESS:
         samples = values_of(levels, value, *more, prefix)
@@ -80,7 +80,7 @@ def drawn_of_both(levels, value, *more):
 def plot_medians(results, page):
     """Medians of |Δu∥|, |Δu⊥| and |u_na| per unit strain against p/k, with slopes ±1/4 (BT eqs. 19-21).
 
-    Filled: without pre-stress; open: with. Small points are files, lines run through the medians of those of
+    Filled: without pre-stress; open: with. Small points are files, lines run through the medians of files of
     one pressure and N; where each has several, bands are 68 % intervals of these medians by resampling the files.
     """
     groups = groups_of(results)
@@ -90,24 +90,24 @@ def plot_medians(results, page):
     for (name, (symbol, slope)), own in looks(QUANTITIES.items()):
         handles.append(entry(f"${symbol}$", **({"color": own["color"]} if several else own)))
         for size, levels in groups.items():
-            p, look, found = np.array(list(levels)), own | (styles[size] if several else {}), []
-            for samples, words, face, _ in drawn_of_both(levels, value_of, f"{name}_median"):
+            p, look, lines = np.array(list(levels)), own | (styles[size] if several else {}), []
+            for samples, words, face, _ in prestress_samples(levels, value_of, f"{name}_median"):
                 label = f"${symbol}$, $N={size}$, {words}"
                 medians, drawn = draw_medians(ax, p, samples, look | face, label)
-                found, bands = [*found, medians], drawn or bands
+                lines, bands = [*lines, medians], drawn or bands
                 if max(map(len, samples)) > 1:
-                    x, y = np.repeat(p, [len(some) for some in samples]), np.concatenate(samples)
+                    x, y = np.repeat(p, [len(sample) for sample in samples]), np.concatenate(samples)
                     dots = {"markersize": 2, "markeredgewidth": 0, "label": hidden(f"{label}, single files")}
                     ax.plot(x, y, ".", color=look["color"], **dots)
                     single = True
-        power_law(ax, p, found[0], slope)  # of the largest N
+        power_law(ax, p, lines[0], slope)  # of the largest N
     handles += handles_of({size: look | {"ls": "none"} for size, look in styles.items() if several})
     if any(len(levels) > 1 for levels in groups.values()):
         handles.append(entry(r"$p^{\pm 1/4}$", GREY, linestyle=":", linewidth=0.8))
     if single:
         handles.append(entry("single files", marker=".", ms=2, ls="none"))
     page.legend(ax, handles + bands)
-    return f"medians of floppy motion in {count(results, 'file', 'files')}"
+    return f"medians of floppy motion in {count_text(results, 'file', 'files')}"
 
 
 def handles_of(styles) -> list:
@@ -121,12 +121,12 @@ def draw_medians(ax, x, samples, look, name) -> tuple:
 
     The band is drawn, and has an entry, if each sample has the three values that it takes.
     """
-    known = [sample[np.isfinite(sample)] for sample in samples]
-    medians = np.array([np.median(sample) if len(sample) else np.nan for sample in known])
+    finite = [sample[np.isfinite(sample)] for sample in samples]
+    medians = np.array([np.median(sample) if len(sample) else np.nan for sample in finite])
     ax.plot(x, medians, **{"markeredgewidth": 0.7, "label": hidden(name)} | look)
-    if not all(len(sample) > 2 for sample in known):
+    if not all(len(sample) > 2 for sample in finite):
         return medians, []
-    band(ax, x, *np.transpose([median_interval(sample) for sample in known]), name, color=look["color"])
+    band(ax, x, *np.transpose([median_interval(sample) for sample in finite]), name, color=look["color"])
     return medians, [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
 
 
@@ -154,7 +154,7 @@ def plot_viscosities(results, page):
     for result in results:
         if result.attributes.get("law") not in having("beta"):
             raise InputError(
-                f"{result.path}: law {result.attributes.get('law')}: has no beta; give contact damping"
+                f"{result.path}: law {result.attributes.get('law')}, without beta. Give files of contact damping."
             )
     sizes = groups_of(results)
     groups = looks((size, level, files) for size, levels in sizes.items() for level, files in levels.items())
@@ -175,7 +175,7 @@ def plot_viscosities(results, page):
         draw_guide(ax, *first[symbol], exponent, r"\beta", above)
     handles += [entry(symbol, marker="o", mew=0.7, **face) for symbol, face in columns]
     page.legend(ax, handles + bands, "$p/k$")
-    return f"eta0 and eta_inf against beta of {count(results, 'file', 'files')}"
+    return f"eta0 and eta_inf against beta of {count_text(results, 'file', 'files')}"
 
 
 def _rows(result):
@@ -189,9 +189,9 @@ def _rows(result):
 
 
 HEIGHT = 3.0  # inches
-LARGE = 30.0  # pN² from which on a packing counts as large
-CRITICAL = 2e-3  # p/k up to which √p η₀ does
-FEWEST = 3  # sizes of a line in ln N
+LARGE_PN2 = 30.0  # pN² above which η₀ does not depend on N, except by a logarithm
+MAX_CRITICAL_PRESSURE = 2e-3  # p/k below which √p η₀ does not depend on p
+MIN_SIZES = 3  # of a line in ln N
 
 
 @picture("finite-size", "quasistatic")
@@ -204,8 +204,8 @@ def draw_finite_size(results, page, size_power) -> str:
     """η₀/N^a against pN², a = size_power, with the slope −a/2 of what does not depend on N: medians, 68 % intervals.
 
     Filled: without pre-stress; open: with. Under a law with a fluid a second panel has η₀ − η_F; the last √p (η₀ − η_F)
-    without pre-stress against N where pN² > LARGE and p/k < CRITICAL, means with their errors, and A + B ln N for each
-    pressure with enough sizes.
+    without pre-stress against N where pN² > LARGE_PN2 and p/k < MAX_CRITICAL_PRESSURE, means with their errors, and
+    A + B ln N for each pressure with enough sizes.
 
     Raises InputError for files of several laws, and where pressures are not positive.
     """
@@ -213,8 +213,8 @@ def draw_finite_size(results, page, size_power) -> str:
     for result in results:
         if result.attributes.get("law") != law:
             raise InputError(
-                f"{result.path}: law {result.attributes.get('law')}, {results[0].path.name} has {law}: "
-                f"finite-size pictures show one; choose by {named('where')} law=…"
+                f"{result.path}: law {result.attributes.get('law')}, {results[0].path.name} has {law}. "
+                f"Choose one law (of a study by {named('where')} law=…)."
             )
     groups = groups_of(results)
     fluid = any(fluid_of(result) > 0 for result in results)
@@ -232,7 +232,7 @@ def draw_finite_size(results, page, size_power) -> str:
     _draw_sizes(page, axes[-1], groups)
     guide = entry(f"slope ${exponent_text(-size_power / 2)}$", GREY, linestyle="--")
     page.legend(axes[0], [*handles_of(styles), guide], first="lower left", handlelength=1.8)
-    return f"eta0/N^{size_power:g} against pN^2 of {count(results, 'file', 'files')}{unstable(results)}"
+    return f"eta0/N^{size_power:g} against pN^2 of {count_text(results, 'file', 'files')}{unstable(results)}"
 
 
 def fluid_of(result) -> float:
@@ -251,13 +251,13 @@ def _draw_collapse(ax, groups, styles, power, subtracted):
     bare = []
     for size, levels in groups.items():
         x, look = np.array(list(levels)) * size**2, {"linewidth": 0.8} | styles[size]
-        for values, words, face, prefix in drawn_of_both(levels, viscosity_of, subtracted):
+        for values, words, face, prefix in prestress_samples(levels, viscosity_of, subtracted):
             samples = [value / size**power for value in values]
             y, _ = draw_medians(ax, x, samples, look | face, f"$N={size}$, {words}")
             if prefix:
                 bare.append((x, y))
     x, y = np.concatenate(bare, axis=1)
-    large = x > LARGE
+    large = x > LARGE_PN2
     if large.any():
         level = np.exp(np.mean(np.log(y[large] * x[large] ** (power / 2))))
         guide = np.array([1.0, x.max()])
@@ -269,18 +269,19 @@ def _draw_sizes(page, ax, groups):
     large = {}  # {p/k: {N: (mean, error) of √p (η₀ − η_F)}}
     for size, levels in groups.items():
         for level, files in levels.items():
-            if level * size**2 > LARGE and level < CRITICAL:
+            if level * size**2 > LARGE_PN2 and level < MAX_CRITICAL_PRESSURE:
                 scaled = [
-                    np.sqrt(units_of(one).pressure) * viscosity_of(one, subtracted=True) for one in files
+                    np.sqrt(units_of(result).pressure) * viscosity_of(result, subtracted=True)
+                    for result in files
                 ]
                 large.setdefault(level, {})[size] = mean_with_error(scaled)
     for (level, sizes), look in looks(sorted(large.items())):
         n = np.array(list(sizes))
         y, error = np.transpose(list(sizes.values()))
         points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
-        known = np.isfinite(error) & (error > 0)
-        if known.sum() >= FEWEST:
-            constant, slope = fit_logarithm(n[known], y[known], error[known])
+        certain = np.isfinite(error) & (error > 0)
+        if certain.sum() >= MIN_SIZES:
+            constant, slope = fit_logarithm(n[certain], y[certain], error[certain])
             ax.plot(n, constant + slope * np.log(n), color=look["color"], linewidth=0.8, zorder=1)
     ax.set_ylim(0.0, None)
     page.legend(ax, title="$p/k$", named=False)

@@ -8,12 +8,12 @@ from jampetsc.plots.picture import picture
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 
 HEIGHTS = (3.0, 1.4, 1.9)  # inches of collapse, residuals and drift
-REACH = 6.0  # from the best value in sight, in typical changes or errors: beyond, a fit has lost its way
+DRIFT_RANGE = 6.0  # of the axis about the best value, in typical changes or errors
 SYMBOLS = {"pressure": "p", "shear_stress": r"\sigma", "jammed": "f"}
 _NAMES = {"phi_J": r"\phi_J", "y": "y", "znu": r"z\nu", "nu": r"\nu", "omega": r"\omega"}
 
 
-def scaled(result):
+def rescaled_values(result):
     """(b, O/b^(y/κ) without its corrections, its error): b is the rate, κ = zν; of sizes 1/L and ν."""
     a = result.attributes
     b, kappa = (result["rate"], "znu") if a["scaling"] == "rate" else (1 / result["size"], "nu")
@@ -40,7 +40,7 @@ def plot_scaling(results, page):
 
 
 def _collapse(page, top, middle, result):
-    a, x, (b, left, bars) = result.attributes, result["x"], scaled(result)
+    a, x, (b, left, bars) = result.attributes, result["x"], rescaled_values(result)
     sized = a["scaling"] == "size"
     residuals = (result["value"] - result["leading"] - result["correction"]) / result["error"]
     top.plot(result["curve/x"], result["curve/f0"], color=GREY, lw=0.9, zorder=1, label=hidden("f0"))
@@ -67,20 +67,22 @@ def _drift(ax, result, name, column):
     """A parameter against the cut, with its errors, and the band of the best value."""
     a, cut = result.attributes, result["drift/cut"]
     y, bars = result["drift/parameters"][:, column], result["drift/errors"][:, column]
-    known = np.isfinite(bars)
+    certain = np.isfinite(bars)
     ax.set_xscale("log")
     look = {"color": "0.1", "marker": "o", "ms": 3}
-    points(ax, cut[known], y[known], bars[known], label=hidden(name), **look)
-    ax.plot(cut[~known], y[~known], ls="none", mfc="white", label=hidden(f"{name}, not told"), **look)
-    best, own = float(a[name]), float(np.nan_to_num(a[f"{name}_error"]))
-    ax.axhspan(best - own, best + own, color="0.85", lw=0)
+    points(ax, cut[certain], y[certain], bars[certain], label=hidden(name), **look)
+    ax.plot(
+        cut[~certain], y[~certain], ls="none", mfc="white", label=hidden(f"{name}, without error"), **look
+    )
+    best, own_error = float(a[name]), float(np.nan_to_num(a[f"{name}_error"]))
+    ax.axhspan(best - own_error, best + own_error, color="0.85", lw=0)
     sized = a["scaling"] == "size"
     ax.set(xlabel="smallest $N$" if sized else r"largest $\dot\gamma$", ylabel=f"${_NAMES[name]}$")
     ax.set_xlim(cut.min() / 10**0.1, cut.max() * 10**0.1)
     bars = np.nan_to_num(bars)
-    reach = REACH * max(np.median(np.abs(y - best)), np.median(bars), own)
-    low, high = min((y - bars).min(), best - own), max((y + bars).max(), best + own)
-    low, high = max(low - 0.1 * own, best - reach), min(high + 0.1 * own, best + reach)
+    reach = DRIFT_RANGE * max(np.median(np.abs(y - best)), np.median(bars), own_error)
+    low, high = min((y - bars).min(), best - own_error), max((y + bars).max(), best + own_error)
+    low, high = max(low - 0.1 * own_error, best - reach), min(high + 0.1 * own_error, best + reach)
     if low < high:  # else there is a single value, without an error
         ax.set_ylim(low, high)
 
@@ -95,16 +97,16 @@ def plot_branches(results, page):
     (result,) = results
     a, x = result.attributes, result["x"]
     if a["scaling"] != "rate":
-        raise InputError(f"{result.path}: is a collapse of sizes: branches are of rates; draw it as scaling")
-    rate, y, error = scaled(result)
+        raise InputError(f"{result.path}: a collapse of sizes, not of rates. Draw it as scaling.")
+    rate, y, error = rescaled_values(result)
     scaled_y = rf"${SYMBOLS.get(a['observable'], 'O')}\,\dot\gamma^{{-y/z\nu}}$"
     ax = page.panels(1, 1, PAGE, 4.0, x=r"$|\phi-\phi_J|\,\dot\gamma^{-1/z\nu}$", y=scaled_y, log="xy")
-    for one, look in looks(np.unique(rate)):
-        label = rf"${number(one)}$"
+    for single_rate, look in looks(np.unique(rate)):
+        label = rf"${number(single_rate)}$"
         above = {"label": label, "markerfacecolor": look["color"]}
         below = {"label": hidden(f"{label}, below phi_J"), "markerfacecolor": "white"}
         for side, face in ((1, above), (-1, below)):
-            here = (rate == one) & (side * x > 0)
+            here = (rate == single_rate) & (side * x > 0)
             if (y[here] > 0).any():
                 points(ax, np.abs(x[here]), y[here], error[here], ls="none", **look, **face)
     with limits_kept(ax):

@@ -130,7 +130,7 @@ def drawn_in(style=None, own=True):
 
     style   settings on top of it: a file of matplotlib, or {name: value}
 
-    Raises InputError for a file that is no style.
+    Raises InputError for a file that cannot be read as a style.
     """
     with matplotlib.rc_context():
         if own:
@@ -142,7 +142,7 @@ def drawn_in(style=None, own=True):
             matplotlib.rcParams.update(style or {})
         except (OSError, ValueError, KeyError, TypeError) as error:
             why = str(error).splitlines()[0]
-            raise InputError(f"style {style}: {why}: give a style file of matplotlib") from None
+            raise InputError(f"style {style}: {why}. Give a style file of matplotlib.") from None
         yield
 
 

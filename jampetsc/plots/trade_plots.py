@@ -12,7 +12,7 @@ HEIGHT = 4.2  # inches
 _GROUPS = {  # group -> (marker, shade from dark to light, in the legend)
     "accuracy": ("o", 0, "rational sweep, by --accuracy"),
     "method": ("s", 2, "one frequency after another"),
-    "frequencies": ("^", 4, "so many frequencies, interpolated"),
+    "frequencies": ("^", 4, "number of frequencies, interpolated"),
     "physics": ("D", 3, "other physics (a deviation)"),
     "ensemble": ("P", 1, "mean over other packings (a deviation)"),
 }

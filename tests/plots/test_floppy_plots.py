@@ -200,16 +200,16 @@ MODES.stored = lambda name: np.zeros((2, 4, 2))
 @pytest.mark.parametrize(
     ("results", "asked", "says"),
     [
-        ([MODES], {"mode": [3]}, "mode 3: m.h5 holds modes 1 to 2"),
-        ([MODES], {"kind": "states"}, "m.h5: holds 2 modes only: run modes with --all"),
-        ([UNTOLD], {"kind": "states"}, "m.h5: holds 2 modes only: run modes with --all"),
+        ([MODES], {"mode": [3]}, "mode 3: not in m.h5. Give one from 1 to 2"),
+        ([MODES], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with --all"),
+        ([UNTOLD], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with --all"),
         ([MODES] * 2, {"mode": [1]}, "2 modes files: mode pictures show one"),
-        ([quasistatic_of([1, 1, 1])], {"mode": [1]}, "is a quasistatic file: mode pictures need modes"),
+        ([quasistatic_of([1, 1, 1])], {"mode": [1]}, "a quasistatic file. For mode pictures give modes"),
         ([RESPONSE], {"kind": "response"}, "its packing was in memory"),
-        ([quasistatic_of([1, 1, 1], law="stokes")], {"kind": "viscosities"}, "law stokes: has no beta"),
-        ([lowest_of(1e-4), lowest_of(1e-3, n=64)], {"kind": "lowest-modes"}, "files of several N: choose one"),
-        ([lowest_of(1e-4), lowest_of(1e-3, (10,))], {"kind": "lowest-modes"}, "with other numbers of modes"),
-        ([lowest_of(1e-4), lowest_of(1e-3, ())], {"kind": "lowest-modes"}, "does not tell what its modes carry"),
+        ([quasistatic_of([1, 1, 1], law="stokes")], {"kind": "viscosities"}, "law stokes, without beta"),
+        ([lowest_of(1e-4), lowest_of(1e-3, n=64)], {"kind": "lowest-modes"}, "files of several N. Choose one"),
+        ([lowest_of(1e-4), lowest_of(1e-3, (10,))], {"kind": "lowest-modes"}, "different numbers of modes"),
+        ([lowest_of(1e-4), lowest_of(1e-3, ())], {"kind": "lowest-modes"}, "dataset lowest/count: missing"),
     ],
 )  # fmt: skip
 def test_what_is_refused(results, asked, says):

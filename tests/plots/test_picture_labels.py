@@ -21,7 +21,7 @@ from jampetsc.plots import (
     quasistatic_plots,
     trade_plots,
 )
-from jampetsc.plots.picture_table import plain, table
+from jampetsc.plots.picture_table import plain_text, table_rows
 from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve
 from jampetsc.plots.style import COLUMN, LOSS, PAGE, STORAGE
 
@@ -106,13 +106,15 @@ def test_axes_are_named_and_numbers_told(tmp_path, picture, made, panels):
             for line in ax.get_lines():
                 pixels = line.get_transform().transform(np.column_stack([*map(np.ravel, line.get_data())]))
                 assert not box.count_contains(pixels[np.isfinite(pixels).all(axis=1)])
-    rows = table(axes)
+    rows = table_rows(axes)
     assert {row["panel"] for row in rows} == set(
         "abcdef"[: 1 if picture is mode_plots.plot_modes else len(axes)]
     )
     for row in rows:
         ax = axes["abcdef".index(row["panel"])]
-        assert (row["x"], row["y"]) == (plain(ax.get_xlabel()), plain(ax.get_ylabel())) and row["series"]
+        assert (row["x"], row["y"]) == (plain_text(ax.get_xlabel()), plain_text(ax.get_ylabel())) and row[
+            "series"
+        ]
 
 
 def test_names_of_a_trade_stand_beside_their_points():
