@@ -12,8 +12,8 @@ from jampetsc.plots.page import band, limits_kept, points
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 from pictures.shared import drawn, results
 
-PHI_J, Y, ZNU = 0.8433, 1.1, 3.5  # V's
-FAR = 0.5  # x from which on points have the slope of an asymptote
+PHI_J, Y, ZNU = 0.8433, 1.1, 3.5  # of Vågberg
+MIN_ASYMPTOTIC_X = 0.5  # of points on an asymptote
 SIZES = (("monodisperse", "Fig. 4.6, one size"), ("bidisperse", "Fig. 4.7, two sizes"))
 
 
@@ -51,22 +51,20 @@ def _configuration(ax, disks):
 def branches(page, folder):
     """p/γ̇^(y/zν) against |φ − φ_J|/γ̇^(1/zν) with V's φ_J, y and zν, and the slopes y and y − zν of large arguments."""
     places = [place for place in (Path(folder), Path(folder) / "wide") if (place / "table.csv").exists()]
-    curves = flow_curves([one for place in places for one in results(place, command="flow")])
-    found = [
-        (kind[1], *row) for kind, curve in curves.items() for row in zip(*curve["pressure"], strict=True)
-    ]
-    phi, rate, p, error = np.transpose(found)
+    curves = flow_curves([run for place in places for run in results(place, command="flow")])
+    rows = [(kind[1], *row) for kind, curve in curves.items() for row in zip(*curve["pressure"], strict=True)]
+    phi, rate, p, error = np.transpose(rows)
     x, unit = (phi - PHI_J) / rate ** (1 / ZNU), rate ** (Y / ZNU)
     y, error = p / unit, error / unit
     labels = {"x": r"$|\phi-\phi_J|\,\dot\gamma^{-1/z\nu}$", "y": r"$p\,\dot\gamma^{-y/z\nu}$"}
     ax = page.panels(1, 1, 5.4, 4.2, **labels, log="xy")
-    for one, look in looks(np.unique(rate)):
-        for side, face in ((1, {"label": f"${number(one)}$"}), (-1, {"markerfacecolor": "white"})):
-            here = (rate == one) & (side * x > 0) & (p > 0)
-            face = {"label": hidden(f"{one:g}, below phi_J")} | face
+    for shown_rate, look in looks(np.unique(rate)):
+        for side, face in ((1, {"label": f"${number(shown_rate)}$"}), (-1, {"markerfacecolor": "white"})):
+            here = (rate == shown_rate) & (side * x > 0) & (p > 0)
+            face = {"label": hidden(f"{shown_rate:g}, below phi_J")} | face
             points(ax, np.abs(x[here]), y[here], error[here], ls="none", **look | face)
     for side, slope, name in ((1, Y, "y"), (-1, Y - ZNU, r"y-z\nu")):
-        far = (side * x > FAR) & (p > 0) & (np.abs(phi - PHI_J) < 0.05)
+        far = (side * x > MIN_ASYMPTOTIC_X) & (p > 0) & (np.abs(phi - PHI_J) < 0.05)
         if not far.any():
             continue
         level = np.exp(np.mean(np.log(y[far]) - slope * np.log(np.abs(x[far]))))

@@ -17,9 +17,9 @@ from jampetsc.plots.quasistatic_plots import plot_viscosities
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number, power_or_number
 from pictures.shared import beside, drawn, results
 
-WINDOW = 26.0  # mean diameters of the packing that are shown
+WINDOW = 26.0  # side of the part of a packing in mean diameters
 ARROWS = 23  # along the cell
-LONG = 1.5  # length of a long arrow (90th percentile) in distances between arrows
+ARROW_LENGTH = 1.5  # 90th percentile, in distances between arrows
 
 
 @drawn("bt-fig1")
@@ -76,7 +76,7 @@ def _arrows(ax, sweep, disks, row, turn, part):
     grid = (np.stack(np.meshgrid(*[np.arange(ARROWS)] * 2), axis=-1).reshape(-1, 2) + 0.5) / ARROWS
     chosen = np.unique(cKDTree(centres).query(grid @ disks.cell)[1])
     u, spacing = part(turn * u[chosen]), np.sqrt(disks.area) / ARROWS
-    factor = LONG * spacing / np.quantile(np.hypot(*u.T), 0.9)
+    factor = ARROW_LENGTH * spacing / np.quantile(np.hypot(*u.T), 0.9)
     look = {
         "angles": "xy",
         "scale_units": "xy",
@@ -114,19 +114,21 @@ def sliding_damping(page, folder):
 @drawn("bt-viscosity-ratio")
 def with_over_without(page, folder):
     """R = η₀ with over without pre-stress of each packing, medians with their errors, against pN²: one curve."""
-    found = {}
+    ratios = {}
     for place in filter(None, (folder, beside(folder, "bt-fig3"))):
         rows = jampetsc.load(place).where(command="quasistatic", law="contact", state="done")
         for key, part in rows.groups(["n", "pressure"]):
             ratio = part["eta0"] / part["no_prestress_eta0"]
-            levels = found.setdefault(key["n"], {})
-            if len(ratio) > len(levels.get(key["pressure"], ())):  # both have the packings of the first seeds
+            levels = ratios.setdefault(key["n"], {})
+            if len(ratio) > len(
+                levels.get(key["pressure"], ())
+            ):  # both folders have the packings of the first seeds
                 levels[key["pressure"]] = ratio
     ax = page.panels(1, 1, 4.6, 3.2, x="$N^2p/k$", y=r"$\eta_0$ with over without pre-stress", log="xy")
     ax.axhline(1.0, color=GREY, lw=0.6, ls=":")
-    for (n, levels), look in looks(sorted(found.items())):
+    for (n, levels), look in looks(sorted(ratios.items())):
         p = np.array(sorted(levels))
-        middle, error = np.transpose([log_median(levels[one]) for one in p])
+        middle, error = np.transpose([log_median(levels[pressure]) for pressure in p])
         factor = np.exp(error)
         bars = np.exp(middle) * np.array([1 - 1 / factor, factor - 1])
         points(ax, p * n**2, np.exp(middle), bars, label=f"$N={n:.0f}$", lw=0.7, **look)

@@ -14,7 +14,7 @@ from pictures.shared import drawn, results
 STOKES_POWER = 1.09  # of N, BT's under Stokes drag
 ENSEMBLES = (("random", "RAND"), ("shear", "QS"))
 OBSERVABLES = (("", "f"), ("-pressure", r"\langle p\rangle"))
-RANGES = {"nu": (0.4, 1.6), "y": (0.6, 1.8)}  # in sight; fits beyond have lost their way
+RANGES = {"nu": (0.4, 1.6), "y": (0.6, 1.8)}  # of the axes; fits beyond have failed
 
 
 @drawn("bt-fig8b")
@@ -65,7 +65,7 @@ def _kinds():
 
 
 def _fit(folder, name):
-    """A fit that `jampetsc collapse` has left, None where it failed."""
+    """A fit that `jampetsc collapse` made, None if it failed."""
     path = Path(folder) / f"{name}.h5"
     return jampetsc.load(path) if path.exists() else None
 

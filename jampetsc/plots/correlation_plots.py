@@ -40,8 +40,8 @@ _FREQUENCY_TOLERANCE = 0.01  # relative, of requested frequencies
 # (docs/physics.md; benchmarks/claims/medium.py)
 MEDIUM = (0.1691383468239038, 0.24575240074885307)
 OMEGA = option(
-    "omega", FREQUENCIES, "fields, correlation: frequencies in the unit of the file (default: fields up to four, "
-    "correlation all of one file, the lowest of several)", "w1,w2,…",
+    "omega", FREQUENCIES, "fields: frequencies as in the file (default: up to four); correlation: frequencies in 1/τ₁ "
+    "(default: all of one file, the lowest of several)", "w1,w2,…",
 )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ PICTURES = {}  # kind -> Picture; `plots.draw` loads all of them
 def option(name, kind, help, metavar="", **limits) -> Parameter:
     """An option of some kinds of pictures: a keyword of their functions; limits: low, high, choices."""
     default = False if kind is SWITCH else None
-    return Parameter(name, help, kind, default, metavar=metavar, group="of some kinds", **limits)
+    return Parameter(name, help, kind, default, metavar=metavar, group="options of some kinds", **limits)
 
 
 PACKING = option(
