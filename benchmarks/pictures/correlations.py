@@ -12,7 +12,7 @@ from jampetsc.analysis.correlation_lengths import (
 )
 from jampetsc.errors import InputError
 from jampetsc.plots.correlation_plots import MEDIUM, correlation_curve
-from jampetsc.plots.page import points
+from jampetsc.plots.page import draw_points
 from jampetsc.plots.style import GREY, PAGE, entry, hidden, looks, power_or_number
 from pictures.shared import drawn, results
 
@@ -35,7 +35,7 @@ def contact_damping(page, folder):
             delta, C = curve.delta[0] / curve.size, curve.C[0, row, 0]
             chosen, name = _spaced_rows(delta, C), hidden(f"N = {size}, omega = {omega:g}")
             error = curve.errors[0, row, 0, chosen]
-            points(ax, delta[chosen], C[chosen], error, lw=0.8, ms=3, label=name, **look | face)
+            draw_points(ax, delta[chosen], C[chosen], error, lw=0.8, ms=3, label=name, **look | face)
         delta = np.geomspace(1.0 / curve.size, 0.5, 100)
         shape = correlation(solid, np.r_[0.0, delta], round(curve.size))
         look = {"color": "0.1", "lw": 1.0, "ls": face["ls"], "zorder": 4}
@@ -81,11 +81,13 @@ def _lengths(page, folder, phase):
     for curve, look in looks(curves):
         label, length = f"${power_or_number(curve.pressure)}$", curve.G.real
         look |= {"lw": 0.8}
-        points(axes[0], curve.omega, length / curve.size, curve.bounds[0] / curve.size, label=label, **look)
+        draw_points(
+            axes[0], curve.omega, length / curve.size, curve.bounds[0] / curve.size, label=label, **look
+        )
         part = curve.at((length > SHORTEST) & (length < LONGEST * curve.size))
         for ax, (collapse, _) in zip(axes[1:], collapses, strict=True):
             at, value = collapse(part.omega, part.G.real, part)
-            points(ax, at, value, part.bounds[0] * value / part.G.real, label=hidden(label), **look)
+            draw_points(ax, at, value, part.bounds[0] * value / part.G.real, label=hidden(label), **look)
     axes[0].axhline(0.25, color="0.4", lw=0.6, ls=":", zorder=0)
     axes[0].axhline(MEDIUM[0], color="0.4", lw=0.6, ls="--", zorder=0)
     for ax, (collapse, _) in zip(axes[1:], collapses, strict=True):

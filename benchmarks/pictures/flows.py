@@ -8,7 +8,7 @@ from jampetsc.analysis.order import six_fold_order
 from jampetsc.io.snapshots import snapshot
 from jampetsc.plots.flow_plots import ORDERS, flow_curves
 from jampetsc.plots.packing_plots import disk_images, draw_circles, wrap
-from jampetsc.plots.page import band, limits_kept, points
+from jampetsc.plots.page import draw_band, draw_points, limits_kept
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 from pictures.shared import drawn, results
 
@@ -31,7 +31,7 @@ def configurations(page, folder):
             ax.set_title(rf"{words}, $\gamma={strain:.3g}$", loc="right", pad=3, fontsize=8)
         strain, values = runs[0]["snapshots/strain"], np.array([six_fold_order(run)[1] for run in runs])
         colour = styles[sizes]["color"]
-        band(order, strain, values.min(0), values.max(0), f"{sizes}, all runs", color=colour)
+        draw_band(order, strain, values.min(0), values.max(0), f"{sizes}, all runs", color=colour)
         order.plot(strain, values.mean(0), color=colour, lw=1.6, label=sizes)
     order.set(xlabel=r"$\gamma$", ylabel=ORDERS[1], ylim=(0.0, 1.0), xlim=(0.0, strain[-1]))
     page.legend(order, title=f"mean and range of {len(runs)} runs", first="upper right")
@@ -62,7 +62,7 @@ def branches(page, folder):
         for side, face in ((1, {"label": f"${number(shown_rate)}$"}), (-1, {"markerfacecolor": "white"})):
             here = (rate == shown_rate) & (side * x > 0) & (p > 0)
             face = {"label": hidden(f"{shown_rate:g}, below phi_J")} | face
-            points(ax, np.abs(x[here]), y[here], error[here], ls="none", **look | face)
+            draw_points(ax, np.abs(x[here]), y[here], error[here], ls="none", **look | face)
     for side, slope, name in ((1, Y, "y"), (-1, Y - ZNU, r"y-z\nu")):
         far = (side * x > MIN_ASYMPTOTIC_X) & (p > 0) & (np.abs(phi - PHI_J) < 0.05)
         if not far.any():

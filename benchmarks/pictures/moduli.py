@@ -12,7 +12,7 @@ from jampetsc.io.fields import field_at, packing_of, particle_rows, phase_factor
 from jampetsc.packing.contacts import measure
 from jampetsc.plots.moduli_plots import average_files, plot_collapse, plot_moduli
 from jampetsc.plots.packing_plots import draw_circles, wrap
-from jampetsc.plots.page import draw_guide, points
+from jampetsc.plots.page import draw_guide, draw_points
 from jampetsc.plots.quasistatic_plots import plot_viscosities
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number, power_or_number
 from pictures.shared import beside, drawn, results
@@ -131,5 +131,5 @@ def with_over_without(page, folder):
         middle, error = np.transpose([log_median(levels[pressure]) for pressure in p])
         factor = np.exp(error)
         bars = np.exp(middle) * np.array([1 - 1 / factor, factor - 1])
-        points(ax, p * n**2, np.exp(middle), bars, label=f"$N={n:.0f}$", lw=0.7, **look)
+        draw_points(ax, p * n**2, np.exp(middle), bars, label=f"$N={n:.0f}$", lw=0.7, **look)
     page.legend(ax, title="medians, standard errors", first="upper left")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import jampetsc
-from jampetsc.plots.page import points
+from jampetsc.plots.page import draw_points
 from jampetsc.plots.quasistatic_plots import draw_finite_size
 from jampetsc.plots.scaling_plots import rescaled_values
 from jampetsc.plots.style import GREY, OPEN, PAGE, entry, hidden, looks
@@ -39,7 +39,7 @@ def finite_size(page, folder):
         ax.plot(result["curve/x"], result["curve/f0"], color=GREY, lw=0.9, zorder=1, label=hidden("f0"))
         for scale, look in looks(np.unique(b)):
             here = b == scale
-            points(
+            draw_points(
                 ax,
                 result["x"][here],
                 left[here],
@@ -84,5 +84,5 @@ def _drifts(ax, folder, parameter):
             seen = np.isfinite(error) & (value > RANGES[parameter][0]) & (value < RANGES[parameter][1])
             x = result["drift/cut"][seen] * 1.05 ** (2 * n + bool(face) - 3)
             name = hidden(f"{ensemble}{ending}{end}")
-            points(ax, x, value[seen], error[seen], lw=0.8, ms=3.5, label=name, **look | face)
+            draw_points(ax, x, value[seen], error[seen], lw=0.8, ms=3.5, label=name, **look | face)
     ax.set_ylim(*RANGES[parameter])

@@ -16,7 +16,7 @@ from jampetsc.analysis.correlation_lengths import (
 from jampetsc.errors import InputError, named
 from jampetsc.options.values import FREQUENCIES
 from jampetsc.plots.curves import Curve, entries_of, group_curves
-from jampetsc.plots.page import HEIGHT, band, points
+from jampetsc.plots.page import HEIGHT, draw_band, draw_points
 from jampetsc.plots.picture import count_text, option, picture, units_of
 from jampetsc.plots.style import (
     DASHED,
@@ -217,7 +217,7 @@ def _draw(ax, curve, n, part, colour, scale, label, all_lanes=False, spread=True
     look = {"color": colour, "linestyle": dash, "marker": ".", "markersize": 2.5, "label": hidden(label)}
     ax.plot(x[finite], C[finite], **look)
     spread = np.where(np.isfinite(error) & spread, error, 0.0)
-    band(ax, x[finite], (C - spread)[finite], (C + spread)[finite], label, color=colour, alpha=0.15)
+    draw_band(ax, x[finite], (C - spread)[finite], (C + spread)[finite], label, color=colour, alpha=0.15)
     for lane in range(1, len(curve.C) if all_lanes else 1):
         finite = np.isfinite(curve.C[lane, n, part])
         look = {"linewidth": 0.4, "label": hidden(rf"{label}, lanes of ${number(curve.lanes[lane])}\,d$")}
@@ -280,7 +280,7 @@ def plot_lengths(results, page):
                 error = curve.bounds[part][positive] * y / length[positive]
                 look = {"color": group.colour, "marker": group.marker, "linestyle": dash, "linewidth": 0.8}
                 look |= {"markerfacecolor": "white"} if part else {}
-                points(ax, x, y, error, label=hidden(f"{name}, {group.label}"), **look)
+                draw_points(ax, x, y, error, label=hidden(f"{name}, {group.label}"), **look)
     axes[0].axhline(0.25, color="0.4", linewidth=0.6, linestyle=":", zorder=0)
     for length, shade in zip(MEDIUM, ("0.2", "0.6"), strict=True):
         axes[0].axhline(length, color=shade, linewidth=0.6, linestyle="--", zorder=0)

@@ -13,7 +13,7 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
 from jampetsc.plots.curves import Curve, curve_of, entries_of, group_curves, require_same_frequencies
-from jampetsc.plots.page import band, points
+from jampetsc.plots.page import draw_band, draw_points
 from jampetsc.plots.picture import count_text, picture
 from jampetsc.plots.quasistatic_plots import (
     PRESTRESS,
@@ -79,7 +79,7 @@ def draw_exponents(curves, page) -> str:
             shown = above if limited else slice(None)
             mean, error = mean_with_error(values[:, shown])
             ax.plot(omega[shown], mean, color=group.colour, ls=group.dash, label=hidden(group.label))
-            band(ax, omega[shown], mean - error, mean + error, group.label, color=group.colour)
+            draw_band(ax, omega[shown], mean - error, mean + error, group.label, color=group.colour)
     page.legend(axes[0], entries_of(groups, lambda group: {"ls": group.dash}), title)
     return f"local exponents of G* against omega of {count_text(curves)}"
 
@@ -103,7 +103,7 @@ def draw_pressure_exponents(results, page) -> str:
         for size, levels in groups.items():
             for prefix, words, face in PRESTRESS:
                 drawn = median_exponents(np.array(list(levels)), values_of(levels, value_of, name, prefix))
-                points(ax, *drawn, label=hidden(f"$N={size}$, {words}"), **styles[size], **face)
+                draw_points(ax, *drawn, label=hidden(f"$N={size}$, {words}"), **styles[size], **face)
         ax.set(xlim=(min(every), max(every)), ylim=(limit - 0.5, limit + 0.5))
     page.legend(axes[2], handles_of(styles))
     of = count_text(results, "file", "files")

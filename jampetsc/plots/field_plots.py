@@ -166,7 +166,7 @@ def _draw(page, disks, panels, particles, symbol, rows):
         ax.set_ylabel(row, fontsize=9)
         ax.set_xlabel(scales, fontsize=_SMALL, labelpad=3)
     few = len(chosen) < len(particles)
-    if few and page.own:
+    if few and page.is_new:
         page.figure.supxlabel(f"arrows on {len(chosen)} of {len(particles)} disks", fontsize=_SMALL)
     lay_out(page, rows, 0.15 if few else 0.0)
     images, places = disk_images(centres, disks.radii, disks.cell)

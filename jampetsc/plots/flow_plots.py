@@ -17,7 +17,7 @@ from jampetsc.analysis.profiles import heights, mean_profile
 from jampetsc.analysis.scaling import local_exponents
 from jampetsc.errors import InputError
 from jampetsc.flows.velocity_correlation import BIN, FORMAT, LANE, correlate_lanes
-from jampetsc.plots.page import band, points
+from jampetsc.plots.page import draw_band, draw_points
 from jampetsc.plots.picture import count_text, flow_units, group_by, join_varied, picture
 from jampetsc.plots.style import DASHED, GREY, OPEN, PAGE, colours, entry, hidden, looks, number
 
@@ -84,16 +84,16 @@ def draw_flow_curves(results, page) -> str:
         ax.set_xlim(every.min() / 1.3, 1.3 * every.max())
     exponents = []
     for (name, curve), look in looks(zip(labels_of(list(curves)), curves.values(), strict=True)):
-        points(axes[5], *curve["coordination"], label=hidden(name), **look)
+        draw_points(axes[5], *curve["coordination"], label=hidden(name), **look)
         rates = curve["pressure"][0]
         shown = (curve["shear_stress"][1] > 0) & (curve["pressure"][1] > 0)
         stress, pressure = ([part[shown] for part in curve[quantity][1:]] for quantity in QUANTITIES[:2])
         rates = rates[shown]
         for ax, both in zip(axes, (stress, pressure, quotient(stress, pressure)), strict=False):
-            points(ax, rates, *both, label=name, **look)
+            draw_points(ax, rates, *both, label=name, **look)
         for symbol, both, face in ((r"$\sigma$", stress, {}), ("$p$", pressure, OPEN)):
             named = look | {"label": hidden(f"{name}, {symbol}")}
-            points(axes[3], rates, *(part / rates for part in both), **named | face)
+            draw_points(axes[3], rates, *(part / rates for part in both), **named | face)
             hollow = {"markerfacecolor": "white"} if face else {}
             exponents.append((named | hollow, *local_exponents(rates, *both)))
     _draw_exponents(axes[4], exponents)
@@ -108,7 +108,7 @@ def _draw_exponents(ax, curves):
     values = np.concatenate([y for _, _, y, _ in curves])
     low, high = np.array([values.min(), values.max()]) + np.array([-0.06, 0.12]) * max(np.ptp(values), 0.1)
     for look, x, y, error in curves:
-        points(ax, x, y, error, **look)
+        draw_points(ax, x, y, error, **look)
     ax.set_ylim(low, high)
     for value, regime in ((1, "Newtonian"), (2, "Bagnoldian")):
         if low < value < high:
@@ -133,7 +133,7 @@ def plot_against_phi(results, page):
     for ax, name in zip(axes, QUANTITIES, strict=True):
         for (((_, rate), curve), word), look in looks(zip(curves.items(), words, strict=True)):
             label = (f"{word}, " if word else "") + f"${number(rate * units.tau1)}$"
-            points(ax, *curve[name], label=label, **look)
+            draw_points(ax, *curve[name], label=label, **look)
     page.legend(axes[2], title=units.label(r"\dot\gamma", "rate"))
     return f"stress, pressure and coordination of {count_text(results, 'run', 'runs')} against phi"
 
@@ -191,7 +191,7 @@ def plot_regimes(results, page):
             slope.axhline(value, color=GREY, lw=0.6, ls=":")
         for phi, (quality, exponent, error, cluster, *_) in some.items():
             look = styles[phi] | {"label": hidden(rf"${phi:g}$")}
-            points(slope, quality, exponent, error, **look)
+            draw_points(slope, quality, exponent, error, **look)
             share.plot(quality, cluster, **look)
         slope.set_title(model, loc="right", pad=3)
         share.set_ylim(0, 1.05)
@@ -234,8 +234,11 @@ def labels_of(kinds) -> list[str]:
 
 def draw_mean(ax, result, name, unit, colour, width) -> None:
     """The mean of NAME over the steady part of a run, dashed along its strain."""
-    a = result.attributes
-    mean, span = float(a[f"{name}_mean"]) / unit, [float(a["discard"]), result["strain"][-1]]
+    attributes = result.attributes
+    mean, span = (
+        float(attributes[f"{name}_mean"]) / unit,
+        [float(attributes["discard"]), result["strain"][-1]],
+    )
     ax.plot(span, [mean, mean], color=colour, lw=width, ls=DASHED, label=hidden(f"{result.path.stem}, mean"))
 
 
@@ -344,7 +347,7 @@ def plot_lanes(results, page):
     ax = page.panels(1, 1, PAGE, HEIGHT, x=flow_units(results).label("x", "length"), y="$g_y(x)$")
     ax.axhline(0.0, color=GREY, lw=0.6)
     for (label, x, g, error), look in looks(curves):
-        band(ax, x, g - error, g + error, label, color=look["color"])
+        draw_band(ax, x, g - error, g + error, label, color=look["color"])
         ax.plot(x, g, label=label, **look)
     ax.set_xmargin(0.02)
     page.legend(ax, title="bands: one standard error")

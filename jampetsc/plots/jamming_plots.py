@@ -10,7 +10,7 @@ import numpy as np
 from jampetsc.analysis.jamming import FEWEST, Share, density, memory, runs_of, share_of
 from jampetsc.errors import InputError, named
 from jampetsc.plots.flow_plots import draw_mean
-from jampetsc.plots.page import points
+from jampetsc.plots.page import draw_points
 from jampetsc.plots.picture import count_text, flow_units, join_varied, picture
 from jampetsc.plots.style import COLUMN, DASHED, GREY, PAGE, colours, entry, hidden, looks, number
 
@@ -160,7 +160,7 @@ def plot_fraction(results, page):
     for (sample, label), look in looks(zip(samples, labels, strict=True)):
         phis = sorted(sample.runs)
         value, low, high = np.transpose([(s.value, s.low, s.high) for s in map(sample.share, phis)])
-        points(ax, phis, value, [value - low, high - value], label=label, **look)
+        draw_points(ax, phis, value, [value - low, high - value], label=label, **look)
     page.legend(ax, first="upper left")
     return f"f(phi), the share of samples that jam, of {count_text(results, 'file', 'files')}"
 
@@ -201,7 +201,7 @@ def plot_pressures(results, page):
 
 
 def _density(ax, edges, height, error, **look):
-    points(ax, 0.5 * (edges[1:] + edges[:-1]), height, error, **look)
+    draw_points(ax, 0.5 * (edges[1:] + edges[:-1]), height, error, **look)
 
 
 @picture("phi_J", "jam")

@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 from jampetsc.analysis.density_of_states import density_of_states
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
-from jampetsc.plots.page import band, points, power_law
+from jampetsc.plots.page import draw_band, draw_points, power_law
 from jampetsc.plots.picture import count_text, group_by, picture, units_of
 from jampetsc.plots.quasistatic_plots import QUANTITIES, groups_of, pressures_of, values_of
 from jampetsc.plots.style import (
@@ -84,7 +84,7 @@ def plot_modes(results, page):
             spaced = list(np.unique(np.geomspace(1, shared, 8).astype(int)) - 1)  # even on a log axis
             dots = {"marker": marker, "mec": "k", "mfc": face, "mew": 0.6, "markevery": spaced}
             below.plot(number, mean, "k", ls=dash, lw=0.8, label=hidden(f"{share}, {name}"), **dots)
-            band(below, number, mean - error, mean + error, f"{share}, {name}", color="k")
+            draw_band(below, number, mean - error, mean + error, f"{share}, {name}", color="k")
     below.set(ylim=(0, 1.3), yticks=(0, 0.5, 1))
     below.axhline(1.0, color=GREY, linewidth=0.5, zorder=0)
     bar = page.figure.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
@@ -182,17 +182,19 @@ def plot_lowest(results, page):
     ]
     shades = colours(len(QUANTITIES))
     for m, look in of_modes:
-        points(axes[0], p, *averages(lambda result, m=m: _floppiness(result, m)), color="0.2", **look)
+        draw_points(axes[0], p, *averages(lambda result, m=m: _floppiness(result, m)), color="0.2", **look)
     power_law(axes[0], p, averages(lambda result: _floppiness(result, counts[0]))[0], -0.5)
     for (name, (symbol, slope)), shade in zip(QUANTITIES.items(), shades, strict=True):
         for m, look in of_modes:
             share = averages(lambda result, m=m, name=name: result[f"cumulative/{name}"][m - 1], log=False)
-            points(axes[1], p, *share, color=shade, **look | {"label": hidden(f"${symbol}$, lowest {m}")})
+            draw_points(
+                axes[1], p, *share, color=shade, **look | {"label": hidden(f"${symbol}$, lowest {m}")}
+            )
         whole = averages(lambda result, name=name: result.attributes[f"{name}_median"])
         alone = averages(lambda result, name=name: result[f"lowest/{name}_median"][-1])
         look = {"color": shade, "marker": "o"}
-        points(axes[2], p, *whole, label=hidden(f"${symbol}$, whole"), **look)
-        points(axes[2], p, *alone, **look | OPEN, label=hidden(f"${symbol}$, lowest {counts[-1]}"))
+        draw_points(axes[2], p, *whole, label=hidden(f"${symbol}$, whole"), **look)
+        draw_points(axes[2], p, *alone, **look | OPEN, label=hidden(f"${symbol}$, lowest {counts[-1]}"))
         power_law(axes[2], p, whole[0], slope)
     handles = [entry(**look | {"label": f"lowest {m}"}) for m, look in of_modes]
     drawn = zip(QUANTITIES.values(), shades, strict=True)

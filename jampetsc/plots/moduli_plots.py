@@ -13,7 +13,7 @@ from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
 from jampetsc.options.parameters import NUMBER, WORD
 from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves, symbol_of
-from jampetsc.plots.page import band, draw_guide
+from jampetsc.plots.page import draw_band, draw_guide
 from jampetsc.plots.picture import count_text, option, picture
 from jampetsc.plots.style import DASHED, LOSS, OPEN, STORAGE, entry, hidden, power_text, sequential
 
@@ -185,7 +185,7 @@ def _curve(ax, group, curve, number, shown_parts):
         )  # fmt: skip
         below, above = np.broadcast_to(bound, (2, len(values)))
         lower = np.maximum(values - below, 1e-12 * np.nanmin(shown))  # to the edge of the picture
-        band(ax, curve.omega, lower, values + above, name, where=positive, color=group.colour)
+        draw_band(ax, curve.omega, lower, values + above, name, where=positive, color=group.colour)
     return is_drawn
 
 

@@ -48,7 +48,7 @@ def _images(low, high, anchors, cell):
 
 
 def frame_cells(page, cells, rows, width, linewidth=0.6) -> list:
-    """[(axes, outline of its cell, at which `within` cuts what is in it)] of cells [(2, 2), …] in rows.
+    """[(axes, outline of its cell, at which `clip_artists` cuts its content)] of cells [(2, 2), …] in rows.
 
     No cell is higher than MAX_ASPECT times its width.
     """
@@ -65,7 +65,7 @@ def lay_out(page, rows, note=0.0) -> None:
     A figure loses the height that they do not need.
     """
     page.figure.draw_without_rendering()
-    if page.own and page.size is None:
+    if page.is_new and page.size is None:
         heights = np.reshape([ax.get_tightbbox().height for ax in page.axes], (rows, -1)) / page.figure.dpi
         needed = (heights.max(axis=1) + 0.12).sum() + note
         page.figure.set_figheight(min(needed, page.figure.get_figheight()))

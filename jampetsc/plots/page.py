@@ -26,15 +26,15 @@ class Page:
     labels   words that replace the entries of the legends, in their order
     xlim     (low, high) of x for all panels, or one, or None, for each
 
-    own      whether the figure is new
+    is_new   whether the figure is new
     text     description of the picture in words
     """
 
     def __init__(self, axes=None, size=None, labels=(), xlim=None):
-        self.own, self.size, self.labels, self.text = axes is None, size, list(labels), ""
+        self.is_new, self.size, self.labels, self.text = axes is None, size, list(labels), ""
         self.xlim = xlim
         self.axes, self._given = [] if axes is None else list(np.ravel(axes)), axes
-        self.lettered, self.laid_out, self._legends, self._raised = False, False, [], False
+        self.lettered, self.laid_out, self._legends, self._has_legend_above = False, False, [], False
 
     def panels(
         self, rows=1, columns=1, width=COLUMN, height=HEIGHT, *, x="", y="", log="", letters=True, count=None, **grid
@@ -51,7 +51,7 @@ class Page:
         Raises InputError if the caller gave another number of axes.
         """
         count = count or rows * columns
-        if self.own:
+        if self.is_new:
             self._make(width, height)
             axes = self._figure.subplots(rows, columns, squeeze=False, **grid).ravel()
             self.axes, self.lettered = list(axes[:count]), letters and count > 1
@@ -79,7 +79,7 @@ class Page:
     @property
     def returned_axes(self):
         """The axes of the caller, as they were given; else the new ones: one, or (panels,) of them."""
-        return self._one_or_all() if self.own else self._given
+        return self._one_or_all() if self.is_new else self._given
 
     def _make(self, width, height):
         self._figure = Figure(figsize=self.size or (width, height), layout="constrained")
@@ -87,7 +87,7 @@ class Page:
 
     def mosaic(self, names, width, height, heights) -> list:
         """Axes with the names of a mosaic (`Figure.subplot_mosaic`), rows of these heights; errors as `panels`."""
-        if not self.own:
+        if not self.is_new:
             return list(np.ravel(self.panels(1, len({name for row in names for name in row}))))
         self._make(width, height)
         self.axes = list(self._figure.subplot_mosaic(names, gridspec_kw={"height_ratios": heights}).values())
@@ -118,10 +118,10 @@ class Page:
     def _place(self, ax, first, settings):
         """Put a legend in a free corner; without one, the first goes above the panels of a new figure, which grows."""
         corner = clear_corner(ax, first, settings)
-        if corner or not self.own or self._raised:
+        if corner or not self.is_new or self._has_legend_above:
             ax.legend(loc=corner or "best", **settings)
             return
-        self._raised = True
+        self._has_legend_above = True
         left = min(panel.get_window_extent().x0 for panel in self.axes) / self.figure.bbox.width
         place = {"loc": "upper left", "bbox_to_anchor": (left, 1), "bbox_transform": self.figure.transFigure}
         for columns in (4, 3, 2, 1):
@@ -167,10 +167,10 @@ class Page:
             if ax.get_yscale() == "log" and ax.get_autoscaley_on() and high < MIN_LOG_RATIO * low:
                 middle = (low * high) ** 0.5  # small changes are not magnified
                 ax.set_ylim(middle / MIN_LOG_RATIO**0.5, middle * MIN_LOG_RATIO**0.5)
-        axes = self.figure.axes if self.own else self.axes
+        axes = self.figure.axes if self.is_new else self.axes
         short = [axis for ax in axes for axis in (ax.xaxis, ax.yaxis) if set_ticks(axis)]
         if not self.laid_out:  # which also makes the ticks
-            if self.own:
+            if self.is_new:
                 self.figure.get_layout_engine().execute(self.figure)  # less work than to draw it
             else:
                 self.figure.draw_without_rendering()
@@ -180,13 +180,13 @@ class Page:
             thin_ticks(axis)
 
 
-def band(ax, x, low, high, name, **look) -> None:
+def draw_band(ax, x, low, high, name, **look) -> None:
     """A band from `low` to `high` over x, which does not widen the limits of log axes."""
     with limits_kept(ax, when=ax.get_yscale() == "log"):
         ax.fill_between(x, low, high, label=hidden(name), **{"alpha": 0.25, "linewidth": 0} | look)
 
 
-def points(ax, x, y, error=None, **look):
+def draw_points(ax, x, y, error=None, **look):
     """Points or a line (m,), with error bars if there are errors; values that are nan or not shown are left out.
 
     Log axes show only what is positive, and bars widen their limits by a factor of three at most. Gives the container.

@@ -14,7 +14,7 @@ from jampetsc.analysis.local_power_laws import fit_logarithm
 from jampetsc.analysis.statistics import mean_with_error, median_interval
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import having
-from jampetsc.plots.page import band, draw_guide, limits_kept, points, power_law
+from jampetsc.plots.page import draw_band, draw_guide, draw_points, limits_kept, power_law
 from jampetsc.plots.picture import count_text, picture, units_of
 from jampetsc.plots.style import (
     GREY,
@@ -126,7 +126,7 @@ def draw_medians(ax, x, samples, look, name) -> tuple:
     ax.plot(x, medians, **{"markeredgewidth": 0.7, "label": hidden(name)} | look)
     if not all(len(sample) > 2 for sample in finite):
         return medians, []
-    band(ax, x, *np.transpose([median_interval(sample) for sample in finite]), name, color=look["color"])
+    draw_band(ax, x, *np.transpose([median_interval(sample) for sample in finite]), name, color=look["color"])
     return medians, [Patch(facecolor="0.2", alpha=0.25, label="68 % interval")]
 
 
@@ -162,12 +162,12 @@ def plot_viscosities(results, page):
     handles, bands, first = [], [], {}
     columns = ((r"$\eta_0$", {}), (r"$\eta_\infty$", OPEN))
     for (size, level, files), look in groups:
-        points = np.array([row for result in files for row in _rows(result)])
-        betas = np.unique(points[:, 0])
+        table = np.array([row for result in files for row in _rows(result)])
+        betas = np.unique(table[:, 0])
         label = f"${power_or_number(level)}$" + (f", $N={size}$" if len(sizes) > 1 else "")
         handles.append(entry(label, **look))
         for column, (symbol, face) in enumerate(columns, 1):
-            samples = [points[points[:, 0] == beta, column] for beta in betas]
+            samples = [table[table[:, 0] == beta, column] for beta in betas]
             middle, drawn = draw_medians(ax, betas, samples, look | face, f"{symbol}, {label}")
             bands = drawn or bands
             first.setdefault(symbol, (betas, middle))
@@ -278,7 +278,7 @@ def _draw_sizes(page, ax, groups):
     for (level, sizes), look in looks(sorted(large.items())):
         n = np.array(list(sizes))
         y, error = np.transpose(list(sizes.values()))
-        points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
+        draw_points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
         certain = np.isfinite(error) & (error > 0)
         if certain.sum() >= MIN_SIZES:
             constant, slope = fit_logarithm(n[certain], y[certain], error[certain])

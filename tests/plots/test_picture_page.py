@@ -18,7 +18,7 @@ from jampetsc.plots import style
 from jampetsc.plots.draw import MODULES, pictures
 from jampetsc.plots.flow_plots import plot_flow
 from jampetsc.plots.moduli_plots import plot_moduli
-from jampetsc.plots.page import Page, band, points, visible_labels
+from jampetsc.plots.page import Page, draw_band, draw_points, visible_labels
 from jampetsc.plots.picture_table import plain_text, table_bytes, table_rows
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
@@ -104,8 +104,8 @@ def test_the_numbers_that_are_drawn_are_written_with_the_names_of_their_axes(tmp
         line = [row for row in own if row["what"] == "line"]
         np.testing.assert_allclose([float(row["x_value"]) for row in line], 2 * x)
         np.testing.assert_allclose([float(row["y_value"]) for row in line], values)
-        band = [row for row in own if row["what"] == "band"]
-        np.testing.assert_allclose([float(row["y_high"]) for row in band], values + 0.1)
+        band_rows = [row for row in own if row["what"] == "band"]
+        np.testing.assert_allclose([float(row["y_high"]) for row in band_rows], values + 0.1)
 
 
 def test_ends_of_bars_and_bands_are_written():
@@ -115,9 +115,9 @@ def test_ends_of_bars_and_bands_are_written():
     ax.fill_between([1.0, 2.0], [0.0, 1.0], [3.0, 5.0], label="band")
     names = ("x_value", "y_value", "x_low", "x_high", "y_low", "y_high")
     found = [[row.get(name, np.nan) for name in names] for row in table_rows([ax])]
-    points = [[1.0, 4.0, 0.5, 1.5, 3.9, 4.4], [3.0, 6.0, 2.5, 3.5, 5.7, 6.6]]
+    rows = [[1.0, 4.0, 0.5, 1.5, 3.9, 4.4], [3.0, 6.0, 2.5, 3.5, 5.7, 6.6]]
     bands = [[x, np.nan, np.nan, np.nan, low, high] for x, low, high in ((1.0, 0.0, 3.0), (2.0, 1.0, 5.0))]
-    np.testing.assert_allclose(found, points + bands)
+    np.testing.assert_allclose(found, rows + bands)
 
 
 def test_names_that_are_no_text_are_written_as_escapes():
@@ -208,15 +208,17 @@ def test_the_legend_covers_no_data(shape, entries):
 def test_bars_and_bands_do_not_stretch_log_axes():
     page = Page()
     ax = page.panels(subplot_kw={"xscale": "log", "yscale": "log"})
-    bars = points(ax, [1.0, 2.0, 3.0, 4.0], [1.0, np.nan, -1.0, 2.0], [0.999999, 0.1, 0.1, np.nan], label="x")
-    band(ax, [1.0, 4.0], [1e-12, 1.0], [2.0, 2.0], "x")
+    bars = draw_points(
+        ax, [1.0, 2.0, 3.0, 4.0], [1.0, np.nan, -1.0, 2.0], [0.999999, 0.1, 0.1, np.nan], label="x"
+    )
+    draw_band(ax, [1.0, 4.0], [1e-12, 1.0], [2.0, 2.0], "x")
     page.finish()
     assert (
         bars.has_yerr and bars.lines[0].get_xdata().tolist() == [1.0, 4.0] and 0.2 < ax.get_ylim()[0] < 1 / 3
     )
     flat = Page()
     ax = flat.panels(subplot_kw={"xscale": "log", "yscale": "log"})
-    points(ax, [1.0, 2.0], [1.0, 1.0001])
+    draw_points(ax, [1.0, 2.0], [1.0, 1.0001])
     flat.finish()
     assert ax.get_ylim()[1] / ax.get_ylim()[0] == pytest.approx(1.6)
 
