@@ -71,7 +71,7 @@ class Curve:
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class CurveGroup:
     """Sweeps that share a label, a colour, a marker and a dash: one, or the members of an ensemble.
 
     parts   of the label, pressure and law, where a legend tells them apart: by colour, and by marker or dash
@@ -135,7 +135,7 @@ def _curve(result, x, G, bounds, **more):
     )
 
 
-def group_curves(curves, crossed=True) -> tuple[str, list]:
+def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:
     """(legend title, groups) of curves that differ in pressure, law or parameters, low pressure first.
 
     Colours run from dark at low pressure (or at the first label) to light; the title is "p/k" if that is all. Where
@@ -159,7 +159,7 @@ def group_curves(curves, crossed=True) -> tuple[str, list]:
     for ((parts, own), look), shade, value in zip(looks(members.items()), shades, numbers, strict=True):
         own_curves = [curve for curve, _ in own]
         groups.append(
-            Group(_label(parts), own_curves, shade, look["marker"], value=value if scaled else None)
+            CurveGroup(_label(parts), own_curves, shade, look["marker"], value=value if scaled else None)
         )
     pairs = [(level, _label(law)) for level, *law in members]
     levels, laws = (dict(looks(dict.fromkeys(parts))) for parts in zip(*pairs, strict=True))

@@ -39,23 +39,23 @@ def plot_moduli(results, page, statistic=None):
 
     Oscillations at one frequency and several amplitudes are drawn against the amplitude.
     """
-    return _one_or_both(results, page, statistic, _BOTH, "G' and G''")
+    return _draw_parts(results, page, statistic, _BOTH, "G' and G''")
 
 
 @picture("storage", *_FILES, options=(STATISTIC,), mixed=True)
 def plot_storage(results, page, statistic=None):
     """G'/k against ωτ₁."""
-    return _one_or_both(results, page, statistic, (STORAGE,), "G'")
+    return _draw_parts(results, page, statistic, (STORAGE,), "G'")
 
 
 @picture("loss", *_FILES, options=(STATISTIC,), mixed=True)
 def plot_loss(results, page, statistic=None):
     """G''/k against ωτ₁."""
-    return _one_or_both(results, page, statistic, (LOSS,), "G''")
+    return _draw_parts(results, page, statistic, (LOSS,), "G''")
 
 
-def _one_or_both(results, page, statistic, parts, words):
-    along, x = _along(results)
+def _draw_parts(results, page, statistic, parts, words):
+    along, x = _abscissa(results)
     curves, what, text = average_files(results, statistic, along)
     y = ",  ".join(f"{part}$/k$" for part in parts)
     _draw(page, curves, (x, y), None, r"\omega" if along == "omega" else None, what, parts)
@@ -67,8 +67,8 @@ def _oscillates(result):
     return getattr(result, "format", "") == OSCILLATION
 
 
-def _along(results):
-    """(what G* is drawn against, the name of that axis): the frequency, or the amplitude where that alone varies."""
+def _abscissa(results):
+    """(abscissa of G*, its label): "omega", or "amplitude" if that alone varies."""
     if all(_oscillates(result) and len(result["omega"]) == 1 for result in results):
         imposed = {result.attributes["control"] for result in results}
         if len(imposed) == 1 and max(len(result["amplitude"]) for result in results) > 1:

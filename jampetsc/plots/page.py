@@ -189,7 +189,7 @@ def draw_band(ax, x, low, high, name, **look) -> None:
 def draw_points(ax, x, y, error=None, **look):
     """Points or a line (m,), with error bars if there are errors; values that are nan or not shown are left out.
 
-    Log axes show only what is positive, and bars widen their limits by a factor of three at most. Gives the container.
+    Log axes show positive values only; bars widen their limits by a factor of at most three. Returns the container.
     """
     x, y, log = np.asarray(x, float), np.asarray(y, float), ax.get_yscale() == "log"
     drawable = np.isfinite(y) & ((y > 0) | (not log))
@@ -208,14 +208,14 @@ def draw_points(ax, x, y, error=None, **look):
 
 MIN_POWER_DECADES = 2.0  # of an axis that has labels at powers of ten alone
 MAX_LABELS = 7  # of powers of ten at most
-_STEPS = ((1, 2, 5), (1, 3), (1,))  # labels in a decade, as many as there is room for
+_STEPS = ((1, 2, 5), (1, 3), (1,))  # labels in a decade, many to few
 _CORNERS = (
     "lower right", "upper left", "center right", "lower left", "upper right", "upper center", "lower center"
 )  # fmt: skip
 
 
 def set_ticks(axis) -> bool:
-    """Ticks of a log axis: few powers of ten, on less than two decades also between them; whether those may be many."""
+    """Set ticks of a log axis: few powers of ten, on less than two decades also steps between; whether it has steps."""
     if axis.get_scale() != "log" or isinstance(axis.get_major_locator(), FixedLocator):
         return False
     low, high = np.log10(sorted(axis.get_view_interval()))
@@ -241,7 +241,7 @@ def thin_ticks(axis) -> None:
 
 
 def _label(axis, steps):
-    """Label steps of each decade, written alike; even steps, and false, where there are less than two of them."""
+    """Label steps of each decade; with less than two in sight even steps, and false."""
     low, high = sorted(axis.get_view_interval())
     decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.log10(high))
     shown = [value for value in np.outer(decades, steps).ravel() if low <= value <= high]

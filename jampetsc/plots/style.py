@@ -97,13 +97,13 @@ def power_or_number(value) -> str:
 
 
 def exponent_text(value) -> str:
-    """An exponent in TeX: a small fraction where it is one."""
+    """An exponent in TeX, as a fraction if its denominator is at most 6."""
     fraction = Fraction(float(value)).limit_denominator(6)
     return str(fraction) if abs(fraction - value) * fraction.denominator < 1e-9 else f"{value:.3g}"
 
 
 def power_text(base, exponent) -> str:
-    """base^exponent in TeX, without the exponent where it is 1."""
+    """base^exponent in TeX, without an exponent of 1."""
     return base if exponent == 1 else f"{base}^{{{exponent_text(exponent)}}}"
 
 
