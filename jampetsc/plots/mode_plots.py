@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 from jampetsc.analysis.density_of_states import density_of_states
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
-from jampetsc.plots.page import draw_band, draw_points, power_law
+from jampetsc.plots.page import draw_band, draw_points, draw_power_law
 from jampetsc.plots.picture import count_text, group_by, picture, units_of
 from jampetsc.plots.quasistatic_plots import QUANTITIES, groups_of, pressures_of, values_of
 from jampetsc.plots.style import (
@@ -183,7 +183,7 @@ def plot_lowest(results, page):
     shades = colours(len(QUANTITIES))
     for m, look in of_modes:
         draw_points(axes[0], p, *averages(lambda result, m=m: _floppiness(result, m)), color="0.2", **look)
-    power_law(axes[0], p, averages(lambda result: _floppiness(result, counts[0]))[0], -0.5)
+    draw_power_law(axes[0], p, averages(lambda result: _floppiness(result, counts[0]))[0], -0.5)
     for (name, (symbol, slope)), shade in zip(QUANTITIES.items(), shades, strict=True):
         for m, look in of_modes:
             share = averages(lambda result, m=m, name=name: result[f"cumulative/{name}"][m - 1], log=False)
@@ -195,7 +195,7 @@ def plot_lowest(results, page):
         look = {"color": shade, "marker": "o"}
         draw_points(axes[2], p, *whole, label=hidden(f"${symbol}$, whole"), **look)
         draw_points(axes[2], p, *alone, **look | OPEN, label=hidden(f"${symbol}$, lowest {counts[-1]}"))
-        power_law(axes[2], p, whole[0], slope)
+        draw_power_law(axes[2], p, whole[0], slope)
     handles = [entry(**look | {"label": f"lowest {m}"}) for m, look in of_modes]
     drawn = zip(QUANTITIES.values(), shades, strict=True)
     handles += [entry(f"${symbol}$", shade) for (symbol, _), shade in drawn]

@@ -291,7 +291,7 @@ def draw_guide(ax, x, y, exponent, symbol, above) -> None:
     ax.update_datalim([(10 ** u[0], 10 ** (v.max() + gap)), (10 ** u[0], 10 ** (v.min() - 0.5 * gap))])
 
 
-def power_law(ax, x, y, exponent) -> None:
+def draw_power_law(ax, x, y, exponent) -> None:
     """A dotted line ∝ x^exponent through the geometric middle of the points (x, y); limits stay as they are."""
     log = np.log(x)
     line = np.exp(np.mean(np.log(y)) + exponent * (log - np.mean(log)))

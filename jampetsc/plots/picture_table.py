@@ -41,7 +41,7 @@ def table_bytes(axes) -> bytes:
         {name: value if name in COLUMNS else repr(float(value)) for name, value in row.items()}
         for row in rows
     )
-    return comma_separated(names, digits).encode(errors="backslashreplace")  # names of files that are no text
+    return comma_separated(names, digits).encode(errors="backslashreplace")  # names of files may be no text
 
 
 def _is_named(artist):
@@ -57,11 +57,9 @@ def _named_artists(ax):
         columns, lines, finite = _points(data), list(lines), _finite_points(data)
         for axis, has_bars in ((0, bars.has_xerr), (1, bars.has_yerr)):
             if has_bars:
-                segments = lines.pop(0).get_segments()  # matplotlib takes ends that are no numbers out
-                drawn = [
-                    collection if len(collection) == 2 else np.full((2, 2), np.nan) for collection in segments
-                ]
-                ends = np.reshape(drawn, (-1, 2, 2))[finite, :, axis]
+                segments = lines.pop(0).get_segments()  # without ends that are nan
+                pairs = [segment if len(segment) == 2 else np.full((2, 2), np.nan) for segment in segments]
+                ends = np.reshape(pairs, (-1, 2, 2))[finite, :, axis]
                 columns |= {f"{'xy'[axis]}_low": ends[:, 0], f"{'xy'[axis]}_high": ends[:, 1]}
         yield bars, "points", columns
     for line in filter(_is_named, ax.get_lines()):

@@ -14,7 +14,7 @@ from jampetsc.analysis.local_power_laws import fit_logarithm
 from jampetsc.analysis.statistics import mean_with_error, median_interval
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import having
-from jampetsc.plots.page import draw_band, draw_guide, draw_points, limits_kept, power_law
+from jampetsc.plots.page import draw_band, draw_guide, draw_points, draw_power_law, limits_kept
 from jampetsc.plots.picture import count_text, picture, units_of
 from jampetsc.plots.style import (
     GREY,
@@ -100,7 +100,7 @@ def plot_medians(results, page):
                     dots = {"markersize": 2, "markeredgewidth": 0, "label": hidden(f"{label}, single files")}
                     ax.plot(x, y, ".", color=look["color"], **dots)
                     single = True
-        power_law(ax, p, lines[0], slope)  # of the largest N
+        draw_power_law(ax, p, lines[0], slope)  # of the largest N
     handles += handles_of({size: look | {"ls": "none"} for size, look in styles.items() if several})
     if any(len(levels) > 1 for levels in groups.values()):
         handles.append(entry(r"$p^{\pm 1/4}$", GREY, linestyle=":", linewidth=0.8))
