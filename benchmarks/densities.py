@@ -16,7 +16,7 @@ from jampetsc.analysis.averages import Average, mean_of_averages
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.plots import style
-from jampetsc.plots.jamming import samples_of
+from jampetsc.plots.jamming_plots import samples_of
 
 MIXED, SEPARATED = "mixed", "separated"
 DECADES = np.arange(-44.0, 0.5, 1.0)  # of U/N in the picture

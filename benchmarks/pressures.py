@@ -14,7 +14,7 @@ import jampetsc
 from jampetsc.analysis.jamming import memory
 from jampetsc.packing.potentials import EXPONENTS
 from jampetsc.plots import style
-from jampetsc.plots.jamming import samples_of
+from jampetsc.plots.jamming_plots import samples_of
 
 NAMES = {"random": "RAND", "shear": "QS"}
 BINS = 4  # per decade of p,

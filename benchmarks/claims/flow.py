@@ -13,7 +13,7 @@ from jampetsc.analysis.order import six_fold_order
 from jampetsc.analysis.profiles import heights, mean_profile
 from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.plots.flowcurves import regimes
+from jampetsc.plots.flow_plots import flow_regimes
 
 FLOW, CRITICAL = "Steady flow", "Criticality"
 PHI_J = 0.8433  # V's, RD0
@@ -294,7 +294,7 @@ def weighted_mean(values, errors) -> Estimate:
 @claim("paper4")
 def kinds_of_flow(table):
     rows = table.where(command="flow")
-    maps, size, states = regimes(rows.results()), size_of(rows), []
+    maps, size, states = flow_regimes(rows.results()), size_of(rows), []
     for model, some in sorted(maps.items()):
         for phi, (qualities, exponents, errors, clusters, low, high) in some.items():
             for q, x, error, cluster, slow, fast in zip(

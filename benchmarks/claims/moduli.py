@@ -31,7 +31,7 @@ from claims.verdicts import Estimate, between, exact, number
 from jampetsc.analysis.scaling import collapse_spread, critical_exponents, local_slope
 from jampetsc.analysis.statistics import draws_of, log_median, mean_with_error
 from jampetsc.plots.curves import curve_of
-from jampetsc.plots.finite_size import FEWEST
+from jampetsc.plots.quasistatic_plots import MIN_SIZES
 
 BALANCED, SLIDING, DRAG, SIZE = "Moduli at β = 1", "Moduli at β ≠ 1", "Stokes drag", "Finite size"
 BOTH = (("no_prestress_", "without pre-stress"), ("", "with pre-stress"))
@@ -538,7 +538,7 @@ def size_rows(rows, name, prefix, theirs, subtracted):
     """Rows about η₀/N^a against pN²; the claims are about what BT draw filled, without pre-stress."""
     points = viscosities(rows, prefix, subtracted)
     n, p = np.array([(one, level) for one, level, _ in points]).reshape(-1, 2).T
-    if len(n) < 9 or len(set(n)) < FEWEST:
+    if len(n) < 9 or len(set(n)) < MIN_SIZES:
         return
     y, error = np.transpose([log_median(values) for *_, values in points])
     size, x = size_of(rows), p * n**2
@@ -595,7 +595,7 @@ def growth_with_size(rows, name):
             for n, p, values in points
             if p == level and p * n**2 > 30
         ]
-        if len(scaled) < FEWEST:
+        if len(scaled) < MIN_SIZES:
             continue
         n = max(size for size, *_ in scaled)
         sizes, means, errors = np.transpose(scaled)

@@ -30,7 +30,7 @@ from jampetsc.analysis.correlation_lengths import (
 )
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
-from jampetsc.plots.correlation import correlation_curve
+from jampetsc.plots.correlation_plots import correlation_curve
 
 FLOPPY, CORRELATIONS = "Floppiness", "Correlations"
 QUANTITIES = {"normal": ("|Δu∥|", 0.25), "transverse": ("|Δu⊥|", -0.25), "nonaffine": ("|u_na|", -0.25)}

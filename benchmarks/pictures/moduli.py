@@ -11,18 +11,16 @@ import jampetsc
 from jampetsc.analysis.statistics import log_median
 from jampetsc.io.fields import field_at, packing_of, particle_rows, phase_factor
 from jampetsc.packing.contacts import measure
-from jampetsc.plots.floppy import plot_viscosities
-from jampetsc.plots.logaxes import draw_guide
-from jampetsc.plots.moduli import averaged, plot_collapse, plot_moduli
-from jampetsc.plots.packing import circles
-from jampetsc.plots.page import points
-from jampetsc.plots.periodic import wrap
+from jampetsc.plots.moduli_plots import average_files, plot_collapse, plot_moduli
+from jampetsc.plots.packing_plots import draw_circles, wrap
+from jampetsc.plots.page import draw_guide, draw_points
+from jampetsc.plots.quasistatic_plots import plot_viscosities
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number, power_or_number
 from pictures.shared import beside, drawn, results
 
-WINDOW = 26.0  # mean diameters of the packing that are shown
+WINDOW = 26.0  # side of the part of a packing in mean diameters
 ARROWS = 23  # along the cell
-LONG = 1.5  # length of a long arrow (90th percentile) in distances between arrows
+ARROW_LENGTH = 1.5  # 90th percentile, in distances between arrows
 
 
 @drawn("bt-fig1")
@@ -31,7 +29,7 @@ def moduli_and_packing(page, folder):
     sweeps = results(folder, command="sweep")
     moduli, packing = page.mosaic([["moduli", "moduli", "packing"]], PAGE, 2.9, (1,))
     plot_moduli(sweeps, ax=moduli, statistic="median")
-    (curve,), *_ = averaged(sweeps, "median")
+    (curve,), *_ = average_files(sweeps, "median")
     draw_guide(moduli, curve.omega, curve.G.imag, 0.5, r"\omega", True)
     n, p = (sweeps[0].attributes[name] for name in ("particle_count", "pressure"))
     title = rf"$N={n}$, $p/k={power_or_number(p)}$, $\beta=1$, {len(sweeps)} packings"
@@ -58,7 +56,7 @@ def _part(ax, disks):
     middle, side = 0.5 * disks.cell.sum(0), WINDOW * 2 * disks.radii.mean()
     near = (np.abs(centres - middle) < 0.5 * side + disks.radii.max() * 2).all(axis=1)
     faces = np.where(state.rattlers[near], "white", "0.88")
-    circles(ax, centres[near], 2 * disks.radii[near], facecolors=faces, edgecolors="0.6", linewidths=0.3)
+    draw_circles(ax, centres[near], 2 * disks.radii[near], facecolors=faces, edgecolors="0.6", linewidths=0.3)
     seen = near[state.contacts.i]
     starts = centres[state.contacts.i[seen]]
     lines = np.stack((starts, starts + state.contacts.r[seen]), axis=1)
@@ -79,7 +77,7 @@ def _arrows(ax, sweep, disks, row, turn, part):
     grid = (np.stack(np.meshgrid(*[np.arange(ARROWS)] * 2), axis=-1).reshape(-1, 2) + 0.5) / ARROWS
     chosen = np.unique(cKDTree(centres).query(grid @ disks.cell)[1])
     u, spacing = part(turn * u[chosen]), np.sqrt(disks.area) / ARROWS
-    factor = LONG * spacing / np.quantile(np.hypot(*u.T), 0.9)
+    factor = ARROW_LENGTH * spacing / np.quantile(np.hypot(*u.T), 0.9)
     look = {
         "angles": "xy",
         "scale_units": "xy",
@@ -117,21 +115,23 @@ def sliding_damping(page, folder):
 @drawn("bt-viscosity-ratio")
 def with_over_without(page, folder):
     """R = η₀ with over without pre-stress of each packing, medians with their errors, against pN²: one curve."""
-    found = {}
+    ratios = {}
     largest = Path(folder) / "largest"
     for place in filter(None, (folder, largest if largest.exists() else None, beside(folder, "bt-fig3"))):
         rows = jampetsc.load(place).where(command="quasistatic", law="contact", state="done")
         for key, part in rows.groups(["n", "pressure"]):
             ratio = part["eta0"] / part["no_prestress_eta0"]
-            levels = found.setdefault(key["n"], {})
-            if len(ratio) > len(levels.get(key["pressure"], ())):  # both have the packings of the first seeds
+            levels = ratios.setdefault(key["n"], {})
+            if len(ratio) > len(
+                levels.get(key["pressure"], ())
+            ):  # both folders have the packings of the first seeds
                 levels[key["pressure"]] = ratio
     ax = page.panels(1, 1, 4.6, 3.2, x="$N^2p/k$", y=r"$\eta_0$ with over without pre-stress", log="xy")
     ax.axhline(1.0, color=GREY, lw=0.6, ls=":")
-    for (n, levels), look in looks(sorted(found.items())):
+    for (n, levels), look in looks(sorted(ratios.items())):
         p = np.array(sorted(levels))
-        middle, error = np.transpose([log_median(levels[one]) for one in p])
+        middle, error = np.transpose([log_median(levels[pressure]) for pressure in p])
         factor = np.exp(error)
         bars = np.exp(middle) * np.array([1 - 1 / factor, factor - 1])
-        points(ax, p * n**2, np.exp(middle), bars, label=f"$N={n:.0f}$", lw=0.7, **look)
+        draw_points(ax, p * n**2, np.exp(middle), bars, label=f"$N={n:.0f}$", lw=0.7, **look)
     page.legend(ax, title="medians, standard errors", first="upper left")

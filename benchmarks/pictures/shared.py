@@ -1,4 +1,4 @@
-"""What the pictures share: the list of them, results of a folder, the place of another figure."""
+"""Shared by the pictures: their list, results of a folder, the folder of another figure."""
 
 from pathlib import Path
 

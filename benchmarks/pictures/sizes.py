@@ -1,18 +1,26 @@
-"""V's paper II: the four fits with corrections to scaling, and what ν and y do as small N are left out."""
+"""BT's figure 8b; V's paper II: the four fits with corrections to scaling, ν and y as small N are left out."""
 
 from pathlib import Path
 
 import numpy as np
 
 import jampetsc
-from jampetsc.plots.page import points
-from jampetsc.plots.scaling import scaled
+from jampetsc.plots.page import draw_points
+from jampetsc.plots.quasistatic_plots import draw_finite_size
+from jampetsc.plots.scaling_plots import rescaled_values
 from jampetsc.plots.style import GREY, OPEN, PAGE, entry, hidden, looks
-from pictures.shared import drawn
+from pictures.shared import drawn, results
 
+STOKES_POWER = 1.09  # of N, BT's under Stokes drag
 ENSEMBLES = (("random", "RAND"), ("shear", "QS"))
 OBSERVABLES = (("", "f"), ("-pressure", r"\langle p\rangle"))
-RANGES = {"nu": (0.4, 1.6), "y": (0.6, 1.8)}  # in sight; fits beyond have lost their way
+RANGES = {"nu": (0.4, 1.6), "y": (0.6, 1.8)}  # of the axes; fits beyond have failed
+
+
+@drawn("bt-fig8b")
+def viscosity_under_drag(page, folder):
+    """η₀/N^1.09 and (η₀ − η_F)/N^1.09 against pN², √p (η₀ − η_F) against N, under Stokes drag."""
+    draw_finite_size(results(folder, command="quasistatic", law="stokes"), page, STOKES_POWER)
 
 
 @drawn("paper2")
@@ -27,11 +35,11 @@ def finite_size(page, folder):
         result = _fit(folder, f"{ensemble}{ending}-corrected")
         if result is None:
             continue
-        a, (b, left, bars) = result.attributes, scaled(result)
+        a, (b, left, bars) = result.attributes, rescaled_values(result)
         ax.plot(result["curve/x"], result["curve/f0"], color=GREY, lw=0.9, zorder=1, label=hidden("f0"))
         for scale, look in looks(np.unique(b)):
             here = b == scale
-            points(
+            draw_points(
                 ax,
                 result["x"][here],
                 left[here],
@@ -57,7 +65,7 @@ def _kinds():
 
 
 def _fit(folder, name):
-    """A fit that `jampetsc collapse` has left, None where it failed."""
+    """A fit that `jampetsc collapse` made, None if it failed."""
     path = Path(folder) / f"{name}.h5"
     return jampetsc.load(path) if path.exists() else None
 
@@ -76,5 +84,5 @@ def _drifts(ax, folder, parameter):
             seen = np.isfinite(error) & (value > RANGES[parameter][0]) & (value < RANGES[parameter][1])
             x = result["drift/cut"][seen] * 1.05 ** (2 * n + bool(face) - 3)
             name = hidden(f"{ensemble}{ending}{end}")
-            points(ax, x, value[seen], error[seen], lw=0.8, ms=3.5, label=name, **look | face)
+            draw_points(ax, x, value[seen], error[seen], lw=0.8, ms=3.5, label=name, **look | face)
     ax.set_ylim(*RANGES[parameter])

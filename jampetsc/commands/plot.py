@@ -12,30 +12,30 @@ from jampetsc.options.values import PACKING_OR_RESULT, words
 
 
 def _given(**options) -> dict:
-    """The options that are given: all but switches that are off."""
+    """The options without switches that are off."""
     return {name: value for name, value in options.items() if value is not False}
 
 
 @functools.cache
 def _options() -> tuple[Parameter, ...]:
-    """The kind of picture, and what the kinds may be asked for."""
+    """The kind of picture, and the options of all kinds."""
     from jampetsc.plots.draw import pictures
 
-    known = pictures()
+    kinds = pictures()
     kind = Parameter(
         "kind",
-        "what to draw (default: by files and options); one of",
+        "kind of picture (default: by files and options)",
         WORD,
         None,
-        choices=tuple(known),
+        choices=tuple(kinds),
         metavar="KIND",
     )
-    return kind, *dict.fromkeys(option for one in known.values() for option in one.options)
+    return kind, *dict.fromkeys(option for picture in kinds.values() for option in picture.options)
 
 
-def _size(given):
+def _size(text):
     try:
-        width, height = map(as_float, words(given))
+        width, height = map(as_float, words(text))
     except (TypeError, ValueError):
         raise ValueError("write the width and the height in inches, such as 3.4,2.9") from None
     if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
@@ -45,7 +45,9 @@ def _size(given):
 
 def _limits(text):
     try:
-        pairs = [tuple(float(one) for one in pair.split(":")) if pair else None for pair in text.split(",")]
+        pairs = [
+            tuple(float(limit) for limit in pair.split(":")) if pair else None for pair in text.split(",")
+        ]
     except (AttributeError, ValueError):
         pairs = [()]
     if not all(pair is None or (len(pair) == 2 and pair[0] < pair[1]) for pair in pairs):
@@ -54,7 +56,9 @@ def _limits(text):
 
 
 LIMITS = Kind(_limits, str, metavar="LOW:HIGH")
-PANELS = "of all panels, or of each, with commas; an empty one stays as it is"
+LIMITS_HELP = (
+    "limits of {} in all panels, or of each panel with commas (default, and where empty: by the data)"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +84,11 @@ class Plot(Job):
   jampetsc plot modes.h5 --mode 1,2,5 --out modes.png                 # on the packing
   jampetsc plot q-p*.h5 --kind medians --out medians.png              # of quasistatic files
   jampetsc plot ensemble --kind exponents --out exponents.png         # means over the packings of a study
-  jampetsc plot ensemble --where beta=1e-3 --out beta.png           # of those with this beta
+  jampetsc plot ensemble --where beta=1e-3 --out beta.png           # results with this beta
   jampetsc plot rd0-*.h5 --size 7,4 --csv flow.csv --out flow.pdf     # flow curves of several rates
   jampetsc plot rd0.h5 --kind snapshot --out snapshot.png
   jampetsc plot f64.h5 f256.h5 --out f.png                            # of jam files: f(phi) with errors
-  jampetsc plot f64.h5 qs.h5 --kind pressures --out pressures.png     # P(p), of quasistatic shear too
+  jampetsc plot f64.h5 qs.h5 --kind pressures --out pressures.png     # P(p), with quasistatic shear
 
 Every result is drawn without --kind."""
 
@@ -92,14 +96,18 @@ Every result is drawn without --kind."""
         help="files of results or packings, or the folder of a study", kind=PACKING_OR_RESULT, place=FILES
     )
     where: str | None = WHERE
-    csv: str | None = optional("write the numbers that are drawn, too: .csv", metavar="FILE")
-    size: tuple | None = optional("width and height in inches", kind=Kind(_size, metavar="W,H"))
-    xlim: tuple | None = optional(PANELS, kind=LIMITS)
-    ylim: tuple | None = optional(PANELS, kind=LIMITS)
-    label: tuple | None = optional(
-        "words that replace those of the legend, in its order", kind=Kind(words, ",".join, metavar="TEXT,…")
+    csv: str | None = optional("table of the drawn numbers: .csv", metavar="FILE")
+    size: tuple | None = optional(
+        "width and height of the figure in inches (default: by kind)", kind=Kind(_size, metavar="W,H")
     )
-    style: str | None = optional("style of matplotlib (.mplstyle) on top of the program's", metavar="FILE")
+    xlim: tuple | None = optional(LIMITS_HELP.format("x"), kind=LIMITS)
+    ylim: tuple | None = optional(LIMITS_HELP.format("y"), kind=LIMITS)
+    label: tuple | None = optional(
+        "words that replace entries of the legend, in its order", kind=Kind(words, ",".join, metavar="TEXT,…")
+    )
+    style: str | None = optional(
+        "style file of matplotlib (.mplstyle), applied on top of the style of the program", metavar="FILE"
+    )
     options: dict = part(Part(_options, _given, dict, dict))
 
     def check_outputs(self, to):

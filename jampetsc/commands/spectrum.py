@@ -73,7 +73,7 @@ class Spectrum(Job):
             if not isinstance(sweep, SweepResult):
                 raise InputError(f"{source}: is not a sweep: spectra come from sweeps")
         if to.path is not None and to.path.suffix.lower() in FORMATS:
-            from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
+            from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve
             from jampetsc.plots.style import save
 
             drawn = plot_relaxation.draw([spectrum_curve(sweep, self.window) for sweep in sweeps])

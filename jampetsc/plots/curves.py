@@ -10,7 +10,7 @@ from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.io.averages import STATISTICS
 from jampetsc.laws.damping import FAMILIES, OPTIONS
-from jampetsc.plots.picture import grouped
+from jampetsc.plots.picture import group_by, units_of
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
@@ -22,10 +22,9 @@ from jampetsc.plots.style import (
     power_or_number,
     sequential,
 )
-from jampetsc.plots.units import units_of
 
-_SAME = 1e-9  # frequencies closer than this, relatively, are one: a grid and a list that meet
-_LARGEST = 1e200  # modulus that a log axis can show, and the inverse of the smallest
+_FREQUENCY_TOLERANCE = 1e-9  # relative, within which two frequencies are the same
+_MAX_MODULUS = 1e200  # on a log axis; its inverse is the smallest
 _BOUNDS = ("error_bound_storage", "error_bound_loss")  # sharper than the one on |ΔG*|, where a file has them
 _LEADING = [family.leading for family in FAMILIES.values()]  # in labels whenever laws differ
 _SWITCHES = {  # attribute -> words for (off, on)
@@ -60,19 +59,19 @@ class Curve:
     @property
     def description(self) -> dict:
         """{property: value} by which it may differ from other sweeps, in the order of the label."""
-        found = {"p/k": None if self.pressure is None else float(f"{self.pressure:.3g}")}
-        found["N"] = self.attributes.get("particle_count")
-        found["law"] = self.attributes.get("law")
-        options = FAMILIES[found["law"]].options if found["law"] in FAMILIES else {}
+        description = {"p/k": None if self.pressure is None else float(f"{self.pressure:.3g}")}
+        description["N"] = self.attributes.get("particle_count")
+        description["law"] = self.attributes.get("law")
+        options = FAMILIES[description["law"]].options if description["law"] in FAMILIES else {}
         for key in (*_SYMBOLS, *_SWITCHES):
             default = options[key].default if key in options else None  # of files older than the option
-            found[key] = self.attributes.get(key, default)
-        found["alpha"] = self.attributes.get("alpha", 1.0)  # linear damping without the attribute
-        return found | {"contacts": self.attributes.get("contacts")}
+            description[key] = self.attributes.get(key, default)
+        description["alpha"] = self.attributes.get("alpha", 1.0)  # linear damping without the attribute
+        return description | {"contacts": self.attributes.get("contacts")}
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class CurveGroup:
     """Sweeps that share a label, a colour, a marker and a dash: one, or the members of an ensemble.
 
     parts   of the label, pressure and law, where a legend tells them apart: by colour, and by marker or dash
@@ -109,23 +108,23 @@ def curves_of(result, along="omega") -> list[Curve]:
     G, error, fixed = result["G"], result["error"], result.attributes["control"]
     if along == "amplitude":
         omega, amplitude, G, error, fixed = amplitude, omega, G.T, error.T, "omega"
-    known = [row for row in range(len(amplitude)) if np.isfinite(G[row]).any()] or [0]
-    return [_curve(result, omega, G[n], [error[n]] * 2, **{fixed: float(amplitude[n])}) for n in known]
+    rows = [row for row in range(len(amplitude)) if np.isfinite(G[row]).any()] or [0]
+    return [_curve(result, omega, G[n], [error[n]] * 2, **{fixed: float(amplitude[n])}) for n in rows]
 
 
 def _curve(result, x, G, bounds, **more):
-    """The curve of a file over x, (M,), increasing; more: attributes besides those of the file."""
+    """The curve of a file over x, (M,), increasing; more: further attributes."""
     units = units_of(result)
     order = np.argsort(x)
     order = order[np.isfinite(G[order])]
-    repeated = np.diff(np.log(x[order]), prepend=-np.inf) < _SAME
+    repeated = np.diff(np.log(x[order]), prepend=-np.inf) < _FREQUENCY_TOLERANCE
     order = order[~repeated]
     if not len(order):
-        raise InputError(f"{result.path}: holds no modulus at any frequency: run it again")
+        raise InputError(f"{result.path}: no modulus at any frequency. Run the sweep again.")
     for part in (G.real[order], G.imag[order]):
         size = np.abs(part[part != 0])
-        if not ((size > 1 / _LARGEST) & (size < _LARGEST)).all():
-            raise InputError(f"{result.path}: holds moduli that no picture can show: run it again")
+        if not ((size > 1 / _MAX_MODULUS) & (size < _MAX_MODULUS)).all():
+            raise InputError(f"{result.path}: moduli beyond the range of a picture. Run the sweep again.")
     return Curve(
         name=result.path.name,
         omega=x[order],
@@ -136,7 +135,7 @@ def _curve(result, x, G, bounds, **more):
     )
 
 
-def group_curves(curves, crossed=True) -> tuple[str, list]:
+def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:
     """(legend title, groups) of curves that differ in pressure, law or parameters, low pressure first.
 
     Colours run from dark at low pressure (or at the first label) to light; the title is "p/k" if that is all. Where
@@ -147,19 +146,21 @@ def group_curves(curves, crossed=True) -> tuple[str, list]:
     varying = [key for key in descriptions[0] if _varies(key, [d[key] for d in descriptions])]
     only_pressure = varying in (["p/k"], []) and all(c.pressure and c.pressure > 0 for c in curves)
     keys = varying or ["p/k"]
-    members = grouped(
+    members = group_by(
         sorted(zip(curves, descriptions, strict=True), key=lambda pair: _rank(pair[1])),
         lambda pair: tuple(_part(key, pair[1][key], only_pressure) for key in keys),
     )
-    numbers = [found[0][0].pressure if only_pressure else found[0][1][keys[0]] for found in members.values()]
+    numbers = [own[0][0].pressure if only_pressure else own[0][1][keys[0]] for own in members.values()]
     scaled = keys in ([name] for name in ("p/k", *_SYMBOLS)) and all(
-        isinstance(one, int | float) and one >= 0 for one in numbers
+        isinstance(value, int | float) and value >= 0 for value in numbers
     )
     shades = log_colours(numbers) if scaled and any(numbers) else colours(len(members))
     groups = []
-    for ((parts, found), look), shade, value in zip(looks(members.items()), shades, numbers, strict=True):
-        own = [curve for curve, _ in found]
-        groups.append(Group(_label(parts), own, shade, look["marker"], value=value if scaled else None))
+    for ((parts, own), look), shade, value in zip(looks(members.items()), shades, numbers, strict=True):
+        own_curves = [curve for curve, _ in own]
+        groups.append(
+            CurveGroup(_label(parts), own_curves, shade, look["marker"], value=value if scaled else None)
+        )
     pairs = [(level, _label(law)) for level, *law in members]
     levels, laws = (dict(looks(dict.fromkeys(parts))) for parts in zip(*pairs, strict=True))
     if crossed and keys[0] == "p/k" and len(pairs) > max(len(levels), len(laws)):
@@ -240,7 +241,7 @@ def average_curves(curves, statistic="mean") -> list[Curve]:
     mean of G'' at low ω, but not a median. Raises InputError if sweeps to average are of one packing or have
     different frequencies.
     """
-    groups = grouped(curves, lambda curve: str(curve.description))
+    groups = group_by(curves, lambda curve: str(curve.description))
     return [_average(group, statistic) for group in groups.values()]
 
 
@@ -249,9 +250,9 @@ def require_same_frequencies(curves) -> None:
     first = curves[0]
     for curve in curves:
         same = len(curve.omega) == len(first.omega)
-        if not (same and np.allclose(curve.omega, first.omega, rtol=_SAME, atol=0)):
+        if not (same and np.allclose(curve.omega, first.omega, rtol=_FREQUENCY_TOLERANCE, atol=0)):
             raise InputError(
-                f"{curve.name}: other frequencies than {first.name}: a mean needs the same; draw them as files"
+                f"{curve.name}: not the frequencies of {first.name}. For a mean give sweeps of equal frequencies."
             )
 
 
@@ -259,10 +260,10 @@ def _average(curves, statistic):
     first, seen = curves[0], {}
     require_same_frequencies(curves)
     for curve in curves:
-        packing = curve.attributes.get("packing_sha256", curve)  # one that is not known is no other's
+        packing = curve.attributes.get("packing_sha256", curve)  # an unknown packing equals no other
         if packing in seen:
             raise InputError(
-                f"{curve.name}: is of the same packing as {seen[packing]}: a mean takes each once"
+                f"{curve.name}: the packing of {seen[packing]}. Give each packing once for a mean."
             )
         seen[packing] = curve.name
     G = np.array([curve.G for curve in curves])

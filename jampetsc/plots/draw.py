@@ -12,16 +12,16 @@ from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.reader import load
 from jampetsc.options.values import refuse_repeated
 from jampetsc.packing.disks import Disks
-from jampetsc.plots import numbers
+from jampetsc.plots import picture_table
 from jampetsc.plots.page import Page
-from jampetsc.plots.picture import PICTURES, Picture, drawable
+from jampetsc.plots.picture import PICTURES, Picture, drawing_errors
 from jampetsc.plots.style import FORMATS, save
 
-MODULES = (  # with pictures; a file shows by itself the first that suits it and the options given
-    "moduli", "spectrum", "correlation", "floppy", "exponents", "finite_size", "vibrations", "flowcurves",
-    "quasistatic_shear", "shearing", "jamming", "scaling", "fields", "packing",
+MODULES = (  # with pictures; without a kind the first picture that suits files and options is drawn
+    "moduli_plots", "spectrum_plots", "correlation_plots", "quasistatic_plots", "exponent_plots", "mode_plots",
+    "flow_plots", "jamming_plots", "scaling_plots", "field_plots", "packing_plots",
 )  # fmt: skip
-COMMANDS = {  # format -> the command, where they have two names
+COMMANDS = {  # format -> its command, if that has another name
     "correlation": "correlate",
     "velocity-correlation": "correlate",
     "packing": "pack",
@@ -32,7 +32,9 @@ def pictures() -> dict[str, Picture]:
     """{kind: Picture} of all kinds."""
     for module in MODULES:
         importlib.import_module(f"jampetsc.plots.{module}")
-    order = [f"jampetsc.plots.{module}" for module in MODULES]  # one imports the other
+    order = [
+        f"jampetsc.plots.{module}" for module in MODULES
+    ]  # not the order of imports: modules import each other
     return dict(sorted(PICTURES.items(), key=lambda item: order.index(item[1].function.__module__)))
 
 
@@ -54,117 +56,119 @@ def plot(
 
     results      a file or the folder of a study, the object that `jampetsc.load` gives for it, or a list of these
     kind         of picture, see `jampetsc plot --help`; None: chosen from the files and options
-    ax           axes to draw on, as many as the picture has panels; None: those of a new figure
+    ax           axes to draw on, one for each panel of the picture; None: axes of a new figure
     out          file to write the picture to: .png, .pdf or .svg
     csv          file to write the drawn numbers to
     size         (width, height) of a new figure in inches
     xlim, ylim   (low, high) for all panels, or one for each
-    label        words that replace those of the legend, in its order
+    label        words that replace the entries of the legend, in its order
     style        a style file of matplotlib, or {name: value}, on top of the package's style
-    more         options of the kind: statistic="median", omega=[1e-3], …; None is not given
+    more         options of the kind: statistic="median", omega=[1e-3], …; None: its default
 
     Raises InputError for files that no picture shows, and for options that the kind does not have.
     """
     items = list(results) if isinstance(results, list | tuple) else [results]
     chosen = {"size": size, "xlim": xlim, "ylim": ylim, "label": label, "style": style}
-    return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more).given_back
+    return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more).returned_axes
 
 
 def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> Page:
-    """As `plot`; chosen: size, xlim and so on."""
+    """As `plot`, but gives the page; chosen: size, xlim, ylim, label and style."""
     options = {name: value for name, value in options.items() if value is not None}
     if not items:
-        raise InputError("results: an empty list: give at least one file or result")
-    kinds = asked_kinds(kind, options)
-    found, names, studies = [], [], False
+        raise InputError("results: empty. Give at least one file or result.")
+    kinds = possible_kinds(kind, options)
+    results, names, studies = [], [], False
     for item in items:
         name = os.fspath(item) if isinstance(item, str | os.PathLike) else ""
-        one = load(name) if name else item
-        some = of_study(one, kinds) if isinstance(one, Ensemble) else [one]
-        studies = studies or isinstance(one, Ensemble)
-        found, names = found + some, names + [str(getattr(part, "path", name)) for part in some]
-    picture = PICTURES[choose(kinds, found, names)]
+        result = load(name) if name else item
+        loaded = study_results(result, kinds) if isinstance(result, Ensemble) else [result]
+        studies = studies or isinstance(result, Ensemble)
+        results, names = results + loaded, names + [str(getattr(part, "path", name)) for part in loaded]
+    picture = PICTURES[choose_kind(kinds, results, names)]
     if studies and "statistic" in picture.keywords:
         options.setdefault("statistic", "mean")
-    refuse_repeated(found)
+    refuse_repeated(results)
     inputs = [name for name in (*names, options.get("packing")) if name]
     for name, place, what, endings in (("out", out, PICTURE, FORMATS), ("csv", csv, TABLE, (".csv",))):
         if place is None:
             continue
         if Path(place).suffix.lower() not in endings:
-            raise InputError(f"{name} {place}: give it the ending {' or '.join(endings)}")
+            raise InputError(f"{name} {place}: unknown ending. Give it the ending {' or '.join(endings)}.")
         check_output(place, what, inputs)
-    drawn = picture.draw(found, ax, **chosen or {}, **options)
+    page = picture.draw(results, ax, **chosen or {}, **options)
     if out is not None:
-        with drawable(found):
-            save(drawn.figure, out)
+        with drawing_errors(results):
+            save(page.figure, out)
     if csv is not None:
-        write_whole(csv, numbers.written(drawn.axes))
-    return drawn
+        write_whole(csv, picture_table.table_bytes(page.axes))
+    return page
 
 
-def asked_kinds(kind, options) -> list[str]:
-    """The kinds that are possible for a kind, or None, and options. Raises InputError if there is none."""
-    known = pictures()
-    if kind is not None and kind not in known:
-        near = difflib.get_close_matches(kind, known, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}"
-        raise InputError(f"{named('kind')} {kind}: {hint}")
-    kinds = list(known) if kind is None else [kind]
+def possible_kinds(kind, options) -> list[str]:
+    """Kinds that have all these options; kind: the only one, or None. Raises InputError if none has them."""
+    known_kinds = pictures()
+    if kind is not None and kind not in known_kinds:
+        close = difflib.get_close_matches(kind, known_kinds, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"give one of {', '.join(known_kinds)}"
+        raise InputError(f"{named('kind')} {kind}: no such kind of picture; {hint}")
+    kinds = list(known_kinds) if kind is None else [kind]
     for name, value in options.items():
-        meant = [one for one, picture in known.items() if name in picture.keywords]
-        if not meant:
-            raise InputError(f"{name}: is no option of any picture")
-        others, kinds = kinds, [one for one in kinds if one in meant]
+        owners = [kind for kind, picture in known_kinds.items() if name in picture.keywords]
+        if not owners:
+            raise InputError(f"{name}: not an option of any picture. Leave it out.")
+        previous, kinds = kinds, [kind for kind in kinds if kind in owners]
         if not kinds:
-            words = f"belongs to {' or '.join(meant)} pictures, not to {' or '.join(others)}"
-            raise InputError(f"{named(name)} {value}: {words}: leave it out")
+            words = f"an option of {' or '.join(owners)} pictures, not of {' or '.join(previous)}"
+            raise InputError(f"{named(name)} {value}: {words}. Leave it out.")
     return kinds
 
 
-def of_study(study, kinds) -> list:
+def study_results(study, kinds) -> list:
     """The results of a study that one of the kinds can show. Raises InputError if none can."""
-    done = study.where(state="done")
-    suited = [(_shown(done, PICTURES[kind]), PICTURES[kind]) for kind in kinds]
-    for rows, picture in suited:
+    rows_done = study.where(state="done")
+    candidates = [(_drawable_rows(rows_done, PICTURES[kind]), PICTURES[kind]) for kind in kinds]
+    for rows, picture in candidates:
         if rows.rows == 1 or (rows.rows > 1 and not picture.single):
             return rows.results()
-    what = f"{' or '.join(kinds)} pictures" if len(kinds) < len(PICTURES) else "pictures"
-    if any(rows.rows for rows, _ in suited):
-        raise InputError(f"{study.path}: a study: {what} show a single file: name the file in it")
-    held = ", ".join(sorted(set(done["command"].tolist()))) or "nothing"
-    raise InputError(f"{study.path}: a study with {held}: {what} need {_needed(kinds)}")
+    kinds_text = f"{' or '.join(kinds)} pictures" if len(kinds) < len(PICTURES) else "pictures"
+    if any(rows.rows for rows, _ in candidates):
+        raise InputError(f"{study.path}: a study, but {kinds_text} show a single file. Give the file in it.")
+    commands = ", ".join(sorted(set(rows_done["command"].tolist()))) or "nothing"
+    raise InputError(f"{study.path}: a study with {commands}, but {kinds_text} need {_needed_files(kinds)}.")
 
 
-def _shown(done, picture):
-    """The rows of a study whose files a kind of picture shows; unless it is `mixed`, of the first format found."""
-    made = [COMMANDS.get(name, name) for name in picture.of]
+def _drawable_rows(rows, picture):
+    """Rows of a study whose files a kind of picture shows: of one format, or of all if it is `mixed`."""
+    commands = [COMMANDS.get(name, name) for name in picture.of]
     if not picture.mixed:
-        made = [next((command for command in made if command in done["command"].tolist()), made[0])]
-    return done.where(command=made)
+        commands = [
+            next((command for command in commands if command in rows["command"].tolist()), commands[0])
+        ]
+    return rows.where(command=commands)
 
 
-def choose(kinds, items, names) -> str:
+def choose_kind(kinds, items, names) -> str:
     """The kind of picture for these items, which have these names, out of `kinds`.
 
     Raises InputError if no kind shows this mixture of files, files of this format, or this number of them.
     """
-    held = [_format(item) for item in items]
+    formats = [_format(item) for item in items]
     names = [name or "a packing" for name in names]
-    other = next((n for n, one in enumerate(held) if one != held[0]), None)
-    if other is not None:
-        kinds = [kind for kind in kinds if PICTURES[kind].mixed and set(held) <= set(PICTURES[kind].of)]
+    different = next((n for n, file_format in enumerate(formats) if file_format != formats[0]), None)
+    if different is not None:
+        kinds = [kind for kind in kinds if PICTURES[kind].mixed and set(formats) <= set(PICTURES[kind].of)]
         if not kinds:
-            hint = f"; the packing of a sweep goes with {named('packing')}" if "packing" in held else ""
-            raise InputError(
-                f"{names[0]} is {_one(_noun(held[0]))}, {names[other]} {_one(_noun(held[other]))}: "
-                f"one picture shows one or the other{hint}"
-            )
-    kind = next((one for one in kinds if held[0] in PICTURES[one].of), kinds[0])
-    if held[0] not in PICTURES[kind].of:
-        raise InputError(f"{names[0]}: is {_one(held[0], 'file')}: {kind} pictures need {_needed([kind])}")
+            hint = f" Give the packing of a sweep by {named('packing')}." if "packing" in formats else ""
+            nouns = " and ".join(_with_article(_file_noun(formats[n])) for n in (0, different))
+            raise InputError(f"{names[0]}, {names[different]}: {nouns}. Draw them in two pictures.{hint}")
+    kind = next((kind for kind in kinds if formats[0] in PICTURES[kind].of), kinds[0])
+    if formats[0] not in PICTURES[kind].of:
+        raise InputError(
+            f"{names[0]}: {_with_article(formats[0], 'file')}. For {kind} pictures give {_needed_files([kind])}."
+        )
     if PICTURES[kind].single and len(items) > 1:
-        raise InputError(f"{len(items)} {held[0]} files: {kind} pictures show one; plot them one by one")
+        raise InputError(f"{len(items)} {formats[0]} files: {kind} pictures show one. Plot them one by one.")
     return kind
 
 
@@ -172,23 +176,23 @@ def _format(item):
     if isinstance(item, Disks):
         return "packing"
     if not hasattr(item, "format"):
-        raise InputError(f"{item!r}: is no file, and nothing that jampetsc.load gives")
+        raise InputError(f"{item!r}: neither a file nor a result of jampetsc.load. Give one of them.")
     return item.format.removeprefix("jampetsc-")
 
 
-def _needed(kinds):
+def _needed_files(kinds):
     """The files that pictures of these kinds show, in words."""
-    return " or ".join(dict.fromkeys(_plural(what) for kind in kinds for what in PICTURES[kind].of))
+    return " or ".join(dict.fromkeys(_plural(name) for kind in kinds for name in PICTURES[kind].of))
 
 
 def _plural(word):
-    return {"packing": "a packing", "spectrum": "spectra"}.get(word, f"{_noun(word)}s")
+    return {"packing": "a packing", "spectrum": "spectra"}.get(word, f"{_file_noun(word)}s")
 
 
-def _one(*words):
+def _with_article(*words):
     """The words with their article."""
     return " ".join(("an" if words[0][0] in "aeio" else "a", *words))
 
 
-def _noun(word):
+def _file_noun(word):
     return word if word in ("packing", "sweep", "spectrum", "correlation") else f"{word} file"

@@ -1,17 +1,21 @@
-"""The panels of a picture, on a new figure or on axes of the caller; limits, ticks, legends."""
+"""The panels of a picture on a new figure or on axes of the caller: limits, ticks, guide slopes and legends."""
 
 import string
+from contextlib import contextmanager
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.path import Path
+from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
+from jampetsc.analysis.local_power_laws import power_law_window
 from jampetsc.errors import InputError
-from jampetsc.plots.logaxes import clear_corner, limits_kept, set_ticks, thin_ticks
-from jampetsc.plots.style import COLUMN, hidden
+from jampetsc.plots.style import COLUMN, GREY, hidden, number, power_text
 
 HEIGHT = 2.9  # inches of a picture of one panel
-_LEAST = 1.6  # highest over lowest of a log axis
+MIN_LOG_RATIO = 1.6  # of the limits of a log axis
 
 
 class Page:
@@ -19,18 +23,18 @@ class Page:
 
     axes     axes of the caller; None: `panels` makes a figure
     size     (width, height) of that figure in inches, None: the default of the picture
-    labels   words that replace those of the legends, in their order
+    labels   words that replace the entries of the legends, in their order
     xlim     (low, high) of x for all panels, or one, or None, for each
 
-    own      whether the figure is new
+    is_new   whether the figure is new
     text     description of the picture in words
     """
 
     def __init__(self, axes=None, size=None, labels=(), xlim=None):
-        self.own, self.size, self.labels, self.text = axes is None, size, list(labels), ""
+        self.is_new, self.size, self.labels, self.text = axes is None, size, list(labels), ""
         self.xlim = xlim
         self.axes, self._given = [] if axes is None else list(np.ravel(axes)), axes
-        self.lettered, self.laid_out, self._legends, self._raised = False, False, [], False
+        self.lettered, self.laid_out, self._legends, self._has_legend_above = False, False, [], False
 
     def panels(
         self, rows=1, columns=1, width=COLUMN, height=HEIGHT, *, x="", y="", log="", letters=True, count=None, **grid
@@ -47,14 +51,16 @@ class Page:
         Raises InputError if the caller gave another number of axes.
         """
         count = count or rows * columns
-        if self.own:
+        if self.is_new:
             self._make(width, height)
-            made = self._figure.subplots(rows, columns, squeeze=False, **grid).ravel()
-            self.axes, self.lettered = list(made[:count]), letters and count > 1
-            for ax in made[count:]:
+            axes = self._figure.subplots(rows, columns, squeeze=False, **grid).ravel()
+            self.axes, self.lettered = list(axes[:count]), letters and count > 1
+            for ax in axes[count:]:
                 ax.remove()
         elif len(self.axes) != count:
-            raise InputError(f"ax: {len(self.axes)} axes: this picture of these files takes {count}, or none")
+            raise InputError(
+                f"ax: {len(self.axes)} axes, but this picture needs {count}. Give {count} or none."
+            )
         for n, ax in enumerate(self.axes):
             inner = (
                 bool(grid.get("sharex")) and n < count - columns,
@@ -71,9 +77,9 @@ class Page:
         return self.axes[0] if len(self.axes) == 1 else np.array(self.axes)
 
     @property
-    def given_back(self):
+    def returned_axes(self):
         """The axes of the caller, as they were given; else the new ones: one, or (panels,) of them."""
-        return self._one_or_all() if self.own else self._given
+        return self._one_or_all() if self.is_new else self._given
 
     def _make(self, width, height):
         self._figure = Figure(figsize=self.size or (width, height), layout="constrained")
@@ -81,7 +87,7 @@ class Page:
 
     def mosaic(self, names, width, height, heights) -> list:
         """Axes with the names of a mosaic (`Figure.subplot_mosaic`), rows of these heights; errors as `panels`."""
-        if not self.own:
+        if not self.is_new:
             return list(np.ravel(self.panels(1, len({name for row in names for name in row}))))
         self._make(width, height)
         self.axes = list(self._figure.subplot_mosaic(names, gridspec_kw={"height_ratios": heights}).values())
@@ -112,11 +118,11 @@ class Page:
     def _place(self, ax, first, settings):
         """Put a legend in a free corner; without one, the first goes above the panels of a new figure, which grows."""
         corner = clear_corner(ax, first, settings)
-        if corner or not self.own or self._raised:
+        if corner or not self.is_new or self._has_legend_above:
             ax.legend(loc=corner or "best", **settings)
             return
-        self._raised = True
-        left = min(one.get_window_extent().x0 for one in self.axes) / self.figure.bbox.width
+        self._has_legend_above = True
+        left = min(panel.get_window_extent().x0 for panel in self.axes) / self.figure.bbox.width
         place = {"loc": "upper left", "bbox_to_anchor": (left, 1), "bbox_transform": self.figure.transFigure}
         for columns in (4, 3, 2, 1):
             legend = ax.legend(
@@ -130,8 +136,8 @@ class Page:
             self.figure.set_figheight(height + rise)
         self.figure.get_layout_engine().set(rect=(0, 0, 1, 1 - rise / self.figure.get_figheight()))
 
-    def seen(self, x):
-        """Where x (M,) of a picture of one panel is in sight, a mask."""
+    def visible_mask(self, x):
+        """Mask of the x (M,) within the limits of a picture of one panel."""
         limits = self.xlim if self.xlim is None or np.isscalar(self.xlim[0]) else self.xlim[0]
         low, high = limits or (-np.inf, np.inf)
         return (x >= low) & (x <= high)
@@ -147,54 +153,174 @@ class Page:
             pairs = [limits] * len(self.axes) if np.isscalar(limits[0]) else list(limits)
             if len(pairs) != len(self.axes):
                 raise InputError(
-                    f"{name}: {len(pairs)} pairs for {len(self.axes)} panels: give one, or each its own"
+                    f"{name}: {len(pairs)} pairs for {len(self.axes)} panels. Give one pair, or one for each panel."
                 )
             for ax, pair in zip(self.axes, pairs, strict=True):
                 if pair is not None:
                     ax.set(**{name: pair})
         if self.labels:
-            raise InputError(f"label {self.labels[0]}: the legends have no entry that is left: give fewer")
+            raise InputError(f"label {self.labels[0]}: more labels than entries of legends. Give fewer.")
         for ax, letter in zip(self.axes, string.ascii_lowercase, strict=False):
             if self.lettered:
                 ax.set_title(f"({letter})", loc="left", pad=3)
             low, high = ax.get_ylim()
-            if ax.get_yscale() == "log" and ax.get_autoscaley_on() and high < _LEAST * low:
+            if ax.get_yscale() == "log" and ax.get_autoscaley_on() and high < MIN_LOG_RATIO * low:
                 middle = (low * high) ** 0.5  # small changes are not magnified
-                ax.set_ylim(middle / _LEAST**0.5, middle * _LEAST**0.5)
-        axes = self.figure.axes if self.own else self.axes
+                ax.set_ylim(middle / MIN_LOG_RATIO**0.5, middle * MIN_LOG_RATIO**0.5)
+        axes = self.figure.axes if self.is_new else self.axes
         short = [axis for ax in axes for axis in (ax.xaxis, ax.yaxis) if set_ticks(axis)]
         if not self.laid_out:  # which also makes the ticks
-            if self.own:
+            if self.is_new:
                 self.figure.get_layout_engine().execute(self.figure)  # less work than to draw it
             else:
                 self.figure.draw_without_rendering()
-        for wanted in self._legends:
-            self._place(*wanted)
+        for legend in self._legends:
+            self._place(*legend)
         for axis in short:
             thin_ticks(axis)
 
 
-def band(ax, x, low, high, name, **look) -> None:
+def draw_band(ax, x, low, high, name, **look) -> None:
     """A band from `low` to `high` over x, which does not widen the limits of log axes."""
     with limits_kept(ax, when=ax.get_yscale() == "log"):
         ax.fill_between(x, low, high, label=hidden(name), **{"alpha": 0.25, "linewidth": 0} | look)
 
 
-def points(ax, x, y, error=None, **look):
+def draw_points(ax, x, y, error=None, **look):
     """Points or a line (m,), with error bars if there are errors; values that are nan or not shown are left out.
 
-    Log axes show only what is positive, and bars widen their limits by a factor of three at most. Gives the container.
+    Log axes show positive values only; bars widen their limits by a factor of at most three. Returns the container.
     """
     x, y, log = np.asarray(x, float), np.asarray(y, float), ax.get_yscale() == "log"
-    known = np.isfinite(y) & ((y > 0) | (not log))
-    x, y, seen = x[known], y[known], np.zeros((2, known.sum()))
+    drawable = np.isfinite(y) & ((y > 0) | (not log))
+    x, y, half_widths = x[drawable], y[drawable], np.zeros((2, drawable.sum()))
     if error is not None:
-        error = np.asarray(error, float)[..., known]
-        seen = np.broadcast_to(np.where(np.isfinite(error), error, 0.0), seen.shape)
-        error = seen if np.isfinite(error).any() else None
+        error = np.asarray(error, float)[..., drawable]
+        half_widths = np.broadcast_to(np.where(np.isfinite(error), error, 0.0), half_widths.shape)
+        error = half_widths if np.isfinite(error).any() else None
     with limits_kept(ax, when=log):
         drawn = ax.errorbar(x, y, error, **{"elinewidth": 0.6, "markeredgewidth": 0.7} | look)
     if log:
-        for ends in (np.maximum(y - seen[0], y / 3), np.minimum(y + seen[1], 3 * y)):
+        for ends in (np.maximum(y - half_widths[0], y / 3), np.minimum(y + half_widths[1], 3 * y)):
             ax.update_datalim(np.column_stack((x, ends)))
     return drawn
+
+
+MIN_POWER_DECADES = 2.0  # of an axis that has labels at powers of ten alone
+MAX_LABELS = 7  # of powers of ten at most
+_STEPS = ((1, 2, 5), (1, 3), (1,))  # labels in a decade, many to few
+_CORNERS = (
+    "lower right", "upper left", "center right", "lower left", "upper right", "upper center", "lower center"
+)  # fmt: skip
+
+
+def set_ticks(axis) -> bool:
+    """Set ticks of a log axis: few powers of ten, on less than two decades also steps between; whether it has steps."""
+    if axis.get_scale() != "log" or isinstance(axis.get_major_locator(), FixedLocator):
+        return False
+    low, high = np.log10(sorted(axis.get_view_interval()))
+    axis.set_minor_formatter(NullFormatter())
+    if high - low >= MIN_POWER_DECADES:
+        step = int(np.ceil((np.floor(high) - np.ceil(low) + 1) / MAX_LABELS))
+        axis.set_major_locator(LogLocator(10.0**step, numticks=99))
+        between = {"base": 10.0} if step > 1 else {"subs": range(2, 10)}
+        axis.set_minor_locator(LogLocator(**between, numticks=99))
+        return False
+    axis.set_minor_locator(LogLocator(subs=range(2, 10)))
+    return _label(axis, _STEPS[0])
+
+
+def thin_ticks(axis) -> None:
+    """Take labels of a short log axis that is laid out away until they stand apart."""
+    for steps in _STEPS:
+        if not _label(axis, steps):
+            return
+        boxes = [label.get_window_extent().padded(0.03 * axis.figure.dpi) for label in visible_labels(axis)]
+        if not any(first.overlaps(second) for first, second in pairwise(boxes)):
+            return
+
+
+def _label(axis, steps):
+    """Label steps of each decade; with less than two in sight even steps, and false."""
+    low, high = sorted(axis.get_view_interval())
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.log10(high))
+    shown = [value for value in np.outer(decades, steps).ravel() if low <= value <= high]
+    many = len(shown) > 1
+    plain = all(1e-3 <= value < 1e4 for value in shown or (low, high))
+    axis.set_major_locator(LogLocator(subs=steps) if many else MaxNLocator(4, steps=(1, 2, 5, 10)))
+    axis.set_major_formatter(lambda value, _: f"${value:g}$" if plain else f"${number(value)}$")
+    if not many:
+        axis.set_minor_locator(NullLocator())
+    return many
+
+
+def visible_labels(axis):
+    """The labels in sight."""
+    (low, high), along = sorted(axis.get_view_interval()), "xy".index(axis.axis_name)
+    return [label for label in axis.get_majorticklabels() if low <= label.get_position()[along] <= high]
+
+
+@contextmanager
+def limits_kept(ax, when=True):
+    """What is drawn within it does not widen the limits of `ax`, or only `when` that holds."""
+    kept = ax.dataLim.frozen()
+    yield
+    if when:
+        ax.dataLim.set(kept)
+
+
+def draw_guide(ax, x, y, exponent, symbol, above) -> None:
+    """A line of slope `exponent` over the longest stretch where y(x) follows it, above or below all lines of `ax`.
+
+    Without such a stretch nothing is drawn: a guide marks a regime, it does not claim one.
+    """
+    window = power_law_window(x, y, exponent)
+    if window is None:
+        return
+    u = np.linspace(*window, 50)
+    drawn = [np.log10(line.get_data()) for line in ax.get_lines() if len(line.get_xdata())]
+    heights = np.array([np.interp(u, *line, left=np.nan, right=np.nan) for line in drawn])
+    sign, edge = (1, np.nanmax(heights, axis=0)) if above else (-1, np.nanmin(heights, axis=0))
+    gap = max(0.035 * np.ptp(np.log10(ax.get_ylim())), 0.12)
+    v = exponent * u + sign * (np.max(sign * (edge - exponent * u)) + gap)
+    ax.plot(10**u, 10**v, color=GREY, linewidth=0.8, solid_capstyle="butt", zorder=1.5)
+    middle, aligned = len(u) // 2, ("right", "bottom") if above else ("left", "top")
+    look = {"textcoords": "offset points", "ha": aligned[0], "va": aligned[1], "color": "0.25"}
+    at = (10 ** u[middle], 10 ** v[middle])
+    ax.annotate(f"${power_text(symbol, exponent)}$", at, (-2 * sign, 2 * sign), **look)
+    ax.update_datalim([(10 ** u[0], 10 ** (v.max() + gap)), (10 ** u[0], 10 ** (v.min() - 0.5 * gap))])
+
+
+def draw_power_law(ax, x, y, exponent) -> None:
+    """A dotted line ∝ x^exponent through the geometric middle of the points (x, y); limits stay as they are."""
+    log = np.log(x)
+    line = np.exp(np.mean(np.log(y)) + exponent * (log - np.mean(log)))
+    with limits_kept(ax):
+        ax.plot(x, line, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
+
+
+def clear_corner(ax, first, settings) -> str | None:
+    """The corner in which a legend with these settings lies on no line, bar or text of `ax`; None where all do."""
+    outlines, texts = _outlines(ax), [text.get_window_extent() for text in ax.texts]
+    for corner in dict.fromkeys((first, *_CORNERS)):
+        box = ax.legend(loc=corner, **settings).get_window_extent().padded(2.0 * ax.figure.dpi / 72)
+        if not any(_covers(box, *outline) for outline in outlines) and not any(map(box.overlaps, texts)):
+            return corner
+    return None
+
+
+def _outlines(ax):
+    """[(path in pixels, whether its corners are joined by a line)] of all lines and error bars of `ax`."""
+    outlines = []
+    for line in ax.get_lines():
+        path = line.get_transform().transform_path(line.get_path()).cleaned(remove_nans=True)
+        path = Path(path.vertices[:-1], path.codes[:-1])  # without what says that it ends
+        if len(path):
+            outlines.append((path, line.get_linestyle() not in ("None", "", " ")))
+    for bars in (bar for container in ax.containers for bar in container.lines[2]):
+        outlines += [(bars.get_transform().transform_path(path), True) for path in bars.get_paths()]
+    return outlines
+
+
+def _covers(box, path, joined):
+    return box.count_contains(path.vertices) or (joined and path.intersects_bbox(box, filled=False))

@@ -1,4 +1,4 @@
-"""A kind of picture: the function that draws it, the formats of its files, and its options.
+"""A kind of picture: the function that draws it, the formats of its files, its options, and the units of its numbers.
 
     @picture("lanes", "velocity-correlation", "flow", options=(…))
     def plot_lanes(results, page, …):
@@ -10,6 +10,7 @@ The function draws on the axes of `page`. The decorated one takes the caller's a
 axes: plot_lanes(results, ax=None, …).
 """
 
+import math
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,17 +23,19 @@ from jampetsc.options.parameters import SWITCH, WORD, Parameter
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import drawn_in
 
-LARGEST = 1e150  # of the numbers that matplotlib can be asked to draw
+MAX_DRAWN = 1e150  # what is larger matplotlib may fail to draw
 PICTURES = {}  # kind -> Picture; `plots.draw` loads all of them
 
 
-def option(name, kind, help, metavar="", **told) -> Parameter:
-    """What a picture may be asked for: a keyword of its function, a long option of the command."""
+def option(name, kind, help, metavar="", **limits) -> Parameter:
+    """An option of some kinds of pictures: a keyword of their functions; limits: low, high, choices."""
     default = False if kind is SWITCH else None
-    return Parameter(name, help, kind, default, metavar=metavar, group="of some kinds", **told)
+    return Parameter(name, help, kind, default, metavar=metavar, group="options of some kinds", **limits)
 
 
-PACKING = option("packing", WORD, "the packing, if it is not beside the file", "FILE")
+PACKING = option(
+    "packing", WORD, "fields, response, mode: file of the packing (default: as the result records it)", "FILE"
+)
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class Picture:
 
     kind: str
     function: Callable  # (results, page, **options) -> what it shows
-    of: tuple[str, ...]  # what files it needs: packing, sweep, …
+    of: tuple[str, ...]  # formats of files that it shows: packing, sweep, …
     options: tuple[Parameter, ...]
     single: bool  # one file at a time
     mixed: bool  # files of several of these formats at once
@@ -53,14 +56,14 @@ class Picture:
 
     def __call__(self, results, ax=None, **settings):
         """Draw, and return the axes. Parameters and errors as `draw`."""
-        return self.draw(results, ax, **settings).given_back
+        return self.draw(results, ax, **settings).returned_axes
 
     def draw(
         self, results, ax=None, *, size=None, xlim=None, ylim=None, label=(), style=None, **options
     ) -> Page:  # fmt: skip
         """Draw results of `jampetsc.load` on the axes `ax` or on a new figure; `text` of the Page describes them.
 
-        Parameters as in `draw.plot`; options: those of this kind of picture, `keywords`.
+        Parameters as in `draw.plot`; options: `keywords` of this kind of picture.
 
         Raises InputError for files that it cannot show, and for values that an option cannot have.
         """
@@ -68,16 +71,16 @@ class Picture:
             self.keywords[name].read(value)
         page = Page(ax, size, [label] if isinstance(label, str) else label, xlim)
         if ax is not None and size is not None:
-            raise InputError("size: is of a new figure: leave it out where ax is given")
-        with drawable(results), drawn_in(style, own=ax is None):
+            raise InputError("size, ax: both given. Give size only for a new figure.")
+        with drawing_errors(results), drawn_in(style, own=ax is None):
             page.text = self.function(results, page, **options)
             page.finish(ylim)
         return page
 
 
 @contextmanager
-def drawable(results):
-    """Context: an error of drawing numbers that no result has becomes an InputError that names them."""
+def drawing_errors(results):
+    """Context: an error of drawing becomes an InputError if a result has numbers that cannot be drawn."""
     try:
         yield
     except JampetscError:
@@ -85,26 +88,24 @@ def drawable(results):
     except (ArithmeticError, LookupError, ValueError):
         for result in results:
             if why := _unsound(result):
-                raise InputError(
-                    f"{result.path}: {why}, so that no picture shows it. Make the file again."
-                ) from None
+                raise InputError(f"{result.path}: {why}. Make the file again.") from None
         raise
 
 
 def _unsound(result) -> str:
-    """Which attribute or dataset of a result has numbers beyond LARGEST, nan, or negative errors; empty if none has."""
+    """Which attribute or dataset has numbers beyond MAX_DRAWN, nan, or negative errors; empty if none has."""
     if not isinstance(result, Result):
         return ""
     for name, value in result.attributes.items():
-        if isinstance(value, float) and not abs(value) < LARGEST:
-            return f"attribute {name}: not finite, or beyond {LARGEST:g}"
+        if isinstance(value, float) and not abs(value) < MAX_DRAWN:
+            return f"attribute {name}: not finite, or beyond {MAX_DRAWN:g}"
     for name in result:
         if result.stored(name).dtype.kind in "fc":
             array = result[name]
             if "error" in name and (array.real < 0).any():
                 return f"dataset {name}: negative"
-            if not (np.abs(array) < LARGEST).all():
-                return f"dataset {name}: not finite, or beyond {LARGEST:g}"
+            if not (np.abs(array) < MAX_DRAWN).all():
+                return f"dataset {name}: not finite, or beyond {MAX_DRAWN:g}"
     return ""
 
 
@@ -119,19 +120,91 @@ def picture(kind, *of, options=(), single=False, mixed=False):
     return enter
 
 
-def grouped(results, key) -> dict:
+def group_by(results, key) -> dict:
     """{key(result): results}, in the order of the first result of each key."""
-    found = {}
+    groups = {}
     for result in results:
-        found.setdefault(key(result), []).append(result)
-    return found
+        groups.setdefault(key(result), []).append(result)
+    return groups
 
 
-def differing(parts, varied) -> list[str]:
+def join_varied(parts, varied) -> list[str]:
     """A label for each of `parts`, rows of words: the words of columns that are `varied`, without empty ones."""
     return [", ".join(word for word, used in zip(row, varied, strict=True) if used and word) for row in parts]
 
 
-def count(items, one="sweep", many="sweeps") -> str:
-    """So many of them, in words."""
-    return f"{len(items)} {one if len(items) == 1 else many}"
+def count_text(items, singular="sweep", plural="sweeps") -> str:
+    """Their number and noun: 1 sweep, 3 sweeps."""
+    return f"{len(items)} {singular if len(items) == 1 else plural}"
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units by which the numbers of a result are divided, and its pressure in them."""
+
+    k: float  # stiffness of a contact
+    tau1: float  # damping time
+    pressure: float | None  # p/k; None if the file does not have it
+
+
+def units_of(result) -> Units:
+    """Units of a `io.results.Result`; k and τ₁ are 1 if it has none.
+
+    Raises InputError, naming the file, for units that are not positive and for a pressure that is not finite.
+    """
+    values = {}
+    for name in ("k", "tau1", "pressure"):
+        value = result.attributes.get(name, None if name == "pressure" else 1.0)
+        is_number = isinstance(value, (int, float)) and math.isfinite(value)
+        if value is not None and not (is_number and (name == "pressure" or value > 0)):
+            requirement = "a number" if name == "pressure" else "a positive number"
+            raise InputError(
+                f"{result.path}: attribute {name} = {value}: not {requirement}. Make the file again."
+            )
+        values[name] = None if value is None else float(value)
+    pressure = values["pressure"]
+    return Units(values["k"], values["tau1"], None if pressure is None else pressure / values["k"])
+
+
+UNITS = ("energy", "stress", "rate", "viscosity", "length")
+_VAGBERG = (
+    r"k_{\rm e}", r"k_{\rm e}/d_{\rm s}^2", r"k_{\rm e}/k_{\rm d}d_{\rm s}^2", r"k_{\rm d}", r"d_{\rm s}"
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FlowUnits:
+    """Units by which numbers of flow, shear and jam files are divided: energies and stresses by k, rates by 1/τ₁."""
+
+    k: float
+    tau1: float
+    names: tuple  # of UNITS in TeX without dollars; "" for the length of a packing, which has none
+
+    def label(self, symbol, unit) -> str:
+        """Words for an axis: the symbol in TeX, and the name of one of UNITS if it has one."""
+        text = self.names[UNITS.index(unit)]
+        return rf"${symbol}\ [{text}]$" if text else f"${symbol}$"
+
+
+def flow_units(results) -> FlowUnits:
+    """The common units of files: Vågberg's (thesis sec. 4.1), or the units of a packing.
+
+    Raises InputError, naming the file, if they differ.
+    """
+    first_units = None
+    for result in results:
+        attributes, scales = result.attributes, units_of(result)
+        if str(attributes.get("units", "")).startswith("k_e"):
+            texts = _VAGBERG
+        elif attributes.get("stiffness") == "inverse-square-diameter":
+            texts = (r"k_{\rm e}", r"k_{\rm e}", r"1/\tau_1", r"k_{\rm e}\tau_1", "")  # over the unit of area
+        else:
+            texts = ("k", "k", r"1/\tau_1", r"k\tau_1", "")  # times the packing's unit of area
+        units = FlowUnits(scales.k, scales.tau1, texts)
+        first_units = first_units or units
+        if units != first_units:
+            raise InputError(
+                f"{result.path}: units {attributes.get('units', 'unknown')}, not those of {results[0].path.name}. "
+                "Draw files of equal units in one picture."
+            )
+    return first_units

@@ -97,13 +97,13 @@ def power_or_number(value) -> str:
 
 
 def exponent_text(value) -> str:
-    """An exponent in TeX: a small fraction where it is one."""
+    """An exponent in TeX, as a fraction if its denominator is at most 6."""
     fraction = Fraction(float(value)).limit_denominator(6)
     return str(fraction) if abs(fraction - value) * fraction.denominator < 1e-9 else f"{value:.3g}"
 
 
 def power_text(base, exponent) -> str:
-    """base^exponent in TeX, without the exponent where it is 1."""
+    """base^exponent in TeX, without an exponent of 1."""
     return base if exponent == 1 else f"{base}^{{{exponent_text(exponent)}}}"
 
 
@@ -120,7 +120,7 @@ def entry(label, color="0.2", **look) -> Line2D:
 
 
 def hidden(name) -> str:
-    """The label of what a legend does not name, and a table of numbers does (`plots.numbers`)."""
+    """The label of what a legend does not name, and a table of numbers does (`picture_table`)."""
     return f"_:{name}"
 
 
@@ -130,7 +130,7 @@ def drawn_in(style=None, own=True):
 
     style   settings on top of it: a file of matplotlib, or {name: value}
 
-    Raises InputError for a file that is no style.
+    Raises InputError for a file that cannot be read as a style.
     """
     with matplotlib.rc_context():
         if own:
@@ -142,7 +142,7 @@ def drawn_in(style=None, own=True):
             matplotlib.rcParams.update(style or {})
         except (OSError, ValueError, KeyError, TypeError) as error:
             why = str(error).splitlines()[0]
-            raise InputError(f"style {style}: {why}: give a style file of matplotlib") from None
+            raise InputError(f"style {style}: {why}. Give a style file of matplotlib.") from None
         yield
 
 

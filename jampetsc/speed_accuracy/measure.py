@@ -33,7 +33,7 @@ def measure(job, out) -> str:
         rows += [ensembles.measure(bench, pack) for pack in packs]
     facts = [*_facts(job, out, bench.reference, load), *remarks, *more]
     table.write(out, rows, facts)
-    from jampetsc.plots.trade import plot_trade  # only now: matplotlib's memory is the runs' until then
+    from jampetsc.plots.trade_plots import plot_trade  # only now: matplotlib's memory is the runs' until then
 
     plot_trade(rows, bench.reference.certified, picture)
     lines = [table.as_text(rows), "", *facts, "", *advise(rows), "", f"{out}, {picture}"]

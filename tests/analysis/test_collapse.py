@@ -19,7 +19,7 @@ from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.commands.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.plots.scaling import plot_branches, plot_scaling
+from jampetsc.plots.scaling_plots import plot_branches, plot_scaling
 from jampetsc.studies.table import table_text
 
 
@@ -678,5 +678,5 @@ def test_two_branches_are_drawn_against_the_distance():
     assert np.allclose(below, [[0.5, 0.4, 0.3, 0.2, 0.1], [1, 2, 3, 4, 5]])
     assert np.allclose(above[1], [7, 8, 9, 10, 11])
     assert "hollow" in ax.get_legend().get_title().get_text()
-    with pytest.raises(InputError, match=r"f\.h5: is a collapse of sizes"):
+    with pytest.raises(InputError, match=r"f\.h5: a collapse of sizes"):
         plot_branches([Held(result, facts | {"scaling": "size"}, "f.h5")])

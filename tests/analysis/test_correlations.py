@@ -13,7 +13,7 @@ from samples import stored
 
 from jampetsc import main as cli
 from jampetsc.analysis import correlations
-from jampetsc.analysis.correlation_lengths import length_spread, stokes_collapse
+from jampetsc.analysis.correlation_lengths import LOG_EXPONENT, length_spread, stokes_collapse
 from jampetsc.analysis.correlations import ENOUGH_PACKINGS, correlate, first_root
 from jampetsc.analysis.lane_sums import LaneSums, bin_edges, grid_cells, lane_sums
 from jampetsc.commands.correlate_sweeps import refuse_mixture
@@ -21,7 +21,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
 from jampetsc.packing.disks import Disks
-from jampetsc.plots.correlation import MEDIUM, correlation_curve, plot_correlation, plot_lengths
+from jampetsc.plots.correlation_plots import MEDIUM, correlation_curve, plot_correlation, plot_lengths
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -454,7 +454,7 @@ def test_a_correlation_is_drawn_in_diameters_and_in_units_of_k_and_tau1(tmp_path
     np.testing.assert_array_equal(plain.bounds, file["length_error"][0].T / 2)
     assert plain.lanes.tolist() == [0.5, 1.0] and plain.size == 8.0
     assert plain.delta[0].tolist() == [0, 1, 2, 3]
-    over, collapsed = figure_of(plot_lengths, [plain], log_exponent=0.65).axes[:2]
+    over, collapsed = figure_of(plot_lengths, [plain]).axes[:2]
     assert told(over)[-4:] == [r"Re $u_y/\gamma$", r"Im $u_y/\gamma$", "$L/4$", "medium"]
     levels = [y[0] for x, y, *_ in lines(over, 2) if x.tolist() == [0, 1]]
     assert levels == pytest.approx([0.25, 0.169, 0.246], abs=5e-4)
@@ -579,14 +579,14 @@ def test_the_spread_of_lengths_is_told_of_those_within_the_cell(tmp_path):
         for n, (p, L) in enumerate(((1e-3, 40.0), (1.1e-3, 30.0)))
     ]
     curves = [correlation_curve(file) for file in files]
-    said = plot_lengths.draw(files, log_exponent=0.3).text
+    said = plot_lengths.draw(files).text
     spread, whole = (
-        length_spread([(c.omega, c.G, size(c), c.pressure, 0.3) for c in curves], stokes_collapse)
+        length_spread([(c.omega, c.G, size(c), c.pressure, LOG_EXPONENT) for c in curves], stokes_collapse)
         for size in (lambda c: c.size, lambda c: 1e9)
     )
     assert spread != whole
     assert said == (
-        "correlation lengths of 2 files, in phase with the strain; l (-ln p)^0.3 differs by "
+        "correlation lengths of 2 files, in phase with the strain; l (-ln p)^0.65 differs by "
         f"{100 * spread:.2g} % (rms) at equal omega/p^(1/2)"
     )
     assert plot_lengths.draw(files[:1]).text == "correlation lengths of 1 file, in phase with the strain"

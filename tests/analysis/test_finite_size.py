@@ -11,8 +11,10 @@ from drawn import bars, figure_of, lines, require_inside, told
 from jampetsc.analysis.statistics import half_width, log_median, median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve
-from jampetsc.plots.exponents import plot_exponents
-from jampetsc.plots.finite_size import plot_finite_size
+from jampetsc.plots.exponent_plots import plot_exponents
+from jampetsc.plots.page import Page
+from jampetsc.plots.quasistatic_plots import draw_finite_size, plot_finite_size
+from jampetsc.plots.style import drawn_in
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 SIZES, PRESSURES = np.array([64, 256, 1024]), np.array([1e-6, 1e-5, 1e-4, 1e-3])
@@ -98,7 +100,11 @@ def test_the_fluid_is_in_one_panel_and_out_of_the_next():
     with_fluid = files(lambda n, p: drag(n, p) + 3.0, law="stokes", fluid=3.0)
     for one in with_fluid:  # 10 % more or less of the drag, not of the fluid
         one.attributes["no_prestress_eta0"] = 3.0 + (one.attributes["no_prestress_eta0"] - 3.0)
-    fig = figure_of(plot_finite_size, with_fluid, size_power=1.09)
+    with drawn_in():
+        page = Page()
+        draw_finite_size(with_fluid, page, 1.09)
+        page.finish()
+    fig = page.figure
     assert [ax.get_ylabel() for ax in fig.axes] == [
         r"$\eta_0\,/\,N^{1.09}$ $[k\tau_1]$",
         r"$(\eta_0-\eta_F)\,/\,N^{1.09}$ $[k\tau_1]$",
@@ -144,7 +150,7 @@ def test_local_exponents_of_a_square_root_of_the_frequency():
     assert len(loss[0]) == 121 and loss[1][[0, -1]] == pytest.approx([1.0, 0.5], abs=1e-3)
     other = curve(1e-4, 0.01, 1)
     other.omega[:] *= 2
-    with pytest.raises(InputError, match=r"s\.h5: other frequencies than s\.h5"):
+    with pytest.raises(InputError, match=r"s\.h5: not the frequencies of s\.h5"):
         plot_exponents([curve(1e-4, 0.01), other])
 
 
@@ -166,5 +172,5 @@ def test_local_exponents_in_the_pressure_and_their_limits():
     for ax in (*figure_of(plot_exponents, stable[::2]).axes, *figure_of(plot_exponents, stable).axes):
         assert [len(container.lines[0].get_ydata()) for container in ax.containers] == [3, 3]
         assert not any(container.lines[2] for container in ax.containers)  # of one packing a point or two
-    with pytest.raises(InputError, match=r"q\.h5: one pressure: local exponents need files at several"):
+    with pytest.raises(InputError, match=r"q\.h5: one pressure alone"):
         plot_exponents(some[:3])

@@ -10,7 +10,7 @@ from jampetsc.analysis.creep import retardation
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
+from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

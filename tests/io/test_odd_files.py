@@ -12,7 +12,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
 from jampetsc.packing.disks import Disks
-from jampetsc.plots.picture import drawable
+from jampetsc.plots.picture import drawing_errors
 
 OMEGA = np.geomspace(1e-6, 1e2, 9)
 LINEAR = OMEGA * (1 + 1j)
@@ -46,11 +46,11 @@ def field(value):
     [
         ({"G": 0 * LINEAR}, "info s.h5", None),
         ({"G": 0 * LINEAR}, "plot s.h5 --out s.svg", "nothing to show on log axes"),
-        ({"G": np.nan * LINEAR}, "plot s.h5 --out s.svg", "holds no modulus at any frequency"),
-        ({"G": 1e300 * LINEAR}, "plot s.h5 --out s.svg", "holds moduli that no picture can show"),
+        ({"G": np.nan * LINEAR}, "plot s.h5 --out s.svg", "no modulus at any frequency"),
+        ({"G": 1e300 * LINEAR}, "plot s.h5 --out s.svg", "moduli beyond the range of a picture"),
         ({"bound": np.inf}, "plot s.h5 --out s.svg", None),
         ({"k": 0.0}, "plot s.h5 --out s.svg", "attribute k = 0.0: must be a positive number"),
-        ({"pressure": np.nan}, "plot s.h5 --out s.svg", "attribute pressure = nan: must be a number"),
+        ({"pressure": np.nan}, "plot s.h5 --out s.svg", "attribute pressure = nan: not a number"),
         ({"tau1": "one"}, "plot s.h5 --out s.svg", "attribute tau1 = 'one': must be a real number"),
         ({"spectrum": (np.nan, 0.1, RATES, RATES)}, "spectrum s.h5 --out o.h5", "values that no packing has"),
         ({"spectrum": (0.0, 0.0, RATES, RATES)}, "spectrum s.h5 --out o.h5", None),
@@ -90,5 +90,5 @@ def test_a_picture_of_numbers_that_are_not_finite_names_them(tmp_path):
         with pytest.raises(
             error, match=r"s\.h5: attribute phi: not finite" if error is InputError else "^here$"
         ):
-            with drawable([result]):
+            with drawing_errors([result]):
                 raise IndexError("here")

@@ -273,7 +273,7 @@ def test_what_no_parameter_can_be_is_refused_in_one_line():
             lambda: jampetsc.study({"pack": {"n": 16, "pressure": 1e-2}}),
             "out: must be given: the folder of the study",
         ),
-        (lambda: jampetsc.plot([]), "results: an empty list: give at least one"),
+        (lambda: jampetsc.plot([]), "results: empty. Give at least one"),
     ],
 )
 def test_what_a_function_lacks_is_said(call, says):

@@ -74,7 +74,7 @@ RANGES = [  # (line, option, values within, values beyond)
      ["phi_J,y,znu", "phi_J,y,znu,omega=0.019", "phi_J,y,znu,omega=5.1"]),
     (SIZE, "fit", ["phi_J,y,nu"], ["phi_J,y,znu"]),
     (f"{FIT} --fit phi_J,y,znu", "observable", ["pressure", "shear_stress", "jammed"], ["stress"]),
-    ("plot c.h5 --out c.png", "log-exponent", [-10], [-100]),
+    ("plot c.h5 --out c.png", "mu", [0, 10], [-1, 11]),
     ("trade p.h5 --out t.csv", "ranks", [1, 100_000], [0, 100_001]),
     ("quasistatic p.h5 --out q.h5", "betas", ["1,0.1", "0"], ["x", "1,-1", ""]),
 ]  # fmt: skip

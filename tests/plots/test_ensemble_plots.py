@@ -92,8 +92,8 @@ def test_pictures_of_a_study(folder, kind, says):
 @pytest.mark.parametrize(
     ("kind", "says"),
     [
-        ("medians", "a study with jam, pack, shear, sweep: medians pictures need quasistatic files$"),
-        ("fields", "a study: fields pictures show a single file: name the file"),
+        ("medians", "a study with jam, pack, shear, sweep, but medians pictures need quasistatic files.$"),
+        ("fields", "a study, but fields pictures show a single file. Give the file"),
     ],
 )
 def test_a_study_without_what_is_to_be_drawn(folder, kind, says):

@@ -9,8 +9,8 @@ from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots import style
 from jampetsc.plots.draw import plot
-from jampetsc.plots.floppy import plot_medians, plot_viscosities
-from jampetsc.plots.vibrations import density_of_states, plot_lowest, plot_modes, plot_states
+from jampetsc.plots.mode_plots import plot_lowest, plot_modes, plot_states, pooled_density
+from jampetsc.plots.quasistatic_plots import plot_medians, plot_viscosities
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 MOTIONS = ("normal", "transverse", "nonaffine")
@@ -147,11 +147,11 @@ def test_states_are_pooled_by_pressure():
     ax = figure_of(plot_states, some).axes[0]
     drawn, width = lines(ax), 10 ** (1 / 8) - 1
     for (x, y, *_), pooled in zip(drawn, ([some[1], some[2]], [some[0]]), strict=True):
-        np.testing.assert_allclose((x, y), density_of_states(pooled))
+        np.testing.assert_allclose((x, y), pooled_density(pooled))
     np.testing.assert_allclose(drawn[1][1], [2 / 8 / width])
     np.testing.assert_allclose(drawn[0][1], [2 / 16 / width])
     assert told(ax) == ["$10^{-3}$", "$10^{-2}$"]
-    omega, density = density_of_states([modes_of(2.0 * (0.05 * np.arange(1, 8)) ** 2, k=2.0)] * 2)
+    omega, density = pooled_density([modes_of(2.0 * (0.05 * np.arange(1, 8)) ** 2, k=2.0)] * 2)
     edges = 10.0 ** (np.round(np.log10(omega) * 8 - 0.5) / 8)  # the integral over ω is the share of modes
     assert np.sum(density * edges * width) == pytest.approx(7 / 8) and 0.04 < omega.min() < omega.max() < 0.4
 
@@ -200,16 +200,16 @@ MODES.stored = lambda name: np.zeros((2, 4, 2))
 @pytest.mark.parametrize(
     ("results", "asked", "says"),
     [
-        ([MODES], {"mode": [3]}, "mode 3: m.h5 holds modes 1 to 2"),
-        ([MODES], {"kind": "states"}, "m.h5: holds 2 modes only: run modes with --all"),
-        ([UNTOLD], {"kind": "states"}, "m.h5: holds 2 modes only: run modes with --all"),
+        ([MODES], {"mode": [3]}, "mode 3: not in m.h5. Give one from 1 to 2"),
+        ([MODES], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with --all"),
+        ([UNTOLD], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with --all"),
         ([MODES] * 2, {"mode": [1]}, "2 modes files: mode pictures show one"),
-        ([quasistatic_of([1, 1, 1])], {"mode": [1]}, "is a quasistatic file: mode pictures need modes"),
+        ([quasistatic_of([1, 1, 1])], {"mode": [1]}, "a quasistatic file. For mode pictures give modes"),
         ([RESPONSE], {"kind": "response"}, "its packing was in memory"),
-        ([quasistatic_of([1, 1, 1], law="stokes")], {"kind": "viscosities"}, "law stokes: has no beta"),
-        ([lowest_of(1e-4), lowest_of(1e-3, n=64)], {"kind": "lowest-modes"}, "files of several N: choose one"),
-        ([lowest_of(1e-4), lowest_of(1e-3, (10,))], {"kind": "lowest-modes"}, "with other numbers of modes"),
-        ([lowest_of(1e-4), lowest_of(1e-3, ())], {"kind": "lowest-modes"}, "does not tell what its modes carry"),
+        ([quasistatic_of([1, 1, 1], law="stokes")], {"kind": "viscosities"}, "law stokes, without beta"),
+        ([lowest_of(1e-4), lowest_of(1e-3, n=64)], {"kind": "lowest-modes"}, "files of several N. Choose one"),
+        ([lowest_of(1e-4), lowest_of(1e-3, (10,))], {"kind": "lowest-modes"}, "different numbers of modes"),
+        ([lowest_of(1e-4), lowest_of(1e-3, ())], {"kind": "lowest-modes"}, "dataset lowest/count: missing"),
     ],
 )  # fmt: skip
 def test_what_is_refused(results, asked, says):

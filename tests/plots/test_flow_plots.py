@@ -18,18 +18,23 @@ from jampetsc.io.results import Attributes
 from jampetsc.io.snapshots import snapshot
 from jampetsc.packing.contacts import measure
 from jampetsc.plots.draw import draw
-from jampetsc.plots.flowcurves import (
+from jampetsc.plots.flow_plots import (
     _draw_exponents,
     flow_curves,
+    flow_regimes,
+    kind_of,
+    labels_of,
+    lanes_of,
     plot_against_phi,
     plot_flow,
+    plot_lanes,
+    plot_order,
+    plot_profiles,
     plot_regimes,
-    regimes,
 )
-from jampetsc.plots.numbers import table
-from jampetsc.plots.packing import touching
-from jampetsc.plots.shearing import kind_of, labels_of, lanes_of, plot_lanes, plot_order, plot_profiles
-from jampetsc.plots.units import flow_units
+from jampetsc.plots.packing_plots import find_touching
+from jampetsc.plots.picture import flow_units
+from jampetsc.plots.picture_table import table_rows
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +101,7 @@ def test_what_differs_is_not_averaged():
     for more in ({"mass": 2.0}, {"sizes": "monodisperse"}, {"potential": "hertzian"}, {"particle_count": 8}):
         assert len(flow_curves([facts(), facts(**more)])) == 2
     for twin in (facts(), facts(phi=0.8 + 1e-9)):
-        with pytest.raises(InputError, match="an average takes each once"):
+        with pytest.raises(InputError, match="Give each run once"):
             flow_curves([facts(), twin])
     assert labels_of([kind_of(facts()), kind_of(facts(mass=2.0))]) == ["$m=1$", "$m=2$"]
     assert labels_of([kind_of(facts())]) == ["RD"]
@@ -110,7 +115,7 @@ def test_curves_against_phi(tmp_path):
     for (_, rate), curve in curves.items():
         assert np.allclose(curve["pressure"][:2], [[0.8, 0.82], [0.4 * rate, 0.41 * rate]])  # p/k
         assert np.allclose(curve["coordination"][1], 1.0)
-    with pytest.raises(InputError, match="need several phi"):
+    with pytest.raises(InputError, match="one phi of each model"):
         plot_against_phi(some[:2])
 
 
@@ -121,7 +126,7 @@ def test_units_are_those_of_the_files(runs):
     assert own.label("p", "stress") == r"$p\ [k]$" and own.label("x", "length") == "$x$"
     assert made.label("p", "stress") == r"$p\ [k_{\rm e}/d_{\rm s}^2]$"
     assert made.label(r"\eta", "viscosity") == r"$\eta\ [k_{\rm d}]$"
-    with pytest.raises(InputError, match=r"a\.h5: is in other units .those of the packing. than 1e-2"):
+    with pytest.raises(InputError, match=r"a\.h5: units those of the packing, not those of 1e-2"):
         flow_units([jampetsc.load(runs[0]), facts()])
 
 
@@ -173,7 +178,7 @@ def test_curves_average_seeds():
 def test_the_last_snapshot_is_the_last_state(runs):
     result = jampetsc.load(runs[0])
     disks = snapshot(result)
-    contacts, number, alone = touching(disks)
+    contacts, number, alone = find_touching(disks)
     assert len(contacts) * 2 / disks.n == result["coordination"][-1] == number.mean()
     assert f"$Z={number.mean():.3f}$" in jampetsc.plot(result, "snapshot").get_xlabel()
     assert np.array_equal(np.flatnonzero(~alone), np.unique(np.r_[contacts.i, contacts.j]))
@@ -185,8 +190,8 @@ def test_the_last_snapshot_is_the_last_state(runs):
     ("count", "kind", "says"),
     [
         (1, "snapshot", "holds no snapshots"),
-        (2, "velocities", "plot them one by one"),
-        (1, "moduli", "is a flow file"),
+        (2, "velocities", "Plot them one by one"),
+        (1, "moduli", "a flow file"),
         (4, "profile", "4 kinds of flow: one picture of profiles shows 3"),
     ],
 )
@@ -246,14 +251,14 @@ def test_regimes_are_exponents_and_clusters_at_the_lowest_rates():
         for rate, stress in zip((0.1, 0.2, 0.4), stresses, strict=True)
     ]  # fmt: skip
     some += [facts(model="RD0", mass=0.0, rate=rate, largest_cluster_mean=1.0) for rate in (0.1, 0.2)]
-    quality, exponent, _, cluster, low, high = regimes(some)["RD"][0.8]
+    quality, exponent, _, cluster, low, high = flow_regimes(some)["RD"][0.8]
     assert np.allclose([quality, exponent, cluster], [[1, 10], [1, 2], [0.5, 0.05]])
     assert np.allclose([low, high], [[0.05, 0.05], [0.1, 0.1]])  # in 1/τ₁
     slopes, shares = figure_of(plot_regimes, some).axes
     assert np.allclose(bars(slopes)[0][:2], [quality, exponent])
     assert told(shares) == ["$0.8$"]
-    with pytest.raises(InputError, match="regimes are of massive disks at several rates"):
-        regimes(some[-2:])
+    with pytest.raises(InputError, match="no massive disks at two rates"):
+        flow_regimes(some[-2:])
 
 
 def seen(sizes, seed, **arrays):
@@ -291,7 +296,7 @@ def test_profiles_are_means_of_windows_and_of_runs():
     np.testing.assert_allclose(ax.get_lines()[0].get_data(), [[-0.5, 0.5], [-0.5, 0.5]])
     files[0]["velocity_profile"][:, 1] = np.nan  # a layer that is always empty has no point, and no number
     empty = figure_of(plot_profiles, files[:1]).axes
-    assert sum("x_value" in row for row in table(empty)) == 3 * 3
+    assert sum("x_value" in row for row in table_rows(empty)) == 3 * 3
     steady = ax.containers[-1].lines[0]
     np.testing.assert_allclose(steady.get_data(), [1.05 * y, y])
     with pytest.raises(InputError, match="holds no velocity profiles"):

@@ -16,10 +16,15 @@ from jampetsc.analysis.jamming import (
     memory,
 )
 from jampetsc.errors import InputError
-from jampetsc.plots import jamming
+from jampetsc.plots import jamming_plots
 from jampetsc.plots.draw import draw
-from jampetsc.plots.jamming import plot_fraction, plot_jamming_densities, plot_pressures, samples_of
-from jampetsc.plots.quasistatic_shear import plot_quasistatic_shear
+from jampetsc.plots.jamming_plots import (
+    plot_fraction,
+    plot_jamming_densities,
+    plot_pressures,
+    plot_quasistatic_shear,
+    samples_of,
+)
 
 UNITS = {"units": "k_e = k_d = 1, diameter of the small disks 1", "stiffness": "inverse-square-diameter"}
 PHIS = (0.83, 0.84)
@@ -142,7 +147,7 @@ def test_samples_of_one_kind_are_put_together():
     assert [small.share(phi).samples for phi in PHIS] == [88, 90]  # one of each file reached no minimum
     hard = np.concatenate([one["pressure"][(one["phi"] == 0.84) & (one["jammed"] == 1)] for one in files[:2]])
     assert np.allclose(np.sort(small.pressures(0.84)), np.sort(hard))
-    with pytest.raises(InputError, match=r"seed 0 is in a\.h5 too"):
+    with pytest.raises(InputError, match=r"seed 0 is in a\.h5 as well"):
         samples_of([files[0], jam_of(path="d.h5")])
 
 
@@ -150,7 +155,7 @@ def test_kinds_of_samples_are_named_by_what_differs():
     sheared, cooled = {"protocol": "shear", "step": 1e-3}, {"protocol": "compress", "cooling_rate": 1e-2}
     files = [jam_of(), jam_of(separated=True), jam_of(**sheared), jam_of(**sheared | {"step": 1e-4})]
     kinds = [one.kind for one in samples_of([*files, jam_of(**cooled, step=1e-3, strain=4.0)])]
-    assert sorted(jamming._labels(kinds)) == [
+    assert sorted(jamming_plots._labels(kinds)) == [
         "compress, $R=10^{-2}$, sheared by 4", "random", "random, separated", r"shear, $\Delta\gamma=10^{-3}$",
         r"shear, $\Delta\gamma=10^{-4}$",
     ]  # fmt: skip
@@ -161,7 +166,7 @@ def test_kinds_of_samples_are_named_by_what_differs():
         ({"protocol": "shear"}, ["random", "shear"]),
     ):
         kinds = [one.kind for one in samples_of([jam_of(), jam_of(**more)] if more else [jam_of()])]
-        assert jamming._labels(kinds) == names
+        assert jamming_plots._labels(kinds) == names
 
 
 def test_jamming_densities_by_rate_of_cooling():
@@ -202,10 +207,10 @@ OWN = jam_of(32, path="own.h5", units="those of the packing", stiffness="constan
     ("picture", "files", "says"),
     [
         (plot_pressures, [jam_of(seeds=range(5))], "fewer than 10 jammed samples"),
-        (plot_fraction, [jam_of(seeds=range(0))], "holds no sample"),
+        (plot_fraction, [jam_of(seeds=range(0))], "no sample reached"),
         (plot_pressures, KINDS, "7 kinds of samples"),
-        (plot_pressures, [KINDS[0], OWN], r"own\.h5: is in other units .those of the packing. than 4\.h5"),
-        (plot_jamming_densities, [jam_of()], "holds fewer than 10 values of phi_J"),
+        (plot_pressures, [KINDS[0], OWN], r"own\.h5: units those of the packing, not those of 4\.h5"),
+        (plot_jamming_densities, [jam_of()], "fewer than 10 values of phi_J"),
     ],
 )
 def test_what_cannot_be_drawn(picture, files, says):
@@ -224,9 +229,7 @@ def test_files_of_samples_and_of_shear_go_together_in_some_pictures():
         (both, None, "f(phi), the share of samples that jam, of 2 files"),
     ):
         assert draw(files, kind).text == says
-    with pytest.raises(
-        InputError, match=r"a\.h5 is a jam file, s\.h5 a shear file: one picture shows one or"
-    ):
+    with pytest.raises(InputError, match=r"a\.h5, s\.h5: a jam file and a shear file\. Draw them"):
         draw(both, "strain")
 
 

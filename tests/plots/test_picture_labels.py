@@ -13,17 +13,16 @@ from test_spectrum import write_sweep
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.io.reader import load
 from jampetsc.plots import (
-    correlation,
-    floppy,
-    flowcurves,
-    jamming,
-    moduli,
-    quasistatic_shear,
-    trade,
-    vibrations,
+    correlation_plots,
+    flow_plots,
+    jamming_plots,
+    mode_plots,
+    moduli_plots,
+    quasistatic_plots,
+    trade_plots,
 )
-from jampetsc.plots.numbers import plain, table
-from jampetsc.plots.spectrum import plot_relaxation, spectrum_curve
+from jampetsc.plots.picture_table import plain_text, table_rows
+from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve
 from jampetsc.plots.style import COLUMN, LOSS, PAGE, STORAGE
 
 RATE = r"$\dot\gamma\ [1/\tau_1]$"
@@ -31,7 +30,7 @@ FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"
 
 
 def lengths(folder):
-    return [correlation.correlation_curve(correlation_file(folder / "c.h5"))]
+    return [correlation_plots.correlation_curve(correlation_file(folder / "c.h5"))]
 
 
 def spectra(folder):
@@ -47,39 +46,39 @@ def modes(folder):
 
 
 PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear or log)
-    (correlation.plot_correlation, lengths,
+    (correlation_plots.plot_correlation, lengths,
      [(r"$\delta/L$", rf"$C(\delta)$ of {part} $u_y/\gamma$", "--") for part in ("Re", "Im")]),
-    (correlation.plot_lengths, lengths,
+    (correlation_plots.plot_lengths, lengths,
      [(r"$\omega\tau_1$", "$l/L$", "ll"),
       (r"$\omega\tau_1\,/\,(p/k)^{1/2}$", r"$(l/d)\,[-\ln(p/k)]^{0.65}$", "ll")]),
-    (moduli.plot_moduli, lambda folder: [curve()], [(r"$\omega\tau_1$", f"{STORAGE}$/k$,  {LOSS}$/k$", "ll")]),
-    (moduli.plot_collapse, lambda folder: [curve()],
+    (moduli_plots.plot_moduli, lambda folder: [curve()], [(r"$\omega\tau_1$", f"{STORAGE}$/k$,  {LOSS}$/k$", "ll")]),
+    (moduli_plots.plot_collapse, lambda folder: [curve()],
      [(r"$\omega\tau_1\,/\,(p/k)$", rf"{STORAGE}, {LOSS}  $[\,k\,(p/k)^{{1/2}}\,]$", "ll")]),
-    (floppy.plot_medians, lambda folder: [quasistatic_of([1, 1, 1], pressure=p) for p in (1e-3, 1e-2)],
+    (quasistatic_plots.plot_medians, lambda folder: [quasistatic_of([1, 1, 1], pressure=p) for p in (1e-3, 1e-2)],
      [("$p/k$", "median per unit strain", "ll")]),
-    (vibrations.plot_lowest, lambda folder: [lowest_of(p) for p in (1e-3, 1e-2)],
+    (mode_plots.plot_lowest, lambda folder: [lowest_of(p) for p in (1e-3, 1e-2)],
      [("$p/k$", "floppiness of the lowest modes", "ll"), ("$p/k$", "share of the lowest modes", "l-"),
       ("$p/k$", "median per unit strain", "ll")]),
-    (floppy.plot_viscosities, lambda folder: [quasistatic_of([1, 1, 1])],
+    (quasistatic_plots.plot_viscosities, lambda folder: [quasistatic_of([1, 1, 1])],
      [(r"$\beta$", r"$\eta_0,\ \eta_\infty\ [k\tau_1]$", "ll")]),
-    (flowcurves.plot_flow, lambda folder: [facts(rate=rate) for rate in (0.1, 0.2)],
+    (flow_plots.plot_flow, lambda folder: [facts(rate=rate) for rate in (0.1, 0.2)],
      [(RATE, r"$\sigma\ [k]$", "ll"), (RATE, r"$p\ [k]$", "ll"), (RATE, r"$\sigma/p$", "ll"),
       (RATE, r"$\sigma/\dot\gamma,\ p/\dot\gamma\ [k\tau_1]$", "ll"),
       (RATE, r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$", "l-"), (RATE, "$Z$", "l-")]),
-    (flowcurves.plot_against_phi, lambda folder: [facts(phi=phi) for phi in (0.8, 0.82)],
+    (flow_plots.plot_against_phi, lambda folder: [facts(phi=phi) for phi in (0.8, 0.82)],
      [(r"$\phi$", r"$\sigma\ [k]$", "-l"), (r"$\phi$", r"$p\ [k]$", "-l"), (r"$\phi$", "$Z$", "--")]),
-    (flowcurves.plot_flow, lambda folder: [series("a.h5")],
+    (flow_plots.plot_flow, lambda folder: [series("a.h5")],
      [(r"$\gamma$", r"$\sigma\ [k]$", "--"), (r"$\gamma$", r"$p\ [k]$", "--")]),
-    (quasistatic_shear.plot_quasistatic_shear, lambda folder: [shear_of(np.ones(5))],
+    (jamming_plots.plot_quasistatic_shear, lambda folder: [shear_of(np.ones(5))],
      [("", r"$U/N\ [k]$", "-l"), ("", r"$\sigma\ [k]$", "--"), (r"$\gamma$", r"$p\ [k]$", "--"),
       (r"$\gamma$", "$Z$", "--")]),
-    (jamming.plot_fraction, cooled, [(r"$\phi$", r"$f(\phi)$", "--")]),
-    (jamming.plot_pressures, cooled, [(r"$p\ [k_{\rm e}/d_{\rm s}^2]$", "$P(p)$", "--")]),
-    (jamming.plot_jamming_densities, cooled, [(r"$\phi_J$", r"$P(\phi_J)$", "--")]),
-    (vibrations.plot_modes, modes,
+    (jamming_plots.plot_fraction, cooled, [(r"$\phi$", r"$f(\phi)$", "--")]),
+    (jamming_plots.plot_pressures, cooled, [(r"$p\ [k_{\rm e}/d_{\rm s}^2]$", "$P(p)$", "--")]),
+    (jamming_plots.plot_jamming_densities, cooled, [(r"$\phi_J$", r"$P(\phi_J)$", "--")]),
+    (mode_plots.plot_modes, modes,
      [("", FREQUENCY, "ll"), ("mode number", "cumulative share", "l-"),
       ("", r"$\langle\Delta u_\perp^2\rangle^{1/2}/\,\langle\Delta u_\parallel^2\rangle^{1/2}$", "-l")]),
-    (vibrations.plot_states, modes, [(FREQUENCY, r"$D(\omega_m)$", "ll")]),
+    (mode_plots.plot_states, modes, [(FREQUENCY, r"$D(\omega_m)$", "ll")]),
     (plot_relaxation, spectra,
      [(r"$\tau/\tau_1$", "$H/k$", "ll"), (r"$\tau/\tau_1$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", "l-"),
       (r"$t/\tau_1$", "$G(t)/k$", "ll"), (r"$t/\tau_1$", r"$J(t)\,k$", "ll")]),
@@ -102,18 +101,20 @@ def test_axes_are_named_and_numbers_told(tmp_path, picture, made, panels):
     assert letters == ([f"({letter})" for letter in "abcdef"[: len(axes)]] if len(axes) > 1 else [""])
     assert any(ax.get_legend() is not None for ax in axes)
     for ax in axes:
-        if ax.get_legend() is not None and picture is not vibrations.plot_modes:
+        if ax.get_legend() is not None and picture is not mode_plots.plot_modes:
             box = ax.get_legend().get_window_extent()
             for line in ax.get_lines():
                 pixels = line.get_transform().transform(np.column_stack([*map(np.ravel, line.get_data())]))
                 assert not box.count_contains(pixels[np.isfinite(pixels).all(axis=1)])
-    rows = table(axes)
+    rows = table_rows(axes)
     assert {row["panel"] for row in rows} == set(
-        "abcdef"[: 1 if picture is vibrations.plot_modes else len(axes)]
+        "abcdef"[: 1 if picture is mode_plots.plot_modes else len(axes)]
     )
     for row in rows:
         ax = axes["abcdef".index(row["panel"])]
-        assert (row["x"], row["y"]) == (plain(ax.get_xlabel()), plain(ax.get_ylabel())) and row["series"]
+        assert (row["x"], row["y"]) == (plain_text(ax.get_xlabel()), plain_text(ax.get_ylabel())) and row[
+            "series"
+        ]
 
 
 def test_names_of_a_trade_stand_beside_their_points():
@@ -121,7 +122,7 @@ def test_names_of_a_trade_stand_beside_their_points():
     rows = [run(f"--accuracy 1e-{n}", 10.0**-n, 2.0**n) for n in range(2, 8)] + [
         run("direct, MUMPS", 1e-9, 200.0, "method")
     ]
-    ax = drawn_by(trade.draw_trade, rows, 1e-12).axes[0]
+    ax = drawn_by(trade_plots.draw_trade, rows, 1e-12).axes[0]
     boxes = [text.get_window_extent() for text in ax.texts]
     assert len(boxes) == 7
     for n, box in enumerate(boxes):

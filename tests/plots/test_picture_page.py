@@ -14,12 +14,12 @@ from test_plots import plot, sweep_of, write_sweep
 
 import jampetsc
 from jampetsc.errors import InputError
-from jampetsc.plots import logaxes, style
+from jampetsc.plots import style
 from jampetsc.plots.draw import MODULES, pictures
-from jampetsc.plots.flowcurves import plot_flow
-from jampetsc.plots.moduli import plot_moduli
-from jampetsc.plots.numbers import plain, table, written
-from jampetsc.plots.page import Page, band, points
+from jampetsc.plots.flow_plots import plot_flow
+from jampetsc.plots.moduli_plots import plot_moduli
+from jampetsc.plots.page import Page, draw_band, draw_points, visible_labels
+from jampetsc.plots.picture_table import plain_text, table_bytes, table_rows
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
 
@@ -41,7 +41,7 @@ def test_a_picture_is_drawn_on_the_axes_of_its_user():
     back = plot_flow([series("a.h5")], ax=given)
     assert back is given and figure.get_size_inches().tolist() == [9, 5]
     for one, other in zip(own, back, strict=True):
-        assert table([one]) == table([other]) != []
+        assert table_rows([one]) == table_rows([other]) != []
         assert one.get_ylabel() == other.get_ylabel() and other.get_title(loc="left") == ""
     ax = Figure().subplots()
     assert plot_moduli([curve()], ax=ax) is ax
@@ -73,17 +73,17 @@ def test_size_limits_words_and_style_are_chosen(tmp_path):
     ("asked", "message"),
     [
         ({"style": "none.mplstyle"}, "style .*none.mplstyle"),
-        ({"label": ["a", "b", "c", "d"]}, "label d: the legends have no entry that is left"),
+        ({"label": ["a", "b", "c", "d"]}, "label d: more labels than entries"),
         ({"xlim": [(1, 2), (3, 4)]}, "xlim: 2 pairs for 1 panels"),
-        ({"kind": "modulus"}, "kind modulus: did you mean modul"),
-        ({"nonsense": 1}, "nonsense: is no option of any picture"),
-        ({"kind": "moduli", "mu": 1}, "mu 1: belongs to collapse pictures, not to moduli"),
+        ({"kind": "modulus"}, "kind modulus: no such kind of picture; did you mean modul"),
+        ({"nonsense": 1}, "nonsense: not an option of any picture"),
+        ({"kind": "moduli", "mu": 1}, "mu 1: an option of collapse pictures, not of moduli"),
         ({"mu": 11}, r"mu 11: must lie in \[0, 10\]"),
         ({"statistic": "mode"}, "statistic mode: choose one of mean, median"),
-        ({"csv": "n.txt"}, "n.txt: give it the ending .csv"),
+        ({"csv": "n.txt"}, "n.txt: unknown ending. Give it the ending .csv"),
         ({"csv": "nowhere/n.csv"}, "nowhere does not exist"),
-        ({"ax": Figure().subplots(), "size": (2, 2)}, "size: is of a new figure"),
-        ({"ax": Figure().subplots(1, 2)}, "ax: 2 axes: this picture of these files takes 1, or none"),
+        ({"ax": Figure().subplots(), "size": (2, 2)}, "size, ax: both given"),
+        ({"ax": Figure().subplots(1, 2)}, "ax: 2 axes, but this picture needs 1"),
     ],
 )
 def test_what_cannot_be_chosen(asked, message):
@@ -96,16 +96,16 @@ def test_the_numbers_that_are_drawn_are_written_with_the_names_of_their_axes(tmp
     omega, G = np.array([1e-3, 0.1, 1.0]), np.array([1 + 1j, 2 + 3j, -1 + 5j])
     file = write_sweep(tmp_path / "s.h5", omega=omega, G=4 * G, bound=0.4, k=4.0, tau1=2.0)
     plot(file, "--csv", tmp_path / "n.csv", "--out", tmp_path / "x.svg")
-    with open(tmp_path / "n.csv", newline="") as table:
-        rows = list(csv.DictReader(table))
+    with open(tmp_path / "n.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
     assert {row["x"] for row in rows} == {"omega tau_1"} and rows[0]["panel"] == "a"
     for part, values, x in (("G′", G.real[:2], omega[:2]), ("G″", G.imag, omega)):
         own = [row for row in rows if row["series"].startswith(part)]
         line = [row for row in own if row["what"] == "line"]
         np.testing.assert_allclose([float(row["x_value"]) for row in line], 2 * x)
         np.testing.assert_allclose([float(row["y_value"]) for row in line], values)
-        band = [row for row in own if row["what"] == "band"]
-        np.testing.assert_allclose([float(row["y_high"]) for row in band], values + 0.1)
+        band_rows = [row for row in own if row["what"] == "band"]
+        np.testing.assert_allclose([float(row["y_high"]) for row in band_rows], values + 0.1)
 
 
 def test_ends_of_bars_and_bands_are_written():
@@ -114,16 +114,16 @@ def test_ends_of_bars_and_bands_are_written():
     ax.errorbar([1.0, 2.0, 3.0], [4.0, np.nan, 6.0], [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]], 0.5, label="s")
     ax.fill_between([1.0, 2.0], [0.0, 1.0], [3.0, 5.0], label="band")
     names = ("x_value", "y_value", "x_low", "x_high", "y_low", "y_high")
-    found = [[row.get(name, np.nan) for name in names] for row in table([ax])]
-    points = [[1.0, 4.0, 0.5, 1.5, 3.9, 4.4], [3.0, 6.0, 2.5, 3.5, 5.7, 6.6]]
+    found = [[row.get(name, np.nan) for name in names] for row in table_rows([ax])]
+    rows = [[1.0, 4.0, 0.5, 1.5, 3.9, 4.4], [3.0, 6.0, 2.5, 3.5, 5.7, 6.6]]
     bands = [[x, np.nan, np.nan, np.nan, low, high] for x, low, high in ((1.0, 0.0, 3.0), (2.0, 1.0, 5.0))]
-    np.testing.assert_allclose(found, points + bands)
+    np.testing.assert_allclose(found, rows + bands)
 
 
 def test_names_that_are_no_text_are_written_as_escapes():
     ax = Figure().subplots()
     ax.plot([1.0, 2.0], label="b\udcffd.h5")
-    assert rb"b\udcffd.h5" in written([ax])
+    assert rb"b\udcffd.h5" in table_bytes([ax])
 
 
 @pytest.mark.parametrize("date", ["x", "9" * 20])
@@ -143,7 +143,7 @@ def test_a_date_that_is_none_is_refused(tmp_path, monkeypatch, date):
     ],
 )  # fmt: skip
 def test_labels_without_tex(label, words):
-    assert plain(label) == words
+    assert plain_text(label) == words
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_labels_that_would_touch_are_taken_away():
     page.xlim = (4e-4, 1.2e-2)
     page.finish()
     page.figure.draw_without_rendering()
-    boxes = [label.get_window_extent() for label in logaxes._labels(ax.xaxis)]
+    boxes = [label.get_window_extent() for label in visible_labels(ax.xaxis)]
     assert len(boxes) >= 2 and all(one.x1 < other.x0 for one, other in itertools.pairwise(boxes))
 
 
@@ -208,15 +208,17 @@ def test_the_legend_covers_no_data(shape, entries):
 def test_bars_and_bands_do_not_stretch_log_axes():
     page = Page()
     ax = page.panels(subplot_kw={"xscale": "log", "yscale": "log"})
-    bars = points(ax, [1.0, 2.0, 3.0, 4.0], [1.0, np.nan, -1.0, 2.0], [0.999999, 0.1, 0.1, np.nan], label="x")
-    band(ax, [1.0, 4.0], [1e-12, 1.0], [2.0, 2.0], "x")
+    bars = draw_points(
+        ax, [1.0, 2.0, 3.0, 4.0], [1.0, np.nan, -1.0, 2.0], [0.999999, 0.1, 0.1, np.nan], label="x"
+    )
+    draw_band(ax, [1.0, 4.0], [1e-12, 1.0], [2.0, 2.0], "x")
     page.finish()
     assert (
         bars.has_yerr and bars.lines[0].get_xdata().tolist() == [1.0, 4.0] and 0.2 < ax.get_ylim()[0] < 1 / 3
     )
     flat = Page()
     ax = flat.panels(subplot_kw={"xscale": "log", "yscale": "log"})
-    points(ax, [1.0, 2.0], [1.0, 1.0001])
+    draw_points(ax, [1.0, 2.0], [1.0, 1.0001])
     flat.finish()
     assert ax.get_ylim()[1] / ax.get_ylim()[0] == pytest.approx(1.6)
 

@@ -19,13 +19,13 @@ from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import Potential
-from jampetsc.plots import periodic
+from jampetsc.plots import packing_plots
 from jampetsc.plots.curves import group_curves
 from jampetsc.plots.draw import draw, pictures
-from jampetsc.plots.fields import ARROWS, _colours, _spread, plot_fields
-from jampetsc.plots.moduli import plot_collapse, plot_moduli
-from jampetsc.plots.numbers import table
-from jampetsc.plots.packing import _draw, flowing, plot_packing, touching
+from jampetsc.plots.field_plots import ARROWS, _colours, _spaced_rows, plot_fields
+from jampetsc.plots.moduli_plots import plot_collapse, plot_moduli
+from jampetsc.plots.packing_plots import _draw, find_touching, flow_panel, plot_packing
+from jampetsc.plots.picture_table import table_rows
 from jampetsc.plots.style import LOSS, STORAGE, sequential
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -148,7 +148,7 @@ def test_units_of_the_file_do_not_show(kind):
     """k = 4 and τ₁ = 2 scale a sweep exactly; in units of k and 1/τ₁ it is the same picture."""
     plain = sweep_of(pressure=2.0**-10)
     scaled = sweep_of(2.0**-8, OMEGA / 2, 4 * plain["G"], bound=4e-9, k=4.0, tau1=2.0)
-    assert table([jampetsc.plot(plain, kind)]) == table([jampetsc.plot(scaled, kind)])
+    assert table_rows([jampetsc.plot(plain, kind)]) == table_rows([jampetsc.plot(scaled, kind)])
 
 
 @pytest.mark.parametrize(
@@ -301,19 +301,19 @@ def test_colours_grow_lighter_with_pressure_and_stay_visible_on_white():
 def test_what_leaves_the_cell_comes_in_on_the_other_side(cell):
     """Every point of every disk and segment, folded into the cell, lies on a drawn image, also across a corner."""
     rng = np.random.default_rng(7)
-    starts, radii = periodic.wrap(rng.uniform(-20, 20, (40, 2)), cell), rng.uniform(0.1, 0.6, 40)
+    starts, radii = packing_plots.wrap(rng.uniform(-20, 20, (40, 2)), cell), rng.uniform(0.1, 0.6, 40)
     vectors, turns = rng.uniform(-1.2, 1.2, (40, 2)), np.linspace(0, 2 * np.pi, 60)
     rims = radii[:, None, None] * np.column_stack((np.cos(turns), np.sin(turns)))
     along = vectors[:, None] * np.linspace(0, 1, 23)[:, None]
     for (rows, anchors), points in (
-        (periodic.disk_images(starts, radii, cell), rims),
-        (periodic.segment_images(starts, vectors, cell), along),
+        (packing_plots.disk_images(starts, radii, cell), rims),
+        (packing_plots.segment_images(starts, vectors, cell), along),
     ):
         assert len({(row, *np.round(anchor, 9)) for row, anchor in zip(rows, anchors, strict=True)}) == len(
             rows
         )
         for row, offsets in enumerate(points):
-            folded = periodic.wrap(starts[row] + offsets, cell)
+            folded = packing_plots.wrap(starts[row] + offsets, cell)
             images = anchors[rows == row][:, None] + offsets
             assert np.linalg.norm(images - folded, axis=2).min(axis=0).max() < 1e-9
 
@@ -343,7 +343,7 @@ def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part():
     sweep.packing = disks
     turn = np.exp(-1j * np.angle(modulus(OMEGA, 1e-3)[24]))
     total = u[0].copy()
-    total[:, 0] += periodic.wrap(disks.positions, disks.cell)[:, 1] - disks.cell[1, 1] / 2
+    total[:, 0] += packing_plots.wrap(disks.positions, disks.cell)[:, 1] - disks.cell[1, 1] / 2
     motion, spin = turn * total, turn * u[0, :, 0]
     axes = plot_fields([sweep], total=True)
     for ax, name, take in zip(axes, ("peak", "zero"), (np.real, lambda z: -np.imag(z)), strict=True):
@@ -351,7 +351,9 @@ def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part():
         assert f"$u$ at {name} stress" in ax.get_title()
         require_arrows(ax, take(motion))
         turned = take(spin) / np.sqrt(np.mean(take(spin) ** 2))
-        rows = periodic.disk_images(periodic.wrap(disks.positions, disks.cell), disks.radii, disks.cell)[0]
+        rows = packing_plots.disk_images(
+            packing_plots.wrap(disks.positions, disks.cell), disks.radii, disks.cell
+        )[0]
         np.testing.assert_allclose(faces.get_facecolors(), _colours()(0.5 + turned[rows] / 4))
 
 
@@ -359,11 +361,13 @@ def test_rattlers_are_hollow_walls_dark_and_both_are_told():
     disks = samples.published()
     radii = disks.radii * np.where(np.arange(16) == 5, 0.5, 1.0)
     disks = Disks.from_positions(disks.positions, radii, disks.cell)
-    rows = periodic.disk_images(periodic.wrap(disks.positions, disks.cell), disks.radii, disks.cell)[0]
+    rows = packing_plots.disk_images(
+        packing_plots.wrap(disks.positions, disks.cell), disks.radii, disks.cell
+    )[0]
     state, loose = measure(disks), replace(disks, record={"walls": 3})
-    flow = drawn_by(lambda page: _draw(page, [flowing("", loose)]))
+    flow = drawn_by(lambda page: _draw(page, [flow_panel("", loose)]))
     for fig, hollow, walls in (
-        (figure_of(plot_packing, disks), state.rattlers, 0), (flow, touching(loose)[2], 3)
+        (figure_of(plot_packing, disks), state.rattlers, 0), (flow, find_touching(loose)[2], 3)
     ):  # fmt: skip
         ax = fig.axes[0]
         shades = np.where(rows < walls, 0.45, np.where(hollow[rows], 1.0, 0.88))
@@ -380,13 +384,13 @@ def test_arrows_spread_evenly_when_there_are_too_many_disks():
     rng = np.random.default_rng(9)
     cell = np.array([[120.0, 0.0], [30.0, 60.0]])
     points = rng.uniform(0, 1, (20000, 2)) @ cell
-    rows = _spread(points, cell)
+    rows = _spaced_rows(points, cell)
     assert 0.8 * ARROWS < len(rows) <= ARROWS
     assert len(np.unique(rows)) == len(rows)
     quarters = np.floor((points[rows] @ np.linalg.inv(cell)) * 4).astype(int)
     counts = np.bincount(quarters[:, 0] * 4 + quarters[:, 1], minlength=16)
     assert counts.max() < 1.3 * counts.min()
-    assert len(_spread(points[:100], cell)) == 100
+    assert len(_spaced_rows(points[:100], cell)) == 100
 
 
 def test_many_disks_make_a_small_vector_file(tmp_path):
@@ -421,34 +425,34 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
     [
         (
             "p2.h5 p3.h5 packing.h5 p4.h5",
-            r"p2\.h5 is a sweep, packing\.h5 a packing: one picture shows one or",
+            r"p2\.h5, .*packing\.h5: a sweep and a packing\. Draw them",
         ),
-        ("packing.h5 p2.h5 p3.h5", r"^packing\.h5 is a packing, .*p2\.h5 a sweep: one picture shows one or"),
+        ("packing.h5 p2.h5 p3.h5", r"^packing\.h5, .*p2\.h5: a packing and a sweep\. Draw them"),
         (
             "packing.h5 packing.h5",
             r"packing\.h5: is given already|2 packing files: packing pictures show one",
         ),
         ("p2.h5 --kind fields", "holds no fields: ask the sweep for --fields"),
         ("fields.h5 fields.h5 --kind fields", "2 sweep files: fields pictures show one"),
-        ("p2.h5 --kind packing", "is a sweep file: packing pictures need a packing"),
-        ("packing.h5 --kind moduli", "is a packing file: moduli pictures need sweeps or oscillate files"),
+        ("p2.h5 --kind packing", "a sweep file. For packing pictures give a packing"),
+        ("packing.h5 --kind moduli", "a packing file. For moduli pictures give sweeps or oscillate files"),
         (
             "p2.h5 --mu 0.5 --omega 1",
-            r"omega \[1\.\]: belongs to correlation or fields pictures, not to collapse",
+            r"omega \[1\.\]: an option of correlation or fields pictures, not of collapse",
         ),
-        ("p2.h5 --kind fields --lambda 1", r"lambda 1\.0: belongs to collapse pictures, not to fields"),
+        ("p2.h5 --kind fields --lambda 1", r"lambda 1\.0: an option of collapse pictures, not of fields"),
         ("few.h5 --kind fields", "dataset particles: shape .15,., must be .n,. with n = 16"),
         ("beyond.h5 --kind fields", "dataset particles: not rows of the 16 disks"),
         ("many.h5 --omega 1e-3:1:6 --phase strain", "6 frequencies: one picture holds 5"),
         ("fields.h5 --omega 0.001", r"no fields at omega = 0\.001: nearest are 1e-06, 0\.0001, 0\.0316228"),
-        ("none.h5", "none.h5: holds no modulus at any frequency"),
-        ("p2.h5 --out x.jpg", r"out x\.jpg: give it the ending \.png or \.pdf or \.svg"),
+        ("none.h5", "none.h5: no modulus at any frequency"),
+        ("p2.h5 --out x.jpg", r"out x\.jpg: unknown ending. Give it the ending \.png or \.pdf or \.svg"),
         ("p2.h5 --out nowhere/x.png", "folder nowhere does not exist"),
         ("p2.h5 --out taken.png", r"taken\.png: is a folder"),
         ("p2.h5 --mu nan", r"--mu nan: must lie in \[0, 10\]"),
         (
             "modes.h5 --kind moduli",
-            r"modes\.h5: is a modes file: moduli pictures need sweeps or oscillate files",
+            r"modes\.h5: a modes file. For moduli pictures give sweeps or oscillate files",
         ),
     ],
 )
@@ -470,7 +474,7 @@ def test_the_help_lists_all_kinds(capsys):
 def test_plotting_loads_no_mpi_no_petsc_and_needs_no_display(with_fields, tmp_path):
     script = (
         "import sys; from jampetsc import main as cli\n"
-        "import jampetsc.io.reader, jampetsc.plots.flowcurves\n"
+        "import jampetsc.io.reader, jampetsc.plots.flow_plots\n"
         "assert 'numba' not in sys.modules, 'a third of a second for a compiler that reading does not need'\n"
         "status = cli.main(sys.argv[1:])\n"
         "unwanted = ('petsc4py', 'slepc4py', 'mpi4py', 'matplotlib.pyplot', 'tkinter')\n"

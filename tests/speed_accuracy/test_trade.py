@@ -423,7 +423,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     curve = spent(Curve(WIDE))
     curve.attributes["petsc_version"] = "3.99"
     monkeypatch.setattr(choices.Bench, "run", lambda *_: (processes.Outcome(0, 1.5, 100.0, ""), curve))
-    monkeypatch.setattr("jampetsc.plots.trade.plot_trade", lambda *words: drawn.append(words))
+    monkeypatch.setattr("jampetsc.plots.trade_plots.plot_trade", lambda *words: drawn.append(words))
     text = measure.measure(asked(packing, ensemble=True), tmp_path / "t.csv")
     written = (tmp_path / "t.csv").read_text()
     for line in (

@@ -136,11 +136,11 @@ bt-fig7 draw.py bt-fig7a.png
 bt-fig7 draw.py bt-fig7cd.png
 bt-fig7 7a.png --kind correlation --where law=contact,phase=stress,pressure=1e-4
 bt-fig7 7b.png --kind correlation --where law=stokes,eta_f=0,phase=stress,pressure=1e-4
-bt-fig7 7cd.png --kind length --where law=stokes,eta_f=0,phase=stress !--log-exponent
-bt-fig7 7cd-exponent-below-0.png --kind length --where law=stokes,eta_f=0,phase=stress --log-exponent -0.65
+bt-fig7 7cd.png --kind length --where law=stokes,eta_f=0,phase=stress
+bt-fig7 draw.py bt-fig7cd-in-phase-with-the-strain.png
 bt-fig8 draw.py bt-viscosity-ratio.png
-bt-fig8 8a.png --kind finite-size --size-power 1 --where law=contact
-bt-fig8 8b.png --kind finite-size --size-power 1.09 --where law=stokes
+bt-fig8 8a.png --kind finite-size --where law=contact
+bt-fig8 draw.py bt-fig8b.png
 bt-modes plot --kind lowest-modes
 paper2 draw.py paper2.png
 paper4 plot --kind regimes

@@ -5,12 +5,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
+from jampetsc.analysis.density_of_states import density_of_states
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
-from jampetsc.plots.floppy import QUANTITIES, groups_of, pressures_of, values_of
-from jampetsc.plots.logaxes import power_law
-from jampetsc.plots.page import band, points
-from jampetsc.plots.picture import count, grouped, picture
+from jampetsc.plots.page import draw_band, draw_points, draw_power_law
+from jampetsc.plots.picture import count_text, group_by, picture, units_of
+from jampetsc.plots.quasistatic_plots import QUANTITIES, groups_of, pressures_of, values_of
 from jampetsc.plots.style import (
     COLUMN,
     DASHED,
@@ -26,9 +26,7 @@ from jampetsc.plots.style import (
     power_or_number,
     sequential,
 )
-from jampetsc.plots.units import units_of
 
-BINS = 8  # per decade of frequency, of the density of states
 FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"
 
 
@@ -47,9 +45,9 @@ def _pressure(level):
     return f"${power_or_number(float(f'{level:.3g}'))}$"
 
 
-def by_pressure(results) -> dict:
+def group_by_pressure(results) -> dict:
     """{p/k: files}, low pressure first."""
-    levels = grouped(zip(pressures_of(results), results, strict=True), lambda pair: pair[0])
+    levels = group_by(zip(pressures_of(results), results, strict=True), lambda pair: pair[0])
     return {level: [result for _, result in files] for level, files in sorted(levels.items())}
 
 
@@ -66,7 +64,7 @@ def plot_modes(results, page):
     norm = LogNorm(floppiness.min(), floppiness.max())
     axes = {"x": "mode number", "y": [FREQUENCY, "cumulative share"], "log": ["xy", "x"]}
     above, below = page.panels(2, 1, COLUMN, 4.4, **axes, sharex=True, height_ratios=(1.4, 1))
-    pressures = looks(by_pressure(results).items())
+    pressures = looks(group_by_pressure(results).items())
     for (level, files), look in pressures:
         name, marker = _pressure(level), look["marker"]
         for result in files:
@@ -80,13 +78,13 @@ def plot_modes(results, page):
             shares = [result[path] for result in files if (path := f"cumulative/{share}") in result]
             if not shares:
                 continue
-            held = min(map(len, shares))  # modes that all files have
-            mean, error = mean_with_error(np.array([one[:held] for one in shares]))
-            number = 1 + np.arange(held)
-            spaced = list(np.unique(np.geomspace(1, held, 8).astype(int)) - 1)  # even on a log axis
+            shared = min(map(len, shares))  # modes that all files have
+            mean, error = mean_with_error(np.array([share_of_file[:shared] for share_of_file in shares]))
+            number = 1 + np.arange(shared)
+            spaced = list(np.unique(np.geomspace(1, shared, 8).astype(int)) - 1)  # even on a log axis
             dots = {"marker": marker, "mec": "k", "mfc": face, "mew": 0.6, "markevery": spaced}
             below.plot(number, mean, "k", ls=dash, lw=0.8, label=hidden(f"{share}, {name}"), **dots)
-            band(below, number, mean - error, mean + error, f"{share}, {name}", color="k")
+            draw_band(below, number, mean - error, mean + error, f"{share}, {name}", color="k")
     below.set(ylim=(0, 1.3), yticks=(0, 0.5, 1))
     below.axhline(1.0, color=GREY, linewidth=0.5, zorder=0)
     bar = page.figure.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
@@ -99,35 +97,32 @@ def plot_modes(results, page):
     nonaffine = entry(r"$\Sigma|u_{\rm na}|^2$", "k", lw=0.8)
     modulus = entry(r"$G_{\rm aff}-G_0$", "k", lw=0.8, ls=DASHED)
     below.legend(handles=[nonaffine, modulus], loc="upper left", ncol=2)
-    return f"modes of {count(results, 'packing', 'packings')}"
+    return f"modes of {count_text(results, 'packing', 'packings')}"
 
 
-def chosen_modes(result, numbers):
+def mode_fields(result, numbers):
     """[(title, field (n, 2)), …] of modes numbered from 1. Raises InputError."""
     stored, values = result.stored("modes"), eigenvalues(result)
     numbers = np.ravel(numbers).tolist()
     beyond = [n for n in numbers if not 1 <= n <= stored.shape[0]]
     if beyond:
-        raise InputError(f"mode {beyond[0]}: {result.path.name} holds modes 1 to {stored.shape[0]}")
+        raise InputError(
+            f"mode {beyond[0]}: not in {result.path.name}. Give one from 1 to {stored.shape[0]}."
+        )
     return [
         (rf"mode {n}, $\lambda/k={power_or_number(max(values[n - 1], 0.0))}$", stored[n - 1]) for n in numbers
     ]
 
 
-def density_of_states(results):
-    """(ω, D): states per unit frequency and degree of freedom of complete spectra pooled, in log bins with some."""
-    pooled = np.concatenate([frequencies(result) for result in results])
+def pooled_density(results):
+    """(ω, D) of complete spectra together (`analysis.density_of_states`)."""
     states = sum(2 * len(result["particles"]) for result in results)
-    low, high = np.floor(np.log10(pooled.min()) * BINS), np.ceil(np.log10(pooled.max()) * BINS)
-    edges = 10.0 ** (np.arange(low, high + 1) / BINS)
-    counts, _ = np.histogram(pooled, edges)
-    filled = counts > 0
-    return np.sqrt(edges[1:] * edges[:-1])[filled], (counts / np.diff(edges) / states)[filled]
+    return density_of_states(np.concatenate([frequencies(result) for result in results]), states)
 
 
 @picture("states", "modes")
 def plot_states(results, page):
-    """Density of states D(ω) of complete spectra, those of one pressure pooled.
+    """Density of states D(ω) of complete spectra, pooled over files of one pressure.
 
     Without pre-stress a plateau begins at ω* ∝ Δz ∝ p^½ (Silbert, Liu & Nagel 2005; Wyart 2005). Raises
     InputError for files that do not hold all modes.
@@ -135,13 +130,13 @@ def plot_states(results, page):
     for result in results:
         if not result.attributes.get("complete", False):
             raise InputError(
-                f"{result.path}: holds {len(result['eigenvalues'])} modes only: run modes with --all"
+                f"{result.path}: {len(result['eigenvalues'])} modes, not all. Run modes with --all."
             )
     ax = page.panels(x=FREQUENCY, y=r"$D(\omega_m)$", log="xy")
-    for (level, files), look in looks(by_pressure(results).items()):
-        ax.plot(*density_of_states(files), markersize=2.8, label=_pressure(level), **look)
+    for (level, files), look in looks(group_by_pressure(results).items()):
+        ax.plot(*pooled_density(files), markersize=2.8, label=_pressure(level), **look)
     page.legend(ax, title="$p/k$")
-    return f"density of states of {count(results, 'packing', 'packings')}"
+    return f"density of states of {count_text(results, 'packing', 'packings')}"
 
 
 @picture("lowest-modes", "modes")
@@ -154,26 +149,27 @@ def plot_lowest(results, page):
 
     Raises InputError for files of several N, and for files that do not hold the numbers of modes that others do.
     """
-    levels, *others = groups_of(results).values()
-    if others:
+    levels, *other_sizes = groups_of(results).values()
+    if other_sizes:
         raise InputError(
-            f"{results[0].path}: files of several N: choose one (of a study with {named('where')} n=…)"
+            f"{results[0].path}: files of several N. Choose one N (of a study by {named('where')} n=…)."
         )
     for result in results:
         if "lowest/count" not in result or not len(result["lowest/count"]):
             raise InputError(
-                f"{result.path}: does not tell what its modes carry of slow shear: find 10 or more, and anew "
-                "if the file is an older one"
+                f"{result.path}: dataset lowest/count: missing or empty. Run modes again for at least 10 modes."
             )
     counts = results[0]["lowest/count"]
     if any(list(result["lowest/count"]) != list(counts) for result in results):
-        raise InputError(f"{results[0].path}: files with other numbers of modes: find as many in each")
+        raise InputError(
+            f"{results[0].path}: files have different numbers of modes. Run modes for equal numbers."
+        )
     p = np.array(list(levels))
 
     def averages(value, log=True):
         """(mean, error) at each pressure of a number per file; of its logarithm, brought back, if `log`."""
-        found = [np.log(some) if log else some for some in values_of(levels, value)]
-        means, errors = np.transpose([mean_with_error(some) for some in found])
+        samples = [np.log(sample) if log else sample for sample in values_of(levels, value)]
+        means, errors = np.transpose([mean_with_error(sample) for sample in samples])
         errors = np.nan_to_num(errors)
         return (np.exp(means), np.exp(means) * errors) if log else (means, errors)
 
@@ -186,18 +182,20 @@ def plot_lowest(results, page):
     ]
     shades = colours(len(QUANTITIES))
     for m, look in of_modes:
-        points(axes[0], p, *averages(lambda one, m=m: _floppiness(one, m)), color="0.2", **look)
-    power_law(axes[0], p, averages(lambda one: _floppiness(one, counts[0]))[0], -0.5)
+        draw_points(axes[0], p, *averages(lambda result, m=m: _floppiness(result, m)), color="0.2", **look)
+    draw_power_law(axes[0], p, averages(lambda result: _floppiness(result, counts[0]))[0], -0.5)
     for (name, (symbol, slope)), shade in zip(QUANTITIES.items(), shades, strict=True):
         for m, look in of_modes:
-            share = averages(lambda one, m=m, name=name: one[f"cumulative/{name}"][m - 1], log=False)
-            points(axes[1], p, *share, color=shade, **look | {"label": hidden(f"${symbol}$, lowest {m}")})
-        whole = averages(lambda one, name=name: one.attributes[f"{name}_median"])
-        alone = averages(lambda one, name=name: one[f"lowest/{name}_median"][-1])
+            share = averages(lambda result, m=m, name=name: result[f"cumulative/{name}"][m - 1], log=False)
+            draw_points(
+                axes[1], p, *share, color=shade, **look | {"label": hidden(f"${symbol}$, lowest {m}")}
+            )
+        whole = averages(lambda result, name=name: result.attributes[f"{name}_median"])
+        alone = averages(lambda result, name=name: result[f"lowest/{name}_median"][-1])
         look = {"color": shade, "marker": "o"}
-        points(axes[2], p, *whole, label=hidden(f"${symbol}$, whole"), **look)
-        points(axes[2], p, *alone, **look | OPEN, label=hidden(f"${symbol}$, lowest {counts[-1]}"))
-        power_law(axes[2], p, whole[0], slope)
+        draw_points(axes[2], p, *whole, label=hidden(f"${symbol}$, whole"), **look)
+        draw_points(axes[2], p, *alone, **look | OPEN, label=hidden(f"${symbol}$, lowest {counts[-1]}"))
+        draw_power_law(axes[2], p, whole[0], slope)
     handles = [entry(**look | {"label": f"lowest {m}"}) for m, look in of_modes]
     drawn = zip(QUANTITIES.values(), shades, strict=True)
     handles += [entry(f"${symbol}$", shade) for (symbol, _), shade in drawn]
@@ -205,9 +203,9 @@ def plot_lowest(results, page):
     handles += [entry(f"(c) lowest {counts[-1]}", marker="o", **OPEN)]
     handles += [entry(r"$p^{-1/2}$, $p^{\pm 1/4}$", GREY, ls=":", lw=0.8)]
     page.legend(axes[0], handles)
-    return f"what the lowest modes carry of slow shear, of {count(results, 'packing', 'packings')}"
+    return f"what the lowest modes carry of slow shear, of {count_text(results, 'packing', 'packings')}"
 
 
-def _floppiness(result, count):
+def _floppiness(result, modes):
     """rms Δu⊥ over rms Δu∥ of the lowest modes together, each of unit length."""
-    return np.sqrt(result["transverse"][:count].sum() / result["normal"][:count].sum())
+    return np.sqrt(result["transverse"][:modes].sum() / result["normal"][:modes].sum())

@@ -14,11 +14,10 @@ from jampetsc.analysis.correlation_lengths import (
     stokes_collapse,
 )
 from jampetsc.errors import InputError, named
-from jampetsc.options.parameters import NUMBER
 from jampetsc.options.values import FREQUENCIES
 from jampetsc.plots.curves import Curve, entries_of, group_curves
-from jampetsc.plots.page import HEIGHT, band, points
-from jampetsc.plots.picture import count, option, picture
+from jampetsc.plots.page import HEIGHT, draw_band, draw_points
+from jampetsc.plots.picture import count_text, option, picture, units_of
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
@@ -30,25 +29,19 @@ from jampetsc.plots.style import (
     power_or_number,
     sequential,
 )
-from jampetsc.plots.units import units_of
 
 _DASHES = ("-", DASHED, DOTTED, (0, (4, 1.2, 1, 1.2)))  # of files, where colours are of frequencies
 _PARTS = (("Re", "-", 0), ("Im", DASHED, 1))
-# phase -> complex amplitudes of which parts are taken
-SYMBOLS = {"stress": r"$u_y/\sigma$", "strain": r"$u_y/\gamma$"}
-_LEGEND_ROWS = 5  # more frequencies than this get a colour bar instead
-_FEW = 3  # so many or fewer: bands and the other lane widths are drawn too
-_SAME = 0.01  # frequencies closer than this, relatively, are one
-# l/L in a medium that random stresses stir, at low frequency: Re u_y of a solid, and Im u_y under Stokes drag
+SYMBOLS = {"stress": r"$u_y/\sigma$", "strain": r"$u_y/\gamma$"}  # phase -> complex amplitude
+_MAX_ENTRIES = 5  # frequencies in a legend; more get a colour bar
+_MAX_BANDS = 3  # frequencies up to which bands and the other lane widths are drawn
+_FREQUENCY_TOLERANCE = 0.01  # relative, of requested frequencies
+# l/L in a medium under random stresses at low frequency: Re u_y of a solid, and Im u_y under Stokes drag
 # (docs/physics.md; benchmarks/claims/medium.py)
 MEDIUM = (0.1691383468239038, 0.24575240074885307)
 OMEGA = option(
-    "omega", FREQUENCIES, "fields: at these frequencies (default: up to four); correlation: one at which to compare "
-    "files, or several of one file", "w1,w2,…",
-)  # fmt: skip
-LOG = option(
-    "log_exponent", NUMBER, "length: collapse of l (-ln p)^B against omega/p^(1/2) (default 0.65, as BT have it)",
-    "B", low=-10, high=10,
+    "omega", FREQUENCIES, "fields: frequencies as in the file (default: up to four); correlation: frequencies in 1/τ₁ "
+    "(default: all of one file, the lowest of several)", "w1,w2,…",
 )  # fmt: skip
 
 
@@ -69,7 +62,7 @@ class CorrelationCurve(Curve):
         return self.attributes.get("phase", "strain")
 
     def at(self, rows) -> "CorrelationCurve":
-        """The same at some of its frequencies."""
+        """The curve at some of its frequencies."""
         return replace(
             self,
             omega=self.omega[rows],
@@ -82,12 +75,14 @@ class CorrelationCurve(Curve):
 
     def rows(self, omega) -> list[int]:
         """Rows of frequencies in 1/τ₁. Raises InputError for one that the file does not have."""
-        found = [int(np.abs(np.log(self.omega / one)).argmin()) for one in omega]
-        for row, one in zip(found, omega, strict=True):
-            if abs(np.log(self.omega[row] / one)) > _SAME:
-                held = ", ".join(f"{w:g}" for w in self.omega)
-                raise InputError(f"{self.name}: no correlation at omega = {one:g}: it has {held}")
-        return found
+        rows = [int(np.abs(np.log(self.omega / frequency)).argmin()) for frequency in omega]
+        for row, frequency in zip(rows, omega, strict=True):
+            if abs(np.log(self.omega[row] / frequency)) > _FREQUENCY_TOLERANCE:
+                available = ", ".join(f"{w:g}" for w in self.omega)
+                raise InputError(
+                    f"{self.name}: no correlation at omega = {frequency:g}. Give one of {available}."
+                )
+        return rows
 
 
 def correlation_curve(result) -> CorrelationCurve:
@@ -125,24 +120,34 @@ def plot_correlation(results, page, omega=None):
 
     Raises InputError for a file without one of the frequencies, and for files in different phases.
     """
-    curves = _curves(results)
+    curves = _curves_in_phase(results)
     if len(curves) > 1 or (omega is not None and np.size(omega) == 1):
-        return _comparison(curves, [curves[0].omega.min()] if omega is None else np.ravel(omega), page)
+        return _draw_comparison(curves, [curves[0].omega.min()] if omega is None else np.ravel(omega), page)
     curve = curves[0] if omega is None else curves[0].at(curves[0].rows(omega))
-    few, shades = len(curve.omega) <= _FEW, colours(len(curve.omega))
+    few, shades = len(curve.omega) <= _MAX_BANDS, colours(len(curve.omega))
     axes = _panels(page, 1, [r"$\delta/L$"] * 2, curve)
     for ax, (_, _, part) in zip(axes, _PARTS, strict=True):
         for n, shade in enumerate(shades):
-            _draw(ax, curve, n, part, shade, 1.0 / curve.size, _at(curve.omega[n]), others=few, spread=few)
+            _draw(
+                ax,
+                curve,
+                n,
+                part,
+                shade,
+                1.0 / curve.size,
+                _frequency_label(curve.omega[n]),
+                all_lanes=few,
+                spread=few,
+            )
         top = ax.secondary_xaxis("top", functions=(lambda x: x * curve.size, lambda x: x / curve.size))
         top.set_xlabel(r"$\delta/d$")
         ax.tick_params(top=False)
-    _fit(axes, [curve])
-    if len(curve.omega) <= _LEGEND_ROWS:
+    _set_limits(axes, [curve])
+    if len(curve.omega) <= _MAX_ENTRIES:
         handles = [
             entry(f"${power_or_number(w)}$", shade) for shade, w in zip(shades, curve.omega, strict=True)
         ]
-        handles += _explained([curve], others=True) if few else []
+        handles += _explaining_entries([curve], all_lanes=True) if few else []
         page.legend(axes[1], handles, r"$\omega\tau_1$", "upper right")
     else:
         shown = ScalarMappable(LogNorm(curve.omega.min(), curve.omega.max()), sequential())
@@ -150,19 +155,19 @@ def plot_correlation(results, page, omega=None):
     return f"correlation at {len(curve.omega)} frequencies, in phase with the {curve.phase}"
 
 
-def _curves(results):
+def _curves_in_phase(results):
     """Curves of the files. Raises InputError if some are in the phase of the stress, others in that of the strain."""
     curves = [correlation_curve(result) for result in results]
     for curve in curves:
         if curve.phase != curves[0].phase:
             raise InputError(
-                f"{curve.name}: in phase with the {curve.phase}, {curves[0].name} with the {curves[0].phase}: "
-                f"choose one (of a study with {named('where')} phase=stress)"
+                f"{curve.name}: in phase with the {curve.phase}, {curves[0].name} with the {curves[0].phase}. "
+                f"Choose one phase (of a study by {named('where')} phase=stress)."
             )
     return curves
 
 
-def _comparison(curves, omega, page):
+def _draw_comparison(curves, omega, page):
     chosen, several = [curve.at(curve.rows(omega)) for curve in curves], len(omega) > 1
     title, groups = group_curves(chosen)
     shades = colours(len(omega))
@@ -175,23 +180,25 @@ def _comparison(curves, omega, page):
                 for n, w in enumerate(omega):
                     shade, label = (
                         shades[n] if several else group.colour,
-                        f"{group.label}, {curve.name}, {_at(w)}",
+                        f"{group.label}, {curve.name}, {_frequency_label(w)}",
                     )
                     _draw(ax, curve, n, part, shade, scale, label, dash=dash, spread=not several)
-    _fit(axes, chosen)
+    _set_limits(axes, chosen)
     if several:
-        handles = [entry(_at(w), shade) for shade, w in zip(shades, omega, strict=True)]
+        handles = [entry(_frequency_label(w), shade) for shade, w in zip(shades, omega, strict=True)]
         handles += [entry(g.label, linestyle=dash) for g, dash in zip(groups, dashes, strict=True)]
     else:
-        title = ",  ".join(filter(None, (_at(omega[0]), title)))
-        handles = entries_of(groups, lambda group: {"ls": group.dash}) + _explained(chosen, others=False)
+        title = ",  ".join(filter(None, (_frequency_label(omega[0]), title)))
+        handles = entries_of(groups, lambda group: {"ls": group.dash}) + _explaining_entries(
+            chosen, all_lanes=False
+        )
     page.legend(axes[1], handles, title or None, "upper right")
     shown = ", ".join(f"{w:g}" for w in omega)
-    files = count(curves, "file", "files")
+    files = count_text(curves, "file", "files")
     return f"correlation in {files} at omega tau1 = {shown}, in phase with the {curves[0].phase}"
 
 
-def _at(omega):
+def _frequency_label(omega):
     return rf"$\omega\tau_1={power_or_number(omega)}$"
 
 
@@ -204,74 +211,76 @@ def _panels(page, rows, x, curve, **grid):
     return axes
 
 
-def _draw(ax, curve, n, part, colour, scale, label, others=False, spread=True, dash="-"):
+def _draw(ax, curve, n, part, colour, scale, label, all_lanes=False, spread=True, dash="-"):
     x, C, error = scale * curve.delta[0], curve.C[0, n, part], curve.errors[0, n, part]
-    known = np.isfinite(C)
+    finite = np.isfinite(C)
     look = {"color": colour, "linestyle": dash, "marker": ".", "markersize": 2.5, "label": hidden(label)}
-    ax.plot(x[known], C[known], **look)
+    ax.plot(x[finite], C[finite], **look)
     spread = np.where(np.isfinite(error) & spread, error, 0.0)
-    band(ax, x[known], (C - spread)[known], (C + spread)[known], label, color=colour, alpha=0.15)
-    for lane in range(1, len(curve.C) if others else 1):
-        known = np.isfinite(curve.C[lane, n, part])
+    draw_band(ax, x[finite], (C - spread)[finite], (C + spread)[finite], label, color=colour, alpha=0.15)
+    for lane in range(1, len(curve.C) if all_lanes else 1):
+        finite = np.isfinite(curve.C[lane, n, part])
         look = {"linewidth": 0.4, "label": hidden(rf"{label}, lanes of ${number(curve.lanes[lane])}\,d$")}
-        ax.plot(scale * curve.delta[lane, known], curve.C[lane, n, part, known], color=colour, **look)
+        ax.plot(scale * curve.delta[lane, finite], curve.C[lane, n, part, finite], color=colour, **look)
 
 
-def _explained(curves, others):
+def _explaining_entries(curves, all_lanes):
     """Legend entries for the bands, and for the thin lines of `others` where there are any."""
     entries = []
     if any(np.isfinite(curve.errors[0]).any() for curve in curves):
         entries.append(Patch(facecolor="0.2", alpha=0.15, label="standard error"))
-    widths = [width for curve in curves if others for width in curve.lanes[1:]]
+    widths = [width for curve in curves if all_lanes for width in curve.lanes[1:]]
     if widths:
         lanes = ", ".join(f"${number(width)}\\,d$" for width in widths)
         entries.append(entry(f"lanes of {lanes}", linewidth=0.4))
     return entries
 
 
-def _fit(axes, curves):
+def _set_limits(axes, curves):
     """From δ = 0 on; the same vertical range for all panels: down to −½, or as far as some C goes."""
     lowest = min(float(np.nanmin(curve.C[0])) for curve in curves)
     for ax in axes:
         ax.set(xlim=(0.0, None), ylim=(min(-0.5, lowest - 0.05), 1.05))
 
 
-@picture("length", "correlation", options=(LOG,))
-def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
-    """(a) l/L against ωτ₁; for Stokes drag two collapses: (b) l (−ln p)^exponent against ω/p^½ (BT), p in units of k,
+@picture("length", "correlation")
+def plot_lengths(results, page):
+    """(a) l/L against ωτ₁; for Stokes drag two collapses: (b) l (−ln p)^0.65 against ω/p^½ (BT), p in units of k,
     and (c) l against √(|G*|/ω), the length of an elastic medium (docs/physics.md), if the files have G*.
 
     Filled symbols: Re u_y; open ones: Im u_y. Dotted: L/4, and the lengths for random stresses at low frequency, .169 L
     and .246 L. Raises InputError if no C has a root, a pressure is unknown, or files have different phases.
     """
-    curves, exponent = _curves(results), log_exponent
+    curves = _curves_in_phase(results)
     if not any(np.isfinite(part).any() for curve in curves for part in (curve.G.real, curve.G.imag)):
-        raise InputError(f"{curves[0].name}: no correlation falls to zero, so there is no length to show")
+        raise InputError(
+            f"{curves[0].name}: no correlation falls to zero, so no length is known. Correlate lower frequencies."
+        )
     for curve in curves:
         if curve.pressure is None:
-            raise InputError(f"{curve.name}: attribute pressure is missing: correlate sweeps that have it")
+            raise InputError(f"{curve.name}: attribute pressure: missing. Correlate sweeps that have it.")
     medium = all(curve.modulus is not None for curve in curves)
     panels = [  # names of the axes, and where lengths y of a curve lie in them
-        (r"$\omega\tau_1$", "$l/L$", lambda one, y: (one.omega, y / one.size)),
-        (r"$\omega\tau_1\,/\,(p/k)^{1/2}$", rf"$(l/d)\,[-\ln(p/k)]^{{{exponent:g}}}$",
-         lambda one, y: stokes_collapse(one.omega, y, one.pressure, exponent)),
-        (r"$(|G^*|/k\omega\tau_1)^{1/2}$", "$l/d$", lambda one, y: medium_collapse(one.omega, y, one.modulus)),
+        (r"$\omega\tau_1$", "$l/L$", lambda curve, y: (curve.omega, y / curve.size)),
+        (r"$\omega\tau_1\,/\,(p/k)^{1/2}$", rf"$(l/d)\,[-\ln(p/k)]^{{{LOG_EXPONENT:g}}}$",
+         lambda curve, y: stokes_collapse(curve.omega, y, curve.pressure, LOG_EXPONENT)),
+        (r"$(|G^*|/k\omega\tau_1)^{1/2}$", "$l/d$", lambda curve, y: medium_collapse(curve.omega, y, curve.modulus)),
     ][: 3 if medium else 2]  # fmt: skip
     x_names, y_names, places = zip(*panels, strict=True)
     axes = page.panels(1, len(panels), PAGE, HEIGHT + 0.2, x=x_names, y=y_names, log="xy")
     title, groups = group_curves(curves)
     for ax, place in zip(axes, places, strict=True):
-        for group, curve in ((one, curve) for one in groups for curve in one.curves):
+        for group, curve in ((owner, curve) for owner in groups for curve in owner.curves):
             for name, dash, part in _PARTS:
                 length = curve.G.imag if part else curve.G.real
-                found = np.isfinite(length) & (length > 0)
-                if not found.any():
+                positive = np.isfinite(length) & (length > 0)
+                if not positive.any():
                     continue
-                x, y = place(curve.at(found), length[found])
-                error = curve.bounds[part][found] * y / length[found]
+                x, y = place(curve.at(positive), length[positive])
+                error = curve.bounds[part][positive] * y / length[positive]
                 look = {"color": group.colour, "marker": group.marker, "linestyle": dash, "linewidth": 0.8}
                 look |= {"markerfacecolor": "white"} if part else {}
-                points(ax, x, y, error, label=hidden(f"{name}, {group.label}"), **look)
+                draw_points(ax, x, y, error, label=hidden(f"{name}, {group.label}"), **look)
     axes[0].axhline(0.25, color="0.4", linewidth=0.6, linestyle=":", zorder=0)
     for length, shade in zip(MEDIUM, ("0.2", "0.6"), strict=True):
         axes[0].axhline(length, color=shade, linewidth=0.6, linestyle="--", zorder=0)
@@ -282,15 +291,17 @@ def plot_lengths(results, page, log_exponent=LOG_EXPONENT):
     handles.append(entry("$L/4$", "0.4", linewidth=0.6, linestyle=":"))
     handles.append(entry("medium", "0.4", linewidth=0.6, linestyle="--"))
     page.legend(axes[0], handles, title)
-    return _lengths_in_words(curves, exponent, medium)
+    return _lengths_in_words(curves, medium)
 
 
-def _lengths_in_words(curves, exponent, medium):
-    text = f"correlation lengths of {count(curves, 'file', 'files')}, in phase with the {curves[0].phase}"
+def _lengths_in_words(curves, medium):
+    text = (
+        f"correlation lengths of {count_text(curves, 'file', 'files')}, in phase with the {curves[0].phase}"
+    )
     try:
-        printed = [(c.omega, c.G, c.size, c.pressure, exponent) for c in curves]
+        printed = [(c.omega, c.G, c.size, c.pressure, LOG_EXPONENT) for c in curves]
         spread = 100 * length_spread(printed, stokes_collapse)
-        text += f"; l (-ln p)^{exponent:g} differs by {spread:.2g} % (rms) at equal omega/p^(1/2)"
+        text += f"; l (-ln p)^{LOG_EXPONENT:g} differs by {spread:.2g} % (rms) at equal omega/p^(1/2)"
         if medium:
             spread = 100 * length_spread([(c.omega, c.G, c.size, c.modulus) for c in curves], medium_collapse)
             text += f", l by {spread:.2g} % at equal |G*|/omega"

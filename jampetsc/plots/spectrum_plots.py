@@ -8,14 +8,13 @@ from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.analysis.transient import Transient, transient
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
-from jampetsc.plots.logaxes import limits_kept
-from jampetsc.plots.picture import count, picture
+from jampetsc.plots.page import limits_kept
+from jampetsc.plots.picture import count_text, picture, units_of
 from jampetsc.plots.style import DASHED, PAGE, entry, hidden, number
-from jampetsc.plots.units import units_of
 
 HEIGHT = 5.0  # inches
-_FEW = 2  # so many spectra or fewer: the modes and the content between them are drawn too
-_SHARE = 1e-4  # H below this fraction of its largest value is the window's flank, not the spectrum
+_MAX_DETAILED = 2  # spectra up to which modes and the content between them are drawn
+_MIN_SHARE = 1e-4  # of the largest H; below it H is the flank of the window
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +34,9 @@ def spectrum_curve(result, window=None) -> SpectrumCurve:
         return result
     units = units_of(result)
     k, tau1 = units.k, units.tau1
-    found, (slowest, fastest) = result.spectrum, result.frequency_range
+    stored, (slowest, fastest) = result.spectrum, result.frequency_range
     spectrum = RelaxationSpectrum(
-        found.G0 / k, found.eta_inf / (k * tau1), found.rates * tau1, found.weights / k
+        stored.G0 / k, stored.eta_inf / (k * tau1), stored.rates * tau1, stored.weights / k
     ).sorted()
     if window is None:
         window = result.attributes.get("window_decades")
@@ -61,12 +60,14 @@ def plot_relaxation(results, page):
     """
     curves = [spectrum_curve(result) for result in results]
     if not any(len(curve.spectrum.rates) for curve in curves):
-        raise InputError(f"{curves[0].name}: no relaxation modes: G* = G0 + i omega eta, nothing to draw")
+        raise InputError(
+            f"{curves[0].name}: no relaxation modes, G* = G0 + i omega eta. Draw its moduli instead."
+        )
     title, groups = group_curves(curves, crossed=False)
     x = [r"$\tau/\tau_1$"] * 2 + [r"$t/\tau_1$"] * 2
     y = [r"$H/k$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", r"$G(t)/k$", r"$J(t)\,k$"]
     axes = page.panels(2, 2, PAGE, HEIGHT, x=x, y=y, log=["xy", "x", "xy", "xy"])
-    few = len(curves) <= _FEW
+    few = len(curves) <= _MAX_DETAILED
     for group in groups:
         for curve in group.curves:
             look = {"color": group.colour, "label": hidden(f"{group.label}, {curve.name}")}
@@ -81,7 +82,7 @@ def plot_relaxation(results, page):
     _notes(page, axes, curves)
     if len(groups) > 1 or title:
         page.legend(axes[1], [entry(g.label, g.colour) for g in groups], title)
-    return f"relaxation spectrum, G(t) and J(t) of {count(results, 'spectrum', 'spectra')}"
+    return f"relaxation spectrum, G(t) and J(t) of {count_text(results, 'spectrum', 'spectra')}"
 
 
 def _positive(x, y):
@@ -92,14 +93,14 @@ def _positive(x, y):
 def _draw_spectrum(ax, curve, few, look):
     """H averaged over its window; for few spectra also the mean of H between modes, as steps."""
     t, spectrum = curve.transient, curve.spectrum
-    tau, H = _positive(t.tau, np.where(t.H >= _SHARE * t.H.max(initial=0.0), t.H, 0.0))
+    tau, H = _positive(t.tau, np.where(t.H >= _MIN_SHARE * t.H.max(initial=0.0), t.H, 0.0))
     ax.plot(tau, H, **look)
     if few and len(spectrum.rates) > 1:
         times, between = spectrum.between()
         with limits_kept(ax):
             ax.stairs(np.maximum(between, 1e-300), times, baseline=None, color=look["color"], linewidth=0.5)
         middle, between = _positive(np.sqrt(times[1:] * times[:-1]), between)
-        seen = between >= _SHARE * between.max()
+        seen = between >= _MIN_SHARE * between.max()
         ax.update_datalim(np.column_stack((middle[seen], between[seen])))
 
 
@@ -109,7 +110,7 @@ def _notes(page, axes, curves):
     windows = sorted({round(curve.transient.window, 2) for curve in curves})
     text = f"averaged over {windows[0]:g}" + (f" to {windows[-1]:g}" if len(windows) > 1 else "") + " decades"
     handles = [entry(text)]
-    if len(curves) <= _FEW and any(len(curve.spectrum.rates) > 1 for curve in curves):
+    if len(curves) <= _MAX_DETAILED and any(len(curve.spectrum.rates) > 1 for curve in curves):
         handles.append(entry("mean between nodes", linewidth=0.5))
     axes[0].legend(handles=handles, loc="lower left")
     viscous = [curve.spectrum.eta_inf for curve in curves if curve.spectrum.eta_inf > 0]

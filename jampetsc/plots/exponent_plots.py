@@ -2,18 +2,20 @@
 
 import numpy as np
 
+from jampetsc.analysis.local_power_laws import median_exponents
 from jampetsc.analysis.scaling import (
     BORDER,
     critical_exponents,
-    local_exponents,
     local_slope,
     low_frequency_limit,
 )
-from jampetsc.analysis.statistics import log_median, mean_with_error
+from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
 from jampetsc.plots.curves import Curve, curve_of, entries_of, group_curves, require_same_frequencies
-from jampetsc.plots.floppy import (
+from jampetsc.plots.page import draw_band, draw_points
+from jampetsc.plots.picture import count_text, picture
+from jampetsc.plots.quasistatic_plots import (
     PRESTRESS,
     QUANTITIES,
     groups_of,
@@ -23,17 +25,15 @@ from jampetsc.plots.floppy import (
     value_of,
     values_of,
 )
-from jampetsc.plots.page import band, points
-from jampetsc.plots.picture import count, picture
 from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, hidden, looks
 
 HEIGHT = 2.5  # inches of one row of panels
-_FEWEST = 2  # pressures that make a slope
+_MIN_PRESSURES = 2  # of a slope
 _LIMITS = {
     "G0": ("G_0", 0.5),
     "eta0": (r"\eta_0", -0.5),
     "omega_star": (r"\omega^*", 1.0),
-    **{f"{name}_median": known for name, known in QUANTITIES.items()},
+    **{f"{name}_median": value for name, value in QUANTITIES.items()},
 }  # exponents of p: BT 14-17, 19-22
 _PANELS = (  # what it is, limits that have a name, range, whether only above ω*
     (r"$\frac{1}{2}\,d\,\ln|G^{*2}-G_0^2|\,/\,d\,\ln\omega$", (0.5, 1.0), (0.2, 1.2), True),
@@ -79,9 +79,9 @@ def draw_exponents(curves, page) -> str:
             shown = above if limited else slice(None)
             mean, error = mean_with_error(values[:, shown])
             ax.plot(omega[shown], mean, color=group.colour, ls=group.dash, label=hidden(group.label))
-            band(ax, omega[shown], mean - error, mean + error, group.label, color=group.colour)
+            draw_band(ax, omega[shown], mean - error, mean + error, group.label, color=group.colour)
     page.legend(axes[0], entries_of(groups, lambda group: {"ls": group.dash}), title)
-    return f"local exponents of G* against omega of {count(curves)}"
+    return f"local exponents of G* against omega of {count_text(curves)}"
 
 
 def draw_pressure_exponents(results, page) -> str:
@@ -89,12 +89,12 @@ def draw_pressure_exponents(results, page) -> str:
 
     X is G₀, η₀, ω* = G₀/η₀, and the medians of |Δu∥|, |Δu⊥| and |u_na| over contacts or disks. Filled: without
     pre-stress; open: with. Medians over the packings of one pressure and N, of which G₀ < 0 under pre-stress counts
-    like any other; errors are those of medians. Raises InputError for fewer than two pressures.
+    like any other; errors are errors of medians. Raises InputError for fewer than two pressures.
     """
     every = pressures_of(results)
-    groups = {size: levels for size, levels in groups_of(results).items() if len(levels) >= _FEWEST}
+    groups = {size: levels for size, levels in groups_of(results).items() if len(levels) >= _MIN_PRESSURES}
     if not groups:
-        raise InputError(f"{results[0].path}: one pressure: local exponents need files at several")
+        raise InputError(f"{results[0].path}: one pressure alone. For local exponents give files at several.")
     styles = dict(looks(groups))
     names = [rf"$d\,\ln {symbol}\,/\,d\,\ln p$" for symbol, _ in _LIMITS.values()]
     axes = page.panels(2, 3, PAGE, 2 * HEIGHT, x="$p/k$", y=names, log="x")
@@ -102,22 +102,9 @@ def draw_pressure_exponents(results, page) -> str:
         ax.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
         for size, levels in groups.items():
             for prefix, words, face in PRESTRESS:
-                drawn = local_exponents_of(np.array(list(levels)), values_of(levels, value_of, name, prefix))
-                points(ax, *drawn, label=hidden(f"$N={size}$, {words}"), **styles[size], **face)
+                drawn = median_exponents(np.array(list(levels)), values_of(levels, value_of, name, prefix))
+                draw_points(ax, *drawn, label=hidden(f"$N={size}$, {words}"), **styles[size], **face)
         ax.set(xlim=(min(every), max(every)), ylim=(limit - 0.5, limit + 0.5))
     page.legend(axes[2], handles_of(styles))
-    of = count(results, "file", "files")
+    of = count_text(results, "file", "files")
     return f"local exponents of G0, eta0 and omega* against p of {of}{unstable(results)}"
-
-
-def local_exponents_of(levels, samples):
-    """(middles, d ln X/d ln p, errors), (m − 1,) each, between neighbouring levels (m,); X: medians of m samples.
-
-    Errors are those of the medians, nan for fewer than three values; nan where a median is not positive.
-    """
-    known = [
-        log_median(one) if len(one) > 2 else (np.log(max(np.median(one), 0.0) or np.nan), np.nan)
-        for one in samples
-    ]
-    logs, errors = np.transpose(known)
-    return local_exponents(levels, np.exp(logs), np.exp(logs) * errors)

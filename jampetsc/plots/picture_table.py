@@ -13,33 +13,35 @@ from jampetsc.columns import comma_separated
 COLUMNS = ("panel", "x", "y", "series", "what")
 
 
-def table(axes) -> list[dict]:
+def table_rows(axes) -> list[dict]:
     """Rows of all artists on `axes` that have a name (`style.hidden`, or one of the legend).
 
-    Columns: COLUMNS, then those of the kind of artist: x_value, y_value; y_low and y_high, x_low and x_high of bars and
+    Columns: COLUMNS, then, by the kind of artist, x_value, y_value; y_low and y_high, x_low and x_high of bars and
     bands; u, v of arrows; x_end, y_end and width of lines of contacts; diameter of disks; colour, as a number.
     """
     rows = []
     for ax, letter in zip(axes, string.ascii_lowercase, strict=False):
-        panel = dict(zip(COLUMNS, (letter, plain(ax.get_xlabel()), plain(ax.get_ylabel())), strict=False))
-        for artist, what, columns in _drawn(ax):
+        panel = dict(
+            zip(COLUMNS, (letter, plain_text(ax.get_xlabel()), plain_text(ax.get_ylabel())), strict=False)
+        )
+        for artist, what, columns in _named_artists(ax):
             name = artist.get_label()
             values = np.broadcast_arrays(*columns.values())
-            about = panel | {"series": plain(name.removeprefix("_:")), "what": what}
+            about = panel | {"series": plain_text(name.removeprefix("_:")), "what": what}
             numbers = zip(*map(np.ravel, values), strict=True)
             rows += [about | dict(zip(columns, row, strict=True)) for row in numbers]
     return rows
 
 
-def written(axes) -> bytes:
+def table_bytes(axes) -> bytes:
     """`table` as comma-separated values, every number with all its digits."""
-    rows = table(axes)
+    rows = table_rows(axes)
     names = list(dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)]))
     digits = (
         {name: value if name in COLUMNS else repr(float(value)) for name, value in row.items()}
         for row in rows
     )
-    return comma_separated(names, digits).encode(errors="backslashreplace")  # names of files that are no text
+    return comma_separated(names, digits).encode(errors="backslashreplace")  # names of files may be no text
 
 
 def _is_named(artist):
@@ -47,39 +49,43 @@ def _is_named(artist):
     return not artist.get_label().startswith("_") or artist.get_label().startswith("_:")
 
 
-def _drawn(ax):
+def _named_artists(ax):
     """(artist, its kind, {column: values}) of all artists that show data."""
     barred = {bars.lines[0] for bars in ax.containers}
     for bars in filter(_is_named, ax.containers):
         data, _, lines = bars.lines
-        columns, lines, known = _points(data), list(lines), _known(data)
-        for axis, there in ((0, bars.has_xerr), (1, bars.has_yerr)):
-            if there:
-                segments = lines.pop(0).get_segments()  # matplotlib takes ends that are no numbers out
-                drawn = [one if len(one) == 2 else np.full((2, 2), np.nan) for one in segments]
-                ends = np.reshape(drawn, (-1, 2, 2))[known, :, axis]
+        columns, lines, finite = _points(data), list(lines), _finite_points(data)
+        for axis, has_bars in ((0, bars.has_xerr), (1, bars.has_yerr)):
+            if has_bars:
+                segments = lines.pop(0).get_segments()  # without ends that are nan
+                pairs = [segment if len(segment) == 2 else np.full((2, 2), np.nan) for segment in segments]
+                ends = np.reshape(pairs, (-1, 2, 2))[finite, :, axis]
                 columns |= {f"{'xy'[axis]}_low": ends[:, 0], f"{'xy'[axis]}_high": ends[:, 1]}
         yield bars, "points", columns
     for line in filter(_is_named, ax.get_lines()):
         if line not in barred:
             yield line, "line", _points(line)
-    for one in filter(_is_named, ax.collections):
-        if isinstance(one, Quiver):
-            yield one, "arrows", {"x_value": one.X, "y_value": one.Y, "u": one.U, "v": one.V}
-        elif isinstance(one, PathCollection | EllipseCollection):
-            x, y = one.get_offsets().T
-            disks = isinstance(one, EllipseCollection)
-            more = {"diameter": 2 * one._widths} if disks else {"colour": one.get_array()}
-            yield one, "points", {"x_value": x, "y_value": y} | more
-        elif isinstance(one, LineCollection):
-            (x, y), (x_end, y_end) = np.moveaxis(one.get_segments(), 0, -1)
-            ends = {"x_end": x_end, "y_end": y_end, "width": one.get_linewidths()}
-            yield one, "lines", {"x_value": x, "y_value": y} | ends
-        elif isinstance(one, PolyCollection):
-            yield one, "band", _band(one)
+    for collection in filter(_is_named, ax.collections):
+        if isinstance(collection, Quiver):
+            yield (
+                collection,
+                "arrows",
+                {"x_value": collection.X, "y_value": collection.Y, "u": collection.U, "v": collection.V},
+            )
+        elif isinstance(collection, PathCollection | EllipseCollection):
+            x, y = collection.get_offsets().T
+            disks = isinstance(collection, EllipseCollection)
+            more = {"diameter": 2 * collection._widths} if disks else {"colour": collection.get_array()}
+            yield collection, "points", {"x_value": x, "y_value": y} | more
+        elif isinstance(collection, LineCollection):
+            (x, y), (x_end, y_end) = np.moveaxis(collection.get_segments(), 0, -1)
+            ends = {"x_end": x_end, "y_end": y_end, "width": collection.get_linewidths()}
+            yield collection, "lines", {"x_value": x, "y_value": y} | ends
+        elif isinstance(collection, PolyCollection):
+            yield collection, "band", _band(collection)
 
 
-def _known(line):
+def _finite_points(line):
     """Mask of the points of a line that are numbers."""
     return np.isfinite(_values(line)).all(axis=0)
 
@@ -89,11 +95,11 @@ def _values(line):
 
 
 def _points(line):
-    return dict(zip(("x_value", "y_value"), _values(line)[:, _known(line)], strict=True))
+    return dict(zip(("x_value", "y_value"), _values(line)[:, _finite_points(line)], strict=True))
 
 
-def _band(one):
-    corners = np.concatenate([path.vertices for path in one.get_paths()] or [np.zeros((0, 2))])
+def _band(collection):
+    corners = np.concatenate([path.vertices for path in collection.get_paths()] or [np.zeros((0, 2))])
     x, which = np.unique(corners[:, 0], return_inverse=True)
     low, high = np.full(len(x), np.inf), np.full(len(x), -np.inf)
     np.minimum.at(low, which, corners[:, 1])
@@ -101,7 +107,7 @@ def _band(one):
     return {"x_value": x, "y_low": low, "y_high": high}
 
 
-def plain(text) -> str:
+def plain_text(text) -> str:
     """A label without TeX: omega tau_1, p/k=10^-3."""
     text = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"\1/\2", text)
     text = re.sub(r"\\[, ]", " ", re.sub(r"\\(?:rm|mathrm|left|right)\b *", "", text))

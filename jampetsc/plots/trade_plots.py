@@ -12,11 +12,11 @@ HEIGHT = 4.2  # inches
 _GROUPS = {  # group -> (marker, shade from dark to light, in the legend)
     "accuracy": ("o", 0, "rational sweep, by --accuracy"),
     "method": ("s", 2, "one frequency after another"),
-    "frequencies": ("^", 4, "so many frequencies, interpolated"),
+    "frequencies": ("^", 4, "number of frequencies, interpolated"),
     "physics": ("D", 3, "other physics (a deviation)"),
     "ensemble": ("P", 1, "mean over other packings (a deviation)"),
 }
-_JOINED = ("accuracy", "frequencies")  # rows that are one setting turned up
+_JOINED = ("accuracy", "frequencies")  # groups of one setting with several values
 
 
 def plot_trade(rows, certified, path) -> None:
@@ -87,7 +87,7 @@ def _write_names(fig, ax, rows, floor):
 
 
 def _rise(box, taken, frame):
-    """By how little to raise or lower a box so that it lies in the frame and on none of those taken."""
+    """The least rise of a box, up or down, after which it lies in the frame and overlaps no taken box."""
     step = 0.25 * box.height
     for n in range(int(2 * frame.height / step)):
         rise = step * ((n + 1) // 2) * (1 if n % 2 else -1)

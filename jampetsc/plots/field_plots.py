@@ -18,39 +18,39 @@ from jampetsc.io.fields import (
 from jampetsc.io.snapshots import snapshot
 from jampetsc.options.parameters import SWITCH, WORD
 from jampetsc.options.values import INTEGERS
-from jampetsc.plots.correlation import OMEGA
-from jampetsc.plots.packing import circles
-from jampetsc.plots.periodic import (
+from jampetsc.plots.correlation_plots import OMEGA
+from jampetsc.plots.mode_plots import mode_fields
+from jampetsc.plots.packing_plots import (
+    clip_artists,
     disk_images,
-    framed,
+    draw_circles,
+    frame_cells,
     lay_out,
     points_per_length,
     segment_images,
-    within,
     wrap,
 )
 from jampetsc.plots.picture import PACKING, option, picture
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
-from jampetsc.plots.vibrations import chosen_modes
 
-ARROWS = 1600  # at most so many in a panel, evenly spread
-COLUMNS = 5  # frequencies in one picture
+ARROWS = 1600  # in a panel at most, evenly spread
+MAX_COLUMNS = 5  # of panels
 INSTANTS = {  # phase -> (what of a complex field, its name), in two rows
     "strain": ((np.real, "Re ${}$"), (np.imag, "Im ${}$")),
     "stress": ((np.real, "${}$ at peak stress"), (lambda u: -np.imag(u), "${}$ at zero stress")),
 }
 _REACH = 1.6  # length of a long arrow (90th percentile), in distances between arrows
 _STEPS = (1, 1.5, 2, 3, 5, 7)  # factors between arrows and displacements, times powers of ten
-_RANGE = 2.0  # rotations are coloured up to so many times their rms
+_RANGE = 2.0  # of the colours of rotations, times their rms
 _SMALL = 7.5  # points
 FIELDS = (
     OMEGA,
     PACKING,
     option(
-        "phase", WORD, "fields: when the stress is at its peak and when it is zero (default, as BT Fig. 1), or in "
-        "phase with the strain and with its rate", choices=PHASES,
+        "phase", WORD, "fields: instants of the cycle, peak and zero stress (default), or in phase with the strain and "
+        "with its rate", choices=PHASES,
     ),
-    option("total", SWITCH, "fields: with the affine part, about the middle of the cell"),
+    option("total", SWITCH, "fields: displacements with the affine part, from the middle of the cell"),
 )  # fmt: skip
 
 
@@ -76,14 +76,16 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     if total:
         affine[:, 0] = wrap(disks.positions, disks.cell)[particles, 1] - 0.5 * disks.cell[1, 1]
     turns = [phase_factor(sweep, fields.omega[row], phase) for row in rows]
-    found = [field_at(sweep, row) for row in rows]
-    motion = [turn * (affine + field) for turn, (field, _) in zip(turns, found, strict=True)]
+    stored = [field_at(sweep, row) for row in rows]
+    motion = [turn * (affine + field) for turn, (field, _) in zip(turns, stored, strict=True)]
     spin = None
     if fields.rotation is not None:
-        spin = [turn * rotation for turn, (_, rotation) in zip(turns, found, strict=True)]
+        spin = [turn * rotation for turn, (_, rotation) in zip(turns, stored, strict=True)]
     omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
-    if len(omega) > COLUMNS:
-        raise InputError(f"{len(omega)} frequencies: one picture holds {COLUMNS}; choose some with omega")
+    if len(omega) > MAX_COLUMNS:
+        raise InputError(
+            f"{len(omega)} frequencies: one picture holds {MAX_COLUMNS}. Choose some with omega."
+        )
     symbol, single, panels = "u" if total else r"\tilde u", len(omega) == 1, []
     for part, (take, name) in enumerate(INSTANTS[phase]):
         for f, w in enumerate(omega):
@@ -115,14 +117,14 @@ def plot_response(results, page, packing=None):
     return f"quasistatic response, {' and '.join(fields)}"
 
 
-MODE = option("mode", INTEGERS, "draw these modes, counted from 1, on the packing", "i,j,…")
+MODE = option("mode", INTEGERS, "mode: numbers of modes from 1, drawn on the packing (default 1)", "i,j,…")
 
 
 @picture("mode", "modes", options=(PACKING, MODE), single=True)
 def plot_mode(results, page, packing=None, mode=(1,)):
     """Modes on the packing, numbered from 1. Raises InputError for one that the file does not hold."""
     (result,) = results
-    panels = chosen_modes(result, mode)
+    panels = mode_fields(result, mode)
     disks = packing_of(result, packing)
     _draw_real(page, disks, panels, disk_rows(result, disks), r"\varphi")
     return f"mode {','.join(map(str, np.ravel(mode)))}"
@@ -141,8 +143,8 @@ def plot_velocities(results, page):
 
 def _draw_real(page, disks, panels, particles, symbol):
     """Panels [(title, field), …] side by side, without rotations. Raises InputError for more panels than fit."""
-    if len(panels) > COLUMNS:
-        raise InputError(f"{len(panels)} fields: one picture holds {COLUMNS}; choose fewer")
+    if len(panels) > MAX_COLUMNS:
+        raise InputError(f"{len(panels)} fields: one picture holds {MAX_COLUMNS}. Choose fewer.")
     _draw(page, disks, [(title, field, None, "") for title, field in panels], particles, symbol, 1)
 
 
@@ -151,12 +153,12 @@ def _draw(page, disks, panels, particles, symbol, rows):
     `disks`, `symbol` the name of the fields in TeX. Below each stands how many times the field its arrows are.
     """
     width = COLUMN if len(panels) // rows <= 2 else PAGE
-    axes = framed(page, [disks.cell] * len(panels), rows, width, linewidth=0.4)
+    axes = frame_cells(page, [disks.cell] * len(panels), rows, width, linewidth=0.4)
     centres = wrap(disks.positions, disks.cell)
-    chosen = _spread(centres[particles], disks.cell)
+    chosen = _spaced_rows(centres[particles], disks.cell)
     spacing = np.sqrt(disks.area / max(len(chosen), 1))
     for (ax, _), (title, u, spin, row) in zip(axes, panels, strict=True):
-        factor = _factor(u, spacing)
+        factor = _arrow_factor(u, spacing)
         scales = rf"arrows ${number(factor)}\,{symbol}$" if factor else f"${symbol}=0$"
         if spin is not None:
             scales += rf",  $\theta_{{\rm rms}}={number(_rms(spin))}\,\gamma$"
@@ -164,7 +166,7 @@ def _draw(page, disks, panels, particles, symbol, rows):
         ax.set_ylabel(row, fontsize=9)
         ax.set_xlabel(scales, fontsize=_SMALL, labelpad=3)
     few = len(chosen) < len(particles)
-    if few and page.own:
+    if few and page.is_new:
         page.figure.supxlabel(f"arrows on {len(chosen)} of {len(particles)} disks", fontsize=_SMALL)
     lay_out(page, rows, 0.15 if few else 0.0)
     images, places = disk_images(centres, disks.radii, disks.cell)
@@ -173,15 +175,17 @@ def _draw(page, disks, panels, particles, symbol, rows):
         if spin is not None:
             faces[particles] = _colours()(0.5 + spin / (2 * _RANGE * (_rms(spin) or 1.0)))
         look = {"facecolors": faces[images], "edgecolors": "0.72", "linewidths": min(0.3, 0.03 * scale)}
-        drawn = circles(ax, places, 2 * disks.radii[images], **look)
-        within(outline, [drawn], rasterized=disks.n > ARROWS)
-        if factor := _factor(u, spacing):
+        drawn = draw_circles(ax, places, 2 * disks.radii[images], **look)
+        clip_artists(outline, [drawn], rasterized=disks.n > ARROWS)
+        if factor := _arrow_factor(u, spacing):
             vectors = factor * u[chosen]
-            within(outline, [_arrows(ax, centres[particles][chosen], vectors, disks.cell, scale * spacing)])
+            clip_artists(
+                outline, [_arrows(ax, centres[particles][chosen], vectors, disks.cell, scale * spacing)]
+            )
 
 
 def _arrows(ax, starts, vectors, cell, spacing):
-    """Arrows (M, 2) so many points apart; one that leaves the cell continues on the other side."""
+    """Arrows (M, 2), `spacing` points apart; an arrow that leaves the cell continues on the other side."""
     rows, starts = segment_images(starts, vectors, cell)
     width = min(0.7, max(0.3, 0.07 * spacing)) * ax.figure.dpi / 72
     heads = {"headwidth": 4, "headlength": 4.5, "headaxislength": 4, "minlength": 0.3}
@@ -199,17 +203,17 @@ def _rms(values):
     return float(np.sqrt(np.mean(np.abs(values) ** 2)))
 
 
-def _factor(u, spacing):
+def _arrow_factor(u, spacing):
     """How many times the field arrows are: round, long ones reach past the next; 0 if nothing moves."""
     long = float(np.quantile(np.hypot(u[:, 0], u[:, 1]), 0.9))
     if long == 0:
         return 0.0
-    wanted = _REACH * spacing / long
-    decade = 10.0 ** np.floor(np.log10(wanted))
-    return decade * max(step for step in _STEPS if step <= wanted / decade * (1 + 1e-9))
+    exact = _REACH * spacing / long
+    decade = 10.0 ** np.floor(np.log10(exact))
+    return decade * max(step for step in _STEPS if step <= exact / decade * (1 + 1e-9))
 
 
-def _spread(points, cell):
+def _spaced_rows(points, cell):
     """Rows of at most ARROWS points, one from each square of a grid over the cell; all if they are few."""
     if len(points) <= ARROWS:
         return np.arange(len(points))

@@ -3,22 +3,21 @@
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.plots.logaxes import limits_kept
-from jampetsc.plots.page import points
+from jampetsc.plots.page import draw_points, limits_kept
 from jampetsc.plots.picture import picture
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 
 HEIGHTS = (3.0, 1.4, 1.9)  # inches of collapse, residuals and drift
-REACH = 6.0  # from the best value in sight, in typical changes or errors: beyond, a fit has lost its way
+DRIFT_RANGE = 6.0  # of the axis about the best value, in typical changes or errors
 SYMBOLS = {"pressure": "p", "shear_stress": r"\sigma", "jammed": "f"}
-_NAMES = {"phi_J": r"\phi_J", "y": "y", "znu": r"z\nu", "nu": r"\nu", "omega": r"\omega"}
+_PARAMETER_SYMBOLS = {"phi_J": r"\phi_J", "y": "y", "znu": r"z\nu", "nu": r"\nu", "omega": r"\omega"}
 
 
-def scaled(result):
+def rescaled_values(result):
     """(b, O/b^(y/κ) without its corrections, its error): b is the rate, κ = zν; of sizes 1/L and ν."""
-    a = result.attributes
-    b, kappa = (result["rate"], "znu") if a["scaling"] == "rate" else (1 / result["size"], "nu")
-    unit = b ** (float(a["y"]) / float(a[kappa]))
+    attributes = result.attributes
+    b, kappa = (result["rate"], "znu") if attributes["scaling"] == "rate" else (1 / result["size"], "nu")
+    unit = b ** (float(attributes["y"]) / float(attributes[kappa]))
     return b, (result["value"] - result["correction"]) / unit, result["error"] / unit
 
 
@@ -27,22 +26,22 @@ def plot_scaling(results, page):
     """O/b^(y/κ) against x with f₀, corrections taken off; residuals in standard errors; parameters against the cut."""
     (result,) = results
     names = str(result.attributes["fitted"]).split(",")
-    if len(names) != result["drift/parameters"].shape[1] or not _NAMES.keys() >= set(names):
+    if len(names) != result["drift/parameters"].shape[1] or not _PARAMETER_SYMBOLS.keys() >= set(names):
         raise InputError(
             f"{result.path}: attribute fitted: not a name for each parameter. Make the file again."
         )
     mosaic = [["top"] * len(names), ["middle"] * len(names), names]
     top, middle, *drifts = page.mosaic(mosaic, PAGE, sum(HEIGHTS), HEIGHTS)
     middle.sharex(top)
-    _collapse(page, top, middle, result)
+    _draw_collapse(page, top, middle, result)
     for column, (ax, name) in enumerate(zip(drifts, names, strict=True)):
-        _drift(ax, result, name, column)
+        _draw_drift(ax, result, name, column)
     return f"collapse of the {result.attributes['observable']} at {len(result['x'])} points"
 
 
-def _collapse(page, top, middle, result):
-    a, x, (b, left, bars) = result.attributes, result["x"], scaled(result)
-    sized = a["scaling"] == "size"
+def _draw_collapse(page, top, middle, result):
+    attributes, x, (b, left, bars) = result.attributes, result["x"], rescaled_values(result)
+    sized = attributes["scaling"] == "size"
     residuals = (result["value"] - result["leading"] - result["correction"]) / result["error"]
     top.plot(result["curve/x"], result["curve/f0"], color=GREY, lw=0.9, zorder=1, label=hidden("f0"))
     if (left > 0).all() and left.max() > 5 * left.min():
@@ -51,37 +50,45 @@ def _collapse(page, top, middle, result):
     scales = np.unique(b)
     for scale, look in looks(scales):
         here, label = b == scale, f"${1 / scale**2:.0f}$" if sized else f"${number(scale)}$"
-        points(top, x[here], left[here], bars[here], ls="none", ms=3, label=label, **look)
+        draw_points(top, x[here], left[here], bars[here], ls="none", ms=3, label=label, **look)
         middle.plot(x[here], residuals[here], ls="none", ms=3, label=hidden(label), **look)
-    symbol = SYMBOLS.get(a["observable"], "O")
+    symbol = SYMBOLS.get(attributes["observable"], "O")
     power = r"L^{y/\nu}" if sized else r"\dot\gamma^{-y/z\nu}"
-    minus = rf"({symbol} - \mathrm{{corr.}})" if a["corrections"] else symbol
+    minus = rf"({symbol} - \mathrm{{corr.}})" if attributes["corrections"] else symbol
     span = r"L^{1/\nu}" if sized else r"\dot\gamma^{-1/z\nu}"
     top.set_ylabel(rf"${minus}\,{power}$")
     middle.set(xlabel=rf"$x=(\phi-\phi_J)\,{span}$", ylabel="residual / error")
-    top.set_title(rf"$\chi^2/\mathrm{{dof}}={float(a['chi2']) / float(a['dof']):.3g}$", loc="right", pad=3)
+    top.set_title(
+        rf"$\chi^2/\mathrm{{dof}}={float(attributes['chi2']) / float(attributes['dof']):.3g}$",
+        loc="right",
+        pad=3,
+    )
     columns = 2 if len(scales) > 5 else 1
     page.legend(top, title="$N$" if sized else r"$\dot\gamma$", ncol=columns)
 
 
-def _drift(ax, result, name, column):
+def _draw_drift(ax, result, name, column):
     """A parameter against the cut, with its errors, and the band of the best value."""
-    a, cut = result.attributes, result["drift/cut"]
+    attributes, cut = result.attributes, result["drift/cut"]
     y, bars = result["drift/parameters"][:, column], result["drift/errors"][:, column]
-    known = np.isfinite(bars)
+    certain = np.isfinite(bars)
     ax.set_xscale("log")
     look = {"color": "0.1", "marker": "o", "ms": 3}
-    points(ax, cut[known], y[known], bars[known], label=hidden(name), **look)
-    ax.plot(cut[~known], y[~known], ls="none", mfc="white", label=hidden(f"{name}, not told"), **look)
-    best, own = float(a[name]), float(np.nan_to_num(a[f"{name}_error"]))
-    ax.axhspan(best - own, best + own, color="0.85", lw=0)
-    sized = a["scaling"] == "size"
-    ax.set(xlabel="smallest $N$" if sized else r"largest $\dot\gamma$", ylabel=f"${_NAMES[name]}$")
+    draw_points(ax, cut[certain], y[certain], bars[certain], label=hidden(name), **look)
+    ax.plot(
+        cut[~certain], y[~certain], ls="none", mfc="white", label=hidden(f"{name}, without error"), **look
+    )
+    best, own_error = float(attributes[name]), float(np.nan_to_num(attributes[f"{name}_error"]))
+    ax.axhspan(best - own_error, best + own_error, color="0.85", lw=0)
+    sized = attributes["scaling"] == "size"
+    ax.set(
+        xlabel="smallest $N$" if sized else r"largest $\dot\gamma$", ylabel=f"${_PARAMETER_SYMBOLS[name]}$"
+    )
     ax.set_xlim(cut.min() / 10**0.1, cut.max() * 10**0.1)
     bars = np.nan_to_num(bars)
-    reach = REACH * max(np.median(np.abs(y - best)), np.median(bars), own)
-    low, high = min((y - bars).min(), best - own), max((y + bars).max(), best + own)
-    low, high = max(low - 0.1 * own, best - reach), min(high + 0.1 * own, best + reach)
+    reach = DRIFT_RANGE * max(np.median(np.abs(y - best)), np.median(bars), own_error)
+    low, high = min((y - bars).min(), best - own_error), max((y + bars).max(), best + own_error)
+    low, high = max(low - 0.1 * own_error, best - reach), min(high + 0.1 * own_error, best + reach)
     if low < high:  # else there is a single value, without an error
         ax.set_ylim(low, high)
 
@@ -94,26 +101,27 @@ def plot_branches(results, page):
     with the size, which has no rates.
     """
     (result,) = results
-    a, x = result.attributes, result["x"]
-    if a["scaling"] != "rate":
-        raise InputError(f"{result.path}: is a collapse of sizes: branches are of rates; draw it as scaling")
-    rate, y, error = scaled(result)
-    scaled_y = rf"${SYMBOLS.get(a['observable'], 'O')}\,\dot\gamma^{{-y/z\nu}}$"
+    attributes, x = result.attributes, result["x"]
+    if attributes["scaling"] != "rate":
+        raise InputError(f"{result.path}: a collapse of sizes, not of rates. Draw it as scaling.")
+    rate, y, error = rescaled_values(result)
+    scaled_y = rf"${SYMBOLS.get(attributes['observable'], 'O')}\,\dot\gamma^{{-y/z\nu}}$"
     ax = page.panels(1, 1, PAGE, 4.0, x=r"$|\phi-\phi_J|\,\dot\gamma^{-1/z\nu}$", y=scaled_y, log="xy")
-    for one, look in looks(np.unique(rate)):
-        label = rf"${number(one)}$"
+    for single_rate, look in looks(np.unique(rate)):
+        label = rf"${number(single_rate)}$"
         above = {"label": label, "markerfacecolor": look["color"]}
         below = {"label": hidden(f"{label}, below phi_J"), "markerfacecolor": "white"}
         for side, face in ((1, above), (-1, below)):
-            here = (rate == one) & (side * x > 0)
+            here = (rate == single_rate) & (side * x > 0)
             if (y[here] > 0).any():
-                points(ax, np.abs(x[here]), y[here], error[here], ls="none", **look, **face)
+                draw_points(ax, np.abs(x[here]), y[here], error[here], ls="none", **look, **face)
     with limits_kept(ax):
         for side in (-1, 1):
             along = side * result["curve/x"] > 0
             curve = np.abs(result["curve/x"][along]), result["curve/f0"][along]
             ax.plot(*curve, color=GREY, lw=0.9, zorder=1)
-    title = rf"$\phi_J={float(a['phi_J']):.4f}$, $y={float(a['y']):.3g}$, $z\nu={float(a['znu']):.3g}$"
+    phi_J, exponent, znu = (float(attributes[name]) for name in ("phi_J", "y", "znu"))
+    title = rf"$\phi_J={phi_J:.4f}$, $y={exponent:.3g}$, $z\nu={znu:.3g}$"
     ax.set_title(title, loc="right", pad=3)
     page.legend(ax, title="$\\dot\\gamma$; hollow: $\\phi<\\phi_J$")
-    return f"two branches of the {a['observable']} at {len(x)} points"
+    return f"two branches of the {attributes['observable']} at {len(x)} points"

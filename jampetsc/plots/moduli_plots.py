@@ -13,24 +13,23 @@ from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
 from jampetsc.options.parameters import NUMBER, WORD
 from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves, symbol_of
-from jampetsc.plots.logaxes import draw_guide
-from jampetsc.plots.page import band
-from jampetsc.plots.picture import count, option, picture
+from jampetsc.plots.page import draw_band, draw_guide
+from jampetsc.plots.picture import count_text, option, picture
 from jampetsc.plots.style import DASHED, LOSS, OPEN, STORAGE, entry, hidden, power_text, sequential
 
-_FEW = 16  # so many frequencies or fewer: a marker on each
-_SPACED = 8  # markers along a longer curve
-_LEGEND_ROWS = 7  # more values of one parameter than this get a colour bar instead
+_MAX_MARKED = 16  # frequencies up to which each has a marker
+_LONG_CURVE_MARKERS = 8
+_MAX_ENTRIES = 7  # values of one parameter in a legend; more get a colour bar
 _BOTH = (STORAGE, LOSS)
-ROUGH = 6  # packings below which twice an error holds less than 92 % of cases
+MIN_PACKINGS = 6  # below which twice an error holds less than 92 % of cases
 _FILES = ("sweep", "oscillate")
 STATISTIC = option(
-    "statistic", WORD, "moduli, storage, loss, collapse: mean or median of packings of one kind (of a study: mean)",
+    "statistic", WORD, "moduli, storage, loss, collapse: average over packings (default: none; of a study: mean)",
     choices=tuple(STATISTICS),
 )  # fmt: skip
 EXPONENTS = (
-    option("mu", NUMBER, "collapse: moduli over p^MU (default 0.5)", "MU", low=0, high=10),
-    option("lambda", NUMBER, "collapse: frequency over p^LAMBDA (default 1; 0 leaves it)", "LAMBDA", low=0, high=10),
+    option("mu", NUMBER, "collapse: exponent of p that divides moduli (default 0.5)", "MU", low=0, high=10),
+    option("lambda", NUMBER, "collapse: exponent of p that divides frequencies (default 1)", "LAMBDA", low=0, high=10),
 )  # fmt: skip
 
 
@@ -40,27 +39,27 @@ def plot_moduli(results, page, statistic=None):
 
     Oscillations at one frequency and several amplitudes are drawn against the amplitude.
     """
-    return _one_or_both(results, page, statistic, _BOTH, "G' and G''")
+    return _draw_parts(results, page, statistic, _BOTH, "G' and G''")
 
 
 @picture("storage", *_FILES, options=(STATISTIC,), mixed=True)
 def plot_storage(results, page, statistic=None):
     """G'/k against ωτ₁."""
-    return _one_or_both(results, page, statistic, (STORAGE,), "G'")
+    return _draw_parts(results, page, statistic, (STORAGE,), "G'")
 
 
 @picture("loss", *_FILES, options=(STATISTIC,), mixed=True)
 def plot_loss(results, page, statistic=None):
     """G''/k against ωτ₁."""
-    return _one_or_both(results, page, statistic, (LOSS,), "G''")
+    return _draw_parts(results, page, statistic, (LOSS,), "G''")
 
 
-def _one_or_both(results, page, statistic, parts, words):
-    along, x = _along(results)
-    curves, what, text = averaged(results, statistic, along)
+def _draw_parts(results, page, statistic, parts, words):
+    along, x = _abscissa(results)
+    curves, what, text = average_files(results, statistic, along)
     y = ",  ".join(f"{part}$/k$" for part in parts)
     _draw(page, curves, (x, y), None, r"\omega" if along == "omega" else None, what, parts)
-    of = count(results) if not any(map(_oscillates, results)) else count(results, "file", "files")
+    of = count_text(results) if not any(map(_oscillates, results)) else count_text(results, "file", "files")
     return f"{words} of {of}{text}"
 
 
@@ -68,11 +67,11 @@ def _oscillates(result):
     return getattr(result, "format", "") == OSCILLATION
 
 
-def _along(results):
-    """(what G* is drawn against, the name of that axis): the frequency, or the amplitude where that alone varies."""
-    if all(_oscillates(one) and len(one["omega"]) == 1 for one in results):
-        imposed = {one.attributes["control"] for one in results}
-        if len(imposed) == 1 and max(len(one["amplitude"]) for one in results) > 1:
+def _abscissa(results):
+    """(abscissa of G*, its label): "omega", or "amplitude" if that alone varies."""
+    if all(_oscillates(result) and len(result["omega"]) == 1 for result in results):
+        imposed = {result.attributes["control"] for result in results}
+        if len(imposed) == 1 and max(len(result["amplitude"]) for result in results) > 1:
             return "amplitude", {"strain": r"$\gamma_0$", "stress": r"$\sigma_0/k$"}[imposed.pop()]
     return "omega", r"$\omega\tau_1$"
 
@@ -85,22 +84,22 @@ def plot_collapse(results, page, statistic=None, mu=MU, **more):
 
     Raises InputError if a sweep's pressure is unknown or not positive, or it has no frequency up to 1/τ₁.
     """
-    lam = more.get("lambda", LAMBDA)  # which python keeps for itself
-    curves, what, averages = averaged(results, statistic)
+    lam = more.get("lambda", LAMBDA)  # a keyword of python
+    curves, what, averages = average_files(results, statistic)
     x = rf"$\omega\tau_1\,/\,{power_text('(p/k)', lam)}$" if lam else r"$\omega\tau_1$"
     y = rf"{STORAGE}, {LOSS}  $[\,k\,{power_text('(p/k)', mu)}\,]$"
     critical, symbol = (mu / lam, "x") if lam else (None, r"\omega")
     _draw(page, [_scaled(curve, mu, lam) for curve in curves], (x, y), critical, symbol, what, _BOTH)
-    text = f"collapse of {count(results)} with mu = {mu:g}, lambda = {lam:g}{averages}"
+    text = f"collapse of {count_text(results)} with mu = {mu:g}, lambda = {lam:g}{averages}"
     try:
         spread = collapse_spread([(c.omega, c.G, c.pressure) for c in curves], mu, lam)
-    except InputError:  # one sweep, or sweeps that share no scaled frequency: there is no spread
+    except InputError:  # one sweep, or sweeps that share no scaled frequency, have no spread
         return text
     return f"{text}; they differ by {float(f'{100 * spread:.2g}'):g} % (rms) below omega tau1 = 0.1"
 
 
-def averaged(results, statistic, along="omega"):
-    """(curves, what their bands are, words) of sweeps: as they are, or the mean or median of those alike."""
+def average_files(results, statistic, along="omega"):
+    """(curves, name of their bands, words) of sweeps, or of means or medians over sweeps that differ in the packing."""
     curves = [curve for result in results for curve in curves_of(result, along)]
     if statistic is None:
         return curves, "", ""
@@ -112,7 +111,7 @@ def averaged(results, statistic, along="omega"):
         f"\n{STORAGE} < 0 in {negative} of {len(curves)}" if negative else ""
     )
     text = f", {words} over packings with errors{below}"
-    if fewest < ROUGH:
+    if fewest < MIN_PACKINGS:
         rough = "no error" if fewest < 2 else "rough errors: twice the error holds less than 92 % of cases"
         text += f"; {fewest} packing{'s' * (fewest != 1)} only: {rough}"
     return average_curves(curves, statistic), what, text
@@ -120,13 +119,11 @@ def averaged(results, statistic, along="omega"):
 
 def _scaled(curve, mu, lam):
     if curve.pressure is None:
-        raise InputError(
-            f"{curve.name}: attribute pressure is missing: a collapse needs it; run the sweep again"
-        )
+        raise InputError(f"{curve.name}: attribute pressure: missing. For a collapse run the sweep again.")
     low = curve.omega <= (1.0 if lam else np.inf)
     if not low.any():
         lowest = f"lowest frequency {curve.omega[0]:g}"
-        raise InputError(f"{curve.name}: {lowest}: critical scaling needs some up to 1/τ₁")
+        raise InputError(f"{curve.name}: {lowest}, above 1/τ₁. For a collapse sweep lower frequencies.")
     with about(curve.name):
         x, g = collapse(curve.omega[low], curve.G[low], curve.pressure, mu, lam)
     return replace(curve, omega=x, G=g, bounds=curve.bounds[..., low] / curve.pressure**mu)
@@ -140,7 +137,7 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
     ax = page.panels(x=labels[0], y=labels[1], log="xy")
     title, groups = group_curves(curves)
     barred = [group.value for group in groups if group.value]
-    if barred := barred if len(groups) > _LEGEND_ROWS and symbol_of(groups) else []:
+    if barred := barred if len(groups) > _MAX_ENTRIES and symbol_of(groups) else []:
         groups = [replace(group, marker="o") for group in groups]
     drawn = [_curve(ax, g, curve, n, parts) for n, g in enumerate(groups) for curve in g.curves]
     if not any(drawn):
@@ -155,7 +152,7 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
         lowest, highest = groups[0].curves[0], groups[-1].curves[0]
         for curve, exponent, above in ((lowest, critical, True), (highest, 1.0, False)):
             if exponent:
-                seen = page.seen(curve.omega)
+                seen = page.visible_mask(curve.omega)
                 draw_guide(ax, curve.omega[seen], curve.G.imag[seen], exponent, symbol, above)
     if barred:
         colours = ScalarMappable(LogNorm(min(barred), max(barred)), sequential())
@@ -173,13 +170,13 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
 
 def _curve(ax, group, curve, number, shown_parts):
     """Draw one sweep; whether log axes can show anything of it."""
-    solitary, found = len(group.curves) == 1, False
+    solitary, is_drawn = len(group.curves) == 1, False
     parts = ((STORAGE, curve.G.real, "-", group.colour), (LOSS, curve.G.imag, DASHED, "white"))
     for (part, values, dash, face), bound in zip(parts, curve.bounds, strict=True):
         positive = values > 0
         if part not in shown_parts or not positive.any():
             continue
-        found, name = True, f"{part}, {group.label}, {curve.name}"
+        is_drawn, name = True, f"{part}, {group.label}, {curve.name}"
         shown = np.where(positive, values, np.nan)
         ax.plot(
             curve.omega, shown, linestyle=dash, color=group.colour, marker=group.marker, markerfacecolor=face,
@@ -188,14 +185,16 @@ def _curve(ax, group, curve, number, shown_parts):
         )  # fmt: skip
         below, above = np.broadcast_to(bound, (2, len(values)))
         lower = np.maximum(values - below, 1e-12 * np.nanmin(shown))  # to the edge of the picture
-        band(ax, curve.omega, lower, values + above, name, where=positive, color=group.colour)
-    return found
+        draw_band(ax, curve.omega, lower, values + above, name, where=positive, color=group.colour)
+    return is_drawn
 
 
 def _marker_rows(omega, number):
     """Rows that get a marker: all of a few; of many some, shifted so that markers of curves stay apart."""
-    if len(omega) <= _FEW:
+    if len(omega) <= _MAX_MARKED:
         return list(range(len(omega)))
     phase = (0.5 + 0.37 * number) % 1.0
-    wanted = np.log(omega[0]) + (np.arange(_SPACED) + phase) / _SPACED * np.log(omega[-1] / omega[0])
-    return sorted({int(np.abs(np.log(omega) - w).argmin()) for w in wanted})
+    targets = np.log(omega[0]) + (np.arange(_LONG_CURVE_MARKERS) + phase) / _LONG_CURVE_MARKERS * np.log(
+        omega[-1] / omega[0]
+    )
+    return sorted({int(np.abs(np.log(omega) - w).argmin()) for w in targets})

@@ -1,28 +1,105 @@
-"""Packings with their disks, contacts and forces: as a file has them, in snapshots of a flow, at the end of shear."""
+"""Packings and snapshots of flows, with contacts and forces; drawing in a periodic, possibly sheared cell."""
 
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.patches import Polygon
 
 from jampetsc.errors import InputError
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.snapshots import snapshot
 from jampetsc.packing.contacts import find_contacts, measure, virial_pressure
-from jampetsc.plots.periodic import (
-    disk_images,
-    framed,
-    lay_out,
-    points_per_length,
-    segment_images,
-    within,
-    wrap,
-)
+from jampetsc.plots.flow_plots import kind_of, labels_of
 from jampetsc.plots.picture import picture
-from jampetsc.plots.shearing import kind_of, labels_of
 from jampetsc.plots.style import COLUMN, PAGE, hidden, power_or_number
 
-MANY = 5000  # disks beyond which vector files get the contents as pixels, and outlines go
+MAX_ASPECT = 2.5  # height over width of a cell; taller cells shrink
+CAPTION_HEIGHT = 0.42  # inches above and below a panel
+_SHIFTS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+
+
+def wrap(positions, cell):
+    """Positions (N, 2) moved by cell vectors into the cell."""
+    fractional = positions @ np.linalg.inv(cell)
+    return (fractional - np.floor(fractional)) @ cell
+
+
+def disk_images(centres, radii, cell):
+    """(rows, centres) of all images of the disks that reach into the cell; `centres` (N, 2) lie in it."""
+    inverse = np.linalg.inv(cell)
+    reach = radii[:, None] * np.linalg.norm(inverse, axis=0)  # in fractional coordinates
+    return _images(centres @ inverse - reach, centres @ inverse + reach, centres, cell)
+
+
+def segment_images(start, vector, cell):
+    """(rows, starts) of all images that may cross the cell of segments start → start + vector, (M, 2)."""
+    inverse = np.linalg.inv(cell)
+    ends = np.stack((start @ inverse, (start + vector) @ inverse))
+    return _images(ends.min(axis=0), ends.max(axis=0), start, cell)
+
+
+def _images(low, high, anchors, cell):
+    """Images of fractional boxes [low, high] that overlap the unit square: their rows and shifted anchors."""
+    rows, points = [], []
+    for shift in _SHIFTS:
+        seen = np.flatnonzero(((high + shift > 0) & (low + shift < 1)).all(axis=1))
+        rows.append(seen)
+        points.append(anchors[seen] + shift @ cell)
+    return np.concatenate(rows), np.concatenate(points)
+
+
+def frame_cells(page, cells, rows, width, linewidth=0.6) -> list:
+    """[(axes, outline of its cell, at which `clip_artists` cuts its content)] of cells [(2, 2), …] in rows.
+
+    No cell is higher than MAX_ASPECT times its width.
+    """
+    columns = len(cells) // rows
+    ratio = max(cell[1, 1] / (abs(cell[0, 0]) + abs(cell[1, 0])) for cell in cells)
+    height = rows * (width / columns * min(ratio, MAX_ASPECT) + CAPTION_HEIGHT)
+    axes = np.ravel(page.panels(rows, columns, width, height, letters=False))
+    return [(ax, _frame(ax, cell, linewidth)) for ax, cell in zip(axes, cells, strict=True)]
+
+
+def lay_out(page, rows, note=0.0) -> None:
+    """Give framed axes their place on paper, which widths of lines follow; `note`: inches of what stands below them.
+
+    A figure loses the height that they do not need.
+    """
+    page.figure.draw_without_rendering()
+    if page.is_new and page.size is None:
+        heights = np.reshape([ax.get_tightbbox().height for ax in page.axes], (rows, -1)) / page.figure.dpi
+        needed = (heights.max(axis=1) + 0.12).sum() + note
+        page.figure.set_figheight(min(needed, page.figure.get_figheight()))
+        page.figure.draw_without_rendering()
+    page.laid_out = True
+
+
+def _frame(ax, cell, linewidth):
+    corners = np.array([(0.0, 0.0), cell[0], cell[0] + cell[1], cell[1]])
+    outline = Polygon(corners, closed=True, fill=False, edgecolor="0.3", linewidth=linewidth, zorder=5)
+    ax.add_patch(outline)
+    margin = 0.01 * np.ptp(corners, axis=0)
+    (x0, y0), (x1, y1) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    ax.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xticks=(), yticks=())
+    ax.spines[:].set_visible(False)
+    return outline
+
+
+def clip_artists(outline, artists, rasterized=False) -> None:
+    """Cut artists at an outline; they do not count for the layout."""
+    for artist in artists:
+        artist.set(clip_path=outline, in_layout=False, rasterized=rasterized)
+
+
+def points_per_length(ax) -> float:
+    """How long a unit of length is on paper, in points; of axes that are laid out."""
+    ax.apply_aspect()
+    (x0, _), (x1, _) = ax.transData.transform([(0, 0), (1, 0)])
+    return (x1 - x0) * 72 / ax.figure.dpi
+
+
+MAX_VECTOR_DISKS = 5000  # beyond, vector files hold pixels and outlines are thin
 _MEAN_WIDTH, _WIDEST = 0.09, 2.0  # width of the line of a mean force in mean diameters, and at most in points
-PANELS = 4  # snapshots side by side
+MAX_SNAPSHOTS = 4  # side by side
 
 
 @picture("packing", "packing", single=True)
@@ -52,8 +129,8 @@ def plot_minimum(results, page):
 def plot_snapshots(results, page):
     """Disks under shear, side by side: the last snapshot of each file, and the first where it is the start.
 
-    Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. As many disks as the record
-    of a packing says, the first ones, are those of walls: dark. Raises InputError for more panels than fit.
+    Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. Disks of
+    walls, the first ones by the record of the packing, are dark. Raises InputError for more panels than fit.
     """
     titles = labels_of([kind_of(result) for result in results]) if len(results) > 1 else [""]
     panels, shown = [], []
@@ -63,22 +140,22 @@ def plot_snapshots(results, page):
         rows = (0, -1) if strain[0] == 0 else (-1,)
         for row in rows:
             disks, at = snapshot(result, row), rf"$\gamma={strain[row]:.4g}$" if len(rows) > 1 else ""
-            panels.append(flowing(", ".join(filter(None, (title, at))), disks))
+            panels.append(flow_panel(", ".join(filter(None, (title, at))), disks))
             shown.append(f"{disks.n - disks.record.get('walls', 0)} disks at strain {strain[row]:.4g}")
     _draw(page, panels)
     return f"contacts of {', '.join(shown)}"
 
 
-def touching(disks):
+def find_touching(disks):
     """(all contacts, number of each disk's (N,), mask (N,) of those that have none and are not of a wall)."""
     contacts = find_contacts(disks)
     number = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n)
     return contacts, number, (number == 0) & (np.arange(disks.n) >= disks.record.get("walls", 0))
 
 
-def flowing(title, disks):
+def flow_panel(title, disks):
     """A panel of disks that are not at rest."""
-    contacts, number, alone = touching(disks)
+    contacts, number, alone = find_touching(disks)
     walls = disks.record.get("walls", 0)
     pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
     hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
@@ -88,11 +165,11 @@ def flowing(title, disks):
 
 def _draw(page, panels):
     """Panels [(title, disks, contacts, mask of hollow disks, caption), …] side by side, in columns of one width."""
-    if len(panels) > PANELS:
-        raise InputError(f"{len(panels)} snapshots: one picture shows {PANELS}; choose some")
+    if len(panels) > MAX_SNAPSHOTS:
+        raise InputError(f"{len(panels)} snapshots: one picture shows {MAX_SNAPSHOTS}. Choose some.")
     count, largest = len(panels), max(disks.n for _, disks, *_ in panels)
-    width = count * (COLUMN if count > 1 or largest <= MANY else PAGE)
-    axes = framed(page, [disks.cell for _, disks, *_ in panels], 1, width)
+    width = count * (COLUMN if count > 1 or largest <= MAX_VECTOR_DISKS else PAGE)
+    axes = frame_cells(page, [disks.cell for _, disks, *_ in panels], 1, width)
     for (ax, _), (title, *_, caption) in zip(axes, panels, strict=True):
         ax.set_title(title)
         ax.set_xlabel(caption, linespacing=1.4)
@@ -102,7 +179,7 @@ def _draw(page, panels):
         drawn = [_disks(disks, centres, hollow, ax)]
         if len(contacts):
             drawn.append(_forces(ax, disks, centres, contacts))
-        within(outline, drawn, rasterized=disks.n > MANY)
+        clip_artists(outline, drawn, rasterized=disks.n > MAX_VECTOR_DISKS)
 
 
 def _disks(disks, centres, hollow, ax):
@@ -111,11 +188,13 @@ def _disks(disks, centres, hollow, ax):
     faces = np.where(hollow[:, None], (1.0, 1.0, 1.0, 1.0), (0.88, 0.88, 0.88, 1.0))
     faces[rows < disks.record.get("walls", 0)] = (0.45, 0.45, 0.45, 1.0)
     edges = np.where(hollow[:, None], (0.35, 0.35, 0.35, 1.0), (0.6, 0.6, 0.6, 1.0))
-    width = 0.3 if disks.n <= MANY else 0.1
-    return circles(ax, places, 2 * disks.radii[rows], facecolors=faces, edgecolors=edges, linewidths=width)
+    width = 0.3 if disks.n <= MAX_VECTOR_DISKS else 0.1
+    return draw_circles(
+        ax, places, 2 * disks.radii[rows], facecolors=faces, edgecolors=edges, linewidths=width
+    )
 
 
-def circles(ax, places, diameters, **look) -> EllipseCollection:
+def draw_circles(ax, places, diameters, **look) -> EllipseCollection:
     """Circles (M,) at places (M, 2), drawn on `ax`."""
     look |= {"offsets": places, "transOffset": ax.transData, "label": hidden("disks"), "zorder": 1}
     drawn = EllipseCollection(diameters, diameters, np.zeros(len(places)), units="xy", **look)
