@@ -10,8 +10,8 @@ import numpy as np
 from claims.shared import Row, check, claim, line_fit, power_law, rates_of, size_of
 from claims.verdicts import Estimate, between, number
 from jampetsc.analysis.order import six_fold_order
+from jampetsc.analysis.power_laws import local_exponents
 from jampetsc.analysis.profiles import heights, mean_profile
-from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.plots.flowcurves import regimes
 

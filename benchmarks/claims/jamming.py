@@ -11,7 +11,7 @@ from pressures import pressures
 import jampetsc
 from claims.shared import SYMBOLS, Row, check, claim, exponent, fitted, line_fit, medians_in_pressure, size_of
 from claims.verdicts import Estimate, between, exact, number
-from jampetsc.analysis.collapse import BOUNDS
+from jampetsc.analysis.scaling_collapse import BOUNDS
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 

@@ -21,7 +21,7 @@ from claims.shared import (
     size_of,
 )
 from claims.verdicts import Estimate, between, number
-from jampetsc.analysis.correlation_lengths import (
+from jampetsc.analysis.displacement_correlation import (
     LONGEST,
     SHORTEST,
     length_spread,

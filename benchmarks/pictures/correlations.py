@@ -3,7 +3,7 @@
 import numpy as np
 from claims.medium import correlation, solid
 
-from jampetsc.analysis.correlation_lengths import (
+from jampetsc.analysis.displacement_correlation import (
     LONGEST,
     SHORTEST,
     length_spread,

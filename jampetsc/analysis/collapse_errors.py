@@ -14,8 +14,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import gammainc
 
-from jampetsc.analysis.collapse import Fit, Form, Points, means_by_scale
 from jampetsc.analysis.collapse_fit import ROUGH, best_from, carried, minima, ranges
+from jampetsc.analysis.scaling_collapse import Fit, Form, Points, means_by_scale
 from jampetsc.errors import InputError
 
 SIGMAS = 2.0  # of the ends, where χ² is SIGMAS² above the least

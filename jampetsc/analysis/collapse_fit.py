@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.analysis.collapse import BOUNDS, Basis, Fit, Form, Points, scaled
+from jampetsc.analysis.scaling_collapse import BOUNDS, Basis, Fit, Form, Points, scaled
 from jampetsc.errors import InputError, named
 
 EXACT, ROUGH = (1e-9, 300), (1e-5, 100)  # (relative change of χ² that ends a search, most steps)

@@ -6,7 +6,7 @@ and ½ are the walls, and y/H − ½ is the linear profile.
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average
+from jampetsc.analysis.correlated_series import Average
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
 

@@ -10,7 +10,7 @@ from jampetsc.commands.correlate_sweeps import LANES
 from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, as_float, named
 from jampetsc.flows import velocity_correlation as lanes
-from jampetsc.io.fields import PHASES
+from jampetsc.io.disk_motion import PHASES
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILES, Kind, asked, optional, shown
 from jampetsc.options.values import FREQUENCIES, PACKING, RESULT, Numbers, opened, refuse_repeated, words

@@ -6,11 +6,17 @@ import time
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.analysis.correlations import ROUNDING, correlate
-from jampetsc.analysis.lane_sums import grid_cells, lane_sums
+from jampetsc.analysis.displacement_correlation import ROUNDING, correlate, grid_cells, lane_sums
 from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
+from jampetsc.io.disk_motion import (
+    PHASES,
+    chosen_frequencies,
+    field_at,
+    packing_of,
+    particle_rows,
+    phase_factor,
+)
 
 LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, if no others are asked for
 SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jampetsc.analysis.bounds import relative_bound
+from jampetsc.analysis.statistics import relative_bound
 from jampetsc.columns import aligned
 from jampetsc.io.averages import CHOICES
 from jampetsc.io.parts import parts_of

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_averages, mean_of_runs
-from jampetsc.analysis.collapse import PARAMETERS, Points, words_of
 from jampetsc.analysis.collapse_errors import degrees_above
 from jampetsc.analysis.collapse_fit import ranges
-from jampetsc.analysis.jamming import runs_of, share_of
+from jampetsc.analysis.correlated_series import Average, mean_of_averages, mean_of_runs
+from jampetsc.analysis.jammed_samples import runs_of, share_of
+from jampetsc.analysis.scaling_collapse import PARAMETERS, Points, words_of
 from jampetsc.errors import InputError, named
 
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size

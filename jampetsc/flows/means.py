@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.averages import FEW, Average
+from jampetsc.analysis.correlated_series import FEW, Average
 from jampetsc.flows.record import ON_WALLS
 
 UNBALANCED = 0.05  # largest |mismatch| of the energy balance
@@ -73,7 +73,7 @@ class Means:
         return self.shear_stress.time * self.spacing
 
     def warnings(self) -> list[str]:
-        """Warnings about the means, see `io.notes`."""
+        """Warnings about the means, see `io.results`."""
         found = short_run_warnings(self.strain, self.spacing, self.shear_stress, self.pressure)
         if self.shear_stress.drifts or self.pressure.drifts:
             found.append(

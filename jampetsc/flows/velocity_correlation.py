@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.analysis.averages import Average
-from jampetsc.analysis.correlations import ROUNDING
+from jampetsc.analysis.correlated_series import Average
+from jampetsc.analysis.displacement_correlation import ROUNDING
 from jampetsc.analysis.statistics import draws_of, small_sample_factor
 from jampetsc.analysis.velocities import check_snapshots, lane_products
 from jampetsc.errors import InputError, named

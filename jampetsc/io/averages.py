@@ -78,7 +78,7 @@ class Averages(Mapping):
         own = [rows[part] for part in SHARES.get(name, ()) if part in rows]
         if not own or not np.isfinite(own).all():
             return None
-        from jampetsc.analysis.jamming import pooled_share, share_of_runs
+        from jampetsc.analysis.jammed_samples import pooled_share, share_of_runs
 
         share = (pooled_share if len(own) == 1 else share_of_runs)(rows[name], *own)
         return share.value, share.error

@@ -21,6 +21,7 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.atomic import (
     follow,
     locked,
+    open_regular,
     refuse_links,
     remove_abandoned,
     sync_folder,
@@ -28,7 +29,6 @@ from jampetsc.io.atomic import (
     writing,
 )
 from jampetsc.io.parts import remove_if_empty
-from jampetsc.io.regular import open_regular
 from jampetsc.version import VERSION
 
 _VERSION = 3

@@ -20,7 +20,7 @@ import hashlib
 import os
 
 from jampetsc.errors import InputError
-from jampetsc.io.regular import open_regular
+from jampetsc.io.atomic import open_regular
 
 BLOCK = 1 << 18  # bytes hashed at a time
 LINE = 128

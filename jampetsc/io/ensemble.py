@@ -11,8 +11,8 @@ import numpy as np
 from jampetsc.analysis.statistics import mean_with_error, median_with_error
 from jampetsc.columns import unquoted
 from jampetsc.errors import InputError
+from jampetsc.io.atomic import open_regular
 from jampetsc.io.averages import SAME, Averages, frame, require_independent, same
-from jampetsc.io.regular import open_regular
 from jampetsc.io.results import Named
 
 TABLE = "table.csv"

@@ -4,9 +4,20 @@
 """
 
 from jampetsc.io.declaration import Format, contents
-from jampetsc.io.flow_formats import COLLAPSE, FLOW, JAM, SHEAR, VELOCITY_CORRELATION
 from jampetsc.io.hdf5 import attributes, check_format
-from jampetsc.io.response_formats import CORRELATION, MODES, OSCILLATE, QUASISTATIC, SPECTRUM, SWEEP
+from jampetsc.io.result_formats import (
+    COLLAPSE,
+    CORRELATION,
+    FLOW,
+    JAM,
+    MODES,
+    OSCILLATE,
+    QUASISTATIC,
+    SHEAR,
+    SPECTRUM,
+    SWEEP,
+    VELOCITY_CORRELATION,
+)
 
 PACKING = Format(
     datasets=r"""

@@ -5,8 +5,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jampetsc.errors import InputError, named
-from jampetsc.io.fields import chosen_frequencies, disk_rows, field_at, packing_of, particle_rows
-from jampetsc.io.snapshots import snapshot
+from jampetsc.io.disk_motion import (
+    chosen_frequencies,
+    disk_rows,
+    field_at,
+    packing_of,
+    particle_rows,
+    snapshot,
+)
 from jampetsc.packing.contacts import Contacts, disk_areas, disk_stresses, find_contacts, measure
 from jampetsc.packing.disks import Disks
 

@@ -16,10 +16,9 @@ import numpy as np
 
 from jampetsc import interrupts
 from jampetsc.errors import InputError
-from jampetsc.io.atomic import NewFile, remove_abandoned
+from jampetsc.io.atomic import NewFile, open_regular, remove_abandoned
 from jampetsc.io.checksums import Damaged, seal_of, verify
 from jampetsc.io.checksums import seal as add_seal
-from jampetsc.io.regular import open_regular
 
 MAJOR = 1  # version of the formats
 _DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)

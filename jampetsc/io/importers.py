@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.errors import InputError, about, named
+from jampetsc.io.atomic import open_regular
 from jampetsc.io.checksums import SIGNATURE
 from jampetsc.io.disk_table import LAW, numbers, radii_in
 from jampetsc.io.exchange import READERS, check_uncompressed, format_of, pick
 from jampetsc.io.hdf5 import open_file, values
-from jampetsc.io.regular import open_regular
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.from_arrays import Packing, measured
 from jampetsc.packing.potentials import Potential

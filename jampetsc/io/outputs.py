@@ -9,11 +9,10 @@ import re
 from pathlib import Path
 
 from jampetsc.errors import InputError, named
-from jampetsc.io.atomic import check_writable
+from jampetsc.io.atomic import check_writable, open_regular
 from jampetsc.io.checksums import SIGNATURE, seal_of
 from jampetsc.io.hdf5 import attributes, open_file
 from jampetsc.io.parts import PartList
-from jampetsc.io.regular import open_regular
 
 PICTURE, TABLE, EXPORTED = "picture", "table", "exported"
 _PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from jampetsc.collective import on_root
 from jampetsc.errors import InputError, about
+from jampetsc.io.atomic import open_regular
 from jampetsc.io.formats import check_file
 from jampetsc.io.hdf5 import (
     OutputFile,
@@ -20,7 +21,6 @@ from jampetsc.io.hdf5 import (
     values,
 )
 from jampetsc.io.outputs import check_replaced
-from jampetsc.io.regular import open_regular
 from jampetsc.packing.disks import Disks, join
 from jampetsc.packing.potentials import Potential
 

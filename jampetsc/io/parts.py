@@ -1,4 +1,4 @@
-"""The part files of a joint file: one per rank, named after the run so that two runs never mix.
+"""The part files of a joint file, one per rank and named after the run so that two runs never mix.
 
 HDF5 reads a missing part of a virtual dataset as zeros without an error, and a changed one as it is. The joint file
 therefore lists its parts in the group `part_files` (names, sizes in bytes, seals: see `checksums`), each part carries
@@ -15,10 +15,10 @@ import h5py
 import numpy as np
 
 from jampetsc.errors import InputError
+from jampetsc.io.atomic import open_regular
 from jampetsc.io.checksums import seal_of
 from jampetsc.io.formats import PARTS
 from jampetsc.io.hdf5 import open_file, opening, values
-from jampetsc.io.regular import open_regular
 
 _NAME = re.compile(r"[^/]+\.parts/[0-9a-f]{12}-rank-\d{4,}\.h5")
 

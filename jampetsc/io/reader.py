@@ -8,12 +8,12 @@ import numpy as np
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError, about, named
 from jampetsc.io import packing_file
+from jampetsc.io.disk_motion import snapshot
 from jampetsc.io.ensemble import load_ensemble
 from jampetsc.io.hdf5 import attributes, check_format, open_file, retry_if_replaced
 from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
-from jampetsc.io.snapshots import snapshot
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.packing.disks import PLACES, Disks
 from jampetsc.packing.potentials import Potential

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jampetsc.analysis.scaling import (
+from jampetsc.analysis.power_laws import (
     BORDER,
     critical_exponents,
     local_exponents,

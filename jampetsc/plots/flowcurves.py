@@ -6,8 +6,8 @@ large clusters, 2 Bagnoldian, where they part after a collision.
 
 import numpy as np
 
-from jampetsc.analysis.averages import mean_of_facts
-from jampetsc.analysis.scaling import local_exponents
+from jampetsc.analysis.correlated_series import mean_of_facts
+from jampetsc.analysis.power_laws import local_exponents
 from jampetsc.errors import InputError
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import count, picture

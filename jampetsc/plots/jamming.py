@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jampetsc.analysis.jamming import FEWEST, Share, density, memory, runs_of, share_of
+from jampetsc.analysis.jammed_samples import FEWEST, Share, density, memory, runs_of, share_of
 from jampetsc.errors import InputError, named
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import count, differing, picture

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from jampetsc.analysis.scaling import local_slope
+from jampetsc.analysis.power_laws import local_slope
 from jampetsc.plots.style import GREY, number, power_text
 
 _SHORT = 2.0  # decades, below which powers of ten are too few

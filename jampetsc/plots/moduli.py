@@ -8,7 +8,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
+from jampetsc.analysis.power_laws import LAMBDA, MU, collapse, collapse_spread
 from jampetsc.errors import InputError, about
 from jampetsc.io.averages import STATISTICS
 from jampetsc.options.parameters import NUMBER, WORD

@@ -5,7 +5,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 
 from jampetsc.errors import InputError
 from jampetsc.flows.walls import phi_between
-from jampetsc.io.snapshots import snapshot
+from jampetsc.io.disk_motion import snapshot
 from jampetsc.packing.contacts import find_contacts, measure, virial_pressure
 from jampetsc.plots.periodic import (
     disk_images,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.errors import InputError, named
-from jampetsc.io.notes import counted
+from jampetsc.io.results import counted
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, Kind, asked
 from jampetsc.petsc.solver_options import SOLVERS

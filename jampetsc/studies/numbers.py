@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jampetsc.analysis.jamming import OTHERS, effective_samples, runs_of, share_of
-from jampetsc.analysis.scaling import low_frequency_limit
+from jampetsc.analysis.jammed_samples import OTHERS, effective_samples, runs_of, share_of
+from jampetsc.analysis.power_laws import low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load

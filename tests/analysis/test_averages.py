@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jampetsc.analysis.averages import FEW, SCATTER, Average, mean_of_runs
+from jampetsc.analysis.correlated_series import FEW, SCATTER, Average, mean_of_runs
 from jampetsc.analysis.statistics import half_width
 
 

@@ -10,11 +10,11 @@ from samples import stored
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis import collapse_errors, collapse_fit, jamming
-from jampetsc.analysis.averages import Average, mean_of_averages
-from jampetsc.analysis.collapse import Form, Points, scaled
+from jampetsc.analysis import collapse_errors, collapse_fit, jammed_samples
 from jampetsc.analysis.collapse_errors import Estimate, drift, estimate
 from jampetsc.analysis.collapse_fit import minima
+from jampetsc.analysis.correlated_series import Average, mean_of_averages
+from jampetsc.analysis.scaling_collapse import Form, Points, scaled
 from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.commands.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.errors import InputError
@@ -450,7 +450,7 @@ def test_points_of_jam_files_are_shares_and_means_with_their_errors(tmp_path):
     pressure = np.where(np.nan_to_num(jammed) == 1, 1e-3 * np.arange(1, 7), least) + 0 * jammed
     file = write_jam(tmp_path / "a.h5", 64, jammed, pressure)
     data = read_points([file], "jammed", True)
-    shares = [jamming.independent_share(row[np.isfinite(row)]) for row in jammed]
+    shares = [jammed_samples.independent_share(row[np.isfinite(row)]) for row in jammed]
     np.testing.assert_allclose(data.value, [share.value for share in shares])
     np.testing.assert_allclose(data.error, [0.5 * (share.high - share.low) for share in shares])
     assert data.runs.tolist() == [6, 6, 6, 5]

@@ -12,10 +12,18 @@ from drawn import bands, bars, figure_of, lines, told
 from samples import stored
 
 from jampetsc import main as cli
-from jampetsc.analysis import correlations
-from jampetsc.analysis.correlation_lengths import length_spread, stokes_collapse
-from jampetsc.analysis.correlations import ENOUGH_PACKINGS, correlate, first_root
-from jampetsc.analysis.lane_sums import LaneSums, bin_edges, grid_cells, lane_sums
+from jampetsc.analysis import displacement_correlation
+from jampetsc.analysis.displacement_correlation import (
+    ENOUGH_PACKINGS,
+    LaneSums,
+    bin_edges,
+    correlate,
+    first_root,
+    grid_cells,
+    lane_sums,
+    length_spread,
+    stokes_collapse,
+)
 from jampetsc.commands.correlate_sweeps import refuse_mixture
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
@@ -302,10 +310,12 @@ def test_bins_and_grids():
 
 def test_errors_are_known_where_half_of_the_samples_have_a_value():
     values = iter([[n % 2 * 2.0 if n < known else np.nan for known in (100, 99)] for n in range(200)])
-    found = correlations._scatter(lambda rows: np.array(next(values)), 4)
+    found = displacement_correlation._scatter(lambda rows: np.array(next(values)), 4)
     assert found[0] == pytest.approx(np.sqrt(100 / 99)) and np.isnan(found[1])
     # of one value each, v and w: a mean of two drawn is v, w or, half of the time, between: σ = |v − w|/√8
-    one, two, again = (correlations._scatter(lambda rows: rows.mean(keepdims=True), n) for n in (1, 2, 2))
+    one, two, again = (
+        displacement_correlation._scatter(lambda rows: rows.mean(keepdims=True), n) for n in (1, 2, 2)
+    )
     assert np.isnan(one) and two == again == pytest.approx(1 / np.sqrt(8), rel=0.15)
 
 
@@ -315,7 +325,7 @@ def test_a_root_may_lie_on_a_bin_or_between():
     assert first_root(x, np.array([1.0, 0.5, -1.5, 1.0])) == pytest.approx(0.125)
     assert np.isnan(first_root(x, np.array([1.0, 0.5, 0.1, 1e-9])))
     x = np.linspace(0.0, 0.4, 5)  # bins without pairs are none
-    root, least = correlations._places(x, np.array([1.0, np.nan, -0.5, -0.7, np.nan]))
+    root, least = displacement_correlation._places(x, np.array([1.0, np.nan, -0.5, -0.7, np.nan]))
     assert root == pytest.approx(0.2 * 2 / 3) and least == pytest.approx(0.3)
 
 
@@ -347,13 +357,15 @@ def test_units_count_as_often_as_they_are_drawn():
         )
         for p, s, n, d in ((1.0, 2.0, 4.0, 2.0), (6.0, 9.0, 3.0, 6.0))
     ]  # fmt: skip
-    units = correlations._units(strips)
+    units = displacement_correlation._units(strips)
     for draws, expected in (
         ([2, 0], [1.0, 0.25, 3.0]),
         ([0, 1], [1.0, 2.0 / 1.5, 3.0 / 1.5]),
         ([1, 2], [1.0, 13 / 10 * 14 / 20, 3.0 * 14 / 20]),
     ):
-        np.testing.assert_allclose(correlations._correlation(units, np.array(draws))[0], expected, rtol=1e-15)
+        np.testing.assert_allclose(
+            displacement_correlation._correlation(units, np.array(draws))[0], expected, rtol=1e-15
+        )
 
 
 def sums_of(folder, name, cells, width, fields, phase):

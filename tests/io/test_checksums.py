@@ -19,9 +19,9 @@ from jampetsc.errors import InputError
 from jampetsc.io import checksums
 from jampetsc.io.checksums import BLOCK, LINE, Damaged, identity_of, seal, seal_of, verify
 from jampetsc.io.hdf5 import open_file
-from jampetsc.io.merge import merge
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
+from jampetsc.io.result_file import merge
 from jampetsc.packing.disks import Disks
 
 

@@ -10,7 +10,7 @@ import samples
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis.jamming import independent_share
+from jampetsc.analysis.jammed_samples import independent_share
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.averages import CHOICES

@@ -23,11 +23,10 @@ from write_results import LAW, N, arrays, write
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io import parts as parts_module
 from jampetsc.io.checksums import seal
-from jampetsc.io.merge import merge
 from jampetsc.io.parts import part_name, parts_of
 from jampetsc.io.provenance import git_commit, law_of, provenance
 from jampetsc.io.reader import load
-from jampetsc.io.result_file import ArrayInMemory, ResultWriter
+from jampetsc.io.result_file import ArrayInMemory, ResultWriter, merge
 from jampetsc.version import VERSION
 
 

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 
 import jampetsc
 from jampetsc import main as cli
+from jampetsc.analysis.power_laws import local_exponents
 from jampetsc.analysis.profiles import heights, mean_profile
-from jampetsc.analysis.scaling import local_exponents
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
+from jampetsc.io.disk_motion import snapshot
 from jampetsc.io.results import Attributes
-from jampetsc.io.snapshots import snapshot
 from jampetsc.packing.contacts import measure
 from jampetsc.plots.draw import draw
 from jampetsc.plots.flowcurves import (

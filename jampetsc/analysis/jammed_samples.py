@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.correlated_series import Average, mean_of_runs
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 
