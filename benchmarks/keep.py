@@ -21,7 +21,7 @@ import layers
 import lifetimes
 import numpy as np
 
-from jampetsc.analysis.order import STORED, six_fold_order
+from jampetsc.io.disk_motion import STORED, six_fold_order
 from jampetsc.io.hdf5 import OutputFile, attributes, open_file, set_attributes, store
 from jampetsc.io.reader import load
 

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.analysis.order import six_fold_order
-from jampetsc.io.disk_motion import snapshot
+from jampetsc.io.disk_motion import six_fold_order, snapshot
 from jampetsc.plots.flowcurves import flow_curves
 from jampetsc.plots.logaxes import limits_kept
 from jampetsc.plots.packing import circles

@@ -135,3 +135,24 @@ def mean_of_facts(runs, name: str) -> tuple[float, float]:
 def mean_of_averages(averages) -> tuple[float, float]:
     """`mean_of_runs` of a list of Average."""
     return mean_of_runs(*zip(*((one.mean, one.error, one.samples) for one in averages), strict=True))
+
+
+def layer_heights(layers: int) -> np.ndarray:
+    """y/H − ½ of the middles of layers of equal height between walls at −½ and ½, (layers,); the linear profile."""
+    return (np.arange(layers) + 0.5) / layers - 0.5
+
+
+def mean_profile(profiles):
+    """(mean (B,), its error (B,)) of the velocity profiles v_x/(γ̇H) of runs, (rows, B) each, nan for empty layers.
+
+    Errors are from the scatter of runs, of a single run from its own autocorrelation.
+    """
+    means, errors = [], []
+    for rows in profiles:
+        columns = [column[np.isfinite(column)] for column in rows.T]
+        averages = [Average.of(column) if len(column) else None for column in columns]
+        means.append([average.mean if average else np.nan for average in averages])
+        errors.append([average.error if average else np.nan for average in averages])
+    if len(means) == 1:
+        return np.array(means[0]), np.array(errors[0])
+    return mean_with_error(means)

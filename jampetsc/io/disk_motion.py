@@ -5,13 +5,21 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.errors import InputError, named
+from jampetsc.analysis.order import mean_order
+from jampetsc.analysis.velocity_correlation import LaneCorrelation, correlate_velocities
+from jampetsc.errors import InputError, about, named
 from jampetsc.io.packing_file import is_known_as, read_packing
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import Potential
 
 # what the real part of a field is in phase with, the default first; files hold fields per strain
 PHASES = ("stress", "strain")
+FLOW_KIND = ("model", "rate", "particle_count", "mass")  # attributes of flows whose correlations are averaged
+PHI_TOLERANCE = 1e-6  # φ of such flows may differ by this
+STORED = (
+    "snapshots/psi6_local",
+    "snapshots/psi6_global",
+)  # in files without positions, such as those of docs/kept
 _HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
 
@@ -153,8 +161,86 @@ def snapshot(result, row=-1) -> Snapshot:
     potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
     names = ("positions", "cell", "velocities", "strain", "images", "spins")
     kept = {name: result.stored(f"snapshots/{name}")[row] for name in names if f"snapshots/{name}" in result}
-    radii = result.get("snapshots/radii")
-    radii = result["state/radii"] if radii is None else radii  # where older files have them
     record = {name: convert(a[name]) for name, convert in (("walls", int), ("units", str)) if name in a}
-    disks = Snapshot.from_positions(kept.pop("positions"), radii, kept.pop("cell"), potential, record=record)
+    disks = Snapshot.from_positions(
+        kept.pop("positions"), result["snapshots/radii"], kept.pop("cell"), potential, record=record
+    )
     return replace(disks, rate=float(a["rate"]), **kept)
+
+
+def check_snapshots(result) -> None:
+    """Raise InputError where a flow has no snapshots, or these have positions or cells that no disks have."""
+    if "snapshots/positions" not in result:
+        raise InputError(f"{result.path}: holds no snapshots: run the flow with {named('snapshots')}")
+    radii = result["snapshots/radii"]
+    for positions, cell in zip(result["snapshots/positions"], result["snapshots/cell"], strict=True):
+        with about(result.path):
+            Disks.from_positions(positions, radii, cell)
+
+
+def six_fold_order(result):
+    """`analysis.order.mean_order` of each snapshot of a flow, as stored in a file without positions: (S,) each.
+
+    Raises InputError for a file without snapshots.
+    """
+    if STORED[0] in result:
+        return tuple(result[name] for name in STORED)
+    check_snapshots(result)
+    walls = int(result.attributes.get("walls", 0))
+    return mean_order(result["snapshots/positions"], result["snapshots/cell"], walls)
+
+
+def velocity_profiles(results, low: float, high: float) -> list:
+    """Velocity profiles (rows, B) of flow files, for each its rows with low < strain ≤ high.
+
+    Raises InputError for files without profiles, and where one has no row there.
+    """
+    profiles = []
+    for result in results:
+        if "velocity_profile" not in result:
+            raise InputError(f"{result.path}: holds no velocity profiles: run the flow with {named('walls')}")
+        strain = result["strain"]
+        rows = result["velocity_profile"][(strain > low * (1 + 1e-9)) & (strain <= high * (1 + 1e-9))]
+        if not len(rows):
+            raise InputError(f"{result.path}: has no row between strain {low:g} and {high:g}")
+        profiles.append(rows)
+    return profiles
+
+
+def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
+    """`correlate_velocities` of the snapshots of flow files of one kind.
+
+    Raises InputError as that does, and for files without snapshots or of different kinds.
+    """
+    first = results[0]
+    for result in results:
+        _require_one_kind(result, first)
+        check_snapshots(result)
+
+    def snapshots():
+        for result in results:
+            arrays = (result[f"snapshots/{name}"] for name in ("positions", "velocities", "cell"))
+            for positions, velocities, cell in zip(*arrays, strict=True):
+                yield positions, velocities[:, 1], cell
+
+    diameter, rate = 2.0 * float(np.mean(first["state/radii"])), float(first.attributes["rate"])
+    with about(first.path):
+        return correlate_velocities(snapshots(), diameter, rate, lane, width)
+
+
+def _require_one_kind(result, first) -> None:
+    """Raise InputError unless the velocities of a flow can be averaged with those of the first."""
+    if "snapshots/velocities" not in result:
+        raise InputError(f"{result.path}: holds no snapshots: run the flow with {named('snapshots')}")
+    if "walls" in result.attributes:
+        raise InputError(
+            f"{result.path}: a flow between walls is not homogeneous: g_y(x) is of flow without them"
+        )
+    for name in FLOW_KIND:
+        value, other = result.attributes.get(name), first.attributes.get(name)
+        if value != other:
+            raise InputError(
+                f"{result.path}: {name} {value}, but {first.path.name} has {other}: average one kind"
+            )
+    if abs(result.attributes["phi"] - first.attributes["phi"]) > PHI_TOLERANCE:
+        raise InputError(f"{result.path}: another phi than {first.path.name}: average one kind")

@@ -195,7 +195,7 @@ velocity_profile | (T, 20) | float? | γ̇H | with `--walls`: mean v_x of the di
   the end of a row, from −½ at the lower wall to ½ at the upper one; nan without disks
 snapshots/strain | (S,) | float? | | with `--snapshots` or `--snapshot-every`: their strain
 snapshots/cell | (S, 2, 2) | float? | length | their cell
-snapshots/radii | (N,) | float? | length | radii of the disks (older files: `state/radii`)
+snapshots/radii | (N,) | float? | length | radii of the disks
 snapshots/positions | (S, N, 2) | float? | length | centres; with `--walls` the disks of the walls come first
 snapshots/velocities | (S, N, 2) | float? | length/time | velocities without the affine flow, at these positions
   (backward Euler; in older files those of the step before)

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from jampetsc.analysis.order import six_fold_order
-from jampetsc.analysis.profiles import heights, mean_profile
+from jampetsc.analysis.correlated_series import layer_heights, mean_profile
+from jampetsc.analysis.velocity_correlation import DEFAULT_BIN_WIDTH, DEFAULT_LANE_WIDTH
 from jampetsc.errors import InputError
-from jampetsc.flows.velocity_correlation import BIN, FORMAT, LANE, correlate_lanes
+from jampetsc.io.disk_motion import correlate_lanes, six_fold_order, velocity_profiles
 from jampetsc.plots.page import band
 from jampetsc.plots.picture import count, differing, grouped, picture
 from jampetsc.plots.style import DASHED, GREY, PAGE, colours, entry, hidden, looks, number
@@ -115,9 +115,9 @@ def plot_profiles(results, page):
         windows = [*pairwise([edge for edge in WINDOWS if edge < steady]), (steady, end)]
         ax.plot([-0.5, 0.5], [-0.5, 0.5], color=GREY, lw=0.8, ls=":", zorder=1)
         for (low, high), look in looks(windows):
-            v, error = mean_profile(runs, low, high)
+            v, error = mean_profile(velocity_profiles(runs, low, high))
             bars = {"xerr": np.nan_to_num(error), "elinewidth": 0.6, "label": f"${low:g}$ to ${high:.3g}$"}
-            ax.errorbar(v, heights(len(v)), ms=3, lw=0.8, **bars, **look)
+            ax.errorbar(v, layer_heights(len(v)), ms=3, lw=0.8, **bars, **look)
         ax.set(xlim=(-0.52, 0.52), ylim=(-0.5, 0.5))
         title = rf"{name}, $\dot\gamma={number(rate)}$" if len(rates) > 1 else name
         ax.set_title(title, loc="right", pad=3)
@@ -131,7 +131,7 @@ def lanes_of(results) -> list:
     Flow files are correlated with the defaults of `jampetsc correlate`. Raises InputError without snapshots.
     """
     found = []
-    if results[0].format == FORMAT:
+    if results[0].format == "jampetsc-velocity-correlation":
         for result in results:
             a = result.attributes
             label = rf"{a['model']}, $\phi={float(a['phi']):.5g}$, $\dot\gamma={number(float(a['rate']))}$"
@@ -140,7 +140,7 @@ def lanes_of(results) -> list:
     groups = grouped(results, lambda one: (kind_of(one), float(one.attributes["rate"])))
     names = labels_of([kind for kind, _ in sorted(groups)])
     for ((_, rate), some), name in zip(sorted(groups.items()), names, strict=True):
-        g = correlate_lanes(some, LANE, BIN)
+        g = correlate_lanes(some, DEFAULT_LANE_WIDTH, DEFAULT_BIN_WIDTH)
         found.append((rf"{name}, $\dot\gamma={number(rate)}$", g.centres, g.values, g.errors))
     return found
 
