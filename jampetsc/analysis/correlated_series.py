@@ -113,7 +113,7 @@ def mean_of_runs(means, errors, samples) -> tuple[float, float]:
     """(mean, error) over runs (R,); the error is the larger of that from the scatter of their means and that from their
     own errors.
 
-    means, errors, samples   of each run as in `Average`; samples inf where an older file does not have them
+    means, errors, samples   of each run as in `Average`; samples inf: not known, taken for many
 
     Both are widened by Student's factor: for R − 1 degrees of freedom, and for those of all runs together. nan for one
     run without an error.
@@ -129,7 +129,7 @@ def mean_of_runs(means, errors, samples) -> tuple[float, float]:
 def mean_of_facts(runs, name: str) -> tuple[float, float]:
     """`mean_of_runs` of a quantity in the attributes of runs: NAME_mean, NAME_error, NAME_samples."""
     parts = ("mean", "error", "samples")
-    return mean_of_runs(*([float(run.get(f"{name}_{part}", np.inf)) for run in runs] for part in parts))
+    return mean_of_runs(*([float(run[f"{name}_{part}"]) for run in runs] for part in parts))
 
 
 def mean_of_averages(averages) -> tuple[float, float]:

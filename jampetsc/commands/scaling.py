@@ -90,8 +90,8 @@ def _rows(result, observable, finite_size):
         ]
     if observable == "jammed":
         raise InputError(f"{result.path}: {named('observable')} jammed goes with {named('finite_size')}")
-    samples = a.get(f"{observable}_samples", math.inf)  # older files do not have it
-    return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"], samples))]
+    mean = tuple(a[f"{observable}_{part}"] for part in ("mean", "error", "samples"))
+    return [(float(a["phi"]), scale, origin, mean)]
 
 
 def _mean(runs, observable):

@@ -104,7 +104,7 @@ class Checkpoint:
 
     def _read(self):
         """[(index, rank 0's entry, hashes of the ranks' files)] of this job's steps, in their order."""
-        found, others = [], self.journal.is_file()  # a file: a checkpoint of an older version
+        found, others = [], False
         for path in self.journal.glob("*-rank-0000"):
             named, step = _STEP.fullmatch(path.name), read_entry(path)
             if named is None or step is None:

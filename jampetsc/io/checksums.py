@@ -9,7 +9,7 @@ content, with
     one line of LINE bytes: jampetsc-checksums 1 <bytes of content> <BLOCK> <sha256 of the numbers and hashes before>
 
 A process compares a file with its line once, 1 GB in 0.6 s. The hash in the line stands for the whole content: it
-identifies the file, and a joint file keeps the hashes of its parts. The list is for older versions, which check it.
+identifies the file, and a joint file keeps the hashes of its parts.
 
 Other programs see plain HDF5, whose header says where the content ends. A program that changes the file cuts off what
 follows, as libhdf5 does on closing: an edited file has no checksums, and is read like one of any other program.

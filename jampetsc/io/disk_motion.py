@@ -8,7 +8,7 @@ import numpy as np
 from jampetsc.analysis.order import mean_order
 from jampetsc.analysis.velocity_correlation import LaneCorrelation, correlate_velocities
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.packing_file import is_known_as, read_packing
+from jampetsc.io.packing_file import read_packing
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import Potential
 
@@ -28,7 +28,7 @@ def packing_of(result, given=None) -> Disks:
     """The packing that a result was made from: `given` (Disks or a file), else the one in memory with the result, else
     the file beside it.
 
-    Raises InputError where there is none, and where it is another packing: a file has to have the recorded sha256,
+    Raises InputError where there is none, and where it is another packing: a file has to have the recorded fingerprint,
     Disks that or the same number of disks and φ.
     """
     name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
@@ -44,7 +44,7 @@ def packing_of(result, given=None) -> Disks:
         what = f"packing {name} is not beside it" if name else "packing was in memory"
         raise InputError(f"{result.path}: its {what}: give it with {named('packing')}")
     disks = read_packing(path)
-    if recorded not in (None, disks.fingerprint) and not is_known_as(path, recorded):
+    if recorded not in (None, disks.fingerprint):
         raise InputError(
             f"{path}: is not the packing that {result.path.name} was made from (sha256 {disks.fingerprint[:12]}… "
             f"instead of {recorded[:12]}…): give that one with {named('packing')}"

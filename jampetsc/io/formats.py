@@ -60,7 +60,7 @@ PARTS = Format(  # of a joint file, beside what its format has
     datasets="""
 part_files/names | (P,) | text | | paths of the parts from the folder of the joint file
 part_files/sizes | (P,) | int | bytes | of each
-part_files/seals | (P,) | text? | | the hash in its line of checksums; older files have none
+part_files/seals | (P,) | text | | the hash in its line of checksums
 """,
     attributes="",
 )

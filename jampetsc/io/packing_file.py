@@ -5,17 +5,14 @@ Datasets `positions` (N, 2), `radii` (N,), `cell` (2, 2) rows a1, a2, and the pa
 `potential`, `stiffness`, `k` (1 if missing), then the record: pressure, phi, energy, max_force, seed, …
 """
 
-import hashlib
 from pathlib import Path
 
 from jampetsc.collective import on_root
 from jampetsc.errors import InputError, about
-from jampetsc.io.atomic import open_regular
 from jampetsc.io.formats import check_file
 from jampetsc.io.hdf5 import (
     OutputFile,
     open_file,
-    opening,
     set_attributes,
     store,
     values,
@@ -79,18 +76,6 @@ def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
         return path, (None, path.fingerprint)
     name, disks = on_root(comm, lambda: (Path(path).name, read_packing(path)))
     return disks, (name, disks.fingerprint)
-
-
-def is_known_as(path, sha256: str | None) -> bool:
-    """Whether the packing at `path` is the one that a result knows by the attribute `packing_sha256`.
-
-    That is the fingerprint of its disks; results of older versions have the sha256 of the bytes of its file. Raises
-    InputError where there is no packing.
-    """
-    if read_packing(path).fingerprint == sha256:
-        return True
-    with opening(path), open_regular(path) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() == sha256
 
 
 def check_packing(path) -> None:

@@ -48,8 +48,7 @@ class PartList:
                     f"{path}: part {name!r} cannot be a part of run {self.run_id}: damaged, make it again"
                 )
         self.sizes = dict(zip(names, sizes, strict=True))
-        seals = [seal.decode() for seal in seals] or [None] * len(names)  # the first versions had none
-        self._seals = dict(zip(names, seals, strict=True))
+        self._seals = dict(zip(names, (seal.decode() for seal in seals), strict=True))
 
     def __bool__(self):
         return bool(self.sizes)
@@ -72,7 +71,7 @@ class PartList:
         for rank, name in enumerate(self.sizes):
             path = self.path.parent / name
             with opening(path), open_regular(path) as file:
-                if self._seals[name] and seal_of(file) == self._seals[name]:
+                if seal_of(file) == self._seals[name]:
                     continue
             with open_file(path) as h5:
                 found = h5.attrs.get("run_id"), h5.attrs.get("rank")
@@ -81,10 +80,9 @@ class PartList:
                     f"{self.shown}: part {name} is rank {found[1]} of run {found[0]}, not rank {rank} of run "
                     f"{self.run_id}: put the right one back"
                 )
-            if self._seals[name]:
-                raise InputError(
-                    f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
-                )
+            raise InputError(
+                f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
+            )
 
     def verify(self) -> None:
         """Raise InputError as `check`, and for a part of which any byte has changed."""

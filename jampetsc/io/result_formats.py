@@ -198,24 +198,24 @@ snapshots/cell | (S, 2, 2) | float? | length | their cell
 snapshots/radii | (N,) | float? | length | radii of the disks
 snapshots/positions | (S, N, 2) | float? | length | centres; with `--walls` the disks of the walls come first
 snapshots/velocities | (S, N, 2) | float? | length/time | velocities without the affine flow, at these positions
-  (backward Euler; in older files those of the step before)
+  (backward Euler)
 snapshots/images | (S, N, 2) | int? | | k₁, k₂: x + k₁ a₁ + k₂ a₂ with the `cell` of the snapshot is the position that
   was never folded back into the cell, `flow.snapshot(i).unwrapped`; between snapshots it changes by Δγ y and the
   non-affine displacement. Older files have none
 snapshots/spins | (S, N) | float? | 1/time | laws with rotations: angular velocities; that of uniform shear is −γ̇/2
-snapshots/psi6_local, snapshots/psi6_global | (S,) | float? | | six-fold order ⟨\|ψ₆\|⟩ and \|⟨ψ₆⟩\| of older files
-  and of results kept without positions
+snapshots/psi6_local, snapshots/psi6_global | (S,) | float? | | six-fold order ⟨\|ψ₆\|⟩ and \|⟨ψ₆⟩\| of results
+  kept without positions
 state/base, state/offset, state/offsets, state/velocities, state/accelerations | (N, 2) | float | | `state`: with which
   `jampetsc flow FILE --strain MORE` continues; not for analysis
 state/radii, state/spins, state/spin_rates | (N,) | float | | likewise
 state/cell_base, state/cell_offset | (2, 2) | float | | likewise
-state/images | (N, 2) | int? | | likewise; older files have none
-state/order | (N,) | int? | | likewise, a permutation; older files have none
+state/images | (N, 2) | int | | likewise
+state/order | (N,) | int | | likewise, a permutation
 state/seen | (10,) | float | | likewise
 state/skin | scalar | float | | likewise
-state/sorted_at | scalar | float? | | likewise; older files have none
+state/sorted_at | scalar | float | | likewise
 state/steps, state/since, state/rebuilds | scalar | int | | likewise
-state/substeps | scalar | int? | | likewise; older files have none
+state/substeps | scalar | int | | likewise
 state/started | scalar | bool | | likewise
 """,
     attributes=r"""
@@ -255,7 +255,7 @@ dissipated | (T,) | float | `units` | V ½(σ + σ′) Δγ − ΔU: work of the
 plastic | (T,) | float | | 1 where `dissipated` exceeds `plastic_share` G_A V Δγ², more than the error of the
   trapezoidal rule: disks rearranged; G_A is the modulus of affine motion
 proved | (T,) | float? | | 1 where the Hessian was factorised and has no negative mode: wherever contacts are alike, and
-  in every 50th row; older files have none
+  in every 50th row
 evaluations | (T,) | float | | force evaluations that the step took
 state/base, state/offset | (N, 2) | float | length | the last minimum, coordinates in two parts
 state/cell_base, state/cell_offset | (2, 2) | float | length | its cell in two parts
@@ -311,7 +311,6 @@ pairs | (D,) | float | | number of pairs, all snapshots
     attributes=r"""
 lane_width, bin_width | float > 0 | length | width of a lane in y, width of a bin in x
 mean_diameter | float > 0 | length | mean diameter of the disks
-lane, bin | float? | length | of older files: half of `lane_width`, and `bin_width`
 snapshots | int | | number of snapshots of all files
 mean_square | float | | ⟨u_y²⟩/γ̇²
 minimum, minimum_at | float | | least g_y, and the x of the parabola through it and its neighbours

@@ -17,7 +17,7 @@ from disturbed import killed
 
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io import checkpoint as checkpoint_module
-from jampetsc.io.checkpoint import Checkpoint, discard, write_entry
+from jampetsc.io.checkpoint import Checkpoint, write_entry
 
 KEY = {
     "packing": "ab" * 32,
@@ -228,10 +228,7 @@ def test_what_another_version_saved_is_not_taken_for_its_own(out, monkeypatch, c
     saved(out, range(1))
     monkeypatch.setattr(checkpoint_module, "VERSION", "0.0.1")
     assert not Checkpoint(out, KEY).done
-    discard(out.with_name("s.h5.resume"))
-    out.with_name("s.h5.resume").write_text("a journal of the first versions")
-    assert not Checkpoint(out, KEY).done
-    assert capsys.readouterr().err.count("belongs to another job: ignored") == 2
+    assert capsys.readouterr().err.count("belongs to another job: ignored") == 1
     saved(out, range(1))
     assert Checkpoint(out, KEY).done.keys() == {0}
 

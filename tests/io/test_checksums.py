@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from samples import DATA, published
-from test_result_file import assert_holds, parts, written
+from samples import published
+from test_result_file import written
 
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
@@ -151,14 +151,3 @@ def test_one_byte_too_many_or_too_few_without_checksums(tmp_path, libver, change
         return
     with pytest.raises(InputError, match="truncated"), open_file(path):
         pass
-
-
-def test_older_files_are_read(tmp_path):
-    path = shutil.copytree(DATA / "without-checksums", tmp_path / "older") / "s.h5"
-    assert_holds(path)
-    assert merge(path, tmp_path / "merged.h5") == 3
-    assert_holds(tmp_path / "merged.h5")
-    assert load(DATA / "without-checksums.h5").n == 4
-    parts(path)[1].unlink()
-    with pytest.raises(InputError, match="is missing"):
-        load(path)

@@ -89,6 +89,7 @@ def facts(**more):
     plain |= {"rate": 0.1, "seed": 1, "units": "those of the packing", "stiffness": "constant", "tau1": 0.5}
     names = ("shear_stress", "pressure", "coordination")
     plain |= {f"{name}_{part}": 1.0 for name in names for part in ("mean", "error")}
+    plain |= {f"{name}_samples": np.inf for name in names}
     return SimpleNamespace(path=Path("a.h5"), attributes=Attributes("a.h5", plain | more))
 
 
