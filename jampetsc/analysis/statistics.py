@@ -72,6 +72,18 @@ def median_with_error(values) -> tuple:
     return np.median(values, axis=0), 0.5 * (high - low)
 
 
+STATISTICS = {"mean": mean_with_error, "median": median_with_error}
+
+
+def complex_statistic(values, statistic: str) -> tuple:
+    """(value, error) of samples (n, …), one of STATISTICS; of complex ones real and imaginary part by themselves."""
+    values, function = np.asarray(values), STATISTICS[statistic]
+    if not np.iscomplexobj(values):
+        return function(values)
+    (storage, storage_error), (loss, loss_error) = function(values.real), function(values.imag)
+    return storage + 1j * loss, storage_error + 1j * loss_error
+
+
 def log_median(values) -> tuple[float, float]:
     """(ln of the median, its error) of values (n,), which may have a long tail.
 

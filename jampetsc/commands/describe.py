@@ -4,7 +4,7 @@ import numpy as np
 
 from jampetsc.analysis.statistics import relative_bound
 from jampetsc.columns import aligned
-from jampetsc.io.averages import CHOICES
+from jampetsc.io.ensemble import CHOICES
 from jampetsc.io.parts import parts_of
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
 from jampetsc.packing.minimum_proof import ENTRIES, proved_minimum

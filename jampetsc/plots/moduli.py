@@ -9,8 +9,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
 from jampetsc.analysis.power_laws import LAMBDA, MU, collapse, collapse_spread
+from jampetsc.analysis.statistics import STATISTICS
 from jampetsc.errors import InputError, about
-from jampetsc.io.averages import STATISTICS
 from jampetsc.options.parameters import NUMBER, WORD
 from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves, symbol_of
 from jampetsc.plots.logaxes import draw_guide

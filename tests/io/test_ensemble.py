@@ -13,8 +13,7 @@ from jampetsc import main as cli
 from jampetsc.analysis.jammed_samples import independent_share
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.errors import InputError
-from jampetsc.io.averages import CHOICES
-from jampetsc.io.ensemble import load_ensemble
+from jampetsc.io.ensemble import CHOICES, load_ensemble
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
 from jampetsc.studies.table import table_text
