@@ -41,7 +41,7 @@ _ENTRY = re.compile(r"([A-Za-z]\w*)?\s*(?:([+−])?\s*(\d+))?")
 
 
 @dataclass(frozen=True)
-class Row:
+class FormatRow:
     """A line of a table for one name."""
 
     name: str  # or a pattern
@@ -107,10 +107,10 @@ class Table:
             entries = _entries(shape[0]) if shape else None
             for name, kind in zip(names, kinds * len(names) if len(kinds) == 1 else kinds, strict=True):
                 kind, above, _ = kind.partition(" > 0")
-                self.rows[name] = Row(name, entries, kind, bool(above), optional, unit, meaning)
+                self.rows[name] = FormatRow(name, entries, kind, bool(above), optional, unit, meaning)
         self._patterns = [row for name, row in self.rows.items() if "*" in name]
 
-    def row(self, name: str) -> Row | None:
+    def row(self, name: str) -> FormatRow | None:
         """The row of a name; None where it is not declared."""
         return self.rows.get(name) or next((r for r in self._patterns if fnmatchcase(name, r.name)), None)
 
@@ -122,7 +122,7 @@ class Format:
         self.datasets, self.attributes = Table(datasets, True), Table(attributes, False)
         self.common = common
 
-    def attribute(self, name: str) -> Row | None:
+    def attribute(self, name: str) -> FormatRow | None:
         """The row of an attribute; None where it is not declared."""
         return self.attributes.row(name) or (self.common.row(name) if self.common else None)
 

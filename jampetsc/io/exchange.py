@@ -8,12 +8,14 @@ import re
 import shlex
 import zipfile
 import zlib
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from jampetsc.errors import InputError, MissingPackage, named
-from jampetsc.io.disk_table import LAW, DiskTable, is_number, law_in, law_of, numbers
+from jampetsc.packing.potentials import EXPONENTS
 
+LAW = ("potential", "stiffness", "k")  # what a file may say of its forces, see `packing.potentials`
 STYLES = {  # columns of Atoms in LAMMPS data files
     "sphere": "id type diameter density x y z",
     "bpm/sphere": "id mol type diameter density x y z",
@@ -33,6 +35,43 @@ COMPRESSIONS = {  # first bytes -> (program, command that decompresses)
     b"\x04\x22\x4d\x18": ("lz4", "unlz4"),
     b"7z\xbc\xaf\x27\x1c": ("7z", "7z x"),
 }
+
+
+@dataclass(frozen=True, eq=False)
+class DiskTable:
+    """Disks as a file of another program has them."""
+
+    columns: dict  # name in the file -> (N,) words or numbers
+    positions: np.ndarray  # (N, 2) or (N, 3)
+    box: object  # in a form that `packing.from_arrays.cell_of` takes; None where the file has none
+    law: dict = field(default_factory=dict)  # name of LAW, or units -> what the file says
+
+
+def law_of(entries) -> dict:
+    """The entries {key: value} of a file that are of LAW, or units; none where `potential` is not one of jampetsc.
+
+    Other programs may use these keys for something else.
+    """
+    law = {name: entries[name] for name in (*LAW, "units") if name in entries}
+    return law if law.get("potential") in EXPONENTS else {}
+
+
+def law_in(text) -> dict:
+    """`law_of` the words key=value of a text."""
+    return law_of({key: value.strip('"') for key, value in re.findall(r'(\w+)=("[^"]*"|\S+)', text)})
+
+
+def numbers(words):
+    """Words as an array of numbers. Raises InputError."""
+    try:
+        return np.asarray(words, float)
+    except (TypeError, ValueError):
+        shown = " ".join(map(str, list(words)[:5]))
+        raise InputError(f"{shown}{' …' if len(words) > 5 else ''}: not numbers") from None
+
+
+def is_number(word):
+    return re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", str(word), re.IGNORECASE) is not None
 
 
 def check_uncompressed(content, path):

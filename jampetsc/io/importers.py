@@ -12,13 +12,14 @@ import numpy as np
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.atomic import open_regular
 from jampetsc.io.checksums import SIGNATURE
-from jampetsc.io.disk_table import LAW, numbers, radii_in
-from jampetsc.io.exchange import READERS, check_uncompressed, format_of, pick
+from jampetsc.io.exchange import LAW, READERS, check_uncompressed, format_of, is_number, numbers, pick
 from jampetsc.io.hdf5 import open_file, values
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.from_arrays import Packing, measured
 from jampetsc.packing.potentials import Potential
 
+RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
+TYPES = ("type", "types", "species", "element")  # columns looked for, for radii by type
 _NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
 _LARGEST = 1 << 29  # bytes of text, about ten million disks
 _AGREE = 1e-6  # relative difference from a stored value that still counts as the same packing
@@ -161,3 +162,59 @@ def _read_jaxmd(h5, index):
         Potential("harmonic", "inverse-square-diameter", 1.0),
         record={"protocol": "jax-md", **published},
     )
+
+
+def radii_in(columns, radius=None):
+    """(N,) radii out of the columns of a file. Raises InputError.
+
+    radius   name of their column, halved if it begins with diameter; a radius for each type, {type: radius} or
+             "1=0.5,2=0.7"; None: one of RADII
+    """
+    if isinstance(radius, dict) or "=" in (radius or ""):
+        return _radii_by_type(columns, radius)
+    names = [name for name in columns if (name == radius if radius else name.lower() in RADII)]
+    if not names:
+        example = ",".join(f"{type}={size}" for type, size in zip(_types(columns), (0.5, 0.7), strict=False))
+        raise InputError(
+            f"no column {radius or 'radius or diameter'} among {', '.join(columns)}. "
+            f"Name the column of the radii by {named('radius')}, or give "
+            + (
+                f"a radius for each type: {named('radius')} {example}"
+                if example
+                else "arrays to jampetsc.Packing"
+            )
+        )
+    return numbers(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
+
+
+def _radii_by_type(columns, radii):
+    if not isinstance(radii, dict):
+        radii = {type: radius for type, _, radius in (entry.partition("=") for entry in radii.split(","))}
+    radii = {str(type).strip(): str(radius).strip() for type, radius in radii.items()}
+    for type, radius in radii.items():
+        if not (is_number(radius) and float(radius) > 0.0):
+            raise InputError(
+                f"{named('radius')} {type}={radius}: must be positive. Give TYPE=R, e.g. 1=0.5,2=0.7"
+            )
+    types = _types(columns)
+    if not types:
+        raise InputError(
+            f"no column {' or '.join(TYPES)} among {', '.join(columns)}. Name the column of the radii by "
+            f"{named('radius')}"
+        )
+    missing = [type for type in types if type not in radii]
+    if missing:
+        raise InputError(
+            f"no radius for type {', '.join(missing[:5])}. Give one for each type by {named('radius')}, "
+            f"which has {', '.join(radii)}"
+        )
+    return np.array([float(radii[str(type)]) for type in _type_column(columns)])
+
+
+def _type_column(columns):
+    return next((columns[name] for name in columns if name.lower() in TYPES), ())
+
+
+def _types(columns) -> list:
+    """The types of the disks, in words, sorted."""
+    return sorted({str(type) for type in _type_column(columns)})
