@@ -120,8 +120,8 @@ def _ends(points, fits):
             continue
         for name in fit.form.free:
             low, high = (_end(points, fit, least, name, side) for side in (0, 1))
-            known = ends.get(name, (low, high))
-            ends[name] = min(low, known[0]), max(high, known[1])
+            ends_so_far = ends.get(name, (low, high))
+            ends[name] = min(low, ends_so_far[0]), max(high, ends_so_far[1])
     return ends
 
 
@@ -131,21 +131,21 @@ def drift(points: Points, form: Form) -> list:
     Without corrections to scaling, parameters can be trusted once they no longer change with the cut. Raises
     InputError if even all points are too few.
     """
-    found = []
+    rows = []
     for cut in np.unique(points.scale)[::-1]:
         try:
-            found.append((float(cut), *estimate(points[points.scale <= cut], form)))
+            rows.append((float(cut), *estimate(points[points.scale <= cut], form)))
         except InputError:  # too few are left
-            if not found:
+            if not rows:
                 raise
             break
-    return found
+    return rows
 
 
 def degrees_above(points: Points, form: Form) -> list[int]:
     """The higher degrees for which there are enough points."""
     higher = (replace(form, degree=form.degree + more) for more in HIGHER)
-    return [one.degree for one in higher if one.unknowns < len(points)]
+    return [form.degree for form in higher if form.unknowns < len(points)]
 
 
 def _shifts(points, fit):
@@ -171,23 +171,25 @@ def _linear_errors(points, fit):
 def _end(points, fit, least, name, side):
     """Where the profile of χ² is SIGMAS² above the least, below or above the best (side 0, 1); ∓∞ if nowhere."""
     best, sign, limit = fit.parameters[name], (-1.0, 1.0)[side], ranges(points)[name][side]
-    known = {best: fit}
+    profile = {best: fit}
 
     def rise(value):
         """√(χ² − least) − SIGMAS with the parameter held."""
-        if value not in known:
+        if value not in profile:
             inner = max(
-                (other for other in known if abs(other - best) < abs(value - best)),
+                (other for other in profile if abs(other - best) < abs(value - best)),
                 key=lambda v: abs(v - best),
             )
-            near, held = known[inner], replace(fit.form, held={**fit.form.held, name: value})
+            near, form = profile[inner], replace(fit.form, fixed={**fit.form.fixed, name: value})
             begun = {**near.parameters, name: value}, _along_profile(points, near, name, value)
-            start = min((carried(points, near, held, one) for one in begun), key=lambda one: one.chi2)
-            found = replace(best_from(points, held, start, ROUGH), form=fit.form)
-            if found.chi2 < least - _BETTER:
-                raise _BetterFit(found)
-            known[value] = found
-        return math.sqrt(max(0.0, known[value].chi2 - least)) - SIGMAS
+            start = min(
+                (carried(points, near, form, parameters) for parameters in begun), key=lambda fit: fit.chi2
+            )
+            refit = replace(best_from(points, form, start, ROUGH), form=fit.form)
+            if refit.chi2 < least - _BETTER:
+                raise _BetterFit(refit)
+            profile[value] = refit
+        return math.sqrt(max(0.0, profile[value].chi2 - least)) - SIGMAS
 
     longest = abs(np.subtract(*ranges(points)[name])) / _STEPS
     step = min(longest, SIGMAS * _linear_errors(points, fit)[fit.form.free.index(name)])
@@ -204,9 +206,9 @@ def _end(points, fit, least, name, side):
 def _along_profile(points, fit, name, value):
     """The parameters where one of them is moved and the others follow, to first order."""
     slopes, at = points.in_errors(fit.slopes(points)), fit.form.free.index(name)
-    own, others = slopes[:, at] * (fit.parameters[name] - value), np.delete(slopes, at, axis=1)
+    own_change, other_slopes = slopes[:, at] * (fit.parameters[name] - value), np.delete(slopes, at, axis=1)
     moved = {**fit.parameters, name: value}
     names = [other for other in fit.form.free if other != name]
-    for other, change in zip(names, np.linalg.lstsq(others, own, rcond=None)[0], strict=False):
+    for other, change in zip(names, np.linalg.lstsq(other_slopes, own_change, rcond=None)[0], strict=False):
         moved[other] = float(np.clip(moved[other] + change, *ranges(points)[other]))
     return moved

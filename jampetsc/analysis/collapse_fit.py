@@ -35,10 +35,10 @@ def minima(points: Points, form: Form) -> list[Fit]:
     plain = _sorted(best_from(points, form.plain, start) for start in _starts(points, form.plain))
     if not form.corrections:
         return plain
-    omegas = [form.held["omega"]] if "omega" in form.held else _OMEGAS
-    forms = [replace(form, held={**form.held, "omega": omega}) for omega in omegas]
+    omegas = [form.fixed["omega"]] if "omega" in form.fixed else _OMEGAS
+    forms = [replace(form, fixed={**form.fixed, "omega": omega}) for omega in omegas]
     begun = (
-        best_from(points, one, _corrected(plain[0], one, sign), ROUGH) for one in forms for sign in (1, -1)
+        best_from(points, form, _corrected(plain[0], form, sign), ROUGH) for form in forms for sign in (1, -1)
     )
     return _sorted(best_from(points, form, fit) for fit in begun)
 
@@ -50,29 +50,29 @@ def _sorted(fits) -> list[Fit]:
 def _starts(points, form) -> list[Fit]:
     """The deepest minima on a grid of φ_J and κ without corrections, where ln O is linear in all other unknowns."""
     spread = np.quantile(points.phi, np.linspace(0.1, 0.9, _PHIS))
-    phis = [form.held["phi_J"]] if "phi_J" in form.held else spread
-    kappas = [form.held["kappa"]] if "kappa" in form.held else _KAPPAS
-    known = points[points.value > 0]
-    grid = [[_linear(known, form, float(phi_J), float(kappa)) for kappa in kappas] for phi_J in phis]
+    phis = [form.fixed["phi_J"]] if "phi_J" in form.fixed else spread
+    kappas = [form.fixed["kappa"]] if "kappa" in form.fixed else _KAPPAS
+    positive = points[points.value > 0]
+    grid = [[_linear(positive, form, float(phi_J), float(kappa)) for kappa in kappas] for phi_J in phis]
     chi2 = np.pad([[fit.chi2 for fit in row] for row in grid], 1, constant_values=np.inf)
     around = np.lib.stride_tricks.sliding_window_view(chi2, (3, 3)).min(axis=(2, 3))
     minima = [grid[row][column] for row, column in np.argwhere(chi2[1:-1, 1:-1] <= around)]
     return sorted(minima, key=lambda fit: fit.chi2)[:_MINIMA]
 
 
-def _linear(known, form, phi_J, kappa) -> Fit:
+def _linear(positive, form, phi_J, kappa) -> Fit:
     """Least squares of ln O at one φ_J and κ: the other unknowns enter linearly."""
-    weight, log_b = known.value / known.error, np.log(known.scale)
-    x = scaled(known, phi_J, kappa)
+    weight, log_b = positive.value / positive.error, np.log(positive.scale)
+    x = scaled(positive, phi_J, kappa)
     basis = Basis.of(x, form)
-    columns, rest = basis(x)[0], np.log(known.value)
-    if "y" in form.held:
-        rest = rest - form.held["y"] / kappa * log_b
+    columns, rest = basis(x)[0], np.log(positive.value)
+    if "y" in form.fixed:
+        rest = rest - form.fixed["y"] / kappa * log_b
     else:
         columns = np.column_stack((columns, log_b))
     solved = _least_squares(columns, rest, weight)
     chi2 = float(np.sum((weight * (columns @ solved - rest)) ** 2))
-    y = form.held["y"] if "y" in form.held else float(np.clip(solved[-1] * kappa, *BOUNDS["y"]))
+    y = form.fixed["y"] if "y" in form.fixed else float(np.clip(solved[-1] * kappa, *BOUNDS["y"]))
     parameters = {"phi_J": phi_J, "y": y, "kappa": kappa}
     return Fit(form, parameters, basis, (solved[: form.terms[0]], np.zeros(0)), 1.0, chi2, 0)
 
@@ -86,12 +86,12 @@ def _corrected(plain: Fit, form, sign) -> Fit:
     """Start of the search with corrections: f₁ is _SHARE times the f₀ of the plain fit."""
     second = plain.coefficients[0][: form.terms[1]].copy()
     second[0] += np.log(_SHARE)
-    parameters = {**plain.parameters, "omega": form.held["omega"]}
+    parameters = {**plain.parameters, "omega": form.fixed["omega"]}
     return Fit(form, parameters, plain.basis, (plain.coefficients[0], second), float(sign), np.inf, 0)
 
 
 def carried(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
-    """Start of a search with another form or other parameters, its functions fitted to those of `fit`."""
+    """Start of a search with another form or other parameters, its functions fitted to the functions of `fit`."""
     x, log_b = scaled(points, parameters["phi_J"], parameters["kappa"]), np.log(points.scale)
     basis, y = Basis.of(x, form), parameters["y"] / parameters["kappa"]
     values, weight = basis(x)[0], fit.model(points) / points.error

@@ -4,7 +4,7 @@ The Γ-method of Wolff (Comput. Phys. Commun. 156, 143 (2004); erratum 176, 383 
 variance C/T, where C = Γ(0) + 2 Σ_1^W Γ(t) is 2τ Γ(0), τ the integrated autocorrelation time. The window W is where
 what is left out, e^(−W/(Sτ)), falls below the noise of the sum; C is freed of the bias of deviations from the series'
 own mean by the factor 1/(1 − (2W + 1)/T). C averages over T/(2W + 1) independent squares, W about 4τ and chosen on the
-same series: MEMORY samples count as one, and Student's factor for so many degrees of freedom widens the error.
+same series: MEMORY samples count as one, and Student's factor for their number of degrees of freedom widens the error.
 
 The number of independent samples is the lower of two estimates that err for different reasons: T/(2τ), and
 T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8,
@@ -14,7 +14,7 @@ it is underestimated.
 Both assume a single correlation time. A slow part beside a fast one, or a drift, shows in the means of the ten tenths
 of the series, if they scatter by more than the error allows.
 
-pyerrors has this estimator, but brings autograd, matplotlib and seconds of start-up for the thirty lines here; those of
+pyerrors has this estimator, but brings autograd, matplotlib and seconds of start-up for the thirty lines here;
 emcee and pymbar correct no bias.
 """
 
@@ -98,14 +98,14 @@ def _independent(rho, count):
     lag = max(1, (int(np.argmax(below)) if below.any() else len(rho)) - 1)
     if rho[lag] <= 0.0:
         return float(count)
-    known = min(float(rho[lag]), 1.0 - 1.0 / count)
-    times = (1.0 + known ** (1.0 / lag)) / (1.0 - known ** (1.0 / lag))
-    known = min(known + (times * (1.0 - known) + 2.0 * lag * known) / count, 1.0)
-    return count * (1.0 - known ** (1.0 / lag)) / (1.0 + known ** (1.0 / lag))
+    correlation = min(float(rho[lag]), 1.0 - 1.0 / count)
+    times = (1.0 + correlation ** (1.0 / lag)) / (1.0 - correlation ** (1.0 / lag))
+    correlation = min(correlation + (times * (1.0 - correlation) + 2.0 * lag * correlation) / count, 1.0)
+    return count * (1.0 - correlation ** (1.0 / lag)) / (1.0 + correlation ** (1.0 / lag))
 
 
 def _widening(samples):
-    """Student's factor for a variance that was estimated from so many independent samples."""
+    """Student's factor for a variance that was estimated from this number of independent samples."""
     return half_width(max(1.0, samples / MEMORY))
 
 
@@ -115,13 +115,15 @@ def mean_of_runs(means, errors, samples) -> tuple[float, float]:
 
     means, errors, samples   of each run as in `Average`; samples inf: not known, taken for many
 
-    Both are widened by Student's factor: for R − 1 degrees of freedom, and for those of all runs together. nan for one
-    run without an error.
+    Both are widened by Student's factor: for R − 1 degrees of freedom, and for all degrees of freedom of the runs. nan
+    for one run without an error.
     """
     means, errors, samples = (np.asarray(values, float) for values in (means, errors, samples))
-    known = np.isfinite(errors)
-    plain = errors[known] / [_widening(count) for count in samples[known]]
-    own = np.sqrt(np.mean(plain**2) / len(means)) * _widening(samples[known].sum()) if known.any() else np.nan
+    finite = np.isfinite(errors)
+    plain = errors[finite] / [_widening(count) for count in samples[finite]]
+    own = (
+        np.sqrt(np.mean(plain**2) / len(means)) * _widening(samples[finite].sum()) if finite.any() else np.nan
+    )
     mean, scatter = mean_with_error(means)
     return float(mean), float(np.fmax(own, scatter))
 
@@ -134,7 +136,9 @@ def mean_of_facts(runs, name: str) -> tuple[float, float]:
 
 def mean_of_averages(averages) -> tuple[float, float]:
     """`mean_of_runs` of a list of Average."""
-    return mean_of_runs(*zip(*((one.mean, one.error, one.samples) for one in averages), strict=True))
+    return mean_of_runs(
+        *zip(*((average.mean, average.error, average.samples) for average in averages), strict=True)
+    )
 
 
 def layer_heights(layers: int) -> np.ndarray:

@@ -87,8 +87,8 @@ def _between_poles(G0, eta_inf, poles, weights):
 
     def h(distance):
         """h at origin + distance, G₀'s pole included; distances (n,) from the origins."""
-        apart = poles - origin[:, None] - distance[:, None]
-        value = -eta_inf - np.sum(weights / apart, axis=1)
+        distances = poles - origin[:, None] - distance[:, None]
+        value = -eta_inf - np.sum(weights / distances, axis=1)
         return value if G0 >= 0 else value + G0 / (origin + distance)
 
     upper = h(reach) > 0  # the zero is nearer to the upper pole

@@ -18,7 +18,7 @@ from jampetsc.errors import InputError
 
 BLOCKS = 8  # strips of one packing, for the error
 _CELL = 1 / 8  # of the grid along x, in diameters
-_BIN, _GROWTH = 4, 0.08  # width of a bin of δ: at least so many grid cells, and this fraction of δ
+_BIN, _GROWTH = 4, 0.08  # width of a bin of δ: at least this number of grid cells, and this fraction of δ
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def lane_sums(positions, cell, fields, width: float, cells: int) -> LaneSums:
     )
 
 
-ENOUGH_PACKINGS = 5  # from so many on, whole packings are resampled
+ENOUGH_PACKINGS = 5  # from this number on, whole packings are resampled
 SAMPLES = 200  # of the bootstrap
 ROUNDING = 1e-12  # rms displacement per strain, in diameters, below which a field may be rounding alone
 
@@ -126,14 +126,14 @@ def correlate(packings) -> Correlation:
     with np.errstate(invalid="ignore"):
         separation = np.r_[0.0, units.separations.sum(axis=0) / units.pairs.sum(axis=0)]
 
-    def found(drawn):
+    def statistics(drawn):
         """(F, D + 3): C, its root and the place of its minimum, of the units numbered in `drawn`."""
         values = _correlation(units, np.bincount(drawn, minlength=count))
         return np.hstack((values, [_places(separation, c) for c in values]))
 
-    own = found(np.arange(count))
-    errors = small_sample_factor(count) * _scatter(found, count)
-    values, (root, minimum) = own[:, :-2], own[:, -2:].T
+    estimates = statistics(np.arange(count))
+    errors = small_sample_factor(count) * _scatter(statistics, count)
+    values, (root, minimum) = estimates[:, :-2], estimates[:, -2:].T
     value_errors, (root_error, minimum_error) = errors[:, :-2], errors[:, -2:].T
     pairs = int(units.pairs.sum())
     return Correlation(separation, values, value_errors, root, root_error, minimum, minimum_error, pairs)
@@ -163,16 +163,16 @@ def _scatter(statistic, count):
     """Standard deviation of statistic(rows) over draws of `count` units; nan where fewer than half have a value."""
     draws = draws_of(count, SAMPLES) if count > 1 else np.zeros((2, 1), int)
     samples = np.array([statistic(rows) for rows in draws])
-    known = (2 * np.isfinite(samples).sum(axis=0) >= len(samples)) & (count > 1)
+    enough = (2 * np.isfinite(samples).sum(axis=0) >= len(samples)) & (count > 1)
     scatter = np.full(samples.shape[1:], np.nan)
-    scatter[known] = np.nanstd(samples[:, known], axis=0, ddof=1)
+    scatter[enough] = np.nanstd(samples[:, enough], axis=0, ddof=1)
     return scatter
 
 
 def _places(separation, values):
     """(first root, place of the minimum) of one C(δ)."""
-    known = np.isfinite(values)
-    return first_root(separation[known], values[known]), separation[known][np.argmin(values[known])]
+    finite = np.isfinite(values)
+    return first_root(separation[finite], values[finite]), separation[finite][np.argmin(values[finite])]
 
 
 def first_root(separation, values) -> float:
@@ -186,7 +186,7 @@ def first_root(separation, values) -> float:
 
 
 LOG_EXPONENT = 0.65  # of −ln p in BT's collapse of the Stokes length
-SHORTEST, LONGEST = 1.3, 0.13  # lengths that can collapse: above so many diameters and below so many L
+SHORTEST, LONGEST = 1.3, 0.13  # lengths that can collapse: above this in diameters, below this in L
 
 
 def stokes_collapse(omega, length, pressure, exponent=LOG_EXPONENT):

@@ -14,7 +14,7 @@ LEVEL = 0.6827  # of an interval: one standard deviation to either side of a nor
 
 @functools.lru_cache
 def half_width(degrees: float) -> float:
-    """Student's t of the interval of LEVEL for so many degrees of freedom, > 0: by how much a standard error widens."""
+    """Student's t of the interval of LEVEL for `degrees` of freedom, > 0: by how much a standard error widens."""
     from scipy.special import stdtrit  # takes a while to import
 
     return float(stdtrit(degrees, 0.5 * (1.0 + LEVEL)))
@@ -104,7 +104,7 @@ def relative_bound(bound, value):
     return np.divide(bound, size, out=relative, where=size > 0)
 
 
-BINS = 10  # per decade
+BINS_PER_DECADE = 10
 DECADES = 10  # below the decade of the largest value; what is smaller falls into the first bin
 
 
@@ -115,7 +115,7 @@ class Distribution:
     median: float
     mean: float
     rms: float
-    edges: np.ndarray  # (b + 1,) zero, then powers of 10^(1/BINS), the same for every packing
+    edges: np.ndarray  # (b + 1,) zero, then powers of 10^(1/BINS_PER_DECADE), the same for every packing
     counts: np.ndarray  # (b,)
 
     @classmethod
@@ -124,7 +124,7 @@ class Distribution:
         size = np.abs(values) if values.ndim == 1 else np.hypot(values[:, 0], values[:, 1])
         # by the C library, whose log10 is exact at powers of ten; numpy's own for some processors need not be
         top = math.floor(math.log10(size.max())) + 1 if size.any() else 0
-        exponents = np.arange(BINS * (top - DECADES), BINS * top + 1) / BINS
+        exponents = np.arange(BINS_PER_DECADE * (top - DECADES), BINS_PER_DECADE * top + 1) / BINS_PER_DECADE
         edges = np.append(0.0, 10.0**exponents)
         counts = np.bincount(np.searchsorted(edges, size, side="right") - 1, minlength=len(edges) - 1)
         return cls(

@@ -12,7 +12,7 @@ NARROWEST = 0.25  # decades; the window of H is never narrower unless asked for
 _GAPS = 2.0  # its width in gaps between modes: with two, single modes show by a per cent or less
 # times are shown so far beyond the fastest and the slowest mode; there nothing happens any more
 _BEYOND = 100.0
-_GROWTH = 5.0  # creep that grows is followed for so many times its time constant
+_GROWTH = 5.0  # creep that grows is followed for this multiple of its time constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def _grid(first, last):
 
 
 def _seen(first, last, rates, window):
-    """The part of first … last within half a window of the times of the modes; all of it if there is none."""
+    """The part of first … last within half a window of the times of the modes; all of it without modes."""
     if not len(rates):
         return first, last
     reach = 10.0 ** (0.5 * window)

@@ -41,8 +41,8 @@ def require_regular(path, folder, other) -> None:
     """Raise InputError unless a regular file is at `path`; folder, other: remedies for a folder and for others."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode):
-        found = _KINDS.get(stat.S_IFMT(mode), "a special file")
-        raise InputError(f"{path}: is {found}: {folder if found == 'a folder' else other}")
+        kind = _KINDS.get(stat.S_IFMT(mode), "a special file")
+        raise InputError(f"{path}: is {kind}: {folder if kind == 'a folder' else other}")
 
 
 _FULL = {

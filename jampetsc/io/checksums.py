@@ -46,19 +46,19 @@ def seal(file) -> str:
 
 
 def seal_of(file) -> str | None:
-    """The hash in the line of checksums of an open file, None where there is no such line."""
-    found = _parse(file)
-    return found and found[2]
+    """The hash in the line of checksums of an open file, None for a file without it."""
+    line = _parse(file)
+    return line and line[2]
 
 
 def verify(file) -> None:
     """Raise Damaged unless an open file is what its checksums say, or one of another program that has none."""
-    status, found = os.fstat(file.fileno()), _parse(file)
-    if found is None:
+    status, line = os.fstat(file.fileno()), _parse(file)
+    if line is None:
         return _check_end(file, status.st_size)
     seen = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
     if seen not in _verified:
-        _compare(file, *found)
+        _compare(file, *line)
         _verified.add(seen)
 
 
@@ -111,8 +111,8 @@ def _parse(file):
     words = line.split()
     if not line.startswith(_MAGIC) or len(words) != 5 or not all(word.isdigit() for word in words[2:4]):
         return None
-    found = int(words[2]), int(words[3]), words[4].decode(errors="replace")
-    return found if line == _line(*found) and found[1] else None
+    fields = int(words[2]), int(words[3]), words[4].decode(errors="replace")
+    return fields if line == _line(*fields) and fields[1] else None
 
 
 def _check_end(file, size):

@@ -1,6 +1,6 @@
 """What a file of one format holds, declared as tables, and the check of a file against them before it is read.
 
-A line of a table is a row, whose cells stand between bars; an indented line continues the one before it.
+A line of a table is a row, whose cells stand between bars; an indented line continues it.
 
     names | shape | type | unit | meaning         of datasets
     names | type | unit | meaning                 of attributes
@@ -36,7 +36,7 @@ HEADER = ("format", "format_version")  # which `hdf5.check_format` has checked
 KINDS = {  # of numpy -> in words, where its own are not
     "S": "text", "O": "text or references", "V": "compound or opaque values", "b": "true or false",
 }  # fmt: skip
-MAX_BYTES = {"f": 8, "c": 16}  # of a number; more are not those of every machine
+MAX_BYTES = {"f": 8, "c": 16}  # of a number; not every machine has more
 _ENTRY = re.compile(r"([A-Za-z]\w*)?\s*(?:([+−])?\s*(\d+))?")
 
 
@@ -61,16 +61,18 @@ class FormatRow:
         if kind not in kinds or size > MAX_BYTES.get(kind, size):
             _refuse(path, name, f"holds {KINDS.get(kind, data.dtype)}, must hold {words}")
         if self.shape is not None and not self._fits(data.shape, lengths):
-            known = [f"{one} = {lengths[one]}" for one, _ in self.shape if lengths.get(one, 0) > 0]
-            where = f" with {', '.join(dict.fromkeys(known))}" if known else ""
+            known_lengths = [
+                f"{length} = {lengths[length]}" for length, _ in self.shape if lengths.get(length, 0) > 0
+            ]
+            where = f" with {', '.join(dict.fromkeys(known_lengths))}" if known_lengths else ""
             _refuse(path, name, f"shape {data.shape}, must be {shape_text(self.shape)}{where}")
 
     def _fits(self, shape, lengths):
         if shape is None or len(shape) != len(self.shape):
             return False
         for size, (name, more) in zip(shape, self.shape, strict=True):
-            known = lengths.setdefault(name, size - more) if name else 0
-            if size != known + more or known < name[:1].isupper():
+            stored_size = lengths.setdefault(name, size - more) if name else 0
+            if size != stored_size + more or stored_size < name[:1].isupper():
                 return False
         return True
 
@@ -78,8 +80,8 @@ class FormatRow:
         """Raise InputError unless the value of an attribute, as `hdf5.attributes` gives it, has this type."""
         is_list = self.shape is not None
         values = value.tolist() if is_list and isinstance(value, np.ndarray) else [value]
-        for one in values:
-            if not isinstance(one, PYTHON[self.type]) or isinstance(one, bool) != (self.type == "bool"):
+        for entry in values:
+            if not isinstance(entry, PYTHON[self.type]) or isinstance(entry, bool) != (self.type == "bool"):
                 shown, words = repr(value), TYPES[self.type][2]
                 shown = shown if len(shown) <= LONGEST else f"{shown[:LONGEST]} …"
                 words = words if is_list or not words.endswith("numbers") else f"a {words[:-1]}"
@@ -136,8 +138,8 @@ class Format:
                 row.check_attribute(path, name, value)
         lengths = {}
         # in the order of the table: a length is that of the first dataset that has it
-        known = [name for name in self.datasets.rows if name in datasets]
-        for name in dict.fromkeys([*known, *datasets]):
+        declared = [name for name in self.datasets.rows if name in datasets]
+        for name in dict.fromkeys([*declared, *datasets]):
             if row := self.datasets.row(name):
                 row.check(path, name, datasets[name], lengths)
 
@@ -156,13 +158,13 @@ def contents(h5, path) -> dict:
 
     Raises InputError for more than a file of ours can hold, also where a group holds itself.
     """
-    found = {}
+    items = {}
 
     def walk(group, prefix, depth):
         for name in group:
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 continue
-            if depth > MAX_DEPTH or len(found) >= MAX_OBJECTS:
+            if depth > MAX_DEPTH or len(items) >= MAX_OBJECTS:
                 limit = (
                     f"{MAX_DEPTH} groups inside each other" if depth > MAX_DEPTH else f"{MAX_OBJECTS} objects"
                 )
@@ -171,12 +173,12 @@ def contents(h5, path) -> dict:
                 )
             item = group[name]
             if isinstance(item, h5py.Dataset | h5py.Group):
-                found[f"{prefix}{name}"] = item
+                items[f"{prefix}{name}"] = item
             if isinstance(item, h5py.Group):
                 walk(item, f"{prefix}{name}/", depth + 1)
 
     walk(h5, "", 1)
-    return found
+    return items
 
 
 def shape_text(entries) -> str:
@@ -192,11 +194,11 @@ def _entries(text):
     """The entries of a shape such as (M, 2), (D + 1,) or scalar; None for any shape."""
     if text in ("scalar", "any"):
         return () if text == "scalar" else None
-    found = []
+    entries = []
     for word in filter(None, (word.strip() for word in text.strip("()").split(","))):
         length, sign, number = _ENTRY.fullmatch(word).groups()
-        found.append((length or "", int(number or 0) * (-1 if sign == "−" else 1)))
-    return tuple(found)
+        entries.append((length or "", int(number or 0) * (-1 if sign == "−" else 1)))
+    return tuple(entries)
 
 
 def _divided(cell):

@@ -19,28 +19,28 @@ PHI_TOLERANCE = 1e-6  # φ of such flows may differ by this
 STORED = (
     "snapshots/psi6_local",
     "snapshots/psi6_global",
-)  # in files without positions, such as those of docs/kept
+)  # in files without positions, such as in docs/kept
 _HUGE = 1e100  # displacements per unit strain that no packing has
 _SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
 
 
-def packing_of(result, given=None) -> Disks:
+def packing_of(result, packing=None) -> Disks:
     """The packing that a result was made from: `given` (Disks or a file), else the one in memory with the result, else
     the file beside it.
 
-    Raises InputError where there is none, and where it is another packing: a file has to have the recorded fingerprint,
+    Raises InputError for a missing packing, and for another one: a file has to have the recorded fingerprint,
     Disks that or the same number of disks and φ.
     """
     name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
-    if given is None and result.packing is not None:
+    if packing is None and result.packing is not None:
         return result.packing
-    if isinstance(given, Disks):
-        mine = [result.attributes.get(key) for key in ("particle_count", "phi")]
-        if given.fingerprint != recorded and mine != [given.n, given.phi]:
+    if isinstance(packing, Disks):
+        facts = [result.attributes.get(key) for key in ("particle_count", "phi")]
+        if packing.fingerprint != recorded and facts != [packing.n, packing.phi]:
             raise InputError(f"{named('packing')}: is not the packing that {result.path.name} was made from")
-        return given
-    path = Path(given) if given else result.path.parent / str(name)
-    if not given and (name is None or not path.is_file()):
+        return packing
+    path = Path(packing) if packing else result.path.parent / str(name)
+    if not packing and (name is None or not path.is_file()):
         what = f"packing {name} is not beside it" if name else "packing was in memory"
         raise InputError(f"{result.path}: its {what}: give it with {named('packing')}")
     disks = read_packing(path)
@@ -80,7 +80,7 @@ def phase_factor(result, omega, phase):
         G = result.modulus(omega)
     except InputError as error:
         raise InputError(
-            f"{error.message(named)}; without G* there is no phase of the stress: use {named('phase')} strain"
+            f"{error.message(named)}; without G* the phase of the stress is not known: use {named('phase')} strain"
         ) from None
     if not abs(G) > 0:  # nan too
         raise InputError(
@@ -103,7 +103,7 @@ def particle_rows(result, disks):
     """Rows (n,) of the packing that the fields of a sweep belong to. Raises InputError if the numbers do not fit."""
     count, rows = result.fields.displacement.shape[1], disk_rows(result, disks)
     if not count:
-        raise InputError(f"{result.path}: its fields are those of no disk, every one is a rattler")
+        raise InputError(f"{result.path}: its fields have no disks, every one is a rattler")
     if len(rows) != count:
         raise InputError(
             f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing: "
@@ -112,7 +112,7 @@ def particle_rows(result, disks):
     return rows
 
 
-def chosen_frequencies(result, wanted=None):
+def chosen_frequencies(result, frequencies=None):
     """Rows of the stored fields at the frequencies `wanted` (in the file's units), or at up to four of them.
 
     Raises InputError naming the nearest stored ones where a frequency is not there.
@@ -120,17 +120,18 @@ def chosen_frequencies(result, wanted=None):
     stored = result.fields.omega
     if not len(stored):
         raise InputError(f"{result.path}: holds no fields: ask the sweep for {named('fields')}")
-    if wanted is None:
+    if frequencies is None:
         order = np.argsort(stored)
         return order[np.unique(np.linspace(0, len(order) - 1, min(len(order), 4)).round().astype(int))]
     rows = []
-    for omega in wanted:
+    for omega in frequencies:
         distance = np.abs(np.log(stored / omega))
         nearest = int(distance.argmin())
         if not distance[nearest] <= _SAME:
-            near = ", ".join(f"{w:g}" for w in sorted(stored[np.argsort(distance)[:3]]))
+            nearest_stored = ", ".join(f"{w:g}" for w in sorted(stored[np.argsort(distance)[:3]]))
             raise InputError(
-                f"{result.path}: no fields at omega = {omega:g}: nearest are {near}; or sweep with {named('fields')}"
+                f"{result.path}: no fields at omega = {omega:g}: nearest are {nearest_stored}; "
+                f"or sweep with {named('fields')}"
             )
         rows.append(nearest)
     return np.array(rows)
@@ -147,10 +148,10 @@ class Snapshot(Disks):
 
 
 def snapshot(result, row=-1) -> Snapshot:
-    """A snapshot of a flow, the last one if no other is asked for, as a packing with `velocities`, `spins` and
+    """A snapshot of a flow, by default the last, as a packing with `velocities`, `spins` and
     `unwrapped`; its record has `units`, and the number of disks of `walls`, if there are any.
 
-    Raises InputError where the file holds none, or not so many.
+    Raises InputError where the file has no such snapshot.
     """
     if "snapshots/positions" not in result:
         raise InputError(f"{result.path}: holds no snapshots: run a flow with {named('snapshots')}")
@@ -229,7 +230,7 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
 
 
 def _require_one_kind(result, first) -> None:
-    """Raise InputError unless the velocities of a flow can be averaged with those of the first."""
+    """Raise InputError unless a flow can be averaged with the first."""
     if "snapshots/velocities" not in result:
         raise InputError(f"{result.path}: holds no snapshots: run the flow with {named('snapshots')}")
     if "walls" in result.attributes:

@@ -38,7 +38,7 @@ class AverageCurve:
     key: dict  # column -> value that its rows agree in
     omega: np.ndarray  # (M,) the frequencies, or what else it is a function of
     value: np.ndarray  # (M, …), complex for G*
-    error: np.ndarray  # (M, …), of G* those of G' and G'' as a complex number
+    error: np.ndarray  # (M, …), of G* the errors of G' and G'' as a complex number
     count: int  # packings
 
 
@@ -77,9 +77,9 @@ class Ensemble(Named):
     def where(self, **values) -> "Ensemble":
         """The rows with these values, where(command="sweep", pressure=[1e-2, 1e-3]): any one of a list will do."""
         chosen = np.ones(self.rows, bool)
-        for name, wanted in values.items():
+        for name, choice in values.items():
             column = self[name]
-            some = wanted if isinstance(wanted, list | tuple | set | np.ndarray) else [wanted]
+            some = choice if isinstance(choice, list | tuple | set | np.ndarray) else [choice]
             chosen &= np.any([same(column, value) for value in some], axis=0)
         return self.taken(chosen)
 
@@ -127,7 +127,7 @@ class Ensemble(Named):
         return done.where(command=commands)
 
     def _curves(self, name, by, over, statistic):
-        found, holding = [], self._holding(name, over)
+        curves, holding = [], self._holding(name, over)
         for key, rows in holding.groups((by,) if isinstance(by, str) else tuple(by)):
             require_independent(key, rows, name)
             results = rows.results()
@@ -138,8 +138,8 @@ class Ensemble(Named):
                         f"{result.path}: other {over} than {results[0].path}: an average needs the same"
                     )
             value, error = complex_statistic([result[name] for result in results], statistic)
-            found.append(AverageCurve(key, at, value, error, len(results)))
-        return found
+            curves.append(AverageCurve(key, at, value, error, len(results)))
+        return curves
 
     def to_pandas(self):
         """The table as a pandas.DataFrame. Raises InputError where pandas is not installed."""
@@ -150,18 +150,18 @@ class Ensemble(Named):
         done = self.taken(self["state"] == "done")
         keys = list(zip(*(done[name].tolist() for name in by), strict=True)) if by else [()] * done.rows
         keys = [tuple(None if value != value else value for value in key) for key in keys]
-        found = []
-        for one in sorted(set(keys), key=lambda key: [(value is None, value) for value in key]):
-            rows = np.array([key == one for key in keys])
-            found.append((dict(zip(by, one, strict=True)), done.taken(rows)))
-        return found
+        groups = []
+        for group in sorted(set(keys), key=lambda key: [(value is None, value) for value in key]):
+            rows = np.array([key == group for key in keys])
+            groups.append((dict(zip(by, group, strict=True)), done.taken(rows)))
+        return groups
 
 
 class Averages(Mapping):
     """Averages over groups of rows: column -> (groups,) array, for the columns `by` the value of each group.
 
     error        column -> (groups,) halves of 68 % intervals, see `analysis.statistics`; nan for a single row, but for
-                 shares, which are those of all samples of the rows
+                 shares, which are taken over all samples of the rows
     count        column -> (groups,) numbers of rows averaged
     below_zero   column -> (groups,) how many of these are negative, such as G₀ of packings unstable to shear: they
                  count like all others
@@ -191,20 +191,20 @@ class Averages(Mapping):
         if name in self.by:
             return np.array([key[name] for key, _ in self._groups])
         if name not in self._found:
-            found = [self._average(key, rows, name) for key, rows in self._groups]
-            self._found[name] = [np.array(column) for column in zip(*found, strict=True)]
+            results = [self._average(key, rows, name) for key, rows in self._groups]
+            self._found[name] = [np.array(column) for column in zip(*results, strict=True)]
         return self._found[name][self._row]
 
     def _average(self, key, rows, name):
         column = rows[name]
         if column.dtype.kind not in "if":
             raise InputError(f"{rows.table}: column {name} holds words, which have no {self.statistic}")
-        known = np.isfinite(column)
-        require_independent(key, rows.taken(known), name)
-        values = column[known]
+        finite = np.isfinite(column)
+        require_independent(key, rows.taken(finite), name)
+        values = column[finite]
         if not len(values):
             return np.nan, np.nan, 0, 0
-        value, error = self._share(rows.taken(known), name) or STATISTICS[self.statistic](values)
+        value, error = self._share(rows.taken(finite), name) or STATISTICS[self.statistic](values)
         return float(value), float(error), len(values), int(np.count_nonzero(values < 0))
 
     def _share(self, rows, name):
@@ -228,7 +228,7 @@ class Averages(Mapping):
 
 
 def load_ensemble(folder, load) -> Ensemble:
-    """The table of the study in a folder, whose files `load` opens. Raises InputError where it is none."""
+    """The table of the study in a folder, whose files `load` opens. Raises InputError for any other folder."""
     path = Path(folder) / TABLE
     if not path.exists():
         raise InputError(
@@ -269,11 +269,11 @@ def require_independent(key, rows, name) -> None:
         seen[packing] = other
     else:
         return
-    one = seen[packing]
-    differ = [c for c in CHOICES if c in rows and not same(rows[c][[one]], rows[c][other])[0]]
+    first = seen[packing]
+    differ = [c for c in CHOICES if c in rows and not same(rows[c][[first]], rows[c][other])[0]]
     where = ", ".join(f"{column} {value}" for column, value in key.items()) or "all rows"
     raise InputError(
-        f"{rows.table}: {name} of {where}: {rows['file'][one]} and {rows['file'][other]} are of one packing: "
+        f"{rows.table}: {name} of {where}: {rows['file'][first]} and {rows['file'][other]} are of one packing: "
         f"choose rows with where(…) or name what differs in by= ({', '.join(differ) or 'see the table'})"
     )
 

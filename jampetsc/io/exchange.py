@@ -88,7 +88,7 @@ def check_uncompressed(content, path):
 
 
 def pick(index, count):
-    """`index`, if there are so many packings. Raises InputError."""
+    """`index`, if it is less than the number of packings. Raises InputError."""
     if not 0 <= index < count:
         raise InputError(f"{named('index')} {index}: it holds {count}, numbered from 0")
     return index
@@ -104,10 +104,10 @@ def read_lammps_dump(content, index):
     items = [item.partition("\n") for item in re.split(r"(?m)^ITEM: ", content.decode())[1:]]
     ends = [n for n, (title, _, _) in enumerate(items) if title.startswith("ATOMS")]
     end = ends[pick(index, len(ends))]
-    found = {title.split()[0]: (title.split(), body) for title, _, body in items[: end + 1]}
-    if not {"NUMBER", "BOX"} <= set(found):
+    sections = {title.split()[0]: (title.split(), body) for title, _, body in items[: end + 1]}
+    if not {"NUMBER", "BOX"} <= set(sections):
         raise InputError("ITEM: NUMBER OF ATOMS or BOX BOUNDS is missing: truncated or edited")
-    words, body = found["BOX"]
+    words, body = sections["BOX"]
     general, tilted = "abc" in words, "xy" in words
     if any(flag != "pp" for flag in words[4 if general else 5 if tilted else 2 :][:2]):
         raise InputError(f"ITEM: {' '.join(words)}: must be periodic (pp) in x and y")
@@ -121,7 +121,7 @@ def read_lammps_dump(content, index):
         cell[1, 0], cell[2, :2] = tilt[0], tilt[1:]
     if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
-    columns = _columns(found["ATOMS"][0][1:], _rows(found["ATOMS"][1], _count(found["NUMBER"][1])))
+    columns = _columns(sections["ATOMS"][0][1:], _rows(sections["ATOMS"][1], _count(sections["NUMBER"][1])))
     for kind in ("", "u", "s", "su"):  # as they are, unwrapped, scaled by the cell
         if {f"x{kind}", f"y{kind}"} <= columns.keys():
             break
@@ -131,7 +131,9 @@ def read_lammps_dump(content, index):
     if "s" in kind:
         axes = place.shape[1]
         place = place @ cell[:axes, :axes] + low[:axes]
-    return DiskTable(columns, place, cell[:2, :2], law_in(found["UNITS"][1] if "UNITS" in found else ""))
+    return DiskTable(
+        columns, place, cell[:2, :2], law_in(sections["UNITS"][1] if "UNITS" in sections else "")
+    )
 
 
 def read_lammps_data(content, index):
@@ -147,21 +149,21 @@ def read_lammps_data(content, index):
             f"'Atoms # sphere' of columns {STYLES['sphere']}"
         )
 
-    def said(what, count, default=None):
-        found = re.search(rf"(?m)^[ \t]*((?:\S+[ \t]+){{{count}}}){what}\b", header)
-        if found is None and default is None:
+    def header_words(what, count, default=None):
+        match = re.search(rf"(?m)^[ \t]*((?:\S+[ \t]+){{{count}}}){what}\b", header)
+        if match is None and default is None:
             raise InputError(f"no {what} in the header: truncated or edited")
-        return default if found is None else found[1].split()
+        return default if match is None else match[1].split()
 
     if re.search(r"\bavec\b", header):  # cell vectors, as OVITO writes them
-        cell = np.array([numbers(said(vector, 3)) for vector in ("avec", "bvec", "cvec")])
+        cell = np.array([numbers(header_words(vector, 3)) for vector in ("avec", "bvec", "cvec")])
     else:
-        (x0, x1), (y0, y1) = numbers(said("xlo xhi", 2)), numbers(said("ylo yhi", 2))
-        xy, xz, yz = numbers(said("xy xz yz", 3, [0, 0, 0]))
+        (x0, x1), (y0, y1) = numbers(header_words("xlo xhi", 2)), numbers(header_words("ylo yhi", 2))
+        xy, xz, yz = numbers(header_words("xy xz yz", 3, [0, 0, 0]))
         cell = np.array([[x1 - x0, 0.0, 0.0], [xy, y1 - y0, 0.0], [xz, yz, 1.0]])
     if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
-    rows = _rows(body, _count(said("atoms", 1)[0]))
+    rows = _rows(body, _count(header_words("atoms", 1)[0]))
     columns = _columns(STYLES[style].split(), rows)
     return DiskTable(columns, _places(columns), cell[:2, :2], law_in(title))
 
@@ -277,10 +279,10 @@ def format_of(content) -> str | None:
         "extxyz": r"\s*\d+[ \t]*\r?\n.*\b(Lattice|Properties)=",
         "lammps-data": r"(?s).*\b(xlo[ \t]+xhi|avec)\b",
     }
-    found = next((name for name, look in looks.items() if re.match(look, text)), None)
+    format = next((name for name, look in looks.items() if re.match(look, text)), None)
     first = _xyr(text)[0][:1]
     return (
-        "xyr" if found is None and first and len(first[0]) == 3 and all(map(is_number, first[0])) else found
+        "xyr" if format is None and first and len(first[0]) == 3 and all(map(is_number, first[0])) else format
     )
 
 

@@ -88,8 +88,8 @@ def check_file(h5, path, expected: str | None = None) -> tuple[str, dict, dict]:
     """
     attrs = attributes(h5)
     name = check_format(path, attrs, expected)
-    found = contents(h5, path)
-    for one in (FORMATS.get(name), PARTS):
-        if one is not None:
-            one.check(path, found, attrs)
-    return name, attrs, {key: item for key, item in found.items() if key.partition("/")[0] != PART_GROUP}
+    items = contents(h5, path)
+    for format in (FORMATS.get(name), PARTS):
+        if format is not None:
+            format.check(path, items, attrs)
+    return name, attrs, {key: item for key, item in items.items() if key.partition("/")[0] != PART_GROUP}

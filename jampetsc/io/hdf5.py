@@ -201,8 +201,8 @@ def _plain(value):
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     if isinstance(value, np.generic):
-        found = value.item()  # of a long double the same again
-        return found if type(found) is type(value) else _plain(found)
+        number = value.item()  # of a long double the same again
+        return number if type(number) is type(value) else _plain(number)
     if isinstance(value, np.ndarray) and value.shape == (1,):  # how many other writers store a scalar
         return _plain(value[0])
     return value

@@ -38,14 +38,15 @@ def import_packing(
     radius   column or array of radii, halved if its name begins with diameter; radii by type, {1: 0.5, 2: 0.7} or
              "1=0.5,2=0.7"; None: radius or diameter
     box      as for `packing.from_arrays.Packing`, for a file that has none
-    potential, stiffness, k   as for `Packing`; None: what the file says, or else those of `Packing`. LAMMPS' pair
-             style harmonic/cut has the energy K δ²: k = 2K
+    potential, stiffness, k   as for `Packing`; None: what the file says, or else the defaults of `Packing`. LAMMPS'
+             pair style harmonic/cut has the energy K δ²: k = 2K
 
     Returns Disks, in the file's unit of length. Their record has pressure, phi, energy and max_force as computed here,
-    those of a published file as published_pressure, published_energy, …, and as `assumed` which of potential, stiffness
-    and k neither the file nor the caller says. Raises InputError for an unknown format, a compressed or damaged file, a
-    wrong index, a packing that is three-dimensional or not periodic, or whose pressure or energy is not the one in the
-    file.
+    the numbers of a published file as published_pressure, published_energy, …, and as `assumed` which of potential,
+    stiffness and k neither the file nor the caller says.
+
+    Raises InputError for an unknown format, a compressed or damaged file, a wrong index, a packing that is
+    three-dimensional or not periodic, or whose pressure or energy is not the one in the file.
     """
     try:
         with open_regular(path) as file:
@@ -64,9 +65,7 @@ def import_packing(
         if format:
             disks = _read_exchanged(content, index, format, radius, box, law)
         elif law or radius or box is not None:
-            raise InputError(
-                "radii, box and potential are those of its program: leave out the options for them"
-            )
+            raise InputError("its program sets radii, box and potential: leave out the options for them")
         elif content != SIGNATURE:
             disks = _checked(_read_jambashbulk(content.decode(errors="replace"), index))
     if not format and content == SIGNATURE:
@@ -112,14 +111,14 @@ def _read_jambashbulk(text, index):
         raise InputError(f"none of {', '.join(READERS)}, jamBashbulk, jax-md: {named('format')} says which")
     packing = packings[pick(index, len(packings))]
 
-    def said(name, pattern=_NUMBER):
-        found = re.search(rf"\b{name}\s*=\s*{pattern}", packing)
-        if found is None:
+    def header_numbers(name, pattern=_NUMBER):
+        match = re.search(rf"\b{name}\s*=\s*{pattern}", packing)
+        if match is None:
             raise InputError(f"no {name} = … in the header: truncated or edited; get it again")
-        return numbers(found.groups())
+        return numbers(match.groups())
 
-    cell = [said(name, rf"\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for name in ("L1", "L2")]
-    (n,), (pressure,) = said("N", r"(\d+)"), said("P")
+    cell = [header_numbers(name, rf"\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for name in ("L1", "L2")]
+    (n,), (pressure,) = header_numbers("N", r"(\d+)"), header_numbers("P")
     body = re.search(r"\{([^{}]*)(\}?)\s*\Z", packing)
     rows = re.findall(rf"{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}", body[1]) if body else []
     if len(rows) != n or not body[2]:

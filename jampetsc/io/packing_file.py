@@ -86,11 +86,11 @@ def check_packing(path) -> None:
 
 def packing_from(h5, path) -> Disks:
     """Disks from an open packing file; `path` is for messages. Raises InputError."""
-    _, attrs, found = check_file(h5, path, FORMAT)
+    _, attrs, datasets = check_file(h5, path, FORMAT)
     for name in ("positions", "radii", "cell"):
-        if name not in found:
+        if name not in datasets:
             raise InputError(f"{path}: dataset {name} is missing: a packing needs positions, radii and cell")
-    arrays = {name: values(found[name]).astype(float) for name in ARRAYS if name in found}
+    arrays = {name: values(datasets[name]).astype(float) for name in ARRAYS if name in datasets}
     record = {name: value for name, value in attrs.items() if name not in _OF_FILE}
     with about(path):
         potential = Potential(attrs.get("potential"), attrs.get("stiffness"), float(attrs.get("k", 1.0)))

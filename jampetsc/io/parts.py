@@ -57,15 +57,15 @@ class PartList:
         """Raise InputError if a part is missing, truncated, from another run or not the one that was written."""
         for name, size in self.sizes.items():
             try:  # in one system call: the part of a replaced run may be removed at any moment
-                found = (self.path.parent / name).stat().st_size
+                size_found = (self.path.parent / name).stat().st_size
             except (FileNotFoundError, NotADirectoryError):
                 raise InputError(
                     f"{self.shown}: part {name} is missing: keep the folder {Path(name).parent} beside "
                     "the file (`jampetsc merge` makes one file of them)"
                 ) from None
-            if found != size:
+            if size_found != size:
                 raise InputError(
-                    f"{self.shown}: part {name} has {found} bytes instead of {size}: "
+                    f"{self.shown}: part {name} has {size_found} bytes instead of {size}: "
                     "truncated or not copied completely; copy it again"
                 )
         for rank, name in enumerate(self.sizes):
@@ -74,10 +74,10 @@ class PartList:
                 if seal_of(file) == self._seals[name]:
                     continue
             with open_file(path) as h5:
-                found = h5.attrs.get("run_id"), h5.attrs.get("rank")
-            if found != (self.run_id, rank):
+                run_id, part_rank = h5.attrs.get("run_id"), h5.attrs.get("rank")
+            if (run_id, part_rank) != (self.run_id, rank):
                 raise InputError(
-                    f"{self.shown}: part {name} is rank {found[1]} of run {found[0]}, not rank {rank} of run "
+                    f"{self.shown}: part {name} is rank {part_rank} of run {run_id}, not rank {rank} of run "
                     f"{self.run_id}: put the right one back"
                 )
             raise InputError(
@@ -104,8 +104,8 @@ class PartList:
             for source in data.virtual_sources()
         )
         shapes = [tuple(b - a + 1 for a, b in zip(first, last, strict=True)) for first, last, *_ in boxes]
-        known = all(part in self.sizes for *_, part, _ in boxes)
-        if not known or sum(map(math.prod, shapes)) != data.size:
+        listed = all(part in self.sizes for *_, part, _ in boxes)
+        if not listed or sum(map(math.prod, shapes)) != data.size:
             raise InputError(f"{self.shown}: {data.name}: its parts do not make up the whole: damaged")
         ends = zip(boxes[0][0], boxes[-1][0], strict=True)
         axis = next((n for n, (first, last) in enumerate(ends) if first < last), -1)  # -1: of a single part
@@ -121,7 +121,9 @@ class PartList:
     def remove(self) -> None:
         """Delete the parts, and their folder once it is empty."""
         for name in self.sizes:
-            with suppress(OSError):  # such as a folder that is no longer writable: nothing refers to the part
+            with suppress(
+                OSError
+            ):  # such as a folder without permission to write: nothing refers to the part
                 (self.path.parent / name).unlink(missing_ok=True)
         for folder in {(self.path.parent / name).parent for name in self.sizes}:
             remove_if_empty(folder)
@@ -145,7 +147,7 @@ def remove_if_empty(folder: Path) -> None:
 
 
 def parts_of(path) -> PartList | None:
-    """The parts of the result at `path`, unchecked; None if there is no readable HDF5 file."""
+    """The parts of the result at `path`, unchecked; None unless it is a readable HDF5 file."""
     try:
         with open_file(path) as h5:
             return PartList(h5, path)

@@ -24,7 +24,7 @@ FORMAT_VERSION = "1.0"
 
 
 class ResultArray:
-    """An array of a result: `array[…]` gives what is asked for, `numpy.asarray(array)` all of it.
+    """An array of a result: `array[…]` gives a selection, `numpy.asarray(array)` all of it.
 
     axis     the one along which ranks hold different rows; None: every rank holds all
     counts   numbers of rows of the ranks along `axis`; None with it
@@ -85,8 +85,8 @@ class ResultWriter:
 
     def __init__(self, path, format, comm=None, request=None):
         self.path, self.comm, self.found, self.arrays = path, comm, {}, {}
-        asked = request.recorded if request else {}
-        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=new_run_id(), **asked)
+        recorded = request.recorded if request else {}
+        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=new_run_id(), **recorded)
 
     def attributes(self, **values) -> None:
         """Collective. Keep scalars, strings and short lists of rank 0 as attributes; None is left out."""
@@ -120,7 +120,7 @@ class ResultWriter:
 
 
 def new_run_id() -> str:
-    """A random identifier, by which parts of one result differ from those of all others."""
+    """A random identifier, that tells the parts of one result from all others."""
     return uuid.uuid4().hex[:12]
 
 
@@ -133,7 +133,7 @@ def write_result(path, attributes: dict, arrays: dict, comm=None) -> None:
     path, run_id = follow(path), attributes["run_id"]
     rank, size = (0, 1) if comm is None else (comm.rank, comm.size)
     names = [part_name(path, run_id, number) for number in range(size)]
-    mine = path.parent / names[rank]
+    own_part = path.parent / names[rank]
     joint = part = replaced = None  # the joint file is open on rank 0; one rank is its own part
 
     def discard():
@@ -141,18 +141,18 @@ def write_result(path, attributes: dict, arrays: dict, comm=None) -> None:
             if file is not None:
                 file.discard()
         if size > 1:
-            mine.unlink(missing_ok=True)
-            remove_if_empty(mine.parent)
+            own_part.unlink(missing_ok=True)
+            remove_if_empty(own_part.parent)
 
     try:
         with agreed(comm):
             if rank == 0:  # before the others open theirs
                 check_place(path, attributes["format"])
-                remove_abandoned(mine.parent)
+                remove_abandoned(own_part.parent)
                 joint = OutputFile(path)
                 _store_shared(joint, attributes, arrays)
         with agreed(comm):
-            part = joint if size == 1 else _new_part(mine, run_id, rank)
+            part = joint if size == 1 else _new_part(own_part, run_id, rank)
             _store_rows(part, arrays, rank)
         if size > 1:
             with agreed(comm):
@@ -190,7 +190,7 @@ def _new_part(path, run_id, rank):
 
 
 def _store_shared(joint, attributes, arrays):
-    """Attributes, arrays that every rank has, and those of which no rank has any row."""
+    """Attributes, arrays that every rank has, and empty ones, of which no rank has a row."""
     set_attributes(joint.h5, attributes)
     for name, array in arrays.items():
         if array.axis is None:
@@ -239,7 +239,7 @@ def merge(path, out=None, request=None) -> int:
     target = Path(path if out is None else out)
     in_place = os.path.realpath(target) == os.path.realpath(path)
     with open_file(path) as h5:
-        kind, _, found = check_file(h5, path)
+        kind, _, items = check_file(h5, path)
         parts = PartList(h5, path)
         parts.check()
         if in_place and not parts:
@@ -249,7 +249,7 @@ def merge(path, out=None, request=None) -> int:
         else:
             check_output(target, kind, [path])
         with OutputFile(target) as merged:
-            _copy(h5, found, parts, merged)
+            _copy(h5, items, parts, merged)
             if request and not in_place:
                 merged.attrs["request"] = request.text
             parts.check()  # gone where a run has replaced the result meanwhile
@@ -258,9 +258,9 @@ def merge(path, out=None, request=None) -> int:
     return len(parts.sizes)
 
 
-def _copy(source, found, parts, target):
+def _copy(source, items, parts, target):
     target.attrs.update(source.attrs)
-    for name, item in found.items():
+    for name, item in items.items():
         if isinstance(item, h5py.Dataset):
             _copy_dataset(item, parts, target, name)
         else:

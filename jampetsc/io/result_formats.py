@@ -82,7 +82,7 @@ share/nonaffine, share/normal, share/transverse, share/modulus | (M,) | float? |
   not unique
 cumulative/nonaffine, cumulative/normal, cumulative/transverse, cumulative/modulus | (M,) | float? | | their sums up to
   each mode
-lowest/count | (q,) | int? | | those of 10, 50, 200 that do not exceed M
+lowest/count | (q,) | int? | | 10, 50 and 200, if they do not exceed M
 lowest/normal_median, lowest/transverse_median, lowest/nonaffine_median | (q,) | float? | length | medians of \|Δu∥\|,
   \|Δu⊥\|, \|u_na\| per unit strain of the response of only that many lowest modes, without affine part
 """,
@@ -130,7 +130,7 @@ G | (F,) | complex | k | G* there, the mean over the packings
 lane_width | (W,) | float | length | of lanes along x
 delta | (W, D + 1) | float | length | mean δ of the pairs in a bin; the first is 0
 C, C_error | (W, F, 2, D + 1) | float | | C(δ) = ⟨u_y(x) u_y(x + δ)⟩/⟨u_y²⟩ and its standard error; nan in empty bins
-length, length_error | (W, F, 2) | float | length | first root of C; nan where there is none
+length, length_error | (W, F, 2) | float | length | first root of C; nan without one
 minimum, minimum_error | (W, F, 2) | float | length | δ of the smallest C
 """,
     attributes=r"""

@@ -26,7 +26,7 @@ _LONGEST = 60  # characters of an attribute in a table
 
 
 class StoredArray(ResultArray):
-    """A dataset that stays in its file, of which every rank reads what it is asked for.
+    """A dataset that stays in its file, of which every rank reads selections.
 
     Raises InputError on reading if the file was replaced, or one of its parts went, since it was loaded.
     """
@@ -73,7 +73,7 @@ class Named(Mapping):
         self._arrays = arrays
 
     def named(self, name, kind, place):
-        """The array of this name. Raises InputError, "`place`: no `kind` `name`", where there is none."""
+        """The array of this name. Raises InputError, "`place`: no `kind` `name`", for a missing one."""
         if name not in self._arrays:
             near = difflib.get_close_matches(name, self._arrays, n=1)
             hint = f"did you mean {near[0]}?" if near else f"it holds {', '.join(self._arrays) or 'none'}"
@@ -81,7 +81,7 @@ class Named(Mapping):
         return self._arrays[name]
 
     def get(self, name, default=None):
-        """The array of this name, or `default` where there is none."""
+        """The array of this name, or `default` for a missing one."""
         return self[name] if name in self else default
 
     def __iter__(self):
@@ -100,7 +100,7 @@ class Result(Named):
     path      its file; for a result in memory its name in messages, such as "sweep in memory"
     packing   Disks that the result was made from, if they were in memory with it; else None
 
-    A file's array is read when it is asked for; `stored(name)` leaves it in the file, to read slices of it. In memory
+    A file's array is read on access; `stored(name)` leaves it in the file, to read slices of it. In memory
     a distributed array is this rank's rows, and `stored(name).rows` says which.
     """
 
@@ -112,11 +112,11 @@ class Result(Named):
     @classmethod
     def read(cls, h5, path) -> "Result":
         """The result in an open file; `path` is for messages and later reading."""
-        format, attrs, found = check_file(h5, path)
+        format, attrs, items = check_file(h5, path)
         run_id, declared = attrs.get("run_id", ""), FORMATS[format]
         arrays = {
             name: StoredArray(path, name, data, declared.dtype(name, data.dtype), run_id)
-            for name, data in found.items()
+            for name, data in items.items()
             if isinstance(data, h5py.Dataset)
         }
         return cls(attrs, arrays, Path(path).resolve())
@@ -134,9 +134,9 @@ class Result(Named):
             name: array if array.axis is None else array.gathered(self._comm)
             for name, array in self._arrays.items()
         }
-        found = type(self)(self.attributes, arrays, self.path, self._comm)
-        found.packing = self.packing
-        return found
+        result = type(self)(self.attributes, arrays, self.path, self._comm)
+        result.packing = self.packing
+        return result
 
     def __getstate__(self):
         """What copies have, in other processes too: without ranks, so that of several all rows must be gathered."""
@@ -160,9 +160,9 @@ class Result(Named):
                 self._arrays = type(self).read(h5, path)._arrays
 
     def __repr__(self):
-        held = ", ".join(f"{name} {self._arrays[name].shape}" for name in list(self)[:_SHOWN])
+        shown = ", ".join(f"{name} {self._arrays[name].shape}" for name in list(self)[:_SHOWN])
         more = f" and {len(self) - _SHOWN} more" if len(self) > _SHOWN else ""
-        return f"<{type(self).__name__} {self.path.name}: {held}{more}>"
+        return f"<{type(self).__name__} {self.path.name}: {shown}{more}>"
 
     def _repr_html_(self):
         """A table of shapes and attributes for notebooks."""
@@ -176,7 +176,7 @@ class Result(Named):
         return self.stored(name)[...]
 
     def stored(self, name) -> StoredArray:
-        """A dataset without reading it. Raises InputError if there is none of this name."""
+        """A dataset without reading it. Raises InputError for a missing one."""
         return self.named(name, "dataset", self.path)
 
     @property
@@ -219,12 +219,12 @@ def unstable_to_shear(modulus: float, name: str) -> list[str]:
 
 def counted(rows: list[dict]) -> list[str]:
     """A line for each command and kind of note in a study's table: in how many rows, and the first of them."""
-    found, tasks = {}, Counter(row["command"] for row in rows)
+    notes_by_kind, tasks = {}, Counter(row["command"] for row in rows)
     for row in rows:
         for note in filter(None, row.get("notes", "").split(BETWEEN)):
-            found.setdefault((row["command"], note.partition(":")[0]), []).append((note, row["file"]))
+            notes_by_kind.setdefault((row["command"], note.partition(":")[0]), []).append((note, row["file"]))
     return [
-        f"  note in {len(some)} of {tasks[command]} {command} tasks, which count like the others: "
-        f"{some[0][0]} ({some[0][1]})"
-        for (command, _), some in found.items()
+        f"  note in {len(notes)} of {tasks[command]} {command} tasks, which count like the others: "
+        f"{notes[0][0]} ({notes[0][1]})"
+        for (command, _), notes in notes_by_kind.items()
     ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jampetsc.analysis.jammed_samples import FEWEST, Share, density, memory, runs_of, share_of
+from jampetsc.analysis.jammed_samples import MIN_SAMPLES, Share, density, memory, runs_of, share_of
 from jampetsc.errors import InputError, named
 from jampetsc.plots.page import points
 from jampetsc.plots.picture import count, differing, picture
@@ -126,11 +126,13 @@ def plot_pressures(results, page):
     """
     samples = samples_of(results)
     curves = [
-        (one, [phi for phi in sorted(one.runs) if len(one.pressures(phi)) >= FEWEST]) for one in samples
+        (one, [phi for phi in sorted(one.runs) if len(one.pressures(phi)) >= MIN_SAMPLES]) for one in samples
     ]
     curves = [(one, some) for one, some in curves if some]
     if not curves:
-        raise InputError(f"{results[0].path}: fewer than {FEWEST} jammed samples at every phi: make more")
+        raise InputError(
+            f"{results[0].path}: fewer than {MIN_SAMPLES} jammed samples at every phi: make more"
+        )
     if len(curves) > PANELS:
         raise InputError(f"{len(curves)} kinds of samples: one picture shows P(p) of {PANELS}; choose some")
     units, columns = flow_units(results), min(len(curves), 2)
@@ -162,11 +164,12 @@ def plot_jamming_densities(results, page):
         (one.kind, phi, values)
         for one in samples_of(results)
         for phi, values in sorted(one.jamming.items())
-        if len(values) >= FEWEST
+        if len(values) >= MIN_SAMPLES
     ]
     if not curves:
         raise InputError(
-            f"{results[0].path}: holds fewer than {FEWEST} values of phi_J: run jam with {named('protocol')} compress"
+            f"{results[0].path}: holds fewer than {MIN_SAMPLES} values of phi_J: run jam with "
+            f"{named('protocol')} compress"
         )
     labels = _labels([kind for kind, _, _ in curves])
     several = len({phi for _, phi, _ in curves}) > 1

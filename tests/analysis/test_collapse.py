@@ -101,7 +101,7 @@ def test_corrections_are_told_by_chi2():
     assert np.abs(off).max() < 2.5
     assert np.allclose(sum(fit.terms(points)), exact(points.phi, points.scale, 2.0), rtol=0.01)
     below = planted(3, 0.003, -0.5)
-    assert fit_collapse(below, replace(CORRECTED, held={"omega": OMEGA})).sign == -1
+    assert fit_collapse(below, replace(CORRECTED, fixed={"omega": OMEGA})).sign == -1
 
 
 def test_parameters_drift_towards_what_was_planted_and_errors_of_cuts_are_of_their_own_points():
@@ -133,7 +133,7 @@ def test_a_search_with_corrections_begins_on_either_side_and_knows_its_slopes(sp
     first, second = begun.coefficients
     assert len(second) == 3 and second[0] == pytest.approx(first[0] + np.log(0.3))
     np.testing.assert_array_equal(second[1:], first[1:3])
-    one, step = replace(begun, form=replace(fixed, held={})), 1e-6
+    one, step = replace(begun, form=replace(fixed, fixed={})), 1e-6
 
     def model(row, h):
         at = np.r_[[one.parameters[name] for name in one.form.free], first, second]
@@ -534,13 +534,13 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
         ("--where model=RD0", "chooses rows of a study, but"),
         ("--observable jammed", "--observable jammed goes with --finite-size"),
         ("--observable energy", "choose one of pressure"),
-        ("--fit phi_J,y", "name znu, too, or hold it: znu=VALUE"),
-        ("--fit phi_J,y,y,znu", "y is there twice"),
-        ("--fit phi_J,y,nu", "nu is none of phi_J, y, znu, omega; with --finite-size it is one"),
+        ("--fit phi_J,y", "znu missing. Name it, or fix it by znu=VALUE"),
+        ("--fit phi_J,y,y,znu", "y named twice"),
+        ("--fit phi_J,y,nu", "nu must be one of phi_J, y, znu, omega; with --finite-size it is one"),
         ("--fit phi_J,y=a,znu", "write a number between"),
         ("--fit phi_J=0.84,y=1,znu=3", "nothing is free"),
         ("--fit phi_J,y,znu,omega", "leave omega out, or give --corrections"),
-        ("--corrections", "name omega, too"),
+        ("--corrections", "omega missing. Name it"),
         ("--degree 0", "--degree 0: must lie in"),
         ("--cut -1", "--cut -1: must be positive"),
         ("--cut 1e-9", "no points are left"),

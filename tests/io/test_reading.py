@@ -261,7 +261,7 @@ def test_rows_of_fields_are_disks_of_the_packing():
         held = of_fields([1.0], n, **({} if more is None else {"particles": more}))
         with pytest.raises(InputError, match="the 3 disks of the packing"):
             disk_motion.particle_rows(held, disks)
-    with pytest.raises(InputError, match="its fields are those of no disk, every one is a rattler"):
+    with pytest.raises(InputError, match="its fields have no disks, every one is a rattler"):
         disk_motion.particle_rows(of_fields([1.0], 0, particles=[]), disks)
 
 
