@@ -4,8 +4,8 @@ import numpy as np
 from claims.medium import correlation, solid
 
 from jampetsc.analysis.displacement_correlation import (
-    LONGEST,
-    SHORTEST,
+    MAX_LENGTH,
+    MIN_LENGTH,
     length_spread,
     medium_collapse,
     stokes_collapse,
@@ -70,7 +70,7 @@ def lengths(page, folder):
         label, length = f"${power_or_number(curve.pressure)}$", curve.G.real
         look |= {"lw": 0.8}
         points(axes[0], curve.omega, length / curve.size, curve.bounds[0] / curve.size, label=label, **look)
-        part = curve.at((length > SHORTEST) & (length < LONGEST * curve.size))
+        part = curve.at((length > MIN_LENGTH) & (length < MAX_LENGTH * curve.size))
         for ax, (collapse, _) in zip(axes[1:], collapses, strict=True):
             at, value = collapse(part.omega, part.G.real, part)
             points(ax, at, value, part.bounds[0] * value / part.G.real, label=hidden(label), **look)

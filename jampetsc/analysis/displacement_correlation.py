@@ -16,9 +16,12 @@ from jampetsc.analysis.power_laws import collapse_spread
 from jampetsc.analysis.statistics import draws_of, small_sample_factor
 from jampetsc.errors import InputError
 
-BLOCKS = 8  # strips of one packing, for the error
-_CELL = 1 / 8  # of the grid along x, in diameters
-_BIN, _GROWTH = 4, 0.08  # width of a bin of δ: at least this number of grid cells, and this fraction of δ
+STRIP_COUNT = 8  # strips of one packing, for the error
+_GRID_SPACING = 1 / 8  # of the grid along x, in diameters
+_MIN_BIN_WIDTH, _BIN_GROWTH = (
+    4,
+    0.08,
+)  # width of a bin of δ: at least this number of grid cells, and this fraction of δ
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +38,13 @@ class LaneSums:
 
 def grid_cells(length: float, diameter: float) -> int:
     """Even number of grid cells along a cell of this length, for `lane_sums`."""
-    return 2 * max(4, round(0.5 * length / (_CELL * diameter)))
+    return 2 * max(4, round(0.5 * length / (_GRID_SPACING * diameter)))
 
 
 def bin_edges(cells: int):
     """First lag of each bin of δ, in grid cells from 1: bins half a diameter wide, wider at larger δ."""
     edges = [1]
-    while (last := edges[-1] + max(_BIN, round(_GROWTH * edges[-1]))) <= cells // 2:
+    while (last := edges[-1] + max(_MIN_BIN_WIDTH, round(_BIN_GROWTH * edges[-1]))) <= cells // 2:
         edges.append(last)
     return np.array(edges)
 
@@ -64,7 +67,7 @@ def lane_sums(positions, cell, fields, width: float, cells: int) -> LaneSums:
     # a disk wrapped in y has moved by a₂, so in x too: the product with the cell's rows takes that along
     along = (reduced @ cell)[:, 0] / length % 1.0
     place = lane * cells + np.minimum((along * cells).astype(int), cells - 1)
-    blocks = min(BLOCKS, lanes)
+    blocks = min(STRIP_COUNT, lanes)
     block_of = np.arange(lanes) * blocks // lanes
     starts, block = np.searchsorted(block_of, np.arange(blocks)), block_of[lane]
 
@@ -92,9 +95,9 @@ def lane_sums(positions, cell, fields, width: float, cells: int) -> LaneSums:
     )
 
 
-ENOUGH_PACKINGS = 5  # from this number on, whole packings are resampled
-SAMPLES = 200  # of the bootstrap
-ROUNDING = 1e-12  # rms displacement per strain, in diameters, below which a field may be rounding alone
+MIN_RESAMPLED_PACKINGS = 5  # from this number on, whole packings are resampled
+BOOTSTRAP_SAMPLES = 200  # of the bootstrap
+ROUNDING_LIMIT = 1e-12  # rms displacement per strain, in diameters, below which a field may be rounding alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +147,7 @@ def _units(packings) -> LaneSums:
     joined = {}
     for name in ("products", "squares", "pairs", "separations", "disks"):
         parts = [getattr(sums, name) for sums in packings]
-        if len(packings) >= ENOUGH_PACKINGS:
+        if len(packings) >= MIN_RESAMPLED_PACKINGS:
             parts = [part.sum(axis=0, keepdims=True) for part in parts]
         joined[name] = np.concatenate(parts)
     return replace(packings[0], **joined)
@@ -161,7 +164,7 @@ def _correlation(units, draws):
 
 def _scatter(statistic, count):
     """Standard deviation of statistic(rows) over draws of `count` units; nan where fewer than half have a value."""
-    draws = draws_of(count, SAMPLES) if count > 1 else np.zeros((2, 1), int)
+    draws = draws_of(count, BOOTSTRAP_SAMPLES) if count > 1 else np.zeros((2, 1), int)
     samples = np.array([statistic(rows) for rows in draws])
     enough = (2 * np.isfinite(samples).sum(axis=0) >= len(samples)) & (count > 1)
     scatter = np.full(samples.shape[1:], np.nan)
@@ -186,7 +189,7 @@ def first_root(separation, values) -> float:
 
 
 LOG_EXPONENT = 0.65  # of −ln p in BT's collapse of the Stokes length
-SHORTEST, LONGEST = 1.3, 0.13  # lengths that can collapse: above this in diameters, below this in L
+MIN_LENGTH, MAX_LENGTH = 1.3, 0.13  # lengths that can collapse: above this in diameters, below this in L
 
 
 def stokes_collapse(omega, length, pressure, exponent=LOG_EXPONENT):
@@ -219,7 +222,7 @@ def length_spread(lengths, collapse) -> float:
     scaled = []
     for omega, length, size, *more in lengths:
         parts = [
-            np.where((part > SHORTEST) & (part < LONGEST * size), part, 0.0)
+            np.where((part > MIN_LENGTH) & (part < MAX_LENGTH * size), part, 0.0)
             for part in (length.real, length.imag)
         ]
         x, y = collapse(omega, parts[0] + 1j * parts[1], *more)

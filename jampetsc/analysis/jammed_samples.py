@@ -15,7 +15,7 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 
 MIN_SAMPLES = 10  # samples for a distribution
-OTHERS = ("phi_J", "segregation")  # columns that samples may also have
+OPTIONAL_COLUMNS = ("phi_J", "segregation")  # columns that samples may also have
 BIN_COUNT_RANGE = (5, 30)  # least and largest number of bins; √samples between them
 
 
@@ -115,11 +115,11 @@ class AtDensity:
     phi: float
     jammed: Share | None  # None where no minimum was found
     pressure: float  # mean of those that jam; nan where none does
-    means: dict  # name in OTHERS -> (mean, its error)
+    means: dict  # name in OPTIONAL_COLUMNS -> (mean, its error)
 
 
 def at_densities(columns: dict) -> list[AtDensity]:
-    """Results at every φ of samples: columns (S,) phi, seed, jammed and pressure, nan without a minimum, and OTHERS."""
+    """Results at every φ of samples: columns (S,) phi, seed, jammed, pressure, nan without minimum, and others."""
     phi, seed, jammed, pressure = (columns[name] for name in ("phi", "seed", "jammed", "pressure"))
     rows = []
     for value in np.unique(phi):
@@ -127,7 +127,7 @@ def at_densities(columns: dict) -> list[AtDensity]:
         runs = [jammed[here & (seed == run_seed)] for run_seed in np.unique(seed[here])]
         hard = pressure[here & (jammed == 1)]
         means = {}
-        for name in OTHERS:
+        for name in OPTIONAL_COLUMNS:
             values = columns.get(name, np.zeros(len(phi)) * np.nan)[phi == value]
             values = values[np.isfinite(values)]
             if len(values) > 1:

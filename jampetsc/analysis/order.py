@@ -9,9 +9,8 @@ turned alike: 1 in one crystal, about 0.6/√N in a liquid.
 
 import numpy as np
 
-IMAGE_MARGIN = (
-    6.0  # mean spacings beyond the cell from which images count: neighbours of disks inside lie closer
-)
+# mean spacings beyond the cell from which images count: neighbours of disks inside lie closer
+IMAGE_MARGIN = 6.0
 
 
 def bond_order(positions, cell) -> np.ndarray:

@@ -15,9 +15,8 @@ from jampetsc.errors import InputError
 MU, LAMBDA = 0.5, 1.0  # critical exponents of BT
 CRITICAL_END = 0.1  # ωτ₁ above which the affine branch near ωτ₁ = 1 is felt
 CROSSOVER_SLOPE = 0.75  # slope of G'' half-way between the critical and the viscous one
-EXTRAPOLATION_TOLERANCE = (
-    0.03  # relative change of a limit by extrapolation; on the critical branch it is 0.1 and more
-)
+# relative change of a limit by extrapolation; on the critical branch it is 0.1 and more
+EXTRAPOLATION_TOLERANCE = 0.03
 _MIN_POINTS = 3  # fewest points of a fit from which its error can be estimated
 
 

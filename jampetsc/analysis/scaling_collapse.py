@@ -20,8 +20,8 @@ from jampetsc.errors import InputError, named
 EXPONENTS = ("y", "kappa", "omega")  # κ = zν or ν
 PARAMETERS = ("phi_J", *EXPONENTS)
 BOUNDS = {"y": (-2.0, 5.0), "kappa": (0.2, 20.0), "omega": (0.02, 5.0)}
-FEWEST_SCALES, FEWEST_PHIS = 3, 3
-CUBIC = 3
+MIN_SCALES, MIN_PHIS = 3, 3
+SPLINE_DEGREE = 3
 MAX_LOG_F = 100.0  # |ln f|
 
 
@@ -73,8 +73,8 @@ class Points:
                 f"error {self.error[wrong[0]]:g} at phi = {self.phi[wrong[0]]:g}: must be positive: run longer"
             )
         for count, least, name in (
-            (len(np.unique(self.scale)), FEWEST_SCALES, "rates or sizes"),
-            (len(np.unique(self.phi)), FEWEST_PHIS, "packing fractions"),
+            (len(np.unique(self.scale)), MIN_SCALES, "rates or sizes"),
+            (len(np.unique(self.phi)), MIN_PHIS, "packing fractions"),
         ):
             if count < least:
                 raise InputError(f"{count} different {name}: a collapse needs at least {least}")
@@ -98,7 +98,7 @@ class Form:
     @property
     def terms(self) -> tuple[int, int]:
         """Numbers of coefficients of ln f₀ and of ln |f₁|; f₁ gets fewer, since data determine it less well."""
-        first = self.degree + (CUBIC if self.spline else 1)
+        first = self.degree + (SPLINE_DEGREE if self.spline else 1)
         return first, (self.degree + 1) // 2 + 1 if self.corrections else 0
 
     @property
@@ -183,7 +183,7 @@ class Basis:
         """(values, derivatives by x) at x (M,), (M, terms) each."""
         width = max(abs(self.knots[0]), abs(self.knots[-1]), 1e-300)
         u = x / width
-        powers = CUBIC if self.spline else len(self.knots) - 1
+        powers = SPLINE_DEGREE if self.spline else len(self.knots) - 1
         values = chebyshev.chebvander(u, powers)
         slopes = values[:, :powers] @ _derivatives(powers)
         if self.spline:

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEVEL = 0.6827  # of an interval: one standard deviation to either side of a normal distribution
+CONFIDENCE_LEVEL = 0.6827  # of an interval: one standard deviation to either side of a normal distribution
 
 
 @functools.lru_cache
 def half_width(degrees: float) -> float:
-    """Student's t of the interval of LEVEL for `degrees` of freedom, > 0: by how much a standard error widens."""
+    """Student's t at CONFIDENCE_LEVEL for `degrees` of freedom, > 0: by how much a standard error widens."""
     from scipy.special import stdtrit  # takes a while to import
 
-    return float(stdtrit(degrees, 0.5 * (1.0 + LEVEL)))
+    return float(stdtrit(degrees, 0.5 * (1.0 + CONFIDENCE_LEVEL)))
 
 
 def small_sample_factor(count: int) -> float:
@@ -57,8 +57,8 @@ def median_interval(values) -> tuple:
 
     # that the median is between the d-th from either end, d = 1, 2, …: not fewer than d are on either side of it
     chance = np.append(1.0 - 2.0 * bdtr(np.arange(n // 2), n, 0.5), 0.0)
-    d = int(np.count_nonzero(chance >= LEVEL))
-    part = (chance[d - 1] - LEVEL) / (chance[d - 1] - chance[d])
+    d = int(np.count_nonzero(chance >= CONFIDENCE_LEVEL))
+    part = (chance[d - 1] - CONFIDENCE_LEVEL) / (chance[d - 1] - chance[d])
     inner = (n - d) * part / (d + (n - 2 * d) * part)
     return tuple((1.0 - inner) * ordered[a] + inner * ordered[b] for a, b in ((d - 1, d), (n - d, n - d - 1)))
 
@@ -105,7 +105,7 @@ def relative_bound(bound, value):
 
 
 BINS_PER_DECADE = 10
-DECADES = 10  # below the decade of the largest value; what is smaller falls into the first bin
+HISTOGRAM_DECADES = 10  # below the decade of the largest value; what is smaller falls into the first bin
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,10 @@ class Distribution:
         size = np.abs(values) if values.ndim == 1 else np.hypot(values[:, 0], values[:, 1])
         # by the C library, whose log10 is exact at powers of ten; numpy's own for some processors need not be
         top = math.floor(math.log10(size.max())) + 1 if size.any() else 0
-        exponents = np.arange(BINS_PER_DECADE * (top - DECADES), BINS_PER_DECADE * top + 1) / BINS_PER_DECADE
+        exponents = (
+            np.arange(BINS_PER_DECADE * (top - HISTOGRAM_DECADES), BINS_PER_DECADE * top + 1)
+            / BINS_PER_DECADE
+        )
         edges = np.append(0.0, 10.0**exponents)
         counts = np.bincount(np.searchsorted(edges, size, side="right") - 1, minlength=len(edges) - 1)
         return cls(

@@ -13,7 +13,7 @@ import numpy as np
 
 from jampetsc import interrupts
 from jampetsc.analysis.correlated_series import Average
-from jampetsc.analysis.displacement_correlation import ROUNDING
+from jampetsc.analysis.displacement_correlation import ROUNDING_LIMIT
 from jampetsc.analysis.statistics import draws_of, small_sample_factor
 from jampetsc.errors import InputError, named
 
@@ -124,9 +124,9 @@ def correlate_velocities(
         squares.append(np.mean(v**2))
     products, pairs = np.array(products), np.array(pairs)
     square, counts = float(np.mean(squares)), pairs.sum(0)
-    if not square > (ROUNDING * rate * diameter) ** 2:
+    if not square > (ROUNDING_LIMIT * rate * diameter) ** 2:
         raise InputError(
-            f"|u_y| is rounding, at most {ROUNDING:g} mean diameters per strain, as in a perfect "
+            f"|u_y| is rounding, at most {ROUNDING_LIMIT:g} mean diameters per strain, as in a perfect "
             "crystal: nothing to correlate"
         )
     squares = np.array(squares)

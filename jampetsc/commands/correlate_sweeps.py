@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.analysis.displacement_correlation import ROUNDING, correlate, grid_cells, lane_sums
+from jampetsc.analysis.displacement_correlation import ROUNDING_LIMIT, correlate, grid_cells, lane_sums
 from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.disk_motion import (
@@ -95,11 +95,11 @@ def _motion(job, sweep, phase):
     particles = particle_rows(sweep, disks)
     transverse = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, 1] for row in rows]
     parts = [part for u in transverse for part in (u.real, u.imag)]
-    known = np.array([_rms(part) > ROUNDING * _diameter(disks) for part in parts]).reshape(-1, 2)
+    known = np.array([_rms(part) > ROUNDING_LIMIT * _diameter(disks) for part in parts]).reshape(-1, 2)
     if not known.any(axis=1).all():
         at = stored[rows][np.argmin(known.any(axis=1))]
         raise InputError(
-            f"{sweep.path}: omega = {at:g}: |u_y| is rounding, at most {ROUNDING:g} mean diameters per strain, "
+            f"{sweep.path}: omega = {at:g}: |u_y| is rounding, at most {ROUNDING_LIMIT:g} mean diameters per strain, "
             f"as in a perfect crystal: nothing to correlate; choose other frequencies by {named('omega')}"
         )
     parts = [part if some else np.zeros_like(part) for part, some in zip(parts, known.flat, strict=True)]

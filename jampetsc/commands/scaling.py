@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from jampetsc.analysis.collapse_errors import degrees_above
-from jampetsc.analysis.collapse_fit import ranges
+from jampetsc.analysis.collapse_fit import parameter_ranges
 from jampetsc.analysis.correlated_series import Average, mean_of_averages, mean_of_runs
 from jampetsc.analysis.jammed_samples import runs_of, share_of
 from jampetsc.analysis.scaling_collapse import PARAMETERS, Points, words_of
@@ -156,7 +156,7 @@ def notes_of(points: Points, fit, found, finite_size) -> list[str]:
     for name, one in found.items():
         word = words[name]
         if not one.decided:
-            low, high = ranges(points)[name]
+            low, high = parameter_ranges(points)[name]
             notes.append(
                 f"the data do not tell {word}: 2 sigma reach an end of its range, {low:.5g} to {high:.5g}"
             )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.correlated_series import FEW, Average
+from jampetsc.analysis.correlated_series import MIN_EFFECTIVE_SAMPLES, Average
 from jampetsc.flows.record import ON_WALLS
 
 UNBALANCED = 0.05  # largest |mismatch| of the energy balance
@@ -126,12 +126,12 @@ def independent_samples(shear_stress, pressure) -> str:
 
 
 def short_run_warnings(strain, spacing, *averages) -> list[str]:
-    """Warning, if any, that one of the averages over `strain`, rows `spacing` apart, has too few samples (see FEW)."""
+    """Warning, if any, that one of the averages over `strain`, rows `spacing` apart, has too few effective samples."""
     least = min(averages, key=lambda one: one.samples)
     if least.enough:
         return []
     return [
-        f"errors are widened and still rough: effective sample size {least.samples:.0f} (below {FEW:.0f}), as strain "
-        f"{strain:.3g} after discard is short for a correlation strain of about {spacing * least.time:.2g}. Give a "
-        "longer strain"
+        f"errors are widened and still rough: effective sample size {least.samples:.0f} (below "
+        f"{MIN_EFFECTIVE_SAMPLES:.0f}), as strain {strain:.3g} after discard is short for a correlation strain of "
+        f"about {spacing * least.time:.2g}. Give a longer strain"
     ]

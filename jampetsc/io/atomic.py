@@ -17,14 +17,14 @@ from pathlib import Path
 
 from jampetsc.errors import InputError, JampetscError, named
 
-_KINDS = {  # type of a file -> in words
+_FILE_TYPES = {  # type of a file -> in words
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
     stat.S_IFSOCK: "a socket",
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-_READ = ("give the file in it", "give a regular file, such as a copy of what comes out of it")
+_READING_REMEDIES = ("give the file in it", "give a regular file, such as a copy of what comes out of it")
 
 
 def open_regular(path):
@@ -33,7 +33,7 @@ def open_regular(path):
     Raises InputError for anything else, OSError where it cannot be opened. Never waits: a pipe has no end to be
     waited for, and reading a device may change it.
     """
-    require_regular(path, *_READ)
+    require_regular(path, *_READING_REMEDIES)
     return open(path, "rb")
 
 
@@ -41,7 +41,7 @@ def require_regular(path, folder, other) -> None:
     """Raise InputError unless a regular file is at `path`; folder, other: remedies for a folder and for others."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode):
-        kind = _KINDS.get(stat.S_IFMT(mode), "a special file")
+        kind = _FILE_TYPES.get(stat.S_IFMT(mode), "a special file")
         raise InputError(f"{path}: is {kind}: {folder if kind == 'a folder' else other}")
 
 

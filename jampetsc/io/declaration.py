@@ -23,7 +23,7 @@ from jampetsc.errors import InputError
 
 MAX_DEPTH = 8  # groups inside each other
 MAX_OBJECTS = 10_000  # datasets and groups of a file
-LONGEST = 40  # characters of a value in a message
+MAX_SHOWN_LENGTH = 40  # characters of a value in a message
 TYPES = {  # type -> (kinds of numpy that hold it, what arrays are read as, how a message has it)
     "float": ("fiu", np.float64, "real numbers"),
     "complex": ("fiuc", np.complex128, "complex numbers"),
@@ -31,9 +31,9 @@ TYPES = {  # type -> (kinds of numpy that hold it, what arrays are read as, how 
     "bool": ("b", np.bool_, "true or false"),
     "text": ("SO", None, "text"),
 }
-PYTHON = {"float": (int, float), "int": int, "bool": bool, "text": str}  # of attributes
+PYTHON_TYPES = {"float": (int, float), "int": int, "bool": bool, "text": str}  # of attributes
 HEADER = ("format", "format_version")  # which `hdf5.check_format` has checked
-KINDS = {  # of numpy -> in words, where its own are not
+KIND_WORDS = {  # of numpy -> in words, where its own are not
     "S": "text", "O": "text or references", "V": "compound or opaque values", "b": "true or false",
 }  # fmt: skip
 MAX_BYTES = {"f": 8, "c": 16}  # of a number; not every machine has more
@@ -59,7 +59,7 @@ class FormatRow:
             _refuse(path, name, f"is a group, must hold {words}")
         kind, size = data.dtype.kind, data.dtype.itemsize
         if kind not in kinds or size > MAX_BYTES.get(kind, size):
-            _refuse(path, name, f"holds {KINDS.get(kind, data.dtype)}, must hold {words}")
+            _refuse(path, name, f"holds {KIND_WORDS.get(kind, data.dtype)}, must hold {words}")
         if self.shape is not None and not self._fits(data.shape, lengths):
             known_lengths = [
                 f"{length} = {lengths[length]}" for length, _ in self.shape if lengths.get(length, 0) > 0
@@ -81,9 +81,11 @@ class FormatRow:
         is_list = self.shape is not None
         values = value.tolist() if is_list and isinstance(value, np.ndarray) else [value]
         for entry in values:
-            if not isinstance(entry, PYTHON[self.type]) or isinstance(entry, bool) != (self.type == "bool"):
+            if not isinstance(entry, PYTHON_TYPES[self.type]) or isinstance(entry, bool) != (
+                self.type == "bool"
+            ):
                 shown, words = repr(value), TYPES[self.type][2]
-                shown = shown if len(shown) <= LONGEST else f"{shown[:LONGEST]} …"
+                shown = shown if len(shown) <= MAX_SHOWN_LENGTH else f"{shown[:MAX_SHOWN_LENGTH]} …"
                 words = words if is_list or not words.endswith("numbers") else f"a {words[:-1]}"
                 raise InputError(f"{path}: attribute {name} = {shown}: must be {words}. Make the file again.")
         if self.positive and not value > 0:

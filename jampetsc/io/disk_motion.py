@@ -14,14 +14,13 @@ from jampetsc.packing.potentials import Potential
 
 # what the real part of a field is in phase with, the default first; files hold fields per strain
 PHASES = ("stress", "strain")
-FLOW_KIND = ("model", "rate", "particle_count", "mass")  # attributes of flows whose correlations are averaged
+# attributes that flows share whose correlations are averaged
+FLOW_KIND = ("model", "rate", "particle_count", "mass")
 PHI_TOLERANCE = 1e-6  # φ of such flows may differ by this
-STORED = (
-    "snapshots/psi6_local",
-    "snapshots/psi6_global",
-)  # in files without positions, such as in docs/kept
-_HUGE = 1e100  # displacements per unit strain that no packing has
-_SAME = 0.01  # a frequency asked for may differ from the stored one by this fraction: 0.0316 means 10^-1.5
+# in files without positions, such as in docs/kept
+STORED_ORDER = "snapshots/psi6_local", "snapshots/psi6_global"
+_MAX_DISPLACEMENT = 1e100  # displacements per unit strain that no packing has
+_FREQUENCY_TOLERANCE = 0.01  # relative distance from a stored frequency: 0.0316 means 10^-1.5
 
 
 def packing_of(result, packing=None) -> Disks:
@@ -60,7 +59,7 @@ def field_at(result, row):
     fields = result.fields
     arrays = [None if part is None else part[int(row)] for part in (fields.displacement, fields.rotation)]
     for array in arrays:
-        if array is not None and not (np.abs(array) < _HUGE).all():  # nan too
+        if array is not None and not (np.abs(array) < _MAX_DISPLACEMENT).all():  # nan too
             raise InputError(
                 f"{result.path}: its field at omega = {fields.omega[int(row)]:g} holds values that are no "
                 "numbers or beyond all measure: run the sweep again"
@@ -127,7 +126,7 @@ def chosen_frequencies(result, frequencies=None):
     for omega in frequencies:
         distance = np.abs(np.log(stored / omega))
         nearest = int(distance.argmin())
-        if not distance[nearest] <= _SAME:
+        if not distance[nearest] <= _FREQUENCY_TOLERANCE:
             nearest_stored = ", ".join(f"{w:g}" for w in sorted(stored[np.argsort(distance)[:3]]))
             raise InputError(
                 f"{result.path}: no fields at omega = {omega:g}: nearest are {nearest_stored}; "
@@ -184,8 +183,8 @@ def six_fold_order(result):
 
     Raises InputError for a file without snapshots.
     """
-    if STORED[0] in result:
-        return tuple(result[name] for name in STORED)
+    if STORED_ORDER[0] in result:
+        return tuple(result[name] for name in STORED_ORDER)
     check_snapshots(result)
     walls = int(result.attributes.get("walls", 0))
     return mean_order(result["snapshots/positions"], result["snapshots/cell"], walls)

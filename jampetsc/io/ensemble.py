@@ -18,13 +18,13 @@ from jampetsc.io.provenance import LAW_PARAMETERS
 from jampetsc.io.results import Named
 
 TABLE = "table.csv"
-SAME = 1e-9  # numbers that differ by less, relatively, are the same
-CHOICES = ("command", "law", *LAW_PARAMETERS)
-CHOICES += ("model", "method", "phase", "omega", "rate", "mass", "strain", "accuracy")
-NO_AVERAGE = ("seed", "seconds")
+RELATIVE_TOLERANCE = 1e-9  # numbers that differ by less, relatively, are the same
+DISTINGUISHING_COLUMNS = ("command", "law", *LAW_PARAMETERS)
+DISTINGUISHING_COLUMNS += ("model", "method", "phase", "omega", "rate", "mass", "strain", "accuracy")
+NOT_AVERAGED = ("seed", "seconds")
 # columns that are shares of samples: those with the error of a run and its effective number of samples; runs of jam are
 # independent samples, or as many as they are worth
-SHARES = {
+SHARE_COLUMNS = {
     "jammed_fraction": ("jammed_fraction_samples",),
     "jammed_mean": ("jammed_error", "jammed_samples"),
     "plastic_mean": ("plastic_error", "plastic_samples"),
@@ -80,7 +80,7 @@ class Ensemble(Named):
         for name, choice in values.items():
             column = self[name]
             some = choice if isinstance(choice, list | tuple | set | np.ndarray) else [choice]
-            chosen &= np.any([same(column, value) for value in some], axis=0)
+            chosen &= np.any([is_equal(column, value) for value in some], axis=0)
         return self.taken(chosen)
 
     def taken(self, rows) -> "Ensemble":
@@ -131,19 +131,20 @@ class Ensemble(Named):
         for key, rows in holding.groups((by,) if isinstance(by, str) else tuple(by)):
             require_independent(key, rows, name)
             results = rows.results()
-            at = results[0][over]
+            x = results[0][over]
             for result in results:
-                if result[over].shape != at.shape or not np.allclose(result[over], at, rtol=SAME, atol=0.0):
+                has_shape = result[over].shape == x.shape
+                if not (has_shape and np.allclose(result[over], x, rtol=RELATIVE_TOLERANCE, atol=0.0)):
                     raise InputError(
                         f"{result.path}: other {over} than {results[0].path}: an average needs the same"
                     )
             value, error = complex_statistic([result[name] for result in results], statistic)
-            curves.append(AverageCurve(key, at, value, error, len(results)))
+            curves.append(AverageCurve(key, x, value, error, len(results)))
         return curves
 
     def to_pandas(self):
         """The table as a pandas.DataFrame. Raises InputError where pandas is not installed."""
-        return frame(self)
+        return to_frame(self)
 
     def groups(self, by) -> list:
         """[({column: value}, rows as an Ensemble)] for the values that occur in the columns `by`, sorted; done rows."""
@@ -176,7 +177,7 @@ class Averages(Mapping):
         self.statistic = statistic
         self._groups = ensemble.groups(self.by)
         self._names = [
-            name for name in ensemble if name not in NO_AVERAGE and ensemble[name].dtype.kind in "if"
+            name for name in ensemble if name not in NOT_AVERAGED and ensemble[name].dtype.kind in "if"
         ]
         self._found = {}
         self.error, self.count, self.below_zero = (self._other(row) for row in (1, 2, 3))
@@ -209,7 +210,7 @@ class Averages(Mapping):
 
     def _share(self, rows, name):
         """(value, error) of a share, which is binomial: of all samples of the rows together; None for anything else."""
-        parts = [rows[part] for part in SHARES.get(name, ()) if part in rows]
+        parts = [rows[part] for part in SHARE_COLUMNS.get(name, ()) if part in rows]
         if not parts or not np.isfinite(parts).all():
             return None
         share = (pooled_share if len(parts) == 1 else share_of_runs)(rows[name], *parts)
@@ -224,7 +225,7 @@ class Averages(Mapping):
     def to_pandas(self):
         """A pandas.DataFrame of the averages, errors in columns `…_error`. Raises InputError without pandas."""
         errors = {f"{name}_error": self.error[name] for name in self._names if name not in self.by}
-        return frame({**self, **errors})
+        return to_frame({**self, **errors})
 
 
 def load_ensemble(folder, load) -> Ensemble:
@@ -270,7 +271,9 @@ def require_independent(key, rows, name) -> None:
     else:
         return
     first = seen[packing]
-    differ = [c for c in CHOICES if c in rows and not same(rows[c][[first]], rows[c][other])[0]]
+    differ = [
+        c for c in DISTINGUISHING_COLUMNS if c in rows and not is_equal(rows[c][[first]], rows[c][other])[0]
+    ]
     where = ", ".join(f"{column} {value}" for column, value in key.items()) or "all rows"
     raise InputError(
         f"{rows.table}: {name} of {where}: {rows['file'][first]} and {rows['file'][other]} are of one packing: "
@@ -278,18 +281,18 @@ def require_independent(key, rows, name) -> None:
     )
 
 
-def same(column, value):
-    """Which entries are this value: numbers to SAME, nan is nan, True is 1."""
+def is_equal(column, value):
+    """Which entries are this value: numbers to RELATIVE_TOLERANCE, nan is nan, True is 1."""
     if column.dtype.kind in "if":
         try:
             value = float(value)
         except (TypeError, ValueError):
             return np.zeros(len(column), bool)
-        return np.isclose(column, value, rtol=SAME, atol=0.0, equal_nan=True)
+        return np.isclose(column, value, rtol=RELATIVE_TOLERANCE, atol=0.0, equal_nan=True)
     return column == str(value)
 
 
-def frame(columns):
+def to_frame(columns):
     """Columns as a pandas.DataFrame. Raises MissingPackage where pandas is not installed."""
     try:
         import pandas

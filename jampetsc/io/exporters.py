@@ -16,7 +16,7 @@ from jampetsc.io.atomic import NewFile
 from jampetsc.io.frames import Frame
 
 SERIES = (".xyz", ".dump", ".gsd")  # hold many frames
-SIZES = 10  # with no more different radii than this, each is a type of its own
+MAX_SIZE_TYPES = 10  # with no more different radii than this, each is a type of its own
 
 
 def check_format(out) -> str:
@@ -49,7 +49,7 @@ def write_frames(out, frames) -> int:
 def types_of(radii):
     """(N,) types 1, 2, … of disks in the order of their radii; all 1 where sizes are many."""
     sizes, type = np.unique(radii, return_inverse=True)
-    return type + 1 if len(sizes) <= SIZES else np.ones(len(radii), int)
+    return type + 1 if len(sizes) <= MAX_SIZE_TYPES else np.ones(len(radii), int)
 
 
 def _lines(columns, start="") -> str:

@@ -20,8 +20,8 @@ from jampetsc.io.atomic import NewFile, open_regular, remove_abandoned
 from jampetsc.io.checksums import Damaged, seal_of, verify
 from jampetsc.io.checksums import seal as add_seal
 
-MAJOR = 1  # version of the formats
-_DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
+MAJOR_VERSION = 1  # version of the formats
+_DAMAGE_ERRORS = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 
 
 class OutputFile(NewFile):
@@ -144,7 +144,7 @@ def reading(path):
         raise
     except MemoryError as error:
         raise InputError(f"{path}: holds or claims more than there is memory for ({error})") from None
-    except _DAMAGE as error:
+    except _DAMAGE_ERRORS as error:
         text = " ".join(str(error).strip("'\"").split())
         raise InputError(f"{path}: damaged ({text}): copy or make it again") from None
 
@@ -220,15 +220,15 @@ def check_format(path, attrs: dict, expected: str | None = None) -> str:
         )
     if expected is not None and name != expected:
         raise InputError(f"{path}: is a {name} file: a {expected} file is needed here")
-    version = str(attrs.get("format_version", MAJOR))
+    version = str(attrs.get("format_version", MAJOR_VERSION))
     if not version.split(".")[0].isdigit():
         raise InputError(
-            f"{path}: attribute format_version = {version!r}: must be a number such as {MAJOR}.0"
+            f"{path}: attribute format_version = {version!r}: must be a number such as {MAJOR_VERSION}.0"
         )
-    if int(version.split(".")[0]) > MAJOR:
+    if int(version.split(".")[0]) > MAJOR_VERSION:
         writer = attrs.get("jampetsc_version")
         remedy = f"use jampetsc {writer} or newer" if writer else "use a newer jampetsc"
         raise InputError(
-            f"{path}: format_version {version}, but this jampetsc reads up to {MAJOR}.x: {remedy}"
+            f"{path}: format_version {version}, but this jampetsc reads up to {MAJOR_VERSION}.x: {remedy}"
         )
     return name

@@ -21,10 +21,10 @@ from jampetsc.packing.potentials import Potential
 RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
 TYPES = ("type", "types", "species", "element")  # columns looked for, for radii by type
 _NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
-_LARGEST = 1 << 29  # bytes of text, about ten million disks
-_AGREE = 1e-6  # relative difference from a stored value that still counts as the same packing
-_STRESS = ("xx", "xy", "yx", "yy")
-_MODULI = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a symmetric linear strain
+_MAX_TEXT_BYTES = 1 << 29  # bytes of text, about ten million disks
+_PUBLISHED_TOLERANCE = 1e-6  # relative difference from a stored value that still counts as the same packing
+_STRESS_COMPONENTS = ("xx", "xy", "yx", "yy")
+_MODULUS_COMPONENTS = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a symmetric linear strain
 
 
 def import_packing(
@@ -52,11 +52,11 @@ def import_packing(
         with open_regular(path) as file:
             content = file.read(len(SIGNATURE))
             if format or content != SIGNATURE:
-                content += file.read(_LARGEST)
+                content += file.read(_MAX_TEXT_BYTES)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(content) > _LARGEST:
-        raise InputError(f"{path}: more than {_LARGEST >> 20} MB: cut the packing out of it")
+    if len(content) > _MAX_TEXT_BYTES:
+        raise InputError(f"{path}: more than {_MAX_TEXT_BYTES >> 20} MB: cut the packing out of it")
     law = {"potential": potential, "stiffness": stiffness, "k": k}
     law = {name: value for name, value in law.items() if value is not None}
     format = format or format_of(content)
@@ -97,7 +97,7 @@ def _checked(disks):
     disks = measured(disks)
     for name in ("pressure", "energy"):
         value, published = disks.record[name], disks.record.get(f"published_{name}")
-        if published is not None and not abs(value - published) <= _AGREE * abs(published):
+        if published is not None and not abs(value - published) <= _PUBLISHED_TOLERANCE * abs(published):
             raise InputError(
                 f"{name} is {value:.9g} with these positions but stored as {published:.9g}: "
                 "another potential or unit than assumed, or a damaged file"
@@ -147,12 +147,13 @@ def _read_jaxmd(h5, index):
     cell = data["box"].reshape(2, 2).T  # jax-md maps a fraction s to box · s: cell vectors are its columns
     published = {"published_energy": float(data["Energy"])} if "Energy" in data else {}
     if "Stress" in data:
-        stress = dict(zip(_STRESS, data["Stress"].tolist(), strict=True))
+        stress = dict(zip(_STRESS_COMPONENTS, data["Stress"].tolist(), strict=True))
         published |= {f"published_stress_{name}": value for name, value in stress.items()}
         published["published_pressure"] = -(stress["xx"] + stress["yy"]) / 2
     if "Cijkl" in data:
         published |= {
-            f"published_C_{name}": c for name, c in zip(_MODULI, data["Cijkl"].tolist(), strict=True)
+            f"published_C_{name}": c
+            for name, c in zip(_MODULUS_COMPONENTS, data["Cijkl"].tolist(), strict=True)
         }
     return Disks.from_positions(
         data["pos"].reshape(-1, 2) @ cell,

@@ -25,7 +25,7 @@ FORMAT = "jampetsc-packing"
 FORMAT_VERSION = "1.0"
 ARRAYS = ("positions", "radii", "cell", "positions_low", "cell_low")
 _HEADER = ("format", "format_version", "potential", "stiffness", "k")
-_OF_FILE = (*_HEADER, "request")  # attributes that are no record of the disks
+_FILE_ATTRIBUTES = (*_HEADER, "request")  # attributes that are no record of the disks
 
 
 def write_packing(path, disks: Disks, request=None) -> None:
@@ -41,7 +41,7 @@ def write_packing(path, disks: Disks, request=None) -> None:
     datasets |= {"cell": cell, "cell_low": cell_low}
     potential = disks.potential
     header = (FORMAT, FORMAT_VERSION, potential.kind, potential.stiffness, float(potential.k))
-    record = {name: value for name, value in disks.record.items() if name not in _OF_FILE}
+    record = {name: value for name, value in disks.record.items() if name not in _FILE_ATTRIBUTES}
     check_replaced(path, FORMAT)
     with OutputFile(path) as h5:
         set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record)
@@ -91,7 +91,7 @@ def packing_from(h5, path) -> Disks:
         if name not in datasets:
             raise InputError(f"{path}: dataset {name} is missing: a packing needs positions, radii and cell")
     arrays = {name: values(datasets[name]).astype(float) for name in ARRAYS if name in datasets}
-    record = {name: value for name, value in attrs.items() if name not in _OF_FILE}
+    record = {name: value for name, value in attrs.items() if name not in _FILE_ATTRIBUTES}
     with about(path):
         potential = Potential(attrs.get("potential"), attrs.get("stiffness"), float(attrs.get("k", 1.0)))
         return Disks.from_positions(**arrays, potential=potential, record=record)

@@ -20,7 +20,7 @@ from jampetsc.io.checksums import seal_of
 from jampetsc.io.formats import PARTS
 from jampetsc.io.hdf5 import open_file, opening, values
 
-_NAME = re.compile(r"[^/]+\.parts/[0-9a-f]{12}-rank-\d{4,}\.h5")
+_PART_NAME = re.compile(r"[^/]+\.parts/[0-9a-f]{12}-rank-\d{4,}\.h5")
 
 
 def part_name(joint, run_id: str, rank: int) -> str:
@@ -43,7 +43,7 @@ class PartList:
         )
         names = [name.decode(errors="replace") for name in names]
         for name in names:
-            if not (_NAME.fullmatch(name) and Path(name).name.startswith(f"{self.run_id}-")):
+            if not (_PART_NAME.fullmatch(name) and Path(name).name.startswith(f"{self.run_id}-")):
                 raise InputError(
                     f"{path}: part {name!r} cannot be a part of run {self.run_id}: damaged, make it again"
                 )

@@ -18,8 +18,8 @@ from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.packing.disks import PLACES, Disks
 from jampetsc.packing.potentials import Potential
 
-_SLOWEST = 1e-100  # rates beyond this and its inverse are no rates of relaxation
-_SAME = 1e-12  # two frequencies that differ by less, relatively, are the same
+_MIN_RATE = 1e-100  # rates beyond this and its inverse are no rates of relaxation
+_FREQUENCY_TOLERANCE = 1e-12  # two frequencies that differ by less, relatively, are the same
 
 
 class Fields:
@@ -68,7 +68,7 @@ class SweepResult(Result):
             raise InputError(f"omega = {frequencies[~np.isfinite(frequencies)][0]:g}: must be finite")
         nearest = np.abs(frequencies[..., None] - self.omega).argmin(axis=-1)
         values = self.G[nearest]
-        elsewhere = np.abs(self.omega[nearest] - frequencies) > _SAME * np.abs(frequencies)
+        elsewhere = np.abs(self.omega[nearest] - frequencies) > _FREQUENCY_TOLERANCE * np.abs(frequencies)
         if elsewhere.any():
             if "reduced/rates" not in self:
                 raise InputError(
@@ -166,7 +166,11 @@ def _sound_spectrum(path, G0, eta_inf, rates, weights):
     """The RelaxationSpectrum of these numbers. Raises InputError where they cannot be one."""
     spectrum = RelaxationSpectrum(float(G0), float(eta_inf), rates, weights)
     numbers = np.isfinite([spectrum.G0, spectrum.eta_inf]).all() and np.isfinite(weights).all()
-    if not numbers or rates.shape != weights.shape or not ((rates > _SLOWEST) & (rates < 1 / _SLOWEST)).all():
+    if (
+        not numbers
+        or rates.shape != weights.shape
+        or not ((rates > _MIN_RATE) & (rates < 1 / _MIN_RATE)).all()
+    ):
         raise InputError(f"{path}: its spectrum holds values that no packing has: run the sweep again")
     return spectrum
 

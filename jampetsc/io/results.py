@@ -21,8 +21,8 @@ from jampetsc.io.parts import PartList
 from jampetsc.io.provenance import law_of
 from jampetsc.io.result_file import ResultArray, new_run_id, write_result
 
-_SHOWN = 6  # datasets that a line about a result names
-_LONGEST = 60  # characters of an attribute in a table
+_MAX_SHOWN = 6  # datasets that a line about a result names
+_MAX_ATTRIBUTE_LENGTH = 60  # characters of an attribute in a table
 
 
 class StoredArray(ResultArray):
@@ -160,8 +160,8 @@ class Result(Named):
                 self._arrays = type(self).read(h5, path)._arrays
 
     def __repr__(self):
-        shown = ", ".join(f"{name} {self._arrays[name].shape}" for name in list(self)[:_SHOWN])
-        more = f" and {len(self) - _SHOWN} more" if len(self) > _SHOWN else ""
+        shown = ", ".join(f"{name} {self._arrays[name].shape}" for name in list(self)[:_MAX_SHOWN])
+        more = f" and {len(self) - _MAX_SHOWN} more" if len(self) > _MAX_SHOWN else ""
         return f"<{type(self).__name__} {self.path.name}: {shown}{more}>"
 
     def _repr_html_(self):
@@ -192,15 +192,15 @@ class Result(Named):
 
 def _text(value):
     text = " ".join(str(value).split())
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …"
+    return text if len(text) <= _MAX_ATTRIBUTE_LENGTH else f"{text[:_MAX_ATTRIBUTE_LENGTH]} …"
 
 
-BETWEEN = "; "  # notes in an attribute; so none has one inside
+NOTE_SEPARATOR = "; "  # notes in an attribute; so none has one inside
 
 
 def noted(notes: list[str]) -> str | None:
     """Notes as the attribute of a file; None for none."""
-    return BETWEEN.join(notes) or None
+    return NOTE_SEPARATOR.join(notes) or None
 
 
 def note_lines(notes: list[str]) -> list[str]:
@@ -217,11 +217,11 @@ def unstable_to_shear(modulus: float, name: str) -> list[str]:
     ]
 
 
-def counted(rows: list[dict]) -> list[str]:
+def count_notes(rows: list[dict]) -> list[str]:
     """A line for each command and kind of note in a study's table: in how many rows, and the first of them."""
     notes_by_kind, tasks = {}, Counter(row["command"] for row in rows)
     for row in rows:
-        for note in filter(None, row.get("notes", "").split(BETWEEN)):
+        for note in filter(None, row.get("notes", "").split(NOTE_SEPARATOR)):
             notes_by_kind.setdefault((row["command"], note.partition(":")[0]), []).append((note, row["file"]))
     return [
         f"  note in {len(notes)} of {tasks[command]} {command} tasks, which count like the others: "

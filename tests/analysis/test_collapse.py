@@ -12,7 +12,7 @@ import jampetsc
 from jampetsc import main as cli
 from jampetsc.analysis import collapse_errors, collapse_fit, jammed_samples
 from jampetsc.analysis.collapse_errors import Estimate, drift, estimate
-from jampetsc.analysis.collapse_fit import minima
+from jampetsc.analysis.collapse_fit import find_minima
 from jampetsc.analysis.correlated_series import Average, mean_of_averages
 from jampetsc.analysis.scaling_collapse import Form, Points, scaled
 from jampetsc.analysis.statistics import half_width, mean_with_error
@@ -25,7 +25,7 @@ from jampetsc.studies.table import table_text
 
 def fit_collapse(points, form):
     """The parameters with the least χ²."""
-    return minima(points, form)[0]
+    return find_minima(points, form)[0]
 
 
 PLANTED = {"phi_J": 0.8433, "y": 1.1, "kappa": 3.5}

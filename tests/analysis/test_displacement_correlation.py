@@ -14,7 +14,7 @@ from samples import stored
 from jampetsc import main as cli
 from jampetsc.analysis import displacement_correlation
 from jampetsc.analysis.displacement_correlation import (
-    ENOUGH_PACKINGS,
+    MIN_RESAMPLED_PACKINGS,
     LaneSums,
     bin_edges,
     correlate,
@@ -120,13 +120,13 @@ def test_a_random_medium_of_known_correlation(width, factor):
     assert root == pytest.approx(first_root_of(factor), abs=0.006)
 
 
-@pytest.mark.parametrize("packings", [ENOUGH_PACKINGS - 1, ENOUGH_PACKINGS])
+@pytest.mark.parametrize("packings", [MIN_RESAMPLED_PACKINGS - 1, MIN_RESAMPLED_PACKINGS])
 def test_from_enough_packings_on_whole_ones_are_resampled(packings):
     """Copies of one packing: drawn whole they never differ, drawn as strips they do."""
     points = scattered(2000, SQUARE)
     one = lane_sums(points, SQUARE, random_field(points, solid, 1)[0][None], 1.0, grid_cells(SIDE, 1.0))
     errors = correlate([one] * packings).errors[:, 1:]
-    if packings < ENOUGH_PACKINGS:
+    if packings < MIN_RESAMPLED_PACKINGS:
         assert (errors > 1e-4).all()
     else:
         np.testing.assert_allclose(errors, 0.0, atol=1e-12)

@@ -6,7 +6,7 @@ from drawn import Held
 
 from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError
-from jampetsc.io.disk_motion import STORED, six_fold_order
+from jampetsc.io.disk_motion import STORED_ORDER, six_fold_order
 
 
 def lattice(rows, columns, slid=0.0):
@@ -47,7 +47,7 @@ def test_order_of_a_flow_is_that_of_the_disks_that_move_in_each_snapshot(walls):
     local, whole = six_fold_order(flow)
     np.testing.assert_allclose(local, np.mean(np.abs(psi), axis=1))
     np.testing.assert_allclose(whole, np.abs(np.mean(psi, axis=1)))
-    kept = Held(zip(STORED, (local, whole), strict=True), flow.attributes)
+    kept = Held(zip(STORED_ORDER, (local, whole), strict=True), flow.attributes)
     np.testing.assert_array_equal(six_fold_order(kept), (local, whole))
     with pytest.raises(InputError, match=r"a\.h5: holds no snapshots: run the flow with"):
         six_fold_order(Held({}, {}))
