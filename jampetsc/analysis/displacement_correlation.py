@@ -114,7 +114,7 @@ class Correlation:
     pairs: int
 
 
-def correlate(packings) -> Correlation:
+def correlate_displacements(packings) -> Correlation:
     """C(δ) of many packings from their LaneSums of equal F and D, each packing normalised by itself.
 
     Errors by bootstrap over packings, or over strips of lanes where there are fewer than five packings.
@@ -122,7 +122,7 @@ def correlate(packings) -> Correlation:
     are lower bounds. Raises InputError where no lane holds two disks.
     """
     packings = list(packings)
-    units = _units(packings)
+    units = _resampled_units(packings)
     if not units.pairs.sum():
         raise InputError(f"lanes of width {packings[0].width:g} hold no two disks: use wider lanes")
     count = len(units.disks)
@@ -132,7 +132,7 @@ def correlate(packings) -> Correlation:
     def statistics(drawn):
         """(F, D + 3): C, its root and the place of its minimum, of the units numbered in `drawn`."""
         values = _correlation(units, np.bincount(drawn, minlength=count))
-        return np.hstack((values, [_places(separation, c) for c in values]))
+        return np.hstack((values, [_root_and_minimum(separation, c) for c in values]))
 
     estimates = statistics(np.arange(count))
     errors = small_sample_factor(count) * _scatter(statistics, count)
@@ -142,7 +142,7 @@ def correlate(packings) -> Correlation:
     return Correlation(separation, values, value_errors, root, root_error, minimum, minimum_error, pairs)
 
 
-def _units(packings) -> LaneSums:
+def _resampled_units(packings) -> LaneSums:
     """The units that the bootstrap resamples, one row each: packings, or strips of lanes where packings are few."""
     joined = {}
     for name in ("products", "squares", "pairs", "separations", "disks"):
@@ -172,7 +172,7 @@ def _scatter(statistic, count):
     return scatter
 
 
-def _places(separation, values):
+def _root_and_minimum(separation, values):
     """(first root, place of the minimum) of one C(δ)."""
     finite = np.isfinite(values)
     return first_root(separation[finite], values[finite]), separation[finite][np.argmin(values[finite])]

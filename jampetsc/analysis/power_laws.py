@@ -34,7 +34,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class PowerLaw:
+class PowerLawFit:
     """y = prefactor · x^exponent; standard errors from the scatter about the straight line."""
 
     exponent: float
@@ -124,7 +124,7 @@ def critical_exponents(omega, G, G0):
         return 0.5 * local_slope(omega, np.abs(difference)), np.angle(difference) / np.pi
 
 
-def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:
+def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLawFit:
     """Straight line through (ln x, ln y) for window[0] ≤ x ≤ window[1], all points weighted alike.
 
     Points of one smooth curve are not independent: the standard errors then measure how far it is from a
@@ -146,7 +146,7 @@ def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:
     prefactor = np.exp(intercept)
     slope_error, intercept_error = np.sqrt(np.diag(covariance))
     parameters = (slope, slope_error, prefactor, prefactor * intercept_error)
-    return PowerLaw(*map(float, parameters), len(x))
+    return PowerLawFit(*map(float, parameters), len(x))
 
 
 def _finite(omega, G):

@@ -81,7 +81,7 @@ def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, wind
     if len(rates):
         first = min(max(first, 1.0 / (_TIME_MARGIN * rates.max())), last)
         last = max(min(last, _TIME_MARGIN / rates.min()), first)
-    time, tau = _grid(first, last), _grid(*_seen(first, last, spectrum.rates, window))
+    time, tau = _grid(first, last), _grid(*_mode_times(first, last, spectrum.rates, window))
     creep_time = time[time * late.growth_rate <= _MAX_GROWTH]
     return Transient(
         spectrum=spectrum,
@@ -101,7 +101,7 @@ def _grid(first, last):
     return np.geomspace(first, last, max(2, int(np.ceil(TIMES_PER_DECADE * np.log10(last / first))) + 1))
 
 
-def _seen(first, last, rates, window):
+def _mode_times(first, last, rates, window):
     """The part of first … last within half a window of the times of the modes; all of it without modes."""
     if not len(rates):
         return first, last

@@ -6,7 +6,12 @@ import time
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.analysis.displacement_correlation import ROUNDING_LIMIT, correlate, grid_cells, lane_sums
+from jampetsc.analysis.displacement_correlation import (
+    ROUNDING_LIMIT,
+    correlate_displacements,
+    grid_cells,
+    lane_sums,
+)
 from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.disk_motion import (
@@ -84,7 +89,7 @@ def _correlated(sweeps, motions, lanes):
             with about(sweep.path):
                 places = disks.positions[particles]
                 found.append(lane_sums(places, disks.cell, fields, width * _diameter(disks), cells))
-    return [correlate(found) for found in sums], np.array([found[0].width for found in sums])
+    return [correlate_displacements(found) for found in sums], np.array([found[0].width for found in sums])
 
 
 def _motion(job, sweep, phase):

@@ -34,7 +34,7 @@ class Damaged(OSError):
     """The bytes of a file are not those that were written."""
 
 
-def seal(file) -> str:
+def append_seal(file) -> str:
     """Append the checksums of all of `file`, open for reading and writing; returns the hash in its line."""
     size = file.seek(0, os.SEEK_END)
     hashes = _hashes(file, size, BLOCK)

@@ -179,7 +179,7 @@ class Averages(Mapping):
         self._names = [
             name for name in ensemble if name not in NOT_AVERAGED and ensemble[name].dtype.kind in "if"
         ]
-        self._found = {}
+        self._results = {}
         self.error, self.count, self.below_zero = (self._other(row) for row in (1, 2, 3))
 
     def _other(self, row):
@@ -191,10 +191,10 @@ class Averages(Mapping):
     def __getitem__(self, name):
         if name in self.by:
             return np.array([key[name] for key, _ in self._groups])
-        if name not in self._found:
+        if name not in self._results:
             results = [self._average(key, rows, name) for key, rows in self._groups]
-            self._found[name] = [np.array(column) for column in zip(*results, strict=True)]
-        return self._found[name][self._row]
+            self._results[name] = [np.array(column) for column in zip(*results, strict=True)]
+        return self._results[name][self._row]
 
     def _average(self, key, rows, name):
         column = rows[name]

@@ -47,7 +47,7 @@ class DiskTable:
     law: dict = field(default_factory=dict)  # name of LAW, or units -> what the file says
 
 
-def law_of(entries) -> dict:
+def force_law_of(entries) -> dict:
     """The entries {key: value} of a file that are of LAW, or units; none where `potential` is not one of jampetsc.
 
     Other programs may use these keys for something else.
@@ -57,11 +57,11 @@ def law_of(entries) -> dict:
 
 
 def law_in(text) -> dict:
-    """`law_of` the words key=value of a text."""
-    return law_of({key: value.strip('"') for key, value in re.findall(r'(\w+)=("[^"]*"|\S+)', text)})
+    """`force_law_of` the words key=value of a text."""
+    return force_law_of({key: value.strip('"') for key, value in re.findall(r'(\w+)=("[^"]*"|\S+)', text)})
 
 
-def numbers(words):
+def to_numbers(words):
     """Words as an array of numbers. Raises InputError."""
     try:
         return np.asarray(words, float)
@@ -87,7 +87,7 @@ def check_uncompressed(content, path):
             )
 
 
-def pick(index, count):
+def check_index(index, count):
     """`index`, if it is less than the number of packings. Raises InputError."""
     if not 0 <= index < count:
         raise InputError(f"{named('index')} {index}: it holds {count}, numbered from 0")
@@ -96,14 +96,14 @@ def pick(index, count):
 
 def _places(columns, names="xyz"):
     """(N, 2) or (N, 3) coordinates from the columns of these names, the last of which may be missing."""
-    return np.column_stack([numbers(columns[name]) for name in names if name in columns])
+    return np.column_stack([to_numbers(columns[name]) for name in names if name in columns])
 
 
 def read_lammps_dump(content, index):
     """Snapshot `index` of a LAMMPS dump: wrapped, unwrapped or scaled coordinates, disks in the order of their id."""
     items = [item.partition("\n") for item in re.split(r"(?m)^ITEM: ", content.decode())[1:]]
     ends = [n for n, (title, _, _) in enumerate(items) if title.startswith("ATOMS")]
-    end = ends[pick(index, len(ends))]
+    end = ends[check_index(index, len(ends))]
     sections = {title.split()[0]: (title.split(), body) for title, _, body in items[: end + 1]}
     if not {"NUMBER", "BOX"} <= set(sections):
         raise InputError("ITEM: NUMBER OF ATOMS or BOX BOUNDS is missing: truncated or edited")
@@ -138,7 +138,7 @@ def read_lammps_dump(content, index):
 
 def read_lammps_data(content, index):
     """A LAMMPS data file of one of STYLES."""
-    pick(index, 1)
+    check_index(index, 1)
     title, _, text = content.decode().partition("\n")
     header, _, body = text.partition("\nAtoms")
     hint, _, body = body.partition("\n")
@@ -156,10 +156,10 @@ def read_lammps_data(content, index):
         return default if match is None else match[1].split()
 
     if re.search(r"\bavec\b", header):  # cell vectors, as OVITO writes them
-        cell = np.array([numbers(header_words(vector, 3)) for vector in ("avec", "bvec", "cvec")])
+        cell = np.array([to_numbers(header_words(vector, 3)) for vector in ("avec", "bvec", "cvec")])
     else:
-        (x0, x1), (y0, y1) = numbers(header_words("xlo xhi", 2)), numbers(header_words("ylo yhi", 2))
-        xy, xz, yz = numbers(header_words("xy xz yz", 3, [0, 0, 0]))
+        (x0, x1), (y0, y1) = to_numbers(header_words("xlo xhi", 2)), to_numbers(header_words("ylo yhi", 2))
+        xy, xz, yz = to_numbers(header_words("xy xz yz", 3, [0, 0, 0]))
         cell = np.array([[x1 - x0, 0.0, 0.0], [xy, y1 - y0, 0.0], [xz, yz, 1.0]])
     if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
@@ -175,7 +175,7 @@ def read_extxyz(content, index):
     while at < len(lines):
         starts.append(at)
         at += 2 + _count(lines[at])
-    first = starts[pick(index, len(starts))]
+    first = starts[check_index(index, len(starts))]
     try:
         words = shlex.split(lines[first + 1])
     except (IndexError, ValueError):
@@ -190,10 +190,10 @@ def read_extxyz(content, index):
     columns = _columns(names, _rows("\n".join(lines[first + 2 : first + 2 + count]), count))
     if not {"x", "y"} <= set(columns):
         raise InputError(f"no pos among the Properties {', '.join(properties[::3])}")
-    law, place = law_of(entries), _places(columns)
+    law, place = force_law_of(entries), _places(columns)
     if "Lattice" not in entries:
         return DiskTable(columns, place, None, law)
-    lattice = numbers(entries["Lattice"].split())
+    lattice = to_numbers(entries["Lattice"].split())
     if lattice.shape != (9,) or lattice[[2, 5, 6, 7]].any():
         raise InputError(f'Lattice="{entries["Lattice"]}": need a₁ and a₂ in the plane, a₃ across it')
     if any(flag[0] not in "Tt1" for flag in entries.get("pbc", "T T").split()[:2]):
@@ -203,10 +203,10 @@ def read_extxyz(content, index):
 
 def read_xyr(content, index):
     """Lines x y r; a line `box L`, `box Lx Ly` or `box Lx Ly xy`, which may be a comment (#), if there is one."""
-    pick(index, 1)
+    check_index(index, 1)
     rows, box = _xyr(content.decode())
     columns = _columns(("x", "y", "radius"), rows)
-    return DiskTable(columns, _places(columns), None if box is None else numbers(box[1].split()))
+    return DiskTable(columns, _places(columns), None if box is None else to_numbers(box[1].split()))
 
 
 def _xyr(text):
@@ -219,7 +219,7 @@ def _xyr(text):
 
 def read_npz(content, index):
     """Arrays positions, radii or diameters, and box or cell of numpy.savez."""
-    pick(index, 1)
+    check_index(index, 1)
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = dict(file)
@@ -240,7 +240,7 @@ def read_gsd(content, index):
         raise MissingPackage("GSD", "gsd") from None
     try:
         frames = gsd.hoomd.HOOMDTrajectory(gsd.pygsd.GSDFile(io.BytesIO(content)))
-        frame = frames[pick(index, len(frames))]
+        frame = frames[check_index(index, len(frames))]
     except InputError:
         raise
     except (OSError, RuntimeError, LookupError, ValueError) as error:
@@ -254,7 +254,7 @@ def read_gsd(content, index):
     columns = {"diameter": particles.diameter, "type": [particles.types[row] for row in particles.typeid]}
     texts = {n: v.tobytes().decode(errors="replace") for n, v in frame.log.items() if v.dtype == np.uint8}
     values = {n: v.item() for n, v in frame.log.items() if v.size == 1}
-    return DiskTable(columns, particles.position, (Lx, Ly, xy), law_of(values | texts))
+    return DiskTable(columns, particles.position, (Lx, Ly, xy), force_law_of(values | texts))
 
 
 READERS = {
@@ -303,13 +303,13 @@ def _columns(names, rows):
             raise InputError(f"line {' '.join(row)!r}: need {' '.join(names)}")
     columns = dict(zip(names, zip(*rows, strict=False), strict=False))
     if "id" in columns:
-        order = np.argsort(numbers(columns["id"]), kind="stable")
+        order = np.argsort(to_numbers(columns["id"]), kind="stable")
         columns = {name: [column[row] for row in order] for name, column in columns.items()}
     return columns
 
 
 def _table(body, rows, columns):
-    table = [numbers(row) for row in _rows(body, rows)]
+    table = [to_numbers(row) for row in _rows(body, rows)]
     if any(len(row) != columns for row in table):
         raise InputError(f"{body.strip()!r}: need {rows} lines of {columns} numbers")
     return np.array(table)

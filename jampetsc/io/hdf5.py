@@ -17,8 +17,7 @@ import numpy as np
 from jampetsc import interrupts
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import NewFile, open_regular, remove_abandoned
-from jampetsc.io.checksums import Damaged, seal_of, verify
-from jampetsc.io.checksums import seal as add_seal
+from jampetsc.io.checksums import Damaged, append_seal, seal_of, verify
 
 MAJOR_VERSION = 1  # version of the formats
 _DAMAGE_ERRORS = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
@@ -35,7 +34,7 @@ class OutputFile(NewFile):
     def finish(self) -> tuple[int, str]:
         """Close, seal and fsync; returns size in bytes and seal. The temporary name stays."""
         self.h5.close()
-        digest = add_seal(self.stream)
+        digest = append_seal(self.stream)
         return super().finish(), digest
 
     def discard(self) -> None:

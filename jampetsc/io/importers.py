@@ -12,7 +12,15 @@ import numpy as np
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.atomic import open_regular
 from jampetsc.io.checksums import SIGNATURE
-from jampetsc.io.exchange import LAW, READERS, check_uncompressed, format_of, is_number, numbers, pick
+from jampetsc.io.exchange import (
+    LAW,
+    READERS,
+    check_index,
+    check_uncompressed,
+    format_of,
+    is_number,
+    to_numbers,
+)
 from jampetsc.io.hdf5 import open_file, values
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.from_arrays import Packing, measured
@@ -109,13 +117,13 @@ def _read_jambashbulk(text, index):
     packings = re.split(r"(?m)^(?=[ \t]*N\s*=)", re.sub(r"(?m)^\s*#.*$", "", text))[1:]
     if not packings or "L1" not in packings[0]:
         raise InputError(f"none of {', '.join(READERS)}, jamBashbulk, jax-md: {named('format')} says which")
-    packing = packings[pick(index, len(packings))]
+    packing = packings[check_index(index, len(packings))]
 
     def header_numbers(name, pattern=_NUMBER):
         match = re.search(rf"\b{name}\s*=\s*{pattern}", packing)
         if match is None:
             raise InputError(f"no {name} = … in the header: truncated or edited; get it again")
-        return numbers(match.groups())
+        return to_numbers(match.groups())
 
     cell = [header_numbers(name, rf"\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for name in ("L1", "L2")]
     (n,), (pressure,) = header_numbers("N", r"(\d+)"), header_numbers("P")
@@ -123,7 +131,7 @@ def _read_jambashbulk(text, index):
     rows = re.findall(rf"{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}", body[1]) if body else []
     if len(rows) != n or not body[2]:
         raise InputError(f"{len(rows)} lines x, y, r for N = {n:g} disks: truncated or edited; get it again")
-    table = np.array([numbers(row) for row in rows])
+    table = np.array([to_numbers(row) for row in rows])
     return Disks.from_positions(
         table[:, :2],
         table[:, 2],
@@ -139,7 +147,7 @@ def _read_jaxmd(h5, index):
     missing = [name for name in ("pos", "rad", "box") if name not in h5]
     if missing:
         raise InputError(f"no variable {', '.join(missing)}: not a packing file of jax-md")
-    pick(index, len(h5["pos"]))
+    check_index(index, len(h5["pos"]))
     names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
     data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
     if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
@@ -184,7 +192,7 @@ def radii_in(columns, radius=None):
                 else "arrays to jampetsc.Packing"
             )
         )
-    return numbers(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
+    return to_numbers(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
 
 
 def _radii_by_type(columns, radii):

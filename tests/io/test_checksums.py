@@ -17,7 +17,7 @@ from test_result_file import written
 
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
-from jampetsc.io.checksums import BLOCK, LINE, Damaged, identity_of, seal, seal_of, verify
+from jampetsc.io.checksums import BLOCK, LINE, Damaged, append_seal, identity_of, seal_of, verify
 from jampetsc.io.hdf5 import open_file
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
@@ -89,7 +89,7 @@ def test_what_stands_at_the_end_of_a_file(tmp_path):
     for size in (0, 1, BLOCK - 1, BLOCK, 2 * BLOCK + 1, len(content)):
         path.write_bytes(content[:size])
         with open(path, "r+b") as file:
-            assert seal(file) == seal_of(file) == identity_of(path, every_byte=True)
+            assert append_seal(file) == seal_of(file) == identity_of(path, every_byte=True)
             verify(file)
     whole, line = path.read_bytes(), path.stat().st_size - LINE
     for place in (0, len(content) - 1, len(content), line - 1):  # a byte less, and more
