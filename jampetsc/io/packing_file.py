@@ -11,6 +11,7 @@ from jampetsc.collective import on_root
 from jampetsc.errors import InputError, about
 from jampetsc.io.formats import check_file
 from jampetsc.io.hdf5 import (
+    FORMAT_VERSION,
     OutputFile,
     open_file,
     set_attributes,
@@ -22,7 +23,6 @@ from jampetsc.packing.disks import Disks, join
 from jampetsc.packing.potentials import Potential
 
 FORMAT = "jampetsc-packing"
-FORMAT_VERSION = "1.0"
 ARRAYS = ("positions", "radii", "cell", "positions_low", "cell_low")
 _HEADER = ("format", "format_version", "potential", "stiffness", "k")
 _FILE_ATTRIBUTES = (*_HEADER, "request")  # attributes that are no record of the disks

@@ -16,11 +16,17 @@ from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
 from jampetsc.io.atomic import follow, remove_abandoned, writing
 from jampetsc.io.formats import PART_GROUP, check_file
-from jampetsc.io.hdf5 import OutputFile, as_stored, open_file, retry_if_replaced, set_attributes, store
+from jampetsc.io.hdf5 import (
+    FORMAT_VERSION,
+    OutputFile,
+    as_stored,
+    open_file,
+    retry_if_replaced,
+    set_attributes,
+    store,
+)
 from jampetsc.io.outputs import check_output, check_place
 from jampetsc.io.parts import PartList, part_name, parts_of, remove_if_empty
-
-FORMAT_VERSION = "1.0"
 
 
 class ResultArray:
