@@ -11,8 +11,8 @@ import argparse
 import numpy as np
 from planted import collapse
 
-from jampetsc.analysis.averages import Average, mean_of_averages
-from jampetsc.analysis.jamming import share_of
+from jampetsc.analysis.correlated_series import Average, mean_of_averages
+from jampetsc.analysis.jammed_samples import share_of
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 
 SERIES = 1500  # of each kind

@@ -12,7 +12,7 @@ import numpy as np
 from common import folder_and_picture, saved_page
 
 import jampetsc
-from jampetsc.analysis.averages import Average, mean_of_averages
+from jampetsc.analysis.correlated_series import Average, mean_of_averages
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.plots import style
@@ -78,7 +78,7 @@ class Step:
     n: int
     start: str
     phi: np.ndarray
-    shares: list  # of `analysis.jamming.Share`
+    shares: list  # of `analysis.jammed_samples.Share`
     pressure: np.ndarray  # (φ, 2) mean over all states, 0 where they are not jammed, and its standard error
 
     @property

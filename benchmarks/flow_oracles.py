@@ -21,7 +21,7 @@ from common import both_included
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis.averages import mean_of_facts
+from jampetsc.analysis.correlated_series import mean_of_facts
 
 STRAINS = {1e-2: 40, 1e-3: 20, 1e-4: 6}
 QUANTITIES = ("shear_stress", "pressure", "coordination")

@@ -21,7 +21,7 @@ import layers
 import lifetimes
 import numpy as np
 
-from jampetsc.analysis.order import STORED, six_fold_order
+from jampetsc.io.disk_motion import STORED_ORDER, six_fold_order
 from jampetsc.io.hdf5 import OutputFile, attributes, open_file, set_attributes, store
 from jampetsc.io.reader import load
 
@@ -34,7 +34,7 @@ MOST = 100_000  # numbers of a dataset
 ROWS = defaultdict(lambda: 100, {"overdamped-limit": 20})  # of the series of a flow, by figure
 EXACT = ("omega", "phi")  # what results are compared or chosen by
 TEXTS = ("table.csv", "study.toml", "asked.toml", "forces.csv")
-ORDER = STORED, six_fold_order
+ORDER = STORED_ORDER, six_fold_order
 OF_SNAPSHOTS = {  # figure: names of what is kept of the snapshots of a flow, and the function that gives it
     "contact-lifetimes": (lifetimes.STORED, lifetimes.contact_survival),
     "lees-edwards": (layers.STORED, layers.profiles),

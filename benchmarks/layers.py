@@ -10,7 +10,7 @@ spread of u_x is in units of γ̇H, the difference of velocity across the cell.
 import numpy as np
 from common import folder_and_picture, saved_page
 
-from jampetsc.analysis.averages import Average
+from jampetsc.analysis.correlated_series import Average
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.io.reader import load
 from jampetsc.plots import style

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jampetsc.analysis.collapse import Form, Points, scaled
 from jampetsc.analysis.collapse_errors import estimate
+from jampetsc.analysis.scaling_collapse import Form, Points, scaled
 from jampetsc.commands.scaling import UNLIKELY
 
 PHIS = (0.835, 0.838, 0.84, 0.842, 0.8433, 0.845, 0.848, 0.85)

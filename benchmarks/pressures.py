@@ -11,7 +11,7 @@ import numpy as np
 from common import folder_and_picture, saved_page
 
 import jampetsc
-from jampetsc.analysis.jamming import memory
+from jampetsc.analysis.jammed_samples import memory
 from jampetsc.packing.potentials import EXPONENTS
 from jampetsc.plots import style
 from jampetsc.plots.jamming_plots import samples_of

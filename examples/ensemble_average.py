@@ -8,7 +8,7 @@ The study in FOLDER continues when the program is started again; `mpirun -n 8 py
 import sys
 
 import jampetsc
-from jampetsc.analysis.scaling import fit_power_law
+from jampetsc.analysis.power_laws import fit_power_law
 
 n = int(sys.argv[1]) if len(sys.argv) > 1 else 256
 packings = int(sys.argv[2]) if len(sys.argv) > 2 else 8

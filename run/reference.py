@@ -4,11 +4,10 @@ import inspect
 
 import jampetsc
 from jampetsc import errors
-from jampetsc.io.averages import Averages
-from jampetsc.io.ensemble import AverageCurve, Ensemble
+from jampetsc.io.disk_motion import Snapshot
+from jampetsc.io.ensemble import AverageCurve, Averages, Ensemble
 from jampetsc.io.reader import FlowResult, SpectrumResult, SweepResult
 from jampetsc.io.results import Result
-from jampetsc.io.snapshots import Snapshot
 from jampetsc.laws.flow_models import MODELS
 from jampetsc.response.matrices import Matrices
 

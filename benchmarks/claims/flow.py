@@ -9,10 +9,10 @@ import numpy as np
 
 from claims.shared import Row, check, claim, line_fit, power_law, rates_of, size_of
 from claims.verdicts import Estimate, between, number
-from jampetsc.analysis.order import six_fold_order
-from jampetsc.analysis.profiles import heights, mean_profile
-from jampetsc.analysis.scaling import local_exponents
+from jampetsc.analysis.correlated_series import layer_heights, mean_profile
+from jampetsc.analysis.power_laws import local_exponents
 from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.io.disk_motion import six_fold_order, velocity_profiles
 from jampetsc.plots.flow_plots import flow_regimes
 
 FLOW, CRITICAL = "Steady flow", "Criticality"
@@ -232,7 +232,7 @@ def extrapolated_fluidity(rates, p, error):
 
 def middle_share(profile, part=MIDDLE) -> float:
     """Shear rate in the middle of the cell (this part of its height) in units of γ̇: 1 where v_x is linear."""
-    y = heights(len(profile))
+    y = layer_heights(len(profile))
     inner = np.abs(y) < 0.5 * part
     return float(np.polyfit(y[inner], profile[inner], 1)[0])
 
@@ -244,7 +244,9 @@ def walls(table):
         for rate in np.unique(rows["rate"])[::-1]:
             some = rows.where(rate=rate)
             runs, size = some.results(), size_of(some)
-            start = mean_with_error([middle_share(mean_profile([run], 0, 0.1)[0]) for run in runs])
+            start = mean_with_error(
+                [middle_share(mean_profile(velocity_profiles([run], 0, 0.1))[0]) for run in runs]
+            )
             what = f"walls, {model}, γ̇ = {rate:g}: shear rate in the middle over γ̇, strain up to 0.1"
             claimed = model == "CD" and rate == rows["rate"].max()
             if claimed:
@@ -254,9 +256,11 @@ def walls(table):
             else:
                 yield check(what, *start, "", size)
             steady = runs[0].attributes["discard"], runs[0]["strain"][-1]
-            share = mean_with_error([middle_share(mean_profile([run], *steady)[0]) for run in runs])
-            v, errors = mean_profile(runs, *steady)
-            y = heights(len(v))
+            share = mean_with_error(
+                [middle_share(mean_profile(velocity_profiles([run], *steady))[0]) for run in runs]
+            )
+            v, errors = mean_profile(velocity_profiles(runs, *steady))
+            y = layer_heights(len(v))
             inner = np.abs(y) < 0.4
             line = np.polynomial.Polynomial.fit(y[inner], v[inner], 1)
             off = np.sqrt(np.mean(((v - line(y))[inner]) ** 2))
@@ -269,7 +273,7 @@ def walls(table):
                 size,
             )
             if claimed:
-                profiles = [mean_profile([run], *steady)[0] for run in runs]
+                profiles = [mean_profile(velocity_profiles([run], *steady))[0] for run in runs]
                 even = [middle_share(one, NARROW) / middle_share(one, WIDE) for one in profiles]
                 what = f"walls, {model}, γ̇ = {rate:g}: shear rate in the middle {NARROW:g} over {WIDE:g} of H, at last"
                 yield Row(

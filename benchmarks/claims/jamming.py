@@ -25,8 +25,8 @@ from claims.shared import (
     size_of,
 )
 from claims.verdicts import Estimate, between, exact, number
-from jampetsc.analysis.averages import Average
-from jampetsc.analysis.collapse import BOUNDS
+from jampetsc.analysis.correlated_series import Average
+from jampetsc.analysis.scaling_collapse import BOUNDS
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 

@@ -28,7 +28,7 @@ from claims.shared import (
     unjudged,
 )
 from claims.verdicts import Estimate, between, exact, number
-from jampetsc.analysis.scaling import collapse_spread, critical_exponents, local_slope
+from jampetsc.analysis.power_laws import collapse_spread, critical_exponents, local_slope
 from jampetsc.analysis.statistics import draws_of, log_median, mean_with_error
 from jampetsc.plots.curves import curve_of
 from jampetsc.plots.quasistatic_plots import MIN_SIZES

@@ -21,9 +21,9 @@ from claims.shared import (
     size_of,
 )
 from claims.verdicts import Estimate, between, number
-from jampetsc.analysis.correlation_lengths import (
-    LONGEST,
-    SHORTEST,
+from jampetsc.analysis.displacement_correlation import (
+    MAX_LENGTH,
+    MIN_LENGTH,
     length_spread,
     medium_collapse,
     stokes_collapse,
@@ -355,7 +355,7 @@ def _phases(large, size):
             for _, curve in large["stokes", phase]:
                 density = curve.attributes["particle_count"] / curve.size**2
                 x, y = medium_collapse(curve.omega, part(curve.G), curve.modulus)
-                free = (y > 2 * SHORTEST) & (y < LONGEST * curve.size)
+                free = (y > 2 * MIN_LENGTH) & (y < MAX_LENGTH * curve.size)
                 free &= np.angle(curve.modulus) > np.pi / 6
                 values += list(y[free] / x[free] * np.sqrt(density))
                 angles += list(np.angle(curve.modulus[free]))

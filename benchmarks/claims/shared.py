@@ -7,7 +7,7 @@ import numpy as np
 
 import jampetsc
 from claims.verdicts import Estimate, Target
-from jampetsc.analysis.averages import mean_of_runs
+from jampetsc.analysis.correlated_series import mean_of_runs
 from jampetsc.analysis.statistics import log_median
 
 NEAR, LARGE = 1e-3, 1e3  # p up to which, pN² from which, a packing counts as near jamming and large

@@ -3,9 +3,9 @@
 import numpy as np
 from claims.medium import correlation, solid
 
-from jampetsc.analysis.correlation_lengths import (
-    LONGEST,
-    SHORTEST,
+from jampetsc.analysis.displacement_correlation import (
+    MAX_LENGTH,
+    MIN_LENGTH,
     length_spread,
     medium_collapse,
     stokes_collapse,
@@ -84,7 +84,7 @@ def _lengths(page, folder, phase):
         draw_points(
             axes[0], curve.omega, length / curve.size, curve.bounds[0] / curve.size, label=label, **look
         )
-        part = curve.at((length > SHORTEST) & (length < LONGEST * curve.size))
+        part = curve.at((length > MIN_LENGTH) & (length < MAX_LENGTH * curve.size))
         for ax, (collapse, _) in zip(axes[1:], collapses, strict=True):
             at, value = collapse(part.omega, part.G.real, part)
             draw_points(ax, at, value, part.bounds[0] * value / part.G.real, label=hidden(label), **look)

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.analysis.order import six_fold_order
-from jampetsc.io.snapshots import snapshot
+from jampetsc.io.disk_motion import six_fold_order, snapshot
 from jampetsc.plots.flow_plots import ORDERS, flow_curves
 from jampetsc.plots.packing_plots import disk_images, draw_circles, wrap
 from jampetsc.plots.page import draw_band, draw_points, limits_kept

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 import jampetsc
 from jampetsc.analysis.statistics import log_median
-from jampetsc.io.fields import field_at, packing_of, particle_rows, phase_factor
+from jampetsc.io.disk_motion import field_at, packing_of, particle_rows, phase_factor
 from jampetsc.packing.contacts import measure
 from jampetsc.plots.moduli_plots import average_files, plot_collapse, plot_moduli
 from jampetsc.plots.packing_plots import draw_circles, wrap

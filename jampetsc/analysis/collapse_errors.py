@@ -14,18 +14,23 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import gammainc
 
-from jampetsc.analysis.collapse import Fit, Form, Points, means_by_scale
-from jampetsc.analysis.collapse_fit import ROUGH, best_from, carried, minima, ranges
+from jampetsc.analysis.collapse_fit import ROUGH_SEARCH, carry_over, find_minima, fit_from, parameter_ranges
+from jampetsc.analysis.scaling_collapse import Fit, Form, Points, means_by_scale
 from jampetsc.errors import InputError
 
 SIGMAS = 2.0  # of the ends, where χ² is SIGMAS² above the least
-HIGHER = (2, 4)  # added to the degree: as many even as odd terms
-UNEVEN = 1.5  # ratio of the longer to the shorter side of an error from which both are reported
-BY_CHANCE = 0.02  # probability of a scatter as small, below which errors are taken as common to a scale
-MOST_COMMON = 0.98  # largest share of errors that is taken as common
-_ACCURACY = 0.02  # of an end, in its distance from the best
-_BETTER = 0.01  # a fit whose χ² is lower by this replaces the best so far
-_STRETCH, _STEPS = 3.0, 20  # most growth from step to step outwards; fewest steps that cover the range
+DEGREE_STEPS = (2, 4)  # added to the degree: as many even as odd terms
+MAX_SIDE_RATIO = 1.5  # ratio of the longer to the shorter side of an error from which both are reported
+MIN_SCATTER_PROBABILITY = (
+    0.02  # probability of a scatter as small, below which errors are taken as common to a scale
+)
+MAX_COMMON_SHARE = 0.98  # largest share of errors that is taken as common
+_END_TOLERANCE = 0.02  # of an end, in its distance from the best
+_MIN_GAIN = 0.01  # a fit whose χ² is lower by this replaces the best so far
+_MAX_STEP_GROWTH, _MIN_STEPS = (
+    3.0,
+    20,
+)  # most growth from step to step outwards; fewest steps that cover the range
 
 
 @dataclass(frozen=True)
@@ -49,9 +54,9 @@ class Estimate:
 
     @property
     def uneven(self) -> bool:
-        """Whether one side is UNEVEN times as long as the other."""
+        """Whether one side is MAX_SIDE_RATIO times as long as the other."""
         sides = sorted((self.value - self.low, self.high - self.value))
-        return sides[1] > UNEVEN * sides[0]
+        return sides[1] > MAX_SIDE_RATIO * sides[0]
 
     @property
     def left_to_degree(self) -> bool:
@@ -64,22 +69,22 @@ class _BetterFit(Exception):
 
 
 def estimate(points: Points, form: Form) -> tuple[Fit, dict]:
-    """(the best fit, {name: Estimate} of the free parameters). Raises InputError as `minima` does.
+    """(the best fit, {name: Estimate} of the free parameters). Raises InputError as `find_minima` does.
 
     Where errors seem common to the points of a scale, they are fitted as such: see `common_share`.
     """
-    fits, ends = minima(points, form), None
+    fits, ends = find_minima(points, form), None
     common = common_share(points, fits[0])
     if common:
         points = replace(points, common=common)
-        fits = minima(points, form)
+        fits = find_minima(points, form)
     while ends is None:
         try:
             ends = _ends(points, fits)
         except _BetterFit as found:
-            fits.insert(0, best_from(points, form, found.args[0]))
+            fits.insert(0, fit_from(points, form, found.args[0]))
     return fits[0], {
-        name: _widened(fits[0].parameters[name], ends[name], shift, ranges(points)[name])
+        name: _widened(fits[0].parameters[name], ends[name], shift, parameter_ranges(points)[name])
         for name, shift in _shifts(points, fits[0]).items()
     }
 
@@ -99,9 +104,9 @@ def common_share(points: Points, fit: Fit) -> float:
     inside = basis - means_by_scale(points, basis)[0][group]
     freedom = len(points) - len(number) - float(np.sum(inside**2))
     scatter = float(np.sum((residuals - means[group]) ** 2))
-    if freedom < 1.0 or gammainc(0.5 * freedom, 0.5 * scatter) >= BY_CHANCE:
+    if freedom < 1.0 or gammainc(0.5 * freedom, 0.5 * scatter) >= MIN_SCATTER_PROBABILITY:
         return 0.0
-    return min(1.0 - scatter / freedom, MOST_COMMON)
+    return min(1.0 - scatter / freedom, MAX_COMMON_SHARE)
 
 
 def _widened(best, ends, shift, limits):
@@ -120,8 +125,8 @@ def _ends(points, fits):
             continue
         for name in fit.form.free:
             low, high = (_end(points, fit, least, name, side) for side in (0, 1))
-            known = ends.get(name, (low, high))
-            ends[name] = min(low, known[0]), max(high, known[1])
+            ends_so_far = ends.get(name, (low, high))
+            ends[name] = min(low, ends_so_far[0]), max(high, ends_so_far[1])
     return ends
 
 
@@ -131,21 +136,21 @@ def drift(points: Points, form: Form) -> list:
     Without corrections to scaling, parameters can be trusted once they no longer change with the cut. Raises
     InputError if even all points are too few.
     """
-    found = []
+    rows = []
     for cut in np.unique(points.scale)[::-1]:
         try:
-            found.append((float(cut), *estimate(points[points.scale <= cut], form)))
+            rows.append((float(cut), *estimate(points[points.scale <= cut], form)))
         except InputError:  # too few are left
-            if not found:
+            if not rows:
                 raise
             break
-    return found
+    return rows
 
 
 def degrees_above(points: Points, form: Form) -> list[int]:
     """The higher degrees for which there are enough points."""
-    higher = (replace(form, degree=form.degree + more) for more in HIGHER)
-    return [one.degree for one in higher if one.unknowns < len(points)]
+    higher = (replace(form, degree=form.degree + more) for more in DEGREE_STEPS)
+    return [form.degree for form in higher if form.unknowns < len(points)]
 
 
 def _shifts(points, fit):
@@ -154,7 +159,7 @@ def _shifts(points, fit):
     own, largest = _linear_errors(points, fit), np.zeros(len(names))
     for degree in degrees_above(points, fit.form):
         form = replace(fit.form, degree=degree)
-        higher = best_from(points, form, carried(points, fit, form, fit.parameters), ROUGH)
+        higher = fit_from(points, form, carry_over(points, fit, form, fit.parameters), ROUGH_SEARCH)
         change = np.array([higher.parameters[name] - fit.parameters[name] for name in names])
         noise = np.maximum(_linear_errors(points, higher) ** 2 - own**2, 0.0)
         largest = np.maximum(largest, np.sqrt(np.maximum(change**2 - noise, 0.0)))
@@ -170,26 +175,28 @@ def _linear_errors(points, fit):
 
 def _end(points, fit, least, name, side):
     """Where the profile of χ² is SIGMAS² above the least, below or above the best (side 0, 1); ∓∞ if nowhere."""
-    best, sign, limit = fit.parameters[name], (-1.0, 1.0)[side], ranges(points)[name][side]
-    known = {best: fit}
+    best, sign, limit = fit.parameters[name], (-1.0, 1.0)[side], parameter_ranges(points)[name][side]
+    profile = {best: fit}
 
     def rise(value):
         """√(χ² − least) − SIGMAS with the parameter held."""
-        if value not in known:
+        if value not in profile:
             inner = max(
-                (other for other in known if abs(other - best) < abs(value - best)),
+                (other for other in profile if abs(other - best) < abs(value - best)),
                 key=lambda v: abs(v - best),
             )
-            near, held = known[inner], replace(fit.form, held={**fit.form.held, name: value})
+            near, form = profile[inner], replace(fit.form, fixed={**fit.form.fixed, name: value})
             begun = {**near.parameters, name: value}, _along_profile(points, near, name, value)
-            start = min((carried(points, near, held, one) for one in begun), key=lambda one: one.chi2)
-            found = replace(best_from(points, held, start, ROUGH), form=fit.form)
-            if found.chi2 < least - _BETTER:
-                raise _BetterFit(found)
-            known[value] = found
-        return math.sqrt(max(0.0, known[value].chi2 - least)) - SIGMAS
+            start = min(
+                (carry_over(points, near, form, parameters) for parameters in begun), key=lambda fit: fit.chi2
+            )
+            refit = replace(fit_from(points, form, start, ROUGH_SEARCH), form=fit.form)
+            if refit.chi2 < least - _MIN_GAIN:
+                raise _BetterFit(refit)
+            profile[value] = refit
+        return math.sqrt(max(0.0, profile[value].chi2 - least)) - SIGMAS
 
-    longest = abs(np.subtract(*ranges(points)[name])) / _STEPS
+    longest = abs(np.subtract(*parameter_ranges(points)[name])) / _MIN_STEPS
     step = min(longest, SIGMAS * _linear_errors(points, fit)[fit.form.free.index(name)])
     inner, outer, above = best, best, rise(best)
     while above < 0:
@@ -197,16 +204,18 @@ def _end(points, fit, least, name, side):
             return sign * math.inf
         inner, outer = outer, sign * min(sign * limit, sign * outer + step)
         above = rise(outer)
-        step = min(longest, step * min(_STRETCH, SIGMAS / max(SIGMAS + above, SIGMAS / _STRETCH)))
-    return float(brentq(rise, inner, outer, xtol=_ACCURACY * abs(outer - best)))
+        step = min(
+            longest, step * min(_MAX_STEP_GROWTH, SIGMAS / max(SIGMAS + above, SIGMAS / _MAX_STEP_GROWTH))
+        )
+    return float(brentq(rise, inner, outer, xtol=_END_TOLERANCE * abs(outer - best)))
 
 
 def _along_profile(points, fit, name, value):
     """The parameters where one of them is moved and the others follow, to first order."""
     slopes, at = points.in_errors(fit.slopes(points)), fit.form.free.index(name)
-    own, others = slopes[:, at] * (fit.parameters[name] - value), np.delete(slopes, at, axis=1)
+    own_change, other_slopes = slopes[:, at] * (fit.parameters[name] - value), np.delete(slopes, at, axis=1)
     moved = {**fit.parameters, name: value}
     names = [other for other in fit.form.free if other != name]
-    for other, change in zip(names, np.linalg.lstsq(others, own, rcond=None)[0], strict=False):
-        moved[other] = float(np.clip(moved[other] + change, *ranges(points)[other]))
+    for other, change in zip(names, np.linalg.lstsq(other_slopes, own_change, rcond=None)[0], strict=False):
+        moved[other] = float(np.clip(moved[other] + change, *parameter_ranges(points)[other]))
     return moved

@@ -5,22 +5,28 @@ from dataclasses import replace
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.analysis.collapse import BOUNDS, Basis, Fit, Form, Points, scaled
+from jampetsc.analysis.scaling_collapse import BOUNDS, Basis, Fit, Form, Points, scaled
 from jampetsc.errors import InputError, named
 
-EXACT, ROUGH = (1e-9, 300), (1e-5, 100)  # (relative change of χ² that ends a search, most steps)
-_KAPPAS, _PHIS = np.geomspace(0.7, 8.0, 12), 15  # grid on which the search begins: κ, number of φ_J
-_MINIMA = 4  # deepest minima of that grid, from which the search continues
-_OMEGAS, _SHARE = (0.1, 0.25, 0.6, 1.5), 0.3  # starts with corrections: ω, and f₁ in units of f₀
+EXACT_SEARCH, ROUGH_SEARCH = (
+    (1e-9, 300),
+    (1e-5, 100),
+)  # (relative change of χ² that ends a search, most steps)
+_KAPPA_GRID, _PHI_COUNT = np.geomspace(0.7, 8.0, 12), 15  # grid on which the search begins: κ, number of φ_J
+_MAX_STARTS = 4  # deepest minima of that grid, from which the search continues
+_OMEGA_STARTS, _CORRECTION_RATIO = (
+    (0.1, 0.25, 0.6, 1.5),
+    0.3,
+)  # starts with corrections: ω, and f₁ in units of f₀
 
 
-def ranges(points: Points) -> dict:
+def parameter_ranges(points: Points) -> dict:
     """{parameter: (lowest, highest)} that is searched: φ_J as far beyond the data as they span."""
     spread = np.ptp(points.phi)
     return {**BOUNDS, "phi_J": (points.phi.min() - spread, points.phi.max() + spread)}
 
 
-def minima(points: Points, form: Form) -> list[Fit]:
+def find_minima(points: Points, form: Form) -> list[Fit]:
     """Local minima of χ², the least first; with corrections for both signs of f₁. Raises InputError."""
     points.check()
     if len(points) <= form.unknowns:
@@ -32,15 +38,17 @@ def minima(points: Points, form: Form) -> list[Fit]:
         raise InputError(
             f"{positive} values above zero for {form.plain.unknowns} unknowns: give denser disks"
         )
-    plain = _sorted(best_from(points, form.plain, start) for start in _starts(points, form.plain))
+    plain = _sorted(fit_from(points, form.plain, start) for start in _starts(points, form.plain))
     if not form.corrections:
         return plain
-    omegas = [form.held["omega"]] if "omega" in form.held else _OMEGAS
-    forms = [replace(form, held={**form.held, "omega": omega}) for omega in omegas]
+    omegas = [form.fixed["omega"]] if "omega" in form.fixed else _OMEGA_STARTS
+    forms = [replace(form, fixed={**form.fixed, "omega": omega}) for omega in omegas]
     begun = (
-        best_from(points, one, _corrected(plain[0], one, sign), ROUGH) for one in forms for sign in (1, -1)
+        fit_from(points, form, _corrected(plain[0], form, sign), ROUGH_SEARCH)
+        for form in forms
+        for sign in (1, -1)
     )
-    return _sorted(best_from(points, form, fit) for fit in begun)
+    return _sorted(fit_from(points, form, fit) for fit in begun)
 
 
 def _sorted(fits) -> list[Fit]:
@@ -49,30 +57,30 @@ def _sorted(fits) -> list[Fit]:
 
 def _starts(points, form) -> list[Fit]:
     """The deepest minima on a grid of φ_J and κ without corrections, where ln O is linear in all other unknowns."""
-    spread = np.quantile(points.phi, np.linspace(0.1, 0.9, _PHIS))
-    phis = [form.held["phi_J"]] if "phi_J" in form.held else spread
-    kappas = [form.held["kappa"]] if "kappa" in form.held else _KAPPAS
-    known = points[points.value > 0]
-    grid = [[_linear(known, form, float(phi_J), float(kappa)) for kappa in kappas] for phi_J in phis]
+    spread = np.quantile(points.phi, np.linspace(0.1, 0.9, _PHI_COUNT))
+    phis = [form.fixed["phi_J"]] if "phi_J" in form.fixed else spread
+    kappas = [form.fixed["kappa"]] if "kappa" in form.fixed else _KAPPA_GRID
+    positive = points[points.value > 0]
+    grid = [[_linear(positive, form, float(phi_J), float(kappa)) for kappa in kappas] for phi_J in phis]
     chi2 = np.pad([[fit.chi2 for fit in row] for row in grid], 1, constant_values=np.inf)
     around = np.lib.stride_tricks.sliding_window_view(chi2, (3, 3)).min(axis=(2, 3))
     minima = [grid[row][column] for row, column in np.argwhere(chi2[1:-1, 1:-1] <= around)]
-    return sorted(minima, key=lambda fit: fit.chi2)[:_MINIMA]
+    return sorted(minima, key=lambda fit: fit.chi2)[:_MAX_STARTS]
 
 
-def _linear(known, form, phi_J, kappa) -> Fit:
+def _linear(positive, form, phi_J, kappa) -> Fit:
     """Least squares of ln O at one φ_J and κ: the other unknowns enter linearly."""
-    weight, log_b = known.value / known.error, np.log(known.scale)
-    x = scaled(known, phi_J, kappa)
+    weight, log_b = positive.value / positive.error, np.log(positive.scale)
+    x = scaled(positive, phi_J, kappa)
     basis = Basis.of(x, form)
-    columns, rest = basis(x)[0], np.log(known.value)
-    if "y" in form.held:
-        rest = rest - form.held["y"] / kappa * log_b
+    columns, rest = basis(x)[0], np.log(positive.value)
+    if "y" in form.fixed:
+        rest = rest - form.fixed["y"] / kappa * log_b
     else:
         columns = np.column_stack((columns, log_b))
     solved = _least_squares(columns, rest, weight)
     chi2 = float(np.sum((weight * (columns @ solved - rest)) ** 2))
-    y = form.held["y"] if "y" in form.held else float(np.clip(solved[-1] * kappa, *BOUNDS["y"]))
+    y = form.fixed["y"] if "y" in form.fixed else float(np.clip(solved[-1] * kappa, *BOUNDS["y"]))
     parameters = {"phi_J": phi_J, "y": y, "kappa": kappa}
     return Fit(form, parameters, basis, (solved[: form.terms[0]], np.zeros(0)), 1.0, chi2, 0)
 
@@ -83,15 +91,15 @@ def _least_squares(columns, values, weight):
 
 
 def _corrected(plain: Fit, form, sign) -> Fit:
-    """Start of the search with corrections: f₁ is _SHARE times the f₀ of the plain fit."""
+    """Start of the search with corrections: f₁ is _CORRECTION_RATIO times the f₀ of the plain fit."""
     second = plain.coefficients[0][: form.terms[1]].copy()
-    second[0] += np.log(_SHARE)
-    parameters = {**plain.parameters, "omega": form.held["omega"]}
+    second[0] += np.log(_CORRECTION_RATIO)
+    parameters = {**plain.parameters, "omega": form.fixed["omega"]}
     return Fit(form, parameters, plain.basis, (plain.coefficients[0], second), float(sign), np.inf, 0)
 
 
-def carried(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
-    """Start of a search with another form or other parameters, its functions fitted to those of `fit`."""
+def carry_over(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
+    """Start of a search with another form or other parameters, its functions fitted to the functions of `fit`."""
     x, log_b = scaled(points, parameters["phi_J"], parameters["kappa"]), np.log(points.scale)
     basis, y = Basis.of(x, form), parameters["y"] / parameters["kappa"]
     values, weight = basis(x)[0], fit.model(points) / points.error
@@ -108,13 +116,13 @@ def carried(points: Points, fit: Fit, form: Form, parameters: dict) -> Fit:
     return replace(start, chi2=float(np.nan_to_num(misfit, nan=np.inf)))
 
 
-def best_from(points: Points, form: Form, start: Fit, search=EXACT) -> Fit:
+def fit_from(points: Points, form: Form, start: Fit, search=EXACT_SEARCH) -> Fit:
     """Least squares from the fit `start`, in its basis."""
     from scipy.optimize import least_squares
 
     interrupts.check()
     names, (first, _) = form.free, form.terms
-    limits, unlimited = ranges(points), np.full(sum(form.terms), np.inf)
+    limits, unlimited = parameter_ranges(points), np.full(sum(form.terms), np.inf)
     low, high = (
         np.r_[[limits[name][side] for name in names], sign * unlimited] for side, sign in ((0, -1), (1, 1))
     )

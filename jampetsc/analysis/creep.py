@@ -25,8 +25,8 @@ import numpy as np
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError
 
-_STEPS = 80  # halvings of a range of some 500 in the logarithm: far below rounding
-_TINY = 1e-200  # closest to a pole, relative to the gap, that a zero is looked for
+_HALVINGS = 80  # halvings of a range of some 500 in the logarithm: far below rounding
+_MIN_POLE_DISTANCE = 1e-200  # closest to a pole, relative to the gap, that a zero is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,8 @@ def _between_poles(G0, eta_inf, poles, weights):
 
     def h(distance):
         """h at origin + distance, G₀'s pole included; distances (n,) from the origins."""
-        apart = poles - origin[:, None] - distance[:, None]
-        value = -eta_inf - np.sum(weights / apart, axis=1)
+        distances = poles - origin[:, None] - distance[:, None]
+        value = -eta_inf - np.sum(weights / distances, axis=1)
         return value if G0 >= 0 else value + G0 / (origin + distance)
 
     upper = h(reach) > 0  # the zero is nearer to the upper pole
@@ -96,8 +96,8 @@ def _between_poles(G0, eta_inf, poles, weights):
     if eta_inf > 0:
         origin, side = np.r_[origin, poles[-1]], np.r_[side, 1.0]
         reach = np.r_[reach, 2.0 * np.sum(weights) / eta_inf]
-    low, high = np.log(reach) + np.log(_TINY), np.log(reach)
-    for _ in range(_STEPS):
+    low, high = np.log(reach) + np.log(_MIN_POLE_DISTANCE), np.log(reach)
+    for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         farther = h(side * np.exp(middle)) * side > 0
         low, high = np.where(farther, middle, low), np.where(farther, high, middle)

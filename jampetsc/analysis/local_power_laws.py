@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jampetsc.analysis.scaling import local_exponents, local_slope
+from jampetsc.analysis.power_laws import local_exponents, local_slope
 from jampetsc.analysis.statistics import log_median
 
 SLOPE_TOLERANCE = 0.12  # between the slope of the data and the exponent of a window

@@ -9,12 +9,8 @@ turned alike: 1 in one crystal, about 0.6/√N in a liquid.
 
 import numpy as np
 
-from jampetsc.analysis.velocities import check_snapshots
-from jampetsc.errors import InputError, named
-
-# in files without positions, such as those of docs/kept
-STORED = "snapshots/psi6_local", "snapshots/psi6_global"
-MARGIN = 6.0  # mean spacings beyond the cell from which images count: neighbours of disks inside lie closer
+# mean spacings beyond the cell from which images count: neighbours of disks inside lie closer
+IMAGE_MARGIN = 6.0
 
 
 def bond_order(positions, cell) -> np.ndarray:
@@ -25,9 +21,9 @@ def bond_order(positions, cell) -> np.ndarray:
     fractions = np.linalg.solve(cell.T, np.asarray(positions, float).T).T
     fractions -= np.floor(fractions)
     heights = abs(np.linalg.det(cell)) / np.linalg.norm(cell[::-1], axis=1)  # of the cell above its edges
-    margin = MARGIN * np.sqrt(abs(np.linalg.det(cell)) / n) / heights
-    reach = [np.arange(-np.ceil(m), np.ceil(m) + 1) for m in margin]
-    shifts = np.stack(np.meshgrid(*reach, indexing="ij"), axis=-1).reshape(-1, 2)
+    margin = IMAGE_MARGIN * np.sqrt(abs(np.linalg.det(cell)) / n) / heights
+    image_range = [np.arange(-np.ceil(m), np.ceil(m) + 1) for m in margin]
+    shifts = np.stack(np.meshgrid(*image_range, indexing="ij"), axis=-1).reshape(-1, 2)
     shifts = shifts[np.argsort(np.abs(shifts).sum(1), kind="stable")]  # the cell itself first
     images = (fractions + shifts[:, None]).reshape(-1, 2)
     near = ((images >= -margin) & (images < 1 + margin)).all(axis=1)
@@ -41,17 +37,10 @@ def bond_order(positions, cell) -> np.ndarray:
     return sums / np.bincount(i, minlength=n)
 
 
-def six_fold_order(result):
-    """(⟨|ψ₆|⟩, |⟨ψ₆⟩|), (S,) each, over the disks that move in each snapshot of a loaded flow file.
+def mean_order(positions, cells, walls: int = 0):
+    """(⟨|ψ₆|⟩, |⟨ψ₆⟩|), (S,) each, over the disks that move in snapshots: positions (S, N, 2), cells (S, 2, 2).
 
-    Raises InputError for a file without snapshots.
+    walls   number of disks of the walls, which come first
     """
-    if STORED[0] in result:
-        return tuple(result[name] for name in STORED)
-    if "snapshots/positions" not in result:
-        raise InputError(f"{result.path}: holds no snapshots: run the flow with {named('snapshots')}")
-    check_snapshots(result)
-    walls = int(result.attributes.get("walls", 0))
-    moments = zip(result["snapshots/positions"], result["snapshots/cell"], strict=True)
-    psi = [bond_order(positions, cell)[walls:] for positions, cell in moments]
+    psi = [bond_order(x, cell)[walls:] for x, cell in zip(positions, cells, strict=True)]
     return np.abs(psi).mean(1), np.abs(np.mean(psi, axis=1))

@@ -22,8 +22,8 @@ import numpy as np
 
 from jampetsc.errors import InputError
 
-WIDEST = 1.5  # decades; the window of `smoothed` can be no wider
-_CARRIES = 0.01  # a node with this share of all weight counts for the resolution
+MAX_WINDOW = 1.5  # decades; the window of `smoothed` can be no wider
+_MIN_SHARE = 0.01  # a node with this share of all weight counts for the resolution
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class RelaxationSpectrum:
     @property
     def resolution(self) -> float:
         """Widest gap in decades between neighbouring times that carry 1 % of all weight or more."""
-        times = np.sort(1.0 / self.rates[self.weights >= _CARRIES * np.sum(self.weights)])
+        times = np.sort(1.0 / self.rates[self.weights >= _MIN_SHARE * np.sum(self.weights)])
         return float(np.max(np.diff(np.log10(times)), initial=0.0))
 
     def smoothed(self, tau, width: float):
@@ -91,8 +91,8 @@ class RelaxationSpectrum:
         it is the familiar estimate (2/π)(G'' − ωη_∞) at ω = 1/τ. Far from all times H_ε falls as τ^±1: those
         flanks are the window's. Raises InputError for a width that is not within 0.01 and 1.5 decades.
         """
-        if not 0.01 <= width <= WIDEST:
-            raise InputError(f"width {width:g}: a window for H(tau) has 0.01 to {WIDEST:g} decades")
+        if not 0.01 <= width <= MAX_WINDOW:
+            raise InputError(f"width {width:g}: a window for H(tau) has 0.01 to {MAX_WINDOW:g} decades")
         tau = np.asarray(tau, float)
         angle = np.arccos(2.0 - np.cosh(0.5 * width * np.log(10.0)))
         y = np.log(tau[..., None] * self.rates)

@@ -5,18 +5,19 @@ An error is half of the interval that holds the true value in 68 % of cases: of 
 
 import functools
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-LEVEL = 0.6827  # of an interval: one standard deviation to either side of a normal distribution
+CONFIDENCE_LEVEL = 0.6827  # of an interval: one standard deviation to either side of a normal distribution
 
 
 @functools.lru_cache
 def half_width(degrees: float) -> float:
-    """Student's t of the interval of LEVEL for so many degrees of freedom, > 0: by how much a standard error widens."""
+    """Student's t at CONFIDENCE_LEVEL for `degrees` of freedom, > 0: by how much a standard error widens."""
     from scipy.special import stdtrit  # takes a while to import
 
-    return float(stdtrit(degrees, 0.5 * (1.0 + LEVEL)))
+    return float(stdtrit(degrees, 0.5 * (1.0 + CONFIDENCE_LEVEL)))
 
 
 def small_sample_factor(count: int) -> float:
@@ -56,8 +57,8 @@ def median_interval(values) -> tuple:
 
     # that the median is between the d-th from either end, d = 1, 2, …: not fewer than d are on either side of it
     chance = np.append(1.0 - 2.0 * bdtr(np.arange(n // 2), n, 0.5), 0.0)
-    d = int(np.count_nonzero(chance >= LEVEL))
-    part = (chance[d - 1] - LEVEL) / (chance[d - 1] - chance[d])
+    d = int(np.count_nonzero(chance >= CONFIDENCE_LEVEL))
+    part = (chance[d - 1] - CONFIDENCE_LEVEL) / (chance[d - 1] - chance[d])
     inner = (n - d) * part / (d + (n - 2 * d) * part)
     return tuple((1.0 - inner) * ordered[a] + inner * ordered[b] for a, b in ((d - 1, d), (n - d, n - d - 1)))
 
@@ -71,6 +72,18 @@ def median_with_error(values) -> tuple:
     return np.median(values, axis=0), 0.5 * (high - low)
 
 
+STATISTICS = {"mean": mean_with_error, "median": median_with_error}
+
+
+def complex_statistic(values, statistic: str) -> tuple:
+    """(value, error) of samples (n, …), one of STATISTICS; of complex ones real and imaginary part by themselves."""
+    values, function = np.asarray(values), STATISTICS[statistic]
+    if not np.iscomplexobj(values):
+        return function(values)
+    (storage, storage_error), (loss, loss_error) = function(values.real), function(values.imag)
+    return storage + 1j * loss, storage_error + 1j * loss_error
+
+
 def log_median(values) -> tuple[float, float]:
     """(ln of the median, its error) of values (n,), which may have a long tail.
 
@@ -82,3 +95,41 @@ def log_median(values) -> tuple[float, float]:
         return np.nan, np.nan
     low, high = median_interval(values)
     return float(np.log(median)), float(0.5 * np.log(high / low) if low > 0 else error / median)
+
+
+def relative_bound(bound, value):
+    """bound/|value| element by element; 0 where both vanish, infinite where only the value does."""
+    bound, size = np.broadcast_arrays(np.asarray(bound, float), np.abs(value))
+    relative = np.where(bound == 0, 0.0, np.inf)
+    return np.divide(bound, size, out=relative, where=size > 0)
+
+
+BINS_PER_DECADE = 10
+HISTOGRAM_DECADES = 10  # below the decade of the largest value; what is smaller falls into the first bin
+
+
+@dataclass(frozen=True, eq=False)
+class Distribution:
+    """Magnitudes of one quantity: moments and a histogram. Bins b hold edges[b] ≤ |x| < edges[b + 1]."""
+
+    median: float
+    mean: float
+    rms: float
+    edges: np.ndarray  # (b + 1,) zero, then powers of 10^(1/BINS_PER_DECADE), the same for every packing
+    counts: np.ndarray  # (b,)
+
+    @classmethod
+    def of(cls, values) -> "Distribution":
+        """Distribution of |values| (M,), or of lengths (M, 2)."""
+        size = np.abs(values) if values.ndim == 1 else np.hypot(values[:, 0], values[:, 1])
+        # by the C library, whose log10 is exact at powers of ten; numpy's own for some processors need not be
+        top = math.floor(math.log10(size.max())) + 1 if size.any() else 0
+        exponents = (
+            np.arange(BINS_PER_DECADE * (top - HISTOGRAM_DECADES), BINS_PER_DECADE * top + 1)
+            / BINS_PER_DECADE
+        )
+        edges = np.append(0.0, 10.0**exponents)
+        counts = np.bincount(np.searchsorted(edges, size, side="right") - 1, minlength=len(edges) - 1)
+        return cls(
+            float(np.median(size)), float(np.mean(size)), float(np.sqrt(np.mean(size**2))), edges, counts
+        )

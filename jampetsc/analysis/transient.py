@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.creep import RetardationSpectrum, retardation
-from jampetsc.analysis.relaxation import WIDEST, RelaxationSpectrum
+from jampetsc.analysis.relaxation import MAX_WINDOW, RelaxationSpectrum
 
-PER_DECADE = 20
-NARROWEST = 0.25  # decades; the window of H is never narrower unless asked for
-_GAPS = 2.0  # its width in gaps between modes: with two, single modes show by a per cent or less
+TIMES_PER_DECADE = 20
+MIN_WINDOW = 0.25  # decades; the window of H is never narrower unless asked for
+_WINDOW_GAPS = 2.0  # its width in gaps between modes: with two, single modes show by a per cent or less
 # times are shown so far beyond the fastest and the slowest mode; there nothing happens any more
-_BEYOND = 100.0
-_GROWTH = 5.0  # creep that grows is followed for so many times its time constant
+_TIME_MARGIN = 100.0
+_MAX_GROWTH = 5.0  # creep that grows is followed for this multiple of its time constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +74,15 @@ def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, wind
     spectrum = spectrum.sorted()
     late = retardation(spectrum)
     if window is None:
-        window = float(np.clip(_GAPS * spectrum.resolution, NARROWEST, WIDEST))
+        window = float(np.clip(_WINDOW_GAPS * spectrum.resolution, MIN_WINDOW, MAX_WINDOW))
     rates = np.abs(np.r_[spectrum.rates, late.rates])
     rates = rates[rates > 0]
     first, last = 1.0 / fastest, 1.0 / slowest
     if len(rates):
-        first = min(max(first, 1.0 / (_BEYOND * rates.max())), last)
-        last = max(min(last, _BEYOND / rates.min()), first)
-    time, tau = _grid(first, last), _grid(*_seen(first, last, spectrum.rates, window))
-    creep_time = time[time * late.growth_rate <= _GROWTH]
+        first = min(max(first, 1.0 / (_TIME_MARGIN * rates.max())), last)
+        last = max(min(last, _TIME_MARGIN / rates.min()), first)
+    time, tau = _grid(first, last), _grid(*_mode_times(first, last, spectrum.rates, window))
+    creep_time = time[time * late.growth_rate <= _MAX_GROWTH]
     return Transient(
         spectrum=spectrum,
         tau=tau,
@@ -97,12 +97,12 @@ def transient(spectrum: RelaxationSpectrum, slowest: float, fastest: float, wind
 
 
 def _grid(first, last):
-    """Times from first to last, PER_DECADE of them to a decade."""
-    return np.geomspace(first, last, max(2, int(np.ceil(PER_DECADE * np.log10(last / first))) + 1))
+    """Times from first to last, TIMES_PER_DECADE of them to a decade."""
+    return np.geomspace(first, last, max(2, int(np.ceil(TIMES_PER_DECADE * np.log10(last / first))) + 1))
 
 
-def _seen(first, last, rates, window):
-    """The part of first … last within half a window of the times of the modes; all of it if there is none."""
+def _mode_times(first, last, rates, window):
+    """The part of first … last within half a window of the times of the modes; all of it without modes."""
     if not len(rates):
         return first, last
     reach = 10.0 ** (0.5 * window)

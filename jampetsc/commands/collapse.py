@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.analysis.collapse import form_named, words_of
+from jampetsc.analysis.scaling_collapse import form_named, words_of
 from jampetsc.commands.sources import WHERE, rows_named, write_derived
 from jampetsc.errors import InputError, as_float, named
 from jampetsc.io.ensemble import Ensemble
@@ -84,7 +84,7 @@ examples:
 
     @property
     def form(self):
-        """The `analysis.collapse.Form` to fit. Raises InputError."""
+        """The `analysis.scaling_collapse.Form` to fit. Raises InputError."""
         return form_named(self.fit, self.finite_size, self.corrections, self.degree, self.spline)
 
     def _named(self) -> list:

@@ -5,19 +5,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from jampetsc.analysis.velocity_correlation import DEFAULT_BIN_WIDTH, DEFAULT_LANE_WIDTH
 from jampetsc.commands import correlate_sweeps
 from jampetsc.commands.correlate_sweeps import LANES
 from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, as_float, named
-from jampetsc.flows import velocity_correlation as lanes
-from jampetsc.io.fields import PHASES
+from jampetsc.io.disk_motion import PHASES, correlate_lanes
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILES, Kind, asked, optional, shown
 from jampetsc.options.values import FREQUENCIES, PACKING, RESULT, Numbers, opened, refuse_repeated, words
 from jampetsc.packing.disks import Disks
 
 NARROWEST, WIDEST = 0.01, 1e6  # lanes
-SWEEPS, FLOW = "jampetsc-sweep", "jampetsc-flow"
+SWEEPS, FLOW, VELOCITIES = "jampetsc-sweep", "jampetsc-flow", "jampetsc-velocity-correlation"
 
 
 def _lanes(given):
@@ -85,7 +85,7 @@ class Correlate(Job):
     def check_outputs(self, to):
         """Refuse a file that holds another kind of correlation."""
         flows = getattr(opened(self.results[0]), "format", "") == FLOW
-        to.check(lanes.FORMAT if flows else self.FORMAT, self.paths)
+        to.check(VELOCITIES if flows else self.FORMAT, self.paths)
 
     def work(self, to):
         opened_ = [opened(source) for source in self.results]
@@ -104,14 +104,14 @@ def _of_flows(job, flows, to) -> str:
     for name in ("omega", "packing", "phase"):
         if getattr(job, name) is not None:
             raise InputError(f"{named(name)}: belongs to sweeps, not to {flows[0].path}; leave it out")
-    widths, bin_ = job.lane or (lanes.LANE,), job.bin or lanes.BIN
+    widths, bin_ = job.lane or (DEFAULT_LANE_WIDTH,), job.bin or DEFAULT_BIN_WIDTH
     if len(widths) > 1:
         raise InputError(f"{named('lane')} {job.settings()['lane']}: flows are correlated at one width")
-    found = lanes.correlate_lanes(flows, widths[0], bin_)
+    found = correlate_lanes(flows, widths[0], bin_)
     place, depth = found.minimum
     arrays = {"x": found.centres, "g_y": found.values, "g_y_error": found.errors, "pairs": found.pairs}
     write_derived(
-        *(to, lanes.FORMAT, flows, began, arrays),
+        *(to, VELOCITIES, flows, began, arrays),
         **{name: flows[0].attributes.get(name) for name in ("model", "rate", "mass", "units")},
         lane_width=widths[0] * found.diameter,
         bin_width=bin_ * found.diameter,

@@ -6,11 +6,22 @@ import time
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.analysis.correlations import ROUNDING, correlate
-from jampetsc.analysis.lane_sums import grid_cells, lane_sums
+from jampetsc.analysis.displacement_correlation import (
+    ROUNDING_LIMIT,
+    correlate_displacements,
+    grid_cells,
+    lane_sums,
+)
 from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.fields import PHASES, chosen_frequencies, field_at, packing_of, particle_rows, phase_factor
+from jampetsc.io.disk_motion import (
+    PHASES,
+    chosen_frequencies,
+    field_at,
+    packing_of,
+    particle_rows,
+    phase_factor,
+)
 
 LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, if no others are asked for
 SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
@@ -78,7 +89,7 @@ def _correlated(sweeps, motions, lanes):
             with about(sweep.path):
                 places = disks.positions[particles]
                 found.append(lane_sums(places, disks.cell, fields, width * _diameter(disks), cells))
-    return [correlate(found) for found in sums], np.array([found[0].width for found in sums])
+    return [correlate_displacements(found) for found in sums], np.array([found[0].width for found in sums])
 
 
 def _motion(job, sweep, phase):
@@ -89,11 +100,11 @@ def _motion(job, sweep, phase):
     particles = particle_rows(sweep, disks)
     transverse = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, 1] for row in rows]
     parts = [part for u in transverse for part in (u.real, u.imag)]
-    known = np.array([_rms(part) > ROUNDING * _diameter(disks) for part in parts]).reshape(-1, 2)
+    known = np.array([_rms(part) > ROUNDING_LIMIT * _diameter(disks) for part in parts]).reshape(-1, 2)
     if not known.any(axis=1).all():
         at = stored[rows][np.argmin(known.any(axis=1))]
         raise InputError(
-            f"{sweep.path}: omega = {at:g}: |u_y| is rounding, at most {ROUNDING:g} mean diameters per strain, "
+            f"{sweep.path}: omega = {at:g}: |u_y| is rounding, at most {ROUNDING_LIMIT:g} mean diameters per strain, "
             f"as in a perfect crystal: nothing to correlate; choose other frequencies by {named('omega')}"
         )
     parts = [part if some else np.zeros_like(part) for part, some in zip(parts, known.flat, strict=True)]

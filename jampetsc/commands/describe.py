@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from jampetsc.analysis.bounds import relative_bound
+from jampetsc.analysis.statistics import relative_bound
 from jampetsc.columns import aligned
-from jampetsc.io.averages import CHOICES
+from jampetsc.io.ensemble import DISTINGUISHING_COLUMNS
 from jampetsc.io.parts import parts_of
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
 from jampetsc.packing.minimum_proof import ENTRIES, proved_minimum
@@ -40,7 +40,7 @@ def study(path, ensemble) -> str:
         failed = tasks.failed.rows
         rows.append((command, f"{tasks.rows - failed} done" + (f", {failed} failed" if failed else "")))
     rows.append(("chosen",))
-    for name in ("requested_n", "particle_count", "pressure", "phi", "seed", *CHOICES[1:]):
+    for name in ("requested_n", "particle_count", "pressure", "phi", "seed", *DISTINGUISHING_COLUMNS[1:]):
         values = [
             value for value in np.unique(ensemble.get(name, [])).tolist() if value == value and value != ""
         ]

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from jampetsc.analysis.jamming import at_densities
+from jampetsc.analysis.jammed_samples import at_densities
 from jampetsc.errors import InputError
-from jampetsc.io.notes import note_lines
+from jampetsc.io.results import note_lines
 from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import asked, optional

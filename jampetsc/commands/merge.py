@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.io.hdf5 import attributes, check_format, open_file
-from jampetsc.io.merge import merge
 from jampetsc.io.outputs import is_same
 from jampetsc.io.reader import load
+from jampetsc.io.result_file import merge
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, asked
 
@@ -29,7 +29,7 @@ class Merge(Job):
     file: os.PathLike = asked(help="result of sweep, quasistatic, modes, …", place=FILE, kind=PATH)
 
     def check_outputs(self, to):
-        """Refuse a file of another kind; merging in place is left to `io.merge.merge`."""
+        """Refuse a file of another kind; merging in place is left to `io.result_file.merge`."""
         if to.path and not is_same(to.path, self.file):
             with open_file(self.file) as h5:
                 kind = check_format(self.file, attributes(h5))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.errors import InputError, named
-from jampetsc.io.notes import note_lines
+from jampetsc.io.results import note_lines
 from jampetsc.laws.damping import LARGEST, having
 from jampetsc.options.law_options import OfPacking
 from jampetsc.options.parameters import optional

@@ -8,7 +8,7 @@ from jampetsc.collective import agreed, on_root
 from jampetsc.flows.jamming import samples
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.flows.record import Record, resumed, run_provenance, write_checkpoint
-from jampetsc.io.notes import noted
+from jampetsc.io.results import noted
 from jampetsc.minimise.sizes import in_small_diameters, radii_of
 from jampetsc.options.starts import UNITS
 from jampetsc.packing.potentials import Potential
@@ -75,6 +75,6 @@ def make(job, solver, to) -> Record:
 
 
 def notes_of(record) -> list[str]:
-    """Notes on samples, see `io.notes`."""
+    """Notes on samples, see `io.results`."""
     lost = int(np.count_nonzero(~np.isfinite(record.series("jammed"))))
     return [f"no minimum found: {lost} samples, nan in the result"] if lost else []

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_averages, mean_of_runs
-from jampetsc.analysis.collapse import PARAMETERS, Points, words_of
 from jampetsc.analysis.collapse_errors import degrees_above
-from jampetsc.analysis.collapse_fit import ranges
-from jampetsc.analysis.jamming import runs_of, share_of
+from jampetsc.analysis.collapse_fit import parameter_ranges
+from jampetsc.analysis.correlated_series import Average, mean_of_averages, mean_of_runs
+from jampetsc.analysis.jammed_samples import runs_of, share_of
+from jampetsc.analysis.scaling_collapse import PARAMETERS, Points, words_of
 from jampetsc.errors import InputError, named
 
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
@@ -90,8 +90,8 @@ def _rows(result, observable, finite_size):
         ]
     if observable == "jammed":
         raise InputError(f"{result.path}: {named('observable')} jammed goes with {named('finite_size')}")
-    samples = a.get(f"{observable}_samples", math.inf)  # older files do not have it
-    return [(float(a["phi"]), scale, origin, (a[f"{observable}_mean"], a[f"{observable}_error"], samples))]
+    mean = tuple(a[f"{observable}_{part}"] for part in ("mean", "error", "samples"))
+    return [(float(a["phi"]), scale, origin, mean)]
 
 
 def _mean(runs, observable):
@@ -156,7 +156,7 @@ def notes_of(points: Points, fit, found, finite_size) -> list[str]:
     for name, one in found.items():
         word = words[name]
         if not one.decided:
-            low, high = ranges(points)[name]
+            low, high = parameter_ranges(points)[name]
             notes.append(
                 f"the data do not tell {word}: 2 sigma reach an end of its range, {low:.5g} to {high:.5g}"
             )

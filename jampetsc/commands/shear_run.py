@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average
+from jampetsc.analysis.correlated_series import Average
 from jampetsc.flows.means import discarded_strain, facts_of, independent_samples, short_run_warnings
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SHARE, SlowShear
 from jampetsc.flows.record import (
@@ -17,7 +17,7 @@ from jampetsc.flows.record import (
     write_record,
 )
 from jampetsc.flows.run import INTERVAL, LINES
-from jampetsc.io.notes import note_lines, noted
+from jampetsc.io.results import note_lines, noted
 from jampetsc.minimise.minimise import proved
 from jampetsc.packing.disks import PLACES
 from jampetsc.petsc import session

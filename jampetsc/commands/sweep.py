@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
-from jampetsc.analysis.bounds import relative_bound
+from jampetsc.analysis.statistics import relative_bound
 from jampetsc.errors import InputError, named
-from jampetsc.io.notes import note_lines
+from jampetsc.io.results import note_lines
 from jampetsc.laws.damping import FAMILIES, damping_law
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.options.law_options import OfPacking

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.jamming import assortativity
+from jampetsc.analysis.jammed_samples import assortativity
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.descent import Goal

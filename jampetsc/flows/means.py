@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.averages import FEW, Average
+from jampetsc.analysis.correlated_series import MIN_EFFECTIVE_SAMPLES, Average
 from jampetsc.flows.record import ON_WALLS
 
 UNBALANCED = 0.05  # largest |mismatch| of the energy balance
@@ -73,7 +73,7 @@ class Means:
         return self.shear_stress.time * self.spacing
 
     def warnings(self) -> list[str]:
-        """Warnings about the means, see `io.notes`."""
+        """Warnings about the means, see `io.results`."""
         found = short_run_warnings(self.strain, self.spacing, self.shear_stress, self.pressure)
         if self.shear_stress.drifts or self.pressure.drifts:
             found.append(
@@ -126,12 +126,12 @@ def independent_samples(shear_stress, pressure) -> str:
 
 
 def short_run_warnings(strain, spacing, *averages) -> list[str]:
-    """Warning, if any, that one of the averages over `strain`, rows `spacing` apart, has too few samples (see FEW)."""
+    """Warning, if any, that one of the averages over `strain`, rows `spacing` apart, has too few effective samples."""
     least = min(averages, key=lambda one: one.samples)
     if least.enough:
         return []
     return [
-        f"errors are widened and still rough: effective sample size {least.samples:.0f} (below {FEW:.0f}), as strain "
-        f"{strain:.3g} after discard is short for a correlation strain of about {spacing * least.time:.2g}. Give a "
-        "longer strain"
+        f"errors are widened and still rough: effective sample size {least.samples:.0f} (below "
+        f"{MIN_EFFECTIVE_SAMPLES:.0f}), as strain {strain:.3g} after discard is short for a correlation strain of "
+        f"about {spacing * least.time:.2g}. Give a longer strain"
     ]

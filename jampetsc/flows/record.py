@@ -11,9 +11,9 @@ import numpy as np
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import follow
 from jampetsc.io.checkpoint import Checkpoint
-from jampetsc.io.flow_formats import FLOW
 from jampetsc.io.hdf5 import reading
 from jampetsc.io.provenance import provenance
+from jampetsc.io.result_formats import FLOW
 from jampetsc.petsc import session
 
 FORMAT = "jampetsc-flow"

@@ -22,7 +22,7 @@ from jampetsc.flows.run import run as shear_until
 from jampetsc.flows.shearing import Shear
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.hdf5 import attributes, check_format, open_file, reading
-from jampetsc.io.notes import note_lines, noted
+from jampetsc.io.results import note_lines, noted
 from jampetsc.laws.damping import WEIGHTS, Law
 from jampetsc.laws.flow_models import Model, Scheme, scheme_for
 from jampetsc.packing.contacts import find_contacts

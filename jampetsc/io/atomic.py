@@ -1,4 +1,4 @@
-"""Output files that are complete or absent: temporary name, fsync, rename, fsync of the folder.
+"""Files: reading only regular ones, and writing whole ones or none: temporary name, fsync, rename, fsync of the folder.
 
 A temporary file is named `.NAME.HOST.PID-xxxxxxxx.partial` and locked as long as its writer lives. One without a lock
 was left behind by a killed process, and the next run with the same output removes it.
@@ -11,11 +11,39 @@ import io
 import os
 import secrets
 import socket
+import stat
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from jampetsc.errors import InputError, JampetscError, named
-from jampetsc.io.regular import require_regular
+
+_FILE_TYPES = {  # type of a file -> in words
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+_READING_REMEDIES = ("give the file in it", "give a regular file, such as a copy of what comes out of it")
+
+
+def open_regular(path):
+    """A regular file, links followed, open for reading in binary.
+
+    Raises InputError for anything else, OSError where it cannot be opened. Never waits: a pipe has no end to be
+    waited for, and reading a device may change it.
+    """
+    require_regular(path, *_READING_REMEDIES)
+    return open(path, "rb")
+
+
+def require_regular(path, folder, other) -> None:
+    """Raise InputError unless a regular file is at `path`; folder, other: remedies for a folder and for others."""
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode):
+        kind = _FILE_TYPES.get(stat.S_IFMT(mode), "a special file")
+        raise InputError(f"{path}: is {kind}: {folder if kind == 'a folder' else other}")
+
 
 _FULL = {
     errno.ENOSPC: "disk full",

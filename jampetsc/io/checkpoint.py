@@ -21,6 +21,7 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.atomic import (
     follow,
     locked,
+    open_regular,
     refuse_links,
     remove_abandoned,
     sync_folder,
@@ -28,7 +29,6 @@ from jampetsc.io.atomic import (
     writing,
 )
 from jampetsc.io.parts import remove_if_empty
-from jampetsc.io.regular import open_regular
 from jampetsc.version import VERSION
 
 _VERSION = 3
@@ -104,29 +104,29 @@ class Checkpoint:
 
     def _read(self):
         """[(index, rank 0's entry, hashes of the ranks' files)] of this job's steps, in their order."""
-        found, others = [], self.journal.is_file()  # a file: a checkpoint of an older version
+        steps, has_other_job = [], False
         for path in self.journal.glob("*-rank-0000"):
             named, step = _STEP.fullmatch(path.name), read_entry(path)
             if named is None or step is None:
                 continue
             entry, _, digest = step
             if entry["job"] != self._job:
-                others = True
+                has_other_job = True
             elif entry["index"] == int(named[1]):
-                found.append((entry["index"], entry, [digest, *entry["others"]]))
-        if others and not found:
+                steps.append((entry["index"], entry, [digest, *entry["others"]]))
+        if has_other_job and not steps:
             print(
-                f"{self.journal}: belongs to another job: ignored, starting from the beginning",
+                f"{self.journal}: was saved by another job: ignored, starting from the beginning",
                 file=sys.stderr,
             )
-        return sorted(found, key=lambda step: step[0])
+        return sorted(steps, key=lambda step: step[0])
 
     def _sound(self, index, entry, hashes) -> bool:
         """Whether this rank's file of a step is intact; a step with arrays needs the number of ranks that saved it."""
         if entry["ranks"] is None or self.rank == 0:
             return entry["ranks"] in (None, self.size)
-        found = read_entry(self._file(index)) if entry["ranks"] == self.size else None
-        return found is not None and found[2] == hashes[self.rank]
+        content = read_entry(self._file(index)) if entry["ranks"] == self.size else None
+        return content is not None and content[2] == hashes[self.rank]
 
     def _lock_folder(self):
         """Lock the folder, if there is one. Raises InputError where another process has it."""
@@ -151,7 +151,7 @@ class Checkpoint:
     def save(self, index, record, arrays=None) -> None:
         """Keep a finished step: `record`, numbers all ranks have, and this rank's arrays by name.
 
-        `arrays` is None on all ranks or on none. On return the step survives a kill.
+        `arrays` is None on all ranks or on no rank. On return the step survives a kill.
         Raises JampetscError on all ranks if it cannot be written.
         """
         index = int(index)
@@ -166,13 +166,13 @@ class Checkpoint:
         with agreed(self.comm):
             if self.rank > 0 and arrays is not None:
                 digest = write_entry(self._file(index), entry, arrays)
-        others = [] if self.comm is None else self.comm.allgather(digest)[1:]
-        entry |= {"record": record, "after": self._last, "others": others}
+        other_digests = [] if self.comm is None else self.comm.allgather(digest)[1:]
+        entry |= {"record": record, "after": self._last, "others": other_digests}
         entry["ranks"] = None if arrays is None else self.size
         with agreed(self.comm):
             if self.rank == 0:
                 self._last = write_entry(self._file(index), entry, arrays)
-        self.done[index], self._hashes[index] = dict(record), [self._last, *others]
+        self.done[index], self._hashes[index] = dict(record), [self._last, *other_digests]
 
     def _start(self):
         """Make an empty folder, removing another job's steps."""
@@ -195,12 +195,12 @@ class Checkpoint:
         if self.journal is None:
             return self._arrays[index]
         with agreed(self.comm):
-            found = read_entry(self._file(index))
-            if found is None or found[2] != self._hashes[index][self.rank]:
+            content = read_entry(self._file(index))
+            if content is None or content[2] != self._hashes[index][self.rank]:
                 raise JampetscError(
                     f"{self._file(index)}: changed during the run: run the same command again"
                 )
-        with np.load(io.BytesIO(found[1])) as stored:
+        with np.load(io.BytesIO(content[1])) as stored:
             return {name: stored[name] for name in stored.files}
 
     def remove(self) -> None:

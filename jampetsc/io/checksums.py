@@ -9,7 +9,7 @@ content, with
     one line of LINE bytes: jampetsc-checksums 1 <bytes of content> <BLOCK> <sha256 of the numbers and hashes before>
 
 A process compares a file with its line once, 1 GB in 0.6 s. The hash in the line stands for the whole content: it
-identifies the file, and a joint file keeps the hashes of its parts. The list is for older versions, which check it.
+identifies the file, and a joint file keeps the hashes of its parts.
 
 Other programs see plain HDF5, whose header says where the content ends. A program that changes the file cuts off what
 follows, as libhdf5 does on closing: an edited file has no checksums, and is read like one of any other program.
@@ -20,7 +20,7 @@ import hashlib
 import os
 
 from jampetsc.errors import InputError
-from jampetsc.io.regular import open_regular
+from jampetsc.io.atomic import open_regular
 
 BLOCK = 1 << 18  # bytes hashed at a time
 LINE = 128
@@ -34,7 +34,7 @@ class Damaged(OSError):
     """The bytes of a file are not those that were written."""
 
 
-def seal(file) -> str:
+def append_seal(file) -> str:
     """Append the checksums of all of `file`, open for reading and writing; returns the hash in its line."""
     size = file.seek(0, os.SEEK_END)
     hashes = _hashes(file, size, BLOCK)
@@ -46,19 +46,19 @@ def seal(file) -> str:
 
 
 def seal_of(file) -> str | None:
-    """The hash in the line of checksums of an open file, None where there is no such line."""
-    found = _parse(file)
-    return found and found[2]
+    """The hash in the line of checksums of an open file, None for a file without it."""
+    line = _parse(file)
+    return line and line[2]
 
 
 def verify(file) -> None:
     """Raise Damaged unless an open file is what its checksums say, or one of another program that has none."""
-    status, found = os.fstat(file.fileno()), _parse(file)
-    if found is None:
+    status, line = os.fstat(file.fileno()), _parse(file)
+    if line is None:
         return _check_end(file, status.st_size)
     seen = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
     if seen not in _verified:
-        _compare(file, *found)
+        _compare(file, *line)
         _verified.add(seen)
 
 
@@ -111,8 +111,8 @@ def _parse(file):
     words = line.split()
     if not line.startswith(_MAGIC) or len(words) != 5 or not all(word.isdigit() for word in words[2:4]):
         return None
-    found = int(words[2]), int(words[3]), words[4].decode(errors="replace")
-    return found if line == _line(*found) and found[1] else None
+    fields = int(words[2]), int(words[3]), words[4].decode(errors="replace")
+    return fields if line == _line(*fields) and fields[1] else None
 
 
 def _check_end(file, size):

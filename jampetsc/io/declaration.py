@@ -1,6 +1,6 @@
 """What a file of one format holds, declared as tables, and the check of a file against them before it is read.
 
-A line of a table is a row, whose cells stand between bars; an indented line continues the one before it.
+A line of a table is a row, whose cells stand between bars; an indented line continues it.
 
     names | shape | type | unit | meaning         of datasets
     names | type | unit | meaning                 of attributes
@@ -23,7 +23,7 @@ from jampetsc.errors import InputError
 
 MAX_DEPTH = 8  # groups inside each other
 MAX_OBJECTS = 10_000  # datasets and groups of a file
-LONGEST = 40  # characters of a value in a message
+MAX_SHOWN_LENGTH = 40  # characters of a value in a message
 TYPES = {  # type -> (kinds of numpy that hold it, what arrays are read as, how a message has it)
     "float": ("fiu", np.float64, "real numbers"),
     "complex": ("fiuc", np.complex128, "complex numbers"),
@@ -31,17 +31,17 @@ TYPES = {  # type -> (kinds of numpy that hold it, what arrays are read as, how 
     "bool": ("b", np.bool_, "true or false"),
     "text": ("SO", None, "text"),
 }
-PYTHON = {"float": (int, float), "int": int, "bool": bool, "text": str}  # of attributes
+PYTHON_TYPES = {"float": (int, float), "int": int, "bool": bool, "text": str}  # of attributes
 HEADER = ("format", "format_version")  # which `hdf5.check_format` has checked
-KINDS = {  # of numpy -> in words, where its own are not
+KIND_WORDS = {  # of numpy -> in words, where its own are not
     "S": "text", "O": "text or references", "V": "compound or opaque values", "b": "true or false",
 }  # fmt: skip
-MAX_BYTES = {"f": 8, "c": 16}  # of a number; more are not those of every machine
+MAX_BYTES = {"f": 8, "c": 16}  # of a number; not every machine has more
 _ENTRY = re.compile(r"([A-Za-z]\w*)?\s*(?:([+−])?\s*(\d+))?")
 
 
 @dataclass(frozen=True)
-class Row:
+class FormatRow:
     """A line of a table for one name."""
 
     name: str  # or a pattern
@@ -59,18 +59,20 @@ class Row:
             _refuse(path, name, f"is a group, must hold {words}")
         kind, size = data.dtype.kind, data.dtype.itemsize
         if kind not in kinds or size > MAX_BYTES.get(kind, size):
-            _refuse(path, name, f"holds {KINDS.get(kind, data.dtype)}, must hold {words}")
+            _refuse(path, name, f"holds {KIND_WORDS.get(kind, data.dtype)}, must hold {words}")
         if self.shape is not None and not self._fits(data.shape, lengths):
-            known = [f"{one} = {lengths[one]}" for one, _ in self.shape if lengths.get(one, 0) > 0]
-            where = f" with {', '.join(dict.fromkeys(known))}" if known else ""
+            known_lengths = [
+                f"{length} = {lengths[length]}" for length, _ in self.shape if lengths.get(length, 0) > 0
+            ]
+            where = f" with {', '.join(dict.fromkeys(known_lengths))}" if known_lengths else ""
             _refuse(path, name, f"shape {data.shape}, must be {shape_text(self.shape)}{where}")
 
     def _fits(self, shape, lengths):
         if shape is None or len(shape) != len(self.shape):
             return False
         for size, (name, more) in zip(shape, self.shape, strict=True):
-            known = lengths.setdefault(name, size - more) if name else 0
-            if size != known + more or known < name[:1].isupper():
+            stored_size = lengths.setdefault(name, size - more) if name else 0
+            if size != stored_size + more or stored_size < name[:1].isupper():
                 return False
         return True
 
@@ -78,10 +80,12 @@ class Row:
         """Raise InputError unless the value of an attribute, as `hdf5.attributes` gives it, has this type."""
         is_list = self.shape is not None
         values = value.tolist() if is_list and isinstance(value, np.ndarray) else [value]
-        for one in values:
-            if not isinstance(one, PYTHON[self.type]) or isinstance(one, bool) != (self.type == "bool"):
+        for entry in values:
+            if not isinstance(entry, PYTHON_TYPES[self.type]) or isinstance(entry, bool) != (
+                self.type == "bool"
+            ):
                 shown, words = repr(value), TYPES[self.type][2]
-                shown = shown if len(shown) <= LONGEST else f"{shown[:LONGEST]} …"
+                shown = shown if len(shown) <= MAX_SHOWN_LENGTH else f"{shown[:MAX_SHOWN_LENGTH]} …"
                 words = words if is_list or not words.endswith("numbers") else f"a {words[:-1]}"
                 raise InputError(f"{path}: attribute {name} = {shown}: must be {words}. Make the file again.")
         if self.positive and not value > 0:
@@ -107,10 +111,10 @@ class Table:
             entries = _entries(shape[0]) if shape else None
             for name, kind in zip(names, kinds * len(names) if len(kinds) == 1 else kinds, strict=True):
                 kind, above, _ = kind.partition(" > 0")
-                self.rows[name] = Row(name, entries, kind, bool(above), optional, unit, meaning)
+                self.rows[name] = FormatRow(name, entries, kind, bool(above), optional, unit, meaning)
         self._patterns = [row for name, row in self.rows.items() if "*" in name]
 
-    def row(self, name: str) -> Row | None:
+    def row(self, name: str) -> FormatRow | None:
         """The row of a name; None where it is not declared."""
         return self.rows.get(name) or next((r for r in self._patterns if fnmatchcase(name, r.name)), None)
 
@@ -122,7 +126,7 @@ class Format:
         self.datasets, self.attributes = Table(datasets, True), Table(attributes, False)
         self.common = common
 
-    def attribute(self, name: str) -> Row | None:
+    def attribute(self, name: str) -> FormatRow | None:
         """The row of an attribute; None where it is not declared."""
         return self.attributes.row(name) or (self.common.row(name) if self.common else None)
 
@@ -136,8 +140,8 @@ class Format:
                 row.check_attribute(path, name, value)
         lengths = {}
         # in the order of the table: a length is that of the first dataset that has it
-        known = [name for name in self.datasets.rows if name in datasets]
-        for name in dict.fromkeys([*known, *datasets]):
+        declared = [name for name in self.datasets.rows if name in datasets]
+        for name in dict.fromkeys([*declared, *datasets]):
             if row := self.datasets.row(name):
                 row.check(path, name, datasets[name], lengths)
 
@@ -156,13 +160,13 @@ def contents(h5, path) -> dict:
 
     Raises InputError for more than a file of ours can hold, also where a group holds itself.
     """
-    found = {}
+    items = {}
 
     def walk(group, prefix, depth):
         for name in group:
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 continue
-            if depth > MAX_DEPTH or len(found) >= MAX_OBJECTS:
+            if depth > MAX_DEPTH or len(items) >= MAX_OBJECTS:
                 limit = (
                     f"{MAX_DEPTH} groups inside each other" if depth > MAX_DEPTH else f"{MAX_OBJECTS} objects"
                 )
@@ -171,12 +175,12 @@ def contents(h5, path) -> dict:
                 )
             item = group[name]
             if isinstance(item, h5py.Dataset | h5py.Group):
-                found[f"{prefix}{name}"] = item
+                items[f"{prefix}{name}"] = item
             if isinstance(item, h5py.Group):
                 walk(item, f"{prefix}{name}/", depth + 1)
 
     walk(h5, "", 1)
-    return found
+    return items
 
 
 def shape_text(entries) -> str:
@@ -192,11 +196,11 @@ def _entries(text):
     """The entries of a shape such as (M, 2), (D + 1,) or scalar; None for any shape."""
     if text in ("scalar", "any"):
         return () if text == "scalar" else None
-    found = []
+    entries = []
     for word in filter(None, (word.strip() for word in text.strip("()").split(","))):
         length, sign, number = _ENTRY.fullmatch(word).groups()
-        found.append((length or "", int(number or 0) * (-1 if sign == "−" else 1)))
-    return tuple(found)
+        entries.append((length or "", int(number or 0) * (-1 if sign == "−" else 1)))
+    return tuple(entries)
 
 
 def _divided(cell):

@@ -1,5 +1,6 @@
-"""The table of a study as numpy arrays, its averages over packings, and its files. Needs neither PETSc nor MPI."""
+"""The table of a study as numpy arrays, from its file, and its averages over packings. Needs neither PETSc nor MPI."""
 
+import copy
 import csv
 import io
 from collections.abc import Mapping
@@ -8,14 +9,26 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.analysis.statistics import mean_with_error, median_with_error
+from jampetsc.analysis.jammed_samples import pooled_share, share_of_runs
+from jampetsc.analysis.statistics import STATISTICS, complex_statistic
 from jampetsc.columns import unquoted
-from jampetsc.errors import InputError
-from jampetsc.io.averages import SAME, Averages, frame, require_independent, same
-from jampetsc.io.regular import open_regular
+from jampetsc.errors import InputError, MissingPackage
+from jampetsc.io.atomic import open_regular
+from jampetsc.io.provenance import LAW_PARAMETERS
 from jampetsc.io.results import Named
 
 TABLE = "table.csv"
+RELATIVE_TOLERANCE = 1e-9  # numbers that differ by less, relatively, are the same
+DISTINGUISHING_COLUMNS = ("command", "law", *LAW_PARAMETERS)
+DISTINGUISHING_COLUMNS += ("model", "method", "phase", "omega", "rate", "mass", "strain", "accuracy")
+NOT_AVERAGED = ("seed", "seconds")
+# columns that are shares of samples: those with the error of a run and its effective number of samples; runs of jam are
+# independent samples, or as many as they are worth
+SHARE_COLUMNS = {
+    "jammed_fraction": ("jammed_fraction_samples",),
+    "jammed_mean": ("jammed_error", "jammed_samples"),
+    "plastic_mean": ("plastic_error", "plastic_samples"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +38,7 @@ class AverageCurve:
     key: dict  # column -> value that its rows agree in
     omega: np.ndarray  # (M,) the frequencies, or what else it is a function of
     value: np.ndarray  # (M, …), complex for G*
-    error: np.ndarray  # (M, …), of G* those of G' and G'' as a complex number
+    error: np.ndarray  # (M, …), of G* the errors of G' and G'' as a complex number
     count: int  # packings
 
 
@@ -64,10 +77,10 @@ class Ensemble(Named):
     def where(self, **values) -> "Ensemble":
         """The rows with these values, where(command="sweep", pressure=[1e-2, 1e-3]): any one of a list will do."""
         chosen = np.ones(self.rows, bool)
-        for name, wanted in values.items():
+        for name, choice in values.items():
             column = self[name]
-            some = wanted if isinstance(wanted, list | tuple | set | np.ndarray) else [wanted]
-            chosen &= np.any([same(column, value) for value in some], axis=0)
+            some = choice if isinstance(choice, list | tuple | set | np.ndarray) else [choice]
+            chosen &= np.any([is_equal(column, value) for value in some], axis=0)
         return self.taken(chosen)
 
     def taken(self, rows) -> "Ensemble":
@@ -79,11 +92,11 @@ class Ensemble(Named):
         done = self["state"] == "done"
         return [self._load(self.path / name) for name in self["file"][done]]
 
-    def mean(self, by=()) -> Averages:
+    def mean(self, by=()) -> "Averages":
         """Means over the rows that agree in the columns `by`, a name or several, with errors."""
         return Averages(self, by, "mean")
 
-    def median(self, by=()) -> Averages:
+    def median(self, by=()) -> "Averages":
         """Medians, as `mean`."""
         return Averages(self, by, "median")
 
@@ -95,11 +108,11 @@ class Ensemble(Named):
         Rows of commands whose files have no such datasets are left out. Raises InputError where no file has them, where
         `over` is not the same, or where two rows of a curve are of one packing.
         """
-        return self._curves(name, by, over, mean_with_error)
+        return self._curves(name, by, over, "mean")
 
     def median_curve(self, name="G", by=(), over="omega") -> list[AverageCurve]:
         """Medians, as `mean_curve`."""
-        return self._curves(name, by, over, median_with_error)
+        return self._curves(name, by, over, "median")
 
     def _holding(self, *names):
         """The done rows of commands whose files hold these datasets, judged by the first file of each command."""
@@ -114,43 +127,109 @@ class Ensemble(Named):
         return done.where(command=commands)
 
     def _curves(self, name, by, over, statistic):
-        found, holding = [], self._holding(name, over)
+        curves, holding = [], self._holding(name, over)
         for key, rows in holding.groups((by,) if isinstance(by, str) else tuple(by)):
             require_independent(key, rows, name)
             results = rows.results()
-            at = results[0][over]
+            x = results[0][over]
             for result in results:
-                if result[over].shape != at.shape or not np.allclose(result[over], at, rtol=SAME, atol=0.0):
+                has_shape = result[over].shape == x.shape
+                if not (has_shape and np.allclose(result[over], x, rtol=RELATIVE_TOLERANCE, atol=0.0)):
                     raise InputError(
                         f"{result.path}: other {over} than {results[0].path}: an average needs the same"
                     )
-            values = np.array([result[name] for result in results])
-            if np.iscomplexobj(values):
-                (value, error), (loss, loss_error) = (statistic(part) for part in (values.real, values.imag))
-                value, error = value + 1j * loss, error + 1j * loss_error
-            else:
-                value, error = statistic(values)
-            found.append(AverageCurve(key, at, value, error, len(results)))
-        return found
+            value, error = complex_statistic([result[name] for result in results], statistic)
+            curves.append(AverageCurve(key, x, value, error, len(results)))
+        return curves
 
     def to_pandas(self):
         """The table as a pandas.DataFrame. Raises InputError where pandas is not installed."""
-        return frame(self)
+        return to_frame(self)
 
     def groups(self, by) -> list:
         """[({column: value}, rows as an Ensemble)] for the values that occur in the columns `by`, sorted; done rows."""
         done = self.taken(self["state"] == "done")
         keys = list(zip(*(done[name].tolist() for name in by), strict=True)) if by else [()] * done.rows
         keys = [tuple(None if value != value else value for value in key) for key in keys]
-        found = []
-        for one in sorted(set(keys), key=lambda key: [(value is None, value) for value in key]):
-            rows = np.array([key == one for key in keys])
-            found.append((dict(zip(by, one, strict=True)), done.taken(rows)))
-        return found
+        groups = []
+        for group in sorted(set(keys), key=lambda key: [(value is None, value) for value in key]):
+            rows = np.array([key == group for key in keys])
+            groups.append((dict(zip(by, group, strict=True)), done.taken(rows)))
+        return groups
+
+
+class Averages(Mapping):
+    """Averages over groups of rows: column -> (groups,) array, for the columns `by` the value of each group.
+
+    error        column -> (groups,) halves of 68 % intervals, see `analysis.statistics`; nan for a single row, but for
+                 shares, which are taken over all samples of the rows
+    count        column -> (groups,) numbers of rows averaged
+    below_zero   column -> (groups,) how many of these are negative, such as G₀ of packings unstable to shear: they
+                 count like all others
+
+    Raises InputError on reading a column where a group has two rows of one packing: they are not independent.
+    """
+
+    _row = 0  # of what `_average` gives: value, error, count, below zero
+
+    def __init__(self, ensemble, by, statistic):
+        self.by = (by,) if isinstance(by, str) else tuple(by)
+        self.statistic = statistic
+        self._groups = ensemble.groups(self.by)
+        self._names = [
+            name for name in ensemble if name not in NOT_AVERAGED and ensemble[name].dtype.kind in "if"
+        ]
+        self._results = {}
+        self.error, self.count, self.below_zero = (self._other(row) for row in (1, 2, 3))
+
+    def _other(self, row):
+        """The same mapping of another row."""
+        other = copy.copy(self)
+        other._row = row
+        return other
+
+    def __getitem__(self, name):
+        if name in self.by:
+            return np.array([key[name] for key, _ in self._groups])
+        if name not in self._results:
+            results = [self._average(key, rows, name) for key, rows in self._groups]
+            self._results[name] = [np.array(column) for column in zip(*results, strict=True)]
+        return self._results[name][self._row]
+
+    def _average(self, key, rows, name):
+        column = rows[name]
+        if column.dtype.kind not in "if":
+            raise InputError(f"{rows.table}: column {name} holds words, which have no {self.statistic}")
+        finite = np.isfinite(column)
+        require_independent(key, rows.taken(finite), name)
+        values = column[finite]
+        if not len(values):
+            return np.nan, np.nan, 0, 0
+        value, error = self._share(rows.taken(finite), name) or STATISTICS[self.statistic](values)
+        return float(value), float(error), len(values), int(np.count_nonzero(values < 0))
+
+    def _share(self, rows, name):
+        """(value, error) of a share, which is binomial: of all samples of the rows together; None for anything else."""
+        parts = [rows[part] for part in SHARE_COLUMNS.get(name, ()) if part in rows]
+        if not parts or not np.isfinite(parts).all():
+            return None
+        share = (pooled_share if len(parts) == 1 else share_of_runs)(rows[name], *parts)
+        return share.value, share.error
+
+    def __iter__(self):
+        return iter([*self.by, *(name for name in self._names if name not in self.by)])
+
+    def __len__(self):
+        return len(list(iter(self)))
+
+    def to_pandas(self):
+        """A pandas.DataFrame of the averages, errors in columns `…_error`. Raises InputError without pandas."""
+        errors = {f"{name}_error": self.error[name] for name in self._names if name not in self.by}
+        return to_frame({**self, **errors})
 
 
 def load_ensemble(folder, load) -> Ensemble:
-    """The table of the study in a folder, whose files `load` opens. Raises InputError where it is none."""
+    """The table of the study in a folder, whose files `load` opens. Raises InputError for any other folder."""
     path = Path(folder) / TABLE
     if not path.exists():
         raise InputError(
@@ -178,3 +257,45 @@ def _column(cells):
         except (ValueError, OverflowError):
             continue
     return np.array(cells, str)
+
+
+def require_independent(key, rows, name) -> None:
+    """Raise InputError where two rows, whose mean is to be taken, are of one packing."""
+    if "packing" not in rows:
+        return
+    seen = {}
+    for other, packing in enumerate(rows["packing"].tolist()):
+        if packing and packing in seen:
+            break
+        seen[packing] = other
+    else:
+        return
+    first = seen[packing]
+    differ = [
+        c for c in DISTINGUISHING_COLUMNS if c in rows and not is_equal(rows[c][[first]], rows[c][other])[0]
+    ]
+    where = ", ".join(f"{column} {value}" for column, value in key.items()) or "all rows"
+    raise InputError(
+        f"{rows.table}: {name} of {where}: {rows['file'][first]} and {rows['file'][other]} are of one packing: "
+        f"choose rows with where(…) or name what differs in by= ({', '.join(differ) or 'see the table'})"
+    )
+
+
+def is_equal(column, value):
+    """Which entries are this value: numbers to RELATIVE_TOLERANCE, nan is nan, True is 1."""
+    if column.dtype.kind in "if":
+        try:
+            value = float(value)
+        except (TypeError, ValueError):
+            return np.zeros(len(column), bool)
+        return np.isclose(column, value, rtol=RELATIVE_TOLERANCE, atol=0.0, equal_nan=True)
+    return column == str(value)
+
+
+def to_frame(columns):
+    """Columns as a pandas.DataFrame. Raises MissingPackage where pandas is not installed."""
+    try:
+        import pandas
+    except ImportError:
+        raise MissingPackage("to_pandas", "pandas") from None
+    return pandas.DataFrame(dict(columns))

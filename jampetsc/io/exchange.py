@@ -8,12 +8,14 @@ import re
 import shlex
 import zipfile
 import zlib
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from jampetsc.errors import InputError, MissingPackage, named
-from jampetsc.io.disk_table import LAW, DiskTable, is_number, law_in, law_of, numbers
+from jampetsc.packing.potentials import EXPONENTS
 
+LAW = ("potential", "stiffness", "k")  # what a file may say of its forces, see `packing.potentials`
 STYLES = {  # columns of Atoms in LAMMPS data files
     "sphere": "id type diameter density x y z",
     "bpm/sphere": "id mol type diameter density x y z",
@@ -35,6 +37,43 @@ COMPRESSIONS = {  # first bytes -> (program, command that decompresses)
 }
 
 
+@dataclass(frozen=True, eq=False)
+class DiskTable:
+    """Disks as a file of another program has them."""
+
+    columns: dict  # name in the file -> (N,) words or numbers
+    positions: np.ndarray  # (N, 2) or (N, 3)
+    box: object  # in a form that `packing.from_arrays.cell_of` takes; None where the file has none
+    law: dict = field(default_factory=dict)  # name of LAW, or units -> what the file says
+
+
+def force_law_of(entries) -> dict:
+    """The entries {key: value} of a file that are of LAW, or units; none where `potential` is not one of jampetsc.
+
+    Other programs may use these keys for something else.
+    """
+    law = {name: entries[name] for name in (*LAW, "units") if name in entries}
+    return law if law.get("potential") in EXPONENTS else {}
+
+
+def law_in(text) -> dict:
+    """`force_law_of` the words key=value of a text."""
+    return force_law_of({key: value.strip('"') for key, value in re.findall(r'(\w+)=("[^"]*"|\S+)', text)})
+
+
+def to_numbers(words):
+    """Words as an array of numbers. Raises InputError."""
+    try:
+        return np.asarray(words, float)
+    except (TypeError, ValueError):
+        shown = " ".join(map(str, list(words)[:5]))
+        raise InputError(f"{shown}{' …' if len(words) > 5 else ''}: not numbers") from None
+
+
+def is_number(word):
+    return re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", str(word), re.IGNORECASE) is not None
+
+
 def check_uncompressed(content, path):
     """Raise InputError, with the command that decompresses the file, where a program has compressed it."""
     compressions = dict(COMPRESSIONS)
@@ -48,8 +87,8 @@ def check_uncompressed(content, path):
             )
 
 
-def pick(index, count):
-    """`index`, if there are so many packings. Raises InputError."""
+def check_index(index, count):
+    """`index`, if it is less than the number of packings. Raises InputError."""
     if not 0 <= index < count:
         raise InputError(f"{named('index')} {index}: it holds {count}, numbered from 0")
     return index
@@ -57,18 +96,18 @@ def pick(index, count):
 
 def _places(columns, names="xyz"):
     """(N, 2) or (N, 3) coordinates from the columns of these names, the last of which may be missing."""
-    return np.column_stack([numbers(columns[name]) for name in names if name in columns])
+    return np.column_stack([to_numbers(columns[name]) for name in names if name in columns])
 
 
 def read_lammps_dump(content, index):
     """Snapshot `index` of a LAMMPS dump: wrapped, unwrapped or scaled coordinates, disks in the order of their id."""
     items = [item.partition("\n") for item in re.split(r"(?m)^ITEM: ", content.decode())[1:]]
     ends = [n for n, (title, _, _) in enumerate(items) if title.startswith("ATOMS")]
-    end = ends[pick(index, len(ends))]
-    found = {title.split()[0]: (title.split(), body) for title, _, body in items[: end + 1]}
-    if not {"NUMBER", "BOX"} <= set(found):
+    end = ends[check_index(index, len(ends))]
+    sections = {title.split()[0]: (title.split(), body) for title, _, body in items[: end + 1]}
+    if not {"NUMBER", "BOX"} <= set(sections):
         raise InputError("ITEM: NUMBER OF ATOMS or BOX BOUNDS is missing: truncated or edited")
-    words, body = found["BOX"]
+    words, body = sections["BOX"]
     general, tilted = "abc" in words, "xy" in words
     if any(flag != "pp" for flag in words[4 if general else 5 if tilted else 2 :][:2]):
         raise InputError(f"ITEM: {' '.join(words)}: must be periodic (pp) in x and y")
@@ -82,7 +121,7 @@ def read_lammps_dump(content, index):
         cell[1, 0], cell[2, :2] = tilt[0], tilt[1:]
     if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
-    columns = _columns(found["ATOMS"][0][1:], _rows(found["ATOMS"][1], _count(found["NUMBER"][1])))
+    columns = _columns(sections["ATOMS"][0][1:], _rows(sections["ATOMS"][1], _count(sections["NUMBER"][1])))
     for kind in ("", "u", "s", "su"):  # as they are, unwrapped, scaled by the cell
         if {f"x{kind}", f"y{kind}"} <= columns.keys():
             break
@@ -92,12 +131,14 @@ def read_lammps_dump(content, index):
     if "s" in kind:
         axes = place.shape[1]
         place = place @ cell[:axes, :axes] + low[:axes]
-    return DiskTable(columns, place, cell[:2, :2], law_in(found["UNITS"][1] if "UNITS" in found else ""))
+    return DiskTable(
+        columns, place, cell[:2, :2], law_in(sections["UNITS"][1] if "UNITS" in sections else "")
+    )
 
 
 def read_lammps_data(content, index):
     """A LAMMPS data file of one of STYLES."""
-    pick(index, 1)
+    check_index(index, 1)
     title, _, text = content.decode().partition("\n")
     header, _, body = text.partition("\nAtoms")
     hint, _, body = body.partition("\n")
@@ -108,21 +149,21 @@ def read_lammps_data(content, index):
             f"'Atoms # sphere' of columns {STYLES['sphere']}"
         )
 
-    def said(what, count, default=None):
-        found = re.search(rf"(?m)^[ \t]*((?:\S+[ \t]+){{{count}}}){what}\b", header)
-        if found is None and default is None:
+    def header_words(what, count, default=None):
+        match = re.search(rf"(?m)^[ \t]*((?:\S+[ \t]+){{{count}}}){what}\b", header)
+        if match is None and default is None:
             raise InputError(f"no {what} in the header: truncated or edited")
-        return default if found is None else found[1].split()
+        return default if match is None else match[1].split()
 
     if re.search(r"\bavec\b", header):  # cell vectors, as OVITO writes them
-        cell = np.array([numbers(said(vector, 3)) for vector in ("avec", "bvec", "cvec")])
+        cell = np.array([to_numbers(header_words(vector, 3)) for vector in ("avec", "bvec", "cvec")])
     else:
-        (x0, x1), (y0, y1) = numbers(said("xlo xhi", 2)), numbers(said("ylo yhi", 2))
-        xy, xz, yz = numbers(said("xy xz yz", 3, [0, 0, 0]))
+        (x0, x1), (y0, y1) = to_numbers(header_words("xlo xhi", 2)), to_numbers(header_words("ylo yhi", 2))
+        xy, xz, yz = to_numbers(header_words("xy xz yz", 3, [0, 0, 0]))
         cell = np.array([[x1 - x0, 0.0, 0.0], [xy, y1 - y0, 0.0], [xz, yz, 1.0]])
     if cell[2, :2].any() or cell[:2, 2].any():
         raise InputError(FLAT_BOX)
-    rows = _rows(body, _count(said("atoms", 1)[0]))
+    rows = _rows(body, _count(header_words("atoms", 1)[0]))
     columns = _columns(STYLES[style].split(), rows)
     return DiskTable(columns, _places(columns), cell[:2, :2], law_in(title))
 
@@ -134,7 +175,7 @@ def read_extxyz(content, index):
     while at < len(lines):
         starts.append(at)
         at += 2 + _count(lines[at])
-    first = starts[pick(index, len(starts))]
+    first = starts[check_index(index, len(starts))]
     try:
         words = shlex.split(lines[first + 1])
     except (IndexError, ValueError):
@@ -149,10 +190,10 @@ def read_extxyz(content, index):
     columns = _columns(names, _rows("\n".join(lines[first + 2 : first + 2 + count]), count))
     if not {"x", "y"} <= set(columns):
         raise InputError(f"no pos among the Properties {', '.join(properties[::3])}")
-    law, place = law_of(entries), _places(columns)
+    law, place = force_law_of(entries), _places(columns)
     if "Lattice" not in entries:
         return DiskTable(columns, place, None, law)
-    lattice = numbers(entries["Lattice"].split())
+    lattice = to_numbers(entries["Lattice"].split())
     if lattice.shape != (9,) or lattice[[2, 5, 6, 7]].any():
         raise InputError(f'Lattice="{entries["Lattice"]}": need a₁ and a₂ in the plane, a₃ across it')
     if any(flag[0] not in "Tt1" for flag in entries.get("pbc", "T T").split()[:2]):
@@ -162,10 +203,10 @@ def read_extxyz(content, index):
 
 def read_xyr(content, index):
     """Lines x y r; a line `box L`, `box Lx Ly` or `box Lx Ly xy`, which may be a comment (#), if there is one."""
-    pick(index, 1)
+    check_index(index, 1)
     rows, box = _xyr(content.decode())
     columns = _columns(("x", "y", "radius"), rows)
-    return DiskTable(columns, _places(columns), None if box is None else numbers(box[1].split()))
+    return DiskTable(columns, _places(columns), None if box is None else to_numbers(box[1].split()))
 
 
 def _xyr(text):
@@ -178,7 +219,7 @@ def _xyr(text):
 
 def read_npz(content, index):
     """Arrays positions, radii or diameters, and box or cell of numpy.savez."""
-    pick(index, 1)
+    check_index(index, 1)
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = dict(file)
@@ -199,7 +240,7 @@ def read_gsd(content, index):
         raise MissingPackage("GSD", "gsd") from None
     try:
         frames = gsd.hoomd.HOOMDTrajectory(gsd.pygsd.GSDFile(io.BytesIO(content)))
-        frame = frames[pick(index, len(frames))]
+        frame = frames[check_index(index, len(frames))]
     except InputError:
         raise
     except (OSError, RuntimeError, LookupError, ValueError) as error:
@@ -213,7 +254,7 @@ def read_gsd(content, index):
     columns = {"diameter": particles.diameter, "type": [particles.types[row] for row in particles.typeid]}
     texts = {n: v.tobytes().decode(errors="replace") for n, v in frame.log.items() if v.dtype == np.uint8}
     values = {n: v.item() for n, v in frame.log.items() if v.size == 1}
-    return DiskTable(columns, particles.position, (Lx, Ly, xy), law_of(values | texts))
+    return DiskTable(columns, particles.position, (Lx, Ly, xy), force_law_of(values | texts))
 
 
 READERS = {
@@ -238,10 +279,10 @@ def format_of(content) -> str | None:
         "extxyz": r"\s*\d+[ \t]*\r?\n.*\b(Lattice|Properties)=",
         "lammps-data": r"(?s).*\b(xlo[ \t]+xhi|avec)\b",
     }
-    found = next((name for name, look in looks.items() if re.match(look, text)), None)
+    format = next((name for name, look in looks.items() if re.match(look, text)), None)
     first = _xyr(text)[0][:1]
     return (
-        "xyr" if found is None and first and len(first[0]) == 3 and all(map(is_number, first[0])) else found
+        "xyr" if format is None and first and len(first[0]) == 3 and all(map(is_number, first[0])) else format
     )
 
 
@@ -262,13 +303,13 @@ def _columns(names, rows):
             raise InputError(f"line {' '.join(row)!r}: need {' '.join(names)}")
     columns = dict(zip(names, zip(*rows, strict=False), strict=False))
     if "id" in columns:
-        order = np.argsort(numbers(columns["id"]), kind="stable")
+        order = np.argsort(to_numbers(columns["id"]), kind="stable")
         columns = {name: [column[row] for row in order] for name, column in columns.items()}
     return columns
 
 
 def _table(body, rows, columns):
-    table = [numbers(row) for row in _rows(body, rows)]
+    table = [to_numbers(row) for row in _rows(body, rows)]
     if any(len(row) != columns for row in table):
         raise InputError(f"{body.strip()!r}: need {rows} lines of {columns} numbers")
     return np.array(table)

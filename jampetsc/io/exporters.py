@@ -16,7 +16,7 @@ from jampetsc.io.atomic import NewFile
 from jampetsc.io.frames import Frame
 
 SERIES = (".xyz", ".dump", ".gsd")  # hold many frames
-SIZES = 10  # with no more different radii than this, each is a type of its own
+MAX_SIZE_TYPES = 10  # with no more different radii than this, each is a type of its own
 
 
 def check_format(out) -> str:
@@ -49,7 +49,7 @@ def write_frames(out, frames) -> int:
 def types_of(radii):
     """(N,) types 1, 2, … of disks in the order of their radii; all 1 where sizes are many."""
     sizes, type = np.unique(radii, return_inverse=True)
-    return type + 1 if len(sizes) <= SIZES else np.ones(len(radii), int)
+    return type + 1 if len(sizes) <= MAX_SIZE_TYPES else np.ones(len(radii), int)
 
 
 def _lines(columns, start="") -> str:
@@ -121,8 +121,15 @@ def _data(frame: Frame, number) -> bytes:
     disks, c, types = frame.disks, frame.contacts, types_of(frame.disks.radii)
     (ax, _), (bx, by) = disks.cell.tolist()
     half = _thickness(frame) / 2
-    one = np.ones(disks.n, int)
-    atoms = (np.arange(1, disks.n + 1), one, types, 2 * disks.radii, 1.0 * one, *_spatial(disks.positions).T)
+    ones = np.ones(disks.n, int)
+    atoms = (
+        np.arange(1, disks.n + 1),
+        ones,
+        types,
+        2 * disks.radii,
+        1.0 * ones,
+        *_spatial(disks.positions).T,
+    )
     ends = zip(*(a.tolist() for a in (c.i + 1, c.j + 1, c.force, c.overlap)), strict=True)
     bonds = "".join(f"{row} 1 {i} {j} # {f!r} {d!r}\n" for row, (i, j, f, d) in enumerate(ends, 1))
     return (
@@ -231,29 +238,31 @@ def _open_gsd(hoomd, path):
 
 
 def _gsd_frame(hoomd, frame, number):
-    disks, c, made = frame.disks, frame.contacts, hoomd.Frame()
+    disks, c, snapshot = frame.disks, frame.contacts, hoomd.Frame()
     (ax, _), (bx, by) = disks.cell.tolist()
     types = types_of(disks.radii)
-    made.configuration.step, made.configuration.dimensions = number, 2
-    made.configuration.box = [ax, by, 0.0, bx / by, 0.0, 0.0]
-    made.particles.N, made.bonds.N = disks.n, len(c)
-    made.particles.position = _spatial(disks.positions - disks.cell.sum(axis=0) / 2)
-    made.particles.diameter, made.particles.typeid = 2 * disks.radii, types - 1
-    made.particles.types = [f"size {size}" for size in range(1, types.max() + 1)]
+    snapshot.configuration.step, snapshot.configuration.dimensions = number, 2
+    snapshot.configuration.box = [ax, by, 0.0, bx / by, 0.0, 0.0]
+    snapshot.particles.N, snapshot.bonds.N = disks.n, len(c)
+    snapshot.particles.position = _spatial(disks.positions - disks.cell.sum(axis=0) / 2)
+    snapshot.particles.diameter, snapshot.particles.typeid = 2 * disks.radii, types - 1
+    snapshot.particles.types = [f"size {size}" for size in range(1, types.max() + 1)]
     if "velocity" in frame.columns:
-        made.particles.velocity = _spatial(frame.columns["velocity"])
+        snapshot.particles.velocity = _spatial(frame.columns["velocity"])
     if "image" in frame.columns:
-        made.particles.image = _spatial(frame.columns["image"])
-    made.bonds.types, made.bonds.typeid = ["bond"], np.zeros(len(c), int)
-    made.bonds.group = np.column_stack((c.i, c.j))
-    made.log = {f"particles/{name}": values for name, values in frame.columns.items()}
-    made.log |= {"bonds/force": c.force, "bonds/overlap": c.overlap}
+        snapshot.particles.image = _spatial(frame.columns["image"])
+    snapshot.bonds.types, snapshot.bonds.typeid = ["bond"], np.zeros(len(c), int)
+    snapshot.bonds.group = np.column_stack((c.i, c.j))
+    snapshot.log = {f"particles/{name}": values for name, values in frame.columns.items()}
+    snapshot.log |= {"bonds/force": c.force, "bonds/overlap": c.overlap}
     for name, value in (frame.law | frame.facts).items():  # a text as its bytes
-        made.log[name] = (
+        snapshot.log[name] = (
             np.frombuffer(value.encode(), np.uint8) if isinstance(value, str) else np.array([value])
         )
-    made.log["configuration/box"] = np.array(made.configuration.box)  # gsd rounds a box to single precision
-    return made
+    snapshot.log["configuration/box"] = np.array(
+        snapshot.configuration.box
+    )  # gsd rounds a box to single precision
+    return snapshot
 
 
 _FORMATS = {".npz": _npz, ".xyz": _xyz, ".dump": _dump, ".data": _data, ".vtp": _vtp}

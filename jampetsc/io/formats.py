@@ -4,9 +4,20 @@
 """
 
 from jampetsc.io.declaration import Format, contents
-from jampetsc.io.flow_formats import COLLAPSE, FLOW, JAM, SHEAR, VELOCITY_CORRELATION
 from jampetsc.io.hdf5 import attributes, check_format
-from jampetsc.io.response_formats import CORRELATION, MODES, OSCILLATE, QUASISTATIC, SPECTRUM, SWEEP
+from jampetsc.io.result_formats import (
+    COLLAPSE,
+    CORRELATION,
+    FLOW,
+    JAM,
+    MODES,
+    OSCILLATE,
+    QUASISTATIC,
+    SHEAR,
+    SPECTRUM,
+    SWEEP,
+    VELOCITY_CORRELATION,
+)
 
 PACKING = Format(
     datasets=r"""
@@ -49,7 +60,7 @@ PARTS = Format(  # of a joint file, beside what its format has
     datasets="""
 part_files/names | (P,) | text | | paths of the parts from the folder of the joint file
 part_files/sizes | (P,) | int | bytes | of each
-part_files/seals | (P,) | text? | | the hash in its line of checksums; older files have none
+part_files/seals | (P,) | text | | the hash in its line of checksums
 """,
     attributes="",
 )
@@ -77,8 +88,8 @@ def check_file(h5, path, expected: str | None = None) -> tuple[str, dict, dict]:
     """
     attrs = attributes(h5)
     name = check_format(path, attrs, expected)
-    found = contents(h5, path)
-    for one in (FORMATS.get(name), PARTS):
-        if one is not None:
-            one.check(path, found, attrs)
-    return name, attrs, {key: item for key, item in found.items() if key.partition("/")[0] != PART_GROUP}
+    items = contents(h5, path)
+    for format in (FORMATS.get(name), PARTS):
+        if format is not None:
+            format.check(path, items, attrs)
+    return name, attrs, {key: item for key, item in items.items() if key.partition("/")[0] != PART_GROUP}

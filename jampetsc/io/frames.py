@@ -5,8 +5,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jampetsc.errors import InputError, named
-from jampetsc.io.fields import chosen_frequencies, disk_rows, field_at, packing_of, particle_rows
-from jampetsc.io.snapshots import snapshot
+from jampetsc.io.disk_motion import (
+    chosen_frequencies,
+    disk_rows,
+    field_at,
+    packing_of,
+    particle_rows,
+    snapshot,
+)
 from jampetsc.packing.contacts import Contacts, disk_areas, disk_stresses, find_contacts, measure
 from jampetsc.packing.disks import Disks
 
@@ -34,7 +40,7 @@ class Frame:
 def packing_frame(disks: Disks, vectors=None, facts=None) -> Frame:
     """A packing: radius, area, coordination, rattler and stress of every disk, then `vectors`, name -> (N, …).
 
-    `stress_xx`, … are those of `disk_stresses` with `area`: Σ area · stress = V σ. Coordination counts the contacts
+    `stress_xx`, … are from `disk_stresses` with `area`: Σ area · stress = V σ. Coordination counts the contacts
     that bear load. As the disks of a flow need not be at rest, theirs comes from the forces of contacts alone.
     """
     state, contacts = measure(disks), find_contacts(disks)
@@ -89,13 +95,13 @@ def slow_frame(result, packing=None) -> Frame:
 def field_frame(result, omega: float, packing=None) -> Frame:
     """The field of a sweep at ω per unit strain, `displacement_real` and `_imag`, and `rotation_…` where disks roll.
 
-    The real part is in phase with the strain. Raises InputError where there is none at ω.
+    The real part is in phase with the strain. Raises InputError without a field at ω.
     """
     (row,) = chosen_frequencies(result, [omega])
     displacement, rotation = field_at(result, row)
-    found = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
+    fields = {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
     vectors = {
-        f"{name}_{part}": getattr(value, part) for name, value in found.items() for part in ("real", "imag")
+        f"{name}_{part}": getattr(value, part) for name, value in fields.items() for part in ("real", "imag")
     }
     disks = packing_of(result, packing)
     particle_rows(result, disks)  # raises InputError if fields and packing do not fit
@@ -103,7 +109,7 @@ def field_frame(result, omega: float, packing=None) -> Frame:
 
 
 def _on_packing(result, disks, vectors, **facts):
-    """A frame of the packing with vectors of the disks that bear load; those of rattlers are zero."""
+    """A frame of the packing with vectors of the disks that bear load, zero for rattlers."""
     rows, whole = disk_rows(result, disks), {}
     for name, values in vectors.items():
         whole[name] = np.zeros((disks.n, *values.shape[1:]))

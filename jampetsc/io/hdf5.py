@@ -16,13 +16,12 @@ import numpy as np
 
 from jampetsc import interrupts
 from jampetsc.errors import InputError
-from jampetsc.io.atomic import NewFile, remove_abandoned
-from jampetsc.io.checksums import Damaged, seal_of, verify
-from jampetsc.io.checksums import seal as add_seal
-from jampetsc.io.regular import open_regular
+from jampetsc.io.atomic import NewFile, open_regular, remove_abandoned
+from jampetsc.io.checksums import Damaged, append_seal, seal_of, verify
 
-MAJOR = 1  # version of the formats
-_DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
+FORMAT_VERSION = "1.0"  # of the layout of all files
+MAJOR_VERSION = 1  # newest that can be read
+_DAMAGE_ERRORS = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 
 
 class OutputFile(NewFile):
@@ -36,7 +35,7 @@ class OutputFile(NewFile):
     def finish(self) -> tuple[int, str]:
         """Close, seal and fsync; returns size in bytes and seal. The temporary name stays."""
         self.h5.close()
-        digest = add_seal(self.stream)
+        digest = append_seal(self.stream)
         return super().finish(), digest
 
     def discard(self) -> None:
@@ -145,7 +144,7 @@ def reading(path):
         raise
     except MemoryError as error:
         raise InputError(f"{path}: holds or claims more than there is memory for ({error})") from None
-    except _DAMAGE as error:
+    except _DAMAGE_ERRORS as error:
         text = " ".join(str(error).strip("'\"").split())
         raise InputError(f"{path}: damaged ({text}): copy or make it again") from None
 
@@ -202,8 +201,8 @@ def _plain(value):
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     if isinstance(value, np.generic):
-        found = value.item()  # of a long double the same again
-        return found if type(found) is type(value) else _plain(found)
+        number = value.item()  # of a long double the same again
+        return number if type(number) is type(value) else _plain(number)
     if isinstance(value, np.ndarray) and value.shape == (1,):  # how many other writers store a scalar
         return _plain(value[0])
     return value
@@ -221,15 +220,15 @@ def check_format(path, attrs: dict, expected: str | None = None) -> str:
         )
     if expected is not None and name != expected:
         raise InputError(f"{path}: is a {name} file: a {expected} file is needed here")
-    version = str(attrs.get("format_version", MAJOR))
+    version = str(attrs.get("format_version", MAJOR_VERSION))
     if not version.split(".")[0].isdigit():
         raise InputError(
-            f"{path}: attribute format_version = {version!r}: must be a number such as {MAJOR}.0"
+            f"{path}: attribute format_version = {version!r}: must be a number such as {MAJOR_VERSION}.0"
         )
-    if int(version.split(".")[0]) > MAJOR:
+    if int(version.split(".")[0]) > MAJOR_VERSION:
         writer = attrs.get("jampetsc_version")
         remedy = f"use jampetsc {writer} or newer" if writer else "use a newer jampetsc"
         raise InputError(
-            f"{path}: format_version {version}, but this jampetsc reads up to {MAJOR}.x: {remedy}"
+            f"{path}: format_version {version}, but this jampetsc reads up to {MAJOR_VERSION}.x: {remedy}"
         )
     return name

@@ -10,20 +10,29 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.errors import InputError, about, named
+from jampetsc.io.atomic import open_regular
 from jampetsc.io.checksums import SIGNATURE
-from jampetsc.io.disk_table import LAW, numbers, radii_in
-from jampetsc.io.exchange import READERS, check_uncompressed, format_of, pick
+from jampetsc.io.exchange import (
+    LAW,
+    READERS,
+    check_index,
+    check_uncompressed,
+    format_of,
+    is_number,
+    to_numbers,
+)
 from jampetsc.io.hdf5 import open_file, values
-from jampetsc.io.regular import open_regular
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.from_arrays import Packing, measured
 from jampetsc.packing.potentials import Potential
 
+RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
+TYPES = ("type", "types", "species", "element")  # columns looked for, for radii by type
 _NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
-_LARGEST = 1 << 29  # bytes of text, about ten million disks
-_AGREE = 1e-6  # relative difference from a stored value that still counts as the same packing
-_STRESS = ("xx", "xy", "yx", "yy")
-_MODULI = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a symmetric linear strain
+_MAX_TEXT_BYTES = 1 << 29  # bytes of text, about ten million disks
+_PUBLISHED_TOLERANCE = 1e-6  # relative difference from a stored value that still counts as the same packing
+_STRESS_COMPONENTS = ("xx", "xy", "yx", "yy")
+_MODULUS_COMPONENTS = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a symmetric linear strain
 
 
 def import_packing(
@@ -37,24 +46,25 @@ def import_packing(
     radius   column or array of radii, halved if its name begins with diameter; radii by type, {1: 0.5, 2: 0.7} or
              "1=0.5,2=0.7"; None: radius or diameter
     box      as for `packing.from_arrays.Packing`, for a file that has none
-    potential, stiffness, k   as for `Packing`; None: what the file says, or else those of `Packing`. LAMMPS' pair
-             style harmonic/cut has the energy K δ²: k = 2K
+    potential, stiffness, k   as for `Packing`; None: what the file says, or else the defaults of `Packing`. LAMMPS'
+             pair style harmonic/cut has the energy K δ²: k = 2K
 
     Returns Disks, in the file's unit of length. Their record has pressure, phi, energy and max_force as computed here,
-    those of a published file as published_pressure, published_energy, …, and as `assumed` which of potential, stiffness
-    and k neither the file nor the caller says. Raises InputError for an unknown format, a compressed or damaged file, a
-    wrong index, a packing that is three-dimensional or not periodic, or whose pressure or energy is not the one in the
-    file.
+    the numbers of a published file as published_pressure, published_energy, …, and as `assumed` which of potential,
+    stiffness and k neither the file nor the caller says.
+
+    Raises InputError for an unknown format, a compressed or damaged file, a wrong index, a packing that is
+    three-dimensional or not periodic, or whose pressure or energy is not the one in the file.
     """
     try:
         with open_regular(path) as file:
             content = file.read(len(SIGNATURE))
             if format or content != SIGNATURE:
-                content += file.read(_LARGEST)
+                content += file.read(_MAX_TEXT_BYTES)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(content) > _LARGEST:
-        raise InputError(f"{path}: more than {_LARGEST >> 20} MB: cut the packing out of it")
+    if len(content) > _MAX_TEXT_BYTES:
+        raise InputError(f"{path}: more than {_MAX_TEXT_BYTES >> 20} MB: cut the packing out of it")
     law = {"potential": potential, "stiffness": stiffness, "k": k}
     law = {name: value for name, value in law.items() if value is not None}
     format = format or format_of(content)
@@ -63,9 +73,7 @@ def import_packing(
         if format:
             disks = _read_exchanged(content, index, format, radius, box, law)
         elif law or radius or box is not None:
-            raise InputError(
-                "radii, box and potential are those of its program: leave out the options for them"
-            )
+            raise InputError("its program sets radii, box and potential: leave out the options for them")
         elif content != SIGNATURE:
             disks = _checked(_read_jambashbulk(content.decode(errors="replace"), index))
     if not format and content == SIGNATURE:
@@ -97,7 +105,7 @@ def _checked(disks):
     disks = measured(disks)
     for name in ("pressure", "energy"):
         value, published = disks.record[name], disks.record.get(f"published_{name}")
-        if published is not None and not abs(value - published) <= _AGREE * abs(published):
+        if published is not None and not abs(value - published) <= _PUBLISHED_TOLERANCE * abs(published):
             raise InputError(
                 f"{name} is {value:.9g} with these positions but stored as {published:.9g}: "
                 "another potential or unit than assumed, or a damaged file"
@@ -109,21 +117,21 @@ def _read_jambashbulk(text, index):
     packings = re.split(r"(?m)^(?=[ \t]*N\s*=)", re.sub(r"(?m)^\s*#.*$", "", text))[1:]
     if not packings or "L1" not in packings[0]:
         raise InputError(f"none of {', '.join(READERS)}, jamBashbulk, jax-md: {named('format')} says which")
-    packing = packings[pick(index, len(packings))]
+    packing = packings[check_index(index, len(packings))]
 
-    def said(name, pattern=_NUMBER):
-        found = re.search(rf"\b{name}\s*=\s*{pattern}", packing)
-        if found is None:
+    def header_numbers(name, pattern=_NUMBER):
+        match = re.search(rf"\b{name}\s*=\s*{pattern}", packing)
+        if match is None:
             raise InputError(f"no {name} = … in the header: truncated or edited; get it again")
-        return numbers(found.groups())
+        return to_numbers(match.groups())
 
-    cell = [said(name, rf"\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for name in ("L1", "L2")]
-    (n,), (pressure,) = said("N", r"(\d+)"), said("P")
+    cell = [header_numbers(name, rf"\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for name in ("L1", "L2")]
+    (n,), (pressure,) = header_numbers("N", r"(\d+)"), header_numbers("P")
     body = re.search(r"\{([^{}]*)(\}?)\s*\Z", packing)
     rows = re.findall(rf"{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}", body[1]) if body else []
     if len(rows) != n or not body[2]:
         raise InputError(f"{len(rows)} lines x, y, r for N = {n:g} disks: truncated or edited; get it again")
-    table = np.array([numbers(row) for row in rows])
+    table = np.array([to_numbers(row) for row in rows])
     return Disks.from_positions(
         table[:, :2],
         table[:, 2],
@@ -139,7 +147,7 @@ def _read_jaxmd(h5, index):
     missing = [name for name in ("pos", "rad", "box") if name not in h5]
     if missing:
         raise InputError(f"no variable {', '.join(missing)}: not a packing file of jax-md")
-    pick(index, len(h5["pos"]))
+    check_index(index, len(h5["pos"]))
     names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
     data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
     if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
@@ -147,12 +155,13 @@ def _read_jaxmd(h5, index):
     cell = data["box"].reshape(2, 2).T  # jax-md maps a fraction s to box · s: cell vectors are its columns
     published = {"published_energy": float(data["Energy"])} if "Energy" in data else {}
     if "Stress" in data:
-        stress = dict(zip(_STRESS, data["Stress"].tolist(), strict=True))
+        stress = dict(zip(_STRESS_COMPONENTS, data["Stress"].tolist(), strict=True))
         published |= {f"published_stress_{name}": value for name, value in stress.items()}
         published["published_pressure"] = -(stress["xx"] + stress["yy"]) / 2
     if "Cijkl" in data:
         published |= {
-            f"published_C_{name}": c for name, c in zip(_MODULI, data["Cijkl"].tolist(), strict=True)
+            f"published_C_{name}": c
+            for name, c in zip(_MODULUS_COMPONENTS, data["Cijkl"].tolist(), strict=True)
         }
     return Disks.from_positions(
         data["pos"].reshape(-1, 2) @ cell,
@@ -161,3 +170,59 @@ def _read_jaxmd(h5, index):
         Potential("harmonic", "inverse-square-diameter", 1.0),
         record={"protocol": "jax-md", **published},
     )
+
+
+def radii_in(columns, radius=None):
+    """(N,) radii out of the columns of a file. Raises InputError.
+
+    radius   name of their column, halved if it begins with diameter; a radius for each type, {type: radius} or
+             "1=0.5,2=0.7"; None: one of RADII
+    """
+    if isinstance(radius, dict) or "=" in (radius or ""):
+        return _radii_by_type(columns, radius)
+    names = [name for name in columns if (name == radius if radius else name.lower() in RADII)]
+    if not names:
+        example = ",".join(f"{type}={size}" for type, size in zip(_types(columns), (0.5, 0.7), strict=False))
+        raise InputError(
+            f"no column {radius or 'radius or diameter'} among {', '.join(columns)}. "
+            f"Name the column of the radii by {named('radius')}, or give "
+            + (
+                f"a radius for each type: {named('radius')} {example}"
+                if example
+                else "arrays to jampetsc.Packing"
+            )
+        )
+    return to_numbers(columns[names[0]]) / (2.0 if names[0].lower().startswith("diameter") else 1.0)
+
+
+def _radii_by_type(columns, radii):
+    if not isinstance(radii, dict):
+        radii = {type: radius for type, _, radius in (entry.partition("=") for entry in radii.split(","))}
+    radii = {str(type).strip(): str(radius).strip() for type, radius in radii.items()}
+    for type, radius in radii.items():
+        if not (is_number(radius) and float(radius) > 0.0):
+            raise InputError(
+                f"{named('radius')} {type}={radius}: must be positive. Give TYPE=R, e.g. 1=0.5,2=0.7"
+            )
+    types = _types(columns)
+    if not types:
+        raise InputError(
+            f"no column {' or '.join(TYPES)} among {', '.join(columns)}. Name the column of the radii by "
+            f"{named('radius')}"
+        )
+    missing = [type for type in types if type not in radii]
+    if missing:
+        raise InputError(
+            f"no radius for type {', '.join(missing[:5])}. Give one for each type by {named('radius')}, "
+            f"which has {', '.join(radii)}"
+        )
+    return np.array([float(radii[str(type)]) for type in _type_column(columns)])
+
+
+def _type_column(columns):
+    return next((columns[name] for name in columns if name.lower() in TYPES), ())
+
+
+def _types(columns) -> list:
+    """The types of the disks, in words, sorted."""
+    return sorted({str(type) for type in _type_column(columns)})

@@ -1,7 +1,7 @@
 """Whether an output file may be written, checked in one place for all jobs.
 
 A result replaces an earlier result of its own kind and nothing else: no input, no file of another kind, no pipe
-and no device, and a finished result only where that is asked for.
+and no device, and a finished result only on demand.
 """
 
 import os
@@ -9,11 +9,10 @@ import re
 from pathlib import Path
 
 from jampetsc.errors import InputError, named
-from jampetsc.io.atomic import check_writable
+from jampetsc.io.atomic import check_writable, open_regular
 from jampetsc.io.checksums import SIGNATURE, seal_of
 from jampetsc.io.hdf5 import attributes, open_file
 from jampetsc.io.parts import PartList
-from jampetsc.io.regular import open_regular
 
 PICTURE, TABLE, EXPORTED = "picture", "table", "exported"
 _PICTURES = (b"\x89PNG\r\n", b"%PDF-", b"<?xml", b"<svg")  # how the files begin
@@ -85,10 +84,10 @@ def is_finished(path, request) -> bool:
 def _unlike(path, request) -> str:
     """Why the file at `path` is not the finished result of a request; empty if it is."""
     with open_file(path) as h5:
-        found, parts = attributes(h5).get("request"), PartList(h5, path)
-    if found is None:
+        recorded, parts = attributes(h5).get("request"), PartList(h5, path)
+    if recorded is None:
         return "does not say with which settings"
-    if why := request.differences(found):
+    if why := request.differences(recorded):
         return f"has {why}"
     try:
         parts.verify()
@@ -100,18 +99,18 @@ def _unlike(path, request) -> str:
 
 def check_replaced(out, kind) -> None:
     """Raise InputError if there is something at `out` that a `kind` of file may not replace."""
-    held = _kind_at(out)
-    if held not in (None, kind):
+    present = _kind_at(out)
+    if present not in (None, kind):
         raise InputError(
-            f"{out}: is there already and is {_article(held)}, not {_article(kind)}: "
+            f"{out}: is there already and is {_article(present)}, not {_article(kind)}: "
             f"choose another {named('out')}, or remove it first"
         )
 
 
-def is_same(one, other) -> bool:
+def is_same(path, other) -> bool:
     """Whether two paths, both of which lead to a file, lead to the same one."""
     try:
-        return os.path.samefile(one, other)
+        return os.path.samefile(path, other)
     except OSError:
         return False
 

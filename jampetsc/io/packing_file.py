@@ -5,30 +5,27 @@ Datasets `positions` (N, 2), `radii` (N,), `cell` (2, 2) rows a1, a2, and the pa
 `potential`, `stiffness`, `k` (1 if missing), then the record: pressure, phi, energy, max_force, seed, …
 """
 
-import hashlib
 from pathlib import Path
 
 from jampetsc.collective import on_root
 from jampetsc.errors import InputError, about
 from jampetsc.io.formats import check_file
 from jampetsc.io.hdf5 import (
+    FORMAT_VERSION,
     OutputFile,
     open_file,
-    opening,
     set_attributes,
     store,
     values,
 )
 from jampetsc.io.outputs import check_replaced
-from jampetsc.io.regular import open_regular
 from jampetsc.packing.disks import Disks, join
 from jampetsc.packing.potentials import Potential
 
 FORMAT = "jampetsc-packing"
-FORMAT_VERSION = "1.0"
 ARRAYS = ("positions", "radii", "cell", "positions_low", "cell_low")
 _HEADER = ("format", "format_version", "potential", "stiffness", "k")
-_OF_FILE = (*_HEADER, "request")  # attributes that are no record of the disks
+_FILE_ATTRIBUTES = (*_HEADER, "request")  # attributes that are no record of the disks
 
 
 def write_packing(path, disks: Disks, request=None) -> None:
@@ -44,7 +41,7 @@ def write_packing(path, disks: Disks, request=None) -> None:
     datasets |= {"cell": cell, "cell_low": cell_low}
     potential = disks.potential
     header = (FORMAT, FORMAT_VERSION, potential.kind, potential.stiffness, float(potential.k))
-    record = {name: value for name, value in disks.record.items() if name not in _OF_FILE}
+    record = {name: value for name, value in disks.record.items() if name not in _FILE_ATTRIBUTES}
     check_replaced(path, FORMAT)
     with OutputFile(path) as h5:
         set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record)
@@ -81,18 +78,6 @@ def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
     return disks, (name, disks.fingerprint)
 
 
-def is_known_as(path, sha256: str | None) -> bool:
-    """Whether the packing at `path` is the one that a result knows by the attribute `packing_sha256`.
-
-    That is the fingerprint of its disks; results of older versions have the sha256 of the bytes of its file. Raises
-    InputError where there is no packing.
-    """
-    if read_packing(path).fingerprint == sha256:
-        return True
-    with opening(path), open_regular(path) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() == sha256
-
-
 def check_packing(path) -> None:
     """Raise InputError unless the header of `path` is that of a packing file: a check before long work."""
     with open_file(path) as h5:
@@ -101,12 +86,12 @@ def check_packing(path) -> None:
 
 def packing_from(h5, path) -> Disks:
     """Disks from an open packing file; `path` is for messages. Raises InputError."""
-    _, attrs, found = check_file(h5, path, FORMAT)
+    _, attrs, datasets = check_file(h5, path, FORMAT)
     for name in ("positions", "radii", "cell"):
-        if name not in found:
+        if name not in datasets:
             raise InputError(f"{path}: dataset {name} is missing: a packing needs positions, radii and cell")
-    arrays = {name: values(found[name]).astype(float) for name in ARRAYS if name in found}
-    record = {name: value for name, value in attrs.items() if name not in _OF_FILE}
+    arrays = {name: values(datasets[name]).astype(float) for name in ARRAYS if name in datasets}
+    record = {name: value for name, value in attrs.items() if name not in _FILE_ATTRIBUTES}
     with about(path):
         potential = Potential(attrs.get("potential"), attrs.get("stiffness"), float(attrs.get("k", 1.0)))
         return Disks.from_positions(**arrays, potential=potential, record=record)

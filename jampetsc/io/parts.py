@@ -1,4 +1,4 @@
-"""The part files of a joint file: one per rank, named after the run so that two runs never mix.
+"""The part files of a joint file, one per rank and named after the run so that two runs never mix.
 
 HDF5 reads a missing part of a virtual dataset as zeros without an error, and a changed one as it is. The joint file
 therefore lists its parts in the group `part_files` (names, sizes in bytes, seals: see `checksums`), each part carries
@@ -15,12 +15,12 @@ import h5py
 import numpy as np
 
 from jampetsc.errors import InputError
+from jampetsc.io.atomic import open_regular
 from jampetsc.io.checksums import seal_of
 from jampetsc.io.formats import PARTS
 from jampetsc.io.hdf5 import open_file, opening, values
-from jampetsc.io.regular import open_regular
 
-_NAME = re.compile(r"[^/]+\.parts/[0-9a-f]{12}-rank-\d{4,}\.h5")
+_PART_NAME = re.compile(r"[^/]+\.parts/[0-9a-f]{12}-rank-\d{4,}\.h5")
 
 
 def part_name(joint, run_id: str, rank: int) -> str:
@@ -43,13 +43,12 @@ class PartList:
         )
         names = [name.decode(errors="replace") for name in names]
         for name in names:
-            if not (_NAME.fullmatch(name) and Path(name).name.startswith(f"{self.run_id}-")):
+            if not (_PART_NAME.fullmatch(name) and Path(name).name.startswith(f"{self.run_id}-")):
                 raise InputError(
                     f"{path}: part {name!r} cannot be a part of run {self.run_id}: damaged, make it again"
                 )
         self.sizes = dict(zip(names, sizes, strict=True))
-        seals = [seal.decode() for seal in seals] or [None] * len(names)  # the first versions had none
-        self._seals = dict(zip(names, seals, strict=True))
+        self._seals = dict(zip(names, (seal.decode() for seal in seals), strict=True))
 
     def __bool__(self):
         return bool(self.sizes)
@@ -58,33 +57,32 @@ class PartList:
         """Raise InputError if a part is missing, truncated, from another run or not the one that was written."""
         for name, size in self.sizes.items():
             try:  # in one system call: the part of a replaced run may be removed at any moment
-                found = (self.path.parent / name).stat().st_size
+                size_found = (self.path.parent / name).stat().st_size
             except (FileNotFoundError, NotADirectoryError):
                 raise InputError(
                     f"{self.shown}: part {name} is missing: keep the folder {Path(name).parent} beside "
                     "the file (`jampetsc merge` makes one file of them)"
                 ) from None
-            if found != size:
+            if size_found != size:
                 raise InputError(
-                    f"{self.shown}: part {name} has {found} bytes instead of {size}: "
+                    f"{self.shown}: part {name} has {size_found} bytes instead of {size}: "
                     "truncated or not copied completely; copy it again"
                 )
         for rank, name in enumerate(self.sizes):
             path = self.path.parent / name
             with opening(path), open_regular(path) as file:
-                if self._seals[name] and seal_of(file) == self._seals[name]:
+                if seal_of(file) == self._seals[name]:
                     continue
             with open_file(path) as h5:
-                found = h5.attrs.get("run_id"), h5.attrs.get("rank")
-            if found != (self.run_id, rank):
+                run_id, part_rank = h5.attrs.get("run_id"), h5.attrs.get("rank")
+            if (run_id, part_rank) != (self.run_id, rank):
                 raise InputError(
-                    f"{self.shown}: part {name} is rank {found[1]} of run {found[0]}, not rank {rank} of run "
+                    f"{self.shown}: part {name} is rank {part_rank} of run {run_id}, not rank {rank} of run "
                     f"{self.run_id}: put the right one back"
                 )
-            if self._seals[name]:
-                raise InputError(
-                    f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
-                )
+            raise InputError(
+                f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
+            )
 
     def verify(self) -> None:
         """Raise InputError as `check`, and for a part of which any byte has changed."""
@@ -106,8 +104,8 @@ class PartList:
             for source in data.virtual_sources()
         )
         shapes = [tuple(b - a + 1 for a, b in zip(first, last, strict=True)) for first, last, *_ in boxes]
-        known = all(part in self.sizes for *_, part, _ in boxes)
-        if not known or sum(map(math.prod, shapes)) != data.size:
+        listed = all(part in self.sizes for *_, part, _ in boxes)
+        if not listed or sum(map(math.prod, shapes)) != data.size:
             raise InputError(f"{self.shown}: {data.name}: its parts do not make up the whole: damaged")
         ends = zip(boxes[0][0], boxes[-1][0], strict=True)
         axis = next((n for n, (first, last) in enumerate(ends) if first < last), -1)  # -1: of a single part
@@ -123,7 +121,9 @@ class PartList:
     def remove(self) -> None:
         """Delete the parts, and their folder once it is empty."""
         for name in self.sizes:
-            with suppress(OSError):  # such as a folder that is no longer writable: nothing refers to the part
+            with suppress(
+                OSError
+            ):  # such as a folder without permission to write: nothing refers to the part
                 (self.path.parent / name).unlink(missing_ok=True)
         for folder in {(self.path.parent / name).parent for name in self.sizes}:
             remove_if_empty(folder)
@@ -147,7 +147,7 @@ def remove_if_empty(folder: Path) -> None:
 
 
 def parts_of(path) -> PartList | None:
-    """The parts of the result at `path`, unchecked; None if there is no readable HDF5 file."""
+    """The parts of the result at `path`, unchecked; None unless it is a readable HDF5 file."""
     try:
         with open_file(path) as h5:
             return PartList(h5, path)

@@ -33,9 +33,7 @@ git_commit | text? | | of the program, if it ran from a checkout
 scalar_type, petsc_options, ranks | text, text, int? | | if PETSc was used: real or complex; all options in force,
   given or set by the program; number of ranks
 packing, packing_sha256 | text? | | name of the packing file it was made from, and hash of its disks: coordinates to
-  the last bit, radii, cell, potential (`packing.fingerprint`). Results of older versions have the hash of the file
-  instead, by which the packing is still found; averages do not notice that an old and a new result are of the same
-  packing
+  the last bit, radii, cell, potential (`packing.fingerprint`)
 sources, source_runs | text? | | of spectrum, correlation and collapse: names of the files and their `run_id`
 law, normal, beta, rotations, eta_f, tau1 | text, float, float, bool, float, float > 0? | | damping law, and those of
   these parameters that it has

@@ -8,18 +8,18 @@ import numpy as np
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError, about, named
 from jampetsc.io import packing_file
+from jampetsc.io.disk_motion import snapshot
 from jampetsc.io.ensemble import load_ensemble
 from jampetsc.io.hdf5 import attributes, check_format, open_file, retry_if_replaced
 from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
-from jampetsc.io.snapshots import snapshot
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.packing.disks import PLACES, Disks
 from jampetsc.packing.potentials import Potential
 
-_SLOWEST = 1e-100  # rates beyond this and its inverse are no rates of relaxation
-_SAME = 1e-12  # two frequencies that differ by less, relatively, are the same
+_MIN_RATE = 1e-100  # rates beyond this and its inverse are no rates of relaxation
+_FREQUENCY_TOLERANCE = 1e-12  # two frequencies that differ by less, relatively, are the same
 
 
 class Fields:
@@ -35,8 +35,8 @@ class Fields:
 class SweepResult(Result):
     """G*(ω) of a packing: `omega` (M,), `G` (M,) complex, `error_bound` (M,) on |ΔG*|, units k and 1/τ₁."""
 
-    def __init__(self, *found):
-        super().__init__(*found)
+    def __init__(self, *parts):
+        super().__init__(*parts)
         self.omega, self.G, self.error_bound = (self[name] for name in ("omega", "G", "error_bound"))
 
     @property
@@ -61,23 +61,23 @@ class SweepResult(Result):
 
         Elsewhere from the relaxation spectrum that a rational sweep stores in the group `reduced`, under
         power-law damping at the equivalent frequency; beyond the swept range without a certificate.
-        Raises InputError for a frequency that is not stored if there is none, and for one that is not finite.
+        Raises InputError for a frequency that is not stored without a spectrum, and for one that is not finite.
         """
-        wanted = np.atleast_1d(np.asarray(omega, float))
-        if not np.isfinite(wanted).all():
-            raise InputError(f"omega = {wanted[~np.isfinite(wanted)][0]:g}: must be finite")
-        nearest = np.abs(wanted[..., None] - self.omega).argmin(axis=-1)
+        frequencies = np.atleast_1d(np.asarray(omega, float))
+        if not np.isfinite(frequencies).all():
+            raise InputError(f"omega = {frequencies[~np.isfinite(frequencies)][0]:g}: must be finite")
+        nearest = np.abs(frequencies[..., None] - self.omega).argmin(axis=-1)
         values = self.G[nearest]
-        elsewhere = np.abs(self.omega[nearest] - wanted) > _SAME * np.abs(wanted)
+        elsewhere = np.abs(self.omega[nearest] - frequencies) > _FREQUENCY_TOLERANCE * np.abs(frequencies)
         if elsewhere.any():
             if "reduced/rates" not in self:
                 raise InputError(
-                    f"{self.path}: omega = {wanted[elsewhere][0]:g} is not one of its {len(self.omega)} "
+                    f"{self.path}: omega = {frequencies[elsewhere][0]:g} is not one of its {len(self.omega)} "
                     f"frequencies, {self.omega.min():g} to {self.omega.max():g}: {named('method')} rational gives any"
                 )
-            linear = self._linear(wanted[elsewhere])
+            linear = self._linear(frequencies[elsewhere])
             if not np.isfinite(linear).all():
-                far = wanted[elsewhere][~np.isfinite(linear)][0]
+                far = frequencies[elsewhere][~np.isfinite(linear)][0]
                 raise InputError(f"omega = {far:g}: its equivalent frequency is more than a double holds")
             values[elsewhere] = self.spectrum.modulus(linear)
         return values.reshape(np.shape(omega))[()]
@@ -98,7 +98,7 @@ class SweepResult(Result):
 
     @property
     def spectrum(self) -> RelaxationSpectrum:
-        """Relaxation spectrum of a rational sweep, linear damping. Raises InputError if there is none."""
+        """Relaxation spectrum of a rational sweep, linear damping. Raises InputError for a sweep without one."""
         if "reduced/rates" not in self:
             raise InputError(f"{self.path}: holds no spectrum: run the sweep with {named('method')} rational")
         return _sound_spectrum(
@@ -166,7 +166,11 @@ def _sound_spectrum(path, G0, eta_inf, rates, weights):
     """The RelaxationSpectrum of these numbers. Raises InputError where they cannot be one."""
     spectrum = RelaxationSpectrum(float(G0), float(eta_inf), rates, weights)
     numbers = np.isfinite([spectrum.G0, spectrum.eta_inf]).all() and np.isfinite(weights).all()
-    if not numbers or rates.shape != weights.shape or not ((rates > _SLOWEST) & (rates < 1 / _SLOWEST)).all():
+    if (
+        not numbers
+        or rates.shape != weights.shape
+        or not ((rates > _MIN_RATE) & (rates < 1 / _MIN_RATE)).all()
+    ):
         raise InputError(f"{path}: its spectrum holds values that no packing has: run the sweep again")
     return spectrum
 
@@ -214,8 +218,8 @@ def load(path):
         if name == packing_file.FORMAT:
             return packing_file.packing_from(h5, path)
         if name not in RESULTS:
-            known = ", ".join((packing_file.FORMAT, *RESULTS))
-            raise InputError(f"{path}: format {name}: this jampetsc reads {known}; use a newer one")
-        found = RESULTS[name].read(h5, path)
+            formats = ", ".join((packing_file.FORMAT, *RESULTS))
+            raise InputError(f"{path}: format {name}: this jampetsc reads {formats}; use a newer one")
+        result = RESULTS[name].read(h5, path)
         PartList(h5, path).check()
-        return found
+        return result

@@ -5,7 +5,9 @@ name the parts by relative path. One rank writes one plain file. A result appear
 file gets its name last, and the parts of the result it replaces are removed after that.
 """
 
+import os
 import uuid
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -13,16 +15,22 @@ import numpy as np
 from jampetsc.collective import agreed
 from jampetsc.errors import JampetscError
 from jampetsc.io.atomic import follow, remove_abandoned, writing
-from jampetsc.io.formats import PART_GROUP
-from jampetsc.io.hdf5 import OutputFile, as_stored, set_attributes, store
-from jampetsc.io.outputs import check_place
-from jampetsc.io.parts import part_name, parts_of, remove_if_empty
-
-FORMAT_VERSION = "1.0"
+from jampetsc.io.formats import PART_GROUP, check_file
+from jampetsc.io.hdf5 import (
+    FORMAT_VERSION,
+    OutputFile,
+    as_stored,
+    open_file,
+    retry_if_replaced,
+    set_attributes,
+    store,
+)
+from jampetsc.io.outputs import check_output, check_place
+from jampetsc.io.parts import PartList, part_name, parts_of, remove_if_empty
 
 
 class ResultArray:
-    """An array of a result: `array[…]` gives what is asked for, `numpy.asarray(array)` all of it.
+    """An array of a result: `array[…]` gives a selection, `numpy.asarray(array)` all of it.
 
     axis     the one along which ranks hold different rows; None: every rank holds all
     counts   numbers of rows of the ranks along `axis`; None with it
@@ -83,8 +91,8 @@ class ResultWriter:
 
     def __init__(self, path, format, comm=None, request=None):
         self.path, self.comm, self.found, self.arrays = path, comm, {}, {}
-        asked = request.recorded if request else {}
-        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=new_run_id(), **asked)
+        recorded = request.recorded if request else {}
+        self.attributes(format=format, format_version=FORMAT_VERSION, run_id=new_run_id(), **recorded)
 
     def attributes(self, **values) -> None:
         """Collective. Keep scalars, strings and short lists of rank 0 as attributes; None is left out."""
@@ -118,7 +126,7 @@ class ResultWriter:
 
 
 def new_run_id() -> str:
-    """A random identifier, by which parts of one result differ from those of all others."""
+    """A random identifier, that tells the parts of one result from all others."""
     return uuid.uuid4().hex[:12]
 
 
@@ -131,7 +139,7 @@ def write_result(path, attributes: dict, arrays: dict, comm=None) -> None:
     path, run_id = follow(path), attributes["run_id"]
     rank, size = (0, 1) if comm is None else (comm.rank, comm.size)
     names = [part_name(path, run_id, number) for number in range(size)]
-    mine = path.parent / names[rank]
+    own_part = path.parent / names[rank]
     joint = part = replaced = None  # the joint file is open on rank 0; one rank is its own part
 
     def discard():
@@ -139,18 +147,18 @@ def write_result(path, attributes: dict, arrays: dict, comm=None) -> None:
             if file is not None:
                 file.discard()
         if size > 1:
-            mine.unlink(missing_ok=True)
-            remove_if_empty(mine.parent)
+            own_part.unlink(missing_ok=True)
+            remove_if_empty(own_part.parent)
 
     try:
         with agreed(comm):
             if rank == 0:  # before the others open theirs
                 check_place(path, attributes["format"])
-                remove_abandoned(mine.parent)
+                remove_abandoned(own_part.parent)
                 joint = OutputFile(path)
                 _store_shared(joint, attributes, arrays)
         with agreed(comm):
-            part = joint if size == 1 else _new_part(mine, run_id, rank)
+            part = joint if size == 1 else _new_part(own_part, run_id, rank)
             _store_rows(part, arrays, rank)
         if size > 1:
             with agreed(comm):
@@ -188,7 +196,7 @@ def _new_part(path, run_id, rank):
 
 
 def _store_shared(joint, attributes, arrays):
-    """Attributes, arrays that every rank has, and those of which no rank has any row."""
+    """Attributes, arrays that every rank has, and empty ones, of which no rank has a row."""
     set_attributes(joint.h5, attributes)
     for name, array in arrays.items():
         if array.axis is None:
@@ -223,3 +231,54 @@ def _join(joint, names, sizes, seals, arrays):
                 virtual[rows] = h5py.VirtualSource(part, name, shape=tuple(shape), dtype=array.dtype)
                 start += count
         joint.h5.create_virtual_dataset(name, virtual)
+
+
+@retry_if_replaced
+def merge(path, out=None, request=None) -> int:
+    """Write the result at `path` as one plain file at `out`, or in place and remove its parts.
+
+    request: what was asked for, which the file at `out` records.
+
+    Returns the number of parts that were joined (0: it was a plain file already). Raises InputError for a
+    file or part that is missing or damaged, JampetscError if writing fails; then everything is as it was.
+    """
+    target = Path(path if out is None else out)
+    in_place = os.path.realpath(target) == os.path.realpath(path)
+    with open_file(path) as h5:
+        kind, _, items = check_file(h5, path)
+        parts = PartList(h5, path)
+        parts.check()
+        if in_place and not parts:
+            return 0
+        if in_place:
+            check_place(target, kind)
+        else:
+            check_output(target, kind, [path])
+        with OutputFile(target) as merged:
+            _copy(h5, items, parts, merged)
+            if request and not in_place:
+                merged.attrs["request"] = request.text
+            parts.check()  # gone where a run has replaced the result meanwhile
+    if in_place:
+        parts.remove()
+    return len(parts.sizes)
+
+
+def _copy(source, items, parts, target):
+    target.attrs.update(source.attrs)
+    for name, item in items.items():
+        if isinstance(item, h5py.Dataset):
+            _copy_dataset(item, parts, target, name)
+        else:
+            target.require_group(name)
+        target[name].attrs.update(item.attrs)
+
+
+def _copy_dataset(item, parts, target, name):
+    if not item.is_virtual or item.shape[1:] in ((), (2,)):  # a row for each disk or contact
+        store(target, name, parts.read(item))
+        return
+    chunks = (1, *item.shape[1:])
+    copied = target.create_dataset(name, item.shape, item.dtype, chunks=chunks, fletcher32=True)
+    for entry in range(len(item)):  # fields, which may be many
+        copied[entry] = parts.read(item, entry)

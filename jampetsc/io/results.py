@@ -1,7 +1,13 @@
-"""A result as a mapping of numpy arrays with attributes, from a file or from memory. Needs neither PETSc nor MPI."""
+"""A result as a mapping of numpy arrays with attributes, from a file or from memory. Needs neither PETSc nor MPI.
+
+A note says what a user should know about the numbers of a result, such as that its errors are rough. It is a line
+`KIND: what is the case. What to do`; notes of one kind differ after the colon. Notes are printed below the summary of
+a run, kept in the attribute `notes` of its file, and counted by kind in a study.
+"""
 
 import difflib
 import html
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,12 +21,12 @@ from jampetsc.io.parts import PartList
 from jampetsc.io.provenance import law_of
 from jampetsc.io.result_file import ResultArray, new_run_id, write_result
 
-_SHOWN = 6  # datasets that a line about a result names
-_LONGEST = 60  # characters of an attribute in a table
+_MAX_SHOWN = 6  # datasets that a line about a result names
+_MAX_ATTRIBUTE_LENGTH = 60  # characters of an attribute in a table
 
 
 class StoredArray(ResultArray):
-    """A dataset that stays in its file, of which every rank reads what it is asked for.
+    """A dataset that stays in its file, of which every rank reads selections.
 
     Raises InputError on reading if the file was replaced, or one of its parts went, since it was loaded.
     """
@@ -67,7 +73,7 @@ class Named(Mapping):
         self._arrays = arrays
 
     def named(self, name, kind, place):
-        """The array of this name. Raises InputError, "`place`: no `kind` `name`", where there is none."""
+        """The array of this name. Raises InputError, "`place`: no `kind` `name`", for a missing one."""
         if name not in self._arrays:
             near = difflib.get_close_matches(name, self._arrays, n=1)
             hint = f"did you mean {near[0]}?" if near else f"it holds {', '.join(self._arrays) or 'none'}"
@@ -75,7 +81,7 @@ class Named(Mapping):
         return self._arrays[name]
 
     def get(self, name, default=None):
-        """The array of this name, or `default` where there is none."""
+        """The array of this name, or `default` for a missing one."""
         return self[name] if name in self else default
 
     def __iter__(self):
@@ -94,7 +100,7 @@ class Result(Named):
     path      its file; for a result in memory its name in messages, such as "sweep in memory"
     packing   Disks that the result was made from, if they were in memory with it; else None
 
-    A file's array is read when it is asked for; `stored(name)` leaves it in the file, to read slices of it. In memory
+    A file's array is read on access; `stored(name)` leaves it in the file, to read slices of it. In memory
     a distributed array is this rank's rows, and `stored(name).rows` says which.
     """
 
@@ -106,11 +112,11 @@ class Result(Named):
     @classmethod
     def read(cls, h5, path) -> "Result":
         """The result in an open file; `path` is for messages and later reading."""
-        format, attrs, found = check_file(h5, path)
+        format, attrs, items = check_file(h5, path)
         run_id, declared = attrs.get("run_id", ""), FORMATS[format]
         arrays = {
             name: StoredArray(path, name, data, declared.dtype(name, data.dtype), run_id)
-            for name, data in found.items()
+            for name, data in items.items()
             if isinstance(data, h5py.Dataset)
         }
         return cls(attrs, arrays, Path(path).resolve())
@@ -128,9 +134,9 @@ class Result(Named):
             name: array if array.axis is None else array.gathered(self._comm)
             for name, array in self._arrays.items()
         }
-        found = type(self)(self.attributes, arrays, self.path, self._comm)
-        found.packing = self.packing
-        return found
+        result = type(self)(self.attributes, arrays, self.path, self._comm)
+        result.packing = self.packing
+        return result
 
     def __getstate__(self):
         """What copies have, in other processes too: without ranks, so that of several all rows must be gathered."""
@@ -154,9 +160,9 @@ class Result(Named):
                 self._arrays = type(self).read(h5, path)._arrays
 
     def __repr__(self):
-        held = ", ".join(f"{name} {self._arrays[name].shape}" for name in list(self)[:_SHOWN])
-        more = f" and {len(self) - _SHOWN} more" if len(self) > _SHOWN else ""
-        return f"<{type(self).__name__} {self.path.name}: {held}{more}>"
+        shown = ", ".join(f"{name} {self._arrays[name].shape}" for name in list(self)[:_MAX_SHOWN])
+        more = f" and {len(self) - _MAX_SHOWN} more" if len(self) > _MAX_SHOWN else ""
+        return f"<{type(self).__name__} {self.path.name}: {shown}{more}>"
 
     def _repr_html_(self):
         """A table of shapes and attributes for notebooks."""
@@ -170,7 +176,7 @@ class Result(Named):
         return self.stored(name)[...]
 
     def stored(self, name) -> StoredArray:
-        """A dataset without reading it. Raises InputError if there is none of this name."""
+        """A dataset without reading it. Raises InputError for a missing one."""
         return self.named(name, "dataset", self.path)
 
     @property
@@ -186,4 +192,39 @@ class Result(Named):
 
 def _text(value):
     text = " ".join(str(value).split())
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …"
+    return text if len(text) <= _MAX_ATTRIBUTE_LENGTH else f"{text[:_MAX_ATTRIBUTE_LENGTH]} …"
+
+
+NOTE_SEPARATOR = "; "  # notes in an attribute; so none has one inside
+
+
+def noted(notes: list[str]) -> str | None:
+    """Notes as the attribute of a file; None for none."""
+    return NOTE_SEPARATOR.join(notes) or None
+
+
+def note_lines(notes: list[str]) -> list[str]:
+    """Notes as lines below a summary."""
+    return [f"  note: {note}" for note in notes]
+
+
+def unstable_to_shear(modulus: float, name: str) -> list[str]:
+    """The note, if any, that a shear modulus of this name is negative."""
+    if not modulus < 0.0:
+        return []
+    return [
+        f"unstable to shear: {name} = {modulus:.3g}. For packings with a positive one: pack --stabilise shear"
+    ]
+
+
+def count_notes(rows: list[dict]) -> list[str]:
+    """A line for each command and kind of note in a study's table: in how many rows, and the first of them."""
+    notes_by_kind, tasks = {}, Counter(row["command"] for row in rows)
+    for row in rows:
+        for note in filter(None, row.get("notes", "").split(NOTE_SEPARATOR)):
+            notes_by_kind.setdefault((row["command"], note.partition(":")[0]), []).append((note, row["file"]))
+    return [
+        f"  note in {len(notes)} of {tasks[command]} {command} tasks, which count like the others: "
+        f"{notes[0][0]} ({notes[0][1]})"
+        for (command, _), notes in notes_by_kind.items()
+    ]

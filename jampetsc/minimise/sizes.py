@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.errors import InputError, named
-from jampetsc.io.regular import open_regular
+from jampetsc.io.atomic import open_regular
 
 SIZES = ("bidisperse", "monodisperse")
 RATIO = 1.4  # of the two radii

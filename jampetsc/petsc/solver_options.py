@@ -11,7 +11,7 @@ import re
 from pathlib import Path
 
 from jampetsc.errors import InputError
-from jampetsc.io.regular import open_regular
+from jampetsc.io.atomic import open_regular
 from jampetsc.shipped_files import PREFIX, located
 
 SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it

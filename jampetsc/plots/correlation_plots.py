@@ -7,7 +7,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.correlation_lengths import (
+from jampetsc.analysis.displacement_correlation import (
     LOG_EXPONENT,
     length_spread,
     medium_collapse,

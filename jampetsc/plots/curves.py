@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.colors import LogNorm, to_rgba
 
-from jampetsc.analysis.statistics import median_interval
+from jampetsc.analysis.statistics import STATISTICS, median_interval
 from jampetsc.errors import InputError
-from jampetsc.io.averages import STATISTICS
 from jampetsc.laws.damping import FAMILIES, OPTIONS
 from jampetsc.plots.picture import group_by, units_of
 from jampetsc.plots.style import (

@@ -3,8 +3,8 @@
 import numpy as np
 
 from jampetsc.analysis.local_power_laws import median_exponents
-from jampetsc.analysis.scaling import (
-    BORDER,
+from jampetsc.analysis.power_laws import (
+    CROSSOVER_SLOPE,
     critical_exponents,
     local_slope,
     low_frequency_limit,
@@ -39,7 +39,7 @@ _PANELS = (  # what it is, limits that have a name, range, whether only above ω
     (r"$\frac{1}{2}\,d\,\ln|G^{*2}-G_0^2|\,/\,d\,\ln\omega$", (0.5, 1.0), (0.2, 1.2), True),
     (r"$\arg(G^{*2}-G_0^2)\,/\,\pi$", (0.5,), (0.2, 1.0), True),
     (f"{LOSS}/{STORAGE}", (1.0,), (0.0, 2.5), True),
-    (rf"$d\,\ln\,${LOSS}$\,/\,d\,\ln\omega$", (1.0, 0.5, BORDER), (0.3, 1.1), False),
+    (rf"$d\,\ln\,${LOSS}$\,/\,d\,\ln\omega$", (1.0, 0.5, CROSSOVER_SLOPE), (0.3, 1.1), False),
 )
 
 

@@ -6,7 +6,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 
 from jampetsc.errors import InputError
-from jampetsc.io.fields import (
+from jampetsc.io.disk_motion import (
     PHASES,
     chosen_frequencies,
     disk_rows,
@@ -14,8 +14,8 @@ from jampetsc.io.fields import (
     packing_of,
     particle_rows,
     phase_factor,
+    snapshot,
 )
-from jampetsc.io.snapshots import snapshot
 from jampetsc.options.parameters import SWITCH, WORD
 from jampetsc.options.values import INTEGERS
 from jampetsc.plots.correlation_plots import OMEGA

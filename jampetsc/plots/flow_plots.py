@@ -10,13 +10,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from jampetsc.analysis.averages import mean_of_facts
+from jampetsc.analysis.correlated_series import layer_heights, mean_of_facts, mean_profile
 from jampetsc.analysis.local_power_laws import quotient
-from jampetsc.analysis.order import six_fold_order
-from jampetsc.analysis.profiles import heights, mean_profile
-from jampetsc.analysis.scaling import local_exponents
+from jampetsc.analysis.power_laws import local_exponents
+from jampetsc.analysis.velocity_correlation import DEFAULT_BIN_WIDTH, DEFAULT_LANE_WIDTH
 from jampetsc.errors import InputError
-from jampetsc.flows.velocity_correlation import BIN, FORMAT, LANE, correlate_lanes
+from jampetsc.io.disk_motion import correlate_lanes, six_fold_order, velocity_profiles
 from jampetsc.plots.page import draw_band, draw_points
 from jampetsc.plots.picture import count_text, flow_units, group_by, join_varied, picture
 from jampetsc.plots.style import DASHED, GREY, OPEN, PAGE, colours, entry, hidden, looks, number
@@ -309,9 +308,9 @@ def plot_profiles(results, page):
         windows = [*pairwise([edge for edge in WINDOWS if edge < steady]), (steady, end)]
         ax.plot([-0.5, 0.5], [-0.5, 0.5], color=GREY, lw=0.8, ls=":", zorder=1)
         for (low, high), look in looks(windows):
-            v, error = mean_profile(runs, low, high)
+            v, error = mean_profile(velocity_profiles(runs, low, high))
             bars = {"xerr": np.nan_to_num(error), "elinewidth": 0.6, "label": f"${low:g}$ to ${high:.3g}$"}
-            ax.errorbar(v, heights(len(v)), ms=3, lw=0.8, **bars, **look)
+            ax.errorbar(v, layer_heights(len(v)), ms=3, lw=0.8, **bars, **look)
         ax.set(xlim=(-0.52, 0.52), ylim=(-0.5, 0.5))
         title = rf"{name}, $\dot\gamma={number(rate)}$" if len(rates) > 1 else name
         ax.set_title(title, loc="right", pad=3)
@@ -325,7 +324,7 @@ def lanes_of(results) -> list:
     Flow files are correlated with the defaults of `jampetsc correlate`. Raises InputError without snapshots.
     """
     curves = []
-    if results[0].format == FORMAT:
+    if results[0].format == "jampetsc-velocity-correlation":
         for result in results:
             attributes = result.attributes
             model, phi, rate = attributes["model"], float(attributes["phi"]), float(attributes["rate"])
@@ -335,7 +334,7 @@ def lanes_of(results) -> list:
     groups = group_by(results, lambda result: (kind_of(result), float(result.attributes["rate"])))
     names = labels_of([kind for kind, _ in sorted(groups)])
     for ((_, rate), runs), name in zip(sorted(groups.items()), names, strict=True):
-        g = correlate_lanes(runs, LANE, BIN)
+        g = correlate_lanes(runs, DEFAULT_LANE_WIDTH, DEFAULT_BIN_WIDTH)
         curves.append((rf"{name}, $\dot\gamma={number(rate)}$", g.centres, g.values, g.errors))
     return curves
 

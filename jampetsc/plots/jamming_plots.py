@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jampetsc.analysis.jamming import FEWEST, Share, density, memory, runs_of, share_of
+from jampetsc.analysis.jammed_samples import MIN_SAMPLES, Share, density, memory, runs_of, share_of
 from jampetsc.errors import InputError, named
 from jampetsc.plots.flow_plots import draw_mean
 from jampetsc.plots.page import draw_points
@@ -173,12 +173,14 @@ def plot_pressures(results, page):
     """
     samples = samples_of(results)
     curves = [
-        (sample, [phi for phi in sorted(sample.runs) if len(sample.pressures(phi)) >= FEWEST])
+        (sample, [phi for phi in sorted(sample.runs) if len(sample.pressures(phi)) >= MIN_SAMPLES])
         for sample in samples
     ]
     curves = [(sample, phis) for sample, phis in curves if phis]
     if not curves:
-        raise InputError(f"{results[0].path}: fewer than {FEWEST} jammed samples at every phi. Make more.")
+        raise InputError(
+            f"{results[0].path}: fewer than {MIN_SAMPLES} jammed samples at every phi. Make more."
+        )
     if len(curves) > MAX_PANELS:
         raise InputError(
             f"{len(curves)} kinds of samples: one picture shows P(p) of {MAX_PANELS}. Choose some."
@@ -214,11 +216,11 @@ def plot_jamming_densities(results, page):
         (samples.kind, phi, values)
         for samples in samples_of(results)
         for phi, values in sorted(samples.jamming.items())
-        if len(values) >= FEWEST
+        if len(values) >= MIN_SAMPLES
     ]
     if not curves:
         raise InputError(
-            f"{results[0].path}: fewer than {FEWEST} values of phi_J. Run jam with {named('protocol')} compress."
+            f"{results[0].path}: fewer than {MIN_SAMPLES} values of phi_J. Run jam with {named('protocol')} compress."
         )
     labels = _labels([kind for kind, _, _ in curves])
     several = len({phi for _, phi, _ in curves}) > 1

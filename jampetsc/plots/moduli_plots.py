@@ -8,9 +8,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.scaling import LAMBDA, MU, collapse, collapse_spread
+from jampetsc.analysis.power_laws import LAMBDA, MU, collapse, collapse_spread
+from jampetsc.analysis.statistics import STATISTICS
 from jampetsc.errors import InputError, about
-from jampetsc.io.averages import STATISTICS
 from jampetsc.options.parameters import NUMBER, WORD
 from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves, symbol_of
 from jampetsc.plots.page import draw_band, draw_guide

@@ -6,7 +6,7 @@ from matplotlib.patches import Polygon
 
 from jampetsc.errors import InputError
 from jampetsc.flows.walls import phi_between
-from jampetsc.io.snapshots import snapshot
+from jampetsc.io.disk_motion import snapshot
 from jampetsc.packing.contacts import find_contacts, measure, virial_pressure
 from jampetsc.plots.flow_plots import kind_of, labels_of
 from jampetsc.plots.picture import picture

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.distribution import Distribution
+from jampetsc.analysis.statistics import Distribution
 from jampetsc.petsc.inertia import SHIFT
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.elastic import ElasticResponse

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.errors import about
-from jampetsc.io.notes import noted, unstable_to_shear
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.io.results import noted, unstable_to_shear
 from jampetsc.laws.damping import Physics
 from jampetsc.network.contact_network import Network, build_network
 from jampetsc.petsc.session import current
@@ -112,7 +112,7 @@ class Outcome:
 
     @property
     def notes(self) -> list[str]:
-        """See `io.notes`."""
+        """See `io.results`."""
         return unstable_to_shear(self.responses[""].G0, "G0")
 
 

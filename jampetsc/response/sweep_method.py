@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
-from jampetsc.io.notes import noted, unstable_to_shear
+from jampetsc.io.results import noted, unstable_to_shear
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
@@ -191,7 +191,7 @@ def _write(run: Run, pencil, omega, G, bounds, fields, extra: dict, reduced: dic
 
 
 def notes_of(run: Run, omega, G, bounds) -> list[str]:
-    """Notes on G (M,) at frequencies omega (M,) of the experiment, with bounds (M, 3), see `io.notes`."""
+    """Notes on G (M,) at frequencies omega (M,) of the experiment, with bounds (M, 3), see `io.results`."""
     found, highest = [], G.real + bounds[:, 1]
     if highest.min() < 0.0:  # by more than its bound
         worst = int(np.argmin(highest))

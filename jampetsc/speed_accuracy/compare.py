@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jampetsc.analysis.bounds import relative_bound
-from jampetsc.analysis.scaling import CRITICAL_END, fit_power_law
+from jampetsc.analysis.power_laws import CRITICAL_END, fit_power_law
+from jampetsc.analysis.statistics import relative_bound
 
 CRITICAL_START = 10.0  # ωτ₁ over p/k: well above the lower crossover, which is near 2 to 4 (BT eq. 16)
 FEWEST = 5  # frequencies in the critical window for a slope

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.errors import InputError, named
-from jampetsc.io.notes import counted
+from jampetsc.io.results import count_notes
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, Kind, asked
 from jampetsc.petsc.solver_options import SOLVERS
@@ -122,7 +122,7 @@ def _summary(table, rows, failures, elapsed) -> str:
         lines.append(f"  {row['file']}: {row['state']}")
     if len(failures) > MANY:
         lines.append(f"  … and {len(failures) - MANY} more, see the table")
-    return "\n".join(lines + counted(rows))
+    return "\n".join(lines + count_notes(rows))
 
 
 def _outlook(tasks, folder) -> str:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jampetsc.analysis.jamming import OTHERS, effective_samples, runs_of, share_of
-from jampetsc.analysis.scaling import low_frequency_limit
+from jampetsc.analysis.jammed_samples import OPTIONAL_COLUMNS, effective_samples, runs_of, share_of
+from jampetsc.analysis.power_laws import low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
@@ -92,7 +92,7 @@ def _jam(result):
         share = share_of(jammed)
         found |= {"jammed_fraction": share.value, "jammed_fraction_error": share.error}
         found["jammed_fraction_samples"] = effective_samples(share)
-    for name in OTHERS:
+    for name in OPTIONAL_COLUMNS:
         values = result[name] if name in result else np.empty(0)
         values = values[np.isfinite(values)]
         if len(values):

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 from jampetsc.commands import job_class
 from jampetsc.errors import InputError
-from jampetsc.io.regular import open_regular
+from jampetsc.io.atomic import open_regular
 from jampetsc.options.parameters import did_you_mean
 from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
 from jampetsc.studies.options import STAND_IN, Choice, choices_of, label_of, number_of, values_of

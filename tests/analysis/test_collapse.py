@@ -10,11 +10,11 @@ from samples import stored
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis import collapse_errors, collapse_fit, jamming
-from jampetsc.analysis.averages import Average, mean_of_averages
-from jampetsc.analysis.collapse import Form, Points, scaled
+from jampetsc.analysis import collapse_errors, collapse_fit, jammed_samples
 from jampetsc.analysis.collapse_errors import Estimate, drift, estimate
-from jampetsc.analysis.collapse_fit import minima
+from jampetsc.analysis.collapse_fit import find_minima
+from jampetsc.analysis.correlated_series import Average, mean_of_averages
+from jampetsc.analysis.scaling_collapse import Form, Points, scaled
 from jampetsc.analysis.statistics import half_width, mean_with_error
 from jampetsc.commands.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.errors import InputError
@@ -25,7 +25,7 @@ from jampetsc.studies.table import table_text
 
 def fit_collapse(points, form):
     """The parameters with the least χ²."""
-    return minima(points, form)[0]
+    return find_minima(points, form)[0]
 
 
 PLANTED = {"phi_J": 0.8433, "y": 1.1, "kappa": 3.5}
@@ -101,7 +101,7 @@ def test_corrections_are_told_by_chi2():
     assert np.abs(off).max() < 2.5
     assert np.allclose(sum(fit.terms(points)), exact(points.phi, points.scale, 2.0), rtol=0.01)
     below = planted(3, 0.003, -0.5)
-    assert fit_collapse(below, replace(CORRECTED, held={"omega": OMEGA})).sign == -1
+    assert fit_collapse(below, replace(CORRECTED, fixed={"omega": OMEGA})).sign == -1
 
 
 def test_parameters_drift_towards_what_was_planted_and_errors_of_cuts_are_of_their_own_points():
@@ -133,7 +133,7 @@ def test_a_search_with_corrections_begins_on_either_side_and_knows_its_slopes(sp
     first, second = begun.coefficients
     assert len(second) == 3 and second[0] == pytest.approx(first[0] + np.log(0.3))
     np.testing.assert_array_equal(second[1:], first[1:3])
-    one, step = replace(begun, form=replace(fixed, held={})), 1e-6
+    one, step = replace(begun, form=replace(fixed, fixed={})), 1e-6
 
     def model(row, h):
         at = np.r_[[one.parameters[name] for name in one.form.free], first, second]
@@ -350,6 +350,7 @@ def write_flow(path, phi, rate, n=1024, **more):
     value = float(exact(np.array([phi]), np.array([rate]))[0])
     facts = {"model": "RD0", "mass": 0.0, "k": 1.0, "tau1": 1.0, "phi": phi, "rate": rate, "seed": 1}
     facts |= {"particle_count": n, "pressure_error": 0.01 * value, **HARMONIC}
+    facts |= {"pressure_samples": np.inf, "shear_stress_samples": np.inf}
     facts |= {"pressure_mean": value * (1 + 0.01 * rng.standard_normal())}
     return str(stored(path, "flow", {"strain": np.arange(3.0)}, **facts | more))
 
@@ -450,7 +451,7 @@ def test_points_of_jam_files_are_shares_and_means_with_their_errors(tmp_path):
     pressure = np.where(np.nan_to_num(jammed) == 1, 1e-3 * np.arange(1, 7), least) + 0 * jammed
     file = write_jam(tmp_path / "a.h5", 64, jammed, pressure)
     data = read_points([file], "jammed", True)
-    shares = [jamming.independent_share(row[np.isfinite(row)]) for row in jammed]
+    shares = [jammed_samples.independent_share(row[np.isfinite(row)]) for row in jammed]
     np.testing.assert_allclose(data.value, [share.value for share in shares])
     np.testing.assert_allclose(data.error, [0.5 * (share.high - share.low) for share in shares])
     assert data.runs.tolist() == [6, 6, 6, 5]
@@ -533,13 +534,13 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
         ("--where model=RD0", "chooses rows of a study, but"),
         ("--observable jammed", "--observable jammed goes with --finite-size"),
         ("--observable energy", "choose one of pressure"),
-        ("--fit phi_J,y", "name znu, too, or hold it: znu=VALUE"),
-        ("--fit phi_J,y,y,znu", "y is there twice"),
-        ("--fit phi_J,y,nu", "nu is none of phi_J, y, znu, omega; with --finite-size it is one"),
+        ("--fit phi_J,y", "znu missing. Name it, or fix it by znu=VALUE"),
+        ("--fit phi_J,y,y,znu", "y named twice"),
+        ("--fit phi_J,y,nu", "nu must be one of phi_J, y, znu, omega; with --finite-size it is one"),
         ("--fit phi_J,y=a,znu", "write a number between"),
         ("--fit phi_J=0.84,y=1,znu=3", "nothing is free"),
         ("--fit phi_J,y,znu,omega", "leave omega out, or give --corrections"),
-        ("--corrections", "name omega, too"),
+        ("--corrections", "omega missing. Name it"),
         ("--degree 0", "--degree 0: must lie in"),
         ("--cut -1", "--cut -1: must be positive"),
         ("--cut 1e-9", "no points are left"),

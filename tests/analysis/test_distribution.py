@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from jampetsc.analysis.bounds import relative_bound
-from jampetsc.analysis.distribution import Distribution
+from jampetsc.analysis.statistics import Distribution, relative_bound
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-30, 3e17])

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from drawn import Held
 
-from jampetsc.analysis.order import STORED, bond_order, six_fold_order
+from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError
+from jampetsc.io.disk_motion import STORED_ORDER, six_fold_order
 
 
 def lattice(rows, columns, slid=0.0):
@@ -40,13 +41,13 @@ def test_random_points_have_no_common_direction():
 def test_order_of_a_flow_is_that_of_the_disks_that_move_in_each_snapshot(walls):
     rng, cell = np.random.default_rng(1), np.array([[6.0, 0.0], [1.0, 5.0]])
     cells, positions = np.array([cell, cell]), rng.random((2, 30, 2)) @ cell
-    snapshots = {"snapshots/positions": positions, "snapshots/cell": cells}
+    snapshots = {"snapshots/positions": positions, "snapshots/cell": cells, "snapshots/radii": np.ones(30)}
     flow = Held(snapshots, {"walls": walls} if walls else {})
     psi = [bond_order(x, cell)[walls:] for x in positions]
     local, whole = six_fold_order(flow)
     np.testing.assert_allclose(local, np.mean(np.abs(psi), axis=1))
     np.testing.assert_allclose(whole, np.abs(np.mean(psi, axis=1)))
-    kept = Held(zip(STORED, (local, whole), strict=True), flow.attributes)
+    kept = Held(zip(STORED_ORDER, (local, whole), strict=True), flow.attributes)
     np.testing.assert_array_equal(six_fold_order(kept), (local, whole))
     with pytest.raises(InputError, match=r"a\.h5: holds no snapshots: run the flow with"):
         six_fold_order(Held({}, {}))

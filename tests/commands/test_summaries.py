@@ -7,7 +7,7 @@ import pytest
 
 from jampetsc.analysis.collapse_errors import Estimate
 from jampetsc.commands import collapse, correlate_sweeps, modes, oscillate, quasistatic, sweep
-from jampetsc.io.notes import noted
+from jampetsc.io.results import noted
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.response.sweep_method import notes_of
 from jampetsc.studies import job as study

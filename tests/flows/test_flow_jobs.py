@@ -9,7 +9,7 @@ from samples import published
 from sheared import crowd
 
 import jampetsc
-from jampetsc.analysis.jamming import independent_share
+from jampetsc.analysis.jammed_samples import independent_share
 from jampetsc.commands import jam
 from jampetsc.commands.flow import Flow
 from jampetsc.commands.jam import Jam

@@ -8,7 +8,7 @@ import pytest
 from sheared import stop_after
 
 import jampetsc
-from jampetsc.analysis.jamming import assortativity
+from jampetsc.analysis.jammed_samples import assortativity
 from jampetsc.commands import samples
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows import jamming

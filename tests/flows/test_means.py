@@ -9,14 +9,15 @@ import pytest
 from samples import stored
 from sheared import crowd, shear
 
+from jampetsc.analysis.velocity_correlation import LaneCorrelation
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import record as records
 from jampetsc.flows import run as running
 from jampetsc.flows.means import ROWS, Means
 from jampetsc.flows.record import ON_WALLS, SERIES, Record, check_space, resumed, write_checkpoint
 from jampetsc.flows.run import Plan, _duration, _row, check_balance
-from jampetsc.flows.velocity_correlation import LaneCorrelation, correlate_lanes
 from jampetsc.io.checkpoint import Checkpoint, folder_of
+from jampetsc.io.disk_motion import correlate_lanes
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
 from jampetsc.packing.contacts import find_contacts, measure
@@ -255,7 +256,7 @@ def flow_file(path, velocity=0.1, phi=0.8, walls=False, snapshots=2, **facts):
     common = {"model": "RD0", "rate": 0.1, "particle_count": 30, "mass": 0.0, "phi": phi}
     arrays = {"snapshots/positions": rng.random((snapshots, 30, 2)) @ cell, "state/radii": np.full(30, 0.25)}
     arrays |= {"snapshots/velocities": velocity * rng.choice([-1.0, 1.0], (snapshots, 30, 2))}
-    arrays |= {"snapshots/cell": np.array([cell] * snapshots)}
+    arrays |= {"snapshots/cell": np.array([cell] * snapshots), "snapshots/radii": arrays["state/radii"]}
     return load(stored(path, "flow", arrays, **common | facts | ({"walls": 4} if walls else {})))
 
 
@@ -281,6 +282,7 @@ def test_faster_motions_alone_are_no_error_of_a_correlation(tmp_path):
     arrays = {f"snapshots/{name}": values for name, values in arrays.items()} | {
         "state/radii": np.full(30, 0.25)
     }
+    arrays["snapshots/radii"] = arrays["state/radii"]
     faster = load(stored(tmp_path / "faster.h5", "flow", arrays, **dict(one.attributes)))
     found = correlate_lanes([faster], 4, 2)
     np.testing.assert_allclose(found.values, correlate_lanes([one], 4, 2).values)

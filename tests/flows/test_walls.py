@@ -7,7 +7,7 @@ from sheared import ROWS
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis.profiles import heights, mean_profile
+from jampetsc.analysis.correlated_series import layer_heights, mean_profile
 from jampetsc.errors import InputError
 from jampetsc.flows import walls
 from jampetsc.flows.record import LAYERS
@@ -19,6 +19,7 @@ from jampetsc.flows.walls import (
     velocity_profile,
     wall_columns,
 )
+from jampetsc.io.disk_motion import velocity_profiles
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts
@@ -105,7 +106,7 @@ def test_a_prescribed_flow_has_its_profile(channel):
     assert len(filled) > 10
     linear = velocity_profile(run, u)  # u = 0: affine flow
     assert np.array_equal(np.isfinite(linear), np.isin(np.arange(LAYERS), filled))
-    assert linear[filled] == pytest.approx(heights(LAYERS)[filled], abs=0.5 / LAYERS)
+    assert linear[filled] == pytest.approx(layer_heights(LAYERS)[filled], abs=0.5 / LAYERS)
     u[:, 0] = unit * (0.7 * np.sin(np.pi * y) ** 3 - y)  # a v_x of the test
     wanted = [np.mean(0.7 * np.sin(np.pi * y[run.held :][layer == one]) ** 3) for one in filled]
     assert velocity_profile(run, u)[filled] == pytest.approx(np.array(wanted), abs=1e-12)
@@ -173,8 +174,8 @@ def test_the_command(tmp_path, capsys):
     assert "32 disks" in capsys.readouterr().out
     assert run("plot", out, "--kind", "profile", "--out", tmp_path / "v.png") == 0
     assert "velocity between walls of 1 run in windows" in capsys.readouterr().out
-    v, error = mean_profile([farther], 0.3, 0.6)
-    assert np.nanmax(np.abs(v - heights(LAYERS))) < 0.1 and np.nanmin(error) > 0
+    v, error = mean_profile(velocity_profiles([farther], 0.3, 0.6))
+    assert np.nanmax(np.abs(v - layer_heights(LAYERS))) < 0.1 and np.nanmin(error) > 0
     assert run("correlate", out, "--out", tmp_path / "g.h5") == 2
     assert "not homogeneous" in capsys.readouterr().err
     assert run("flow", last, "--walls", *words[6:10], "--strain", 1, "--out", tmp_path / "x.h5") == 2

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from samples import DATA, published
-from test_result_file import assert_holds, parts, written
+from samples import published
+from test_result_file import written
 
 from jampetsc.errors import InputError
 from jampetsc.io import checksums
-from jampetsc.io.checksums import BLOCK, LINE, Damaged, identity_of, seal, seal_of, verify
+from jampetsc.io.checksums import BLOCK, LINE, Damaged, append_seal, identity_of, seal_of, verify
 from jampetsc.io.hdf5 import open_file
-from jampetsc.io.merge import merge
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
+from jampetsc.io.result_file import merge
 from jampetsc.packing.disks import Disks
 
 
@@ -89,7 +89,7 @@ def test_what_stands_at_the_end_of_a_file(tmp_path):
     for size in (0, 1, BLOCK - 1, BLOCK, 2 * BLOCK + 1, len(content)):
         path.write_bytes(content[:size])
         with open(path, "r+b") as file:
-            assert seal(file) == seal_of(file) == identity_of(path, every_byte=True)
+            assert append_seal(file) == seal_of(file) == identity_of(path, every_byte=True)
             verify(file)
     whole, line = path.read_bytes(), path.stat().st_size - LINE
     for place in (0, len(content) - 1, len(content), line - 1):  # a byte less, and more
@@ -151,14 +151,3 @@ def test_one_byte_too_many_or_too_few_without_checksums(tmp_path, libver, change
         return
     with pytest.raises(InputError, match="truncated"), open_file(path):
         pass
-
-
-def test_older_files_are_read(tmp_path):
-    path = shutil.copytree(DATA / "without-checksums", tmp_path / "older") / "s.h5"
-    assert_holds(path)
-    assert merge(path, tmp_path / "merged.h5") == 3
-    assert_holds(tmp_path / "merged.h5")
-    assert load(DATA / "without-checksums.h5").n == 4
-    parts(path)[1].unlink()
-    with pytest.raises(InputError, match="is missing"):
-        load(path)

@@ -10,11 +10,10 @@ import samples
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis.jamming import independent_share
+from jampetsc.analysis.jammed_samples import independent_share
 from jampetsc.analysis.statistics import mean_with_error, median_interval, median_with_error
 from jampetsc.errors import InputError
-from jampetsc.io.averages import CHOICES
-from jampetsc.io.ensemble import load_ensemble
+from jampetsc.io.ensemble import DISTINGUISHING_COLUMNS, load_ensemble
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
 from jampetsc.studies.table import table_text
@@ -91,7 +90,7 @@ def test_one_packing_counts_once(folder, tmp_path):
     with pytest.raises(InputError, match=r"G0 of pressure 0.001: .* are of one packing: .* in by= \(beta\)"):
         mean["G0"]
     assert jampetsc.load(folder).mean(by=["pressure", "beta"]).count["G0"].tolist() == [3] * 4
-    for name in set(CHOICES) - {"command"}:
+    for name in set(DISTINGUISHING_COLUMNS) - {"command"}:
         text = f"command,state,file,packing,{name},seed,G0\na,done,1.h5,p,1,1,1\na,done,2.h5,p,%s,2,1\n"
         for other, by, told in ((2, (), name), (1, name, "see the table")):
             with pytest.raises(InputError, match=rf"in by= \({told}\)"):

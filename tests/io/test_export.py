@@ -13,11 +13,11 @@ from dense import all_pairs
 import jampetsc
 from jampetsc import main as cli
 from jampetsc.errors import InputError
+from jampetsc.io.disk_motion import snapshot
 from jampetsc.io.exchange import READERS
 from jampetsc.io.exporters import write_frames
 from jampetsc.io.frames import packing_frame
 from jampetsc.io.packing_file import write_packing
-from jampetsc.io.snapshots import snapshot
 from jampetsc.packing.contacts import disk_areas, disk_stresses, find_contacts, measure
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import Potential

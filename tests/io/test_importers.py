@@ -143,7 +143,7 @@ def test_a_file_without_an_end_is_not_read(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="is a pipe: give a regular file"):
         import_packing(tmp_path / "pipe")
     os.close(holder)
-    monkeypatch.setattr(importers, "_LARGEST", 1000)
+    monkeypatch.setattr(importers, "_MAX_TEXT_BYTES", 1000)
     with pytest.raises(InputError, match="more than 0 MB: cut"):
         import_packing(JAMBASHBULK)
 

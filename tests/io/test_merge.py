@@ -12,8 +12,8 @@ from test_result_file import assert_holds, names
 
 from jampetsc import main as cli
 from jampetsc.errors import JampetscError
-from jampetsc.io.merge import merge
 from jampetsc.io.parts import parts_of
+from jampetsc.io.result_file import merge
 
 
 def test_what_was_merged_copied_or_left_is_told_and_holds_the_same(joint, tmp_path, monkeypatch, capsys):

@@ -17,10 +17,10 @@ from samples import JAMBASHBULK, published, put, stored
 import jampetsc
 from jampetsc import main as cli
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io.merge import merge
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.packing_file import write_packing
+from jampetsc.io.result_file import merge
 
 COMMANDS = {  # words without --out -> the ending of what it writes
     "pack --from p.h5 --pressure 1e-4": ".h5",

@@ -1,6 +1,5 @@
 """Packing files: exact, complete or absent, and every defect named."""
 
-import hashlib
 from itertools import count
 
 import h5py
@@ -9,7 +8,7 @@ import pytest
 from disturbed import WRITES, killed
 
 from jampetsc.errors import InputError
-from jampetsc.io.packing_file import is_known_as, read_identified, read_packing, write_packing
+from jampetsc.io.packing_file import read_identified, read_packing, write_packing
 from jampetsc.io.reader import load
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import Potential
@@ -141,16 +140,11 @@ def test_defects_are_named_in_one_line(path, defect):
 
 
 def test_identity_is_name_and_hash_of_the_arrays(tmp_path, path, disks):
-    """As a packing in memory has it; results of older versions know a packing by the bytes of its file."""
+    """As a packing in memory has it."""
     found, identity = read_identified(path)
     assert identity == ("p.h5", disks.fingerprint) == ("p.h5", found.fingerprint)
     write_packing(tmp_path / "q.h5", disks.with_record(seed=99))
     assert read_identified(tmp_path / "q.h5")[1] == ("q.h5", disks.fingerprint)
-    for known in (disks.fingerprint, hashlib.sha256(path.read_bytes()).hexdigest()):
-        assert is_known_as(path, known) and is_known_as(tmp_path / "q.h5", known) == (known == identity[1])
-    assert not is_known_as(path, None)
-    with pytest.raises(InputError, match="no such file"):
-        is_known_as(tmp_path / "none.h5", identity[1])
 
 
 def test_a_kill_at_any_moment_leaves_one_file_or_the_other_and_the_next_run_tidies_up(path, disks):

@@ -15,7 +15,8 @@ import jampetsc
 from jampetsc import main as cli
 from jampetsc.commands.modes import Modes
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.io import fields, hdf5, regular
+from jampetsc.io import atomic, disk_motion, hdf5
+from jampetsc.io.atomic import open_regular
 from jampetsc.io.hdf5 import (
     attributes,
     open_file,
@@ -28,7 +29,6 @@ from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import collected
-from jampetsc.io.regular import open_regular
 from jampetsc.io.request import LONGEST_LINE, Request
 from jampetsc.io.result_file import ResultWriter
 
@@ -40,7 +40,7 @@ def test_kinds_of_files(tmp_path, monkeypatch):
         jampetsc.load(tmp_path)
     words = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket", stat.S_IFCHR: "device"}
     for mode, word in (words | {stat.S_IFBLK: "device", 0: "special file"}).items():
-        monkeypatch.setattr(regular.os, "stat", lambda _, mode=mode: SimpleNamespace(st_mode=mode | 0o644))
+        monkeypatch.setattr(atomic.os, "stat", lambda _, mode=mode: SimpleNamespace(st_mode=mode | 0o644))
         with pytest.raises(
             InputError, match=f"^x: is a {word}: give {'the file' if word == 'folder' else 'a reg'}"
         ):
@@ -83,7 +83,7 @@ def test_without_permission(tmp_path, monkeypatch):
     def refuse(*_):
         raise PermissionError(errno.EACCES, "Permission denied")
 
-    monkeypatch.setattr(regular, "open", refuse, raising=False)
+    monkeypatch.setattr(atomic, "open", refuse, raising=False)
     with pytest.raises(InputError, match=r"x\.h5: no permission to read it$"), open_file(path):
         pass
     with pytest.raises(
@@ -242,36 +242,36 @@ def of_fields(omega, n=3, value=0.0, **arrays):
 def test_frequencies_shown_are_those_asked_for_or_four_at_most_in_their_order():
     """One that is asked for is found to a hundredth."""
     for omega, rows in (([1.0], [0]), ([3.0, 1.0, 2.0], [1, 2, 0]), ([7.0, 6, 5, 4, 3, 2, 1], [6, 4, 2, 0])):
-        assert fields.chosen_frequencies(of_fields(omega)).tolist() == rows
+        assert disk_motion.chosen_frequencies(of_fields(omega)).tolist() == rows
     with pytest.raises(InputError, match="holds no fields: ask the sweep for fields"):
-        fields.chosen_frequencies(of_fields([]))
+        disk_motion.chosen_frequencies(of_fields([]))
     held = of_fields([10.0, 1.0, 0.1])
-    assert fields.chosen_frequencies(held, [1.009, 0.0991, 10.0, 10.09]).tolist() == [1, 2, 0, 0]
+    assert disk_motion.chosen_frequencies(held, [1.009, 0.0991, 10.0, 10.09]).tolist() == [1, 2, 0, 0]
     for omega in (1.0102, 0.9899, 0.102, 10.2):
         message = rf"no fields at omega = {omega:g}: nearest are 0\.1, 1, 10; or sweep"
         with pytest.raises(InputError, match=message):
-            fields.chosen_frequencies(held, [omega])
+            disk_motion.chosen_frequencies(held, [omega])
 
 
 def test_rows_of_fields_are_disks_of_the_packing():
     disks = SimpleNamespace(n=3)
-    assert fields.particle_rows(of_fields([1.0]), disks).tolist() == [0, 1, 2]
-    assert fields.particle_rows(of_fields([1.0], particles=[2, 0, 1]), disks).tolist() == [2, 0, 1]
+    assert disk_motion.particle_rows(of_fields([1.0]), disks).tolist() == [0, 1, 2]
+    assert disk_motion.particle_rows(of_fields([1.0], particles=[2, 0, 1]), disks).tolist() == [2, 0, 1]
     for n, more in ((3, [0, 1]), (3, [0, 1, 3]), (3, [-1, 0, 1]), (4, None)):
         held = of_fields([1.0], n, **({} if more is None else {"particles": more}))
         with pytest.raises(InputError, match="the 3 disks of the packing"):
-            fields.particle_rows(held, disks)
-    with pytest.raises(InputError, match="its fields are those of no disk, every one is a rattler"):
-        fields.particle_rows(of_fields([1.0], 0, particles=[]), disks)
+            disk_motion.particle_rows(held, disks)
+    with pytest.raises(InputError, match="its fields have no disks, every one is a rattler"):
+        disk_motion.particle_rows(of_fields([1.0], 0, particles=[]), disks)
 
 
 def test_fields_that_no_packing_has():
     held = of_fields([0.5, 2.0], value=0.99e100)
-    assert np.array_equal(fields.field_at(held, 0)[0], held.fields.displacement[0])
-    assert fields.field_at(held, 1)[1] is None
+    assert np.array_equal(disk_motion.field_at(held, 0)[0], held.fields.displacement[0])
+    assert disk_motion.field_at(held, 1)[1] is None
     for value in (1.01e100, np.nan, np.inf):
         with pytest.raises(InputError, match="its field at omega = 2 holds values that are no numbers"):
-            fields.field_at(of_fields([0.5, 2.0], value=value), 1)
+            disk_motion.field_at(of_fields([0.5, 2.0], value=value), 1)
 
 
 # Moduli

@@ -22,12 +22,11 @@ from write_results import LAW, N, arrays, write
 
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io import parts as parts_module
-from jampetsc.io.checksums import seal
-from jampetsc.io.merge import merge
+from jampetsc.io.checksums import append_seal
 from jampetsc.io.parts import part_name, parts_of
 from jampetsc.io.provenance import git_commit, law_of, provenance
 from jampetsc.io.reader import load
-from jampetsc.io.result_file import ArrayInMemory, ResultWriter
+from jampetsc.io.result_file import ArrayInMemory, ResultWriter, merge
 from jampetsc.version import VERSION
 
 
@@ -151,7 +150,7 @@ def edit(path, change):
     with h5py.File(path, "r+") as h5:
         change(h5)
     with open(path, "r+b") as file:
-        seal(file)
+        append_seal(file)
 
 
 def flip(path):

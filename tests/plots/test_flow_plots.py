@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis.profiles import heights, mean_profile
-from jampetsc.analysis.scaling import local_exponents
+from jampetsc.analysis.correlated_series import layer_heights, mean_profile
+from jampetsc.analysis.power_laws import local_exponents
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
+from jampetsc.io.disk_motion import snapshot, velocity_profiles
 from jampetsc.io.results import Attributes
-from jampetsc.io.snapshots import snapshot
 from jampetsc.packing.contacts import measure
 from jampetsc.plots.draw import draw
 from jampetsc.plots.flow_plots import (
@@ -94,6 +94,7 @@ def facts(**more):
     plain |= {"rate": 0.1, "seed": 1, "units": "those of the packing", "stiffness": "constant", "tau1": 0.5}
     names = ("shear_stress", "pressure", "coordination")
     plain |= {f"{name}_{part}": 1.0 for name in names for part in ("mean", "error")}
+    plain |= {f"{name}_samples": np.inf for name in names}
     return SimpleNamespace(path=Path("a.h5"), attributes=Attributes("a.h5", plain | more))
 
 
@@ -285,11 +286,11 @@ def test_order_is_drawn_kind_by_kind_with_its_mean():
 
 def test_profiles_are_means_of_windows_and_of_runs():
     """v_x of the start and of the steady part, of two runs; layers without disks do not count."""
-    strain, y = np.array([0.05, 0.1, 0.2, 1.5, 2.0]), heights(4)
+    strain, y = np.array([0.05, 0.1, 0.2, 1.5, 2.0]), layer_heights(4)
     rows = np.array([0 * y, 0.5 * y, y, y, y])
     rows[0, 2] = np.nan
     files = [seen("bidisperse", n, strain=strain, velocity_profile=rows * (1 + 0.1 * n)) for n in (0, 1)]
-    v, error = mean_profile(files, 0.0, 0.1)
+    v, error = mean_profile(velocity_profiles(files, 0.0, 0.1))
     np.testing.assert_allclose(v, 1.05 * np.array([0.25, 0.25, 0.5, 0.25]) * y)
     np.testing.assert_allclose(error, half_width(1) * np.abs(v) / 1.05 * 0.05)  # of two runs
     (ax,) = figure_of(plot_profiles, files).axes
@@ -300,6 +301,6 @@ def test_profiles_are_means_of_windows_and_of_runs():
     steady = ax.containers[-1].lines[0]
     np.testing.assert_allclose(steady.get_data(), [1.05 * y, y])
     with pytest.raises(InputError, match="holds no velocity profiles"):
-        mean_profile([seen("bidisperse", 1, strain=strain)], 0, 1)
+        mean_profile(velocity_profiles([seen("bidisperse", 1, strain=strain)], 0, 1))
     with pytest.raises(InputError, match="has no row between strain 3 and 4"):
-        mean_profile(files, 3.0, 4.0)
+        mean_profile(velocity_profiles(files, 3.0, 4.0))

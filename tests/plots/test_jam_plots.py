@@ -7,7 +7,7 @@ from drawn import Held, bars, figure_of, lines, told
 from pressures import CUTS, low_end
 from samples import isostatic
 
-from jampetsc.analysis.jamming import (
+from jampetsc.analysis.jammed_samples import (
     binomial_share,
     correlated_share,
     density,

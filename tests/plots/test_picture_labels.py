@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from drawn import drawn_by, figure_of, require_inside
-from test_correlations import correlation_file
+from test_displacement_correlation import correlation_file
 from test_floppy_plots import lowest_of, modes_of, quasistatic_of
 from test_flow_plots import facts, series
 from test_jam_plots import jam_of, shear_of

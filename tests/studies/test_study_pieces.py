@@ -14,7 +14,7 @@ import pytest
 from samples import published, stored
 
 import jampetsc
-from jampetsc.analysis.jamming import independent_share
+from jampetsc.analysis.jammed_samples import independent_share
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
 from jampetsc.io import checksums

@@ -13,7 +13,7 @@ import pytest
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis.order import six_fold_order
+from jampetsc.io.disk_motion import six_fold_order
 from jampetsc.plots import draw
 from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan

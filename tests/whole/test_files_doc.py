@@ -25,8 +25,7 @@ RARE = {  # of runs that are not made here
         "quality",
         "snapshots/psi6_local",
         "snapshots/psi6_global",
-    ),  # the latter of older files
-    "jampetsc-velocity-correlation": ("lane", "bin"),  # of older files
+    ),  # the latter of files in docs/kept
     "jampetsc-collapse": "rate model mass protocol znu znu_error nu_error phi_J_error omega_error".split(),
 }
 RUNS = """\

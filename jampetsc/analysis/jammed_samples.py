@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.analysis.averages import Average, mean_of_runs
+from jampetsc.analysis.correlated_series import Average, mean_of_runs
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 
-FEWEST = 10  # samples for a distribution
-OTHERS = ("phi_J", "segregation")  # columns that samples may also have
-BINS = (5, 30)  # least and largest number of bins; √samples between them
+MIN_SAMPLES = 10  # samples for a distribution
+OPTIONAL_COLUMNS = ("phi_J", "segregation")  # columns that samples may also have
+BIN_COUNT_RANGE = (5, 30)  # least and largest number of bins; √samples between them
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Share:
 
 
 def binomial_share(value: float, count: float) -> Share:
-    """A share with Wilson's interval, of so many independent samples; effective numbers need not be whole."""
+    """A share with Wilson's interval, of `count` independent samples, maybe not a whole number."""
     middle = (value + 0.5 / count) / (1.0 + 1.0 / count)
     half = np.sqrt(value * (1.0 - value) / count + 0.25 / count**2) / (1.0 + 1.0 / count)
     return Share(value, float(min(middle - half, value)), float(max(middle + half, value)), int(count), count)
@@ -50,7 +50,7 @@ def independent_share(jammed) -> Share:
 def correlated_share(runs) -> Share:
     """Share of ones in several series [(T,), …] of runs: see `share_of_runs`."""
     averages = [Average.of(run) for run in runs]
-    parts = zip(*((one.mean, one.error, one.samples) for one in averages), strict=True)
+    parts = zip(*((average.mean, average.error, average.samples) for average in averages), strict=True)
     return replace(share_of_runs(*parts), samples=int(sum(len(run) for run in runs)))
 
 
@@ -62,9 +62,9 @@ def share_of_runs(means, errors, samples) -> Share:
     """
     value, error = mean_of_runs(means, errors, samples)
     count = float(np.sum(samples))  # a series of ones alone is one: it may be one long memory
-    known = math.ceil(count)
-    least = binomial_share(round(value * known) / known, known)
-    low, high = max(0.0, min(value - error, least.low)), min(1.0, max(value + error, least.high))
+    whole_count = math.ceil(count)
+    wilson = binomial_share(round(value * whole_count) / whole_count, whole_count)
+    low, high = max(0.0, min(value - error, wilson.low)), min(1.0, max(value + error, wilson.high))
     return Share(value, low, high, len(means), count)
 
 
@@ -102,10 +102,10 @@ def runs_of(result) -> list:
         a = result.attributes
         rows = np.flatnonzero(result["strain"] > float(a["discard"]) * (1 + 1e-12))
         return [(float(a["phi"]), a.get("seed", a.get("packing_sha256")), rows)]
-    found = {}
+    rows_by_run = {}
     for row, run in enumerate(zip(result["phi"].tolist(), result["seed"].tolist(), strict=True)):
-        found.setdefault(run, []).append(row)
-    return [(*run, np.array(rows)) for run, rows in found.items()]
+        rows_by_run.setdefault(run, []).append(row)
+    return [(*run, np.array(rows)) for run, rows in rows_by_run.items()]
 
 
 @dataclass(frozen=True)
@@ -115,24 +115,24 @@ class AtDensity:
     phi: float
     jammed: Share | None  # None where no minimum was found
     pressure: float  # mean of those that jam; nan where none does
-    means: dict  # name in OTHERS -> (mean, its error)
+    means: dict  # name in OPTIONAL_COLUMNS -> (mean, its error)
 
 
 def at_densities(columns: dict) -> list[AtDensity]:
-    """Results at every φ of samples: columns (S,) phi, seed, jammed and pressure, nan without a minimum, and OTHERS."""
+    """Results at every φ of samples: columns (S,) phi, seed, jammed, pressure, nan without minimum, and others."""
     phi, seed, jammed, pressure = (columns[name] for name in ("phi", "seed", "jammed", "pressure"))
-    found = []
+    rows = []
     for value in np.unique(phi):
         here = (phi == value) & np.isfinite(jammed)
-        runs = [jammed[here & (seed == one)] for one in np.unique(seed[here])]
+        runs = [jammed[here & (seed == run_seed)] for run_seed in np.unique(seed[here])]
         hard = pressure[here & (jammed == 1)]
         means = {}
-        for name in OTHERS:
+        for name in OPTIONAL_COLUMNS:
             values = columns.get(name, np.zeros(len(phi)) * np.nan)[phi == value]
             values = values[np.isfinite(values)]
             if len(values) > 1:
                 means[name] = mean_with_error(values)
-        found.append(
+        rows.append(
             AtDensity(
                 float(value),
                 share_of(runs) if runs else None,
@@ -140,7 +140,7 @@ def at_densities(columns: dict) -> list[AtDensity]:
                 means,
             )
         )
-    return found
+    return rows
 
 
 def memory(runs) -> float:
@@ -159,11 +159,11 @@ def density(values, low=None, memory=1.0):
     """
     values = np.asarray(values, float)
     count = len(values)
-    bins = int(np.clip(np.sqrt(count), *BINS))
+    bins = int(np.clip(np.sqrt(count), *BIN_COUNT_RANGE))
     edges = np.linspace(values.min() if low is None else low, values.max() * (1 + 1e-12), bins + 1)
-    found = np.histogram(values, edges)[0]
+    counts = np.histogram(values, edges)[0]
     unit = count * np.diff(edges)
-    return edges, found / unit, np.sqrt(memory * np.maximum(found, 1)) / unit
+    return edges, counts / unit, np.sqrt(memory * np.maximum(counts, 1)) / unit
 
 
 def assortativity(kind, i, j) -> float:

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from jampetsc.analysis.averages import FEW, SCATTER, Average, mean_of_runs
+from jampetsc.analysis.correlated_series import (
+    MAX_SCATTER_RATIO,
+    MIN_EFFECTIVE_SAMPLES,
+    Average,
+    mean_of_runs,
+)
 from jampetsc.analysis.statistics import half_width
 
 
@@ -32,7 +37,11 @@ def test_the_error_covers_what_it_says(count, tau):
     one, two, enough, of_these = covered(autoregressive((2 * tau - 1) / (2 * tau + 1), count, 400))
     assert 0.63 < one < 0.84 and two > 0.9
     independent = 0.5 * count / tau
-    assert enough > 0.85 and 0.63 < of_these < 0.79 if independent > 1.5 * FEW else enough < 0.08
+    assert (
+        enough > 0.85 and 0.63 < of_these < 0.79
+        if independent > 1.5 * MIN_EFFECTIVE_SAMPLES
+        else enough < 0.08
+    )
 
 
 def test_series_that_tell_little():
@@ -51,7 +60,7 @@ def test_a_series_without_memory_has_the_error_of_independent_values(count):
     """Alternating values have τ = ½, the least."""
     x = (-1.0) ** np.arange(count)
     found = Average.of(x)
-    assert found.time == 0.5 and found.samples == count and found.enough == (count >= FEW)
+    assert found.time == 0.5 and found.samples == count and found.enough == (count >= MIN_EFFECTIVE_SAMPLES)
     assert found.error == pytest.approx(np.std(x, ddof=1) / np.sqrt(count) * half_width(max(1, count / 6)))
 
 
@@ -78,7 +87,7 @@ def test_how_far_tenths_may_be_apart(step, told):
     found = Average.of(x)
     variance = np.var(np.repeat([0.0, step], 5), ddof=1) / 10
     plain = np.sqrt(2 * found.time * np.var(x, ddof=1) / 200) if told else found.error / half_width(200 / 6)
-    assert found.drifts == told == (variance > SCATTER * plain**2)
+    assert found.drifts == told == (variance > MAX_SCATTER_RATIO * plain**2)
     if told:
         assert found.error == pytest.approx(np.sqrt(variance) * half_width(9))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from claims.moduli import upper_border
 
-from jampetsc.analysis.scaling import (
+from jampetsc.analysis.power_laws import (
     collapse,
     collapse_spread,
     critical_exponents,

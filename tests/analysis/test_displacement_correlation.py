@@ -12,10 +12,19 @@ from drawn import bands, bars, figure_of, lines, told
 from samples import stored
 
 from jampetsc import main as cli
-from jampetsc.analysis import correlations
-from jampetsc.analysis.correlation_lengths import LOG_EXPONENT, length_spread, stokes_collapse
-from jampetsc.analysis.correlations import ENOUGH_PACKINGS, correlate, first_root
-from jampetsc.analysis.lane_sums import LaneSums, bin_edges, grid_cells, lane_sums
+from jampetsc.analysis import displacement_correlation
+from jampetsc.analysis.displacement_correlation import (
+    LOG_EXPONENT,
+    MIN_RESAMPLED_PACKINGS,
+    LaneSums,
+    bin_edges,
+    correlate_displacements,
+    first_root,
+    grid_cells,
+    lane_sums,
+    length_spread,
+    stokes_collapse,
+)
 from jampetsc.commands.correlate_sweeps import refuse_mixture
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
@@ -85,7 +94,9 @@ def test_sums_against_a_loop_over_pairs():
 @pytest.mark.parametrize("m", [1, 2, 5])
 def test_a_plane_wave(cell, m):
     points = scattered(20000, cell)
-    found = correlate([lane_sums(points, cell, wave(points, cell, m)[None], 0.5, grid_cells(SIDE, 1.0))])
+    found = correlate_displacements(
+        [lane_sums(points, cell, wave(points, cell, m)[None], 0.5, grid_cells(SIDE, 1.0))]
+    )
     np.testing.assert_allclose(found.values[0], np.cos(2 * np.pi * m * found.separation), atol=0.03)
     assert found.root[0] == pytest.approx(1 / (4 * m), abs=0.004)
     assert found.minimum[0] == pytest.approx(1 / (2 * m), abs=0.05)
@@ -102,7 +113,7 @@ def test_a_random_medium_of_known_correlation(width, factor):
         points = scattered(3000, SQUARE, seed)
         field, known = random_field(points, factor, seed)
         sums.append(lane_sums(points, SQUARE, field[None], width, grid_cells(SIDE, 1.0)))
-    found = correlate(sums)
+    found = correlate_displacements(sums)
     true = known(found.separation * SIDE)
     off = np.abs(found.values[0] - true)[1:] / found.errors[0][1:]
     assert np.median(off) < 1.5 and off.max() < 6
@@ -112,13 +123,13 @@ def test_a_random_medium_of_known_correlation(width, factor):
     assert root == pytest.approx(first_root_of(factor), abs=0.006)
 
 
-@pytest.mark.parametrize("packings", [ENOUGH_PACKINGS - 1, ENOUGH_PACKINGS])
+@pytest.mark.parametrize("packings", [MIN_RESAMPLED_PACKINGS - 1, MIN_RESAMPLED_PACKINGS])
 def test_from_enough_packings_on_whole_ones_are_resampled(packings):
     """Copies of one packing: drawn whole they never differ, drawn as strips they do."""
     points = scattered(2000, SQUARE)
     one = lane_sums(points, SQUARE, random_field(points, solid, 1)[0][None], 1.0, grid_cells(SIDE, 1.0))
-    errors = correlate([one] * packings).errors[:, 1:]
-    if packings < ENOUGH_PACKINGS:
+    errors = correlate_displacements([one] * packings).errors[:, 1:]
+    if packings < MIN_RESAMPLED_PACKINGS:
         assert (errors > 1e-4).all()
     else:
         np.testing.assert_allclose(errors, 0.0, atol=1e-12)
@@ -133,14 +144,14 @@ def test_errors_are_those_of_the_mean_of_packings():
         for c in rng.normal(0.3, 0.1, 200)
     ]
     scatter = np.std([sums.products[0, 0, 0] for sums in packings], ddof=1)
-    assert correlate(packings).errors[0, 1] == pytest.approx(scatter / np.sqrt(200), rel=0.2)
+    assert correlate_displacements(packings).errors[0, 1] == pytest.approx(scatter / np.sqrt(200), rel=0.2)
 
 
 def test_each_packing_weighs_the_same_whatever_its_amplitude():
     points = scattered(2000, SQUARE)
     fields = [wave(points, SQUARE, m)[None] for m in (1, 3)]
-    plain = correlate([lane_sums(points, SQUARE, f, 1.0, 256) for f in fields])
-    loud = correlate(
+    plain = correlate_displacements([lane_sums(points, SQUARE, f, 1.0, 256) for f in fields])
+    loud = correlate_displacements(
         [lane_sums(points, SQUARE, a * f, 1.0, 256) for a, f in zip((1, 1e6), fields, strict=True)]
     )
     np.testing.assert_allclose(plain.values, loud.values, atol=1e-12)
@@ -167,7 +178,7 @@ def test_a_lane_may_be_as_wide_as_the_cell_and_then_is_one_unit_without_an_error
     points, grid = scattered(20, cell), grid_cells(12.0, 1.0)
     sums = lane_sums(points, cell, np.ones((1, 20)), 9.0, grid)
     assert sums.width == 9.0 and sums.disks.tolist() == [20.0]
-    found = correlate([sums])
+    found = correlate_displacements([sums])
     assert np.isnan(found.errors).all() and np.isnan(found.root_error).all()
     for width in (0.0, -1.0, 9.01, np.nan):
         with pytest.raises(InputError, match="must be positive and at most the cell's height, 9"):
@@ -179,7 +190,7 @@ def test_nothing_to_correlate():
         lane_sums(np.empty((0, 2)), SQUARE, np.empty((1, 0)), 1.0, 64)
     alone = lane_sums(np.array([[1.0, 1.0]]), SQUARE, np.ones((1, 1)), 1.0, 64)
     with pytest.raises(InputError, match=r"lanes of width 1 hold no two disks: use wider lanes"):
-        correlate([alone])
+        correlate_displacements([alone])
 
 
 # The command line
@@ -302,10 +313,12 @@ def test_bins_and_grids():
 
 def test_errors_are_known_where_half_of_the_samples_have_a_value():
     values = iter([[n % 2 * 2.0 if n < known else np.nan for known in (100, 99)] for n in range(200)])
-    found = correlations._scatter(lambda rows: np.array(next(values)), 4)
+    found = displacement_correlation._scatter(lambda rows: np.array(next(values)), 4)
     assert found[0] == pytest.approx(np.sqrt(100 / 99)) and np.isnan(found[1])
     # of one value each, v and w: a mean of two drawn is v, w or, half of the time, between: σ = |v − w|/√8
-    one, two, again = (correlations._scatter(lambda rows: rows.mean(keepdims=True), n) for n in (1, 2, 2))
+    one, two, again = (
+        displacement_correlation._scatter(lambda rows: rows.mean(keepdims=True), n) for n in (1, 2, 2)
+    )
     assert np.isnan(one) and two == again == pytest.approx(1 / np.sqrt(8), rel=0.15)
 
 
@@ -315,7 +328,7 @@ def test_a_root_may_lie_on_a_bin_or_between():
     assert first_root(x, np.array([1.0, 0.5, -1.5, 1.0])) == pytest.approx(0.125)
     assert np.isnan(first_root(x, np.array([1.0, 0.5, 0.1, 1e-9])))
     x = np.linspace(0.0, 0.4, 5)  # bins without pairs are none
-    root, least = correlations._places(x, np.array([1.0, np.nan, -0.5, -0.7, np.nan]))
+    root, least = displacement_correlation._root_and_minimum(x, np.array([1.0, np.nan, -0.5, -0.7, np.nan]))
     assert root == pytest.approx(0.2 * 2 / 3) and least == pytest.approx(0.3)
 
 
@@ -347,13 +360,15 @@ def test_units_count_as_often_as_they_are_drawn():
         )
         for p, s, n, d in ((1.0, 2.0, 4.0, 2.0), (6.0, 9.0, 3.0, 6.0))
     ]  # fmt: skip
-    units = correlations._units(strips)
+    units = displacement_correlation._resampled_units(strips)
     for draws, expected in (
         ([2, 0], [1.0, 0.25, 3.0]),
         ([0, 1], [1.0, 2.0 / 1.5, 3.0 / 1.5]),
         ([1, 2], [1.0, 13 / 10 * 14 / 20, 3.0 * 14 / 20]),
     ):
-        np.testing.assert_allclose(correlations._correlation(units, np.array(draws))[0], expected, rtol=1e-15)
+        np.testing.assert_allclose(
+            displacement_correlation._correlation(units, np.array(draws))[0], expected, rtol=1e-15
+        )
 
 
 def sums_of(folder, name, cells, width, fields, phase):
@@ -387,7 +402,7 @@ def test_every_array_of_a_file_of_correlations(tmp_path, capsys, phase):
     assert "packing" not in found.attributes  # what all have in common is kept
     for lane, width in enumerate((2.0, 1.0)):
         sums = [sums_of(tmp_path, f"s{k}", cells, width, order, phase) for k in (0, 1)]
-        exact = correlate(sums)
+        exact = correlate_displacements(sums)
         assert found["lane_width"][lane] == sums[0].width
         np.testing.assert_array_equal(found["delta"][lane], length * exact.separation)
         for name, values, unit in (

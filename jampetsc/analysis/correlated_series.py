@@ -4,7 +4,7 @@ The Γ-method of Wolff (Comput. Phys. Commun. 156, 143 (2004); erratum 176, 383 
 variance C/T, where C = Γ(0) + 2 Σ_1^W Γ(t) is 2τ Γ(0), τ the integrated autocorrelation time. The window W is where
 what is left out, e^(−W/(Sτ)), falls below the noise of the sum; C is freed of the bias of deviations from the series'
 own mean by the factor 1/(1 − (2W + 1)/T). C averages over T/(2W + 1) independent squares, W about 4τ and chosen on the
-same series: MEMORY samples count as one, and Student's factor for so many degrees of freedom widens the error.
+same series: SAMPLES_PER_DEGREE samples make one degree of freedom, and Student's factor for these widens the error.
 
 The number of independent samples is the lower of two estimates that err for different reasons: T/(2τ), and
 T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayley & Hammersley, J. R. Stat. Soc. Suppl. 8,
@@ -14,7 +14,7 @@ it is underestimated.
 Both assume a single correlation time. A slow part beside a fast one, or a drift, shows in the means of the ten tenths
 of the series, if they scatter by more than the error allows.
 
-pyerrors has this estimator, but brings autograd, matplotlib and seconds of start-up for the thirty lines here; those of
+pyerrors has this estimator, but brings autograd, matplotlib and seconds of start-up for the thirty lines here;
 emcee and pymbar correct no bias.
 """
 
@@ -25,11 +25,11 @@ import numpy as np
 
 from jampetsc.analysis.statistics import half_width, mean_with_error
 
-STRETCH = 2.0  # S: correlations are taken to decay over Sτ
-FEW = 20.0  # independent samples below which an error is rough
-MEMORY = 6.0  # independent samples per degree of freedom of the variance: benchmarks/coverage.py
-BLOCKS = 10  # parts of a series whose means are compared
-SCATTER = 2.4  # limit of their variance over what the error allows: one long series in a hundred exceeds it by chance
+DECAY_FACTOR = 2.0  # S: correlations are taken to decay over Sτ
+MIN_EFFECTIVE_SAMPLES = 20.0  # independent samples below which an error is rough
+SAMPLES_PER_DEGREE = 6.0  # independent samples per degree of freedom of the variance: benchmarks/coverage.py
+BLOCK_COUNT = 10  # parts of a series whose means are compared
+MAX_SCATTER_RATIO = 2.4  # of their variance to what the error allows; 1 % of long series exceed it by chance
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Average:
     @property
     def enough(self) -> bool:
         """Whether there are enough samples to trust the error; it is widened for their number in any case."""
-        return self.samples >= FEW
+        return self.samples >= MIN_EFFECTIVE_SAMPLES
 
     @classmethod
     def of(cls, values) -> "Average":
@@ -61,9 +61,11 @@ class Average:
         time, variance = _correlation(gamma, count)
         plain = math.sqrt(2.0 * time * variance / count)
         scatter = 0.0
-        if count >= 2 * BLOCKS:
-            scatter = float(mean_with_error(x[: count - count % BLOCKS].reshape(BLOCKS, -1).mean(1))[1])
-        drifts = (scatter / half_width(BLOCKS - 1)) ** 2 > SCATTER * plain**2
+        if count >= 2 * BLOCK_COUNT:
+            scatter = float(
+                mean_with_error(x[: count - count % BLOCK_COUNT].reshape(BLOCK_COUNT, -1).mean(1))[1]
+            )
+        drifts = (scatter / half_width(BLOCK_COUNT - 1)) ** 2 > MAX_SCATTER_RATIO * plain**2
         samples = max(1.0, min(0.5 * count / time, _independent(gamma / gamma[0], count)))
         error = plain * _widening(samples)
         return cls(float(x.mean()), max(error, scatter) if drifts else error, time, samples, bool(drifts))
@@ -82,7 +84,7 @@ def _correlation(gamma, count):
     times = np.cumsum(gamma / gamma[0])[1:] - 0.5
     t = np.arange(1, len(gamma))
     above = np.maximum(times, 0.5 + 1e-9)
-    decay = STRETCH / np.log((2.0 * above + 1.0) / (2.0 * above - 1.0))
+    decay = DECAY_FACTOR / np.log((2.0 * above + 1.0) / (2.0 * above - 1.0))
     closed = np.exp(-t / decay) < decay / np.sqrt(t * count)
     window = int(t[np.argmax(closed)] if closed.any() else t[-1])
     if times[window - 1] <= 0.5:  # no memory, or one that makes means better, which is not relied on
@@ -98,30 +100,32 @@ def _independent(rho, count):
     lag = max(1, (int(np.argmax(below)) if below.any() else len(rho)) - 1)
     if rho[lag] <= 0.0:
         return float(count)
-    known = min(float(rho[lag]), 1.0 - 1.0 / count)
-    times = (1.0 + known ** (1.0 / lag)) / (1.0 - known ** (1.0 / lag))
-    known = min(known + (times * (1.0 - known) + 2.0 * lag * known) / count, 1.0)
-    return count * (1.0 - known ** (1.0 / lag)) / (1.0 + known ** (1.0 / lag))
+    correlation = min(float(rho[lag]), 1.0 - 1.0 / count)
+    times = (1.0 + correlation ** (1.0 / lag)) / (1.0 - correlation ** (1.0 / lag))
+    correlation = min(correlation + (times * (1.0 - correlation) + 2.0 * lag * correlation) / count, 1.0)
+    return count * (1.0 - correlation ** (1.0 / lag)) / (1.0 + correlation ** (1.0 / lag))
 
 
 def _widening(samples):
-    """Student's factor for a variance that was estimated from so many independent samples."""
-    return half_width(max(1.0, samples / MEMORY))
+    """Student's factor for a variance that was estimated from this number of independent samples."""
+    return half_width(max(1.0, samples / SAMPLES_PER_DEGREE))
 
 
 def mean_of_runs(means, errors, samples) -> tuple[float, float]:
     """(mean, error) over runs (R,); the error is the larger of that from the scatter of their means and that from their
     own errors.
 
-    means, errors, samples   of each run as in `Average`; samples inf where an older file does not have them
+    means, errors, samples   of each run as in `Average`; samples inf: not known, taken for many
 
-    Both are widened by Student's factor: for R − 1 degrees of freedom, and for those of all runs together. nan for one
-    run without an error.
+    Both are widened by Student's factor: for R − 1 degrees of freedom, and for all degrees of freedom of the runs. nan
+    for one run without an error.
     """
     means, errors, samples = (np.asarray(values, float) for values in (means, errors, samples))
-    known = np.isfinite(errors)
-    plain = errors[known] / [_widening(count) for count in samples[known]]
-    own = np.sqrt(np.mean(plain**2) / len(means)) * _widening(samples[known].sum()) if known.any() else np.nan
+    finite = np.isfinite(errors)
+    plain = errors[finite] / [_widening(count) for count in samples[finite]]
+    own = (
+        np.sqrt(np.mean(plain**2) / len(means)) * _widening(samples[finite].sum()) if finite.any() else np.nan
+    )
     mean, scatter = mean_with_error(means)
     return float(mean), float(np.fmax(own, scatter))
 
@@ -129,9 +133,32 @@ def mean_of_runs(means, errors, samples) -> tuple[float, float]:
 def mean_of_facts(runs, name: str) -> tuple[float, float]:
     """`mean_of_runs` of a quantity in the attributes of runs: NAME_mean, NAME_error, NAME_samples."""
     parts = ("mean", "error", "samples")
-    return mean_of_runs(*([float(run.get(f"{name}_{part}", np.inf)) for run in runs] for part in parts))
+    return mean_of_runs(*([float(run[f"{name}_{part}"]) for run in runs] for part in parts))
 
 
 def mean_of_averages(averages) -> tuple[float, float]:
     """`mean_of_runs` of a list of Average."""
-    return mean_of_runs(*zip(*((one.mean, one.error, one.samples) for one in averages), strict=True))
+    return mean_of_runs(
+        *zip(*((average.mean, average.error, average.samples) for average in averages), strict=True)
+    )
+
+
+def layer_heights(layers: int) -> np.ndarray:
+    """y/H − ½ of the middles of layers of equal height between walls at −½ and ½, (layers,); the linear profile."""
+    return (np.arange(layers) + 0.5) / layers - 0.5
+
+
+def mean_profile(profiles):
+    """(mean (B,), its error (B,)) of the velocity profiles v_x/(γ̇H) of runs, (rows, B) each, nan for empty layers.
+
+    Errors are from the scatter of runs, of a single run from its own autocorrelation.
+    """
+    means, errors = [], []
+    for rows in profiles:
+        columns = [column[np.isfinite(column)] for column in rows.T]
+        averages = [Average.of(column) if len(column) else None for column in columns]
+        means.append([average.mean if average else np.nan for average in averages])
+        errors.append([average.error if average else np.nan for average in averages])
+    if len(means) == 1:
+        return np.array(means[0]), np.array(errors[0])
+    return mean_with_error(means)

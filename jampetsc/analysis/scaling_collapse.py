@@ -20,9 +20,9 @@ from jampetsc.errors import InputError, named
 EXPONENTS = ("y", "kappa", "omega")  # κ = zν or ν
 PARAMETERS = ("phi_J", *EXPONENTS)
 BOUNDS = {"y": (-2.0, 5.0), "kappa": (0.2, 20.0), "omega": (0.02, 5.0)}
-FEWEST_SCALES, FEWEST_PHIS = 3, 3
-CUBIC = 3
-LARGEST = 100.0  # |ln f|
+MIN_SCALES, MIN_PHIS = 3, 3
+SPLINE_DEGREE = 3
+MAX_LOG_F = 100.0  # |ln f|
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +73,8 @@ class Points:
                 f"error {self.error[wrong[0]]:g} at phi = {self.phi[wrong[0]]:g}: must be positive: run longer"
             )
         for count, least, name in (
-            (len(np.unique(self.scale)), FEWEST_SCALES, "rates or sizes"),
-            (len(np.unique(self.phi)), FEWEST_PHIS, "packing fractions"),
+            (len(np.unique(self.scale)), MIN_SCALES, "rates or sizes"),
+            (len(np.unique(self.phi)), MIN_PHIS, "packing fractions"),
         ):
             if count < least:
                 raise InputError(f"{count} different {name}: a collapse needs at least {least}")
@@ -84,7 +84,7 @@ class Points:
 class Form:
     """The form that is fitted: the fixed ones of PARAMETERS, and the functions for ln f₀ and ln |f₁|."""
 
-    held: dict  # {name: value} of the parameters that are not free
+    fixed: dict  # {name: value} of the parameters that are not free
     corrections: bool = False
     degree: int = 5  # of the polynomial, or intervals between a spline's knots
     spline: bool = False
@@ -93,12 +93,12 @@ class Form:
     def free(self) -> list[str]:
         """Names of the free parameters."""
         used = PARAMETERS if self.corrections else PARAMETERS[:-1]
-        return [name for name in used if name not in self.held]
+        return [name for name in used if name not in self.fixed]
 
     @property
     def terms(self) -> tuple[int, int]:
         """Numbers of coefficients of ln f₀ and of ln |f₁|; f₁ gets fewer, since data determine it less well."""
-        first = self.degree + (CUBIC if self.spline else 1)
+        first = self.degree + (SPLINE_DEGREE if self.spline else 1)
         return first, (self.degree + 1) // 2 + 1 if self.corrections else 0
 
     @property
@@ -109,8 +109,8 @@ class Form:
     @property
     def plain(self) -> "Form":
         """The same without corrections."""
-        held = {name: value for name, value in self.held.items() if name != "omega"}
-        return Form(held, False, self.degree, self.spline)
+        fixed = {name: value for name, value in self.fixed.items() if name != "omega"}
+        return Form(fixed, False, self.degree, self.spline)
 
 
 def words_of(finite_size: bool) -> dict:
@@ -123,31 +123,33 @@ def form_named(fit, finite_size=False, corrections=False, degree=5, spline=False
 
     Raises InputError for an unknown, missing or repeated name, and where no parameter is free.
     """
-    names, held, seen = {word: name for name, word in words_of(finite_size).items()}, {}, set()
+    names, fixed, seen = {word: name for name, word in words_of(finite_size).items()}, {}, set()
     here = f"{named('fit')} {fit}"
     for word in fit.split(","):
         name, equals, value = word.strip().partition("=")
         if name not in names or name in seen:
-            what = "is there twice" if name in seen else f"is none of {', '.join(names)}"
+            what = "named twice" if name in seen else f"must be one of {', '.join(names)}"
             if name not in names and name in words_of(not finite_size).values():
-                what += f"; {'without' if finite_size else 'with'} {named('finite_size')} it is one"
+                what += f"; {'without' if finite_size else 'with'} {named('finite_size')} it is one of them"
             raise InputError(f"{here}: {name or 'a name that is missing'} {what}")
         seen.add(name)
         if equals:
-            held[names[name]] = _held(f"{here}: {word}", value, names[name])
+            fixed[names[name]] = _fixed_value(f"{here}: {word}", value, names[name])
     if corrections != ("omega" in seen):
-        remedy = "name omega, too" if corrections else f"leave omega out, or give {named('corrections')}"
+        remedy = (
+            "omega missing. Name it" if corrections else f"leave omega out, or give {named('corrections')}"
+        )
         raise InputError(f"{here}: {remedy}")
     missing = [name for name in names if name not in seen and name != "omega"]
     if missing:
-        raise InputError(f"{here}: name {missing[0]}, too, or hold it: {missing[0]}=VALUE")
-    form = Form(held, corrections, degree, spline)
+        raise InputError(f"{here}: {missing[0]} missing. Name it, or fix it by {missing[0]}=VALUE")
+    form = Form(fixed, corrections, degree, spline)
     if not form.free:
         raise InputError(f"{here}: nothing is free: leave a value out")
     return form
 
 
-def _held(here, value, name):
+def _fixed_value(here, value, name):
     """The value at which a parameter is fixed. Raises InputError."""
     low, high = BOUNDS.get(name, (0.0, 2.0))
     try:
@@ -161,7 +163,7 @@ def _held(here, value, name):
 
 @functools.cache
 def _derivatives(degree):
-    """Derivatives of the Chebyshev polynomials up to a degree in those of one less, (degree, degree + 1)."""
+    """Derivatives of the Chebyshev polynomials up to a degree, in polynomials of one less, (degree, degree + 1)."""
     return chebyshev.chebder(np.eye(degree + 1))
 
 
@@ -181,7 +183,7 @@ class Basis:
         """(values, derivatives by x) at x (M,), (M, terms) each."""
         width = max(abs(self.knots[0]), abs(self.knots[-1]), 1e-300)
         u = x / width
-        powers = CUBIC if self.spline else len(self.knots) - 1
+        powers = SPLINE_DEGREE if self.spline else len(self.knots) - 1
         values = chebyshev.chebvander(u, powers)
         slopes = values[:, :powers] @ _derivatives(powers)
         if self.spline:
@@ -222,11 +224,11 @@ class Fit:
         """(f₀, f₁, d ln f₀/dx, d ln f₁/dx, values of the basis)."""
         values, slopes = self.basis(x)
         first, second = self.coefficients
-        leading = np.exp(np.clip(values @ first, -LARGEST, LARGEST))
+        leading = np.exp(np.clip(values @ first, -MAX_LOG_F, MAX_LOG_F))
         if not self.form.corrections:
             return leading, np.zeros_like(x), slopes @ first, np.zeros_like(x), values
         some = len(second)
-        other = self.sign * np.exp(np.clip(values[:, :some] @ second, -LARGEST, LARGEST))
+        other = self.sign * np.exp(np.clip(values[:, :some] @ second, -MAX_LOG_F, MAX_LOG_F))
         return leading, other, slopes @ first, slopes[:, :some] @ second, values
 
     def terms(self, points):

@@ -6,8 +6,8 @@ from samples import stored
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis.velocities import lane_products
-from jampetsc.flows.velocity_correlation import correlate_lanes
+from jampetsc.analysis.velocity_correlation import lane_products
+from jampetsc.io.disk_motion import correlate_lanes
 
 
 def every_pair(positions, cell, v, lane, bins):
@@ -46,6 +46,7 @@ def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
     snapshots = {"positions": rng.random((3, 60, 2)) @ cell, "velocities": rng.normal(size=(3, 60, 2))}
     arrays = {f"snapshots/{name}": values for name, values in snapshots.items()}
     arrays |= {"snapshots/cell": np.tile(cell, (3, 1, 1)), "state/radii": np.full(60, 0.25)}
+    arrays["snapshots/radii"] = arrays["state/radii"]
     facts = {"model": "CD", "rate": 0.5, "mass": 2.0, "units": "those of the packing"}
     result = jampetsc.load(
         stored(tmp_path / "f.h5", "flow", arrays, **facts, phi=0.8, particle_count=60, seed=1)

@@ -14,9 +14,10 @@ from jampetsc.errors import InputError
 
 MU, LAMBDA = 0.5, 1.0  # critical exponents of BT
 CRITICAL_END = 0.1  # ωτ₁ above which the affine branch near ωτ₁ = 1 is felt
-BORDER = 0.75  # slope of G'' half-way between the critical and the viscous one
-SETTLED = 0.03  # most by which extrapolation may change a limit, relative; on the critical branch it is 0.1 and more
-_ENOUGH = 3  # fewest points of a fit from which its error can be estimated
+CROSSOVER_SLOPE = 0.75  # slope of G'' half-way between the critical and the viscous one
+# relative change of a limit by extrapolation; on the critical branch it is 0.1 and more
+EXTRAPOLATION_TOLERANCE = 0.03
+_MIN_POINTS = 3  # fewest points of a fit from which its error can be estimated
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class PowerLaw:
+class PowerLawFit:
     """y = prefactor · x^exponent; standard errors from the scatter about the straight line."""
 
     exponent: float
@@ -51,10 +52,10 @@ def low_frequency_limit(omega, G) -> Limit:
     """
     omega, G = _finite(omega, G)
     t, y = omega**2, np.array([G.real, G.imag / omega])
-    apart = np.flatnonzero(t >= 4.0 * t[0])[:1]  # the next frequency that is at least twice as high, if any
+    higher = np.flatnonzero(t >= 4.0 * t[0])[:1]  # the next frequency that is at least twice as high, if any
     first = y[:, :1]
-    change = (y[:, apart] - first) * t[0] / (t[apart] - t[0])
-    if not len(apart) or not np.all(np.abs(change) <= SETTLED * np.abs(first)):
+    change = (y[:, higher] - first) * t[0] / (t[higher] - t[0])
+    if not len(higher) or not np.all(np.abs(change) <= EXTRAPOLATION_TOLERANCE * np.abs(first)):
         raise InputError(
             f"G' and G''/omega still change at the lowest frequency, {omega[0]:g}: begin the sweep lower"
         )
@@ -113,7 +114,7 @@ def critical_exponents(omega, G, G0):
 
     omega (M,) increasing, G (M,) complex, G0 the limit of G* at ω → 0, each in any unit. Between the two crossovers G'
     still contains G₀, but the difference of the squares does not: it is a power law on either side of ω* if
-    G*² = G₀² + iAω, which data follow within some per cent. Below ω* it is no test of Δ: there the difference is
+    G*² = G₀² + iAω, which data follow within some per cent. Below ω* it does not test Δ: there the difference is
     2iG₀η₀ω, and both are ½ for any Δ (docs/physics.md). Take frequencies above ω* = G₀/η₀; nan or infinite where
     G and G0 agree to their last digits.
     """
@@ -123,7 +124,7 @@ def critical_exponents(omega, G, G0):
         return 0.5 * local_slope(omega, np.abs(difference)), np.angle(difference) / np.pi
 
 
-def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:
+def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLawFit:
     """Straight line through (ln x, ln y) for window[0] ≤ x ≤ window[1], all points weighted alike.
 
     Points of one smooth curve are not independent: the standard errors then measure how far it is from a
@@ -133,9 +134,9 @@ def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:
     inside = (x >= window[0]) & (x <= window[1]) & np.isfinite(y)
     x, y = x[inside], y[inside]
     between = f"between {window[0]:g} and {window[1]:g}"
-    if len(np.unique(x)) < _ENOUGH:
+    if len(np.unique(x)) < _MIN_POINTS:
         raise InputError(
-            f"{len(x)} points {between}: a slope and its error need at least {_ENOUGH}; widen the window"
+            f"{len(x)} points {between}: a slope and its error need at least {_MIN_POINTS}; widen the window"
         )
     if (y <= 0).any():
         raise InputError(
@@ -144,15 +145,15 @@ def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLaw:
     (slope, intercept), covariance = np.polyfit(np.log(x), np.log(y), 1, cov=True)
     prefactor = np.exp(intercept)
     slope_error, intercept_error = np.sqrt(np.diag(covariance))
-    found = (slope, slope_error, prefactor, prefactor * intercept_error)
-    return PowerLaw(*map(float, found), len(x))
+    parameters = (slope, slope_error, prefactor, prefactor * intercept_error)
+    return PowerLawFit(*map(float, parameters), len(x))
 
 
 def _finite(omega, G):
     """Frequencies in increasing order with the moduli that were found, at least two."""
     omega, G = np.asarray(omega, float), np.asarray(G, complex)
-    found = np.isfinite(G)
-    omega, G = omega[found], G[found]
+    finite = np.isfinite(G)
+    omega, G = omega[finite], G[finite]
     if len(omega) < 2:
         raise InputError(f"{len(omega)} frequencies with a modulus: at least two are needed")
     order = np.argsort(omega)

@@ -1,0 +1,355 @@
+"""Formats of results: responses of one packing, flows, shear, jamming, correlations, collapses."""
+
+from jampetsc.io.declaration import Format
+from jampetsc.io.provenance import PROVENANCE
+
+SWEEP = Format(
+    datasets=r"""
+omega | (M,) | float | 1/time | frequencies ω, increasing
+G | (M,) | complex | k | G* = G′ + iG″
+error_bound | (M,) | float | k | bound on \|ΔG*\|; its assumption is in `positive_semidefinite`
+error_bound_storage, error_bound_loss | (M,) | float? | k | bounds on \|ΔG′\| and \|ΔG″\|
+equivalent_omega | (M,) | float? | 1/time | with `--alpha`: frequencies at which the linear law has these moduli
+fields/omega | (F,) | float? | 1/time | with `--fields`: their frequencies
+fields/displacement | (F, n, 2) | complex? | length | non-affine displacements per unit strain
+fields/rotation | (F, n) | complex? | | angles per unit strain; only of laws with rotations
+fields/error_bound | (F,) | float? | | bound on the relative error of a field in the energy norm
+particles | (n,) | int? | | with `--fields`: numbers in the packing of the rows above
+reduced/G0 | scalar | float? | k | of the rational method: G₀, so that
+  G* = G₀ + iωη_∞ + Σ_m g_m iω/(λ_m + iω) at any ω
+reduced/eta_inf | scalar | float? | kτ₁ | η_∞
+reduced/rates | (m,) | float? | 1/time | λ_m
+reduced/weights | (m,) | float? | k | g_m
+""",
+    attributes=r"""
+method | text | | rational or direct
+accuracy | float | | relative error asked for
+positive_semidefinite | text | | whether K has no negative modes, and how that is known
+factorisations, unknowns | int | | work: sparse factorisations (each once, also those that a continued run
+  makes again), size of K
+vectors | int? | | of the rational method: size of the reduced space
+failed_omega | (f,) float? | 1/time | of the direct method: frequencies that were not solved, and are not in `omega`
+""",
+    common=PROVENANCE,
+)
+
+QUASISTATIC = Format(
+    datasets=r"""
+particles | (n,) | int | | numbers in the packing of the rows below
+nonaffine | (n, 2) | float | length | non-affine displacement u_na
+rotation | (n,) | float? | | angles of the disks in the limit ω → 0; only of laws with rotations
+contacts/pairs | (c, 2) | int | | rows i, j of *particles*
+contacts/bonds | (c, 2) | float | length | r_j − r_i, the nearest image
+contacts/normal, contacts/transverse | (c,) | float | length | Δu∥, Δu⊥
+contacts/sliding | (c,) | float? | length | Δu⊥ᶜ, of laws with rotations
+histogram/*/edges | (B + 1,) | float | length | of \|Δu∥\|, \|Δu⊥\| and \|u_na\| (normal, transverse, nonaffine): edges
+  of 101 logarithmic bins
+histogram/*/counts | (B,) | int | | numbers in them
+beta_scan/beta | (b,) | float? | | with `--betas`: β
+beta_scan/eta0, beta_scan/eta_inf | (b,) | float? | kτ₁ | η₀ and η_∞ there
+beta_scan/no_prestress_eta0 | (b,) | float? | kτ₁ | η₀ of K without pre-stress
+no_prestress/nonaffine | (n, 2) | float? | length | as the same datasets above, of K without pre-stress
+no_prestress/rotation | (n,) | float? | | likewise
+no_prestress/contacts/* | (c,) | float? | length | likewise
+no_prestress/histogram/*/edges | (B + 1,) | float? | length | likewise
+no_prestress/histogram/*/counts | (B,) | int? | | likewise
+""",
+    attributes=r"""
+G0, G_affine, bulk_modulus | float | k | moduli
+eta0, eta_inf | float | kτ₁ | viscosities η₀ and η_∞
+eta0_* | float? | kτ₁ | the part of each term of the dissipation in η₀
+omega_star | float | 1/time | G₀/η₀
+normal_*, transverse_*, nonaffine_* | float | length | median, mean and rms of \|Δu∥\|, \|Δu⊥\|, \|u_na\|
+identity_difference, field_error | float | | relative difference of the energies by contacts and by K; relative error
+  of the field
+no_prestress_* | float? | | these numbers of K without pre-stress
+""",
+    common=PROVENANCE,
+)
+
+MODES = Format(
+    datasets=r"""
+eigenvalues | (M,) | float | k | λ of K, increasing, translations left out; frequencies are √(λ/mass)
+modes | (M, n, 2) | float | | displacements, Σ\|φ_i\|² = 1
+particles | (n,) | int | | numbers in the packing of the disks in `modes`
+residuals | (M,) | float | k | \|Kφ − λφ\|
+normal, transverse | (M,) | float | | mean over contacts of (Δu∥)², (Δu⊥)²
+floppiness | (M,) | float | | rms Δu⊥/rms Δu∥
+participation_ratio | (M,) | float | | (Σ\|φ_i\|²)²/(n Σ\|φ_i\|⁴), 1 if all disks move alike
+shear_force | (M,) | float | | force of an affine shear on the mode, per unit strain
+share/nonaffine, share/normal, share/transverse, share/modulus | (M,) | float? | | of \|u_na\|², of (Δu∥)² and (Δu⊥)²
+  without their affine parts (projections), of G_affine − G₀; missing, like all below, where the response is affine or
+  not unique
+cumulative/nonaffine, cumulative/normal, cumulative/transverse, cumulative/modulus | (M,) | float? | | their sums up to
+  each mode
+lowest/count | (q,) | int? | | 10, 50 and 200, if they do not exceed M
+lowest/normal_median, lowest/transverse_median, lowest/nonaffine_median | (q,) | float? | length | medians of \|Δu∥\|,
+  \|Δu⊥\|, \|u_na\| per unit strain of the response of only that many lowest modes, without affine part
+""",
+    attributes=r"""
+inertia_count, inertia_shift | int, float? | | number of eigenvalues below the shift (in k), counted by inertia: none
+  was missed
+complete, contacts, method | bool, int, text | | whether the file has all modes; number of contacts; solver
+restarts | int? | | of the solver
+normal_median, transverse_median, nonaffine_median | float? | length | medians of \|Δu∥\|, \|Δu⊥\|, \|u_na\| of the
+  whole response, affine part included, per unit strain
+""",
+    common=PROVENANCE,
+)
+
+SPECTRUM = Format(
+    datasets=r"""
+relaxation/times | (m,) | float | time | nodes of a quadrature of the relaxation spectrum: 1/λ_m, increasing
+relaxation/rates | (m,) | float | 1/time | λ_m
+relaxation/weights | (m,) | float | k | g_m
+H/between | (m − 1,) | float | k | mean of H(τ) over ln τ between neighbouring times
+H/tau | (t,) | float | time | times of the next
+H/smoothed | (t,) | float | k | H averaged over a window of `window_decades`
+stress/time | (g,) | float | time | times of the next
+stress/G | (g,) | float | k | stress relaxation G(t) without η_∞ δ(t)
+creep/time | (j,) | float | time | times of the next
+creep/J | (j,) | float | 1/k | creep compliance J(t); ends early where it diverges
+retardation/rates | (r,) | float | 1/time | μ_k: J(t) = J_∞ + t·fluidity + Σ_k J_k (1 − exp(−μ_k t))
+retardation/compliances | (r,) | float | 1/k | J_k
+""",
+    attributes=r"""
+G0, G_inf | float | k | limits of G′ at both ends
+eta0, eta_inf | float | kτ₁ | limits of G″/ω at both ends
+J_inf, fluidity, growth_rate | float | | of creep: instantaneous compliance, 1/k; final strain rate per stress; rate of
+  divergence if G₀ < 0
+window_decades, resolution_decades | float | | window of H; widest gap between times that matter
+slowest_omega, fastest_omega | float | 1/time | range of frequencies of the sweep it was computed from
+""",
+    common=PROVENANCE,
+)
+
+CORRELATION = Format(
+    datasets=r"""
+omega | (F,) | float | 1/time | frequencies
+G | (F,) | complex | k | G* there, the mean over the packings
+lane_width | (W,) | float | length | of lanes along x
+delta | (W, D + 1) | float | length | mean δ of the pairs in a bin; the first is 0
+C, C_error | (W, F, 2, D + 1) | float | | C(δ) = ⟨u_y(x) u_y(x + δ)⟩/⟨u_y²⟩ and its standard error; nan in empty bins
+length, length_error | (W, F, 2) | float | length | first root of C; nan without one
+minimum, minimum_error | (W, F, 2) | float | length | δ of the smallest C
+""",
+    attributes=r"""
+packings | int | | number of packings averaged
+pairs | (W,) int | | number of pairs of disks for each lane width
+phase | text | | what Re u_y is in phase with, `stress` or `strain`; `strain` where it is missing
+L, mean_diameter | float > 0 | length | side of the cell along x, mean diameter
+""",
+    common=PROVENANCE,
+)
+
+OSCILLATE = Format(
+    datasets=r"""
+omega | (M,) | float | 1/time | ω, increasing
+amplitude | (A,) | float | | of what is imposed: stress in units of k, or strain
+G | (A, M) | complex | k | G* = first harmonic of the stress over that of the strain
+error | (A, M) | float | k | estimate of \|ΔG*\|: the difference from the result with half of the steps, plus the
+  errors of the solver, of ending after finitely many cycles or half cycles and, for time steps with fixed contacts,
+  of the regularisation
+harmonics | (A, M, 2) | complex | | third and fifth harmonic over the first, of the strain where stress is imposed and
+  the other way round
+work | (A, M) | float | k | ∮σdγ of a cycle, per area
+energy_balance | (A, M) | float | | energy dissipated in a cycle and, with moving contacts, stored, over the work,
+  minus 1
+regularisation_effect | (A, M) | float? | k | fixed contacts: estimate of \|ΔG*\| when `regularisation` is halved
+cycle_change | (A, M) | float? | k | moving contacts: \|ΔG*\| between the last two cycles
+drift | (A, M) | float? | | moving contacts: change of the strain in the last cycle under an imposed stress
+newton_steps | (A, M) | int | | work
+linear_iterations | (A, M) | int? | | work where `solver` is `cycle`
+factorisations | (A, M) | int? | | work where `solver` is `steps`
+steps_taken | (A, M) | int? | | moving contacts: time steps of all cycles; of a step that was halved, its parts
+cycles, half_cycles | (A, M) | int? | | number in both runs, with half of the steps and with all: cycles with moving
+  contacts; half cycles with fixed ones where `solver` is `steps`
+""",
+    attributes=r"""
+control, contacts, steps | text, text, int | | stress or strain; fixed or moving; steps of a cycle
+solver | text | | `cycle`: a whole cycle at once; `steps`: time steps, for moving contacts and, if α < 0.45, for fixed
+  ones
+regularisation | float | | force below which a contact counts as linear, over the force at the rms velocity; 0 for
+  linear damping
+""",
+    common=PROVENANCE,
+)
+
+_DISKS = """
+units, potential, stiffness | text | | of the disks
+sizes | text? | | of the disks, where the run has made them
+"""
+
+FLOW = Format(
+    datasets=r"""
+strain | (T,) | float | | γ at the end of a row
+time | (T,) | float | time | t there
+shear_stress, pressure | (T, 3) | float | `units` | elastic, viscous and kinetic parts of σ and p
+energy, dissipation | (T,) | float | | U, plus for disks with a mass the kinetic energy of `velocities` and spins;
+  dissipated power
+coordination, clusters, largest_cluster, deepest_overlap | (T,) | float | | Z = 2 contacts/N with rattlers, number of
+  clusters of touching disks, disks in the largest, largest overlap over σ_ij
+wall_shear_stress, wall_pressure | (T,) | float? | `units` | with `--walls`: force per length of the disks on the
+  walls at the end of a row, mean of both, along and across them
+velocity_profile | (T, 20) | float? | γ̇H | with `--walls`: mean v_x of the disks in 20 layers of equal height H/20 at
+  the end of a row, from −½ at the lower wall to ½ at the upper one; nan without disks
+snapshots/strain | (S,) | float? | | with `--snapshots` or `--snapshot-every`: their strain
+snapshots/cell | (S, 2, 2) | float? | length | their cell
+snapshots/radii | (N,) | float? | length | radii of the disks
+snapshots/positions | (S, N, 2) | float? | length | centres; with `--walls` the disks of the walls come first
+snapshots/velocities | (S, N, 2) | float? | length/time | velocities without the affine flow, at these positions
+  (backward Euler)
+snapshots/images | (S, N, 2) | int? | | k₁, k₂: x + k₁ a₁ + k₂ a₂ with the `cell` of the snapshot is the position that
+  was never folded back into the cell, `flow.snapshot(i).unwrapped`; between snapshots it changes by Δγ y and the
+  non-affine displacement. Older files have none
+snapshots/spins | (S, N) | float? | 1/time | laws with rotations: angular velocities; that of uniform shear is −γ̇/2
+snapshots/psi6_local, snapshots/psi6_global | (S,) | float? | | six-fold order ⟨\|ψ₆\|⟩ and \|⟨ψ₆⟩\| of results
+  kept without positions
+state/base, state/offset, state/offsets, state/velocities, state/accelerations | (N, 2) | float | | `state`: with which
+  `jampetsc flow FILE --strain MORE` continues; not for analysis
+state/radii, state/spins, state/spin_rates | (N,) | float | | likewise
+state/cell_base, state/cell_offset | (2, 2) | float | | likewise
+state/images | (N, 2) | int | | likewise
+state/order | (N,) | int | | likewise, a permutation
+state/seen | (10,) | float | | likewise
+state/skin | scalar | float | | likewise
+state/sorted_at | scalar | float | | likewise
+state/steps, state/since, state/rebuilds | scalar | int | | likewise
+state/substeps | scalar | int | | likewise
+state/started | scalar | bool | | likewise
+""",
+    attributes=r"""
+rate, phi, model | float > 0, float > 0, text | | γ̇, φ, the model
+mass, quality, friction | float? | | mass of a disk; Q and δ if they were given
+shear_stress_mean, shear_stress_error, pressure_mean, pressure_error | float | `units` | means over strain > `discard`,
+  errors from their autocorrelation
+coordination_mean, coordination_error | float | | likewise
+largest_cluster_mean | float | | disks in the largest cluster of touching disks, mean over strain > `discard`
+shear_stress_samples, pressure_samples, coordination_samples | float | | effective sample size; below
+  20 the error is rough
+energy_balance, correlation_strain, discard | float | | σγ̇V/⟨D⟩, nan where disks follow the
+  affine flow; correlation strain of σ; strain left out of the means
+walls | int? | | with `--walls`: number of disks of a wall; φ is then that of the other disks in the area between the
+  walls
+wall_shear_stress_mean, wall_shear_stress_error, wall_pressure_mean, wall_pressure_error | float? | `units` | with
+  `--walls`: means over strain > `discard`, as those above
+wall_shear_stress_samples, wall_pressure_samples | float? | | likewise
+method, step, tolerance, settings | text, float, float, text | | integrator, time step, tolerance of CD0's solve, all
+  settings as JSON
+substeps | int | | number of parts of divided time steps, which are halved until no disk moves by more than a quarter
+  of the largest diameter: CD0 from a random start of many disks
+"""
+    + _DISKS,
+    common=PROVENANCE,
+)
+
+SHEAR = Format(
+    datasets=r"""
+strain | (T,) | float | | γ
+energy | (T,) | float | `units` | U of all disks
+shear_stress, pressure | (T,) | float | `units` | σ_xy, p
+jammed | (T,) | float | | 1 where U/N exceeds `energy_cut` k, else 0
+coordination | (T,) | float | | Z = 2 contacts/N, rattlers included
+nonaffine | (T,) | float | mean diameter | rms non-affine displacement of the step: large where disks rearrange
+dissipated | (T,) | float | `units` | V ½(σ + σ′) Δγ − ΔU: work of the step that is not stored as energy
+plastic | (T,) | float | | 1 where `dissipated` exceeds `plastic_share` G_A V Δγ², more than the error of the
+  trapezoidal rule: disks rearranged; G_A is the modulus of affine motion
+proved | (T,) | float? | | 1 where the Hessian was factorised and has no negative mode: wherever contacts are alike, and
+  in every 50th row
+evaluations | (T,) | float | | force evaluations that the step took
+state/base, state/offset | (N, 2) | float | length | the last minimum, coordinates in two parts
+state/cell_base, state/cell_offset | (2, 2) | float | length | its cell in two parts
+state/radii | (N,) | float | length | radii of the disks
+""",
+    attributes=r"""
+step, phi, tolerance, discard, settings | float, float, float, float, text | | Δγ, φ, max\|F\|/(p d) of a minimum,
+  strain left out of means, all settings as JSON
+energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16; ¼; factorisations of all steps
+saddles | int? | | saddles that were left
+shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, coordination_mean, \
+coordination_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float
+  | | means over strain > `discard`, jammed or not; errors from the autocorrelation
+shear_stress_samples, pressure_samples, energy_samples, coordination_samples, jammed_samples, plastic_samples, \
+dissipated_samples | float | | effective sample size of each series; 1 for a constant one, whose
+  error, 0 here, is not known
+""".replace("\\\n", "")
+    + _DISKS,
+    common=PROVENANCE,
+)
+
+JAM = Format(
+    datasets=r"""
+phi, seed | (S,) | float | | φ; seed of the random start, which is another one at each φ
+energy, pressure | (S,) | float | `units` | U/N and p at the minimum, nan where none was found
+jammed | (S,) | float | | 1 where U/N exceeds `energy_cut` k, else 0
+coordination | (S,) | float | | Z = 2 contacts/N, rattlers included
+strain | (S,) | float? | | protocol shear: γ; samples of one seed are of one run
+phi_J | (S,) | float? | | protocol compress: φ where this sample's energy vanishes, to 1e-5
+segregation | (S,) | float? | | protocol compress: assortativity of sizes among neighbours (gap below 0.2 mean
+  diameters), 0 mixed, 1 separated; nan for one size
+""",
+    attributes=r"""
+protocol | text | | random, shear or compress
+step, strain, discard, every | float? | | of shear: Δγ, γ of each run, γ before the first sample and between samples;
+  of compress: Δγ, and γ by which a sample is sheared before its φ_J is determined
+separated | bool? | | true if large disks started on one side of the cell, else missing
+temperature, cooling_rate, sweeps | float, float, int? | | of compress: T in units of energy over `k`, decrease of ln T
+  per sweep of N moves, sweeps at T
+energy_cut, tolerance | float | | 1e-16; max\|F\|/(p d) of a minimum
+"""
+    + _DISKS,
+    common=PROVENANCE,
+)
+
+VELOCITY_CORRELATION = Format(
+    datasets=r"""
+x | (D,) | float | length | middle of each bin of \|x\|
+g_y, g_y_error | (D,) | float | | ⟨v_y v_y⟩/⟨v_y²⟩ of pairs with \|y\| < `lane_width`/2, one standard error over
+  snapshots; nan without pairs
+pairs | (D,) | float | | number of pairs, all snapshots
+""",
+    attributes=r"""
+lane_width, bin_width | float > 0 | length | width of a lane in y, width of a bin in x
+mean_diameter | float > 0 | length | mean diameter of the disks
+snapshots | int | | number of snapshots of all files
+mean_square | float | | ⟨u_y²⟩/γ̇²
+minimum, minimum_at | float | | least g_y, and the x of the parabola through it and its neighbours
+minimum_error, minimum_at_error | float | | their standard errors, from blocks of snapshots; nan for fewer than 20
+model, rate, units | text, float, text | | as in the flow files
+mass | float? | | as in the flow files
+""",
+    common=PROVENANCE,
+)
+
+COLLAPSE = Format(
+    datasets=r"""
+phi | (M,) | float | | φ
+rate | (M,) | float? | 1/time | γ̇, of fits to rates
+size | (M,) | float? | | L = √N, of fits to sizes
+N | (M,) | float | | number of disks
+value, error, runs | (M,) | float | | the observable, its error (half of a 68 % interval), number of runs or samples
+  averaged
+x, leading, correction | (M,) | float | | x, and the two parts of the fit, b^(y/zν) f₀ and b^(y/zν + ω) f₁
+curve/x, curve/f0, curve/f1 | (200,) | float | | the scaling functions
+drift/cut, drift/chi2_per_dof | (K,) | float | | largest rate or smallest N of fits to fewer and fewer points; their
+  χ²/dof
+drift/parameters, drift/errors | (K, P) | float | | their parameters and errors (nan: not determined by the data)
+""",
+    attributes=r"""
+observable, scaling, fitted | text | | the observable; `rate` or `size`; names of the free parameters in the order of
+  the columns
+functions, corrections | text, bool | | polynomial or spline and its degree; whether there is f₁
+phi_J, y, znu, nu, omega | float, float, float > 0, float > 0, float? | | parameters, fitted or fixed; for rates zν
+  and ω, which is ω/z, for sizes ν
+phi_J_error, y_error, znu_error, nu_error, omega_error | float? | | standard errors of the fitted ones, nan where the
+  data do not determine them
+*_low, *_high | float? | | ends of the 2σ interval of each fitted one (`y_low`, …), infinite where the data give none
+*_shift | float? | | part of its error: the change by fits of higher degrees
+notes | text? | | warnings about these numbers, separated by `; `
+chi2, dof, probability | float, int > 0, float | | χ², degrees of freedom, probability of a χ² at least as large
+common_share | float? | | share of the squared errors that is fitted as common to a rate or size
+potential, stiffness, units, sizes, model, protocol | text? | | of the files
+mass | float? | | of the files
+""",
+    common=PROVENANCE,
+)
