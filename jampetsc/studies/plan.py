@@ -17,12 +17,12 @@ import math
 import tomllib
 from dataclasses import dataclass
 
-from jampetsc.commands import job_class
+from jampetsc.commands import job_class, study_inputs
 from jampetsc.errors import InputError
 from jampetsc.io.regular import open_regular
 from jampetsc.options.parameters import did_you_mean
-from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
-from jampetsc.studies.options import STAND_IN, Choice, choices_of, label_of, number_of, values_of
+from jampetsc.options.task_inputs import ALL_SEEDS, NO_FILE, ONE_PACKING, ONE_RESULT, PACKING_OR_N
+from jampetsc.studies.table_keys import STAND_IN, TaskSettings, choices_of, label_of, number_of, values_of
 
 SEED, LADDER = "seed", "ladder"
 WHERE = "where"  # key of a table that selects its inputs by their settings
@@ -31,12 +31,12 @@ HASH = 8  # hexadecimal digits in the name of a file
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class StudyTask:
     """One run of a command. Its name depends on its own settings and inputs only, not on the rest of the study."""
 
     name: str
     command: str
-    choice: Choice
+    choice: TaskSettings
     columns: dict  # column -> value: its settings and those of its packing
     inputs: tuple = ()  # tasks whose files it reads
 
@@ -69,7 +69,7 @@ def read(path) -> bytes:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def plan(path, content: bytes | dict) -> list[Task]:
+def plan(path, content: bytes | dict) -> list[StudyTask]:
     """The tasks of a study, each after those whose files it reads.
 
     path      name of STUDY.toml in messages
@@ -78,15 +78,17 @@ def plan(path, content: bytes | dict) -> list[Task]:
     Raises InputError naming file, table and key; too many tasks are refused before their list is made.
     """
     tables = _tables(path, content)
-    tasks = {}  # name -> Task; a task that is asked for twice is done once
-    found = {command: [] for command in KINDS}
-    for command, kind in KINDS.items():
+    tasks = {}  # name -> StudyTask; a task that is asked for twice is done once
+    found = {command: [] for command in study_inputs()}
+    for command, task_inputs in study_inputs().items():
         for where, table in tables.get(command, []):
-            begins = kind.on is not NOTHING and not (kind.on is START and "n" in table)
+            begins = task_inputs.reads is not NO_FILE and not (
+                task_inputs.reads is PACKING_OR_N and "n" in table
+            )
             wanted = table.get(WHERE, {}) if begins else {}
             keys = {key: value for key, value in table.items() if key != WHERE or not begins}
             lists = values_of(job_class(command), keys, where)
-            starts = _chosen(_starts(kind, found, where), wanted, where) if begins else [()]
+            starts = _chosen(_starts(task_inputs, found, where), wanted, where) if begins else [()]
             count = len(starts) * math.prod(len(values) for _, values in lists)
             if len(tasks) + count > MANY:
                 before = f" with the {len(tasks)} before them" if tasks else ""
@@ -115,8 +117,8 @@ def _tables(path, content):
         raise InputError(f"{path}: brackets within brackets, too deep for any table: remove them") from None
     found = {}
     for command, value in content.items():
-        if command not in KINDS:
-            known = did_you_mean(command, KINDS) or f"; there are {', '.join(KINDS)}"
+        if command not in study_inputs():
+            known = did_you_mean(command, study_inputs()) or f"; there are {', '.join(study_inputs())}"
             raise InputError(f"{path}: {command}: no table of a study has this name{known}")
         tables = value if isinstance(value, list) else [value]
         if not tables or not all(isinstance(table, dict) for table in tables):
@@ -129,19 +131,24 @@ def _tables(path, content):
     return found
 
 
-def _starts(kind, found, where):
-    """The inputs of the tasks of a kind, [(task, …)]. Raises InputError where there are none."""
-    if kind.on in (PACKING, START):
+def _starts(task_inputs, found, where):
+    """The inputs of the tasks of a command, [(task, …)]. Raises InputError where there are none."""
+    if task_inputs.reads in (ONE_PACKING, PACKING_OR_N):
         if not found["pack"]:
             raise InputError(
-                f"{where}: needs packings: add a table [pack]{' or n' if kind.on is START else ''}"
+                f"{where}: needs packings: add a table [pack]{' or n' if task_inputs.reads is PACKING_OR_N else ''}"
             )
         return [(packing,) for packing in found["pack"]]
-    files = [task for command in kind.of for task in found[command] if kind.suits(task.choice.job)]
+    files = [
+        task
+        for command in task_inputs.commands
+        for task in found[command]
+        if task_inputs.is_suitable(task.choice.job)
+    ]
     if not files:
-        tables = " or ".join(f"[{command}]" for command in kind.of)
-        raise InputError(f"{where}: needs {kind.needs}: add a table {tables}")
-    if kind.on is SWEEP:
+        tables = " or ".join(f"[{command}]" for command in task_inputs.commands)
+        raise InputError(f"{where}: needs {task_inputs.needs}: add a table {tables}")
+    if task_inputs.reads is ONE_RESULT:
         return [(task,) for task in files]
     groups = {}
     for task in files:
@@ -171,14 +178,14 @@ def _shared(inputs):
 def _task(command, choice, inputs):
     shared = _shared(inputs)
     of = [task.name for task in inputs]
-    if KINDS[command].on is SEEDS:  # with more seeds it is the same task, done again
+    if study_inputs()[command].reads is ALL_SEEDS:  # with more seeds it is the same task, done again
         shared.pop(SEED, None)
         of = [_identity(task) for task in inputs[:1]]
     columns = {**shared, **choice.given}
     digest = hashlib.sha256(json.dumps([command, choice.changed, of], sort_keys=True).encode()).hexdigest()[
         :HASH
     ]
-    return Task(
+    return StudyTask(
         "-".join(filter(None, (command, label_of(columns), digest))), command, choice, columns, inputs
     )
 

@@ -18,7 +18,7 @@ from jampetsc.plots.flowcurves import plot_flow
 from jampetsc.plots.moduli import plot_collapse, plot_loss, plot_moduli
 from jampetsc.plots.style import STORAGE
 from jampetsc.plots.units import units_of
-from jampetsc.speed_accuracy.table import Row
+from jampetsc.studies.trade_table import TradeRow
 
 OMEGA = np.array([1e-2, 1e-1, 1.0])
 
@@ -150,7 +150,7 @@ def test_a_guide_is_the_middle_of_the_longest_stretch():
 
 
 def run(choice, error, seconds, group="accuracy"):
-    return Row(group, choice, seconds, 9.0, error_storage=error, error_loss=0.5 * error)
+    return TradeRow(group, choice, seconds, 9.0, error_storage=error, error_loss=0.5 * error)
 
 
 def test_negative_moduli_are_counted_where_they_would_be_drawn():

@@ -10,8 +10,8 @@ from test_figures import shown
 
 from jampetsc.options.parameters import parameters
 from jampetsc.options.values import FREQUENCIES
-from jampetsc.studies.options import number_of
 from jampetsc.studies.plan import plan
+from jampetsc.studies.table_keys import number_of
 
 MODES = ("--quick", "--paper")
 # figures [mode] commands option [with these others] = the values that their tasks have of it, or >= some of them

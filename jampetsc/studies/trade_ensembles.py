@@ -2,22 +2,22 @@
 
 import numpy as np
 
+from jampetsc.analysis.critical_branch import moduli
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.commands.pack import Pack
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_packing
 from jampetsc.minimise.sizes import SIZES
-from jampetsc.speed_accuracy import processes
-from jampetsc.speed_accuracy.choices import PHYSICS_ACCURACY, Bench
-from jampetsc.speed_accuracy.compare import parts
-from jampetsc.speed_accuracy.table import Row
+from jampetsc.studies import trade_process
+from jampetsc.studies.trade_settings import PHYSICS_ACCURACY, TradeRuns
+from jampetsc.studies.trade_table import TradeRow
 
 SHARES = (1, 4, 16)  # so many packings of N over so many disks
 FIRST_SEED = 1001  # other packings than the one of the reference
 _SMALLEST = 16  # disks
 
 
-def plan(bench: Bench) -> tuple[list[Pack], list[str]]:
+def plan(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
     """(jobs that make the packings, lines on what is left out and why), once there is a reference."""
     disks, attributes = read_packing(bench.job.packing), bench.reference.result.attributes
     record, packs, left_out = disks.record, [], []
@@ -44,10 +44,10 @@ def plan(bench: Bench) -> tuple[list[Pack], list[str]]:
     return packs, left_out
 
 
-def measure(bench: Bench, pack: Pack) -> Row:
+def measure(bench: TradeRuns, pack: Pack) -> TradeRow:
     """The row of the packings that a job makes, each at the pressure of the reference."""
     share, name = len(pack.seeds), f"{len(pack.seeds)} x N = {pack.n}"
-    made = processes.run(pack.line(bench.folder / f"packing-{pack.n}-{{seed}}.h5")[1:], bench.job.ranks)
+    made = trade_process.run(pack.line(bench.folder / f"packing-{pack.n}-{{seed}}.h5")[1:], bench.job.ranks)
     paths = [bench.folder / f"packing-{pack.n}-{seed}.h5" for seed in pack.seeds]
     runs = [bench.run(bench.asked(packing=p, accuracy=PHYSICS_ACCURACY)) for p in paths if p.exists()]
     results = [result for _, result in runs if result is not None]
@@ -60,7 +60,7 @@ def measure(bench: Bench, pack: Pack) -> Row:
         notes.append(f"only {len(results)} of {share}: {why}")
     if negative := sum(bool((result.G.real <= 0).any()) for result in results):
         notes.append(f"G' < 0 in {negative} of them")
-    row = Row(
+    row = TradeRow(
         "ensemble",
         name,
         seconds=made.seconds + sum(float(result.attributes["wall_seconds"]) for result in results),
@@ -82,7 +82,7 @@ def _statistics(reference, curves) -> dict:
     # at ω → 0 the mean of G' can vanish: small packings with pre-stress need not be stable to shear
     seen = curves if reference.inside is None else curves[:, reference.inside]
     slopes = [slope for G in curves if (slope := reference.exponents(G))]
-    for name, part in parts(seen).items():
+    for name, part in moduli(seen).items():
         middle, error = mean_with_error(part)
         found[f"stderr_{name}"] = float(np.max(error / np.abs(middle)))
         if len(slopes) > 1:

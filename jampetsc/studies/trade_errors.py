@@ -3,29 +3,23 @@
 import numpy as np
 
 from jampetsc.analysis.bounds import relative_bound
-from jampetsc.analysis.scaling import CRITICAL_END, fit_power_law
+from jampetsc.analysis.critical_branch import MIN_FREQUENCIES, critical_slopes, is_critical, moduli
 
-CRITICAL_START = 10.0  # ωτ₁ over p/k: well above the lower crossover, which is near 2 to 4 (BT eq. 16)
-FEWEST = 5  # frequencies in the critical window for a slope
-_FINE = 40  # frequencies per decade at which errors of interpolation are computed
+FREQUENCIES_PER_DECADE = 40  # frequencies per decade at which errors of interpolation are computed
 
 
-def critical(result):
-    """Which frequencies (M,) of a sweep lie between both crossovers: 10 p/k < ωτ₁ < 0.1."""
-    attributes = result.attributes
-    x = result.omega * float(attributes.get("tau1", 1.0))
-    return (x >= CRITICAL_START * attributes["pressure"] / attributes["k"]) & (x <= CRITICAL_END)
-
-
-class Reference:
+class ReferenceCurve:
     """The exact curve, to its own bound. result: a rational sweep (`io.reader.SweepResult`)."""
 
     def __init__(self, result):
         self.result = result
         self.omega, self.G = result.omega, result.G
         self.certified = certified(result)
-        inside = critical(result)
-        self.inside = inside if np.count_nonzero(inside) >= FEWEST else None  # None: too few
+        attributes = result.attributes
+        inside = is_critical(
+            result.omega, float(attributes.get("tau1", 1.0)), attributes["pressure"], attributes["k"]
+        )
+        self.inside = inside if np.count_nonzero(inside) >= MIN_FREQUENCIES else None  # None: too few
 
     @property
     def window(self):
@@ -33,54 +27,36 @@ class Reference:
         return None if self.inside is None else (self.omega[self.inside][0], self.omega[self.inside][-1])
 
     def deviation(self, G) -> dict:
-        """Largest relative errors of G (M,) at `omega`, anywhere and in the critical window, and slopes: of a Row."""
+        """Largest relative errors of G (M,) at `omega`, anywhere and in the critical window, and slopes."""
         found = _largest("error", self.G, G)
         if self.inside is not None:
             found |= _largest("window", self.G[self.inside], G[self.inside])
         return found | self.exponents(G)
 
     def exponents(self, G) -> dict:
-        """Slopes of G (M,) at `omega` over the critical window with standard errors, as fields of a Row.
+        """Slopes of G (M,) at `omega` over the critical window with standard errors, as fields of a TradeRow.
 
         None without a window, or where G' or G'' ≤ 0.
         """
-        found = {} if self.inside is None else slopes(self.omega[self.inside], G[self.inside])
+        found = {} if self.inside is None else critical_slopes(self.omega[self.inside], G[self.inside])
         return found if len(found) == 4 else {}
 
     def violation(self, result):
         """Frequency where an error of `result` exceeds its bound plus the reference's; None if nowhere."""
-        for name, change in parts(result.G - self.G).items():
+        for name, change in moduli(result.G - self.G).items():
             beyond = np.abs(change) > sum(r[f"error_bound_{name}"] for r in (result, self.result))
             if beyond.any():
                 return float(self.omega[beyond][0])
         return None
 
     def interpolation_errors(self, omega, G) -> dict:
-        """Largest relative errors of G' and G'' between frequencies, by straight lines in log-log: fields of a Row.
+        """Largest relative errors of G' and G'' between frequencies, by straight lines in log-log.
 
         omega (m,), G (m,): what another run has. nan where values that are not positive forbid logarithms.
         """
         decades = np.log10(self.omega[-1] / self.omega[0])
-        fine = np.geomspace(self.omega[0], self.omega[-1], max(2, int(_FINE * decades)))
+        fine = np.geomspace(self.omega[0], self.omega[-1], max(2, int(FREQUENCIES_PER_DECADE * decades)))
         return _largest("error", self.result.modulus(fine), log_interpolate(fine, omega, G))
-
-
-def parts(G) -> dict:
-    """G' and G'' of G* (M,), as columns and datasets call them."""
-    return {"storage": G.real, "loss": G.imag}
-
-
-def slopes(omega, G) -> dict:
-    """Slopes d ln G/d ln ω of G' and G'' with standard errors, columns of a table; nothing of one that is not positive.
-
-    omega (m,), G (m,): those of the critical window
-    """
-    found = {}
-    for name, part in parts(G).items():
-        if (part > 0).all():
-            fit = fit_power_law(omega, part)
-            found |= {f"exponent_{name}": fit.exponent, f"exponent_{name}_error": fit.exponent_error}
-    return found
 
 
 def log_interpolate(x, omega, G):
@@ -96,14 +72,14 @@ def log_interpolate(x, omega, G):
 
 def certified(result) -> float:
     """The larger of a sweep's relative bounds on G' and on G''."""
-    bounds = (relative_bound(result[f"error_bound_{name}"], part) for name, part in parts(result.G).items())
+    bounds = (relative_bound(result[f"error_bound_{name}"], part) for name, part in moduli(result.G).items())
     return float(max(bound.max() for bound in bounds))
 
 
 def _largest(what, exact, G) -> dict:
-    """Largest relative errors of G' and G'', fields of a Row that begin with `what`."""
-    errors = {name: np.abs(part - parts(exact)[name]) for name, part in parts(G).items()}
+    """Largest relative errors of G' and G'', fields of a TradeRow that begin with `what`."""
+    errors = {name: np.abs(part - moduli(exact)[name]) for name, part in moduli(G).items()}
     return {
         f"{what}_{name}": float(relative_bound(errors[name], part).max())
-        for name, part in parts(exact).items()
+        for name, part in moduli(exact).items()
     }

@@ -15,7 +15,7 @@ STAND_IN = "x.h5"  # stands for real files while values are checked
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class TaskSettings:
     """One value for every key of a table."""
 
     given: dict  # parameter -> value, those that the table gives
@@ -30,10 +30,10 @@ class Choice:
         files = tuple(inputs) if place.place == FILES else inputs[0]
         return dataclasses.replace(self.job, **{place.name: files})
 
-    def without(self, switch) -> "Choice":
+    def without(self, switch) -> "TaskSettings":
         """The same with a switch as it is by default."""
         given, changed = ({n: v for n, v in one.items() if n != switch} for one in (self.given, self.changed))
-        return Choice(
+        return TaskSettings(
             given, changed, dataclasses.replace(self.job, **{switch: not getattr(self.job, switch)})
         )
 
@@ -65,7 +65,7 @@ def values_of(job, table: dict, where: str) -> list:
     return lists
 
 
-def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
+def choices_of(job, lists: list, where: str, begins: bool) -> list[TaskSettings]:
     """Every combination of the values that `values_of` returned, the last key varying fastest.
 
     job   the class of jobs; begins: whether it is given files of other tasks
@@ -91,7 +91,7 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
                 )
         changed = {one.name: given[one.name] for one, _ in chosen if given[one.name] != one.default}
         options = {name: number_of(value) for name, value in given.items()}
-        found.append(Choice(options, changed, asked))
+        found.append(TaskSettings(options, changed, asked))
     return found
 
 

@@ -1,24 +1,25 @@
 """A run of a study: the ranks take the tasks that are left, one by one, and the table is written at the end."""
 
+import itertools
+import statistics
 import time
 from functools import partial
 from pathlib import Path
 
 from jampetsc import interrupts
 from jampetsc.collective import on_root, own_cores
+from jampetsc.commands import study_inputs
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import refuse_links, write_error, write_whole
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.outputs import is_same
 from jampetsc.progress import Progress
-from jampetsc.studies.costs import Costs, in_words
 from jampetsc.studies.journal import NAME as JOURNAL
 from jampetsc.studies.journal import NAP, Claims, keep_record, records_of, tidy
-from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import NAME as LOCK
 from jampetsc.studies.lock import Lock
-from jampetsc.studies.table import rows_of, table_text
-from jampetsc.studies.tasks import Runner
+from jampetsc.studies.study_table import rows_of, table_text
+from jampetsc.studies.task_runner import TaskRunner
 
 COPY = "study.toml"
 MANY = 10  # most files that a note names
@@ -27,7 +28,7 @@ REFRESH = 60.0  # seconds after which the table is written again while the study
 BYTES = 30_000  # per disk, of a sweep on one rank
 
 
-def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
+def run_study(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     """Do the tasks of a study that are left and write its table; returns the rows. Collective.
 
     path, source   STUDY.toml, and its content when the tasks were read, which is kept beside the table
@@ -40,7 +41,7 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     claims = on_root(comm, lambda: _open(folder, path, lock))
     try:
         records = on_root(comm, lambda: records_of(folder))
-        runner = Runner(folder, records, own_cores(comm))
+        runner = TaskRunner(folder, records, own_cores(comm))
         left, changed = on_root(comm, lambda: runner.left(tasks))
         void = {name: records.get(name) for name in left}
         left = [task for task in tasks if task.name in void]
@@ -49,7 +50,7 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
             now = records_of(folder).items()
             _write_table(folder, tasks, {name: one for name, one in now if one != void.get(name)}, runner)
 
-        work = _Work(session, runner, claims, left, refresh)
+        work = StudyRanks(session, runner, claims, left, refresh)
         with work.progress:
             if changed:
                 work.progress.note(changed_note(changed))
@@ -123,7 +124,7 @@ def _open(folder, path, lock) -> Claims:
 def _phases(tasks, session):
     """[(whether all ranks share each task, tasks)]: small ones apart, large ones together, then their readers."""
     most = 0 if session.size == 1 else _most_disks(session)
-    shared = [task for task in tasks if most and task.inputs and not KINDS[task.command].alone]
+    shared = [task for task in tasks if most and task.inputs and not study_inputs()[task.command].one_rank]
     large = {task.name for task in shared if task.columns.get("n", 0) > most}
     late = {task.name for task in tasks if any(one.name in large for one in task.inputs)}
     large -= late
@@ -138,13 +139,13 @@ def _most_disks(session):
     return session.comm.allreduce(min(LARGE, session.memory() // 2 // BYTES), op=session.MPI.MIN)
 
 
-class _Work:
+class StudyRanks:
     """The tasks of a study that are left, done by this rank and the others."""
 
     def __init__(self, session, runner, claims, tasks, refresh):
         self.session, self.runner, self.claims = session, runner, claims
         self.names = {task.name for task in tasks}  # of what is left
-        self.costs = Costs(runner.records.values())
+        self.durations = TaskDurations(runner.records.values())
         self.made = []  # records of this rank
         self.progress = Progress(len(tasks), "study", rank=0)
         self.estimated, self.rest = -1.0, ""  # when the time left was estimated, and how much it is, in words
@@ -190,16 +191,15 @@ class _Work:
         if record is not self.runner.records.get(task.name):
             keep_record(self.runner.folder, record)
             self.made.append(record)
-            if record["state"] == "done":
-                self.costs.learn(record["row"], record["seconds"])
+            self.durations.add(record)
         self.claims.settle(task.name, record["state"] == "done")
         self._report(task, record, left, ranks)
 
     def _report(self, task, record, left, ranks):
         finished, failed = self.claims.tally()
         if time.monotonic() > self.estimated + 1.0:
-            self.estimated, rest = time.monotonic(), self.costs.total(left)
-            self.rest = "" if rest is None or not left else f"{in_words(rest / ranks)} left"
+            self.estimated, rest = time.monotonic(), self.durations.remaining(left)
+            self.rest = "" if rest is None else f"{duration_text(rest / ranks)} left"
         parts = [
             f"{task.file} {record['seconds']:.2g} s"
             if record["state"] == "done"
@@ -209,3 +209,36 @@ class _Work:
         ]
         self.progress.count = finished - 1
         self.progress.step("; ".join(filter(None, parts)))
+
+
+class TaskDurations:
+    """Seconds of finished tasks, from which the time of tasks that are left is extrapolated."""
+
+    def __init__(self, records=()):
+        self._seconds = {}  # command -> seconds of its finished tasks
+        for record in records:
+            self.add(record)
+
+    def add(self, record: dict) -> None:
+        """Add the record of a task; a failed one does not count."""
+        if record["state"] == "done":
+            self._seconds.setdefault(record["row"]["command"], []).append(record["seconds"])
+
+    def remaining(self, tasks) -> float | None:
+        """Seconds of these tasks one after another; None if no task is done.
+
+        Each counts as the mean of the finished tasks of its command, or of all commands if its own has none.
+        """
+        if not self._seconds:
+            return None
+        overall = statistics.fmean(itertools.chain(*self._seconds.values()))
+        means = {command: statistics.fmean(seconds) for command, seconds in self._seconds.items()}
+        return sum(means.get(task.command, overall) for task in tasks)
+
+
+def duration_text(seconds: float) -> str:
+    """42 s, 3.2 min, 5.1 h."""
+    for limit, unit, name in ((90, 1, "s"), (5400, 60, "min")):
+        if seconds < limit:
+            return f"{seconds / unit:.2g} {name}"
+    return f"{seconds / 3600:.2g} h"

@@ -17,12 +17,12 @@ from jampetsc.io.outputs import is_finished
 from jampetsc.io.parts import parts_of
 from jampetsc.io.request import Request
 from jampetsc.petsc import session
-from jampetsc.studies.numbers import numbers_of
+from jampetsc.studies.result_numbers import numbers_of
 
 ASIDE = ".replaced"  # appended to the name of a file that somebody put in the place of the study's own
 
 
-class Runner:
+class TaskRunner:
     """Runs tasks in a folder and returns their records.
 
     records   {task: record} of earlier runs

@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from jampetsc.analysis.critical_branch import MIN_FREQUENCIES, critical_slopes, is_critical
 from jampetsc.analysis.jamming import OTHERS, effective_samples, runs_of, share_of
 from jampetsc.analysis.scaling import low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.packing.disks import Disks
-from jampetsc.speed_accuracy.compare import FEWEST, critical, slopes
 
 WORDS = ("law", "model", "method", "packing", "phase", "notes")  # text attributes that are columns
 # numbers that are no columns
@@ -49,9 +49,12 @@ def _sweep(result):
         found |= {"G0": limit.modulus, "eta0": limit.viscosity, "omega_star": limit.crossover}
     except InputError:
         pass
-    inside = critical(result)
-    if np.count_nonzero(inside) >= FEWEST:
-        known = slopes(result.omega[inside], result.G[inside])
+    attributes = result.attributes
+    inside = is_critical(
+        result.omega, float(attributes.get("tau1", 1.0)), attributes["pressure"], attributes["k"]
+    )
+    if np.count_nonzero(inside) >= MIN_FREQUENCIES:
+        known = critical_slopes(result.omega[inside], result.G[inside])
         found |= {name: value for name, value in known.items() if not name.endswith("_error")}
     return found
 

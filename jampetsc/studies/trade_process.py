@@ -18,7 +18,7 @@ _LAUNCHERS = ("mpirun", "mpiexec")
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ProcessOutcome:
     """How a run ended."""
 
     status: int  # exit status
@@ -41,7 +41,7 @@ def launcher(ranks: int | None) -> list[str]:
     return [found, *freely, "-n", str(ranks)]
 
 
-def run(words, ranks: int | None = None) -> Outcome:
+def run(words, ranks: int | None = None) -> ProcessOutcome:
     """Run `jampetsc words` to its end, on `ranks` ranks under mpirun or without it."""
     command = [*launcher(ranks), sys.executable, "-m", "jampetsc", *map(str, words)]
     with tempfile.TemporaryFile() as errors:
@@ -61,7 +61,7 @@ def run(words, ranks: int | None = None) -> Outcome:
         errors.seek(0)
         text = errors.read().decode(errors="replace")
     error = _reason(text, process.returncode) if process.returncode else ""
-    return Outcome(
+    return ProcessOutcome(
         process.returncode, seconds, usage.ru_maxrss / 1024.0, error, usage.ru_utime + usage.ru_stime
     )
 

@@ -17,7 +17,7 @@ def _number(meaning, title="", form=".1e"):
 
 
 @dataclass(frozen=True)
-class Row:
+class TradeRow:
     """One measured choice. The comments of the file explain its fields."""
 
     group: str = _word("what is varied")  # reference | accuracy | method | physics | frequencies | ensemble
@@ -55,10 +55,10 @@ def write(path, rows, facts) -> None:
 
     facts   lines about packing, law, machine and reference
     """
-    told = [f"{one.name}: {one.metadata['meaning']}" for one in fields(Row) if one.metadata]
+    told = [f"{one.name}: {one.metadata['meaning']}" for one in fields(TradeRow) if one.metadata]
     above = "".join(f"# {line}\n" for line in [*facts, *told])
     cells = ({name: _cell(value) for name, value in vars(row).items()} for row in rows)
-    text = above + comma_separated([one.name for one in fields(Row)], cells)
+    text = above + comma_separated([one.name for one in fields(TradeRow)], cells)
     write_whole(path, text.encode(errors="backslashreplace"))  # names of files that are no text
 
 
@@ -66,7 +66,7 @@ def as_text(rows) -> str:
     """Rows, the reference first, as lines of text; errors below the bound of the reference are not resolved."""
     shown = [
         one
-        for one in fields(Row)
+        for one in fields(TradeRow)
         if one.metadata.get("title") and any(not math.isnan(getattr(row, one.name)) for row in rows)
     ]
     lines = [["", "choice", *(one.metadata["title"] for one in shown), "note"]]
