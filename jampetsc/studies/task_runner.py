@@ -26,11 +26,13 @@ class TaskRunner:
     """Runs tasks in a folder and returns their records.
 
     records   {task: record} of earlier runs
-    cores     number of threads for a task while other ranks have tasks of their own
+    cores     number of threads for a task while other ranks have tasks of their own; None: as the task chooses
+    execute   function (job, out, argv, overwrite) that makes the file `out`; see `execute_here`
     """
 
-    def __init__(self, folder, records: dict, cores: int = 1):
+    def __init__(self, folder, records: dict, cores: int | None = 1, execute=None):
         self.folder, self.records, self.cores = folder, records, cores
+        self.execute = execute or execute_here
 
     def left(self, tasks):
         """(names of the tasks that are left, names of files that are missing or not what was made).
@@ -75,7 +77,7 @@ class TaskRunner:
         try:
             if not there and task.inputs:
                 raise InputError(f"{task.inputs[0].file} failed")
-            comm = session.current().comm
+            comm = session.communicator()
             if on_root(
                 comm, lambda: _current(known, there, lambda name: identity_of(self.folder / name, True))
             ):
@@ -101,14 +103,13 @@ class TaskRunner:
         out = self.folder / task.file
         refuse_links(out, folder_of(out), out.with_suffix(".parts"))
         job = task.choice.job_of([str(self.folder / one.file) for one in there])
-        if on_root(session.current().comm, lambda: self._is_there(task, job)):
+        if on_root(session.communicator(), lambda: self._is_there(task, job)):
             return
         words = task.line([one.file for one in there], task.file)
         if getattr(job, "threads", 0) is None:
             job = dataclasses.replace(job, threads=self.cores)
         overwrite = task.name in self.records  # a file that the study itself has made
-        with progress.reporting(False):
-            job.perform(Outlet(out, out), argv=words, overwrite=overwrite)
+        self.execute(job, out, words, overwrite)
 
     def _is_there(self, task, job) -> bool:
         """Whether the file is the result of this job; False for packings, which `pack` checks itself.
@@ -130,6 +131,12 @@ class TaskRunner:
         if found:
             discard_unused(path)  # the checkpoint of a run that was killed just after it made the file
         return found
+
+
+def execute_here(job, out, argv, overwrite) -> None:
+    """Run a job in this process, without progress lines; its file records the command line `argv`."""
+    with progress.reporting(False):
+        job.perform(Outlet(out, out), argv=argv, overwrite=overwrite)
 
 
 def row_of(task, found) -> dict:

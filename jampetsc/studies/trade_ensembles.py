@@ -1,5 +1,7 @@
 """One big packing against many small ones: the mean of G* at a given pressure, at equal numbers of disks."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from jampetsc.analysis.critical_branch import moduli
@@ -8,7 +10,6 @@ from jampetsc.commands.pack import Pack
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_packing
 from jampetsc.minimise.sizes import SIZES
-from jampetsc.studies import trade_process
 from jampetsc.studies.trade_settings import PHYSICS_ACCURACY, TradeRuns
 from jampetsc.studies.trade_table import TradeRow
 
@@ -47,14 +48,18 @@ def plan(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
 def measure(bench: TradeRuns, pack: Pack) -> TradeRow:
     """The row of the packings that a job makes, each at the pressure of the reference."""
     share, name = len(pack.seeds), f"{len(pack.seeds)} x N = {pack.n}"
-    made = trade_process.run(pack.line(bench.folder / f"packing-{pack.n}-{{seed}}.h5")[1:], bench.job.ranks)
-    paths = [bench.folder / f"packing-{pack.n}-{seed}.h5" for seed in pack.seeds]
-    runs = [bench.run(bench.asked(packing=p, accuracy=PHYSICS_ACCURACY)) for p in paths if p.exists()]
+    names = {seed: f"packing-{pack.n}-{seed}" for seed in pack.seeds}
+    packings = {
+        seed: bench.run(replace(pack, seeds=None, seed=seed), name=name) for seed, name in names.items()
+    }
+    paths = [bench.folder / f"{names[seed]}.h5" for seed, (_, disks) in packings.items() if disks is not None]
+    runs = [bench.run(bench.asked(packing=path, accuracy=PHYSICS_ACCURACY)) for path in paths]
+    packing_seconds = sum(outcome.seconds for outcome, _ in packings.values())
     results = [result for _, result in runs if result is not None]
-    outcomes = [made, *(outcome for outcome, _ in runs)]
+    outcomes = [outcome for outcome, _ in [*packings.values(), *runs]]
     if not results:
         return bench.failed("ensemble", name, outcomes[-1])
-    notes = [f"packing took {made.seconds:.1f} s"]
+    notes = [f"packing took {packing_seconds:.1f} s"]
     if len(results) < share:
         why = next(outcome.error for outcome in outcomes if outcome.error)
         notes.append(f"only {len(results)} of {share}: {why}")
@@ -63,7 +68,7 @@ def measure(bench: TradeRuns, pack: Pack) -> TradeRow:
     row = TradeRow(
         "ensemble",
         name,
-        seconds=made.seconds + sum(float(result.attributes["wall_seconds"]) for result in results),
+        seconds=packing_seconds + sum(float(result.attributes["wall_seconds"]) for result in results),
         process_seconds=sum(outcome.seconds for outcome in outcomes),
         memory_mb=max(outcome.memory for outcome in outcomes),
         factorisations=sum(int(result.attributes["factorisations"]) for result in results),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,11 @@ from jampetsc.io.reader import load
 from jampetsc.laws.damping import FAMILIES, Physics, damping_law
 from jampetsc.shipped_files import located
 from jampetsc.studies import trade_process
+from jampetsc.studies.plan import StudyTask
+from jampetsc.studies.table_keys import TaskSettings
+from jampetsc.studies.task_runner import TaskRunner
 from jampetsc.studies.trade_errors import ReferenceCurve, certified, log_interpolate
+from jampetsc.studies.trade_process import ProcessOutcome
 from jampetsc.studies.trade_table import TradeRow
 
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
@@ -46,18 +51,35 @@ class TradeRuns:
         usual = {name: getattr(self.job, name) for name in ("packing", "law", "prestress", "omega")}
         return Sweep(**usual | changes)
 
-    def run(self, sweep: Sweep, petsc=()):
-        """(ProcessOutcome, result or None) of one sweep. A run that cannot be read counts as failed."""
-        key = (*sweep.line(), *petsc)
+    def run(self, job, petsc=(), name=None):
+        """(ProcessOutcome, result or None) of one job, a task as of a study but in processes of its own.
+
+        petsc   PETSc's own options
+        name    of its file in the folder, without ending
+
+        A job that was run before is not run again. A result that cannot be read counts as failed.
+        """
+        key = (*job.line(), *petsc)
         if key not in self._runs:
-            out, result = self.folder / f"run{len(self._runs)}.h5", None
-            outcome = trade_process.run([*sweep.line(out)[1:], *petsc], self.job.ranks)
-            try:
-                result = None if outcome.status else load(out)
-            except JampetscError as error:
-                outcome = replace(outcome, status=1, error=str(error))
+            name = name or f"run{len(self._runs)}"
+            task = StudyTask(name, job.NAME, TaskSettings({}, {}, job), {})
+            outcomes = []
+            execute = partial(self._execute, petsc, outcomes)
+            record = TaskRunner(self.folder, {}, cores=None, execute=execute).run(task, [])
+            outcome = outcomes[0] if outcomes else ProcessOutcome(1, 0.0, 0.0, "")
+            if record["state"] == "done":
+                result = load(self.folder / task.file)
+            else:
+                outcome, result = replace(outcome, status=outcome.status or 1, error=record["why"]), None
             self._runs[key] = outcome, result
         return self._runs[key]
+
+    def _execute(self, petsc, outcomes, job, out, argv, overwrite):
+        """Make the file `out` in processes of its own and keep how they ended; JampetscError if they failed."""
+        outcome = trade_process.run([*job.line(out)[1:], *petsc], self.job.ranks)
+        outcomes.append(outcome)
+        if outcome.status:
+            raise JampetscError(outcome.error)
 
     def find_reference(self) -> list[TradeRow]:
         """Find the tightest rational sweep that is certified; its row first, then the failed `ACCURACIES`.
