@@ -12,17 +12,17 @@ from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, Kind, asked
 from jampetsc.petsc.solver_options import SOLVERS
 
-MANY = 10  # failures that the summary lists
-FAILED = 3  # exit status where some tasks failed
+MAX_LISTED_FAILURES = 10  # failures that the summary lists
+FAILURE_STATUS = 3  # exit status where some tasks failed
 
 
-def _description(given):
+def _description(study):
     """Tables by name as they are, or the path of a TOML file."""
-    if isinstance(given, Mapping):
-        return dict(given)
-    if not isinstance(given, str | Path):
+    if isinstance(study, Mapping):
+        return dict(study)
+    if not isinstance(study, str | Path):
         raise ValueError("must be the name of a TOML file or a dictionary of tables")
-    return str(given)
+    return str(study)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
         from jampetsc.studies.plan import plan
 
         if self.dry_run:
-            return _outlook(plan(self._named, self._content()), to.path)
+            return _task_list(plan(self._named, self._content()), to.path)
 
         from jampetsc.collective import on_root
         from jampetsc.io.ensemble import TABLE
@@ -110,21 +110,21 @@ A task that fails is a row with its reason and is tried again by the next run; t
         tasks = plan(self._named, content)
         rows = study_run.run_study(tasks, to.path, self._named, content, running)
         failures = [row for row in rows if row["state"] != "done"]
-        to.status = FAILED if failures else 0
+        to.status = FAILURE_STATUS if failures else 0
         return _summary(to.path / TABLE, rows, failures, study_run.duration_text(time.perf_counter() - began))
 
 
 def _summary(table, rows, failures, elapsed) -> str:
     """The summary of a study."""
     lines = [f"{table}: {len(rows)} tasks, {len(failures)} failed, {elapsed}"]
-    for row in failures[:MANY]:
+    for row in failures[:MAX_LISTED_FAILURES]:
         lines.append(f"  {row['file']}: {row['state']}")
-    if len(failures) > MANY:
-        lines.append(f"  … and {len(failures) - MANY} more, see the table")
+    if len(failures) > MAX_LISTED_FAILURES:
+        lines.append(f"  … and {len(failures) - MAX_LISTED_FAILURES} more, see the table")
     return "\n".join(lines + counted(rows))
 
 
-def _outlook(tasks, folder) -> str:
+def _task_list(tasks, folder) -> str:
     """The tasks, each as a command line with whether it is done, and the number of those left."""
     from jampetsc.studies.journal import records_of
     from jampetsc.studies.study_run import changed_note

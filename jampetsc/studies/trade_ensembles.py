@@ -13,9 +13,9 @@ from jampetsc.minimise.sizes import SIZES
 from jampetsc.studies.trade_settings import PHYSICS_ACCURACY, TradeRuns
 from jampetsc.studies.trade_table import TradeRow
 
-SHARES = (1, 4, 16)  # so many packings of N over so many disks
+SHARES = (1, 4, 16)  # numbers of packings, each of N divided by that number
 FIRST_SEED = 1001  # other packings than the one of the reference
-_SMALLEST = 16  # disks
+MIN_DISKS = 16  # disks
 
 
 def plan(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
@@ -26,8 +26,8 @@ def plan(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
         reason = f"the radii of {bench.job.packing} cannot be drawn anew by `jampetsc pack`"
         return [], [f"ensemble: left out, {reason}"]
     for share in SHARES:
-        if disks.n // share < _SMALLEST:
-            left_out.append(f"{share} packings: left out, fewer than {_SMALLEST} disks each")
+        if disks.n // share < MIN_DISKS:
+            left_out.append(f"{share} packings: left out, fewer than {MIN_DISKS} disks each")
             continue
         try:
             pack = Pack(
@@ -53,7 +53,7 @@ def measure(bench: TradeRuns, pack: Pack) -> TradeRow:
         seed: bench.run(replace(pack, seeds=None, seed=seed), name=name) for seed, name in names.items()
     }
     paths = [bench.folder / f"{names[seed]}.h5" for seed, (_, disks) in packings.items() if disks is not None]
-    runs = [bench.run(bench.asked(packing=path, accuracy=PHYSICS_ACCURACY)) for path in paths]
+    runs = [bench.run(bench.sweep_with(packing=path, accuracy=PHYSICS_ACCURACY)) for path in paths]
     packing_seconds = sum(outcome.seconds for outcome, _ in packings.values())
     results = [result for _, result in runs if result is not None]
     outcomes = [outcome for outcome, _ in [*packings.values(), *runs]]
@@ -81,16 +81,16 @@ def measure(bench: TradeRuns, pack: Pack) -> TradeRow:
 
 def _statistics(reference, curves) -> dict:
     """Deviation of the mean of curves (n, M) from the reference, and its standard error."""
-    found = reference.deviation(curves.mean(axis=0))
+    statistics = reference.deviation(curves.mean(axis=0))
     if len(curves) < 2:
-        return found
+        return statistics
     # at ω → 0 the mean of G' can vanish: small packings with pre-stress need not be stable to shear
     seen = curves if reference.inside is None else curves[:, reference.inside]
     slopes = [slope for G in curves if (slope := reference.exponents(G))]
     for name, part in moduli(seen).items():
         middle, error = mean_with_error(part)
-        found[f"stderr_{name}"] = float(np.max(error / np.abs(middle)))
+        statistics[f"stderr_{name}"] = float(np.max(error / np.abs(middle)))
         if len(slopes) > 1:
             scatter = mean_with_error([slope[f"exponent_{name}"] for slope in slopes])[1]
-            found[f"exponent_{name}_error"] = float(scatter)
-    return found
+            statistics[f"exponent_{name}_error"] = float(scatter)
+    return statistics

@@ -28,18 +28,18 @@ class ReferenceCurve:
 
     def deviation(self, G) -> dict:
         """Largest relative errors of G (M,) at `omega`, anywhere and in the critical window, and slopes."""
-        found = _largest("error", self.G, G)
+        errors = _largest("error", self.G, G)
         if self.inside is not None:
-            found |= _largest("window", self.G[self.inside], G[self.inside])
-        return found | self.exponents(G)
+            errors |= _largest("window", self.G[self.inside], G[self.inside])
+        return errors | self.exponents(G)
 
     def exponents(self, G) -> dict:
         """Slopes of G (M,) at `omega` over the critical window with standard errors, as fields of a TradeRow.
 
         None without a window, or where G' or G'' ≤ 0.
         """
-        found = {} if self.inside is None else critical_slopes(self.omega[self.inside], G[self.inside])
-        return found if len(found) == 4 else {}
+        errors = {} if self.inside is None else critical_slopes(self.omega[self.inside], G[self.inside])
+        return errors if len(errors) == 4 else {}
 
     def violation(self, result):
         """Frequency where an error of `result` exceeds its bound plus the reference's; None if nowhere."""

@@ -15,15 +15,15 @@ from jampetsc.shipped_files import located
 GROUPS = ("accuracy", "method", "physics", "frequencies")
 
 
-def _groups(given):
-    for word in words(given):
+def _groups(value):
+    for word in words(value):
         if word not in GROUPS:
             raise ValueError(f"{word!r} is none of {', '.join(GROUPS)}")
-    return words(given)
+    return words(value)
 
 
-def _files(given):
-    paths = tuple(located(str(path)) for path in words(given))
+def _files(value):
+    paths = tuple(located(str(path)) for path in words(value))
     for path in paths:
         if not Path(path).is_file():
             raise ValueError(f"{path}: no such file")

@@ -46,7 +46,7 @@ class TradeRuns:
         self.reference = self.reference_accuracy = None
         self._runs = {}  # command line -> (ProcessOutcome, result): two choices may need the same run
 
-    def asked(self, **changes) -> Sweep:
+    def sweep_with(self, **changes) -> Sweep:
         """The sweep that the trade is about, with these changes."""
         usual = {name: getattr(self.job, name) for name in ("packing", "law", "prestress", "omega")}
         return Sweep(**usual | changes)
@@ -88,12 +88,12 @@ class TradeRuns:
         """
         rows = []
         for accuracy in TIGHTEST:
-            outcome, result = self.run(self.asked(accuracy=accuracy))
+            outcome, result = self.run(self.sweep_with(accuracy=accuracy))
             name = f"accuracy {accuracy:g}"
             if result is not None:
                 self.reference, self.reference_accuracy = ReferenceCurve(result), accuracy
-                found = _spent(outcome, result) | self.reference.exponents(result.G)
-                row = TradeRow("reference", name, **found, note="the others are compared with it")
+                measured = _spent(outcome, result) | self.reference.exponents(result.G)
+                row = TradeRow("reference", name, **measured, note="the others are compared with it")
                 self.progress.step(f"reference {name}: {row.seconds:.2f} s  certified to {row.certified:.1e}")
                 return [row, *rows]
             if outcome.status == InputError.exit_code:
@@ -129,9 +129,9 @@ def plan(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
     if "accuracy" in job.choices:
         looser = [accuracy for accuracy in ACCURACIES if accuracy > bench.reference_accuracy]
         choices += [
-            TradeSetting("accuracy", f"accuracy {a:g}", bench.asked(accuracy=a), _exact) for a in looser
+            TradeSetting("accuracy", f"accuracy {a:g}", bench.sweep_with(accuracy=a), _exact) for a in looser
         ]
-    direct = bench.asked(method="direct")
+    direct = bench.sweep_with(method="direct")
     if "method" in job.choices:
         choices.append(TradeSetting("method", "direct, MUMPS", direct, _exact))
         for path in job.options_files or OPTIONS_FILES:
@@ -139,9 +139,9 @@ def plan(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
             choices.append(TradeSetting("method", f"direct, {Path(path).name}", direct, _exact, petsc))
     if "physics" in job.choices:
         for name, other in simpler(job.physics):
-            sweep = bench.asked(law=other.law, prestress=other.prestress, accuracy=PHYSICS_ACCURACY)
+            sweep = bench.sweep_with(law=other.law, prestress=other.prestress, accuracy=PHYSICS_ACCURACY)
             choices.append(
-                TradeSetting("physics", name, sweep, lambda exact, found: exact.deviation(found.G))
+                TradeSetting("physics", name, sweep, lambda exact, measured: exact.deviation(measured.G))
             )
     if "frequencies" in job.choices and ":" in job.frequencies and not job.frequencies.startswith("lin:"):
         low, high = direct.omega[[0, -1]]
@@ -163,17 +163,17 @@ def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     damping at β = 1 (BT) except for a logarithm (docs/physics.md), which slopes over a window do not resolve.
     """
     law, prestress = physics.law, physics.prestress
-    others = []
+    alternatives = []
     if "rotations" in dict(law.options) and (law.sliding or law.transverse):
         name = "without rotations" if law.couples_rotations else "with rotations"
-        others.append((name, Physics(law.altered(rotations=not law.couples_rotations), prestress)))
+        alternatives.append((name, Physics(law.altered(rotations=not law.couples_rotations), prestress)))
     name = "without pre-stress" if prestress else "with pre-stress"
-    others.append((name, Physics(law, not prestress)))
+    alternatives.append((name, Physics(law, not prestress)))
     for name, family in FAMILIES.items():
         if name != law.family:
             other = damping_law(name, tau1=law.tau1, **family.simplest)
-            others.append((str(other), Physics(other, prestress)))
-    return others
+            alternatives.append((str(other), Physics(other, prestress)))
+    return alternatives
 
 
 def _exact(reference, result) -> dict:

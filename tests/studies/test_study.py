@@ -110,7 +110,7 @@ def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkey
     """And what came out is told once."""
     text = SMALL.replace("1:2", "1:1") + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
     apart = study(shared_path / "apart", text)
-    monkeypatch.setattr(study_run, "LARGE", 15)
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 15)
     capsys.readouterr()
     together = study(shared_path / "together", text)
     assert capsys.readouterr().out.count("together") == (session.rank == 0)
@@ -271,7 +271,7 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
     (task,) = plan("s.toml", b"[pack]\nn = 16\nphi = 0.9\n")
     fields = [(name, int | None, asked(None)) for name in threads]
     job = dataclasses.make_dataclass("Copying", fields, bases=(Copy,), frozen=True)(**threads)
-    task = dataclasses.replace(task, choice=dataclasses.replace(task.choice, job=job))
+    task = dataclasses.replace(task, settings=dataclasses.replace(task.settings, job=job))
     made = task_runner.TaskRunner(tmp_path, {}, 5).run(task, [])
     assert seen == [(used, task.words)] and made["state"] == "done"
     assert (made["row"]["n"], made["row"]["pressure"]) == (16, 0.5)
@@ -321,12 +321,12 @@ def test_a_claim_that_cannot_be_written_is_an_error_and_an_input_is_waited_for(t
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
-    assert study_run._most_disks(session) <= study_run.LARGE
-    monkeypatch.setattr(study_run, "LARGE", 10**18)
+    assert study_run._max_disks_alone(session) <= study_run.MIN_SHARED_DISKS
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 10**18)
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    assert study_run._most_disks(session) == memory // 2 // session.size // study_run.BYTES
-    monkeypatch.setattr(study_run, "LARGE", 100 + session.rank)
-    assert study_run._most_disks(session) == 100  # the least that any rank may
+    assert study_run._max_disks_alone(session) == memory // 2 // session.size // study_run.BYTES_PER_DISK
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 100 + session.rank)
+    assert study_run._max_disks_alone(session) == 100  # the least that any rank may
 
 
 @pytest.mark.scalar("real")
@@ -338,7 +338,7 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
         "jampetsc.studies.journal.time", clock
     )  # each look at what the others have done is new
     losing(monkeypatch, {"sweep": InputError("lost")})
-    monkeypatch.setattr(study_run, "LARGE", 15)
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 15)
     text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
     table = study(shared_path / "study", text, status=3)
     states = dict(zip(table["command"], table["state"], strict=True))
@@ -351,7 +351,7 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
     assert said[1] in lines[0]  # of what all do together one tells
     monkeypatch.undo()
     losing(monkeypatch, {"sweep": InputError("lost")}, rank=1)  # all go on as rank 0 says
-    monkeypatch.setattr(study_run, "LARGE", 15)
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 15)
     assert set(study(shared_path / "other", text)["state"]) == {"done"}
 
 
@@ -361,7 +361,7 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
 def test_a_bug_in_what_all_do_together_is_no_row(session, shared_path, monkeypatch):
     """One rank alone may have met it: the others would wait for it in the next task."""
     losing(monkeypatch, {"quasistatic": ZeroDivisionError("a bug")})
-    monkeypatch.setattr(study_run, "LARGE", 15)
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 15)
     with pytest.raises(ZeroDivisionError, match="a bug"):
         study(shared_path / "study", SMALL.replace("1:2", "1:1"))
     session.comm.Barrier()
@@ -439,7 +439,7 @@ def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, 
     first = study(folder, CHAIN)
     write = study_run._write_table
     monkeypatch.setattr(study_run, "_write_table", lambda *it: rows.append(write(*it)) or rows[-1])
-    monkeypatch.setattr(study_run, "REFRESH", -1.0)  # the table is written all the time
+    monkeypatch.setattr(study_run, "REFRESH_INTERVAL", -1.0)  # the table is written all the time
     for how, (change, command, again, later) in CHANGES.items():
         before = times(folder)
         name = first.where(command=command)["file"][0]
@@ -483,7 +483,7 @@ def test_what_no_study_has_made_is_not_replaced(tmp_path, name):
     path.write_text(SMALL)
     (folder / name).write_text(SMALL)
     for more in ([], ["--dry-run"]):
-        with pytest.raises(InputError, match=f"study/{name}: is there already and of no study"):
+        with pytest.raises(InputError, match=f"study/{name}: exists, but no study ran"):
             cli.dispatch(["study", str(path), "--out", str(folder), *more])
     assert [one.name for one in folder.iterdir()] == [name] and (folder / name).read_text() == SMALL
     study_run.check_folder(folder, folder / name)  # a study may lie in its folder

@@ -277,7 +277,7 @@ def test_reading_a_study_that_is_not_there(tmp_path):
 )
 def test_words_of_a_value(value, words):
     task = of(tasks(f"{PACK}[modes]\nbelow = {value}\n"), "modes")[0]
-    assert task.words[5:] == words and task.choice.given["below"] == float(words[1])
+    assert task.words[5:] == words and task.settings.options["below"] == float(words[1])
 
 
 # How long tasks take
@@ -288,7 +288,7 @@ def record(command="sweep", state="done", seconds=1.0, **row):
 
 
 def asked(command="sweep", **columns):
-    return SimpleNamespace(command=command, columns=columns, choice=SimpleNamespace(job=None))
+    return SimpleNamespace(command=command, columns=columns, settings=SimpleNamespace(job=None))
 
 
 def test_the_time_left_follows_from_tasks_that_are_done():
@@ -329,7 +329,7 @@ LARGE += '[sweep]\nomega = "1"\n[shear]\nstep = 1e-3\nstrain = 2e-3\n[spectrum]\
 def test_large_tasks_are_everybodys_and_what_reads_their_files_comes_after_them(
     monkeypatch, text, most, size, everybodys, late
 ):
-    monkeypatch.setattr(study_run, "_most_disks", lambda session: most)
+    monkeypatch.setattr(study_run, "_max_disks_alone", lambda session: most)
     (_, apart), *rest = study_run._phases(tasks(text), SimpleNamespace(size=size))
     assert [task.level for task in apart] == sorted(task.level for task in apart)
     told = [(together, [(task.command, task.columns["n"]) for task in some]) for together, some in rest]
@@ -353,10 +353,10 @@ def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
     one = work(records={"a": old}, folder=tmp_path, claims=Claims(tmp_path))
     one._report = lambda *_: None
     one._finish(SimpleNamespace(name="a"), old, [], 1)
-    assert records_of(tmp_path) == {} and one.made == []
+    assert records_of(tmp_path) == {} and one.new_records == []
     for new in (dict(old), dict(old, task="b", state="failed", seconds=99.0)):
         one._finish(SimpleNamespace(name=new["task"]), new, [], 1)
-    assert list(records_of(tmp_path).values()) == one.made and len(one.made) == 2
+    assert list(records_of(tmp_path).values()) == one.new_records and len(one.new_records) == 2
     assert one.durations.remaining([asked("sweep")]) == 3.0  # of what is done alone
 
 
@@ -491,11 +491,11 @@ def test_a_lock_tells_who_has_it_while_it_is_held_and_ends_with_its_machine(tmp_
         fcntl.flock(other, fcntl.LOCK_EX)
         with pytest.raises(InputError, match=r"\(process \? on another machine\)"):
             Lock(tmp_path).take()
-    assert 4 * locks.BEAT <= locks.LOST == 120.0
+    assert 4 * locks.TOUCH_INTERVAL <= locks.MAX_TOUCH_AGE == 120.0
     for age in (60, 121):  # since another machine has touched it
         file.write_text("elsewhere 123\n")
         os.utime(file, (time.time() - age,) * 2)
-        if age < locks.LOST:
+        if age < locks.MAX_TOUCH_AGE:
             with pytest.raises(InputError, match=r"process 123 on elsewhere.*its lock is void in (5|6)\d s"):
                 Lock(tmp_path).take()
             assert os.listdir(tmp_path) == ["lock"]  # the clock was read without a trace
@@ -524,7 +524,7 @@ def test_where_files_have_no_locks_only_another_machine_counts(tmp_path, monkeyp
 
 
 def test_a_lock_is_touched_until_it_is_released(tmp_path, monkeypatch):
-    monkeypatch.setattr(locks, "BEAT", 0.005)
+    monkeypatch.setattr(locks, "TOUCH_INTERVAL", 0.005)
     lock, path = Lock(tmp_path), tmp_path / "lock"
     lock.take()
     os.utime(path, (0, 0))
@@ -590,7 +590,7 @@ def test_words_of_the_table_are_no_formulas_of_a_spreadsheet(tmp_path):
 def test_a_study_needs_a_folder(tmp_path):
     (tmp_path / "file").touch()
     for path, message in (
-        (tmp_path / "file", "file: is no folder: choose another folder"),
+        (tmp_path / "file", "file: not a folder. Choose another folder"),
         (tmp_path / "file" / "study", r"cannot be written \(Not a directory\)"),
     ):
         with pytest.raises(InputError, match=message):
@@ -687,7 +687,7 @@ def test_a_row_says_what_was_asked_for_before_what_was_found():
 def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
     task = of(tasks(PACK + "[modes]\n"), "modes")[0]
     (there,), path, packing = task.inputs, tmp_path / task.file, tmp_path / task.inputs[0].file
-    runner, job = TaskRunner(tmp_path, {}), task.choice.job_of([str(packing)])
+    runner, job = TaskRunner(tmp_path, {}), task.settings.job_of([str(packing)])
 
     def is_there(**changed):
         request = Request(dataclasses.replace(job, **changed), task.words)
@@ -699,7 +699,7 @@ def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
     write_packing(packing, published())
     assert not runner._is_there(task, job)
     assert is_there() and not is_there(count=3)
-    assert not runner._is_there(there, there.choice.job)  # a packing, at which `pack` looks
+    assert not runner._is_there(there, there.settings.job)  # a packing, at which `pack` looks
     result(path, "modes", eigenvalues=[1.0])  # that does not say with which settings
     assert not runner._is_there(task, job)
     is_there()

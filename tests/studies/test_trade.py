@@ -267,7 +267,7 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, rep
     bench.failed("options", "o.opts", trade_process.ProcessOutcome(1, 1.0, 1.0, "broken"))
     bench.measure(
         trade_settings.TradeSetting(
-            "method", "direct", bench.asked(accuracy=1e-9), lambda *_: errors(2e-5, 1e-5)
+            "method", "direct", bench.sweep_with(accuracy=1e-9), lambda *_: errors(2e-5, 1e-5)
         )
     )
     assert capsys.readouterr().err.splitlines() == [
@@ -334,12 +334,12 @@ def test_a_choice_is_run_once_and_one_that_cannot_be_read_fails(packing, tmp_pat
         return trade_process.ProcessOutcome(len(runs) - 1, 1.0, 10.0, "" if len(runs) == 1 else "by itself")
 
     monkeypatch.setattr(trade_process, "run", run)
-    outcome, result = bench.run(bench.asked(accuracy=0.1))
+    outcome, result = bench.run(bench.sweep_with(accuracy=0.1))
     assert result is None and outcome.status == 1 and outcome.error == "no such file"
-    assert bench.run(bench.asked(accuracy=0.1))[0] is outcome and len(runs) == 1
-    assert bench.run(bench.asked(accuracy=0.05))[0].error == "by itself"
-    bench.run(bench.asked(accuracy=0.05, omega="1"))
-    bench.run(bench.asked(accuracy=0.05), ("-options_file", "a.opts"))
+    assert bench.run(bench.sweep_with(accuracy=0.1))[0] is outcome and len(runs) == 1
+    assert bench.run(bench.sweep_with(accuracy=0.05))[0].error == "by itself"
+    bench.run(bench.sweep_with(accuracy=0.05, omega="1"))
+    bench.run(bench.sweep_with(accuracy=0.05), ("-options_file", "a.opts"))
     out = ["--out", str(tmp_path / "run2.h5"), "--omega", "1.0", "--accuracy", "0.05"]
     assert len(runs) == 4 and runs[2] == ["sweep", str(packing), *out] and runs[3][-1] == "a.opts"
 

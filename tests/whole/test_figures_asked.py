@@ -163,7 +163,7 @@ def asked(figure, mode):
     studies, pictures = shown(figure, mode)
     rows = []
     for task in (task for part, study in studies.items() for task in plan(part, study.encode())):
-        job = task.choice.job
+        job = task.settings.job
         usual = {name: one.default for name, one in parameters(type(job)).items()}
         law = dict(job.law.options if hasattr(job, "law") else ())
         rows.append({"command": task.command} | usual | job.settings() | law | task.columns)
