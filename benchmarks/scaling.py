@@ -20,8 +20,8 @@ from common import environment, machine, saved_page
 
 from jampetsc import load
 from jampetsc.plots.style import PAGE, looks
-from jampetsc.speed_accuracy import processes
-from jampetsc.speed_accuracy.compare import certified
+from jampetsc.studies import trade_process
+from jampetsc.studies.trade_errors import certified
 
 PRESSURE, ACCURACY, COUNT, RATE, STRAIN = "1e-2", "1e-3", 50, "1e-3", "0.5"
 COLUMNS = "command n ranks seconds processor memory G0 G_inf eta_inf certified".split()
@@ -87,7 +87,7 @@ def measure(folder: Path, sizes, ranks, commands) -> None:
             # A rank that waits for others takes no time then; alone, MUMPS would yield at every step.
             os.environ["OMPI_MCA_mpi_yield_when_idle"] = str(int(size > 1))
             out = folder / f"{command.split()[0]}.h5"
-            done = processes.run(words(command, n, folder, out), size if size > 1 else None)
+            done = trade_process.run(words(command, n, folder, out), size if size > 1 else None)
             if done.status:
                 print(f"{command}, N = {n}, {size} ranks: {done.error}", flush=True)
                 continue

@@ -20,7 +20,7 @@ from jampetsc.errors import JampetscError
 from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.petsc.session import current
 from jampetsc.response import rational
-from jampetsc.studies import run
+from jampetsc.studies import study_run
 
 
 def die():
@@ -28,7 +28,7 @@ def die():
 
 
 def main(when, number, arguments):
-    save, keep, kept = Checkpoint.save, run.keep_record, []
+    save, keep, kept = Checkpoint.save, study_run.keep_record, []
 
     def save_and_die(self, *step):
         save(self, *step)
@@ -52,7 +52,7 @@ def main(when, number, arguments):
     if when == "steps":
         Checkpoint.save, rational.VECTORS = save_and_die, 4
     else:
-        run.keep_record = keep_and_die
+        study_run.keep_record = keep_and_die
     return cli.main(arguments)
 
 

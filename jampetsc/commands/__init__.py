@@ -3,6 +3,7 @@
 A job joins by one line here: command, python function, table of studies and documentation follow from its class.
 """
 
+import functools
 import importlib
 
 JOBS = {
@@ -15,16 +16,16 @@ JOBS = {
     "collapse": "collapse:Collapse",
     "sweep": "sweep:Sweep",
     "quasistatic": "quasistatic:Quasistatic",
+    "modes": "modes:Modes",
+    "oscillate": "oscillate:Oscillate",
     "flow": "flow:Flow",
     "shear": "shear:Shear",
     "jam": "jam:Jam",
-    "modes": "modes:Modes",
-    "oscillate": "oscillate:Oscillate",
     "spectrum": "spectrum:Spectrum",
     "correlate": "correlate:Correlate",
     "plot": "plot:Plot",
-    "study": "jampetsc.studies.job:Study",
-    "trade": "jampetsc.speed_accuracy.job:Trade",
+    "study": "jampetsc.studies.study_job:Study",
+    "trade": "jampetsc.studies.trade_job:Trade",
     "examples": "examples:Examples",
 }
 
@@ -33,3 +34,10 @@ def job_class(name):
     """The class of the jobs of this name."""
     module, _, job = JOBS[name].partition(":")
     return getattr(importlib.import_module(module if "." in module else f"{__name__}.{module}"), job)
+
+
+@functools.cache
+def study_inputs():
+    """{name: its `STUDY_INPUTS`} of the jobs that a study runs, each after those whose results it reads."""
+    declared = {name: job_class(name).STUDY_INPUTS for name in JOBS}
+    return {name: inputs for name, inputs in declared.items() if inputs is not None}

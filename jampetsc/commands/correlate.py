@@ -13,6 +13,7 @@ from jampetsc.errors import InputError, as_float, named
 from jampetsc.io.disk_motion import PHASES, correlate_lanes
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILES, Kind, asked, optional, shown
+from jampetsc.options.task_inputs import ALL_SEEDS, TaskInputs
 from jampetsc.options.values import FREQUENCIES, PACKING, RESULT, Numbers, opened, refuse_repeated, words
 from jampetsc.packing.disks import Disks
 
@@ -52,6 +53,14 @@ class Correlate(Job):
     there are fewer than five packings; those are lower bounds.
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(
+        ALL_SEEDS,
+        commands=("sweep", "flow"),
+        is_suitable=lambda job: any(
+            getattr(job, name, None) is not None for name in ("fields", "snapshots", "snapshot_every")
+        ),
+        needs="sweeps with fields, or flows with snapshots",
+    )
     scalar: ClassVar = None
     FORMAT: ClassVar = "jampetsc-correlation"
     EPILOG: ClassVar = """examples:

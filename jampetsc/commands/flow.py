@@ -10,6 +10,7 @@ from jampetsc.laws.flow_models import MODELS, Model
 from jampetsc.options.model_options import MODEL
 from jampetsc.options.parameters import FILE, asked, optional, part
 from jampetsc.options.starts import GROUP, FromStart, of_run
+from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
 from jampetsc.options.values import PACKING_OR_RESULT, input_name, opened
 from jampetsc.packing.disks import Disks
 from jampetsc.petsc import launcher
@@ -27,6 +28,7 @@ class Flow(FromStart):
     fraction; or continues an earlier flow with its settings.
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(PACKING_OR_N)
     scalar: ClassVar = None
     OUT: ClassVar = "optional"
     OUT_HELP: ClassVar = "result file (default when a flow is continued: its own file)"

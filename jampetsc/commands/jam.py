@@ -14,6 +14,7 @@ from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import asked, optional
 from jampetsc.options.starts import PHIS
+from jampetsc.options.task_inputs import NO_FILE, TaskInputs
 from jampetsc.options.values import SEEDS, Numbers, numbers
 from jampetsc.packing.potentials import EXPONENTS
 
@@ -33,6 +34,7 @@ class Jam(Job):
     is given, then compressed or decompressed to its phi_J; also how far large and small disks have separated.
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(NO_FILE)
     EPILOG: ClassVar = """examples:
   jampetsc jam --n 64 --phi 0.83:0.85:9 --seeds 1:500 --out f64.h5
   mpirun -n 2 jampetsc jam --n 256 --phi 0.84,0.8425 --seeds 1:100 --out f256.h5

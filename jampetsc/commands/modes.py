@@ -7,6 +7,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.options.job import Job
 from jampetsc.options.law_options import PRESTRESS
 from jampetsc.options.parameters import FILE, asked, optional
+from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import PACKING
 from jampetsc.packing.disks import Disks
 
@@ -22,6 +23,7 @@ class Modes(Job):
     was missed is proved by the inertia of K.
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
     EPILOG: ClassVar = """examples:
   jampetsc modes p.h5 --count 20 --out modes.h5
   jampetsc modes p.h5 --below 0.01 --out below.h5 -options_file jampetsc:modes_many       # hundreds of modes

@@ -8,6 +8,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import Physics
 from jampetsc.options.law_options import OfPacking
 from jampetsc.options.parameters import Kind, asked, optional
+from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import Numbers, numbers
 from jampetsc.response.limits import LARGEST, SMALLEST
 
@@ -39,6 +40,7 @@ class Oscillate(OfPacking):
     in time until they repeat.
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
     EPILOG: ClassVar = """examples:
   jampetsc oscillate p1e-3.h5 --out half.h5 --alpha 0.5 --omega 1e-9:1e-5:9 --stress 1e-6,1e-5
   jampetsc oscillate p1e-3.h5 --out strain.h5 --alpha 0.6667 --omega 1e-4 --strain 1e-6

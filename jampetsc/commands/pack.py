@@ -14,6 +14,7 @@ from jampetsc.io.packing_file import check_packing, source_name
 from jampetsc.minimise.sizes import FEWEST, MOST, OTHER_SIZES, SIZES, Radii, radii_asked, sizes_text
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import Kind, asked, optional, shown
+from jampetsc.options.task_inputs import NO_FILE, TaskInputs
 from jampetsc.options.values import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS, words
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
@@ -54,6 +55,7 @@ class Pack(Job):
     each from random disks, or with `ladder` from the packing at the pressure before it.
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(NO_FILE, one_rank=True)
     FORMAT: ClassVar = "jampetsc-packing"
     OUT_HELP: ClassVar = "packing file; {seed} and {pressure} are replaced"
     GIVES: ClassVar = "Disks, or a list of them"

@@ -8,6 +8,7 @@ from jampetsc.io.results import note_lines
 from jampetsc.laws.damping import LARGEST, having
 from jampetsc.options.law_options import OfPacking
 from jampetsc.options.parameters import optional
+from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import Numbers, numbers
 
 
@@ -20,6 +21,7 @@ class Quasistatic(OfPacking):
     Numbers whose names have no_prestress are those without the pre-stress of K.
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
     EPILOG: ClassVar = """examples:
   jampetsc quasistatic p.h5 --out slow.h5
   jampetsc quasistatic p.h5 --betas 1e-4,1e-2,1 --out betas.h5

@@ -6,6 +6,7 @@ from typing import ClassVar
 from jampetsc.errors import InputError, named
 from jampetsc.options.parameters import asked
 from jampetsc.options.starts import FromStart
+from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
 from jampetsc.petsc import session
 
 MOST = 1e8  # steps of a run
@@ -19,6 +20,7 @@ class Shear(FromStart):
     Shears soft disks in small affine steps, each followed to the minimum of the energy (Vågberg, thesis sec. 4.7).
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(PACKING_OR_N, one_rank=True)
     EPILOG: ClassVar = """examples:
   jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
   jampetsc shear p.h5 --step 1e-3 --strain 1 --out from-p.h5

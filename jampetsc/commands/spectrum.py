@@ -12,6 +12,7 @@ from jampetsc.io.outputs import PICTURE
 from jampetsc.io.reader import SweepResult
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILES, asked, optional
+from jampetsc.options.task_inputs import ONE_RESULT, TaskInputs
 from jampetsc.options.values import RESULT, opened, refuse_repeated
 
 HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
@@ -30,6 +31,12 @@ class Spectrum(Job):
     that is twice as wide as the widest gap between nodes unless you choose.
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(
+        ONE_RESULT,
+        commands=("sweep",),
+        is_suitable=lambda sweep: sweep.method == "rational",
+        needs="sweeps with method rational",
+    )
     scalar: ClassVar = None
     OUT_HELP: ClassVar = "result (HDF5), or picture"
     EPILOG: ClassVar = """examples:

@@ -11,6 +11,7 @@ from jampetsc.laws.damping import FAMILIES, damping_law
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.options.law_options import OfPacking
 from jampetsc.options.parameters import asked, optional
+from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import FREQUENCIES, Numbers
 from jampetsc.petsc import builds, session
 
@@ -29,6 +30,7 @@ class Sweep(OfPacking):
     spectrum from a few real factorisations, `direct` solves K + iωB at every frequency.
     """
 
+    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
     EPILOG: ClassVar = """examples:
   jampetsc sweep p.h5 --beta 0.1 --omega 1e-6:1e2:81 --fields 1e-3,1 --out sweep.h5
   jampetsc sweep p.h5 --method direct --omega 1e-3,1 --out direct.h5 -options_file jampetsc:iterative

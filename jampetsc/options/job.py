@@ -13,6 +13,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.request import Request
 from jampetsc.options.parameters import FILE, OPTION, Part, fields, parameters
+from jampetsc.options.task_inputs import TaskInputs
 from jampetsc.options.values import PACKING, RADII, input_name
 from jampetsc.petsc import launcher, session
 from jampetsc.progress import LOG
@@ -33,6 +34,7 @@ class Job:
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
     GIVES: ClassVar[str] = ""  # what the python function returns, if not what `load` gives for its file
+    STUDY_INPUTS: ClassVar[TaskInputs | None] = None  # what a task of a study reads; None: no study runs it
     scalar: ClassVar[str | None] = (
         "real"  # scalars of PETSc that it needs: real, complex or any; None: it does not use PETSc
     )

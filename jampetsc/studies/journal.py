@@ -17,8 +17,8 @@ from jampetsc.io.atomic import remove_abandoned, write_error
 from jampetsc.io.checkpoint import read_entry, write_entry
 
 NAME = "journal"
-RECORD = {"task", "row", "seconds"}  # what every record has
-NAP = 0.02  # seconds between two looks while a rank waits for a task of another one
+RECORD_KEYS = {"task", "row", "seconds"}  # what every record has
+POLL_INTERVAL = 0.02  # seconds between two looks while a rank waits for a task of another one
 DONE, FAILED = ".done", ".failed"  # endings of the files that record the outcome of a task
 PLACE = ".place"  # ending of the files that number finished tasks
 
@@ -31,8 +31,12 @@ def keep_record(folder, record: dict) -> None:
 def records_of(folder) -> dict:
     """{task: its record} of a study."""
     places = sorted((Path(folder) / NAME).glob("[!.]*"))
-    entries = [found[0] for found in map(read_entry, places) if found is not None]
-    return {one["task"]: one for one in entries if isinstance(one, dict) and one.keys() >= RECORD}
+    entries = [entry[0] for entry in map(read_entry, places) if entry is not None]
+    return {
+        record["task"]: record
+        for record in entries
+        if isinstance(record, dict) and record.keys() >= RECORD_KEYS
+    }
 
 
 def tidy(folder) -> None:
@@ -61,7 +65,7 @@ class Claims:
     def _file(self, task, ending=""):
         return self.folder / f"{quote(task, safe='')}{ending}"
 
-    def _made(self, path) -> bool:
+    def _create(self, path) -> bool:
         try:
             open(path, "x").close()
         except FileExistsError:
@@ -72,21 +76,22 @@ class Claims:
 
     def take(self, task) -> bool:
         """Claim a task; False if another rank has it."""
-        return self._made(self._file(task))
+        return self._create(self._file(task))
 
     def settle(self, task, done: bool) -> None:
         """Announce the outcome of a task, after its record was written."""
-        self._made(self._file(task, DONE if done else FAILED))
+        self._create(self._file(task, DONE if done else FAILED))
         self._failed += not done
         self._finished += 1
-        while not self._made(self.folder / f"{self._finished}{PLACE}"):  # another rank's task has that number
+        # another rank's task has the number of a file that exists
+        while not self._create(self.folder / f"{self._finished}{PLACE}"):
             self._finished += 1
 
     def done(self, task) -> bool:
         """Wait until the rank that has taken a task finishes it; whether it succeeded."""
         while not (done := self._file(task, DONE).exists()) and not self._file(task, FAILED).exists():
             interrupts.check()
-            time.sleep(NAP)
+            time.sleep(POLL_INTERVAL)
         return done
 
     def tally(self) -> tuple[int, int]:

@@ -1,8 +1,8 @@
 """One study at a time in a folder, on one machine or many that share a disk.
 
 `FOLDER/lock` is locked by the system. On some network file systems such locks hold within one machine only; therefore
-the file is also touched every BEAT seconds, and a lock that another machine has touched within LOST seconds counts as
-held: after the loss of a node the folder becomes free when they have passed.
+the file is also touched every TOUCH_INTERVAL, and a lock that another machine has touched within MAX_TOUCH_AGE
+counts as held: after the loss of a node the folder becomes free when they have passed.
 """
 
 import contextlib
@@ -17,9 +17,9 @@ from jampetsc.errors import InputError
 from jampetsc.io.atomic import locked, write_error
 
 NAME = "lock"
-BEAT = 20.0  # seconds between touches of the file
-LONGEST = 200  # characters of its content in a message
-LOST = 120.0  # seconds without a touch after which a study on another machine counts as dead
+TOUCH_INTERVAL = 20.0  # seconds between touches of the file
+MAX_SHOWN_CHARACTERS = 200  # characters of its content in a message
+MAX_TOUCH_AGE = 120.0  # seconds without a touch after which a study on another machine counts as dead
 
 
 class Lock:
@@ -34,12 +34,14 @@ class Lock:
         """Lock the folder. Raises InputError where another study has it."""
         try:
             self._file = locked(self.path)
-            host, _, process = self.path.read_text(errors="replace").strip()[:LONGEST].partition(" ")
+            host, _, process = (
+                self.path.read_text(errors="replace").strip()[:MAX_SHOWN_CHARACTERS].partition(" ")
+            )
             age = self._age()
         except OSError as error:
             raise write_error(self.path, error) from None
         here, is_locked = socket.gethostname(), self._file is None
-        if is_locked or (host not in ("", here) and age < LOST):
+        if is_locked or (host not in ("", here) and age < MAX_TOUCH_AGE):
             if not is_locked:
                 self._file.close()
             raise InputError(
@@ -59,13 +61,13 @@ class Lock:
 
     def _end(self, age):
         """When the lock of another machine that was touched so many seconds ago ends, in words."""
-        if age < -LOST:
+        if age < -MAX_TOUCH_AGE:
             dated = time.strftime("%Y-%m-%d", time.localtime(os.lstat(self.path).st_mtime))
             return f"its lock has a time in the future, {dated}: if no study runs there, remove {self.path}"
-        return f"if it is dead, its lock is void in {LOST - age:.0f} s"
+        return f"if it is dead, its lock is void in {MAX_TOUCH_AGE - age:.0f} s"
 
     def _beat(self):
-        while not self._over.wait(BEAT):
+        while not self._over.wait(TOUCH_INTERVAL):
             with contextlib.suppress(OSError):
                 os.utime(self.path, follow_symlinks=False)
 

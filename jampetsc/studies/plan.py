@@ -17,26 +17,33 @@ import math
 import tomllib
 from dataclasses import dataclass
 
-from jampetsc.commands import job_class
+from jampetsc.commands import job_class, study_inputs
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import open_regular
 from jampetsc.options.parameters import did_you_mean
-from jampetsc.studies.kinds import KINDS, NOTHING, PACKING, SEEDS, START, SWEEP
-from jampetsc.studies.options import STAND_IN, Choice, choices_of, label_of, number_of, values_of
+from jampetsc.options.task_inputs import ALL_SEEDS, NO_FILE, ONE_PACKING, ONE_RESULT, PACKING_OR_N
+from jampetsc.studies.table_keys import (
+    PLACEHOLDER,
+    TaskSettings,
+    combinations_of,
+    label_of,
+    number_of,
+    values_of,
+)
 
 SEED, LADDER = "seed", "ladder"
 WHERE = "where"  # key of a table that selects its inputs by their settings
-MANY = 100_000  # tasks of one study
-HASH = 8  # hexadecimal digits in the name of a file
+MAX_TASKS = 100_000  # tasks of one study
+HASH_DIGITS = 8  # hexadecimal digits in the name of a file
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class StudyTask:
     """One run of a command. Its name depends on its own settings and inputs only, not on the rest of the study."""
 
     name: str
     command: str
-    choice: Choice
+    settings: TaskSettings
     columns: dict  # column -> value: its settings and those of its packing
     inputs: tuple = ()  # tasks whose files it reads
 
@@ -52,7 +59,7 @@ class Task:
 
     def line(self, inputs, out) -> list[str]:
         """The command line for these names of files."""
-        return self.choice.job_of(inputs).line(out)
+        return self.settings.job_of(inputs).line(out)
 
     @property
     def level(self) -> int:
@@ -69,7 +76,7 @@ def read(path) -> bytes:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def plan(path, content: bytes | dict) -> list[Task]:
+def plan(path, content: bytes | dict) -> list[StudyTask]:
     """The tasks of a study, each after those whose files it reads.
 
     path      name of STUDY.toml in messages
@@ -78,28 +85,32 @@ def plan(path, content: bytes | dict) -> list[Task]:
     Raises InputError naming file, table and key; too many tasks are refused before their list is made.
     """
     tables = _tables(path, content)
-    tasks = {}  # name -> Task; a task that is asked for twice is done once
-    found = {command: [] for command in KINDS}
-    for command, kind in KINDS.items():
+    tasks = {}  # name -> StudyTask; a task that is asked for twice is done once
+    planned = {command: [] for command in study_inputs()}
+    for command, task_inputs in study_inputs().items():
         for where, table in tables.get(command, []):
-            begins = kind.on is not NOTHING and not (kind.on is START and "n" in table)
-            wanted = table.get(WHERE, {}) if begins else {}
+            begins = task_inputs.reads is not NO_FILE and not (
+                task_inputs.reads is PACKING_OR_N and "n" in table
+            )
+            conditions = table.get(WHERE, {}) if begins else {}
             keys = {key: value for key, value in table.items() if key != WHERE or not begins}
             lists = values_of(job_class(command), keys, where)
-            starts = _chosen(_starts(kind, found, where), wanted, where) if begins else [()]
+            starts = _chosen(_starts(task_inputs, planned, where), conditions, where) if begins else [()]
             count = len(starts) * math.prod(len(values) for _, values in lists)
-            if len(tasks) + count > MANY:
+            if len(tasks) + count > MAX_TASKS:
                 before = f" with the {len(tasks)} before them" if tasks else ""
-                raise InputError(f"{where}: {count} tasks{before}: at most {MANY} in one study")
+                raise InputError(f"{where}: {count} tasks{before}: at most {MAX_TASKS} in one study")
             above = {}  # of each ladder: the task of its last pressure so far
-            for choice in choices_of(job_class(command), lists, where, begins):
+            for settings in combinations_of(job_class(command), lists, where, begins):
                 for inputs in starts:
                     task = (
-                        _rung(choice, above) if LADDER in choice.changed else _task(command, choice, inputs)
+                        _rung(settings, above)
+                        if LADDER in settings.changed
+                        else _task(command, settings, inputs)
                     )
                     if task.name not in tasks:
                         tasks[task.name] = task
-                        found[command].append(task)
+                        planned[command].append(task)
     if not tasks:
         raise InputError(f"{path}: no table: a study needs [pack] and what to do with the packings")
     return list(tasks.values())
@@ -113,35 +124,40 @@ def _tables(path, content):
         raise InputError(f"{path}: is not TOML: {error}") from None
     except RecursionError:
         raise InputError(f"{path}: brackets within brackets, too deep for any table: remove them") from None
-    found = {}
+    tables_of = {}
     for command, value in content.items():
-        if command not in KINDS:
-            known = did_you_mean(command, KINDS) or f"; there are {', '.join(KINDS)}"
-            raise InputError(f"{path}: {command}: no table of a study has this name{known}")
+        if command not in study_inputs():
+            hint = did_you_mean(command, study_inputs()) or f"; there are {', '.join(study_inputs())}"
+            raise InputError(f"{path}: {command}: no table of a study has this name{hint}")
         tables = value if isinstance(value, list) else [value]
         if not tables or not all(isinstance(table, dict) for table in tables):
             raise InputError(f"{path}: {command} = {value}: must be a table: write [{command}]")
         several = len(tables) > 1
-        found[command] = [
+        tables_of[command] = [
             (f"{path}: [{command}]{f' number {number}' if several else ''}", table)
             for number, table in enumerate(tables, 1)
         ]
-    return found
+    return tables_of
 
 
-def _starts(kind, found, where):
-    """The inputs of the tasks of a kind, [(task, …)]. Raises InputError where there are none."""
-    if kind.on in (PACKING, START):
-        if not found["pack"]:
+def _starts(task_inputs, planned, where):
+    """The inputs of the tasks of a command, [(task, …)]. Raises InputError where there are none."""
+    if task_inputs.reads in (ONE_PACKING, PACKING_OR_N):
+        if not planned["pack"]:
             raise InputError(
-                f"{where}: needs packings: add a table [pack]{' or n' if kind.on is START else ''}"
+                f"{where}: needs packings: add a table [pack]{' or n' if task_inputs.reads is PACKING_OR_N else ''}"
             )
-        return [(packing,) for packing in found["pack"]]
-    files = [task for command in kind.of for task in found[command] if kind.suits(task.choice.job)]
+        return [(packing,) for packing in planned["pack"]]
+    files = [
+        task
+        for command in task_inputs.commands
+        for task in planned[command]
+        if task_inputs.is_suitable(task.settings.job)
+    ]
     if not files:
-        tables = " or ".join(f"[{command}]" for command in kind.of)
-        raise InputError(f"{where}: needs {kind.needs}: add a table {tables}")
-    if kind.on is SWEEP:
+        tables = " or ".join(f"[{command}]" for command in task_inputs.commands)
+        raise InputError(f"{where}: needs {task_inputs.needs}: add a table {tables}")
+    if task_inputs.reads is ONE_RESULT:
         return [(task,) for task in files]
     groups = {}
     for task in files:
@@ -149,16 +165,16 @@ def _starts(kind, found, where):
     return [tuple(group) for group in groups.values()]
 
 
-def _chosen(starts, wanted, where):
-    """The inputs whose columns have the `wanted` values, or one of a list. Raises InputError where none has."""
-    if not isinstance(wanted, dict):
-        raise InputError(f"{where}: {WHERE} = {wanted!r}: write {WHERE} = {{pressure = 1e-4}}")
-    for name, value in wanted.items():
-        values = [number_of(one) for one in (value if isinstance(value, list) else [value])]
-        found = [inputs for inputs in starts if _shared(inputs).get(name) in values]
-        if not found:
+def _chosen(starts, conditions, where):
+    """The inputs whose columns have values of the `conditions`. Raises InputError where none has."""
+    if not isinstance(conditions, dict):
+        raise InputError(f"{where}: {WHERE} = {conditions!r}: write {WHERE} = {{pressure = 1e-4}}")
+    for name, value in conditions.items():
+        values = [number_of(item) for item in (value if isinstance(value, list) else [value])]
+        matching = [inputs for inputs in starts if _shared(inputs).get(name) in values]
+        if not matching:
             raise InputError(f"{where}: {WHERE}: there is nothing with {name} = {value}")
-        starts = found
+        starts = matching
     return starts
 
 
@@ -168,38 +184,38 @@ def _shared(inputs):
     return {k: v for k, v in shared.items() if all(task.columns.get(k) == v for task in inputs)}
 
 
-def _task(command, choice, inputs):
+def _task(command, settings, inputs):
     shared = _shared(inputs)
     of = [task.name for task in inputs]
-    if KINDS[command].on is SEEDS:  # with more seeds it is the same task, done again
+    if study_inputs()[command].reads is ALL_SEEDS:  # with more seeds it is the same task, done again
         shared.pop(SEED, None)
         of = [_identity(task) for task in inputs[:1]]
-    columns = {**shared, **choice.given}
-    digest = hashlib.sha256(json.dumps([command, choice.changed, of], sort_keys=True).encode()).hexdigest()[
-        :HASH
+    columns = {**shared, **settings.options}
+    digest = hashlib.sha256(json.dumps([command, settings.changed, of], sort_keys=True).encode()).hexdigest()[
+        :HASH_DIGITS
     ]
-    return Task(
-        "-".join(filter(None, (command, label_of(columns), digest))), command, choice, columns, inputs
+    return StudyTask(
+        "-".join(filter(None, (command, label_of(columns), digest))), command, settings, columns, inputs
     )
 
 
-def _rung(choice, above):
+def _rung(settings, above):
     """The task of one pressure of a ladder, which reads the packing at the pressure before it.
 
     above   {ladder: task of its last pressure so far}, updated
 
     The first task of a ladder reads nothing: it is the same packing as without a ladder.
     """
-    ladder = json.dumps({n: v for n, v in choice.changed.items() if n != "pressure"}, sort_keys=True)
+    ladder = json.dumps({n: v for n, v in settings.changed.items() if n != "pressure"}, sort_keys=True)
     if ladder in above:
-        below = dataclasses.replace(choice, job=choice.job.rung(STAND_IN))
+        below = dataclasses.replace(settings, job=settings.job.rung(PLACEHOLDER))
         above[ladder] = _task("pack", below, (above[ladder],))
     else:
-        above[ladder] = _task("pack", choice.without(LADDER), ())
+        above[ladder] = _task("pack", settings.without(LADDER), ())
     return above[ladder]
 
 
 def _identity(task):
     """Command, settings and inputs of a task as JSON, without seeds: the same for all members of an ensemble."""
-    changed = {name: value for name, value in task.choice.changed.items() if name != SEED}
-    return json.dumps([task.command, changed, [_identity(one) for one in task.inputs]], sort_keys=True)
+    changed = {name: value for name, value in task.settings.changed.items() if name != SEED}
+    return json.dumps([task.command, changed, [_identity(source) for source in task.inputs]], sort_keys=True)

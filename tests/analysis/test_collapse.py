@@ -20,7 +20,7 @@ from jampetsc.commands.scaling import ALIKE, notes_of, read_points, text_of
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.scaling_plots import plot_branches, plot_scaling
-from jampetsc.studies.table import table_text
+from jampetsc.studies.study_table import table_text
 
 
 def fit_collapse(points, form):

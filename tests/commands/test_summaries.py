@@ -10,7 +10,7 @@ from jampetsc.commands import collapse, correlate_sweeps, modes, oscillate, quas
 from jampetsc.io.results import noted
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.response.sweep_method import notes_of
-from jampetsc.studies import job as study
+from jampetsc.studies import study_job
 
 PHYSICS = Physics(damping_law())
 
@@ -90,16 +90,19 @@ def test_a_study_tells_what_failed_and_what_its_runs_noted():
         {"file": f"{n}.h5", "command": "pack" if n == 3 else "sweep"} | ({"notes": noted(one)} if one else {})
         for n, one in enumerate(notes)
     ]
-    failures = [{"file": f"{n}.h5", "state": "failed: no"} for n in range(study.MANY + 2)]
-    lines = study._summary("t.csv", rows, failures, "3 s").split("\n")
-    assert lines[:2] == [f"t.csv: 4 tasks, {study.MANY + 2} failed, 3 s", "  0.h5: failed: no"]
-    assert lines[study.MANY + 1 :] == [
+    failures = [{"file": f"{n}.h5", "state": "failed: no"} for n in range(study_job.MAX_LISTED_FAILURES + 2)]
+    lines = study_job._summary("t.csv", rows, failures, "3 s").split("\n")
+    assert lines[:2] == [
+        f"t.csv: 4 tasks, {study_job.MAX_LISTED_FAILURES + 2} failed, 3 s",
+        "  0.h5: failed: no",
+    ]
+    assert lines[study_job.MAX_LISTED_FAILURES + 1 :] == [
         "  … and 2 more, see the table",
         "  note in 2 of 3 sweep tasks, which count like the others: few: 7 (0.h5)",
         "  note in 1 of 3 sweep tasks, which count like the others: unstable to shear: G0 = -1 (0.h5)",
     ]
-    exactly = study._summary("t.csv", [], failures[: study.MANY], "3 s")
-    assert "more, see" not in exactly and exactly.count("failed: no") == study.MANY
+    exactly = study_job._summary("t.csv", [], failures[: study_job.MAX_LISTED_FAILURES], "3 s")
+    assert "more, see" not in exactly and exactly.count("failed: no") == study_job.MAX_LISTED_FAILURES
 
 
 def test_an_oscillation_tells_both_ends_of_its_frequencies():

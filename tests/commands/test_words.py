@@ -12,7 +12,7 @@ from jampetsc.commands.sources import rows_named
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.options.values import refuse_repeated
-from jampetsc.studies.table import table_text
+from jampetsc.studies.study_table import table_text
 
 
 def test_one_file_under_two_names(tmp_path):

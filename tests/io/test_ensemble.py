@@ -16,7 +16,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.ensemble import DISTINGUISHING_COLUMNS, load_ensemble
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
-from jampetsc.studies.table import table_text
+from jampetsc.studies.study_table import table_text
 
 MODULI = {1: -0.5, 2: 1.0, 3: 4.0}
 

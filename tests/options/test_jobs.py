@@ -34,7 +34,7 @@ from jampetsc.options.parameters import fields, made, parameters
 from jampetsc.options.parser import words_of
 from jampetsc.options.values import PACKING, PACKING_OR_RESULT, RESULT, opened
 from jampetsc.response import rational
-from jampetsc.speed_accuracy.job import Trade
+from jampetsc.studies.trade_job import Trade
 
 FUNCTIONS = ("sweep", "quasistatic", "modes", "oscillate", "spectrum", "correlate")
 THIRD = 1 / 3

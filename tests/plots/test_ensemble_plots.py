@@ -15,7 +15,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.curves import average_curves, group_curves
 from jampetsc.plots.draw import draw
-from jampetsc.studies.table import table_text
+from jampetsc.studies.study_table import table_text
 
 OMEGA = np.geomspace(1e-4, 1, 9)
 

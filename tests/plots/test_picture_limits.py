@@ -18,7 +18,7 @@ from jampetsc.plots.moduli_plots import plot_collapse, plot_loss, plot_moduli
 from jampetsc.plots.picture import units_of
 from jampetsc.plots.quasistatic_plots import pressures_of
 from jampetsc.plots.style import STORAGE
-from jampetsc.speed_accuracy.table import Row
+from jampetsc.studies.trade_table import TradeRow
 
 OMEGA = np.array([1e-2, 1e-1, 1.0])
 
@@ -140,7 +140,7 @@ def test_moduli_are_guided_where_they_are_viscous():
 
 
 def run(choice, error, seconds, group="accuracy"):
-    return Row(group, choice, seconds, 9.0, error_storage=error, error_loss=0.5 * error)
+    return TradeRow(group, choice, seconds, 9.0, error_storage=error, error_loss=0.5 * error)
 
 
 def test_negative_moduli_are_counted_where_they_would_be_drawn():

@@ -16,16 +16,14 @@ import samples
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.commands import packings
+from jampetsc.commands import packings, study_inputs
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import asked
 from jampetsc.petsc.session import current
-from jampetsc.studies import run as study_run
-from jampetsc.studies import tasks as study_tasks
+from jampetsc.studies import study_run, task_runner
 from jampetsc.studies.journal import Claims, keep_record, records_of, tidy
-from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
 from jampetsc.studies.plan import plan
 
@@ -74,8 +72,19 @@ def require_same(table, other, rtol=1e-7):
 @pytest.mark.scalar("real")
 def test_the_table_is_the_same_on_any_number_of_ranks(session, shared_path):
     table = study(shared_path / "all", ALL)
-    assert set(table["state"]) == {"done"} and set(table["command"]) == set(KINDS)
-    assert [len(table.where(command=name).results()) for name in KINDS] == [2, 6, 2, 2, 2, 4, 2, 2, 6, 2]
+    assert set(table["state"]) == {"done"} and set(table["command"]) == set(study_inputs())
+    assert [len(table.where(command=name).results()) for name in study_inputs()] == [
+        2,
+        6,
+        2,
+        2,
+        2,
+        4,
+        2,
+        2,
+        6,
+        2,
+    ]
     if session.rank == 0 and session.size > 1:
         with session.alone():
             require_same(study(shared_path / "alone", ALL), table)
@@ -101,7 +110,7 @@ def test_large_tasks_are_done_by_all_ranks_together(session, shared_path, monkey
     """And what came out is told once."""
     text = SMALL.replace("1:2", "1:1") + '[sweep]\nomega = "1"\nfields = "1"\n[correlate]\n'
     apart = study(shared_path / "apart", text)
-    monkeypatch.setattr(study_run, "LARGE", 15)
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 15)
     capsys.readouterr()
     together = study(shared_path / "together", text)
     assert capsys.readouterr().out.count("together") == (session.rank == 0)
@@ -156,7 +165,7 @@ def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path, c
 
 def losing(monkeypatch, lost, rank=None):
     """What raises where a file is read whose name has one of these parts, on all ranks or on one: {part: error}."""
-    read = study_tasks.numbers_of
+    read = task_runner.numbers_of
 
     def numbers_of(path):
         for part, error in lost.items():
@@ -164,7 +173,7 @@ def losing(monkeypatch, lost, rank=None):
                 raise error
         return read(path)
 
-    monkeypatch.setattr(study_tasks, "numbers_of", numbers_of)
+    monkeypatch.setattr(task_runner, "numbers_of", numbers_of)
 
 
 @pytest.mark.most_ranks(1)
@@ -262,8 +271,8 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
     (task,) = plan("s.toml", b"[pack]\nn = 16\nphi = 0.9\n")
     fields = [(name, int | None, asked(None)) for name in threads]
     job = dataclasses.make_dataclass("Copying", fields, bases=(Copy,), frozen=True)(**threads)
-    task = dataclasses.replace(task, choice=dataclasses.replace(task.choice, job=job))
-    made = study_tasks.Runner(tmp_path, {}, 5).run(task, [])
+    task = dataclasses.replace(task, settings=dataclasses.replace(task.settings, job=job))
+    made = task_runner.TaskRunner(tmp_path, {}, 5).run(task, [])
     assert seen == [(used, task.words)] and made["state"] == "done"
     assert (made["row"]["n"], made["row"]["pressure"]) == (16, 0.5)
 
@@ -312,12 +321,12 @@ def test_a_claim_that_cannot_be_written_is_an_error_and_an_input_is_waited_for(t
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
-    assert study_run._most_disks(session) <= study_run.LARGE
-    monkeypatch.setattr(study_run, "LARGE", 10**18)
+    assert study_run._max_disks_alone(session) <= study_run.MIN_SHARED_DISKS
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 10**18)
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    assert study_run._most_disks(session) == memory // 2 // session.size // study_run.BYTES
-    monkeypatch.setattr(study_run, "LARGE", 100 + session.rank)
-    assert study_run._most_disks(session) == 100  # the least that any rank may
+    assert study_run._max_disks_alone(session) == memory // 2 // session.size // study_run.BYTES_PER_DISK
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 100 + session.rank)
+    assert study_run._max_disks_alone(session) == 100  # the least that any rank may
 
 
 @pytest.mark.scalar("real")
@@ -329,7 +338,7 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
         "jampetsc.studies.journal.time", clock
     )  # each look at what the others have done is new
     losing(monkeypatch, {"sweep": InputError("lost")})
-    monkeypatch.setattr(study_run, "LARGE", 15)
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 15)
     text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
     table = study(shared_path / "study", text, status=3)
     states = dict(zip(table["command"], table["state"], strict=True))
@@ -342,7 +351,7 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
     assert said[1] in lines[0]  # of what all do together one tells
     monkeypatch.undo()
     losing(monkeypatch, {"sweep": InputError("lost")}, rank=1)  # all go on as rank 0 says
-    monkeypatch.setattr(study_run, "LARGE", 15)
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 15)
     assert set(study(shared_path / "other", text)["state"]) == {"done"}
 
 
@@ -352,7 +361,7 @@ def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, mon
 def test_a_bug_in_what_all_do_together_is_no_row(session, shared_path, monkeypatch):
     """One rank alone may have met it: the others would wait for it in the next task."""
     losing(monkeypatch, {"quasistatic": ZeroDivisionError("a bug")})
-    monkeypatch.setattr(study_run, "LARGE", 15)
+    monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 15)
     with pytest.raises(ZeroDivisionError, match="a bug"):
         study(shared_path / "study", SMALL.replace("1:2", "1:1"))
     session.comm.Barrier()
@@ -430,7 +439,7 @@ def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, 
     first = study(folder, CHAIN)
     write = study_run._write_table
     monkeypatch.setattr(study_run, "_write_table", lambda *it: rows.append(write(*it)) or rows[-1])
-    monkeypatch.setattr(study_run, "REFRESH", -1.0)  # the table is written all the time
+    monkeypatch.setattr(study_run, "REFRESH_INTERVAL", -1.0)  # the table is written all the time
     for how, (change, command, again, later) in CHANGES.items():
         before = times(folder)
         name = first.where(command=command)["file"][0]
@@ -474,7 +483,7 @@ def test_what_no_study_has_made_is_not_replaced(tmp_path, name):
     path.write_text(SMALL)
     (folder / name).write_text(SMALL)
     for more in ([], ["--dry-run"]):
-        with pytest.raises(InputError, match=f"study/{name}: is there already and of no study"):
+        with pytest.raises(InputError, match=f"study/{name}: exists, but no study ran"):
             cli.dispatch(["study", str(path), "--out", str(folder), *more])
     assert [one.name for one in folder.iterdir()] == [name] and (folder / name).read_text() == SMALL
     study_run.check_folder(folder, folder / name)  # a study may lie in its folder
@@ -496,11 +505,8 @@ def test_a_record_that_is_torn_or_changed_does_not_count(tmp_path):
 
 def test_a_dry_run_tells_the_tasks_and_makes_nothing(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "radii").write_text("0.5 " * 16)
-    for text, whole in ((SMALL, r"[\d.]+ s"), (SMALL.replace("n = 16", 'radii = "radii"'), "unknown")):
-        (tmp_path / "s.toml").write_text(text)
-        assert cli.dispatch(["study", "s.toml", "--out", "new", "--dry-run"]) == 0
-        told = capsys.readouterr().out
-        assert told.count("to do  jampetsc ") == 4 and "made again" not in told
-        assert re.search(rf"\n4 of 4 tasks to do, about {whole} on one rank\n$", told)
-        assert told.count("by a rough rule until some are done") == 2 and not (tmp_path / "new").exists()
+    (tmp_path / "s.toml").write_text(SMALL)
+    assert cli.dispatch(["study", "s.toml", "--out", "new", "--dry-run"]) == 0
+    told = capsys.readouterr().out
+    assert told.count("to do  jampetsc ") == 4 and "made again" not in told
+    assert told.endswith("\n4 of 4 tasks to do\n") and not (tmp_path / "new").exists()

@@ -1,4 +1,4 @@
-"""The pieces of a study, each by itself: tasks, costs, numbers, lock, journal, table."""
+"""The pieces of a study, each by itself: tasks, durations, numbers, lock, journal, table."""
 
 import dataclasses
 import errno
@@ -23,16 +23,13 @@ from jampetsc.io.packing_file import write_packing
 from jampetsc.io.request import Request
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.studies import lock as locks
-from jampetsc.studies import run as study_run
-from jampetsc.studies import tasks as study_tasks
-from jampetsc.studies.costs import Costs, in_words
+from jampetsc.studies import study_run, task_runner
 from jampetsc.studies.journal import Claims, keep_record, records_of
-from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.lock import Lock
-from jampetsc.studies.numbers import numbers_of
 from jampetsc.studies.plan import plan, read
-from jampetsc.studies.table import rows_of, table_text
-from jampetsc.studies.tasks import Runner, row_of
+from jampetsc.studies.result_numbers import numbers_of
+from jampetsc.studies.study_table import rows_of, table_text
+from jampetsc.studies.task_runner import TaskRunner, row_of
 
 
 @functools.cache
@@ -280,10 +277,10 @@ def test_reading_a_study_that_is_not_there(tmp_path):
 )
 def test_words_of_a_value(value, words):
     task = of(tasks(f"{PACK}[modes]\nbelow = {value}\n"), "modes")[0]
-    assert task.words[5:] == words and task.choice.given["below"] == float(words[1])
+    assert task.words[5:] == words and task.settings.options["below"] == float(words[1])
 
 
-# What tasks cost
+# How long tasks take
 
 
 def record(command="sweep", state="done", seconds=1.0, **row):
@@ -291,65 +288,20 @@ def record(command="sweep", state="done", seconds=1.0, **row):
 
 
 def asked(command="sweep", **columns):
-    return SimpleNamespace(command=command, columns=columns, choice=SimpleNamespace(job=None))
+    return SimpleNamespace(command=command, columns=columns, settings=SimpleNamespace(job=None))
 
 
-ONE_OF_EACH = """
-pack = [{n = N, pressure = 1e-2}, {n = N, phi = 0.9}]
-sweep = [{fields = "1"}, {method = "direct"}]
-quasistatic = {}
-modes = [{}, {all = true}]
-oscillate = {omega = "1,2", strain = "1e-6,1e-5", alpha = [1.0, 0.5]}
-flow = {model = ["RD0", "CD0"], rate = 1e-2, strain = 0.5}
-shear = {step = 1e-3, strain = 0.1}
-jam = {n = N, phi = "0.83,0.86", seeds = "1:4", protocol = ["random", "shear", "compress"]}
-spectrum = {}
-correlate = {}
-"""
-
-
-def test_before_anything_is_done_costs_follow_from_what_is_asked_for():
-    few, many = (tasks(ONE_OF_EACH.replace("N", str(n))) for n in (64, 4096))
-    assert {task.command for task in few} == KINDS.keys()
-    for one, other in zip(few, many, strict=True):
-        small, large = Costs().of(one), Costs().of(other)
-        assert small == large if one.command in ("spectrum", "correlate") else 0 < small < large, one.name
-
-    def seconds(command, **more):
-        mine = [task for task in few if task.command == command and task.columns.get("phi") != 0.9]
-        (task,) = [task for task in mine if more.items() <= vars(task.choice.job).items()]
-        return Costs().of(task)
-
-    assert seconds("sweep", method="direct") > 2 * seconds("sweep", method="rational")
-    assert seconds("oscillate", alpha=0.5) > 2 * seconds("oscillate", alpha=1.0)
-    assert seconds("modes", all=True) > seconds("modes", all=False)
-    assert seconds("jam", protocol="shear") > seconds("jam", protocol="random")
-
-
-def test_costs_follow_from_what_is_most_alike():
-    records = [
-        *(record(n=64, pressure=1e-2, seconds=seconds) for seconds in (1.0, 2.0, 9.0)),
-        record(n=64, pressure=1e-3, seconds=30.0),
-        record(n=128, pressure=1e-3, seconds=100.0),
-        record("modes", n=64, pressure=1e-2, seconds=500.0),
-        record("modes", n=64, pressure=1e-2, seconds=7.0, state="failed"),
-        record("spectrum", seconds=0.5),
-    ]
-    costs = Costs(records)
-    assert costs.of(asked(n=64, pressure=1e-2)) == 2.0  # the median, not the mean
-    assert costs.of(asked(n=64, pressure=1e-4)) == np.median([1.0, 2.0, 9.0, 30.0])
-    each = np.median([1 / 64, 2 / 64, 9 / 64, 30 / 64, 100 / 128])
-    assert costs.of(asked(n=1000, pressure=1e-2)) == pytest.approx(1000 * each)
-    assert costs.of(asked("modes", n=64, pressure=1e-2)) == 500.0  # what failed does not count
-    assert costs.of(asked("spectrum")) == 0.5
-    unknown, known = asked("quasistatic", radii="r.txt"), asked(n=64, pressure=1e-2)
-    assert costs.of(unknown) is costs.total([unknown]) is None and costs.total([]) == 0.0
-    assert costs.total([known, asked("modes", n=64, pressure=1e-2), unknown]) == 3 * 251.0
+def test_the_time_left_follows_from_tasks_that_are_done():
+    records = [record("sweep", seconds=2.0), record("sweep", seconds=4.0), record("modes", seconds=9.0)]
+    durations = study_run.TaskDurations([*records, record("flow", seconds=100.0, state="failed")])
+    assert durations.remaining([asked("sweep")] * 2 + [asked("modes")]) == 15.0
+    assert durations.remaining([asked("flow")]) == 5.0 and durations.remaining([]) == 0.0
+    assert study_run.TaskDurations().remaining([asked("flow")]) is None
 
 
 def test_times_in_words():
-    words = {None: "unknown", 0.123: "0.12 s", 89: "89 s", 90: "1.5 min", 5399: "90 min", 5400: "1.5 h"}
-    assert [in_words(seconds) for seconds in words] == list(words.values())
+    words = {0.123: "0.12 s", 89: "89 s", 90: "1.5 min", 5399: "90 min", 5400: "1.5 h"}
+    assert [study_run.duration_text(seconds) for seconds in words] == list(words.values())
 
 
 # Large tasks are everybody's
@@ -377,7 +329,7 @@ LARGE += '[sweep]\nomega = "1"\n[shear]\nstep = 1e-3\nstrain = 2e-3\n[spectrum]\
 def test_large_tasks_are_everybodys_and_what_reads_their_files_comes_after_them(
     monkeypatch, text, most, size, everybodys, late
 ):
-    monkeypatch.setattr(study_run, "_most_disks", lambda session: most)
+    monkeypatch.setattr(study_run, "_max_disks_alone", lambda session: most)
     (_, apart), *rest = study_run._phases(tasks(text), SimpleNamespace(size=size))
     assert [task.level for task in apart] == sorted(task.level for task in apart)
     told = [(together, [(task.command, task.columns["n"]) for task in some]) for together, some in rest]
@@ -392,7 +344,7 @@ def work(records=None, tasks=3, folder=None, claims=None):
     """A study's work on rank 0."""
     runner = SimpleNamespace(records=records or {}, folder=folder)
     tasks = [SimpleNamespace(name=f"task {n}") for n in range(tasks)]
-    return study_run._Work(SimpleNamespace(rank=0), runner, claims, tasks, None)
+    return study_run.StudyRanks(SimpleNamespace(rank=0), runner, claims, tasks, None)
 
 
 def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
@@ -401,11 +353,11 @@ def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
     one = work(records={"a": old}, folder=tmp_path, claims=Claims(tmp_path))
     one._report = lambda *_: None
     one._finish(SimpleNamespace(name="a"), old, [], 1)
-    assert records_of(tmp_path) == {} and one.made == []
+    assert records_of(tmp_path) == {} and one.new_records == []
     for new in (dict(old), dict(old, task="b", state="failed", seconds=99.0)):
         one._finish(SimpleNamespace(name=new["task"]), new, [], 1)
-    assert list(records_of(tmp_path).values()) == one.made and len(one.made) == 2
-    assert one.costs.of(asked("sweep")) == 3.0  # of what is done alone
+    assert list(records_of(tmp_path).values()) == one.new_records and len(one.new_records) == 2
+    assert one.durations.remaining([asked("sweep")]) == 3.0  # of what is done alone
 
 
 def test_a_study_says_how_far_it_is(capsys, monkeypatch, reporting):
@@ -539,11 +491,11 @@ def test_a_lock_tells_who_has_it_while_it_is_held_and_ends_with_its_machine(tmp_
         fcntl.flock(other, fcntl.LOCK_EX)
         with pytest.raises(InputError, match=r"\(process \? on another machine\)"):
             Lock(tmp_path).take()
-    assert 4 * locks.BEAT <= locks.LOST == 120.0
+    assert 4 * locks.TOUCH_INTERVAL <= locks.MAX_TOUCH_AGE == 120.0
     for age in (60, 121):  # since another machine has touched it
         file.write_text("elsewhere 123\n")
         os.utime(file, (time.time() - age,) * 2)
-        if age < locks.LOST:
+        if age < locks.MAX_TOUCH_AGE:
             with pytest.raises(InputError, match=r"process 123 on elsewhere.*its lock is void in (5|6)\d s"):
                 Lock(tmp_path).take()
             assert os.listdir(tmp_path) == ["lock"]  # the clock was read without a trace
@@ -572,7 +524,7 @@ def test_where_files_have_no_locks_only_another_machine_counts(tmp_path, monkeyp
 
 
 def test_a_lock_is_touched_until_it_is_released(tmp_path, monkeypatch):
-    monkeypatch.setattr(locks, "BEAT", 0.005)
+    monkeypatch.setattr(locks, "TOUCH_INTERVAL", 0.005)
     lock, path = Lock(tmp_path), tmp_path / "lock"
     lock.take()
     os.utime(path, (0, 0))
@@ -615,7 +567,7 @@ def test_a_task_writes_through_no_link(tmp_path):
     for name in (task.file, f"{task.file}.resume", f"{task.name}.parts", f"journal/{task.name}"):
         (folder / name).symlink_to(outside if name[-1] == "s" or name[-1] == "e" else outside / "file")
         with pytest.raises(InputError, match=f"{name}: is a symbolic link"):
-            keep_record(folder, record) if "/" in name else Runner(folder, {})._work(task, [])
+            keep_record(folder, record) if "/" in name else TaskRunner(folder, {})._work(task, [])
         (folder / name).unlink()
     with pytest.raises(OSError, match="symbolic link"):
         (folder / "lock").symlink_to(outside / "file")
@@ -638,7 +590,7 @@ def test_words_of_the_table_are_no_formulas_of_a_spreadsheet(tmp_path):
 def test_a_study_needs_a_folder(tmp_path):
     (tmp_path / "file").touch()
     for path, message in (
-        (tmp_path / "file", "file: is no folder: choose another folder"),
+        (tmp_path / "file", "file: not a folder. Choose another folder"),
         (tmp_path / "file" / "study", r"cannot be written \(Not a directory\)"),
     ):
         with pytest.raises(InputError, match=message):
@@ -674,7 +626,7 @@ def test_columns_of_the_table_are_in_one_order_and_what_is_no_number_is_empty():
 def runner(tmp_path):
     """A runner in a folder where every file of a small study is there and recorded."""
     found = tasks(PACK + MEAN)
-    made = Runner(tmp_path, {})
+    made = TaskRunner(tmp_path, {})
     for task in found:
         (tmp_path / task.file).write_text(task.name)
         names = [one.name for one in task.inputs]
@@ -717,7 +669,7 @@ def test_what_was_read_counts_and_is_named_where_it_is_not_there(runner):
     runner, found = runner
     sweep_, mean = of(found, "sweep")[0], of(found, "correlate")[0]
     record, identity = runner.records[mean.name], lambda name: checksums.identity_of(runner.folder / name)
-    assert study_tasks._current(record, reversed(mean.inputs), identity)
+    assert task_runner._current(record, reversed(mean.inputs), identity)
     for task in (sweep_, mean):
         made = runner.run(task, [])
         assert (made["state"], made["why"]) == ("failed", f"{task.inputs[0].file} failed")
@@ -735,7 +687,7 @@ def test_a_row_says_what_was_asked_for_before_what_was_found():
 def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
     task = of(tasks(PACK + "[modes]\n"), "modes")[0]
     (there,), path, packing = task.inputs, tmp_path / task.file, tmp_path / task.inputs[0].file
-    runner, job = Runner(tmp_path, {}), task.choice.job_of([str(packing)])
+    runner, job = TaskRunner(tmp_path, {}), task.settings.job_of([str(packing)])
 
     def is_there(**changed):
         request = Request(dataclasses.replace(job, **changed), task.words)
@@ -747,7 +699,7 @@ def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
     write_packing(packing, published())
     assert not runner._is_there(task, job)
     assert is_there() and not is_there(count=3)
-    assert not runner._is_there(there, there.choice.job)  # a packing, at which `pack` looks
+    assert not runner._is_there(there, there.settings.job)  # a packing, at which `pack` looks
     result(path, "modes", eigenvalues=[1.0])  # that does not say with which settings
     assert not runner._is_there(task, job)
     is_there()

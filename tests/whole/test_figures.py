@@ -13,9 +13,9 @@ import pytest
 
 import jampetsc
 from jampetsc import main as cli
+from jampetsc.commands import study_inputs
 from jampetsc.io.disk_motion import six_fold_order
 from jampetsc.plots import draw
-from jampetsc.studies.kinds import KINDS
 from jampetsc.studies.plan import plan
 
 sys.path.insert(0, str(launch.ROOT / "benchmarks"))
@@ -30,7 +30,9 @@ STUDIES = sorted(path.name for path in FIGURES.iterdir())
 
 @pytest.fixture(scope="module")
 def parsers():
-    return {name: cli.command_parser([name])[1].choices[name] for name in (*KINDS, "plot", "collapse")}
+    return {
+        name: cli.command_parser([name])[1].choices[name] for name in (*study_inputs(), "plot", "collapse")
+    }
 
 
 def shown(name, *words, **environment):

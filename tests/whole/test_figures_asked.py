@@ -10,8 +10,8 @@ from test_figures import shown
 
 from jampetsc.options.parameters import parameters
 from jampetsc.options.values import FREQUENCIES
-from jampetsc.studies.options import number_of
 from jampetsc.studies.plan import plan
+from jampetsc.studies.table_keys import number_of
 
 MODES = ("--quick", "--paper")
 # figures [mode] commands option [with these others] = the values that their tasks have of it, or >= some of them
@@ -167,7 +167,7 @@ def asked(figure, mode):
     studies, pictures = shown(figure, mode)
     rows = []
     for task in (task for part, study in studies.items() for task in plan(part, study.encode())):
-        job = task.choice.job
+        job = task.settings.job
         usual = {name: one.default for name, one in parameters(type(job)).items()}
         law = dict(job.law.options if hasattr(job, "law") else ())
         rows.append({"command": task.command} | usual | job.settings() | law | task.columns)

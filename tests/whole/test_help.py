@@ -10,7 +10,7 @@ from test_collapse import PHIS, RATES, write_flow
 
 from jampetsc import main as cli
 from jampetsc.commands import JOBS, job_class
-from jampetsc.studies.table import table_text
+from jampetsc.studies.study_table import table_text
 
 SMALL = {  # option -> {its value: that here}
     "--n": {"64": "16", "256": "24", "1024": "32"},

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,13 @@ from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.reader import load
 from jampetsc.laws.damping import FAMILIES, Physics, damping_law
 from jampetsc.shipped_files import located
-from jampetsc.speed_accuracy import processes
-from jampetsc.speed_accuracy.compare import Reference, certified, log_interpolate
-from jampetsc.speed_accuracy.table import Row
+from jampetsc.studies import trade_process
+from jampetsc.studies.plan import StudyTask
+from jampetsc.studies.table_keys import TaskSettings
+from jampetsc.studies.task_runner import TaskRunner
+from jampetsc.studies.trade_errors import ReferenceCurve, certified, log_interpolate
+from jampetsc.studies.trade_process import ProcessOutcome
+from jampetsc.studies.trade_table import TradeRow
 
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 TIGHTEST = (1e-12, 1e-11, *reversed(ACCURACIES))  # tried for the reference, until one can be certified
@@ -23,55 +28,72 @@ OPTIONS_FILES = tuple(located(f"jampetsc:{name}") for name in ("iterative", "sup
 
 
 @dataclass(frozen=True)
-class Choice:
+class TradeSetting:
     """One setting: its sweep, and the function that compares the result with the reference."""
 
     group: str
     name: str
     sweep: Sweep
-    judge: Callable  # (reference, result) -> the fields of a Row
+    judge: Callable  # (reference, result) -> the fields of a TradeRow
     petsc: tuple = ()  # PETSc's own options
 
 
-class Bench:
+class TradeRuns:
     """Runs sweeps for a `job.Trade`, in a folder of its own, and reports them to a Progress."""
 
     def __init__(self, job, folder, progress):
         self.job, self.folder, self.progress = job, Path(folder), progress
         self.reference = self.reference_accuracy = None
-        self._runs = {}  # command line -> (Outcome, result): two choices may need the same run
+        self._runs = {}  # command line -> (ProcessOutcome, result): two choices may need the same run
 
-    def asked(self, **changes) -> Sweep:
+    def sweep_with(self, **changes) -> Sweep:
         """The sweep that the trade is about, with these changes."""
         usual = {name: getattr(self.job, name) for name in ("packing", "law", "prestress", "omega")}
         return Sweep(**usual | changes)
 
-    def run(self, sweep: Sweep, petsc=()):
-        """(Outcome, result or None) of one sweep. A run that cannot be read counts as failed."""
-        key = (*sweep.line(), *petsc)
+    def run(self, job, petsc=(), name=None):
+        """(ProcessOutcome, result or None) of one job, a task as of a study but in processes of its own.
+
+        petsc   PETSc's own options
+        name    of its file in the folder, without ending
+
+        A job that was run before is not run again. A result that cannot be read counts as failed.
+        """
+        key = (*job.line(), *petsc)
         if key not in self._runs:
-            out, result = self.folder / f"run{len(self._runs)}.h5", None
-            outcome = processes.run([*sweep.line(out)[1:], *petsc], self.job.ranks)
-            try:
-                result = None if outcome.status else load(out)
-            except JampetscError as error:
-                outcome = replace(outcome, status=1, error=str(error))
+            name = name or f"run{len(self._runs)}"
+            task = StudyTask(name, job.NAME, TaskSettings({}, {}, job), {})
+            outcomes = []
+            execute = partial(self._execute, petsc, outcomes)
+            record = TaskRunner(self.folder, {}, cores=None, execute=execute).run(task, [])
+            outcome = outcomes[0] if outcomes else ProcessOutcome(1, 0.0, 0.0, "")
+            if record["state"] == "done":
+                result = load(self.folder / task.file)
+            else:
+                outcome, result = replace(outcome, status=outcome.status or 1, error=record["why"]), None
             self._runs[key] = outcome, result
         return self._runs[key]
 
-    def find_reference(self) -> list[Row]:
+    def _execute(self, petsc, outcomes, job, out, argv, overwrite):
+        """Make the file `out` in processes of its own and keep how they ended; JampetscError if they failed."""
+        outcome = trade_process.run([*job.line(out)[1:], *petsc], self.job.ranks)
+        outcomes.append(outcome)
+        if outcome.status:
+            raise JampetscError(outcome.error)
+
+    def find_reference(self) -> list[TradeRow]:
         """Find the tightest rational sweep that is certified; its row first, then the failed `ACCURACIES`.
 
         Raises JampetscError with the message of the run if there is none.
         """
         rows = []
         for accuracy in TIGHTEST:
-            outcome, result = self.run(self.asked(accuracy=accuracy))
+            outcome, result = self.run(self.sweep_with(accuracy=accuracy))
             name = f"accuracy {accuracy:g}"
             if result is not None:
-                self.reference, self.reference_accuracy = Reference(result), accuracy
-                found = _spent(outcome, result) | self.reference.exponents(result.G)
-                row = Row("reference", name, **found, note="the others are compared with it")
+                self.reference, self.reference_accuracy = ReferenceCurve(result), accuracy
+                measured = _spent(outcome, result) | self.reference.exponents(result.G)
+                row = TradeRow("reference", name, **measured, note="the others are compared with it")
                 self.progress.step(f"reference {name}: {row.seconds:.2f} s  certified to {row.certified:.1e}")
                 return [row, *rows]
             if outcome.status == InputError.exit_code:
@@ -82,45 +104,51 @@ class Bench:
             rows += [failed] if accuracy in ACCURACIES else []
         raise ConvergenceError(f"no reference, the rational sweep failed at every accuracy: {outcome.error}")
 
-    def measure(self, choice: Choice) -> Row:
+    def measure(self, choice: TradeSetting) -> TradeRow:
         """The row of a choice; that of a failed run has the reason."""
         group, name = choice.group, choice.name
         outcome, result = self.run(choice.sweep, choice.petsc)
         if result is None:
             return self.failed(group, name, outcome)
-        row = Row(group, name, **_spent(outcome, result), **choice.judge(self.reference, result))
+        row = TradeRow(group, name, **_spent(outcome, result), **choice.judge(self.reference, result))
         self.progress.step(f"{group} {name}: {row.seconds:.2f} s  error {row.error:.1e}")
         return row
 
-    def failed(self, group, name, outcome) -> Row:
+    def failed(self, group, name, outcome) -> TradeRow:
         """The row of a run that failed."""
-        row = Row(group, name, process_seconds=outcome.seconds, note=f"failed: {outcome.error}", failed=True)
+        row = TradeRow(
+            group, name, process_seconds=outcome.seconds, note=f"failed: {outcome.error}", failed=True
+        )
         self.progress.step(f"{group} {name}: {row.note}")
         return row
 
 
-def plan(bench: Bench) -> tuple[list[Choice], list[str]]:
+def plan(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
     """(choices, lines about groups that are left out) for the groups asked for; needs the reference."""
     job, choices, left_out = bench.job, [], []
     if "accuracy" in job.choices:
         looser = [accuracy for accuracy in ACCURACIES if accuracy > bench.reference_accuracy]
-        choices += [Choice("accuracy", f"accuracy {a:g}", bench.asked(accuracy=a), _exact) for a in looser]
-    direct = bench.asked(method="direct")
+        choices += [
+            TradeSetting("accuracy", f"accuracy {a:g}", bench.sweep_with(accuracy=a), _exact) for a in looser
+        ]
+    direct = bench.sweep_with(method="direct")
     if "method" in job.choices:
-        choices.append(Choice("method", "direct, MUMPS", direct, _exact))
+        choices.append(TradeSetting("method", "direct, MUMPS", direct, _exact))
         for path in job.options_files or OPTIONS_FILES:
             petsc = ("-options_file", path)
-            choices.append(Choice("method", f"direct, {Path(path).name}", direct, _exact, petsc))
+            choices.append(TradeSetting("method", f"direct, {Path(path).name}", direct, _exact, petsc))
     if "physics" in job.choices:
         for name, other in simpler(job.physics):
-            sweep = bench.asked(law=other.law, prestress=other.prestress, accuracy=PHYSICS_ACCURACY)
-            choices.append(Choice("physics", name, sweep, lambda exact, found: exact.deviation(found.G)))
+            sweep = bench.sweep_with(law=other.law, prestress=other.prestress, accuracy=PHYSICS_ACCURACY)
+            choices.append(
+                TradeSetting("physics", name, sweep, lambda exact, measured: exact.deviation(measured.G))
+            )
     if "frequencies" in job.choices and ":" in job.frequencies and not job.frequencies.startswith("lin:"):
         low, high = direct.omega[[0, -1]]
         counts = {max(2, 1 + round(np.log10(high / low) * n)) for n in PER_DECADE}
         for count in [*sorted(n for n in counts if n < len(direct.omega)), len(direct.omega)]:
             sweep = replace(direct, omega=np.geomspace(low, high, count))
-            choices.append(Choice("frequencies", f"{count} frequencies", sweep, _interpolated))
+            choices.append(TradeSetting("frequencies", f"{count} frequencies", sweep, _interpolated))
     elif "frequencies" in job.choices:
         left_out.append("number of frequencies: left out, it needs a logarithmic grid of omega")
     if bench.reference.window is None:
@@ -135,17 +163,17 @@ def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     damping at β = 1 (BT) except for a logarithm (docs/physics.md), which slopes over a window do not resolve.
     """
     law, prestress = physics.law, physics.prestress
-    others = []
+    alternatives = []
     if "rotations" in dict(law.options) and (law.sliding or law.transverse):
         name = "without rotations" if law.couples_rotations else "with rotations"
-        others.append((name, Physics(law.altered(rotations=not law.couples_rotations), prestress)))
+        alternatives.append((name, Physics(law.altered(rotations=not law.couples_rotations), prestress)))
     name = "without pre-stress" if prestress else "with pre-stress"
-    others.append((name, Physics(law, not prestress)))
+    alternatives.append((name, Physics(law, not prestress)))
     for name, family in FAMILIES.items():
         if name != law.family:
             other = damping_law(name, tau1=law.tau1, **family.simplest)
-            others.append((str(other), Physics(other, prestress)))
-    return others
+            alternatives.append((str(other), Physics(other, prestress)))
+    return alternatives
 
 
 def _exact(reference, result) -> dict:

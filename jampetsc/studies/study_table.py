@@ -3,8 +3,8 @@
 from jampetsc.columns import comma_separated
 
 # first and last columns, those of them that exist
-FIRST = ("command", "state", "file", "packing", "n", "pressure", "phi", "seed", "law")
-LAST = ("seconds",)
+FIRST_COLUMNS = ("command", "state", "file", "packing", "n", "pressure", "phi", "seed", "law")
+LAST_COLUMNS = ("seconds",)
 
 
 def rows_of(tasks, records: dict) -> list[dict]:
@@ -12,9 +12,9 @@ def rows_of(tasks, records: dict) -> list[dict]:
 
     Unfinished tasks have no row.
     """
-    asked = {task.name: None for task in tasks if task.name in records}  # a set in order
-    before = [name for name, record in records.items() if name not in asked and record["state"] == "done"]
-    return [_row(records[name]) for name in [*asked, *sorted(before)]]
+    names = {task.name: None for task in tasks if task.name in records}  # a set in order
+    before = [name for name, record in records.items() if name not in names and record["state"] == "done"]
+    return [_row(records[name]) for name in [*names, *sorted(before)]]
 
 
 def _row(record):
@@ -25,8 +25,8 @@ def _row(record):
 def table_text(rows) -> str:
     """The table as CSV; numbers to their last digit, nothing where a task has none."""
     names = {name: None for row in rows for name in row}
-    columns = [name for name in FIRST if name in names]
-    columns += [name for name in names if name not in (*FIRST, *LAST)] + list(LAST)
+    columns = [name for name in FIRST_COLUMNS if name in names]
+    columns += [name for name in names if name not in (*FIRST_COLUMNS, *LAST_COLUMNS)] + list(LAST_COLUMNS)
     return comma_separated(columns, ({name: _cell(value) for name, value in row.items()} for row in rows))
 
 

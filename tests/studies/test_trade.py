@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from matplotlib.image import imread
 
 from jampetsc import main as cli
+from jampetsc.analysis.critical_branch import CRITICAL_START
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.outlet import Outlet
@@ -20,11 +21,11 @@ from jampetsc.options.values import grid_text
 from jampetsc.packing.disks import Disks
 from jampetsc.petsc import launcher
 from jampetsc.progress import Progress
-from jampetsc.speed_accuracy import choices, ensembles, measure, processes, table
-from jampetsc.speed_accuracy.advice import advise
-from jampetsc.speed_accuracy.compare import CRITICAL_START, Reference, log_interpolate
-from jampetsc.speed_accuracy.job import Trade
-from jampetsc.speed_accuracy.table import Row
+from jampetsc.studies import trade_ensembles, trade_process, trade_run, trade_settings, trade_table
+from jampetsc.studies.trade_advice import advise
+from jampetsc.studies.trade_errors import ReferenceCurve, log_interpolate
+from jampetsc.studies.trade_job import Trade
+from jampetsc.studies.trade_table import TradeRow
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -57,7 +58,7 @@ def asked(packing="p.h5", **changes):
 
 def bench_of(folder, *asked_, **changes):
     with Progress(None, "trade") as progress:
-        return choices.Bench(asked(*asked_, **changes), folder, progress)
+        return trade_settings.TradeRuns(asked(*asked_, **changes), folder, progress)
 
 
 # The whole of it
@@ -133,7 +134,7 @@ def test_ranks_ensemble_and_frequencies(packing, tmp_path, clean):
     bench.find_reference()
     bench.job = replace(bench.job, ranks=None)
     assert bench.reference.window[0] >= 0.99 * CRITICAL_START * 1e-3 and bench.reference.certified < 1e-8
-    plan, left_out = choices.plan(bench)
+    plan, left_out = trade_settings.plan(bench)
     physics, grids = plan[:3], plan[3:]
     assert [choice.name for choice in physics][2:] == ["Stokes drag, eta_f = 0"] and not left_out
     assert [choice.name for choice in grids] == [f"{n} frequencies" for n in (3, 4, 7, 13, 16)]
@@ -141,27 +142,29 @@ def test_ranks_ensemble_and_frequencies(packing, tmp_path, clean):
     assert min(stokes.error_storage, stokes.error_loss) > 1e-3
     coarse, full = bench.measure(grids[0]), bench.measure(grids[-1])
     assert coarse.error > 3 * full.error > 1e-6  # what straight lines miss, not what solvers do
-    row = ensembles.measure(bench, replace(ensembles.plan(bench)[0][0], n=32, seeds=(1001, 1002)))
+    row = trade_ensembles.measure(bench, replace(trade_ensembles.plan(bench)[0][0], n=32, seeds=(1001, 1002)))
     assert not row.failed and row.choice == "2 x N = 32" and row.stderr_loss > 0
     assert row.factorisations >= 2 and row.error > 1e-3 and "packing took" in row.note
 
 
 def test_a_run_that_fails_says_why(clean):
-    outcome = processes.run(["sweep", "none.h5", "--out", "x.h5"])
+    outcome = trade_process.run(["sweep", "none.h5", "--out", "x.h5"])
     assert (outcome.status, outcome.error) == (2, "none.h5: no such file")
     assert 10 < outcome.memory < 2000  # MB
 
 
 def test_simpler_physics_of_each_law():
-    names = [name for name, _ in choices.simpler(Physics(damping_law(rotations=False), prestress=False))]
+    names = [
+        name for name, _ in trade_settings.simpler(Physics(damping_law(rotations=False), prestress=False))
+    ]
     assert names == ["with rotations", "with pre-stress", "Stokes drag, eta_f = 0"]
-    names = [name for name, _ in choices.simpler(Physics(damping_law(beta=0.0)))]
+    names = [name for name, _ in trade_settings.simpler(Physics(damping_law(beta=0.0)))]
     assert names == ["without pre-stress", "Stokes drag, eta_f = 0"]  # whose disks may roll as they like
     for prestress in (True, False):
-        others = dict(choices.simpler(Physics(damping_law(tau1=3.0), prestress=prestress)))
+        others = dict(trade_settings.simpler(Physics(damping_law(tau1=3.0), prestress=prestress)))
         others.pop("without pre-stress" if prestress else "with pre-stress")
         assert {(other.prestress, other.law.tau1) for other in others.values()} == {(prestress, 3.0)}
-    others = dict(choices.simpler(Physics(damping_law("stokes", tau1=2.0))))
+    others = dict(trade_settings.simpler(Physics(damping_law("stokes", tau1=2.0))))
     assert others["contact damping, beta = 1"] == Physics(damping_law(tau1=2.0))
     assert others["without pre-stress"] == Physics(damping_law("stokes", tau1=2.0), prestress=False)
 
@@ -180,7 +183,7 @@ def test_simpler_physics_of_each_law():
     ],
 )  # fmt: skip
 def test_why_a_run_failed(text, status, reason):
-    assert processes._reason(text, status) == reason
+    assert trade_process._reason(text, status) == reason
 
 
 @pytest.mark.parametrize(
@@ -195,11 +198,11 @@ def test_words_before_a_command_for_several_ranks(tmp_path, monkeypatch, name, v
     (tmp_path / name).write_text(f"#!/bin/sh\necho '{version}'\n")
     (tmp_path / name).chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert processes.launcher(3) == [str(tmp_path / name), *words, "-n", "3"]
-    assert processes.launcher(None) == []
+    assert trade_process.launcher(3) == [str(tmp_path / name), *words, "-n", "3"]
+    assert trade_process.launcher(None) == []
     (tmp_path / name).unlink()
     with pytest.raises(InputError, match="ranks 2: neither mpirun nor mpiexec"):
-        processes.launcher(2)
+        trade_process.launcher(2)
 
 
 class Runs:
@@ -208,11 +211,11 @@ class Runs:
     def __init__(self, *ends):
         self.ends, self.asked = list(ends), []
 
-    def __call__(self, sweep, petsc=()):
-        self.asked.append(str(sweep))
+    def __call__(self, job, petsc=(), name=None):
+        self.asked.append(str(job))
         status, result = next(end for text, *end in self.ends if text in self.asked[-1])
         error = "" if status == 0 else f"ended by {status}"
-        return processes.Outcome(status, 1.5, 100.0 + len(self.asked), error), result
+        return trade_process.ProcessOutcome(status, 1.5, 100.0 + len(self.asked), error), result
 
 
 @pytest.fixture
@@ -261,9 +264,11 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, rep
         2**0.5 * 1e-6
     )
     assert rows[1].note == "failed: ended by 3" and bench.reference_accuracy == 1e-9
-    bench.failed("options", "o.opts", processes.Outcome(1, 1.0, 1.0, "broken"))
+    bench.failed("options", "o.opts", trade_process.ProcessOutcome(1, 1.0, 1.0, "broken"))
     bench.measure(
-        choices.Choice("method", "direct", bench.asked(accuracy=1e-9), lambda *_: errors(2e-5, 1e-5))
+        trade_settings.TradeSetting(
+            "method", "direct", bench.sweep_with(accuracy=1e-9), lambda *_: errors(2e-5, 1e-5)
+        )
     )
     assert capsys.readouterr().err.splitlines() == [
         *[f"[{n}] accuracy accuracy 1e-{13 - n}: failed: ended by 3" for n in (1, 2, 3)],
@@ -271,8 +276,10 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, rep
         "[5] options o.opts: failed: broken",
         "[6] method direct: 2.00 s  error 2.0e-05",
     ]
-    plan, left_out = choices.plan(bench)
-    assert [choice.name for choice in plan] == [f"accuracy {a:g}" for a in choices.ACCURACIES if a > 1e-9]
+    plan, left_out = trade_settings.plan(bench)
+    assert [choice.name for choice in plan] == [
+        f"accuracy {a:g}" for a in trade_settings.ACCURACIES if a > 1e-9
+    ]
     assert left_out == []
 
 
@@ -300,7 +307,7 @@ def test_what_cannot_be_measured_is_said(told, tmp_path):
         (row,) = bench.find_reference()
         assert np.isnan(row.exponent_storage) and bench.reference.window is None
         assert not [name for name in bench.reference.deviation(bench.reference.G) if "window" in name]
-        plan, left_out = choices.plan(bench)
+        plan, left_out = trade_settings.plan(bench)
         assert [choice.name for choice in plan] == ["direct, MUMPS", "direct, a.opts"]
         assert plan[1].petsc == ("-options_file", str(tmp_path / "a.opts"))
         window = "critical window, 10 p/k < omega tau1 < 0.1"
@@ -313,29 +320,28 @@ def test_numbers_of_frequencies_are_so_many_per_decade_up_to_those_asked_for(tol
     curve = spent(Curve(np.geomspace(low, high, int(points))))
     bench = told(("", 0, curve), omega=omega, choices=["frequencies"])
     bench.find_reference()
-    plan, _ = choices.plan(bench)
+    plan, _ = trade_settings.plan(bench)
     assert [choice.name for choice in plan] == [f"{n} frequencies" for n in counts]
     grids = [grid_text(np.geomspace(low, high, n)) for n in counts]
     assert [choice.sweep.words() for choice in plan] == [["--omega", g, "--method", "direct"] for g in grids]
 
 
-def test_a_choice_is_run_once_and_one_that_cannot_be_read_fails(tmp_path, monkeypatch):
-    bench, runs = bench_of(tmp_path, omega="1,2"), []
+def test_a_choice_is_run_once_and_one_that_cannot_be_read_fails(packing, tmp_path, monkeypatch):
+    bench, runs = bench_of(tmp_path, packing, omega="1,2"), []
 
     def run(words, ranks):
         runs.append(words)
-        return processes.Outcome(len(runs) - 1, 1.0, 10.0, "" if len(runs) == 1 else "by itself")
+        return trade_process.ProcessOutcome(len(runs) - 1, 1.0, 10.0, "" if len(runs) == 1 else "by itself")
 
-    monkeypatch.setattr(processes, "run", run)
-    outcome, result = bench.run(bench.asked(accuracy=0.1))
-    assert result is None and outcome.status == 1 and outcome.error.endswith("run0.h5: no such file")
-    assert bench.run(bench.asked(accuracy=0.1))[0] is outcome and len(runs) == 1
-    assert bench.run(bench.asked(accuracy=0.05))[0].error == "by itself"
-    bench.run(bench.asked(accuracy=0.05, omega="1"))
-    bench.run(bench.asked(accuracy=0.05, packing="q.h5"))
-    bench.run(bench.asked(accuracy=0.05), ("-options_file", "a.opts"))
+    monkeypatch.setattr(trade_process, "run", run)
+    outcome, result = bench.run(bench.sweep_with(accuracy=0.1))
+    assert result is None and outcome.status == 1 and outcome.error == "no such file"
+    assert bench.run(bench.sweep_with(accuracy=0.1))[0] is outcome and len(runs) == 1
+    assert bench.run(bench.sweep_with(accuracy=0.05))[0].error == "by itself"
+    bench.run(bench.sweep_with(accuracy=0.05, omega="1"))
+    bench.run(bench.sweep_with(accuracy=0.05), ("-options_file", "a.opts"))
     out = ["--out", str(tmp_path / "run2.h5"), "--omega", "1.0", "--accuracy", "0.05"]
-    assert len(runs) == 5 and runs[2] == ["sweep", "p.h5", *out] and runs[4][-1] == "a.opts"
+    assert len(runs) == 4 and runs[2] == ["sweep", str(packing), *out] and runs[3][-1] == "a.opts"
 
 
 def packs_of(told, path, n=64, **record):
@@ -343,37 +349,28 @@ def packs_of(told, path, n=64, **record):
     packing = with_record(path / "p.h5", n, **record)
     bench = told(("1e-12", 0, spent(Curve(WIDE, k=2.0))), packing=packing)
     bench.find_reference()
-    return bench, *ensembles.plan(bench)
+    return bench, *trade_ensembles.plan(bench)
 
 
-def test_an_ensemble_costs_what_all_its_runs_cost(told, tmp_path, monkeypatch):
+def test_an_ensemble_costs_what_all_its_runs_cost(told, tmp_path):
     low = Curve(WIDE, 0.9)
     low.G = low.G.copy()
     low.G[0] = -1.0 + 1j * low.G[0].imag
     bench, packs, _ = packs_of(told, tmp_path, sizes="bidisperse")
-    bench.run.ends += [("-1001", 0, spent(Curve(WIDE, 1.1), 3.0, 7)), ("-1003", 3, None),
-                       ("-1002", 0, spent(low, 4.0, 8))]  # fmt: skip
-    asked = []
-
-    def pack(words, ranks):
-        asked.append(words)
-        for seed in made:
-            with_record(tmp_path / f"packing-16-{seed}.h5", 16)
-        return processes.Outcome(3 if made else 2, 10.0, 50.0, "one failed")
-
-    monkeypatch.setattr(processes, "run", pack)
-    made = []
-    row = ensembles.measure(bench, packs[1])
-    assert row.failed and row.note == "failed: one failed"
-    made = [1001, 1002, 1003]
-    row = ensembles.measure(bench, packs[1])
-    assert (row.seconds, row.process_seconds, row.factorisations) == (17.0, 14.5, 15)
+    bench.run.ends += [("--seed", 2, None)]
+    row = trade_ensembles.measure(bench, packs[1])
+    assert row.failed and row.note == "failed: ended by 2"
+    disks = object()
+    bench.run.ends[-1:] = [("--seed 1004", 3, None), ("--seed", 0, disks), ("-1003", 3, None),
+                           ("-1001", 0, spent(Curve(WIDE, 1.1), 3.0, 7)), ("-1002", 0, spent(low, 4.0, 8))]  # fmt: skip
+    row = trade_ensembles.measure(bench, packs[1])
+    assert (row.seconds, row.process_seconds, row.factorisations) == (13.0, 10.5, 15)
     assert row.memory_mb == 100.0 + len(bench.run.asked)
-    assert row.note == "packing took 10.0 s; only 2 of 4: one failed; G' < 0 in 1 of them"
+    assert row.note == "packing took 6.0 s; only 2 of 4: ended by 3; G' < 0 in 1 of them"
     assert row.stderr_loss == pytest.approx(0.1 * half_width(1))  # of 1.1 and 0.9
-    assert asked[0] == packs[1].line(tmp_path / "packing-16-{seed}.h5")[1:]
+    assert str(replace(packs[1], seeds=None, seed=1001)) in bench.run.asked
     bench.run.ends = [("", 3, None)]  # no sweep is left
-    row = ensembles.measure(bench, packs[1])
+    row = trade_ensembles.measure(bench, packs[1])
     assert (row.failed, row.note, row.process_seconds) == (True, "failed: ended by 3", 1.5)
 
 
@@ -399,21 +396,21 @@ def test_which_ensembles_a_packing_allows_and_that_they_are_made_as_it_was(told,
 
 
 def test_scatter_of_an_ensemble_is_that_of_a_mean_in_the_window_and_of_slopes_from_packing_to_packing():
-    reference, shifts = Reference(Curve(WIDE)), np.array([-0.1, 0.1] * 4)
+    reference, shifts = ReferenceCurve(Curve(WIDE)), np.array([-0.1, 0.1] * 4)
     curves = (1 + shifts)[:, None] * reference.G
     curves[:, 0] = shifts + 1e-9j
-    found = ensembles._statistics(reference, curves)
+    found = trade_ensembles._statistics(reference, curves)
     assert found["window_storage"] < 1e-12  # the mean is exact
     assert found["stderr_storage"] == found["stderr_loss"] == pytest.approx(0.1 / np.sqrt(7) * half_width(7))
 
-    reference = Reference(Curve(omega := np.geomspace(1e-4, 1e-2, 7)))
+    reference = ReferenceCurve(Curve(omega := np.geomspace(1e-4, 1e-2, 7)))
     steep = [omega**exponent * (1 + 1j) for exponent in (0.5, 0.6)]
-    found = ensembles._statistics(reference, np.array(steep))
+    found = trade_ensembles._statistics(reference, np.array(steep))
     for part in ("storage", "loss"):  # √(0.05² + 0.05²)/√2
         assert found[f"exponent_{part}_error"] == pytest.approx(0.05 * half_width(1))
     steep[1][3] = -0.1 * steep[1][3]  # of which no slope can be told: a single one has no scatter
     fit = reference.deviation(np.mean(steep, axis=0))
-    alone = ensembles._statistics(reference, np.array(steep))
+    alone = trade_ensembles._statistics(reference, np.array(steep))
     assert alone["exponent_storage_error"] == fit["exponent_storage_error"] > 0
 
 
@@ -422,9 +419,11 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     packing, drawn = with_record(tmp_path / "p.h5", 64), []
     curve = spent(Curve(WIDE))
     curve.attributes["petsc_version"] = "3.99"
-    monkeypatch.setattr(choices.Bench, "run", lambda *_: (processes.Outcome(0, 1.5, 100.0, ""), curve))
+    monkeypatch.setattr(
+        trade_settings.TradeRuns, "run", lambda *_: (trade_process.ProcessOutcome(0, 1.5, 100.0, ""), curve)
+    )
     monkeypatch.setattr("jampetsc.plots.trade_plots.plot_trade", lambda *words: drawn.append(words))
-    text = measure.measure(asked(packing, ensemble=True), tmp_path / "t.csv")
+    text = trade_run.measure(asked(packing, ensemble=True), tmp_path / "t.csv")
     written = (tmp_path / "t.csv").read_text()
     for line in (
         f"command: jampetsc trade {packing} --out {tmp_path}/t.csv --choices '' --ensemble --omega 1e-08:10.0:91",
@@ -440,7 +439,9 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     assert "for a first look" in text and [row.group for row in drawn[0][0]] == ["reference"]
     assert drawn[0][1:] == (pytest.approx(2**0.5 * 1e-6), tmp_path / "t.png")
     curve.omega, curve.G = curve.omega[:9], curve.G[:9]
-    text = measure.measure(asked(packing, omega="1,2", choices=["frequencies"], ranks=2), tmp_path / "t.csv")
+    text = trade_run.measure(
+        asked(packing, omega="1,2", choices=["frequencies"], ranks=2), tmp_path / "t.csv"
+    )
     for told in ("runs: mpirun -n 2; ", "critical window, 10 p/k", "left out, it needs"):
         assert told in text
 
@@ -448,7 +449,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
 # What is made of them
 def test_errors_and_slopes_of_a_square_root():
     curve = Curve(WIDE, k=100.0, tau1=4.0)
-    reference = Reference(curve)
+    reference = ReferenceCurve(curve)
     assert reference.window == pytest.approx((2.5e-6, 0.025), rel=0.3)  # to a step of the grid
     G = reference.G.real * 1.01 + 0.98j * reference.G.imag
     G[0] *= 2  # outside of the window
@@ -461,7 +462,7 @@ def test_errors_and_slopes_of_a_square_root():
     assert min(reference.exponents(G)[f"exponent_{part}_error"] for part in ("storage", "loss")) > 1e-4
     for negative in (-G, -G.real + 1j * G.imag, G.real - 1j * G.imag):
         assert reference.exponents(negative) == {}
-    narrow = Reference(Curve(np.geomspace(1.0, 10, 5)))
+    narrow = ReferenceCurve(Curve(np.geomspace(1.0, 10, 5)))
     assert narrow.window is None and narrow.deviation(narrow.G) == {"error_storage": 0.0, "error_loss": 0.0}
 
 
@@ -474,7 +475,7 @@ def test_too_few_frequencies_are_judged_between_those_of_the_reference():
     """Between 0.01 and 100 the chord is highest above the curve at 1, by (√(1.01 · 101) - 2)/2."""
     ends, expected = bent(0.01, 100.0), (np.sqrt(1.01 * 101) - 2) / 2
     for reference in (ends, bent(0.01, 1.0, 100.0)):
-        judged = choices._interpolated(Reference(reference), ends)
+        judged = trade_settings._interpolated(ReferenceCurve(reference), ends)
         found = judged["error_storage"], judged["error_loss"]
         assert found == pytest.approx((expected, expected), rel=1e-3)
         assert "interpolation between them" in judged["note"] and "window_storage" not in judged
@@ -490,14 +491,14 @@ def test_the_bounds_of_both_moduli_count_each_for_its_own():
         curve.G = curve.G + error * np.array([0.0, 1.0])
         return curve
 
-    reference = Reference(bounded(0.1, 0.2))
+    reference = ReferenceCurve(bounded(0.1, 0.2))
     for error, beyond in ((0.29, None), (0.31, 4.0), (0.49j, None), (-0.51j, 4.0), (-0.31, 4.0)):
         run = bounded(0.2, 0.3, error)
         assert reference.violation(run) == beyond
         note = f"EXCEEDS ITS BOUND at omega = {beyond:g}" if beyond else ""
-        assert choices._exact(reference, run)["note"] == note
+        assert trade_settings._exact(reference, run)["note"] == note
     for bounds, certified in (((0.1, 0.2), 0.2), ((0.4, 0.2), 0.4)):
-        assert Reference(bounded(*bounds)).certified == pytest.approx(certified)
+        assert ReferenceCurve(bounded(*bounds)).certified == pytest.approx(certified)
 
 
 SLOPES = {"exponent_storage": 0.5, "exponent_loss": 0.5}
@@ -508,17 +509,19 @@ def errors(storage, loss=None):
 
 
 ROWS = [
-    Row("reference", "accuracy 1e-12", 5.0, certified=1e-12, **SLOPES),
-    Row("accuracy", "accuracy 0.01", 1.0, **errors(1e-2, 3e-2), exponent_storage=0.51, exponent_loss=0.5),
-    Row("accuracy", "accuracy 0.001", 2.0, **errors(1e-3), **SLOPES),
-    Row("accuracy", "accuracy 0.0001", 2.1, **errors(1e-4), **SLOPES),
-    Row("method", "direct, MUMPS", 50.0, **errors(1e-13), **SLOPES),
-    Row("method", "direct, iterative.opts", note="failed: no", failed=True),
-    Row("physics", "without rotations", 0.5, **errors(0.5), exponent_storage=0.47, exponent_loss=0.53),
-    Row("physics", "without pre-stress", 0.5, **errors(0.5), exponent_storage=0.4, exponent_loss=0.53),
-    Row("frequencies", "8 frequencies", 3.0, **errors(0.2)),
-    Row("frequencies", "15 frequencies", 7.0, **errors(0.04)),
-    Row("frequencies", "29 frequencies", 11.0, **errors(0.03)),
+    TradeRow("reference", "accuracy 1e-12", 5.0, certified=1e-12, **SLOPES),
+    TradeRow(
+        "accuracy", "accuracy 0.01", 1.0, **errors(1e-2, 3e-2), exponent_storage=0.51, exponent_loss=0.5
+    ),
+    TradeRow("accuracy", "accuracy 0.001", 2.0, **errors(1e-3), **SLOPES),
+    TradeRow("accuracy", "accuracy 0.0001", 2.1, **errors(1e-4), **SLOPES),
+    TradeRow("method", "direct, MUMPS", 50.0, **errors(1e-13), **SLOPES),
+    TradeRow("method", "direct, iterative.opts", note="failed: no", failed=True),
+    TradeRow("physics", "without rotations", 0.5, **errors(0.5), exponent_storage=0.47, exponent_loss=0.53),
+    TradeRow("physics", "without pre-stress", 0.5, **errors(0.5), exponent_storage=0.4, exponent_loss=0.53),
+    TradeRow("frequencies", "8 frequencies", 3.0, **errors(0.2)),
+    TradeRow("frequencies", "15 frequencies", 7.0, **errors(0.04)),
+    TradeRow("frequencies", "29 frequencies", 11.0, **errors(0.03)),
 ]
 
 
@@ -534,7 +537,7 @@ def test_advice_follows_its_rules():
 
 GROUPS = ("accuracy", "method", "physics", "frequencies", "ensemble")
 RUNS = st.builds(
-    lambda group, seconds, error, storage, loss: Row(
+    lambda group, seconds, error, storage, loss: TradeRow(
         group, "", seconds, **errors(error), exponent_storage=storage, exponent_loss=loss
     ),
     st.sampled_from(GROUPS),
@@ -572,7 +575,7 @@ def test_the_run_that_is_recommended_is_the_fastest_that_will_do_and_of_those_th
         assert told in [f"{way}, error at most {max(error, 1e-12):.0e}" for way in ways]
 
 
-BIG = Row("ensemble", "1 x N = 64", 9.0, **errors(1.0), window_storage=0.1, window_loss=0.3)
+BIG = TradeRow("ensemble", "1 x N = 64", 9.0, **errors(1.0), window_storage=0.1, window_loss=0.3)
 
 
 @pytest.mark.parametrize(
@@ -588,7 +591,7 @@ BIG = Row("ensemble", "1 x N = 64", 9.0, **errors(1.0), window_storage=0.1, wind
 )  # fmt: skip
 def test_advice_on_packings(fields, more, told):
     names = ("window_storage", "window_loss", "stderr_storage", "stderr_loss")
-    row = Row("ensemble", "4 x N = 16", 9.0, **errors(0.1, 0.3), **dict(zip(names, fields, strict=True)))
+    row = TradeRow("ensemble", "4 x N = 16", 9.0, **errors(0.1, 0.3), **dict(zip(names, fields, strict=True)))
     alone, line = advise([*ROWS, *more, row])[-2:]
     assert f"4 x N = 16: 9.0 s, {told}" in line and line.endswith(
         f"below {max(fields[2:]) / 10:.0e} is lost in it"
@@ -598,16 +601,18 @@ def test_advice_on_packings(fields, more, told):
 
 def test_a_table_reads_back_and_tells_what_is_resolved(tmp_path):
     rows = [*ROWS, replace(ROWS[5], choice="x", seconds=1 / 3)]
-    table.write(tmp_path / "t.csv", rows, ["packing: p.h5"])
+    trade_table.write(tmp_path / "t.csv", rows, ["packing: p.h5"])
     text = (tmp_path / "t.csv").read_text()
     assert text.startswith("# packing: p.h5\n")
-    assert {field.name for field in fields(Row) if f"# {field.name}: " not in text} == {"failed"}
+    assert {field.name for field in fields(TradeRow) if f"# {field.name}: " not in text} == {"failed"}
     read = rows_of(tmp_path / "t.csv")
     assert float(read["accuracy", "accuracy 0.01"]["error_loss"]) == 3e-2
     assert [read["method", name]["seconds"] for name in ("direct, iterative.opts", "x")] == ["", "0.333333"]
     assert [row["failed"] for row in read.values()] == ["0"] * 5 + ["1"] + ["0"] * 5 + ["1"]
     small = {"error_storage": 1e-15, "error_loss": 2e-12, "window_storage": 1e-15, "window_loss": 1e-12}
-    lines = table.as_text([*ROWS, Row("method", "direct", 1e-15, stderr_loss=1e-15, **small)]).splitlines()
+    lines = trade_table.as_text(
+        [*ROWS, TradeRow("method", "direct", 1e-15, stderr_loss=1e-15, **small)]
+    ).splitlines()
     assert len({len(line) for line in lines}) == 1 and "memory" not in lines[0]  # nothing known: no column
     groups = [line.split("|")[1].strip() for line in lines[:6]]
     assert groups == ["", "-" * 11, "reference", "accuracy", "", ""]

@@ -2,17 +2,24 @@
 
 import numpy as np
 
+from jampetsc.analysis.critical_branch import MIN_FREQUENCIES, critical_slopes, is_critical
 from jampetsc.analysis.jammed_samples import OPTIONAL_COLUMNS, effective_samples, runs_of, share_of
 from jampetsc.analysis.power_laws import low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.packing.disks import Disks
-from jampetsc.speed_accuracy.compare import FEWEST, critical, slopes
 
-WORDS = ("law", "model", "method", "packing", "phase", "notes")  # text attributes that are columns
+TEXT_ATTRIBUTES = ("law", "model", "method", "packing", "phase", "notes")  # text attributes that are columns
 # numbers that are no columns
-NOT = ("ranks", "wall_seconds", "negative_modes", "requested_n", "requested_pressure", "requested_phi")
+EXCLUDED_ATTRIBUTES = (
+    "ranks",
+    "wall_seconds",
+    "negative_modes",
+    "requested_n",
+    "requested_pressure",
+    "requested_phi",
+)
 
 
 def numbers_of(path) -> dict:
@@ -20,56 +27,59 @@ def numbers_of(path) -> dict:
     loaded = load(path)
     if isinstance(loaded, Disks):
         return {**_scalars(loaded.record), "phi": loaded.phi, "n": loaded.n}
-    found = _scalars(loaded.attributes)
-    found |= MORE.get(loaded.format, lambda result: {})(loaded)
-    if "particle_count" in found:
-        found["n"] = found.pop("particle_count")
-    return found
+    numbers = _scalars(loaded.attributes)
+    numbers |= NUMBERS_OF_ARRAYS.get(loaded.format, lambda result: {})(loaded)
+    if "particle_count" in numbers:
+        numbers["n"] = numbers.pop("particle_count")
+    return numbers
 
 
 def _scalars(attributes):
-    found = {}
+    numbers = {}
     for name, value in attributes.items():
-        if name in NOT or name.endswith("_version"):
+        if name in EXCLUDED_ATTRIBUTES or name.endswith("_version"):
             continue
         if isinstance(value, bool | np.bool_):
-            found[name] = int(value)
+            numbers[name] = int(value)
         elif isinstance(value, int | float | np.number):
-            found[name] = value.item() if isinstance(value, np.number) else value
-        elif isinstance(value, str) and name in WORDS:
-            found[name] = value
-    return found
+            numbers[name] = value.item() if isinstance(value, np.number) else value
+        elif isinstance(value, str) and name in TEXT_ATTRIBUTES:
+            numbers[name] = value
+    return numbers
 
 
 def _sweep(result):
     """G₀, η₀ and ω* of a sweep, and the slopes of its critical branch, as far as its frequencies reach them."""
-    found = {}
+    numbers = {}
     try:
         limit = low_frequency_limit(result.omega, result.G)
-        found |= {"G0": limit.modulus, "eta0": limit.viscosity, "omega_star": limit.crossover}
+        numbers |= {"G0": limit.modulus, "eta0": limit.viscosity, "omega_star": limit.crossover}
     except InputError:
         pass
-    inside = critical(result)
-    if np.count_nonzero(inside) >= FEWEST:
-        known = slopes(result.omega[inside], result.G[inside])
-        found |= {name: value for name, value in known.items() if not name.endswith("_error")}
-    return found
+    attributes = result.attributes
+    inside = is_critical(
+        result.omega, float(attributes.get("tau1", 1.0)), attributes["pressure"], attributes["k"]
+    )
+    if np.count_nonzero(inside) >= MIN_FREQUENCIES:
+        slopes = critical_slopes(result.omega[inside], result.G[inside])
+        numbers |= {name: value for name, value in slopes.items() if not name.endswith("_error")}
+    return numbers
 
 
 def _modes(result):
     """Numbers of the first mode; floppiness and shares of the response of the lowest 10, 50 and 200 modes together."""
-    found = {
+    numbers = {
         "lowest_eigenvalue": float(result["eigenvalues"][0]),
         "lowest_participation": float(result["participation_ratio"][0]),
         "lowest_floppiness": float(result["floppiness"][0]),
     }
     for place, count in enumerate(result["lowest/count"] if "lowest/count" in result else ()):
         slides, stretches = (result[name][:count].sum() for name in ("transverse", "normal"))
-        found[f"floppiness_{count}"] = float(np.sqrt(slides / stretches))
+        numbers[f"floppiness_{count}"] = float(np.sqrt(slides / stretches))
         for name in ("nonaffine", "normal", "transverse"):
-            found[f"share_{name}_{count}"] = float(result[f"cumulative/{name}"][count - 1])
-            found[f"{name}_median_{count}"] = float(result[f"lowest/{name}_median"][place])
-    return found
+            numbers[f"share_{name}_{count}"] = float(result[f"cumulative/{name}"][count - 1])
+            numbers[f"{name}_median_{count}"] = float(result[f"lowest/{name}_median"][place])
+    return numbers
 
 
 def _correlation(result):
@@ -85,24 +95,24 @@ def _correlation(result):
 
 def _jam(result):
     """The fraction of samples that jam, and the means of φ_J and segregation if the protocol gives them."""
-    found = {"samples": len(result["jammed"])}
+    numbers = {"samples": len(result["jammed"])}
     jammed = [result["jammed"][rows] for _, _, rows in runs_of(result)]
     jammed = [run[np.isfinite(run)] for run in jammed if np.isfinite(run).any()]
     if jammed:
         share = share_of(jammed)
-        found |= {"jammed_fraction": share.value, "jammed_fraction_error": share.error}
-        found["jammed_fraction_samples"] = effective_samples(share)
+        numbers |= {"jammed_fraction": share.value, "jammed_fraction_error": share.error}
+        numbers["jammed_fraction_samples"] = effective_samples(share)
     for name in OPTIONAL_COLUMNS:
         values = result[name] if name in result else np.empty(0)
         values = values[np.isfinite(values)]
         if len(values):
-            found[name] = float(values.mean())
+            numbers[name] = float(values.mean())
             if len(values) > 1:
-                found[f"{name}_error"] = float(mean_with_error(values)[1])
-    return found
+                numbers[f"{name}_error"] = float(mean_with_error(values)[1])
+    return numbers
 
 
-MORE = {  # format -> function (result) -> {column: number} from its arrays
+NUMBERS_OF_ARRAYS = {  # format -> function (result) -> {column: number} from its arrays
     "jampetsc-sweep": _sweep,
     "jampetsc-modes": _modes,
     "jampetsc-correlation": _correlation,

@@ -17,7 +17,7 @@ def _number(meaning, title="", form=".1e"):
 
 
 @dataclass(frozen=True)
-class Row:
+class TradeRow:
     """One measured choice. The comments of the file explain its fields."""
 
     group: str = _word("what is varied")  # reference | accuracy | method | physics | frequencies | ensemble
@@ -55,21 +55,23 @@ def write(path, rows, facts) -> None:
 
     facts   lines about packing, law, machine and reference
     """
-    told = [f"{one.name}: {one.metadata['meaning']}" for one in fields(Row) if one.metadata]
-    above = "".join(f"# {line}\n" for line in [*facts, *told])
+    meanings = [
+        f"{column.name}: {column.metadata['meaning']}" for column in fields(TradeRow) if column.metadata
+    ]
+    above = "".join(f"# {line}\n" for line in [*facts, *meanings])
     cells = ({name: _cell(value) for name, value in vars(row).items()} for row in rows)
-    text = above + comma_separated([one.name for one in fields(Row)], cells)
+    text = above + comma_separated([column.name for column in fields(TradeRow)], cells)
     write_whole(path, text.encode(errors="backslashreplace"))  # names of files that are no text
 
 
 def as_text(rows) -> str:
     """Rows, the reference first, as lines of text; errors below the bound of the reference are not resolved."""
     shown = [
-        one
-        for one in fields(Row)
-        if one.metadata.get("title") and any(not math.isnan(getattr(row, one.name)) for row in rows)
+        column
+        for column in fields(TradeRow)
+        if column.metadata.get("title") and any(not math.isnan(getattr(row, column.name)) for row in rows)
     ]
-    lines = [["", "choice", *(one.metadata["title"] for one in shown), "note"]]
+    lines = [["", "choice", *(column.metadata["title"] for column in shown), "note"]]
     before = None
     for row in rows:
         cells = [_text(row, column, rows[0].certified) for column in shown]

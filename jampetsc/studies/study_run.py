@@ -1,33 +1,34 @@
 """A run of a study: the ranks take the tasks that are left, one by one, and the table is written at the end."""
 
+import itertools
+import statistics
 import time
 from functools import partial
 from pathlib import Path
 
 from jampetsc import interrupts
 from jampetsc.collective import on_root, own_cores
+from jampetsc.commands import study_inputs
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import refuse_links, write_error, write_whole
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.outputs import is_same
 from jampetsc.progress import Progress
-from jampetsc.studies.costs import Costs, in_words
 from jampetsc.studies.journal import NAME as JOURNAL
-from jampetsc.studies.journal import NAP, Claims, keep_record, records_of, tidy
-from jampetsc.studies.kinds import KINDS
+from jampetsc.studies.journal import POLL_INTERVAL, Claims, keep_record, records_of, tidy
 from jampetsc.studies.lock import NAME as LOCK
 from jampetsc.studies.lock import Lock
-from jampetsc.studies.table import rows_of, table_text
-from jampetsc.studies.tasks import Runner
+from jampetsc.studies.study_table import rows_of, table_text
+from jampetsc.studies.task_runner import TaskRunner
 
 COPY = "study.toml"
-MANY = 10  # most files that a note names
-LARGE = 50_000  # disks from which all ranks work on one task together
-REFRESH = 60.0  # seconds after which the table is written again while the study runs
-BYTES = 30_000  # per disk, of a sweep on one rank
+MAX_LISTED_FILES = 10  # in a note
+MIN_SHARED_DISKS = 50_000  # disks from which all ranks work on one task together
+REFRESH_INTERVAL = 60.0  # seconds after which the table is written again while the study runs
+BYTES_PER_DISK = 30_000  # of a sweep on one rank
 
 
-def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
+def run_study(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     """Do the tasks of a study that are left and write its table; returns the rows. Collective.
 
     path, source   STUDY.toml, and its content when the tasks were read, which is kept beside the table
@@ -40,27 +41,29 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     claims = on_root(comm, lambda: _open(folder, path, lock))
     try:
         records = on_root(comm, lambda: records_of(folder))
-        runner = Runner(folder, records, own_cores(comm))
+        runner = TaskRunner(folder, records, own_cores(comm))
         left, changed = on_root(comm, lambda: runner.left(tasks))
         void = {name: records.get(name) for name in left}
         left = [task for task in tasks if task.name in void]
 
         def refresh():
             now = records_of(folder).items()
-            _write_table(folder, tasks, {name: one for name, one in now if one != void.get(name)}, runner)
+            _write_table(
+                folder, tasks, {name: record for name, record in now if record != void.get(name)}, runner
+            )
 
-        work = _Work(session, runner, claims, left, refresh)
+        work = StudyRanks(session, runner, claims, left, refresh)
         with work.progress:
             if changed:
                 work.progress.note(changed_note(changed))
             for together, some in _phases(left, session):
-                (work.together if together else work.apart)(some)
-        new = comm.gather(work.made)
+                (work.run_shared if together else work.run_separately)(some)
+        new = comm.gather(work.new_records)
 
         def finish():
             claims.end()
-            made = {record["task"]: record for some in new for record in some}
-            rows = _write_table(folder, tasks, records | made, runner)
+            new_records = {record["task"]: record for some in new for record in some}
+            rows = _write_table(folder, tasks, records | new_records, runner)
             # it may have been edited meanwhile
             if isinstance(source, bytes) and not is_same(path, folder / COPY):
                 write_whole(folder / COPY, source, through_link=False)
@@ -73,18 +76,19 @@ def run(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
 
 def changed_note(changed) -> str:
     """The note about files that are missing or not what the study made."""
-    more = f" and {len(changed) - MANY} more" if len(changed) > MANY else ""
+    more = f" and {len(changed) - MAX_LISTED_FILES} more" if len(changed) > MAX_LISTED_FILES else ""
     return (
         f"made again, with all that was computed from it, because it is missing or not what this study made: "
-        f"{', '.join(changed[:MANY])}{more}"
+        f"{', '.join(changed[:MAX_LISTED_FILES])}{more}"
     )
 
 
 def _write_table(folder, tasks, records, runner):
     """Write the table of finished tasks; returns its rows. Tasks no longer in STUDY.toml stay while their files do."""
-    asked = {task.name for task in tasks}
+    names = {task.name for task in tasks}
     rows = rows_of(
-        tasks, {name: one for name, one in records.items() if name in asked or runner.files_unchanged(one)}
+        tasks,
+        {name: record for name, record in records.items() if name in names or runner.files_unchanged(record)},
     )
     write_whole(folder / TABLE, table_text(rows).encode(), through_link=False)
     return rows
@@ -96,10 +100,10 @@ def check_folder(folder, path) -> None:
     path   STUDY.toml of this study, which may be the one that lies there
     """
     for name in (TABLE, COPY):
-        held = folder / name
-        if held.exists() and not (folder / JOURNAL).is_dir() and not is_same(path, held):
+        existing = folder / name
+        if existing.exists() and not (folder / JOURNAL).is_dir() and not is_same(path, existing):
             raise InputError(
-                f"{held}: is there already and of no study that ran here: choose another folder, or move it"
+                f"{existing}: exists, but no study ran in this folder. Choose another folder, or move the file."
             )
 
 
@@ -109,12 +113,12 @@ def _open(folder, path, lock) -> Claims:
     refuse_links(*(folder / name for name in (TABLE, COPY, JOURNAL, LOCK)))
     try:
         # the journal shows that table.csv and study.toml are a study's
-        for made in (folder, folder / JOURNAL):
-            made.mkdir(parents=True, exist_ok=True)
+        for directory in (folder, folder / JOURNAL):
+            directory.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise InputError(f"{made}: is no folder: choose another folder") from None
+        raise InputError(f"{directory}: not a folder. Choose another folder.") from None
     except OSError as error:
-        raise write_error(made, error) from None
+        raise write_error(directory, error) from None
     lock.take()
     tidy(folder)
     return Claims(folder)
@@ -122,66 +126,72 @@ def _open(folder, path, lock) -> Claims:
 
 def _phases(tasks, session):
     """[(whether all ranks share each task, tasks)]: small ones apart, large ones together, then their readers."""
-    most = 0 if session.size == 1 else _most_disks(session)
-    shared = [task for task in tasks if most and task.inputs and not KINDS[task.command].alone]
+    most = 0 if session.size == 1 else _max_disks_alone(session)
+    shared = [task for task in tasks if most and task.inputs and not study_inputs()[task.command].one_rank]
     large = {task.name for task in shared if task.columns.get("n", 0) > most}
-    late = {task.name for task in tasks if any(one.name in large for one in task.inputs)}
-    large -= late
-    first = [task for task in tasks if task.name not in large | late]
+    readers = {task.name for task in tasks if any(source.name in large for source in task.inputs)}
+    large -= readers
+    first = [task for task in tasks if task.name not in large | readers]
     yield False, sorted(first, key=lambda task: task.level)  # packings in their order, then what reads them
     yield True, [task for task in tasks if task.name in large]
-    yield False, [task for task in tasks if task.name in late]
+    yield False, [task for task in tasks if task.name in readers]
 
 
-def _most_disks(session):
+def _max_disks_alone(session):
     """Largest packing that a rank works on alone while the others of its machine do the same. Collective."""
-    return session.comm.allreduce(min(LARGE, session.memory() // 2 // BYTES), op=session.MPI.MIN)
+    return session.comm.allreduce(
+        min(MIN_SHARED_DISKS, session.memory() // 2 // BYTES_PER_DISK), op=session.MPI.MIN
+    )
 
 
-class _Work:
+class StudyRanks:
     """The tasks of a study that are left, done by this rank and the others."""
 
     def __init__(self, session, runner, claims, tasks, refresh):
         self.session, self.runner, self.claims = session, runner, claims
         self.names = {task.name for task in tasks}  # of what is left
-        self.costs = Costs(runner.records.values())
-        self.made = []  # records of this rank
+        self.durations = TaskDurations(runner.records.values())
+        self.new_records = []  # records of this rank
         self.progress = Progress(len(tasks), "study", rank=0)
         self.estimated, self.rest = -1.0, ""  # when the time left was estimated, and how much it is, in words
         # writes the table while the study runs, on rank 0
         self.refresh, self.refreshed = refresh, time.monotonic()
 
-    def _there(self, task):
+    def _available_inputs(self, task):
         """The inputs of a task whose files were made; waits for those that other ranks are making."""
-        return [one for one in task.inputs if one.name not in self.names or self.claims.done(one.name)]
+        return [
+            source for source in task.inputs if source.name not in self.names or self.claims.done(source.name)
+        ]
 
-    def apart(self, tasks):
+    def run_separately(self, tasks):
         """Each task on a rank of its own. Collective."""
         # A rank that fails alone enters a barrier on COMM_WORLD (`main`), so waiting needs another communicator.
         waiting = self.session.comm.Dup()
         for place, task in enumerate(tasks):
             if self.claims.take(task.name):
-                there = self._there(task)
+                available = self._available_inputs(task)
                 with self.session.alone():
-                    record = self.runner.run(task, there)
+                    record = self.runner.run(task, available)
                 self._finish(task, record, tasks[place + 1 :], self.session.size)
-                self._now_and_then()
+                self._refresh_when_due()
         ended = waiting.Ibarrier()
         while not ended.Test():
             interrupts.check()
-            self._now_and_then()
-            time.sleep(NAP)
+            self._refresh_when_due()
+            time.sleep(POLL_INTERVAL)
         waiting.Free()
         self.session.collect()
 
-    def together(self, tasks):
+    def run_shared(self, tasks):
         """One task after another, on all ranks. Collective."""
         for place, task in enumerate(tasks):
-            record = self.session.comm.bcast(self.runner.run(task, self._there(task), together=True))
+            record = self.session.comm.bcast(
+                self.runner.run(task, self._available_inputs(task), together=True)
+            )
             on_root(self.session.comm, partial(self._finish, task, record, tasks[place + 1 :], 1))
 
-    def _now_and_then(self):
-        if self.session.rank == 0 and time.monotonic() > self.refreshed + REFRESH:
+    def _refresh_when_due(self):
+        if self.session.rank == 0 and time.monotonic() > self.refreshed + REFRESH_INTERVAL:
             self.refresh()
             self.refreshed = time.monotonic()
 
@@ -189,17 +199,16 @@ class _Work:
         """Write the record of a task, announce its outcome and report it."""
         if record is not self.runner.records.get(task.name):
             keep_record(self.runner.folder, record)
-            self.made.append(record)
-            if record["state"] == "done":
-                self.costs.learn(record["row"], record["seconds"])
+            self.new_records.append(record)
+            self.durations.add(record)
         self.claims.settle(task.name, record["state"] == "done")
         self._report(task, record, left, ranks)
 
     def _report(self, task, record, left, ranks):
         finished, failed = self.claims.tally()
         if time.monotonic() > self.estimated + 1.0:
-            self.estimated, rest = time.monotonic(), self.costs.total(left)
-            self.rest = "" if rest is None or not left else f"{in_words(rest / ranks)} left"
+            self.estimated, rest = time.monotonic(), self.durations.remaining(left)
+            self.rest = "" if rest is None else f"{duration_text(rest / ranks)} left"
         parts = [
             f"{task.file} {record['seconds']:.2g} s"
             if record["state"] == "done"
@@ -209,3 +218,36 @@ class _Work:
         ]
         self.progress.count = finished - 1
         self.progress.step("; ".join(filter(None, parts)))
+
+
+class TaskDurations:
+    """Seconds of finished tasks, from which the time of tasks that are left is extrapolated."""
+
+    def __init__(self, records=()):
+        self._seconds = {}  # command -> seconds of its finished tasks
+        for record in records:
+            self.add(record)
+
+    def add(self, record: dict) -> None:
+        """Add the record of a task; a failed one does not count."""
+        if record["state"] == "done":
+            self._seconds.setdefault(record["row"]["command"], []).append(record["seconds"])
+
+    def remaining(self, tasks) -> float | None:
+        """Seconds of these tasks one after another; None if no task is done.
+
+        Each counts as the mean of the finished tasks of its command, or of all commands if its own has none.
+        """
+        if not self._seconds:
+            return None
+        overall = statistics.fmean(itertools.chain(*self._seconds.values()))
+        means = {command: statistics.fmean(seconds) for command, seconds in self._seconds.items()}
+        return sum(means.get(task.command, overall) for task in tasks)
+
+
+def duration_text(seconds: float) -> str:
+    """42 s, 3.2 min, 5.1 h."""
+    for limit, unit, name in ((90, 1, "s"), (5400, 60, "min")):
+        if seconds < limit:
+            return f"{seconds / unit:.2g} {name}"
+    return f"{seconds / 3600:.2g} h"

@@ -10,33 +10,33 @@ from pathlib import Path
 from jampetsc.io.packing_file import read_identified
 from jampetsc.io.provenance import git_commit
 from jampetsc.progress import Progress
-from jampetsc.speed_accuracy import choices, ensembles, table
-from jampetsc.speed_accuracy.advice import advise
+from jampetsc.studies import trade_ensembles, trade_settings, trade_table
+from jampetsc.studies.trade_advice import advise
 from jampetsc.version import VERSION
 
 
 def measure(job, out) -> str:
-    """Run all choices of a `speed_accuracy.job.Trade`, write `out` (.csv) and a picture (.png); returns the text.
+    """Run all choices of a `studies.trade_job.Trade`, write `out` (.csv) and a picture (.png); returns the text.
 
     Choices that fail have a row that says why. Raises JampetscError if there is no reference.
     """
     picture = Path(out).with_suffix(".png")
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder, Progress(None, "trade") as progress:
-        bench = choices.Bench(job, folder, progress)
+        bench = trade_settings.TradeRuns(job, folder, progress)
         rows = bench.find_reference()
-        todo, remarks = choices.plan(bench)
-        packs, more = ensembles.plan(bench) if job.ensemble else ([], [])
+        todo, remarks = trade_settings.plan(bench)
+        packs, more = trade_ensembles.plan(bench) if job.ensemble else ([], [])
         count = sum(len(pack.seeds) for pack in packs)
         progress.note(f"{len(todo)} runs{f' and {count} packings with one each' if packs else ''} to do")
         rows += [bench.measure(choice) for choice in todo]
-        rows += [ensembles.measure(bench, pack) for pack in packs]
+        rows += [trade_ensembles.measure(bench, pack) for pack in packs]
     facts = [*_facts(job, out, bench.reference, load), *remarks, *more]
-    table.write(out, rows, facts)
+    trade_table.write(out, rows, facts)
     from jampetsc.plots.trade_plots import plot_trade  # only now: matplotlib's memory is the runs' until then
 
     plot_trade(rows, bench.reference.certified, picture)
-    lines = [table.as_text(rows), "", *facts, "", *advise(rows), "", f"{out}, {picture}"]
+    lines = [trade_table.as_text(rows), "", *facts, "", *advise(rows), "", f"{out}, {picture}"]
     return "\n".join(lines)
 
 

@@ -9,18 +9,19 @@ from jampetsc.options.job import Job
 from jampetsc.options.parameters import COUNT, FILES, NUMBER, OPTION, did_you_mean, made, parameters
 from jampetsc.options.values import seeds_of
 
-OWN = ("out", "packing", "last", "overwrite", "quiet")  # keys that the study sets itself
-LABEL = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}  # column -> its letters in names of files
-STAND_IN = "x.h5"  # stands for real files while values are checked
+STUDY_KEYS = ("out", "packing", "last", "overwrite", "quiet")  # keys that the study sets itself
+# column -> its letters in names of files
+LABEL_LETTERS = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}
+PLACEHOLDER = "x.h5"  # stands for real files while values are checked
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class TaskSettings:
     """One value for every key of a table."""
 
-    given: dict  # parameter -> value, those that the table gives
+    options: dict  # parameter -> value, those that the table gives
     changed: dict  # parameter -> value, those that differ from the default
-    job: Job  # with STAND_IN for the files
+    job: Job  # with PLACEHOLDER for the files
 
     def job_of(self, inputs) -> Job:
         """The job for real files."""
@@ -30,18 +31,22 @@ class Choice:
         files = tuple(inputs) if place.place == FILES else inputs[0]
         return dataclasses.replace(self.job, **{place.name: files})
 
-    def without(self, switch) -> "Choice":
+    def without(self, switch) -> "TaskSettings":
         """The same with a switch as it is by default."""
-        given, changed = ({n: v for n, v in one.items() if n != switch} for one in (self.given, self.changed))
-        return Choice(
-            given, changed, dataclasses.replace(self.job, **{switch: not getattr(self.job, switch)})
+        options, changed = (
+            {n: v for n, v in values.items() if n != switch} for values in (self.options, self.changed)
+        )
+        return TaskSettings(
+            options, changed, dataclasses.replace(self.job, **{switch: not getattr(self.job, switch)})
         )
 
 
 def _place(job):
     """The parameter of a class of jobs that takes the files of other tasks, or None."""
-    known = parameters(job)
-    return next((one for one in known.values() if one.place != OPTION), known.get("from_"))
+    declared = parameters(job)
+    return next(
+        (parameter for parameter in declared.values() if parameter.place != OPTION), declared.get("from_")
+    )
 
 
 def values_of(job, table: dict, where: str) -> list:
@@ -50,22 +55,24 @@ def values_of(job, table: dict, where: str) -> list:
     A key may be written as in python and in the table of results, too: eta_f for eta-f. Raises InputError for a key
     that the job does not have or that is there twice, and for a value of the wrong type.
     """
-    options = {one.word[2:]: one for one in parameters(job).values() if one.place == OPTION}
+    options = {
+        parameter.word[2:]: parameter for parameter in parameters(job).values() if parameter.place == OPTION
+    }
     lists = []
     keys = [key.replace("_", "-") for key in table]
     for key, value in zip(keys, table.values(), strict=True):
         if keys.count(key) > 1:
             raise InputError(f"{where}: {key}: is there twice: leave one out")
-        if key in OWN:
+        if key in STUDY_KEYS:
             raise InputError(f"{where}: {key}: the study itself gives it: leave it out")
         if key not in options and not (key == "seeds" and "seed" in options):
-            hint = did_you_mean(key, set(options) - set(OWN))
+            hint = did_you_mean(key, set(options) - set(STUDY_KEYS))
             raise InputError(f"{where}: {key}: no such option{hint}")
         lists.append(_values(options, key, value, where))
     return lists
 
 
-def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
+def combinations_of(job, lists: list, where: str, begins: bool) -> list[TaskSettings]:
     """Every combination of the values that `values_of` returned, the last key varying fastest.
 
     job   the class of jobs; begins: whether it is given files of other tasks
@@ -73,46 +80,50 @@ def choices_of(job, lists: list, where: str, begins: bool) -> list[Choice]:
     Raises InputError for a value that the job refuses.
     """
     place = _place(job)
-    files = {place.name: [STAND_IN] if place.place == FILES else STAND_IN} if place and begins else {}
-    keys = {one.name: one.word[2:] for one in parameters(job).values()}
-    found = []
+    files = {place.name: [PLACEHOLDER] if place.place == FILES else PLACEHOLDER} if place and begins else {}
+    keys = {parameter.name: parameter.word[2:] for parameter in parameters(job).values()}
+    combinations = []
     for values in itertools.product(*(values for _, values in lists)):
-        chosen = [(one, value) for (one, _), value in zip(lists, values, strict=True)]
-        given = {one.name: _typed(one, value) for one, value in chosen}
+        chosen = [(parameter, value) for (parameter, _), value in zip(lists, values, strict=True)]
+        values_by_name = {parameter.name: _typed(parameter, value) for parameter, value in chosen}
         try:
-            asked = made(job, files | given)
+            task_job = made(job, files | values_by_name)
         except InputError as error:
             raise InputError(f"{where}: {error.message(lambda name: keys.get(name, name))}") from None
-        for one, value in chosen:
-            if asked.several and isinstance(getattr(asked, one.name), tuple):
-                key = keys[one.name]
+        for parameter, value in chosen:
+            if task_job.several and isinstance(getattr(task_job, parameter.name), tuple):
+                key = keys[parameter.name]
                 raise InputError(
                     f"{where}: {key} {value}: several in one string: write a list, {key} = [{value}]"
                 )
-        changed = {one.name: given[one.name] for one, _ in chosen if given[one.name] != one.default}
-        options = {name: number_of(value) for name, value in given.items()}
-        found.append(Choice(options, changed, asked))
-    return found
+        changed = {
+            parameter.name: values_by_name[parameter.name]
+            for parameter, _ in chosen
+            if values_by_name[parameter.name] != parameter.default
+        }
+        options = {name: number_of(value) for name, value in values_by_name.items()}
+        combinations.append(TaskSettings(options, changed, task_job))
+    return combinations
 
 
 def _values(options, key, value, where):
     """(parameter, its values) for one key. Raises InputError."""
     if key == "seeds" and "seed" in options:  # one task per seed, not one run of the job for all
         key, value = "seed", _seeds(value, where)
-    one, values = options[key], value if isinstance(value, list | range) else [value]
+    parameter, values = options[key], value if isinstance(value, list | range) else [value]
     if not values:
         raise InputError(f"{where}: {key} = []: give at least one value")
     for each in () if isinstance(values, range) else values:
-        if _is_switch(one) and not isinstance(each, bool):
+        if _is_switch(parameter) and not isinstance(each, bool):
             raise InputError(f"{where}: {key} = {each!r}: is a switch: write true or false")
-        if not _is_switch(one) and (isinstance(each, bool) or not isinstance(each, int | float | str)):
+        if not _is_switch(parameter) and (isinstance(each, bool) or not isinstance(each, int | float | str)):
             text = str(each).lower() if isinstance(each, bool) else str(each)
             raise InputError(f"{where}: {key} = {text}: must be a number or a string, or a list of such")
-    return one, values
+    return parameter, values
 
 
-def _is_switch(one):
-    return isinstance(one.default, bool)
+def _is_switch(parameter):
+    return isinstance(parameter.default, bool)
 
 
 def _seeds(value, where):
@@ -125,13 +136,13 @@ def _seeds(value, where):
         raise InputError(f"{where}: seeds {value}: {error}") from None
 
 
-def _typed(one, value):
+def _typed(parameter, value):
     """A value, the same for 1e-3 and "0.001", since it enters the name of its task."""
-    if _is_switch(one):
-        return one.default != value  # a switch that is on by default has a key that turns it off
+    if _is_switch(parameter):
+        return parameter.default != value  # a switch that is on by default has a key that turns it off
     text = str(number_of(value))
     try:
-        return one.kind.read(text) if one.kind in (NUMBER, COUNT) else text
+        return parameter.kind.read(text) if parameter.kind in (NUMBER, COUNT) else text
     except ValueError:  # which the job refuses
         return text
 
@@ -151,7 +162,7 @@ def label_of(columns: dict) -> str:
     """The part of a file's name that describes its task: n1024-p0.001-s1."""
     words = [
         f"{short}{columns[name]:g}"
-        for name, short in LABEL.items()
+        for name, short in LABEL_LETTERS.items()
         if isinstance(columns.get(name), int | float)
     ]
     return "-".join(words)

@@ -18,7 +18,7 @@ _LAUNCHERS = ("mpirun", "mpiexec")
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ProcessOutcome:
     """How a run ended."""
 
     status: int  # exit status
@@ -32,16 +32,16 @@ def launcher(ranks: int | None) -> list[str]:
     """Words to put before a command for so many ranks; none for None. Raises InputError without mpirun."""
     if ranks is None:
         return []
-    found = next((path for name in _LAUNCHERS if (path := shutil.which(name))), None)
-    if found is None:
+    program = next((path for name in _LAUNCHERS if (path := shutil.which(name))), None)
+    if program is None:
         raise InputError(f"{named('ranks')} {ranks}: neither mpirun nor mpiexec is in PATH: leave it out")
-    about = subprocess.run([found, "--version"], capture_output=True, text=True).stdout
+    about = subprocess.run([program, "--version"], capture_output=True, text=True).stdout
     # Open MPI would refuse more ranks than cores, and put two runs on the same ones; MPICH does neither
     freely = ["--oversubscribe", "--bind-to", "none"] if re.search(r"Open ?(MPI|RTE)", about) else []
-    return [found, *freely, "-n", str(ranks)]
+    return [program, *freely, "-n", str(ranks)]
 
 
-def run(words, ranks: int | None = None) -> Outcome:
+def run(words, ranks: int | None = None) -> ProcessOutcome:
     """Run `jampetsc words` to its end, on `ranks` ranks under mpirun or without it."""
     command = [*launcher(ranks), sys.executable, "-m", "jampetsc", *map(str, words)]
     with tempfile.TemporaryFile() as errors:
@@ -61,7 +61,7 @@ def run(words, ranks: int | None = None) -> Outcome:
         errors.seek(0)
         text = errors.read().decode(errors="replace")
     error = _reason(text, process.returncode) if process.returncode else ""
-    return Outcome(
+    return ProcessOutcome(
         process.returncode, seconds, usage.ru_maxrss / 1024.0, error, usage.ru_utime + usage.ru_stime
     )
 
@@ -69,9 +69,11 @@ def run(words, ranks: int | None = None) -> Outcome:
 def _reason(text, status):
     """The line of a failed run's standard error that says why."""
     lines = [" ".join(line.split()) for line in text.splitlines() if line.strip(" -\t")]
-    ours = [line.removeprefix("jampetsc: error: ") for line in lines if line.startswith("jampetsc: error: ")]
-    if ours:
-        return ours[0]
+    messages = [
+        line.removeprefix("jampetsc: error: ") for line in lines if line.startswith("jampetsc: error: ")
+    ]
+    if messages:
+        return messages[0]
     if status < 0:
         return f"killed by signal {-status}"
     if not lines:

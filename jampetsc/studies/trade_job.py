@@ -15,15 +15,15 @@ from jampetsc.shipped_files import located
 GROUPS = ("accuracy", "method", "physics", "frequencies")
 
 
-def _groups(given):
-    for word in words(given):
+def _groups(value):
+    for word in words(value):
         if word not in GROUPS:
             raise ValueError(f"{word!r} is none of {', '.join(GROUPS)}")
-    return words(given)
+    return words(value)
 
 
-def _files(given):
-    paths = tuple(located(str(path)) for path in words(given))
+def _files(value):
+    paths = tuple(located(str(path)) for path in words(value))
     for path in paths:
         if not Path(path).is_file():
             raise ValueError(f"{path}: no such file")
@@ -85,7 +85,7 @@ Times are meaningful only on a machine without other load."""
         from jampetsc.io.outputs import PICTURE, TABLE
         from jampetsc.io.packing_file import read_packing
         from jampetsc.petsc import launcher
-        from jampetsc.speed_accuracy import processes
+        from jampetsc.studies import trade_process
 
         if to.path is None or to.path.suffix.lower() != ".csv":
             raise InputError(f"{named('out')} {to.path}: give it the ending .csv; the picture gets .png")
@@ -93,7 +93,7 @@ Times are meaningful only on a machine without other load."""
             raise InputError(
                 f"trade starts its own processes: run it without mpirun and give {named('ranks')}"
             )
-        processes.launcher(self.ranks)
+        trade_process.launcher(self.ranks)
         inputs = [self.packing, *(self.options_files or ())]
         to.check(TABLE, inputs)
         to.check(PICTURE, inputs, to.path.with_suffix(".png"))
@@ -101,6 +101,6 @@ Times are meaningful only on a machine without other load."""
 
     def work(self, to):
         """Measure and write both files. Raises JampetscError only if the reference fails."""
-        from jampetsc.speed_accuracy.measure import measure
+        from jampetsc.studies.trade_run import measure
 
         return measure(self, to.path)

@@ -12,17 +12,17 @@ from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, Kind, asked
 from jampetsc.petsc.solver_options import SOLVERS
 
-MANY = 10  # failures that the summary lists
-FAILED = 3  # exit status where some tasks failed
+MAX_LISTED_FAILURES = 10  # failures that the summary lists
+FAILURE_STATUS = 3  # exit status where some tasks failed
 
 
-def _description(given):
+def _description(study):
     """Tables by name as they are, or the path of a TOML file."""
-    if isinstance(given, Mapping):
-        return dict(given)
-    if not isinstance(given, str | Path):
+    if isinstance(study, Mapping):
+        return dict(study)
+    if not isinstance(study, str | Path):
         raise ValueError("must be the name of a TOML file or a dictionary of tables")
-    return str(given)
+    return str(study)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Study(Job):
   [quasistatic]
 
 examples:
-  jampetsc study STUDY.toml --out ensemble --dry-run        # the tasks, and what they may cost
+  jampetsc study STUDY.toml --out ensemble --dry-run        # the list of tasks
   mpirun -n 4 jampetsc study STUDY.toml --out ensemble
 
 A task that fails is a row with its reason and is tried again by the next run; the status is then 3."""
@@ -61,7 +61,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
         kind=Kind(_description, metavar="STUDY"),
         place=FILE,
     )
-    dry_run: bool = asked(False, "print the tasks and an estimate of their cost")
+    dry_run: bool = asked(False, "print the tasks without running them")
 
     @property
     def scalar(self):
@@ -70,7 +70,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
 
     def check_outputs(self, to):
         """Refuse a folder with a table that no study has written."""
-        from jampetsc.studies.run import check_folder
+        from jampetsc.studies.study_run import check_folder
 
         if to.path is None:
             raise InputError(f"{named('out')}: must be given: the folder of the study")
@@ -98,57 +98,40 @@ A task that fails is a row with its reason and is tried again by the next run; t
         from jampetsc.studies.plan import plan
 
         if self.dry_run:
-            return _outlook(plan(self._named, self._content()), to.path)
+            return _task_list(plan(self._named, self._content()), to.path)
 
         from jampetsc.collective import on_root
         from jampetsc.io.ensemble import TABLE
         from jampetsc.petsc import session
-        from jampetsc.studies import run as study
-        from jampetsc.studies.costs import in_words
+        from jampetsc.studies import study_run
 
         began, running = time.perf_counter(), session.current()
         content = on_root(running.comm, self._content)  # of one rank for all: it may be edited meanwhile
         tasks = plan(self._named, content)
-        rows = study.run(tasks, to.path, self._named, content, running)
+        rows = study_run.run_study(tasks, to.path, self._named, content, running)
         failures = [row for row in rows if row["state"] != "done"]
-        to.status = FAILED if failures else 0
-        return _summary(to.path / TABLE, rows, failures, in_words(time.perf_counter() - began))
+        to.status = FAILURE_STATUS if failures else 0
+        return _summary(to.path / TABLE, rows, failures, study_run.duration_text(time.perf_counter() - began))
 
 
 def _summary(table, rows, failures, elapsed) -> str:
     """The summary of a study."""
     lines = [f"{table}: {len(rows)} tasks, {len(failures)} failed, {elapsed}"]
-    for row in failures[:MANY]:
+    for row in failures[:MAX_LISTED_FAILURES]:
         lines.append(f"  {row['file']}: {row['state']}")
-    if len(failures) > MANY:
-        lines.append(f"  … and {len(failures) - MANY} more, see the table")
+    if len(failures) > MAX_LISTED_FAILURES:
+        lines.append(f"  … and {len(failures) - MAX_LISTED_FAILURES} more, see the table")
     return "\n".join(lines + count_notes(rows))
 
 
-def _outlook(tasks, folder) -> str:
-    """The tasks, which of them are done, and what the others may cost."""
-    from jampetsc.studies.costs import Costs, in_words
+def _task_list(tasks, folder) -> str:
+    """The tasks, each as a command line with whether it is done, and the number of those left."""
     from jampetsc.studies.journal import records_of
-    from jampetsc.studies.run import changed_note
-    from jampetsc.studies.tasks import Runner
+    from jampetsc.studies.study_run import changed_note
+    from jampetsc.studies.task_runner import TaskRunner
 
-    records = records_of(folder)
-    costs = Costs(records.values())
-    names, changed = Runner(folder, records).left(tasks)
-    names = set(names)
-    left = [task for task in tasks if task.name in names]
-    lines = [f"{'to do' if task.name in names else 'done '}  {' '.join(task.words)}" for task in tasks]
-    totals = []
-    for command in dict.fromkeys(task.command for task in tasks):
-        mine = [task for task in left if task.command == command]
-        totals.append(costs.total(mine))
-        known = any(
-            record["state"] == "done" for record in records.values() if record["row"]["command"] == command
-        )
-        guess = "" if known or not mine else ", by a rough rule until some are done"
-        lines.append(f"{command}: {len(mine)} to do, about {in_words(totals[-1])} on one rank{guess}")
-    if changed:
-        lines.append(changed_note(changed))
-    total = None if None in totals else sum(totals)
-    lines.append(f"{len(left)} of {len(tasks)} tasks to do, about {in_words(total)} on one rank")
-    return "\n".join(lines)
+    left, changed = TaskRunner(folder, records_of(folder)).left(tasks)
+    left = set(left)
+    lines = [f"{'to do' if task.name in left else 'done '}  {' '.join(task.words)}" for task in tasks]
+    lines += [changed_note(changed)] if changed else []
+    return "\n".join([*lines, f"{len(left)} of {len(tasks)} tasks to do"])

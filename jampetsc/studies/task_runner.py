@@ -17,20 +17,22 @@ from jampetsc.io.outputs import is_finished
 from jampetsc.io.parts import parts_of
 from jampetsc.io.request import Request
 from jampetsc.petsc import session
-from jampetsc.studies.numbers import numbers_of
+from jampetsc.studies.result_numbers import numbers_of
 
 ASIDE = ".replaced"  # appended to the name of a file that somebody put in the place of the study's own
 
 
-class Runner:
+class TaskRunner:
     """Runs tasks in a folder and returns their records.
 
     records   {task: record} of earlier runs
-    cores     number of threads for a task while other ranks have tasks of their own
+    cores     number of threads for a task while other ranks have tasks of their own; None: as the task chooses
+    execute   function (job, out, argv, overwrite) that makes the file `out`; see `execute_here`
     """
 
-    def __init__(self, folder, records: dict, cores: int = 1):
+    def __init__(self, folder, records: dict, cores: int | None = 1, execute=None):
         self.folder, self.records, self.cores = folder, records, cores
+        self.execute = execute or execute_here
 
     def left(self, tasks):
         """(names of the tasks that are left, names of files that are missing or not what was made).
@@ -40,16 +42,20 @@ class Runner:
         """
         left, changed = {}, []
         failed = [task for task in tasks if self.records.get(task.name, {}).get("state") == "failed"]
-        suspects = {one.file for task in failed for one in task.inputs}  # may be why it failed
+        suspects = {source.file for task in failed for source in task.inputs}  # may be why it failed
         identity = functools.cache(lambda name: identity_of(self.folder / name, every_byte=name in suspects))
         for task in tasks:
             record = self.records.get(task.name)
             if _done(record):
                 read = {f"{name}.h5" for name in record["inputs"]}
-                if any(identity(name) != one for name, one in record["files"].items() if name not in read):
+                if any(
+                    identity(name) != recorded
+                    for name, recorded in record["files"].items()
+                    if name not in read
+                ):
                     changed.append(task.file)
             current = _current(record, task.inputs, identity)
-            if not current or any(one.name in left for one in task.inputs):
+            if not current or any(source.name in left for source in task.inputs):
                 left[task.name] = None
         return list(left), changed
 
@@ -61,82 +67,90 @@ class Runner:
 
     def files_unchanged(self, record) -> bool:
         """Whether the files that a record names are unchanged."""
-        return all(identity_of(self.folder / name) == one for name, one in record.get("files", {}).items())
+        return all(
+            identity_of(self.folder / name) == recorded for name, recorded in record.get("files", {}).items()
+        )
 
-    def run(self, task, there, together=False) -> dict:
-        """Do a task with those of its inputs that are `there`; returns its record.
+    def run(self, task, available, together=False) -> dict:
+        """Do a task with those of its inputs that are `available`; returns its record.
 
         together   whether all ranks share the task: then it is collective, and unexpected errors, which only one rank
                    may meet, are raised. Else nothing but an interrupt is raised.
         """
         began = time.perf_counter()
-        known, names = self.records.get(task.name), [one.name for one in there]
+        previous, names = self.records.get(task.name), [source.name for source in available]
         record = {"task": task.name, "inputs": names, "row": {}}
         try:
-            if not there and task.inputs:
+            if not available and task.inputs:
                 raise InputError(f"{task.inputs[0].file} failed")
-            comm = session.current().comm
+            comm = session.communicator()
             if on_root(
-                comm, lambda: _current(known, there, lambda name: identity_of(self.folder / name, True))
+                comm,
+                lambda: _current(previous, available, lambda name: identity_of(self.folder / name, True)),
             ):
-                return known
+                return previous
             record["files"] = on_root(comm, lambda: self._files(names))  # before they are read
-            self._work(task, there)
+            self._work(task, available)
             record["files"] |= on_root(comm, lambda: self._files([task.name]))
-            found = numbers_of(self.folder / task.file)
+            numbers = numbers_of(self.folder / task.file)
             state, why = "done", ""
         except JampetscError as error:
-            state, why, found = "failed", str(error), {}
+            state, why, numbers = "failed", str(error), {}
         except Exception as error:
             if together:
                 raise
-            said = session.petsc_message(error) if session.petsc_error(error) else str(error)
-            state, why, found = "failed", f"{type(error).__name__}: {said}", {}
+            message = session.petsc_message(error) if session.petsc_error(error) else str(error)
+            state, why, numbers = "failed", f"{type(error).__name__}: {message}", {}
         seconds = time.perf_counter() - began
         why = " ".join(why.replace(f"{self.folder}{os.sep}", "").split()).removeprefix(f"{task.file}: ")
-        return record | {"state": state, "why": why, "seconds": seconds, "row": row_of(task, found)}
+        return record | {"state": state, "why": why, "seconds": seconds, "row": row_of(task, numbers)}
 
-    def _work(self, task, there):
+    def _work(self, task, available):
         """Make the file, unless a run made it and was killed before it could write the record."""
         out = self.folder / task.file
         refuse_links(out, folder_of(out), out.with_suffix(".parts"))
-        job = task.choice.job_of([str(self.folder / one.file) for one in there])
-        if on_root(session.current().comm, lambda: self._is_there(task, job)):
+        job = task.settings.job_of([str(self.folder / source.file) for source in available])
+        if on_root(session.communicator(), lambda: self._is_there(task, job)):
             return
-        words = task.line([one.file for one in there], task.file)
+        words = task.line([source.file for source in available], task.file)
         if getattr(job, "threads", 0) is None:
             job = dataclasses.replace(job, threads=self.cores)
         overwrite = task.name in self.records  # a file that the study itself has made
-        with progress.reporting(False):
-            job.perform(Outlet(out, out), argv=words, overwrite=overwrite)
+        self.execute(job, out, words, overwrite)
 
     def _is_there(self, task, job) -> bool:
         """Whether the file is the result of this job; False for packings, which `pack` checks itself.
 
         A file of the study that somebody has changed is renamed first.
         """
-        path, known = self.folder / task.file, self.records.get(task.name)
-        if _done(known) and identity_of(path, every_byte=True) != known.get("files", {}).get(task.file):
+        path, previous = self.folder / task.file, self.records.get(task.name)
+        if _done(previous) and identity_of(path, every_byte=True) != previous.get("files", {}).get(task.file):
             with contextlib.suppress(FileNotFoundError):
                 os.replace(path, f"{path}{ASIDE}")
         if task.command == "pack":
             return False
-        asked = Request(job)
-        asked.read(job.paths)
+        request = Request(job)
+        request.read(job.paths)
         try:
-            found = is_finished(path, asked)
+            finished = is_finished(path, request)
         except InputError:
             return False
-        if found:
+        if finished:
             discard_unused(path)  # the checkpoint of a run that was killed just after it made the file
-        return found
+        return finished
 
 
-def row_of(task, found) -> dict:
-    """The row of a task: its command and file, its settings, and the numbers `found` in its result."""
-    asked = {name: value for name, value in task.columns.items() if not name.startswith("no_")}
+def execute_here(job, out, argv, overwrite) -> None:
+    """Run a job in this process, without progress lines; its file records the command line `argv`."""
+    with progress.reporting(False):
+        job.perform(Outlet(out, out), argv=argv, overwrite=overwrite)
+
+
+def row_of(task, numbers) -> dict:
+    """The row of a task: its command and file, its settings, and the `numbers` of its result."""
+    settings = {name: value for name, value in task.columns.items() if not name.startswith("no_")}
     packing = {"packing": task.file} if task.command == "pack" else {}
-    return {"command": task.command, "file": task.file} | {**found, **packing, **asked}
+    return {"command": task.command, "file": task.file} | {**numbers, **packing, **settings}
 
 
 def _done(record) -> bool:
@@ -147,6 +161,6 @@ def _current(record, inputs, identity) -> bool:
     """Whether a record is of a done task with these inputs, and all its files are unchanged."""
     return (
         _done(record)
-        and {one.name for one in inputs} == set(record["inputs"])
-        and all(identity(name) == one for name, one in record["files"].items())
+        and {source.name for source in inputs} == set(record["inputs"])
+        and all(identity(name) == recorded for name, recorded in record["files"].items())
     )
