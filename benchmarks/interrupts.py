@@ -57,7 +57,6 @@ COMMANDS = {
     "jam": ("jam --n 32 --phi 0.83:0.85:3 --seeds 1:60", ".h5", True),
     "compress": ("jam --n 32 --phi 0.84 --seeds 1:3 --protocol compress", ".h5", True),
     "oscillate": ("oscillate p.h5 --alpha 0.7 --omega 1e-3,1e-2,1e-1,1 --stress 1e-5,1e-4", ".h5", True),
-    "sticking": ("oscillate p.h5 --alpha 0.3 --omega 1e-2,1e-1 --stress 1e-5", ".h5", True),
     "moving": ("oscillate p.h5 --contacts moving --omega 1e-1 --strain 1e-4,1e-3", ".h5", True),
     "study": ("study study.toml", "", True),
     "trade": ("trade p.h5 --choices accuracy", ".csv", False),

@@ -79,8 +79,8 @@ def main():
     from jampetsc.io.packing_file import read_packing
     from jampetsc.laws.damping import damping_law
     from jampetsc.network.contact_network import build_network
-    from jampetsc.oscillation.response import Drive
-    from jampetsc.oscillation.steady import SteadyOscillation
+    from jampetsc.oscillation.drive import Drive
+    from jampetsc.oscillation.steady_oscillation import SteadyOscillation
     from jampetsc.petsc import session
 
     disks = read_packing(path)

@@ -2,9 +2,8 @@
 
 from samples import network_of
 
-from jampetsc.oscillation.halfcycles import SteppedOscillation
-from jampetsc.oscillation.powerlaw import STIFFEST
-from jampetsc.oscillation.steady import SteadyOscillation
+from jampetsc.oscillation.power_law import STIFFEST
+from jampetsc.oscillation.steady_oscillation import SteadyOscillation
 from jampetsc.petsc.session import current
 
 
@@ -17,9 +16,3 @@ def steady_oscillation(disks, physics, steps, stiffest=STIFFEST):
     """A SteadyOscillation of these disks. Collective."""
     network = network_of(disks, physics, current().comm)
     return SteadyOscillation(network, physics.law, mean_diameter(disks), steps, stiffest)
-
-
-def stepped_oscillation(disks, physics, steps):
-    """A SteppedOscillation of these disks, on one rank."""
-    network = network_of(disks, physics, current().comm)
-    return SteppedOscillation(network, physics.law, mean_diameter(disks), steps)

@@ -171,46 +171,6 @@ class Opening(Motion):
         return Q, self.velocities(end, Q)[1]
 
 
-class Friction(Motion):
-    """The limit α → 0, dry friction |f| ≤ c, under a stress: steps in which ½QᵀKQ − F·Q + c Σ|z(Q − Q_n)| is least.
-
-    Found by alternating directions (ADMM; Boyd et al., Found. Trends Mach. Learn. 3, 1 (2011)).
-    """
-
-    def __init__(self, disks, physics, stress, c):
-        super().__init__(disks, physics, 1.0, stress=stress)
-        self.c = c
-        self.flat = self.Z.reshape(-1, self.Z.shape[-1])
-        self.penalty = 0.3 * float(self.exact.k)
-        matrix = self.K + self.penalty * self.flat.T @ self.flat + self.held
-        self.inverse = np.linalg.pinv(matrix)
-        self.f = np.zeros(len(self.flat))
-
-    def move(self, base, phase, tolerance):
-        """Q (m + 1,) that is least from `base` with the stress at this phase of a sine."""
-        load = -self.K @ base
-        load[-1] += self.stress * self.area * np.sin(phase)
-        split, rho = np.zeros(len(self.flat)), self.penalty
-        while True:
-            w = self.inverse @ (load + self.flat.T @ (rho * split - self.f))
-            z = self.flat @ w
-            wanted = (z + self.f / rho).reshape(self.contacts, -1)
-            size = np.maximum(np.linalg.norm(wanted, axis=1, keepdims=True), 1e-300)
-            last, split = split, (np.maximum(0.0, 1.0 - self.c / rho / size) * wanted).ravel()
-            self.f = self.f + rho * (z - split)
-            if max(np.abs(z - split).max(), np.abs(split - last).max()) < tolerance * self.stress:
-                return base + w
-
-    def half_cycle(self, Q, steps, tolerance=1e-5):
-        """Q half a period later, by Alexander's two stages, from where the stress grows through zero."""
-        stage = 1.0 - np.sqrt(0.5)
-        for n in range(steps // 2):
-            phase = 2.0 * np.pi / steps * (n + np.array([stage, 1.0]))
-            first = self.move(Q, phase[0], tolerance)
-            Q = self.move(Q + (1.0 - stage) / stage * (first - Q), phase[1], tolerance)
-        return Q
-
-
 def slow_moduli(network, disks, alpha, omega, strain):
     """(G', G'') of contacts that move as in slow shear, and of what that dissipates: ∝ ω^α γ₀^(α−1). Collective."""
     shear = ElasticResponse(network).shear()

@@ -1,15 +1,17 @@
 """Steady oscillations of a packing with power-law damping, without the equivalent linear damping."""
 
 import math
+import time
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from jampetsc.errors import InputError, named
+from jampetsc.errors import ConvergenceError, InputError, about, named
 from jampetsc.laws.damping import Physics
 from jampetsc.options.law_options import OfPacking
 from jampetsc.options.parameters import Kind, asked, optional
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import Numbers, numbers
+from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
 from jampetsc.response.limits import LARGEST, SMALLEST
 
 DOUBLES = 1e-300, 1e300  # what ω and ωτ₁ may be
@@ -35,9 +37,8 @@ class Oscillate(OfPacking):
 
     Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^alpha (BT eq. 9): G*(ω) of the first
     harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. With fixed contacts the
-    equations are solved for a whole cycle at once or, below alpha = 0.45, where contacts stick, by steps in time for
-    half a cycle that repeats with its sign changed; with moving contacts, which open and close, cycles are integrated
-    in time until they repeat.
+    equations are solved for a whole cycle at once, for alpha of at least 0.45; with moving contacts, which open and
+    close, cycles are integrated in time until they repeat.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
@@ -96,6 +97,11 @@ A killed run continues when the same command is given again."""
 
     def _check_contacts(self):
         if self.contacts == "fixed":
+            if self.alpha < MIN_FIXED_ALPHA:
+                raise InputError(
+                    f"{named('alpha')}: {self.alpha:g} (at least {MIN_FIXED_ALPHA:g} with fixed contacts). Give "
+                    f"{named('contacts')} moving, or a larger {named('alpha')}."
+                )
             if self.cycles is not None:
                 raise InputError(
                     f"{named('cycles')} {self.cycles}: belongs to {named('contacts')} moving; fixed contacts are "
@@ -161,9 +167,55 @@ A killed run continues when the same command is given again."""
         }
 
     def work(self, to):
-        from jampetsc.oscillation import run
+        from jampetsc.io.packing_file import read_identified, source_name
+        from jampetsc.network.contact_network import build_network
+        from jampetsc.oscillation.amplitude_sweep import require_stability, sweep_amplitudes
+        from jampetsc.petsc.session import current
+        from jampetsc.response.minimum_check import examine_balance
+        from jampetsc.response.run_record import run_record
 
-        return _summary(self, to, run.solve(self, to))
+        started, session = time.perf_counter(), current()
+        disks, identity = read_identified(self.packing, session.comm)
+        to.made_from(disks)
+        with session.stage("assembly"), about(source_name(self.packing)):
+            examine_balance(source_name(self.packing), disks, session.comm)
+            network = build_network(disks, session.comm, self.prestress)
+            require_stability(network, self.control)
+        checkpoint = to.checkpoint(self.key(identity), session.comm)
+        sweep = sweep_amplitudes(
+            disks,
+            network,
+            self.physics.law,
+            self.omega,
+            self.amplitude,
+            self.control,
+            self.contacts,
+            self.steps,
+            self.cycles,
+            checkpoint.done,
+            checkpoint.save,
+        )
+        with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
+            writer.dataset("omega", self.omega)
+            writer.dataset("amplitude", self.amplitude)
+            for name, values in sweep.arrays.items():
+                writer.dataset(name, values)
+            writer.attributes(
+                **run_record(disks, identity, self.parameters, network, started),
+                control=self.control,
+                contacts=self.contacts,
+                steps=self.steps,
+                solver=sweep.solver,
+                regularisation=sweep.regularisation,
+            )
+        if sweep.failures:
+            first = sweep.failures[min(sweep.failures)]
+            raise ConvergenceError(
+                f"{len(sweep.failures)} of {sweep.arrays['G'].size} points failed, {to.others}; the first: "
+                f"{first.message(named)}"
+            )
+        checkpoint.remove()
+        return _summary(self, to, sweep.arrays)
 
 
 def _summary(job, to, arrays) -> str:

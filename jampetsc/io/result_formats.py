@@ -148,8 +148,7 @@ omega | (M,) | float | 1/time | ω, increasing
 amplitude | (A,) | float | | of what is imposed: stress in units of k, or strain
 G | (A, M) | complex | k | G* = first harmonic of the stress over that of the strain
 error | (A, M) | float | k | estimate of \|ΔG*\|: the difference from the result with half of the steps, plus the
-  errors of the solver, of ending after finitely many cycles or half cycles and, for time steps with fixed contacts,
-  of the regularisation
+  errors of the solver and of ending after finitely many cycles
 harmonics | (A, M, 2) | complex | | third and fifth harmonic over the first, of the strain where stress is imposed and
   the other way round
 work | (A, M) | float | k | ∮σdγ of a cycle, per area
@@ -162,13 +161,11 @@ newton_steps | (A, M) | int | | work
 linear_iterations | (A, M) | int? | | work where `solver` is `cycle`
 factorisations | (A, M) | int? | | work where `solver` is `steps`
 steps_taken | (A, M) | int? | | moving contacts: time steps of all cycles; of a step that was halved, its parts
-cycles, half_cycles | (A, M) | int? | | number in both runs, with half of the steps and with all: cycles with moving
-  contacts; half cycles with fixed ones where `solver` is `steps`
+cycles | (A, M) | int? | | moving contacts: number of cycles in both runs, with half of the steps and with all
 """,
     attributes=r"""
 control, contacts, steps | text, text, int | | stress or strain; fixed or moving; steps of a cycle
-solver | text | | `cycle`: a whole cycle at once; `steps`: time steps, for moving contacts and, if α < 0.45, for fixed
-  ones
+solver | text | | `cycle`: a whole cycle at once, for fixed contacts; `steps`: time steps, for moving contacts
 regularisation | float | | force below which a contact counts as linear, over the force at the rms velocity; 0 for
   linear damping
 """,

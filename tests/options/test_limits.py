@@ -49,9 +49,10 @@ RANGES = [  # (line, option, values within, values beyond)
     (f"{SWEEP} --alpha 0.5", "stress", [1e-30, 1.0], [0.99e-30, 1.01, "nan"]),
     (MODES, "count", [1], [0, -1]),
     (MODES, "below", [1.01e-12, 5.0], [1e-12, 0.0, -1.0, "inf", "nan"]),
-    (f"{OSC} --strain 1e-6", "alpha", [1e-9, 2.0], [0.0, -0.1, 2.01, "nan"]),
+    (f"{OSC} --strain 1e-6", "alpha", [0.45, 2.0], [0.449, -0.1, 2.01, "nan"]),
+    (f"{MOVING} --strain 1e-6", "alpha", [1e-9, 2.0], [0.0, -0.1, 2.01, "nan"]),
     (f"{OSC} --strain 1e-6", "steps", [16, 24, 4096], [8, 20, 4104, 0, -16]),
-    *((f"oscillate p.h5 --out o.h5 --strain 1e-3 --alpha {alpha}", "omega", within, beyond)  # ω^α is to be within
+    *((f"oscillate p.h5 --out o.h5 --contacts moving --strain 1e-3 --alpha {alpha}", "omega", within, beyond)
       for alpha, within, beyond in (
           (1, ["1e-16", "1e12"], ["0.99e-16", "1.01e12"]), (2, ["1e-16"], ["0.99e-16"]),
           (0.5, ["1e-32", "1e24"], ["0.99e-32", "1.01e24"]), (0.05, ["1e240"], ["1.01e240"]),

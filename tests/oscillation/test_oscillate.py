@@ -14,12 +14,12 @@ from sweeps import Sweep
 from jampetsc.errors import ConvergenceError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
-from jampetsc.oscillation import newton, steady
-from jampetsc.oscillation.cycle import Cycle
-from jampetsc.oscillation.equations import Equations
-from jampetsc.oscillation.powerlaw import STIFFEST
-from jampetsc.oscillation.preconditioner import HarmonicPreconditioner
-from jampetsc.oscillation.response import Drive
+from jampetsc.oscillation import cycle_solver
+from jampetsc.oscillation import steady_oscillation as steady
+from jampetsc.oscillation.cycle_equations import Cycle, Equations
+from jampetsc.oscillation.cycle_solver import HarmonicPreconditioner, solve_cycle
+from jampetsc.oscillation.drive import Drive
+from jampetsc.oscillation.power_law import STIFFEST
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 
@@ -38,7 +38,7 @@ def drive_of(omega, stress=None, strain=None):
 
 @cache
 def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=STIFFEST):
-    """The Steady of the published packing, solved once. Collective."""
+    """The SteadyResult of the published packing, solved once. Collective."""
     oscillation = shaker(alpha, steps, stiffest)
     return oscillation.solve(drive_of(omega, stress, strain))
 
@@ -142,12 +142,12 @@ def test_regularisation_does_not_matter():
 
 def test_only_what_is_left_of_the_equations_counts(monkeypatch):
     """SNES may be told to call anything converged."""
-    monkeypatch.setitem(newton.DEFAULTS, "snes_type", "ksponly")
+    monkeypatch.setitem(cycle_solver.NEWTON_DEFAULTS, "snes_type", "ksponly")
     oscillation = shaker(0.5, 16)
     contacts, law = oscillation.contacts, oscillation.power.softened(1e-8)
     equations = Equations(contacts, Cycle(16, OMEGA), law, Drive(OMEGA, STRESS, True), STRESS, 1.0)
     with pytest.raises(ConvergenceError, match=r"SNES reason \d+\).* times what is allowed is left"):
-        newton.solve(equations, np.full(equations.size, 1e-9), 1e-9 * STRESS)
+        solve_cycle(equations, np.full(equations.size, 1e-9), 1e-9 * STRESS)
 
 
 @pytest.mark.most_ranks(1)

@@ -36,11 +36,18 @@ def checked(packing, *words):
     [
         ("--alpha 2.5 --stress 1e-5", "--alpha 2.5: must be positive and at most 2"),
         ("--alpha nan --stress 1e-5", "--alpha nan: must be positive"),
-        ("--alpha 0.01 --tau1 1e-301 --stress 1e-5", "--omega 1 --tau1 1e-301: their product must lie"),
+        (
+            "--contacts moving --alpha 0.01 --tau1 1e-301 --stress 1e-5",
+            "--omega 1 --tau1 1e-301: their product must lie",
+        ),
         ("--stress x", "--stress x: write low:high:count"),
         ("--strain 1e-5,-1", "--strain 1e-5,-1: -1 must lie between"),
         ("--stress 1e-5 --steps 20", "--steps 20: must be a multiple of 8"),
         ("--stress 1e-5 --law stokes", "--law stokes: no contact dissipates"),
+        (
+            "--stress 1e-5 --alpha 0.3",
+            r"^--alpha: 0.3 \(at least 0.45 .* Give --contacts moving, or",
+        ),
         ("--strain 1e-5 --cycles 3", "--cycles 3: belongs to --contacts moving"),
         ("--contacts moving --stress 1e-12", "--stress 1e-12: must be at least 1e-09"),
         ("--contacts moving --strain 1e-12", "--strain 1e-12: must be at least 1e-09"),

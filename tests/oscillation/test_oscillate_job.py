@@ -2,22 +2,19 @@
 
 import numpy as np
 import pytest
-from oscillations import stepped_oscillation
-from samples import SAMPLES, lattice, physics, polydisperse, published, put
+from samples import SAMPLES, lattice, network_of, physics, polydisperse, published, put
 from sweeps import Sweep
 
 from jampetsc.commands.oscillate import Oscillate
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
-from jampetsc.oscillation import run
-from jampetsc.oscillation.halfcycles import SteppedOscillation
-from jampetsc.oscillation.response import Drive
-from jampetsc.oscillation.steady import Steady, SteadyOscillation
+from jampetsc.oscillation.amplitude_sweep import COUNTS, _PointSolver, sweep_amplitudes
+from jampetsc.oscillation.steady_oscillation import SteadyOscillation, SteadyResult
 from jampetsc.petsc.session import current
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
-OMEGA = {1.0: (0.1, 1.0), 0.4: (1e-8, 1e-7)}
+OMEGA = {"fixed": (0.1, 1.0), "moving": (0.3, 1.0)}
 
 
 @pytest.fixture
@@ -36,10 +33,17 @@ def ask(
     **options,
 ):
     """The job, and where its result goes."""
-    how = {"stress" if stress else "strain": amplitude, "omega": OMEGA[alpha] if omega is None else omega}
+    how = {"stress" if stress else "strain": amplitude, "omega": OMEGA[contacts] if omega is None else omega}
     how |= {"contacts": contacts, "cycles": 3 if contacts == "moving" else None, "steps": 16, "alpha": alpha}
     out = packing.parent / out
     return Oscillate(packing, physics(rotations=False).law, **how, **options), Outlet(out, out)
+
+
+def work(job, to):
+    """Datasets of the result, first axes (A, M)."""
+    job.work(to)
+    file = load(to.path)
+    return {name: file[name] for name in file if name not in ("omega", "amplitude")}
 
 
 def left_behind(packing):
@@ -51,7 +55,7 @@ def left_behind(packing):
 def test_every_point_is_in_its_place(packing, contacts):
     """G* grows with ω, and work says which strain there was; of moving contacts three points, for two ranks."""
     asked, to = ask(packing, 1.0, contacts, *(((1e-4,), (0.03, 0.3, 1.0)) if contacts == "moving" else ()))
-    arrays = run.solve(asked, to)
+    arrays = work(asked, to)
     current().comm.barrier()
     file = load(to.path)
     facts = {"control": "stress", "contacts": contacts, "steps": 16, "alpha": 1.0, "regularisation": 0.0}
@@ -61,13 +65,27 @@ def test_every_point_is_in_its_place(packing, contacts):
     for name, values in arrays.items():
         np.testing.assert_array_equal(file[name], values)
         assert values.shape[:2] == shape and np.all(np.isfinite(values))
-        assert (values.dtype.kind == "i") == (name in run.COUNTS)
+        assert (values.dtype.kind == "i") == (name in COUNTS)
     G, strain = arrays["G"], asked.amplitude[:, None] / abs(arrays["G"])
     np.testing.assert_allclose(arrays["work"], np.pi * G.imag * strain**2, rtol=1e-3)
     assert np.all(np.diff(abs(G), axis=1) > 0.0)
     np.testing.assert_array_equal(file["omega"], asked.omega)
     np.testing.assert_array_equal(file["amplitude"], asked.amplitude)
     assert left_behind(packing) == ["o.h5"]
+
+
+def test_a_sweep_in_memory_is_resumed(session):
+    """Without a file: `save` gets each record, and `resume` gives them back unchanged."""
+    law, records = physics(rotations=False).law, {}
+    network = network_of(published(), physics(rotations=False), session.comm)
+    first = sweep_amplitudes(
+        published(), network, law, [0.1], [1e-5], "strain", steps=16, save=records.__setitem__
+    )
+    assert list(records) == [0] and records[0]["G"] == first.arrays["G"][0, 0] and not first.failures
+    marked = {0: records[0] | {"G": 7.0 + 1.0j}}
+    again = sweep_amplitudes(published(), network, law, [0.1, 1.0], [1e-5], "strain", steps=16, resume=marked)
+    assert again.arrays["G"][0, 0] == 7.0 + 1.0j and list(marked) == [0]
+    assert abs(again.arrays["G"][0, 1]) > abs(first.arrays["G"][0, 0])
 
 
 def failing(monkeypatch, points, solver):
@@ -85,15 +103,15 @@ def failing(monkeypatch, points, solver):
 
 
 @pytest.mark.usefixtures("reporting")
-@pytest.mark.parametrize(("alpha", "solver"), [(1.0, SteadyOscillation), (0.4, SteppedOscillation)])
-def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, capfd, alpha, solver):
+@pytest.mark.parametrize("contacts", ["fixed", "moving"])
+def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, capfd, contacts):
     """On whichever rank: the others are kept and in the file, and only what is missing is done next time."""
-    (asked, to), omega = ask(packing, alpha), OMEGA[alpha]
+    (asked, to), omega = ask(packing, contacts=contacts), OMEGA[contacts]
     bad = [(omega[1], 1e-5), (omega[0], 1e-4)]  # one on each rank
     with monkeypatch.context() as patch:
-        failing(patch, bad, solver)
+        failing(patch, bad, _PointSolver)
         with pytest.raises(ConvergenceError) as told:
-            run.solve(asked, to)
+            work(asked, to)
     named = f"omega {omega[1]:.3e}  stress 1.0e-05: something went wrong"
     assert str(told.value) == f"2 of 4 points failed, the others are in {to}; the first: {named}"
     session.comm.barrier()
@@ -104,8 +122,8 @@ def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, c
     assert np.isnan(first["G"]).tolist() == np.isnan(first["error"]).tolist() == missing
     assert (first["newton_steps"] == 0).tolist() == missing
     with monkeypatch.context() as patch:
-        seen = failing(patch, [], solver)
-        arrays = run.solve(asked, to)
+        seen = failing(patch, [], _PointSolver)
+        arrays = work(asked, to)
     everyone = session.comm.allgather(seen)
     solved = {tuple(point) for points in everyone for point in points}
     assert solved == set(bad)
@@ -116,73 +134,57 @@ def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, c
     strain = asked.amplitude[:, None] / abs(arrays["G"])
     np.testing.assert_allclose(arrays["work"], np.pi * arrays["G"].imag * strain**2, rtol=1e-3)
     told = load(to.path).attributes
-    expected = ("cycle", 0.0) if alpha == 1.0 else ("steps", 1e-5**alpha)
-    assert (told["solver"], told["regularisation"]) == pytest.approx(expected)
+    assert (told["solver"], told["regularisation"]) == ({"fixed": "cycle", "moving": "steps"}[contacts], 0.0)
     assert left_behind(packing) == ["o.h5"]
 
 
-@pytest.mark.parametrize(("alpha", "solver"), [(1.0, SteadyOscillation), (0.4, SteppedOscillation)])
-def test_where_all_fail_there_is_no_file(monkeypatch, packing, alpha, solver):
-    asked, to = ask(packing, alpha)
-    failing(monkeypatch, [(o, a) for o in OMEGA[alpha] for a in asked.amplitude], solver)
+def test_where_all_fail_there_is_no_file(monkeypatch, packing):
+    asked, to = ask(packing)
+    failing(monkeypatch, [(o, a) for o in OMEGA["fixed"] for a in asked.amplitude], _PointSolver)
     with pytest.raises(ConvergenceError, match=r"omega 1.*e-0.  stress 1.0e-05: something went wrong$"):
-        run.solve(asked, to)
+        work(asked, to)
     assert not to.path.exists()
 
 
 @pytest.mark.most_ranks(1)
-def test_which_solver(monkeypatch, packing):
-    """A cycle at once down to α = 0.45; below, steps in time, also for the start of moving contacts."""
-    omega, strain = (1e-6,), (1e-3,)
-    solvers = []
-    for alpha in (0.45, 0.449):
-        run.solve(*ask(packing, alpha, "fixed", strain, omega, f"{alpha}.h5"))
-        current().comm.barrier()
-        solvers.append(load(packing.parent / f"{alpha}.h5").attributes["solver"])
-    assert solvers == ["cycle", "steps"]
-    seen = [failing(monkeypatch, [], solver) for solver in (SteadyOscillation, SteppedOscillation)]
-    for alpha in (0.5, 0.4):
-        run.solve(*ask(packing, alpha, "moving", (1e-7,), (1e-12,), f"m{alpha}.h5", False))
-        counts = [sum(current().comm.allgather(len(one))) for one in seen]
-        assert counts == ([1, 0] if alpha == 0.5 else [1, 1])
+def test_where_moving_contacts_start(monkeypatch, packing):
+    """At the oscillation with fixed contacts down to α = 0.45; below, at rest."""
+    seen = failing(monkeypatch, [], SteadyOscillation)
+    for alpha, omega, solved in ((0.45, 1e-8, 1), (0.449, 1e-8, 1), (0.1, 1e-61, 1)):
+        work(*ask(packing, alpha, "moving", (1e-7,), (omega,), f"m{alpha}.h5", False))
+        assert len(seen) == solved
 
 
-@pytest.mark.parametrize("alpha", [1.0, 0.4])
-def test_prestress_and_stiffness_are_those_asked_for(session, packing, alpha):
+@pytest.mark.parametrize("contacts", ["fixed", "moving"])
+def test_prestress_and_stiffness_are_those_of_the_packing(session, packing, contacts):
     """On all ranks together and on each alone."""
     disks = SAMPLES["k = 2.5"]()
     put(packing, disks, session.comm)
-    omega, strain = OMEGA[alpha][:1], 1e-4
-    asked = ask(packing, alpha, "fixed", (strain,), omega, stress=False, prestress=False)
-    found = run.solve(*asked)["G"][0, 0]
-    law = physics(exponent=alpha, rotations=False, prestress=False)
-    if alpha == 1.0:
-        sweep = Sweep(disks, law, np.array(omega), 1e-8, session.comm).solved()
-        exact = sweep.G[0]
-    else:
-        with session.alone():
-            exact = stepped_oscillation(disks, law, 16).solve(Drive(omega[0], strain, False)).G
-    assert found == pytest.approx(exact, rel=1e-6)
+    omega, strain, options = OMEGA[contacts][:1], 1e-7, {"prestress": contacts == "moving"}
+    G = work(*ask(packing, 1.0, contacts, (strain,), omega, stress=False, **options))["G"][0, 0]
+    law = physics(rotations=False, **options)
+    exact = Sweep(disks, law, np.array(omega), 1e-8, session.comm).solved().G[0]
+    assert pytest.approx(exact, rel=1e-6 if contacts == "fixed" else 1e-2) == G
 
 
-@pytest.mark.parametrize("alpha", [1.0, 0.4])
-def test_a_packing_that_is_no_minimum_is_named(session, packing, alpha):
+@pytest.mark.parametrize("contacts", ["fixed", "moving"])
+def test_a_packing_that_is_no_minimum_is_named(session, packing, contacts):
     put(packing, lattice(), session.comm)
     with pytest.raises(InputError, match=f"^{packing}: K has 14 negative modes"):
-        run.solve(*ask(packing, alpha))
+        work(*ask(packing, contacts=contacts))
     assert left_behind(packing) == []
 
 
 @pytest.mark.most_ranks(1)
-@pytest.mark.parametrize(("alpha", "contacts"), [(1.0, "fixed"), (0.4, "fixed"), (1.0, "moving")])
-def test_no_stress_is_imposed_on_what_shears_by_itself(session, packing, alpha, contacts):
+@pytest.mark.parametrize("contacts", ["fixed", "moving"])
+def test_no_stress_is_imposed_on_what_shears_by_itself(session, packing, contacts):
     """K is positive and G₀ negative: held by a strain, such a packing answers, but no stress holds it."""
     put(packing, polydisperse(6)[0], session.comm)
     with pytest.raises(InputError, match=f"^{packing}: its shear modulus is -0.072: no stress"):
-        run.solve(*ask(packing, alpha, contacts))
+        work(*ask(packing, contacts=contacts))
     assert left_behind(packing) == []
-    if alpha == 1.0 and contacts == "fixed":
-        G = run.solve(*ask(packing, alpha, stress=False, omega=(1e-6,)))["G"]
+    if contacts == "fixed":
+        G = work(*ask(packing, stress=False, omega=(1e-6,)))["G"]
         np.testing.assert_allclose(G.real, -0.0724275937399935, rtol=1e-6)
 
 
@@ -190,5 +192,5 @@ def test_what_a_file_has_of_a_response():
     """Numbers that there are, and nothing else that a solver hands on."""
     common = {"G": 1.0 + 2.0j, "error": 3.0, "work": 6.0, "energy_balance": -7.0, "newton_steps": 8}
     common |= {"linear_iterations": 0, "drift": 0.0}
-    steady = Steady(**common, harmonics=np.array([4.0, 5.0j]), speed=9.0, velocity=None)
+    steady = SteadyResult(**common, harmonics=np.array([4.0, 5.0j]), speed=9.0, velocity=None)
     assert steady.record() == common | {"harmonics": [4.0, 5.0j]}

@@ -13,12 +13,12 @@ from sweeps import Sweep
 from jampetsc.errors import ConvergenceError
 from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
 from jampetsc.minimise.hessian import Bonds
-from jampetsc.oscillation import dashpots, repeated, stage
-from jampetsc.oscillation.moving import MovingContacts
-from jampetsc.oscillation.repeated import START_STEPS, repeat_cycles
-from jampetsc.oscillation.response import Drive, Imposed, Moduli
-from jampetsc.oscillation.stage import STAGE
-from jampetsc.oscillation.steady import SteadyOscillation
+from jampetsc.oscillation import power_law, repeated_cycles, time_step
+from jampetsc.oscillation.drive import Drive, Imposed, Moduli
+from jampetsc.oscillation.moving_contacts import MovingContacts
+from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
+from jampetsc.oscillation.steady_oscillation import SteadyOscillation
+from jampetsc.oscillation.time_step import STAGE
 from jampetsc.packing.contacts import find_contacts, measure
 from jampetsc.petsc.local import NewtonSolver
 from jampetsc.petsc.session import current
@@ -116,15 +116,15 @@ def test_contacts_at_rest_are_soft_enough(monkeypatch):
     words = {"alpha": 0.5, "rotations": False}
     usual = shaken(2e-10, 1e-7, 16, 1, **words).G
     off = []
-    for below in (0.3, 10.0 * dashpots.LINEAR_BELOW):
-        monkeypatch.setattr(dashpots, "LINEAR_BELOW", below)
+    for below in (0.3, 10.0 * power_law.LINEAR_BELOW):
+        monkeypatch.setattr(power_law, "LINEAR_BELOW", below)
         off.append(abs(shaken.__wrapped__(2e-10, 1e-7, 16, 1, **words).G - usual))
     assert off[0] > 1e-4 * abs(usual) and off[1] < 1e-6 * abs(usual)
 
 
 def test_what_newtons_method_leaves_of_the_forces_does_not_matter(monkeypatch):
     usual = shaken(0.1, 2e-3, 16, 1, rotations=False).G
-    monkeypatch.setattr(stage, "TOLERANCE", 1e-12)
+    monkeypatch.setattr(time_step, "TOLERANCE", 1e-12)
     assert abs(shaken.__wrapped__(0.1, 2e-3, 16, 1, rotations=False).G - usual) < 1e-9 * abs(usual)
 
 
@@ -221,7 +221,7 @@ def test_any_amplitude():
 
 def test_steps_that_are_too_long_are_refused(monkeypatch):
     """Where they are not cut."""
-    monkeypatch.setattr(repeated, "FINEST", 0)
+    monkeypatch.setattr(repeated_cycles, "FINEST", 0)
     with pytest.raises(ConvergenceError, match="give more steps"):
         shaken(1.0, 1.0, 16, cycles=3)
 
@@ -241,7 +241,7 @@ def test_short_steps_do_not_carry_all_disks_away(step, rotations):
 
 
 def test_energy_that_the_shortest_steps_lose_is_told(monkeypatch):
-    monkeypatch.setattr(repeated, "FINEST", 2)
+    monkeypatch.setattr(repeated_cycles, "FINEST", 2)
     run, _ = run_of(1.0, 1e-3, 16)
     with pytest.raises(ConvergenceError, match=r"^energy is lost .* \d\.\de\+\d+ times .*: give more steps$"):
         list(run.steps(0.0, 1.0, 1e-20))
@@ -253,7 +253,7 @@ def run_of(omega, strain, count, alpha=1.0):
     law = physics(exponent=alpha, rotations=False)
     oscillation = steady_oscillation(published(), law, START_STEPS)
     start = oscillation.start(Drive(omega, strain, False))
-    return repeated.Cycles(published(), law.law, start, count), start
+    return repeated_cycles.Cycles(published(), law.law, start, count), start
 
 
 @pytest.mark.parametrize(("alpha", "omega", "count"), [(1.0, 3.0, 96), (0.5, 1e-5, 64)])
@@ -327,7 +327,7 @@ def test_curved_steps_follow_the_forces():
         np.testing.assert_allclose(bend, difference, rtol=1e-3, atol=1e-3 * np.abs(forces).max())
 
 
-class Told(repeated.Cycles):
+class Told(repeated_cycles.Cycles):
     """A run whose cycles have these G*, one after the other."""
 
     def __init__(self, G):
@@ -335,7 +335,7 @@ class Told(repeated.Cycles):
 
     def _cycle(self):
         moduli = Moduli(next(self._told), np.zeros(2), 1.0, 1.0)
-        self.done.append(repeated._Cycle(moduli, 1.0, 0.0))
+        self.done.append(repeated_cycles._Cycle(moduli, 1.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -380,12 +380,12 @@ def runs(monkeypatch):
     """All Cycles that are made from now on."""
     runs = []
 
-    class Kept(repeated.Cycles):
+    class Kept(repeated_cycles.Cycles):
         def __init__(self, *words):
             super().__init__(*words)
             runs.append(self)
 
-    monkeypatch.setattr(repeated, "Cycles", Kept)
+    monkeypatch.setattr(repeated_cycles, "Cycles", Kept)
     return runs
 
 
@@ -488,7 +488,7 @@ def test_steps_of_another_length_end_where_those_of_that_length_do():
 @pytest.mark.parametrize("stress", [True, False])
 def test_what_to_do_about_forces_that_are_not_balanced(monkeypatch, stress):
     """Less stress, where one is imposed."""
-    monkeypatch.setattr(stage, "ITERATIONS", 1)
+    monkeypatch.setattr(time_step, "ITERATIONS", 1)
     imposed = [Imposed(stress=1e-3)] * 2 if stress else [Imposed(1e-2, 1e-2)] * 2
     with pytest.raises(ConvergenceError, match=r"after 1 of Newton's steps, .*: give more steps") as told:
         moving(1.0, 1e-3).advance(imposed)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jampetsc.oscillation.cycle import Cycle
-from jampetsc.oscillation.powerlaw import PowerLaw, relative_softening
+from jampetsc.oscillation.cycle_equations import Cycle
+from jampetsc.oscillation.power_law import ContactPowerLaw, relative_softening
 
 ALPHAS = (0.4, 2 / 3, 1.0, 1.5, 2.0)
 
@@ -19,7 +19,7 @@ def z():
 @pytest.mark.parametrize("alpha", ALPHAS)
 def test_forces_are_a_power_of_the_length_along_the_velocity(z, alpha):
     """f = c |z|^(α−1) z; f·z is what is dissipated."""
-    law = PowerLaw(alpha, 1.7)
+    law = ContactPowerLaw(alpha, 1.7)
     f = law.forces(z, 0.0)
     length = np.linalg.norm(z, axis=-1, keepdims=True)
     np.testing.assert_allclose(f, 1.7 * length**alpha * (z / length), rtol=1e-13)
@@ -30,14 +30,16 @@ def test_forces_are_a_power_of_the_length_along_the_velocity(z, alpha):
 
 @pytest.mark.parametrize("alpha", [alpha for alpha in ALPHAS if alpha <= 1.0])
 def test_velocities_are_the_inverse(z, alpha):
-    law = PowerLaw(alpha, 1.7)
+    law = ContactPowerLaw(alpha, 1.7)
     assert law.by_force
     f = law.forces(z, 0.0)
     np.testing.assert_allclose(law.velocities(f), z, rtol=1e-12)
     np.testing.assert_allclose(law.mismatch(z, f, 3.0), 0.0, atol=1e-12)
     np.testing.assert_allclose(law.mismatch(1.1 * z, f, 3.0), 0.3 * z, atol=1e-11)
-    assert not PowerLaw(1.0001, 1.0).by_force
-    np.testing.assert_allclose(PowerLaw(1.5, 1.0).mismatch(z, 0 * z, 3.0), PowerLaw(1.5, 1.0).forces(z, 0.0))
+    assert not ContactPowerLaw(1.0001, 1.0).by_force
+    np.testing.assert_allclose(
+        ContactPowerLaw(1.5, 1.0).mismatch(z, 0 * z, 3.0), ContactPowerLaw(1.5, 1.0).forces(z, 0.0)
+    )
 
 
 @pytest.mark.parametrize("alpha", ALPHAS)
@@ -46,8 +48,8 @@ def test_tangents_are_derivatives(z, alpha, softening):
     """Of the mismatch, in z and in f; each undoes the other, and what is held does not move."""
     if alpha > 1.0 and softening:
         return
-    law, rng, unit = PowerLaw(alpha, 1.7, softening), np.random.default_rng(2), 0.9
-    f = PowerLaw(alpha, 1.7).forces(z, 0.0)
+    law, rng, unit = ContactPowerLaw(alpha, 1.7, softening), np.random.default_rng(2), 0.9
+    f = ContactPowerLaw(alpha, 1.7).forces(z, 0.0)
     tangent = law.tangent(z, f)
     size = np.linalg.norm(z, axis=-1, keepdims=True), np.linalg.norm(f, axis=-1, keepdims=True)
     dz, df = (rng.normal(size=z.shape) * one for one in size)
@@ -68,7 +70,7 @@ def test_tangents_are_derivatives(z, alpha, softening):
 
 @pytest.mark.parametrize("alpha", (0.1, *ALPHAS))
 def test_stiffness_is_the_derivative_where_the_force_is_that_of_the_velocity(z, alpha):
-    law, floor = PowerLaw(alpha, 1.7), 0.1
+    law, floor = ContactPowerLaw(alpha, 1.7), 0.1
     f = law.forces(z, floor)
     found = law.stiffness(z, f, floor)
     for axis in range(2):
@@ -91,7 +93,7 @@ def test_stiffness_is_the_derivative_where_the_force_is_that_of_the_velocity(z, 
 @pytest.mark.parametrize("alpha", [0.4, 2 / 3])
 def test_a_contact_at_rest_is_as_stiff_as_said(alpha):
     """`stiffest` times as stiff as at the typical velocity."""
-    law = PowerLaw(alpha, 1.7)
+    law = ContactPowerLaw(alpha, 1.7)
     for stiffest in (10.0, 1e5):
         soft = law.softened(0.3, stiffest)
         at_rest = soft.tangent(np.zeros((1, 2)), np.zeros((1, 2))).forces(np.array([[1.0, 0.0]]))[0, 0]
@@ -99,7 +101,7 @@ def test_a_contact_at_rest_is_as_stiff_as_said(alpha):
         assert at_rest == pytest.approx(stiffest * moving, rel=1e-9)
         assert soft.softening == pytest.approx(1.7 * 0.3**alpha * relative_softening(alpha, stiffest))
     assert relative_softening(1.0) == relative_softening(1.5) == 0.0
-    assert PowerLaw(1.5, 1.0).softened(0.3).softening == 0.0
+    assert ContactPowerLaw(1.5, 1.0).softened(0.3).softening == 0.0
 
 
 @pytest.mark.parametrize("steps", [4, 16, 64])

@@ -36,7 +36,6 @@ RUNS = {
     "refused": refused,
     "counts": lambda: examine(build_network(SAMPLES["gears"](), current().comm), physics().law),
     "fixed": lambda: jampetsc.oscillate(published(), omega=0.1, stress=1e-6, steps=16),
-    "sticking": lambda: jampetsc.oscillate(published(), omega=1e-8, stress=1e-5, alpha=0.4, steps=16),
     "moving": lambda: jampetsc.oscillate(
         published(), omega=0.1, strain=1e-6, contacts="moving", cycles=3, steps=16
     ),

@@ -41,7 +41,6 @@ spectrum sweep.h5 --out spectrum.h5
 correlate sweep.h5 --out correlation.h5
 oscillate p.h5 --out oscillate.h5 --omega 1e-3 --stress 1e-9 --steps 16
 oscillate p.h5 --out moving.h5 --contacts moving --omega 1e-2 --strain 1e-9 --steps 16
-oscillate p.h5 --out sticking.h5 --alpha 0.2 --omega 1e-22 --strain 1e-4 --steps 16
 flow made.h5 --law contact --mass 1 --rate 1e-2 --strain 0.5 --discard 0.1 --snapshots 2 --out flow.h5
 correlate flow.h5 --out velocities.h5
 merge flow.h5 --out merged.h5

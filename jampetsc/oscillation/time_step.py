@@ -1,4 +1,9 @@
-"""A time step without inertia, in two implicit stages, each solved by Newton's method.
+"""The matrix of a time step: K + B/h + μ of the disks and, if it is free, the strain, factorised.
+
+The strain enters as γL, L = √V, a border (k, κ) of the matrix A of the disks. With A positive definite, the whole
+matrix is if and only if the Schur complement κ + μ − kᵀA⁻¹k is positive. μ is about as small as that allows.
+
+A time step without inertia, in two implicit stages, each solved by Newton's method.
 
 A stage is backward Euler over a time h. It minimises, over the displacements w = h u of the disks, their rotations hΩ
 where the law has them, and the growth s of the strain where a stress is imposed,
@@ -20,11 +25,84 @@ from typing import Protocol
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
-from jampetsc.minimise.hessian import Bonds
+from jampetsc.minimise.hessian import Bonds, Pattern, gathered
 from jampetsc.minimise.newton import flat_between
-from jampetsc.oscillation.dashpots import Dashpots
-from jampetsc.oscillation.response import Imposed
-from jampetsc.oscillation.stepmatrix import StepMatrix
+from jampetsc.oscillation.cycle_solver import FACTOR_PREFIX
+from jampetsc.oscillation.drive import Imposed
+from jampetsc.oscillation.power_law import Dashpots, motion_rows
+from jampetsc.packing.contacts import both_ends, find_rattlers
+from jampetsc.petsc.local import NewtonSolver
+
+# Least μ in units of k or, in a short step, of the stiffest dashpot over h: without it rounding would move free disks
+# far. It changes the steps of Newton's method, not their limit.
+LEAST_SHIFT = 1e-10
+# μ is divided by RAISED for each new matrix, and multiplied by its square while that is not positive definite
+RAISED = 3.0
+
+
+class StepMatrix:
+    """The matrix of some `time_step.Springs`. Vectors (unknowns + 1,) end with γL, 0 where the strain is imposed.
+
+    factorisations: their number so far; pairs: the pair list of its pattern
+    """
+
+    def __init__(self, springs):
+        self._solver = NewtonSolver(FACTOR_PREFIX, "the matrix of a time step", proves=False)
+        self._n, self._dofs, self._rims = springs.n, springs.dofs, springs.rims
+        self._stiffness, self._length, self._mu = springs.stiffness, float(np.sqrt(springs.area)), 0.0
+        self.factorisations, self.pairs = 0, None
+
+    def factorise(self, bonds: Bonds, dashpots: Dashpots, damping, free: bool):
+        """Factorise for the next `solve`.
+
+        damping     (contacts, damped, damped) df/dz over h
+        free        whether the strain is unknown
+        """
+        n, d, pairs, every = self._n, self._dofs, bonds.pairs, np.ones(self._n, bool)
+        if pairs is not self.pairs:
+            self.pairs, self._pattern = pairs, Pattern(pairs, n, d)
+        rows, sheared = motion_rows(bonds, self._rims, d)
+        weights = np.column_stack((bonds.stiffness, -bonds.force / bonds.distance))
+        blocks = np.einsum("cf,cfx,cfy->cxy", weights, rows[:, :2], rows[:, :2])
+        viscous, mixed, alone = dashpots.squares(damping)
+        blocks[dashpots.touching] += viscous
+        blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]
+        least = LEAST_SHIFT * max(self._stiffness, float(np.abs(viscous).max(initial=0.0)))
+        self._mu = max(self._mu / RAISED, least)
+        self._border, unheld = None, self._unheld(bonds)
+        while True:
+            self.factorisations += 1
+            values = self._pattern.sum(*blocks, every)
+            values[self._pattern.diagonal] += self._mu + unheld
+            if self._solver.factorise(self._pattern.indptr, self._pattern.indices, values):
+                if not free:
+                    return
+                elastic = np.einsum("cf,cfx,cf->cx", weights, rows[:, :2], sheared[:, :2])
+                border = gathered(elastic, pairs.i, pairs.j, n) + gathered(mixed, dashpots.i, dashpots.j, n)
+                self._border = border.ravel() / self._length
+                corner = np.sum(weights * sheared[:, :2] ** 2) + np.sum(alone)
+                self._response = self._solver.solve(self._border)
+                self._schur = corner / self._length**2 + self._mu - self._border @ self._response
+                if self._schur > least:
+                    return
+            self._mu *= RAISED**2
+
+    def solve(self, right):
+        """Solution (unknowns + 1,) for a right-hand side (unknowns + 1,)."""
+        x = self._solver.solve(right[:-1])
+        if self._border is None:
+            return np.append(x, 0.0)
+        strain = (right[-1] - self._border @ x) / self._schur
+        return np.append(x - strain * self._response, strain)
+
+    def _unheld(self, bonds):
+        """Stiffness added to rattlers, (N, 1), else 0: more than the −f/r by which contacts push them aside."""
+        n, (i, j), touching = self._n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
+        push = bonds.force / bonds.distance
+        aside = gathered(np.column_stack((push, push)), i, j, n)
+        rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]))
+        return np.where(rattlers[:, None], 2.0 * aside, 0.0)
+
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
 WEIGHTS = 1.0 - STAGE, STAGE  # of the ends of the stages, in an integral over a step
@@ -39,7 +117,7 @@ BENT = 10.0  # in `reach`: longest move of a disk in a curved step, to which cur
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class DiskState:
     """Positions of the disks, the strain, and the bonds there."""
 
     places: np.ndarray  # (N, 2)
@@ -58,19 +136,19 @@ class Springs(Protocol):
     stiffness: float  # typical, of a contact
     reach: float  # longest move of a disk in one of Newton's steps
 
-    def at(self, base, x, gamma: float) -> State:
-        """The State with disks moved by x (N, 2) from the positions `base` (N, 2), at this strain."""
+    def at(self, base, x, gamma: float) -> DiskState:
+        """The DiskState with disks moved by x (N, 2) from the positions `base` (N, 2), at this strain."""
 
-    def covers(self, state: State) -> bool:
+    def covers(self, state: DiskState) -> bool:
         """Whether the bonds of a state include all its contacts."""
 
-    def forces(self, state: State):
+    def forces(self, state: DiskState):
         """−∂U/∂r (N, 2), and ∂U/∂γ."""
 
-    def curvature(self, state: State, x, growth: float):
+    def curvature(self, state: DiskState, x, growth: float):
         """Second derivatives of `forces` along moves x (N, 2) and a growth of the strain, at constant stiffness."""
 
-    def dashpots(self, state: State) -> Dashpots:
+    def dashpots(self, state: DiskState) -> Dashpots:
         """The dashpots of the contacts of a state."""
 
 
@@ -90,7 +168,7 @@ class StageEnd:
 class _Trial:
     """An iterate of Newton's method."""
 
-    state: State
+    state: DiskState
     z: np.ndarray
     f: np.ndarray  # damping forces at z
     left: np.ndarray  # (unknowns + 1,) residual forces, last that on γL
@@ -118,8 +196,8 @@ class _Problem:
         """Displacements (N, dofs) and the growth of the strain in q."""
         return q[:-1].reshape(self.springs.n, -1), float(q[-1]) / self.length
 
-    def state(self, q) -> State:
-        """The State that q leads to."""
+    def state(self, q) -> DiskState:
+        """The DiskState that q leads to."""
         x, growth = self.split(q)
         return self.springs.at(self.base, x[:, :2], self.gamma + growth)
 
@@ -138,7 +216,7 @@ class _Problem:
             row = (self.imposed.stress * self.springs.area - virial) / self.length
         return _Trial(state, z, f, np.append(left, row), virial, rate)
 
-    def curvature(self, state: State, step):
+    def curvature(self, state: DiskState, step):
         """Second derivative of the residual forces along a straight step."""
         x, growth = self.split(step)
         curvature = np.zeros_like(x)

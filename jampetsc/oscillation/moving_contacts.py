@@ -5,8 +5,8 @@ F = [[1, g], [0, 1]]; their non-affine velocity in the laboratory is u = F ȯ. F
 
     ∂R/∂u = f(o, γ) ,     ∂R/∂γ̇ = σV − ∂U/∂γ   where the stress σ is imposed and the strain free,
 
-f = −∂U/∂r, not linearised, R(u, γ̇) the dissipation potential of the current contacts (see `powerlaw`); where damping
-is linear ∂R/∂u = B u + b γ̇. `stage` solves for a step. This module has the forces and energy of the springs, and the
+f = −∂U/∂r, not linearised, R(u, γ̇) the dissipation potential of the current contacts (see `power_law`); where damping
+is linear ∂R/∂u = B u + b γ̇. `time_step` solves for a step. This module has forces and energy of the springs, and the
 state of the packing between steps.
 """
 
@@ -15,10 +15,8 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.laws.damping import Law
 from jampetsc.minimise.hessian import Bonds
-from jampetsc.oscillation.dashpots import Damping, Dashpots
-from jampetsc.oscillation.powerlaw import PowerLaw
-from jampetsc.oscillation.stage import STAGE, Stages, State
-from jampetsc.oscillation.stepmatrix import StepMatrix
+from jampetsc.oscillation.power_law import ContactPowerLaw, Damping, Dashpots
+from jampetsc.oscillation.time_step import STAGE, DiskState, Stages, StepMatrix
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.pairs import SKIN_START, ListedDisks, is_stale
@@ -28,11 +26,12 @@ WIDEST = 2.0  # mean diameters: a step that needs a pair list with a larger skin
 
 
 class MovingContacts(ListedDisks):
-    """A packing under an imposed strain or stress, the `stage.Springs` of its own steps; `disks` is its current state.
+    """A packing under an imposed strain or stress, the `time_step.Springs` of its own steps.
 
+    disks: current state
     step: time of a step
     scale: strain amplitude, to which the tolerance of forces is relative
-    speed: typical |z| of `powerlaw`, without effect where damping is linear
+    speed: typical |z| of `power_law`, without effect where damping is linear
     gamma: strain of the given disks
     u: (N, dofs) velocities, and spins times the mean diameter
     """
@@ -47,7 +46,7 @@ class MovingContacts(ListedDisks):
         # rotations are solved for as lengths, times this diameter, as displacements are
         self._lengths = np.array([1.0, 1.0, self.diameter])[: law.dofs]
         self.rims = disks.radii / self.diameter
-        self._damping = Damping.of(law, PowerLaw.of(law, float(potential.k), self.diameter), speed)
+        self._damping = Damping.of(law, ContactPowerLaw.of(law, float(potential.k), self.diameter), speed)
         self.u = np.zeros((disks.n, law.dofs))
         self.gained = 0.0  # change of the elastic energy in the last step
         self.matrix = StepMatrix(self)
@@ -115,22 +114,24 @@ class MovingContacts(ListedDisks):
         return self.stages.finest * self.step * float(np.abs(self.u).sum())
 
     @property
-    def _state(self) -> State:
+    def _state(self) -> DiskState:
         return self.at(self.offsets, np.zeros_like(self.offsets), self.gamma)
 
-    def at(self, base, x, gamma) -> State:
-        """See `stage.Springs`; places are offsets o, moves x (N, 2) are in the laboratory frame."""
+    def at(self, base, x, gamma) -> DiskState:
+        """See `time_step.Springs`; places are offsets o, moves x (N, 2) are in the laboratory frame."""
         moved = x.copy()
         moved[:, 0] -= (gamma - self.listed) * moved[:, 1]
         offsets = base + moved
-        return State(offsets, gamma, Bonds.of(self.pairs, self._potential, offsets, 0.0, gamma - self.listed))
+        return DiskState(
+            offsets, gamma, Bonds.of(self.pairs, self._potential, offsets, 0.0, gamma - self.listed)
+        )
 
     def covers(self, state) -> bool:
-        """See `stage.Springs`."""
+        """See `time_step.Springs`."""
         far = float(np.hypot(*state.places.T).max())
         return not is_stale(far, 0.0, state.gamma - self.listed, self.largest, self.skin)
 
-    def energy_change(self, before: State, after: State) -> float:
+    def energy_change(self, before: DiskState, after: DiskState) -> float:
         """U(after) − U(before) of two states of the same list, computed without subtracting energies."""
         pairs, potential = self.pairs, self._potential
         rx, ry = after.bonds.r + before.bonds.r
@@ -146,13 +147,13 @@ class MovingContacts(ListedDisks):
         return float(np.sum(energy[little] * grown) + np.sum(much))
 
     def forces(self, state):
-        """See `stage.Springs`."""
+        """See `time_step.Springs`."""
         bonds = state.bonds
         sheared = -float(np.sum(bonds.force * bonds.normal[0] * bonds.r[1]))
         return bonds.on_disks(bonds.force * bonds.normal, self.n), sheared
 
     def curvature(self, state, x, growth):
-        """See `stage.Springs`.
+        """See `time_step.Springs`.
 
         For a relative motion w of a bond, −k w⊥²/r (1 + f/kr) along it and −2 k w∥ w⊥/r (1 + f/kr) across.
         """
@@ -168,5 +169,5 @@ class MovingContacts(ListedDisks):
         return bonds.on_disks(second, self.n), sheared
 
     def dashpots(self, state) -> Dashpots:
-        """See `stage.Springs`: those of the pairs that touch."""
+        """See `time_step.Springs`: those of the pairs that touch."""
         return Dashpots(state.bonds, self.rims, self._damping, self.dofs)

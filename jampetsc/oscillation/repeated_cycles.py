@@ -25,10 +25,10 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.laws.damping import Law
-from jampetsc.oscillation.moving import MovingContacts
-from jampetsc.oscillation.response import Moduli, Response
-from jampetsc.oscillation.stage import STAGE, WEIGHTS
-from jampetsc.oscillation.start import Start
+from jampetsc.oscillation.drive import Moduli, OscillationResult
+from jampetsc.oscillation.moving_contacts import MovingContacts
+from jampetsc.oscillation.steady_oscillation import Start
+from jampetsc.oscillation.time_step import STAGE, WEIGHTS
 from jampetsc.packing.disks import Disks
 
 REPEATED = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
@@ -42,7 +42,7 @@ ROOM = 0.1  # of the allowed error: after a step with less the next is twice as 
 FLOWING = 1.0  # change of the strain in a cycle at which a packing counts as flowing
 
 
-def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) -> Response:
+def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) -> OscillationResult:
     """G* of the oscillation that begins at `start`, with `steps` steps per cycle.
 
     cycles   number of cycles of each run; None: until they repeat
@@ -61,7 +61,7 @@ def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int 
         begin = 0.0 * now.u[:, :2], now.velocities, now.gamma, now.rate
     half, whole = runs
     last = whole.done[-1]
-    return Response(
+    return OscillationResult(
         G=last.G,
         error=abs(last.G - half.done[-1].G) + min(whole.left, whole.spread),
         harmonics=last.moduli.harmonics,

@@ -1,11 +1,23 @@
-"""The equations of a steady oscillation as one nonlinear system: force balance in every step of half a cycle.
+"""Half a cycle of a steady oscillation in equal steps, and the implicit midpoint rule on it, solved for the cycle.
+
+With fixed contacts the equations are odd in the motion, so their steady oscillation changes sign after half a period,
+Q(t + T/2) = −Q(t), and the m steps of a half cycle suffice. With velocities v_n in the middles of the steps, the
+midpoint rule Q_{n+1} − Q_n = h v_n, and Q in the middle the mean of both ends, it is diagonal in the odd harmonics
+
+    Q = v / iΩ_k ,     Ω_k = (2/h) tan(kπ/2m) ,     k = 1, 3, …, m − 1 .
+
+The step h is chosen, (2/h) tan(π/2m) = ω, so that the first harmonic has Ω₁ = ω: the result is exact for linear
+damping and any number of steps; the error, of second order in 1/m, is in the higher harmonics. The map from v to Q is
+antisymmetric in time, so elastic energy is recovered exactly: work per cycle is dissipation per cycle.
+
+The equations of a steady oscillation as one nonlinear system: force balance in every step of half a cycle.
 
 Its unknowns are the velocities v_n of all unknowns of the pencil in the middle of every step n, under stress control
-the strain rate, and the damping forces f_n of the contacts (`powerlaw` explains why):
+the strain rate, and the damping forces f_n of the contacts (`power_law` explains why):
 
     Cᵀ [ W_K a_n + √w f_n ] = F_n ,   z_n − z(f_n) = 0 ,    ȧ_n = C v_n + g γ̇_n ,   z = √w ȧ ,   a = S ȧ
 
-with S the integral in time of `cycle`. Each step alone would minimise ½QᵀKQ − F·Q + h R; together they are a monotone
+with S the integral in time of `Cycle`. Each step alone would minimise ½QᵀKQ − F·Q + h R; together they are a monotone
 map, S being antisymmetric, which has one zero where K has no negative modes.
 """
 
@@ -14,14 +26,60 @@ from functools import cached_property
 
 import numpy as np
 
-from jampetsc.oscillation.cycle import Cycle
-from jampetsc.oscillation.powerlaw import PowerLaw
-from jampetsc.oscillation.response import Drive
+from jampetsc.oscillation.drive import Drive
+from jampetsc.oscillation.power_law import ContactPowerLaw
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil
 
 
-class Contacts:
+@dataclass(frozen=True)
+class Cycle:
+    """A cycle of `steps` steps, a multiple of 4, at frequency omega. Arrays have m = steps/2 rows."""
+
+    steps: int
+    omega: float
+
+    @property
+    def m(self) -> int:
+        """Steps of half a cycle."""
+        return self.steps // 2
+
+    @cached_property
+    def phase(self):
+        """ωt in the middle of each step, (m,)."""
+        return (np.arange(self.m) + 0.5) * np.pi / self.m
+
+    @cached_property
+    def orders(self):
+        """Odd orders k of the harmonics, (m/2,)."""
+        return np.arange(1, self.m, 2)
+
+    @cached_property
+    def frequencies(self):
+        """Ω_k of the harmonics, (m/2,)."""
+        return self.omega * np.tan(self.orders * np.pi / (2 * self.m)) / np.tan(np.pi / (2 * self.m))
+
+    @cached_property
+    def _waves(self):
+        return np.exp(1j * np.outer(self.phase, self.orders))
+
+    def harmonics(self, values):
+        """Complex c (m/2, …) with values = Re Σ c_k exp(ikωt), for values (m, …)."""
+        return np.tensordot(self._waves.conj().T, values, 1) * (2.0 / self.m)
+
+    def samples(self, harmonics):
+        """Values (m, …) of harmonics c, first axis of any length; those of order above m are left out."""
+        kept = harmonics[: len(self.orders)]
+        waves = self._waves[:, : len(kept)]
+        return np.tensordot(waves.real, kept.real, 1) - np.tensordot(waves.imag, kept.imag, 1)
+
+    @cached_property
+    def integral(self):
+        """Antisymmetric matrix (m, m) that takes velocities to displacements."""
+        return ((self._waves / (1j * self.frequencies)) @ self._waves.conj().T).real * (2.0 / self.m)
+
+
+class ContactMotions:
     """Relative motions of contacts at several times, and forces on the unknowns. Methods are collective.
 
     C is applied to all times at once. The strain enters as γL, L = √V, so that its row of the equations is a force as
@@ -84,7 +142,7 @@ class Contacts:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class CycleState:
     """This rank's part of the unknowns, or of the residual of the equations: views into one vector."""
 
     v: np.ndarray  # (m, unknowns)
@@ -96,9 +154,9 @@ class State:
 class Equations:
     """Residual of the equations on one cycle, and its derivative. Methods are collective; arrays are this rank's."""
 
-    contacts: Contacts
+    contacts: ContactMotions
     cycle: Cycle
-    law: PowerLaw
+    law: ContactPowerLaw
     drive: Drive
     stress: float  # amplitude; an estimate where the strain is imposed
     unit: float  # force by which velocities z are multiplied in the second equation
@@ -108,7 +166,7 @@ class Equations:
         """Amplitude of the force on γL, σ₀V/L."""
         return self.stress * self.contacts.length
 
-    def motions(self, state: State):
+    def motions(self, state: CycleState):
         """z (m, contacts, damped)."""
         return self.contacts.damping_motions(self.contacts.motions(state.v, self.rate(state)))
 
@@ -126,34 +184,34 @@ class Equations:
         """Length of this rank's part of the vector of unknowns."""
         return int(self._ends[-1]) + self.cycle.m * self.contacts.count * len(self.contacts.damped)
 
-    def split(self, values) -> State:
+    def split(self, values) -> CycleState:
         """Views of a local vector (size,)."""
         v, rate, f = np.split(values, self._ends)
         m, contacts = self.cycle.m, self.contacts
-        return State(v.reshape(m, -1), rate, f.reshape(m, contacts.count, len(contacts.damped)))
+        return CycleState(v.reshape(m, -1), rate, f.reshape(m, contacts.count, len(contacts.damped)))
 
-    def rate(self, state: State):
+    def rate(self, state: CycleState):
         """γ̇L (m,) on all ranks."""
         if self.drive.stress_controlled:
             return self.contacts.network.comm.bcast(state.rate)
         strain = self.drive.amplitude * self.contacts.length
         return -self.cycle.omega * strain * np.sin(self.cycle.phase)
 
-    def balance(self, state: State, rate):
+    def balance(self, state: CycleState, rate):
         """(forces on the unknowns, forces on γL, z) of a state and a strain rate γ̇L (m,), without the drive."""
         a = self.contacts.motions(state.v, rate)
         tensions = (self.cycle.integral @ a) * self.contacts.w_K
         self.contacts.add_damping(tensions, state.f)
         return *self.contacts.forces(tensions), self.contacts.damping_motions(a)
 
-    def residual(self, state: State, out: State):
+    def residual(self, state: CycleState, out: CycleState):
         """out ← the residual of the equations."""
         out.v[:], row, z = self.balance(state, self.rate(state))
         if self.holds_rate:
             out.rate[:] = row - self.force * np.cos(self.cycle.phase)
         out.f[:] = self.law.mismatch(z, state.f, self.unit)
 
-    def derivative(self, tangent, change: State, out: State):
+    def derivative(self, tangent, change: CycleState, out: CycleState):
         """out ← the derivative of the residual along a change of the state."""
         rate = self.rate(change) if self.drive.stress_controlled else np.zeros(self.cycle.m)
         out.v[:], row, z = self.balance(change, rate)

@@ -10,6 +10,11 @@ has preconditioned eigenvalues between ½ and 1 and costs two solves with the re
 Harmonics whose Ω differ by less than a factor SHARED use one factor of H. The strain, as γL, is the last unknown.
 
 The harmonics are distributed over the ranks: each factorises whole matrices H, for its own harmonics, alone.
+
+Newton's method (PETSc SNES, prefix `osc_`) on the equations of a cycle.
+
+A step solves the linear equations of all times together by FGMRES, preconditioned for each harmonic separately
+(`HarmonicPreconditioner`); damping forces are eliminated exactly.
 """
 
 import itertools
@@ -17,21 +22,22 @@ import itertools
 import numpy as np
 from scipy.sparse import bmat, csr_array
 
+from jampetsc import interrupts
 from jampetsc.collective import agreed
-from jampetsc.oscillation.cycle import Cycle
-from jampetsc.oscillation.equations import Contacts
+from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.oscillation.cycle_equations import ContactMotions, Cycle, Equations
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
 from jampetsc.petsc.matrices import whole_matrix
 from jampetsc.petsc.session import current
 
-PREFIX = "osc_factor_"
+FACTOR_PREFIX = "osc_factor_"
 SHARED = 1.5  # largest ratio of the Ω of harmonics that use one factor
 
 
 class HarmonicPreconditioner:
     """For the equations of one cycle; `bordered` where the strain is unknown. Methods are collective."""
 
-    def __init__(self, contacts: Contacts, cycle: Cycle, bordered: bool):
+    def __init__(self, contacts: ContactMotions, cycle: Cycle, bordered: bool):
         self._contacts, self._cycle = contacts, cycle
         comm, pencil = contacts.network.comm, contacts.pencil
         ends = np.arange(comm.size + 1) * len(cycle.orders) // comm.size
@@ -99,7 +105,7 @@ class _Factor:
         self.Omega = Omega
         self._csr = pattern.indptr.astype(PETSc.IntType), pattern.indices.astype(PETSc.IntType)
         matrix = PETSc.Mat().createAIJ(pattern.shape, csr=(*self._csr, pattern.data), comm=PETSc.COMM_SELF)
-        self._cholesky = Cholesky(matrix, PREFIX, f"K/Ω + B at Ω = {Omega:g}")
+        self._cholesky = Cholesky(matrix, FACTOR_PREFIX, f"K/Ω + B at Ω = {Omega:g}")
         self._right, self._solution = matrix.createVecs()
 
     def factorise(self, H):
@@ -117,3 +123,110 @@ class _Factor:
         self._right.setArray(self._scale * right)
         self._cholesky.ksp.solve(self._right, self._solution)
         return self._scale * self._solution.getArray()
+
+
+NEWTON_PREFIX = "osc_"
+NEWTON_TYPES = ("newtonls", "ksponly")  # methods of SNES that solve with the derivative
+NEWTON_DEFAULTS = {
+    "snes_type": "newtonls",
+    "snes_linesearch_type": "bt",
+    "snes_max_it": "50",
+    "snes_rtol": "1e-14",  # `tolerance` decides
+    "snes_stol": "0",
+    "snes_ksp_ew": None,
+    "snes_ksp_ew_version": "2",
+    "snes_ksp_ew_rtol0": "0.1",
+    "snes_ksp_ew_rtolmax": "0.1",
+    "ksp_type": "fgmres",
+    "ksp_gmres_restart": "60",
+    "ksp_max_it": "600",
+}
+
+
+def solve_cycle(equations: Equations, values, tolerance: float):
+    """The solution (size,) from the start `values` (size,), with a residual of at most `tolerance`. Collective.
+
+    Also the numbers of Newton's steps and of linear iterations. Raises InputError for options that choose a method
+    which does not solve with the derivative, ConvergenceError if SNES does not reach the tolerance.
+    """
+    session, comm = current(), equations.contacts.network.comm
+    PETSc = session.PETSc
+    session.free_dropped(comm)
+    linearised = _Linearised(equations)
+    jacobian = PETSc.Mat().createPython(((equations.size, None),) * 2, linearised, comm=comm)
+    x, left = jacobian.createVecs()
+    session.set_defaults({NEWTON_PREFIX + name: value for name, value in NEWTON_DEFAULTS.items()})
+    snes = PETSc.SNES().create(comm)
+    snes.setOptionsPrefix(NEWTON_PREFIX)
+    snes.setFunction(linearised.function, left)
+    snes.setJacobian(linearised.linearise, jacobian)
+    ksp = snes.getKSP()
+    ksp.setPCSide(PETSc.PC.Side.RIGHT)
+    ksp.getPC().setType("python")
+    ksp.getPC().setPythonContext(linearised)
+    snes.setFromOptions()
+    if snes.getType() not in NEWTON_TYPES:
+        raise InputError(
+            f"-{NEWTON_PREFIX}snes_type {snes.getType()}: what is solved here needs one of {', '.join(NEWTON_TYPES)}"
+        )
+    x.setArray(values)
+    snes.setTolerances(atol=tolerance)
+    snes.solve(None, x)
+    # Options may make SNES call anything converged: only the residual of the equations counts.
+    linearised.function(snes, x, left)
+    size = left.norm()
+    if not size <= tolerance:
+        raise ConvergenceError(
+            f"Newton's method stopped (SNES reason {snes.getConvergedReason()}) after {snes.getIterationNumber()} "
+            f"steps, {size / tolerance:.1e} times what is allowed is left; look with -osc_snes_monitor "
+            "-osc_ksp_converged_reason"
+        )
+    return x.getArray().copy(), snes.getIterationNumber(), snes.getLinearSolveIterations()
+
+
+class _Linearised:
+    """The equations, their derivative and its preconditioner as PETSc calls them.
+
+    It knows nothing of the solver: python's garbage collection does not see that PETSc holds it.
+    """
+
+    def __init__(self, equations: Equations):
+        self.equations = equations
+        self.preconditioner = HarmonicPreconditioner(
+            equations.contacts, equations.cycle, equations.drive.stress_controlled
+        )
+
+    def function(self, snes, x, f):
+        """f ← the residual at x."""
+        self.equations.residual(
+            self.equations.split(x.getArray(readonly=True)), self.equations.split(f.getArray())
+        )
+
+    def linearise(self, snes, x, J, P):
+        """Take the derivative at x."""
+        equations = self.equations
+        state = equations.split(x.getArray(readonly=True))
+        self.tangent = equations.law.tangent(equations.motions(state), state.f)
+        self.preconditioner.update(self.tangent.mean_stiffness())
+
+    def mult(self, matrix, x, y):
+        """y ← the derivative times x."""
+        split = self.equations.split
+        self.equations.derivative(self.tangent, split(x.getArray(readonly=True)), split(y.getArray()))
+
+    def apply(self, pc, x, y):
+        """Eliminate the damping forces exactly and precondition the rest for each harmonic."""
+        interrupts.check()
+        equations, tangent = self.equations, self.tangent
+        contacts = equations.contacts
+        right, out = equations.split(x.getArray(readonly=True)), equations.split(y.getArray())
+        eliminated = tangent.eliminated(right.f, equations.unit)
+        tensions = np.zeros((len(eliminated), contacts.rows))
+        contacts.add_damping(tensions, eliminated)
+        forces, row = contacts.forces(tensions)
+        row = row + equations.rate(right) if equations.drive.stress_controlled else np.zeros_like(row)
+        out.v[:], rate = self.preconditioner.apply(right.v + forces, row)
+        if equations.holds_rate:
+            out.rate[:] = rate
+        z = contacts.damping_motions(contacts.motions(out.v, rate))
+        out.f[:] = tangent.forces(z) - eliminated

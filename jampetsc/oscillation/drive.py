@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 HARMONICS = 2  # saved besides the first: third and fifth
+MIN_FIXED_ALPHA = 0.45  # below, FGMRES does not solve the equations of fixed contacts, which stick
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,11 @@ class Drive:
     amplitude: float  # σ₀ or γ₀
     stress_controlled: bool
 
+    @property
+    def control(self) -> str:
+        """What is imposed, "stress" or "strain"."""
+        return "stress" if self.stress_controlled else "strain"
+
     def at(self, phase: float) -> Imposed:
         """The Imposed at ωt = phase, with a strain rate in units of ω."""
         now = self.amplitude * np.sin(phase)
@@ -64,7 +70,7 @@ class Drive:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Response:
+class OscillationResult:
     """The result of a solver, named as the datasets of the file; None where the solver has no such number."""
 
     G: complex  # of the first harmonic
@@ -76,14 +82,13 @@ class Response:
     linear_iterations: int | None = None
     factorisations: int | None = None
     regularisation_effect: float | None = None  # estimate of |ΔG*| if contacts were regularised half as much
-    half_cycles: int | None = None  # of both runs, as the next two
-    cycles: int | None = None
+    cycles: int | None = None  # of both runs
     steps_taken: int | None = None  # accepted steps; of one that was halved, its parts
     cycle_change: float | None = None  # |ΔG*| between the last two cycles
     drift: float | None = None  # change of the strain in the last cycle
 
     def record(self) -> dict:
         """{dataset: value} for the file."""
-        found = {field.name: getattr(self, field.name) for field in fields(Response)}
+        found = {field.name: getattr(self, field.name) for field in fields(OscillationResult)}
         found["harmonics"] = list(self.harmonics)
         return {name: value for name, value in found.items() if value is not None}

@@ -1,4 +1,6 @@
-"""The steady oscillation of a packing with fixed contacts at one frequency and amplitude, solved for a whole cycle.
+"""The start of an oscillation with moving contacts: the steady one with fixed contacts.
+
+The steady oscillation of a packing with fixed contacts at one frequency and amplitude, solved for a whole cycle.
 
 There are three solves, each the start of the next: linear damping equivalent in energy (BT 25, 26), the power law with
 half of the steps, and with all. The difference of the last two estimates the error of the steps; the residual of the
@@ -13,24 +15,68 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.laws.damping import Law
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.network.contact_network import Network
-from jampetsc.oscillation import newton
-from jampetsc.oscillation.cycle import Cycle
-from jampetsc.oscillation.equations import Contacts, Equations
-from jampetsc.oscillation.powerlaw import STIFFEST, PowerLaw
-from jampetsc.oscillation.response import HARMONICS, Drive, Response
-from jampetsc.oscillation.start import Start
+from jampetsc.oscillation.cycle_equations import ContactMotions, Cycle, Equations
+from jampetsc.oscillation.cycle_solver import solve_cycle
+from jampetsc.oscillation.drive import HARMONICS, MIN_FIXED_ALPHA, Drive, OscillationResult
+from jampetsc.oscillation.power_law import STIFFEST, ContactPowerLaw
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.disks import Disks
+from jampetsc.packing.pairs import deformed
 from jampetsc.response.assembly import assemble
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A steady oscillation of N disks at the time when the drive grows through zero; time is in units of 1/ω."""
+
+    drive: Drive
+    displacement: np.ndarray  # (N, 2) non-affine; 0 for rattlers
+    velocity: np.ndarray  # (N, dofs), with spins where the law has them
+    gamma: float
+    rate: float  # of strain
+    strain: float  # amplitude
+    modulus: float  # |G*|
+    speed: float  # root mean square of |z| over contacts and time, see `power_law`
+
+    @classmethod
+    def of(cls, network: Network, drive: Drive, motion, velocity, *scalars: float) -> "Start":
+        """From arrays of a network's n disks: displacements (and rotations) `motion` (n, ≥ 2), velocities (n, dofs).
+
+        scalars: gamma, rate, strain, modulus, speed
+        """
+
+        def whole(part):
+            field = np.zeros((network.n + network.rattlers, part.shape[1]))
+            field[network.particles] = part
+            return field
+
+        return cls(drive, whole(motion[:, :2]), whole(velocity), *scalars)
+
+    def near(self, disks: Disks) -> "Start":
+        """This start or, if its displacements open or close contacts of these disks, one undeformed and at rest.
+
+        Forces of fixed contacts are wrong where contacts open or close: a disk with only one neighbour, such as a
+        rattler that another disk hits, would roll off it at once, however short the steps are.
+        """
+        moved = deformed(disks, self.displacement, 0.0, self.gamma)
+        same = np.array_equal(*(_pairs(find_contacts(one), disks.n) for one in (disks, moved)))
+        still = {name: 0.0 * getattr(self, name) for name in ("displacement", "velocity", "gamma", "rate")}
+        return self if same else replace(self, **still)
+
+
+def _pairs(contacts, n):
+    return np.sort(contacts.i.astype(np.int64) * n + contacts.j)
+
 
 # residual of the equations over the driving force, with all steps and with half
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7
-LEAST_ALPHA = 0.45  # below, contacts stick so much that FGMRES does not solve the linear equations
 FLOOR = 1e-3  # of the typical |z|: below, damping forces of the start are linear
 SLOW = 1e-3  # of k: ωc of dashpots that hardly matter beside the springs
 SMALLEST, LARGEST = 1e-30, 1.0  # range of stress in k for the equivalent damping
 
 
 @dataclass(frozen=True, kw_only=True)
-class Steady(Response):
+class SteadyResult(OscillationResult):
     """The response, the same on all ranks except `velocity`, of which each has its part."""
 
     speed: float  # root mean square of |z| over contacts and time, of the equivalent linear damping
@@ -46,11 +92,11 @@ class SteadyOscillation:
 
     def __init__(self, network: Network, law: Law, rho0: float, steps: int, stiffest: float = STIFFEST):
         self.law, self.network = law, network
-        self.contacts = Contacts(assemble(network, law))
+        self.contacts = ContactMotions(assemble(network, law))
         self.steps, self.stiffest, self.rho0 = steps, stiffest, rho0
-        self.power = PowerLaw.of(self.law, self.network.k, rho0)
+        self.power = ContactPowerLaw.of(self.law, self.network.k, rho0)
 
-    def solve(self, drive: Drive) -> Steady:
+    def solve(self, drive: Drive) -> SteadyResult:
         """The steady oscillation of a packing whose K has no negative modes.
 
         Raises ConvergenceError if Newton's method fails.
@@ -68,7 +114,7 @@ class SteadyOscillation:
         half = self._run(half, first.waves, speed)
         whole = self._run(whole, half.waves, speed)
         softer = replace(law, softening=0.5 * law.softening)
-        return Steady(
+        return SteadyResult(
             G=whole.G,
             error=abs(whole.G - half.G) + whole.relative_residual(law) * abs(whole.G),
             harmonics=whole.harmonics,
@@ -82,11 +128,16 @@ class SteadyOscillation:
         )
 
     def start(self, drive: Drive) -> Start:
-        """The start of an oscillation with moving contacts, on one rank alone; at rest if Newton's method fails."""
+        """The start of an oscillation with moving contacts, on one rank alone.
+
+        At rest for exponents below MIN_FIXED_ALPHA, and if Newton's method fails.
+        """
         network, length = self.network, self.contacts.length
         try:
-            found = self.solve(drive)
+            found = self.solve(drive) if self.law.exponent >= MIN_FIXED_ALPHA else None
         except ConvergenceError:
+            found = None
+        if found is None:
             still, (strain, speed) = np.zeros((network.n, self.law.dofs)), self._scales(drive)
             return Start.of(network, drive, still, still, 0.0, 0.0, strain, network.k, speed / drive.omega)
         cycle = Cycle(self.steps, drive.omega)
@@ -127,7 +178,7 @@ class SteadyOscillation:
 
     def _linear(self, drive, coefficient, stress) -> "_Run":
         """The _Run with linear damping of this coefficient; stress in k."""
-        cycle, law = Cycle(4, drive.omega), PowerLaw(1.0, coefficient)
+        cycle, law = Cycle(4, drive.omega), ContactPowerLaw(1.0, coefficient)
         return self._run(Equations(self.contacts, cycle, law, drive, stress * self.network.k, coefficient))
 
     def _run(self, equations, waves=None, speed=None) -> "_Run":
@@ -141,7 +192,7 @@ class SteadyOscillation:
             state.f[:] = equations.law.forces(equations.motions(state), FLOOR * speed)
         size = equations.force * np.sqrt(0.5 * cycle.m)
         tolerance = TOLERANCE if cycle.steps == self.steps else HALF_TOLERANCE
-        return _Run(equations, *newton.solve(equations, values, tolerance * size))
+        return _Run(equations, *solve_cycle(equations, values, tolerance * size))
 
 
 class _Run:
@@ -166,7 +217,7 @@ class _Run:
         self.dissipation = float(power) / network.area * weight
         self.strain = abs(strain[0])
 
-    def relative_residual(self, law: PowerLaw) -> float:
+    def relative_residual(self, law: ContactPowerLaw) -> float:
         """Bound on the power of the residual under `law`, over that of the oscillation: a relative error of G*."""
         equations, state = self.equations, self.state
         m, contacts = equations.cycle.m, equations.contacts

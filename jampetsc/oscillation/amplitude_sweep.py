@@ -1,0 +1,179 @@
+"""Steady oscillations of one packing at several amplitudes and frequencies, distributed over the ranks."""
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.laws.damping import Law
+from jampetsc.network.contact_network import Network, build_network
+from jampetsc.oscillation.drive import HARMONICS, Drive, OscillationResult
+from jampetsc.oscillation.power_law import LINEAR_BELOW, relative_softening
+from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
+from jampetsc.oscillation.steady_oscillation import SteadyOscillation
+from jampetsc.packing.disks import Disks
+from jampetsc.petsc.session import current
+from jampetsc.progress import Progress
+from jampetsc.response.elastic import ElasticResponse
+
+COUNTS = ("newton_steps", "linear_iterations", "factorisations", "steps_taken", "cycles")
+
+
+@dataclass(frozen=True)
+class AmplitudeSweep:
+    """Results of all points (amplitude, frequency); point number i of A × M is (i // M, i % M)."""
+
+    arrays: dict  # {dataset: (A, M, …)}, nan or, for counts, 0 where a point failed
+    failures: dict  # {number of a point: ConvergenceError}
+    solver: str  # "cycle": a whole cycle at once; "steps": time steps
+    regularisation: float  # force below which a contact is linear, over the force at the rms velocity
+
+
+def sweep_amplitudes(
+    disks: Disks,
+    network: Network,
+    law: Law,
+    omega,
+    amplitudes,
+    control: str,
+    contacts: str = "fixed",
+    steps: int = 64,
+    cycles: int | None = None,
+    resume: dict | None = None,
+    save: Callable[[int, dict], None] | None = None,
+) -> AmplitudeSweep:
+    """Oscillations of a packing at every amplitude and frequency. Collective.
+
+    network     of the disks, which is stable under this control (`require_stability`)
+    law         damping of contacts, with its exponent
+    omega       (M,) frequencies in 1/time
+    amplitudes  (A,) of the stress in units of k, or of the strain
+    control     "stress" or "strain": what is imposed
+    contacts    "fixed", or "moving": they open and close
+    steps       of a cycle, a multiple of 8
+    cycles      with moving contacts: their number in each of two runs; None: until they repeat
+    resume      {number of a point: record} of finished points, which are not solved again
+    save        called on every rank with number and record of each point that is solved
+
+    Raises ConvergenceError if all points fail.
+    """
+    solver = _PointSolver(disks, network, law, contacts == "moving", steps, cycles)
+    points = [Drive(float(w), float(a), control == "stress") for a in amplitudes for w in omega]
+    records, failures = _solve_points(solver, points, dict(resume or {}), save)
+    if not records:
+        raise next(iter(failures.values()))
+    arrays = _stack_records(records, (len(amplitudes), len(omega)))
+    return AmplitudeSweep(arrays, failures, solver.name, solver.regularisation)
+
+
+def require_stability(network: Network, control: str) -> None:
+    """Raise InputError for a packing that is unstable under this control, "stress" or "strain". Collective.
+
+    An imposed strain fixes the shape of the cell. Under a stress the cell shears, so that a negative shear modulus is
+    one more negative mode: the equations still have a periodic solution then, but an unstable one.
+    """
+    elastic = ElasticResponse(network)  # refuses packings with negative or floppy modes
+    modulus = elastic.shear().value / network.area if control == "stress" else np.inf
+    if not modulus > 0.0:
+        raise InputError(
+            f"its shear modulus is {modulus:.2g}: no stress can be imposed on such a packing; impose a "
+            f"{named('strain')}, or relax the shear of its cell (pack {named('stabilise')} shear)"
+        )
+
+
+class _PointSolver:
+    """Solves points of one packing.
+
+    on_one_rank     whether each rank solves points alone; else all ranks work on one point
+    """
+
+    def __init__(self, disks, network, law, moving, steps, cycles):
+        self._disks, self._law, self._steps, self._cycles = disks, law, steps, cycles
+        self.on_one_rank, self.name = moving, "steps" if moving else "cycle"
+        if moving:
+            self.regularisation = LINEAR_BELOW**law.exponent if law.exponent != 1.0 else 0.0
+        else:
+            self.regularisation = relative_softening(law.exponent)
+        with current().alone() if moving else contextlib.nullcontext():
+            if moving:
+                network = build_network(disks, current().comm, network.prestress)
+            rho0, steps = 2.0 * float(disks.radii.mean()), START_STEPS if moving else steps
+            self._oscillation = SteadyOscillation(network, law, rho0, steps)
+
+    def solve(self, drive: Drive) -> OscillationResult:
+        """The result of one point; raises ConvergenceError."""
+        if not self.on_one_rank:
+            return self._oscillation.solve(drive)
+        start = self._oscillation.start(drive)
+        return repeat_cycles(self._disks, self._law, start, self._steps, self._cycles)
+
+
+def _solve_batch(solver, points) -> list:
+    """The record of each point, or the ConvergenceError that it ended with. Collective."""
+
+    def outcome(drive):
+        try:
+            return solver.solve(drive).record()
+        except ConvergenceError as error:
+            return error
+
+    session = current()
+    if not solver.on_one_rank:
+        return [outcome(drive) for drive in points]
+    own, comm = None, session.comm
+    if session.rank < len(points):
+        with session.alone():
+            own = outcome(points[comm.rank])
+    return comm.allgather(own)[: len(points)]
+
+
+def _solve_points(solver, points, records, save):
+    """({number: record} of all finished points, {number: ConvergenceError}); `records` are finished already."""
+    session, failures = current(), {}
+    missing = [number for number in range(len(points)) if number not in records]
+    batch_size = session.size if solver.on_one_rank else 1
+    with Progress(len(points), "oscillate", session.rank, done=len(records)) as progress:
+        if records:
+            progress.note(f"resuming: {len(records)} points are finished")
+        while missing:
+            batch, missing = missing[:batch_size], missing[batch_size:]
+            with session.stage("oscillation"):
+                outcomes = _solve_batch(solver, [points[number] for number in batch])
+            for number, outcome in zip(batch, outcomes, strict=True):
+                drive = points[number]
+                point = f"omega {drive.omega:.3e}  {drive.control} {drive.amplitude:.1e}"
+                if isinstance(outcome, ConvergenceError):
+                    failures[number] = ConvergenceError(f"{point}: {outcome.message(named)}")
+                    progress.step(f"failed: {point}: {outcome}")
+                    continue
+                records[number] = outcome
+                if save is not None:
+                    save(number, outcome)
+                progress.step(f"{point}  {_summarise(outcome)}")
+    return records, failures
+
+
+def _summarise(record) -> str:
+    """G*, error and counts of a point, for the line of progress."""
+    counts = ", ".join(
+        f"{count.removesuffix('_steps').removesuffix('_iterations').replace('_', ' ')} {record[count]}"
+        for count in COUNTS
+        if count in record
+    )
+    G = record["G"]
+    return f"G' {G.real:.6e}  G'' {G.imag:.6e}  error {record['error']:.1e}  {counts}"
+
+
+def _stack_records(records, shape):
+    """Datasets (A, M, …) from the records of finished points."""
+    arrays = {}
+    for name in next(iter(records.values())):
+        more = (HARMONICS,) if name == "harmonics" else ()
+        dtype = complex if name in ("G", "harmonics") else int if name in COUNTS else float
+        values = np.full((shape[0] * shape[1], *more), 0 if dtype is int else np.nan, dtype)
+        for number, record in records.items():
+            values[number] = record[name]
+        arrays[name] = values.reshape(*shape, *more)
+    return arrays
