@@ -33,6 +33,7 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
         "4.8a-at-phi_J": "vagberg-fig4.8a-at-phi_J",
     },
     "vagberg-fig5.1": {"vagberg-fig5.1": "vagberg-fig5.1"},
+    "vagberg-fig5.1-slow": {"5.1-slow": "vagberg-fig5.1-slow"},
     "vagberg-flow-curves": {
         "flow-curves": "vagberg-flow-curves",
         "flow-curves-at-phi_J": "vagberg-flow-curves-at-phi_J",
