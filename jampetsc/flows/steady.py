@@ -159,7 +159,7 @@ def _facts(run, means, seconds):
         "phi": run.phi,
         "mass": model.mass,
         "quality": float(np.sqrt(model.mass * k)) / (k * model.law.tau1) if model.mass else None,
-        "friction": model.friction,
+        "friction": model.background_drag,
         "particle_count": disks.n - run.held,
         **facts_of_disks(disks),
         "step": run.scheme.step,

@@ -30,24 +30,24 @@ QUALITY = 0.3  # Q below which damping is stiff and backward Euler takes over fr
 class Model:
     """Damping and mass of the disks of a flow.
 
-    law        damping law
-    mass       m of every disk, 0: overdamped
-    friction   δ, drag beside contact damping, in units of k_d
-    name       its name in MODELS, if it has one
-    quality    Q = √(m k)/(k τ₁), which sets the mass when the stiffness k is known, see `of_stiffness`
+    law              damping law
+    mass             m of every disk, 0: overdamped
+    background_drag  δ, drag beside contact damping, in units of k_d
+    name             its name in MODELS, if it has one
+    quality          Q = √(m k)/(k τ₁), which sets the mass when the stiffness k is known, see `of_stiffness`
 
     Raises InputError for values out of range and where overdamped motion has no unique velocities.
     """
 
     law: Law
     mass: float = 0.0
-    friction: float = 0.0
+    background_drag: float = 0.0
     name: str = ""
     quality: float | None = None
 
     def __post_init__(self):
         law = self.law
-        for name in ("mass", "friction"):
+        for name in ("mass", "background_drag"):
             refuse_beyond(named(name), getattr(self, name))
         if self.quality is not None and not 0 < self.quality <= LARGEST:
             quality = f"{named('quality')} {as_float(self.quality):g}"
@@ -61,9 +61,10 @@ class Model:
         law.require_dissipation()
         if law.exponent != 1.0:
             raise InputError(f"{named('alpha')} {law.exponent:g}: flow has linear damping only; leave it out")
-        if self.friction and not law.damps_contacts:
+        if self.background_drag and not law.damps_contacts:
             raise InputError(
-                f"{named('friction')} {self.friction:g}: belongs to contact damping, not to {self}; leave it out"
+                f"{named('background_drag')} {self.background_drag:g}: belongs to contact damping, not to {self}; "
+                "leave it out"
             )
         if self.massive:
             return
@@ -86,7 +87,7 @@ class Model:
     @property
     def drag(self) -> float:
         """Weight of |u|² per disk, in units of kτ₁."""
-        return self.law.drag + self.friction
+        return self.law.drag + self.background_drag
 
     def of_stiffness(self, k: float) -> "Model":
         """The model with its mass, Q² k τ₁² if it was given by a quality Q."""
@@ -98,7 +99,7 @@ class Model:
         return self.name or str(self.law)
 
 
-def model_of(name: str, *, mass=None, quality=None, friction=0.0, tau1=1.0) -> Model:
+def model_of(name: str, *, mass=None, quality=None, background_drag=0.0, tau1=1.0) -> Model:
     """The model of this name, see `Model`. Raises InputError for a name not in MODELS and as `Model`."""
     if name not in MODELS:
         raise InputError(f"{named('model')} {name}: choose one of {', '.join(MODELS)}")
@@ -114,7 +115,7 @@ def model_of(name: str, *, mass=None, quality=None, friction=0.0, tau1=1.0) -> M
         given = "quality" if mass is None else "mass"
         other = f", or take {name[:-1]}" if name[:-1] in MODELS else ""
         raise InputError(f"{named(given)}: {named('model')} {name} is overdamped; leave it out{other}")
-    return Model(replace(law, tau1=tau1), mass or 0.0, friction, name, quality)
+    return Model(replace(law, tau1=tau1), mass or 0.0, background_drag, name, quality)
 
 
 def _maker(name):
@@ -126,7 +127,7 @@ def _maker(name):
         return model_of(name, **bound.arguments)
 
     options = {"mass": None, "quality": None} if massive else {}
-    options |= ({"friction": 0.0} if law.damps_contacts else {}) | {"tau1": 1.0}
+    options |= ({"background_drag": 0.0} if law.damps_contacts else {}) | {"tau1": 1.0}
     keyword = inspect.Parameter.KEYWORD_ONLY
     make.__signature__ = inspect.Signature(
         [inspect.Parameter(option, keyword, default=default) for option, default in options.items()]

@@ -10,7 +10,7 @@ WHAT = "drag (RD) or contact damping (CD, of normal or tangential motion only CD
 MOTION = {  # parameter -> what it is, and its range
     "mass": ("mass of every disk", {"above": 0.0, "metavar": "M"}),
     "quality": ("Q = √(m k)/(k τ₁), instead of a mass", {"above": 0.0, "metavar": "Q"}),
-    "friction": (
+    "background_drag": (
         "drag δ of the fluid beside contact damping (default: the limit δ → 0)",
         {"low": 0.0, "metavar": "D"},
     ),

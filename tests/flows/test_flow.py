@@ -180,18 +180,22 @@ def test_the_time_step_suits_the_model(name, mass, rate, step, method):
         ({"drag": 1.0}, {"mass": -1.0}, "mass -1: must lie"),
         ({"drag": 1.0}, {"mass": float("nan")}, "mass nan: must lie"),
         ({"drag": 1.0}, {"mass": float("inf")}, "mass inf: must lie"),
-        ({"normal": 1.0, "transverse": 1.0}, {"friction": -1e-9}, "friction -1e-09: must lie"),
-        ({"normal": 1.0, "transverse": 1.0}, {"friction": float("nan")}, "friction nan: must lie"),
+        ({"normal": 1.0, "transverse": 1.0}, {"background_drag": -1e-9}, "background_drag -1e-09: must lie"),
+        (
+            {"normal": 1.0, "transverse": 1.0},
+            {"background_drag": float("nan")},
+            "background_drag nan: must lie",
+        ),
         ({"drag": 1.0, "exponent": 0.5}, {}, "alpha 0.5: flow has linear damping only"),
         (
             {"normal": 1.0, "sliding": 1.0},
-            {"friction": 0.1},
+            {"background_drag": 0.1},
             "disks that roll .* no contact damps: give mass",
         ),
         ({"normal": 1.0, "sliding": 1.0}, {}, "no overdamped limit.* because disks that roll"),
         ({"normal": 1.0}, {}, "no overdamped limit.* because damping of one direction only"),
         ({"transverse": 1.0}, {}, "no overdamped limit.* because damping of one direction only"),
-        ({"drag": 1.0}, {"friction": 0.1}, "belongs to contact damping, not to some"),
+        ({"drag": 1.0}, {"background_drag": 0.1}, "belongs to contact damping, not to some"),
     ],
 )
 def test_models_that_are_refused(weights, more, says):
@@ -200,7 +204,7 @@ def test_models_that_are_refused(weights, more, says):
 
 
 def test_a_direction_that_no_contact_damps_may_be_damped_by_friction_or_drag():
-    assert Model(Law("some", normal=1.0), friction=0.1).drag == 0.1
+    assert Model(Law("some", normal=1.0), background_drag=0.1).drag == 0.1
     assert Model(Law("some", normal=1.0, drag=0.2)).drag == 0.2
     assert Model(Law("some", normal=1.0, transverse=1.0)).mass == 0.0
 

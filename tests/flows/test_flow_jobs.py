@@ -48,7 +48,7 @@ RANGES = [  # (job, other parameters, parameter, values within its range, values
     (Flow, FLOW, "model", ["CD0"], ["CD1"]),
     (Flow, FLOW | {"model": "RD"}, "mass", [1e-9, 1e12], [0.0, -1.0, NAN, INF, 1e300]),
     (Flow, FLOW | {"model": "RD"}, "quality", [1e-9, 1e12], [0.0, -1.0, NAN, INF]),
-    (Flow, FLOW | {"model": "CD0"}, "friction", [0.0, 1.0], [-1e-9, NAN, INF]),
+    (Flow, FLOW | {"model": "CD0"}, "background_drag", [0.0, 1.0], [-1e-9, NAN, INF]),
     (Flow, FLOW, "tau1", [1e-3, 1e12], [0.0, NAN, 1e300]),
     (Shear, SHEAR, "step", [1e-8, 0.1], [0.0, 0.101, -0.1, NAN]),
     (Shear, SHEAR, "strain", [0.01, 1e4], [0.0099, 1.01e4, NAN]),
@@ -81,7 +81,7 @@ REFUSED = [  # (job, parameters, the one that the message begins with)
     (Flow, FLOW | {"model": "RD"}, "model"),
     (Flow, FLOW | {"model": "CDt"}, "model"),
     (Flow, FLOW | {"model": "CD", "mass": 1.0, "quality": 1.0}, "quality"),
-    (Flow, FLOW | {"friction": 0.1}, "friction"),
+    (Flow, FLOW | {"background_drag": 0.1}, "background_drag"),
     (Flow, FLOW | {"snapshots": 2, "snapshot_every": 0.1}, "snapshot_every"),
     (Flow, FLOW | {"snapshot_spacing": "log"}, "snapshot_spacing"),
     (Flow, FLOW | {"radii": np.ones(16)}, "n"),
@@ -99,7 +99,7 @@ REFUSED = [  # (job, parameters, the one that the message begins with)
 
 @pytest.mark.parametrize(("job", "given", "name", "within", "beyond"), RANGES)
 def test_a_range_includes_its_ends_and_values_beyond_are_refused(job, given, name, within, beyond):
-    if name == "tau1" or name == "friction":
+    if name == "tau1" or name == "background_drag":
         given = given | {"model": "CD0"}
     for value in within:
         made(job, given | {name: value})
@@ -128,10 +128,10 @@ def test_a_seventh_model_is_one_row(monkeypatch):
 def test_functions_of_models_have_the_options_of_their_model():
     made = {name: getattr(jampetsc.models, name) for name in models.MODELS}
     signatures = {name: set(inspect.signature(model).parameters) for name, model in made.items()}
-    massive, friction = {"mass", "quality"}, {"friction"}
+    massive, background_drag = {"mass", "quality"}, {"background_drag"}
     assert signatures == {
-        "RD0": {"tau1"}, "CD0": {"tau1"} | friction, "RD": {"tau1"} | massive,
-        **{name: {"tau1"} | massive | friction for name in ("CD", "CDn", "CDt")},
+        "RD0": {"tau1"}, "CD0": {"tau1"} | background_drag, "RD": {"tau1"} | massive,
+        **{name: {"tau1"} | massive | background_drag for name in ("CD", "CDn", "CDt")},
     }  # fmt: skip
     with pytest.raises(TypeError):
         jampetsc.models.RD0(mass=1.0)
@@ -142,8 +142,8 @@ def test_functions_of_models_have_the_options_of_their_model():
 def test_a_model_may_be_given_in_several_ways():
     """By name, by options, as an object or as a law: the same job, which its settings make again."""
     own = {"n": 16, "phi": 0.7, "rate": 1e-2, "strain": 0.5}
-    law = {"law": "contact", "rotations": False, "beta": 0.5, "tau1": 2.0, "friction": 0.125}
-    damping = models.Model(ContactDamping(0.5, rotations=False, tau1=2.0), friction=0.125)
+    law = {"law": "contact", "rotations": False, "beta": 0.5, "tau1": 2.0, "background_drag": 0.125}
+    damping = models.Model(ContactDamping(0.5, rotations=False, tau1=2.0), background_drag=0.125)
     for options, model in (
         ({"model": "CD", "quality": 0.1}, jampetsc.models.CD(quality=0.1)),
         ({"model": "CD0"}, "CD0"),
@@ -157,9 +157,16 @@ def test_a_model_may_be_given_in_several_ways():
 
 
 def test_a_run_has_the_parameters_of_its_job():
-    job = made(Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "friction": 0.125, "tau1": 2.0})
+    job = made(
+        Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "background_drag": 0.125, "tau1": 2.0}
+    )
     run = job._new_run()
-    assert (run.rate, run.model.mass, run.model.friction, run.model.law.tau1) == (1e-2, 3.0, 0.125, 2.0)
+    assert (run.rate, run.model.mass, run.model.background_drag, run.model.law.tau1) == (
+        1e-2,
+        3.0,
+        0.125,
+        2.0,
+    )
     assert (run.plan.every, run.plan.discard, run.scheme.tolerance) == (0, 0.25, 1e-4)
     assert run.plan.steps * run.plan.rows * run.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
     more = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._new_run()

@@ -148,7 +148,7 @@ def test_steps_are_those_of_their_equations(name, method, held, step):
     disks = crowd(10, phi=0.9, kind="hertzian" if held else "harmonic")
     if held:
         disks = replace(disks, potential=replace(disks.potential, k=2.5))
-    model = Model(law, mass, friction=0.1 if method == "verlet" else 0.0)
+    model = Model(law, mass, background_drag=0.1 if method == "verlet" else 0.0)
     run = Shear(disks, model, SHEARED / step, Scheme(step, method, 1e-13), held=held)
     plain = Numpy(run.reference, model, step, method, held)
     for _ in range(60):

@@ -247,7 +247,7 @@ def test_numbers_of_laws_and_models_that_are_refused(number):
         *((StokesDrag, name) for name in ("eta_f", "tau1")),
         *((partial(Law, "own", drag=1.0), name) for name in ("sliding", "tau1")),
         *((jampetsc.models.CD, name) for name in ("mass", "quality")),
-        *((jampetsc.models.CD0, name) for name in ("friction", "tau1")),
+        *((jampetsc.models.CD0, name) for name in ("background_drag", "tau1")),
         (partial(Sweep, "p.h5"), "accuracy"),
     ):
         with pytest.raises(InputError, match=f"{name} .*must"):
