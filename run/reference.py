@@ -9,7 +9,7 @@ from jampetsc.io.ensemble import AverageCurve, Averages, Ensemble
 from jampetsc.io.reader import FlowResult, SpectrumResult, SweepResult
 from jampetsc.io.results import Result
 from jampetsc.laws.flow_models import MODELS
-from jampetsc.response.matrices import Matrices
+from jampetsc.response.assembled_matrices import Matrices
 
 RETURNED = (
     *(Result, SweepResult, FlowResult, SpectrumResult, Snapshot, Ensemble, Averages, AverageCurve, Matrices),

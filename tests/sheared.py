@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jampetsc.flows.shearing import Shear
+from jampetsc.flows.shearing import SteadyShear
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.minimise.minimise import settle
@@ -34,10 +34,10 @@ def crowd(n=64, phi=0.86, aspect=1.3, tilt=0.2, seed=1, kind="harmonic"):
     return settle(Disks.from_positions(rng.random((n, 2)) @ cell, radii, cell, potential), 1e-3)
 
 
-def shear(name, disks=None, rate=1e-2, step=0.05, method=None, tolerance=1e-13) -> Shear:
+def shear(name, disks=None, rate=1e-2, step=0.05, method=None, tolerance=1e-13) -> SteadyShear:
     m = model(name)
     method = method or ("verlet" if m.mass else "heun")
-    return Shear(disks or crowd(), m, rate, Scheme(step, method, tolerance))
+    return SteadyShear(disks or crowd(), m, rate, Scheme(step, method, tolerance))
 
 
 def stop_after(monkeypatch, module, saves) -> list:

@@ -10,7 +10,7 @@ import numpy as np
 from jampetsc.analysis.jammed_samples import at_densities
 from jampetsc.errors import InputError
 from jampetsc.io.results import note_lines
-from jampetsc.minimise.sizes import FEWEST, MOST, SIZES
+from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, SIZES
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import asked, optional
 from jampetsc.options.starts import PHIS
@@ -19,7 +19,7 @@ from jampetsc.options.values import SEEDS, Numbers, numbers
 from jampetsc.packing.potentials import EXPONENTS
 
 PROTOCOLS = ("random", "shear", "compress")  # the names of `flows.jamming.PROTOCOLS`
-MANY = 1_000_000  # most samples of one run
+MAX_SAMPLES = 1_000_000  # most samples of one run
 GROUPS = ("shear and compress", "shear", "compress")
 of_both, of_shear, of_compress = (partial(optional, group=group) for group in GROUPS)
 
@@ -45,7 +45,7 @@ A killed run continues when the same command is given again. Options of the Newt
 -newton_."""
     SOLVERS: ClassVar = ("newton_",)
 
-    n: int = asked(help="number of disks", low=FEWEST, high=MOST, metavar="N")
+    n: int = asked(help="number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
     phi: Numbers = asked(
         help="packing fractions: M from A to B evenly, or a list with commas",
         kind=numbers(*PHIS, "A:B:M|LIST", "; disks jam near 0.84", even=True),
@@ -76,8 +76,8 @@ A killed run continues when the same command is given again. Options of the Newt
 
     def check(self):
         """Refuse options of other protocols and too many samples."""
-        if self.count > MANY:
-            raise InputError(f"{self.count} samples: at most {MANY} in one result")
+        if self.count > MAX_SAMPLES:
+            raise InputError(f"{self.count} samples: at most {MAX_SAMPLES} in one result")
 
     @property
     def made_protocol(self):

@@ -28,14 +28,14 @@ class Matrices(OfPacking):
 
     def check_outputs(self, to):
         """Refuse an unknown ending, and outputs that may not be replaced."""
-        from jampetsc.response.matrices import files_of
+        from jampetsc.response.assembled_matrices import files_of
 
         to.must_be_file()
         for path in files_of(to.path).values():
             to.check(self.FORMAT, self.paths, path)
 
     def work(self, to):
-        from jampetsc.response.matrices import files_of, matrices_of, write_matrices
+        from jampetsc.response.assembled_matrices import files_of, matrices_of, write_matrices
 
         comm = session.current().comm
         disks, _ = read_identified(self.packing, comm)
@@ -48,7 +48,7 @@ class Matrices(OfPacking):
         return f"{names}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
 
     def answer(self, to, summary):
-        from jampetsc.response.matrices import files_of
+        from jampetsc.response.assembled_matrices import files_of
 
         return list(files_of(to.path).values())
 
@@ -60,10 +60,10 @@ def assemble(packing, law=DEFAULT, *, prestress=True):
     law         a damping law, or the name of a family of them
     prestress   whether K keeps the f/r term of its contacts (BT eq. 4)
 
-    Returns a `response.matrices.Matrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a packing that
-    is not rigid, and for an unknown law.
+    Returns an `assembled_matrices.PackingMatrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a packing
+    that is not rigid, and for an unknown law.
     """
-    from jampetsc.response.matrices import matrices_of
+    from jampetsc.response.assembled_matrices import matrices_of
 
     asked, comm = Matrices(packing, law, prestress=prestress), session.start("real").comm
     return matrices_of(read_identified(asked.packing, comm)[0], asked.physics, comm)

@@ -12,10 +12,10 @@ from jampetsc.options.parameters import Kind, asked, optional
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import Numbers, numbers
 from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
-from jampetsc.response.limits import LARGEST, SMALLEST
+from jampetsc.response.limits import MAX_OMEGA, MIN_OMEGA
 
 DOUBLES = 1e-300, 1e300  # what ω and ωτ₁ may be
-LEAST, MOST = 1e-30, 1.0  # amplitudes
+MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-30, 1.0  # amplitudes
 LEAST_MOVING = 1e-9  # strain, or stress, whose forces rounding leaves some digits of
 FEWEST_CYCLES, MOST_CYCLES = 3, 100_000
 
@@ -59,9 +59,11 @@ A killed run continues when the same command is given again."""
         help="frequencies ω", kind=numbers(*DOUBLES, "LOW:HIGH:COUNT|LIST"), unit="1/τ₁ (with τ₁ = 1)"
     )
     stress: Numbers | None = optional(
-        "impose a shear stress of these amplitudes", kind=numbers(LEAST, MOST), unit="k"
+        "impose a shear stress of these amplitudes", kind=numbers(MIN_AMPLITUDE, MAX_AMPLITUDE), unit="k"
     )
-    strain: Numbers | None = optional("impose a shear strain of these amplitudes", kind=numbers(LEAST, MOST))
+    strain: Numbers | None = optional(
+        "impose a shear strain of these amplitudes", kind=numbers(MIN_AMPLITUDE, MAX_AMPLITUDE)
+    )
     alpha: float = asked(
         1.0,
         "exponent of the damping force; 1: linear, 0 would be dry friction",
@@ -122,8 +124,8 @@ A killed run continues when the same command is given again."""
     def _check_frequencies(self):
         """Refuse frequencies out of range: a power law depends on ω^α, which has the range of ω for linear damping."""
         (low, high), widened, tau1 = DOUBLES, 1.0 / min(self.alpha, 1.0), self.law.tau1
-        least = max(low, SMALLEST**widened)
-        most = LARGEST**widened if widened * math.log(LARGEST) < math.log(high) else high
+        least = max(low, MIN_OMEGA**widened)
+        most = MAX_OMEGA**widened if widened * math.log(MAX_OMEGA) < math.log(high) else high
         for end in self.omega[[0, -1]]:
             if not least <= end <= most:
                 raise InputError(f"{named('omega')} {end:g}: must lie between {least:g} and {most:g}")

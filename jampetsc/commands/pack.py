@@ -11,7 +11,7 @@ from jampetsc.collective import on_root, own_cores
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, as_float, named
 from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import check_packing, source_name
-from jampetsc.minimise.sizes import FEWEST, MOST, OTHER_SIZES, SIZES, Radii, radii_asked, sizes_text
+from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, OTHER_SIZES, SIZES, Radii, radii_asked, sizes_text
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import Kind, asked, optional, shown
 from jampetsc.options.task_inputs import NO_FILE, TaskInputs
@@ -78,7 +78,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     SOLVERS: ClassVar = ("newton_",)
 
-    n: int | None = of_packing("number of disks", low=FEWEST, high=MOST)
+    n: int | None = of_packing("number of disks", low=MIN_DISKS, high=MAX_DISKS)
     pressure: float | Sequence[float] | None = of_packing(
         "pressure p = Σ f r / (2V)",
         kind=Kind(_pressures, lambda words: words if isinstance(words, str) else ",".join(words)),
@@ -152,11 +152,11 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         return replace(self, **dict.fromkeys(("n", "seed", *OF_DISKS)), from_=above, ladder=False)
 
     def tasks(self, out, k=1.0) -> list:
-        """The packings asked for, `packings.Task`; out: their files, None in memory; k: of the packing to start from.
+        """Packings to make, each a `PackingTask`; out: their files, None in memory; k: of the packing to start from.
 
         Raises InputError for an `out` that gives several of them one name.
         """
-        from jampetsc.commands.packings import Task
+        from jampetsc.commands.packings import PackingTask
         from jampetsc.minimise.protocols import Target
 
         if self.pressure is None:
@@ -175,7 +175,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
                 if out is not None:
                     path = Path(out.replace("{seed}", str(seed)).replace("{pressure}", word))
                     job = self._alone(word, seed, found[-1].path if rung else None)
-                found.append(Task(path, None if rung else seed, target, rung, job))
+                found.append(PackingTask(path, None if rung else seed, target, rung, job))
         return found
 
     def _alone(self, pressure, seed, above) -> "Pack":
@@ -218,7 +218,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         for task in [] if to.path is None else self.tasks(str(to.path)):
             check_output(
                 task.path, self.FORMAT, self.paths
-            )  # its settings are compared by `Task.is_finished`
+            )  # its settings are compared by `PackingTask.is_finished`
 
     def kept(self, to):
         """See `Job`; packings that are finished stay."""

@@ -17,7 +17,7 @@ from jampetsc.progress import Progress
 
 
 @dataclass(frozen=True)
-class Task:
+class PackingTask:
     """One packing to make."""
 
     path: Path | None  # its file, None in memory

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines
-from jampetsc.laws.damping import LARGEST, having
+from jampetsc.laws.damping import MAX_WEIGHT, having
 from jampetsc.options.law_options import OfPacking
 from jampetsc.options.parameters import optional
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
@@ -32,7 +32,7 @@ PETSc options: -shift_… for the factorisations."""
 
     betas: Numbers | None = optional(
         "also η₀ and η_∞ at these β, from the same fields (contact law)",
-        kind=numbers(0.0, LARGEST, "b1,b2,…"),
+        kind=numbers(0.0, MAX_WEIGHT, "b1,b2,…"),
     )
 
     def check(self):

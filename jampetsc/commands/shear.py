@@ -9,7 +9,7 @@ from jampetsc.options.starts import FromStart
 from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
 from jampetsc.petsc import session
 
-MOST = 1e8  # steps of a run
+MAX_STEPS = 1e8  # steps of a run
 FARTHEST = 1e4  # strain of a run
 
 
@@ -41,9 +41,9 @@ prefix -newton_."""
             raise InputError(
                 f"{named('strain')} {self.strain:g}: must lie in [{named('step')}, {FARTHEST:g}]"
             )
-        if self.strain / self.step > MOST:
+        if self.strain / self.step > MAX_STEPS:
             raise InputError(
-                f"{named('step')} {self.step:g}: {self.strain / self.step:.2g} steps, at most {MOST:.0e}: give a "
+                f"{named('step')} {self.step:g}: {self.strain / self.step:.2g} steps, at most {MAX_STEPS:.0e}: give a "
                 "larger one"
             )
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from jampetsc.analysis.correlated_series import Average
 from jampetsc.flows.means import discarded_strain, facts_of, independent_samples, short_run_warnings
-from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SHARE, SlowShear
+from jampetsc.flows.quasistatic_shear import ENERGY_CUT, PLASTIC_RATIO, SlowShear
 from jampetsc.flows.record import (
     Record,
     facts_of_disks,
@@ -23,7 +23,7 @@ from jampetsc.packing.disks import PLACES
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
-# of a step: strain, then the fields of `quasistatic_shear.Minimum` and `Step`
+# of a step: strain, then the fields of `quasistatic_shear.MinimumState` and `Step`
 COLUMNS = {
     "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "coordination": 0, "nonaffine": 0,
     "dissipated": 0, "plastic": 0, "proved": 0, "evaluations": 0,
@@ -81,7 +81,7 @@ def execute(job, solver, to) -> str:
         "tolerance": job.tolerance,
         "discard": discard,
         "energy_cut": ENERGY_CUT,
-        "plastic_share": SHARE,
+        "plastic_share": PLASTIC_RATIO,
         "newton_steps": slow.effort.newton_steps,
         "saddles": slow.effort.saddles,
         **facts_of(**averages),

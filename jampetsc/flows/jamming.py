@@ -25,11 +25,11 @@ from jampetsc.packing.neighbours import neighbour_pairs
 from jampetsc.packing.pairs import deformed
 from jampetsc.packing.potentials import Potential
 
-SETTLED = 1e-4  # max |F| in k_e/d to which a random start is relaxed before it is minimised
+RELAXED_FORCE = 1e-4  # max |F| in k_e/d to which a random start is relaxed before it is minimised
 STEP = 2e-3  # of φ, in the search for φ_J before it is bracketed
 EXACT = 1e-5  # largest final width of the bracket of φ_J
-DENSEST = 1.0  # largest φ of the search for φ_J
-NEAR = 0.2  # largest gap between neighbours, in mean diameters
+MAX_SEARCH_PHI = 1.0  # largest φ of the search for φ_J
+MAX_NEIGHBOUR_GAP = 0.2  # largest gap between neighbours, in mean diameters
 PROTOCOLS = {  # options of each, and their defaults
     "random": {},
     "shear": {"step": 1e-3, "strain": 2.0, "discard": 1.0, "every": 0.02},
@@ -116,7 +116,7 @@ def samples(
     would jam together, and fits to several φ take them as independent.
     """
     seeds = [seed, round(phi / SAME_PHI)]
-    start = settle(random_start(radii, phi, seeds, potential, protocol.separated), SETTLED)
+    start = settle(random_start(radii, phi, seeds, potential, protocol.separated), RELAXED_FORCE)
     found = []
     try:
         if protocol.name == "shear":
@@ -180,7 +180,7 @@ def jamming_density(disks: Disks, jammed: bool, solver, tolerance: float) -> tup
     from the loosest jammed one. Raises ConvergenceError where a minimum is not found, or none jams up to DENSEST.
     """
     while not jammed:
-        if disks.phi + STEP > DENSEST:
+        if disks.phi + STEP > MAX_SEARCH_PHI:
             raise ConvergenceError(f"no jammed state up to phi = {disks.phi:.6g}")
         _, disks, jammed = _quenched(_scaled(disks, disks.phi + STEP), solver, tolerance)
     loose = disks.phi
@@ -207,6 +207,6 @@ def segregation(disks: Disks) -> float:
     """
     large = disks.radii > disks.radii.mean()
     i, j, _ = neighbour_pairs(
-        disks.positions, disks.radii, disks.cell, skin=2 * NEAR * float(disks.radii.mean())
+        disks.positions, disks.radii, disks.cell, skin=2 * MAX_NEIGHBOUR_GAP * float(disks.radii.mean())
     )
     return assortativity(large, i, j)

@@ -12,15 +12,15 @@ from jampetsc.packing.pairs import are_worn, is_stale
 # iterations, steps
 TALLY = ("elastic_xy", "elastic", "viscous_xy", "viscous", "kinetic_xy", "kinetic", "energy", "dissipation")
 TALLY += ("iterations", "steps")
-# the first ones, sums over domains; the last two columns of `Space.sums` are max |o| and the longest move of a domain
+# the first ones, sums over domains; the last two columns of `StepArrays.sums`: max |o| and longest move of a domain
 SUMMED = 8
 ITERATIONS, STEPS = (TALLY.index(name) for name in ("iterations", "steps"))
 DONE, STALE, BLOWN_UP, UNSOLVED = range(4)
 JUMP = 0.5  # in units of σ_max, longest move of a stable step
-FAR = 1e300  # as path since near pairs were chosen: there are none yet
+UNSET_PATH = 1e300  # as path since near pairs were chosen: there are none yet
 
 
-class Task(NamedTuple):
+class StepConstants(NamedTuple):
     """Constants of the time steps from one pair list to the next."""
 
     law: tuple  # `Potential.constants`
@@ -38,7 +38,7 @@ class Task(NamedTuple):
     since: int  # steps from the list to the first of these
 
 
-class Space(NamedTuple):
+class StepArrays(NamedTuple):
     """Arrays that time steps read and write, shared by all threads."""
 
     listed: Domains

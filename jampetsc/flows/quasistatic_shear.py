@@ -24,9 +24,9 @@ ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., P
 # minima where fewer disks touch; and longest displacement in a step that the next one repeats, else disks rearranged
 LONGEST = 0.01
 RENEWAL = 50  # steps between two calls of `_renew`
-AGED = 12  # evaluations of a step with the present factor before a new one is made,
-FRESH = 40  # and with that one before disks are taken to rearrange
-RESTING = 3e-2  # max |F| / (p d) to which they then descend without a factor
+MAX_OLD_FACTOR_STEPS = 12  # evaluations of a step with the present factor before a new one is made,
+MAX_NEW_FACTOR_STEPS = 40  # and with that one before disks are taken to rearrange
+DESCENT_FORCE = 3e-2  # max |F| / (p d) to which they then descend without a factor
 PATIENCE = 1500  # evaluations of a step, in all, before a quench is begun
 DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
 NEARBY = 3e-3  # mean diameters: pairs with a smaller gap, which may touch within the step, are in the Hessian
@@ -34,11 +34,11 @@ ORDERED = 0.1  # mean diameters: the order of elimination is found as if pairs w
 FILLED = 1.25  # and found anew if a factor has so many times the entries of the first one in that order
 # share of contacts with the overlap of another one from which states are proved, until `_renew`
 SYMMETRIC = 0.125
-SHARE = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event
+PLASTIC_RATIO = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event
 
 
 @dataclass(frozen=True)
-class Minimum:
+class MinimumState:
     """Energy, stress and contacts of a minimum."""
 
     energy: float  # U
@@ -64,11 +64,11 @@ class Step:
     evaluations: int  # of forces
 
 
-def minimum_of(disks: Disks) -> Minimum:
+def minimum_of(disks: Disks) -> MinimumState:
     """Energy, stress and contacts of disks at a minimum."""
     contacts = find_contacts(disks)
     state = measure(disks, contacts)
-    return Minimum(
+    return MinimumState(
         state.energy,
         float(state.stress[0, 1]),
         state.pressure,
@@ -169,25 +169,25 @@ class SlowShear(ListedDisks):
     def _follow(self):
         """Descend to the minimum; the sums of `bond_forces` there, None if it is not found within PATIENCE."""
         forces, spent = np.empty_like(self.offsets), 0
-        tolerance, budget = self.tolerance, AGED
+        tolerance, budget = self.tolerance, MAX_OLD_FACTOR_STEPS
         while spent < PATIENCE:
             status, evaluations, sums = self._descend(forces, tolerance, budget)
             spent += evaluations
             self.effort.evaluations += evaluations
-            if status == compiled.APART or (status == compiled.CONVERGED and tolerance == self.tolerance):
+            if status == compiled.SEPARATED or (status == compiled.CONVERGED and tolerance == self.tolerance):
                 return sums
             if status == compiled.LOST:
                 return None
             if status == compiled.STALE:
                 self.fold()
-            elif tolerance == self.tolerance and budget == FRESH:
+            elif tolerance == self.tolerance and budget == MAX_NEW_FACTOR_STEPS:
                 # disks rearrange: until they come to rest a factor of the Hessian does not pay
                 self._factor = compiled.NO_FACTOR
                 self._memory[2][0] = 0
-                tolerance, budget = max(2.0 * self.tolerance, RESTING), PATIENCE
+                tolerance, budget = max(2.0 * self.tolerance, DESCENT_FORCE), PATIENCE
             else:
                 self._factorise()
-                tolerance, budget = self.tolerance, FRESH
+                tolerance, budget = self.tolerance, MAX_NEW_FACTOR_STEPS
         return None
 
     def advance(self) -> Step:
@@ -224,7 +224,8 @@ class SlowShear(ListedDisks):
         return Step(
             size / self.diameter,
             dissipated,
-            before.jammed and bool(dissipated > SHARE * self.affine_modulus * self.area * self.step**2),
+            before.jammed
+            and bool(dissipated > PLASTIC_RATIO * self.affine_modulus * self.area * self.step**2),
             proved,
             self.effort.evaluations - spent,
         )
@@ -239,7 +240,7 @@ class SlowShear(ListedDisks):
         self.affine_modulus = stiffness / self.area
         self._doubtful |= bool(alike > SYMMETRIC)
         energy = sums.energy / disks.potential.alpha
-        return Minimum(
+        return MinimumState(
             energy,
             -sums.elastic_xy / self.area,
             0.5 * (sums.elastic_xx + sums.elastic_yy) / self.area,

@@ -9,7 +9,7 @@ from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.means import Means
 from jampetsc.flows.moves import TALLY
 from jampetsc.flows.record import BETWEEN_WALLS, SERIES, Record, write_checkpoint
-from jampetsc.flows.shearing import Shear
+from jampetsc.flows.shearing import SteadyShear
 from jampetsc.flows.walls import wall_columns
 from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.progress import Progress
@@ -18,7 +18,7 @@ ROW = 1e-2  # strain between rows: several per correlation strain (0.05 to 0.4)
 FEWEST_ROWS = 50  # into which a short run is divided
 INTERVAL = 10.0  # seconds between checkpoints
 LINES = 50  # of progress in a log, at most
-MOST = 1e12  # time steps of a run
+MAX_TIME_STEPS = 1e12  # time steps of a run
 # most time steps of one call, and that times disks, some seconds: Ctrl-C is raised between calls
 BATCH, MAX_DISK_STEPS = 20_000, 2e8
 
@@ -51,10 +51,10 @@ class Plan:
         Raises InputError for more time steps or snapshots than there can be.
         """
         needed = strain / rate / step
-        if needed > MOST:
+        if needed > MAX_TIME_STEPS:
             raise InputError(
-                f"{named('strain')} {strain:g}: {needed:.2g} time steps of {step:.3g}, at most {MOST:.0e}: give a "
-                f"larger {named('rate')} or {named('step')}, or a smaller {named('strain')}"
+                f"{named('strain')} {strain:g}: {needed:.2g} time steps of {step:.3g}, at most {MAX_TIME_STEPS:.0e}: "
+                f"give a larger {named('rate')} or {named('step')}, or a smaller {named('strain')}"
             )
         if steps is None:
             steps = round(min(ROW, strain / FEWEST_ROWS) / (rate * step))
@@ -120,7 +120,7 @@ class Plan:
         return set((first_kept + np.round(after)).astype(int).tolist())
 
 
-def run(shear: Shear, plan: Plan, checkpoint: Checkpoint, record=None, note=None) -> Record:
+def run(shear: SteadyShear, plan: Plan, checkpoint: Checkpoint, record=None, note=None) -> Record:
     """Shear until the plan's last row, after those of `record`; note: a line with which progress begins.
 
     A kill loses at most INTERVAL seconds and a row; everything if the checkpoint is in memory. Raises ConvergenceError

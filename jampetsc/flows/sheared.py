@@ -15,12 +15,12 @@ from jampetsc.packing.kernel import block_room
 from jampetsc.packing.pairs import ListedDisks
 from jampetsc.packing.threads import Team
 
-NEAR = 0.2  # skin of the near pairs, of which forces are computed, relative to that of the list
+INNER_SKIN_RATIO = 0.2  # skin of the near pairs, of which forces are computed, relative to that of the list
 SORTED = 0.5  # strain between two sorts of the disks, which keep domains compact
 
 
 class ShearedDisks(ListedDisks):
-    """N disks sheared at a rate γ̇ under Lees–Edwards conditions, at the present time; `shearing.Shear` moves them.
+    """N disks sheared at a rate γ̇ under Lees–Edwards conditions, at the present time; `SteadyShear` moves them.
 
     The packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`, and `velocities_now()` are the
     non-affine velocities. `tally` has sums over time steps (see `moves.TALLY`). The first `held` disks are those of
@@ -69,7 +69,7 @@ class ShearedDisks(ListedDisks):
             weights, number = self.model.law.on_contacts, domains.number
             graph = Graph.room(domains, disks.n, self.held, weights[0] != weights[1])
             search = Search(*self._direction, np.empty((2, number, 3)), np.empty(number))
-            self._contacts = compiled.Contacts(graph, search)
+            self._contacts = compiled.ContactSolve(graph, search)
 
     def fold(self):
         """See `ListedDisks`."""
@@ -129,10 +129,10 @@ class ShearedDisks(ListedDisks):
             compiled.residual_at(listed, d, self.offsets, self.shear, self.task(), u, forces, rolling, room)
         return forces
 
-    def task(self, part: float = 1.0) -> moves.Task:
+    def task(self, part: float = 1.0) -> moves.StepConstants:
         """Constants of the compiled steps from here, with time steps of `part` of the scheme's."""
         unit, scheme = self.unit, self.scheme
-        return moves.Task(
+        return moves.StepConstants(
             law=self.reference.potential.constants,
             weights=tuple(unit * w for w in self.model.law.on_contacts),
             drag=unit * self.model.drag,
@@ -141,7 +141,7 @@ class ShearedDisks(ListedDisks):
             rate=float(self.rate),
             background=unit * self.model.law.eta_f * self.reference.area,
             held=self.held,
-            listed=(self.largest, self.skin, NEAR * self.skin),
+            listed=(self.largest, self.skin, INNER_SKIN_RATIO * self.skin),
             step=part * scheme.step,
             heun=scheme.heun,
             tolerance=float(scheme.tolerance),
@@ -149,7 +149,7 @@ class ShearedDisks(ListedDisks):
         )
 
     def _space(self, velocities):
-        return moves.Space(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.tally)
+        return moves.StepArrays(*self.lists, self.offsets, self._ahead, velocities, *self._room, self.tally)
 
     def survey(self) -> dict:
         """Contacts at present: Z of disks that move, rattlers included, clusters, disks of the largest, largest δ/σ."""

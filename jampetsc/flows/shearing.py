@@ -10,12 +10,12 @@ from jampetsc.laws.flow_models import Model, Scheme, stiffest
 from jampetsc.packing.pairs import deformed
 from jampetsc.packing.threads import Team
 
-REACH = 0.25  # in units of the largest diameter, longest move of a disk in a part of a divided step
-SMALLEST = 2.0**-30  # part of a time step; if a disk jumps in this one too, the step is refused
+MAX_MOVE_RATIO = 0.25  # in units of the largest diameter, longest move of a disk in a part of a divided step
+MIN_STEP_PART = 2.0**-30  # part of a time step; if a disk jumps in this one too, the step is refused
 REBUILD = 25.0  # cost of a list in force evaluations; high, as width costs only when near pairs are chosen
 
 
-class Shear(ShearedDisks):
+class SteadyShear(ShearedDisks):
     """Disks that `advance` shears, by the threads of `team`, whose number does not change the result."""
 
     def __init__(self, disks, model: Model, rate: float, scheme: Scheme, team: Team | None = None, held=0):
@@ -68,7 +68,7 @@ class Shear(ShearedDisks):
             if status == moves.UNSOLVED:
                 self._refuse(status)
             farthest = np.sqrt(np.max(np.sum(self.offsets**2, axis=1)))
-            if done and farthest <= REACH * self.largest:
+            if done and farthest <= MAX_MOVE_RATIO * self.largest:
                 sums += part * self.tally
                 completed += part
                 self.list(
@@ -78,7 +78,7 @@ class Shear(ShearedDisks):
                 self.rebuilds += 1
                 continue
             self.offsets, self.velocities, part = np.zeros_like(self.offsets), before, 0.5 * part
-            if part < SMALLEST:
+            if part < MIN_STEP_PART:
                 self._refuse(moves.BLOWN_UP)
         self.tally = tally + sums
         self.steps += 1

@@ -19,7 +19,7 @@ from jampetsc.flows.record import (
 )
 from jampetsc.flows.run import Plan, check_balance
 from jampetsc.flows.run import run as shear_until
-from jampetsc.flows.shearing import Shear
+from jampetsc.flows.shearing import SteadyShear
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.hdf5 import attributes, check_format, open_file, reading
 from jampetsc.io.results import note_lines, noted
@@ -122,7 +122,7 @@ def execute(run: FlowRun, to, write_last=None, team=None) -> Means:
     """
     began = time.perf_counter()
     check_space(to, run.disks.n, run.plan.snapshots(run.plan.first_kept(run.rate * run.scheme.step)))
-    shear = Shear(run.disks, run.model, run.rate, run.scheme, team, run.held)
+    shear = SteadyShear(run.disks, run.model, run.rate, run.scheme, team, run.held)
     checkpoint = to.checkpoint(run.settings)
     kept = resumed(checkpoint)
     record, state = kept or run.before or (None, None)

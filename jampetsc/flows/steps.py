@@ -21,9 +21,9 @@ import numpy as np
 from jampetsc.flows.clusters import centre_clusters_of, find_clusters_of, unite_clusters
 from jampetsc.flows.moves import (
     DONE,
-    FAR,
     ITERATIONS,
     SUMMED,
+    UNSET_PATH,
     UNSOLVED,
     add_terms,
     drift,
@@ -44,7 +44,7 @@ from jampetsc.packing.threads import meet
 ROUNDING = 1e-15  # of a force, relative
 
 
-class Contacts(NamedTuple):
+class ContactSolve(NamedTuple):
     """Contact graph and work arrays of a solve for velocities."""
 
     graph: Graph
@@ -58,7 +58,7 @@ def drag_steps(me, threads, counter, space, task, steps):
     mine = range(first, last)
     disks, forces, u, o, ahead = space.listed.disks, space.forces, space.u, space.o, space.ahead
     mobility, room, buffer, done, status = 1.0 / task.drag, block_room(), 0, 0, DONE
-    moved, then = FAR, 0.0
+    moved, then = UNSET_PATH, 0.0
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * task.step
         middle, later = g + 0.5 * task.rate * task.step, g + task.rate * task.step
@@ -165,7 +165,7 @@ def contact_steps(me, threads, counter, space, task, contacts, steps):
     disks, o, ahead, u, after = space.listed.disks, space.o, space.ahead, space.u, space.after[0]
     room = block_room()
     done, status = 0, DONE
-    moved, then = FAR, 0.0
+    moved, then = UNSET_PATH, 0.0
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * task.step
         middle, later = g + 0.5 * task.rate * task.step, g + task.rate * task.step
@@ -253,7 +253,7 @@ def massive_steps(me, threads, counter, space, task, turning, steps):
         for a in range(begin, stop):
             now[a] = spin[a] + 0.5 * dt * spin_last[a]
     meet(counter, threads)
-    moved, then = FAR, 0.0
+    moved, then = UNSET_PATH, 0.0
     while done < steps and status == DONE:
         g = (task.since + done) * task.rate * dt
         moved, then = renew_near_pairs(space, task, mine, o, g, moved, then)

@@ -16,7 +16,7 @@ import numpy as np
 
 from jampetsc.errors import InputError, named
 from jampetsc.flows.record import LAYERS
-from jampetsc.flows.shearing import Shear
+from jampetsc.flows.shearing import SteadyShear
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.kernel import bond_forces
@@ -67,12 +67,12 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[D
         np.concatenate((wall, places[order])), np.concatenate((row, radii[order])), cell, potential
     )
     step = SETTLING[1] * float(2.0 * radii.min()) ** 2  # k_d = k_e τ₁, and τ₁ = 1
-    rest = Shear(start, Model(MODELS["RD0"][0]), 0.0, Scheme(step, "euler", 1e-4), held=number)
+    rest = SteadyShear(start, Model(MODELS["RD0"][0]), 0.0, Scheme(step, "euler", 1e-4), held=number)
     rest.advance(SETTLING[0])
     return rest.disks, number
 
 
-def wall_columns(shear: Shear) -> dict:
+def wall_columns(shear: SteadyShear) -> dict:
     """Columns of a row of a run between walls: stress and pressure on them, and the velocity profile, at present."""
     u = shear.velocities_here()
     stress, pressure = stress_on_walls(shear, u)
@@ -83,7 +83,7 @@ def wall_columns(shear: Shear) -> dict:
     }
 
 
-def velocity_profile(shear: Shear, u) -> np.ndarray:
+def velocity_profile(shear: SteadyShear, u) -> np.ndarray:
     """Mean v_x in LAYERS of equal height between the rows, in units of γ̇H, for velocities u (N, 2) of `shear.here`.
 
     −½ at the lower row and ½ at the upper one; nan in a layer without disks.
@@ -96,7 +96,7 @@ def velocity_profile(shear: Shear, u) -> np.ndarray:
         return np.bincount(layer, v, LAYERS) / np.bincount(layer, minlength=LAYERS)
 
 
-def stress_on_walls(shear: Shear, u) -> tuple[float, float]:
+def stress_on_walls(shear: SteadyShear, u) -> tuple[float, float]:
     """(σ_xy, pressure) that disks of non-affine velocities u (N, 2) exert on the walls, mean of both."""
     i, j, r0, sigma = shear.pairs
     lower = (i < shear.held) & (j >= shear.held)

@@ -16,14 +16,14 @@ from dataclasses import dataclass, field
 
 from jampetsc.errors import InputError, as_float, named
 
-LARGEST = 1e12  # largest weight
+MAX_WEIGHT = 1e12  # largest weight
 
 
 def refuse_beyond(what: str, value) -> None:
     """Raise InputError, which begins with `what`, unless `value` is a number between 0 and LARGEST."""
     number = _number(what, value)
-    if not 0 <= number <= LARGEST:  # nan does not
-        raise InputError(f"{what} {number:g}: must lie between 0 and {LARGEST:g}")
+    if not 0 <= number <= MAX_WEIGHT:  # nan does not
+        raise InputError(f"{what} {number:g}: must lie between 0 and {MAX_WEIGHT:g}")
 
 
 def _number(what, value) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.errors import InputError, as_float, named
-from jampetsc.laws.damping import LARGEST, Law, refuse_beyond
+from jampetsc.laws.damping import MAX_WEIGHT, Law, refuse_beyond
 
 # Vågberg, thesis sec. 4.3: weights of the law (see `laws.damping`), and whether disks have a mass.
 MODELS = {
@@ -49,15 +49,15 @@ class Model:
         law = self.law
         for name in ("mass", "background_drag"):
             refuse_beyond(named(name), getattr(self, name))
-        if self.quality is not None and not 0 < self.quality <= LARGEST:
+        if self.quality is not None and not 0 < self.quality <= MAX_WEIGHT:
             quality = f"{named('quality')} {as_float(self.quality):g}"
-            raise InputError(f"{quality}: must be positive and at most {LARGEST:g}")
+            raise InputError(f"{quality}: must be positive and at most {MAX_WEIGHT:g}")
         if self.quality is not None and self.mass:
             raise InputError(
                 f"{named('quality')} {self.quality:g}: {named('mass')} says the same; leave one out"
             )
-        if law.tau1 > LARGEST:
-            raise InputError(f"{named('tau1')} {law.tau1:g}: must be at most {LARGEST:g}")
+        if law.tau1 > MAX_WEIGHT:
+            raise InputError(f"{named('tau1')} {law.tau1:g}: must be at most {MAX_WEIGHT:g}")
         law.require_dissipation()
         if law.exponent != 1.0:
             raise InputError(f"{named('alpha')} {law.exponent:g}: flow has linear damping only; leave it out")

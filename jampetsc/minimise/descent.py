@@ -7,8 +7,8 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.hessian import Bonds
-from jampetsc.minimise.lbfgs import CONVERGED, STALE, Task, descend
-from jampetsc.minimise.lbfgs_kernels import Space
+from jampetsc.minimise.lbfgs import CONVERGED, STALE, LbfgsProblem, descend
+from jampetsc.minimise.lbfgs_kernels import LbfgsArrays
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.domains import Domains, borders, padded
 from jampetsc.packing.pairs import ListedDisks
@@ -16,7 +16,7 @@ from jampetsc.packing.threads import Team
 
 MEMORY = 5  # pairs (s, y) that are kept
 STEPS = 2000  # evaluations between two adjustments of the skin
-REACH = 0.1  # no disk moves farther in one step, in units of d
+MAX_MOVE = 0.1  # no disk moves farther in one step, in units of d
 FIRST = 0.1  # first step, in units of force / contact stiffness
 
 
@@ -56,7 +56,7 @@ class Descent(ListedDisks):
         self.goal, self.effort = goal, effort or Effort()
         self.evaluations = 0
         rows, size, domains = 2 * MEMORY, padded(disks.n), len(borders(disks.n)) - 1
-        self.space = Space(
+        self.space = LbfgsArrays(
             offsets=np.zeros((size, 2)),
             box=np.zeros(2),
             forces=np.zeros((2, size, 2)),
@@ -157,14 +157,14 @@ class Descent(ListedDisks):
         if stale or self.skin != skin:
             self.fold()
 
-    def task(self, force: float, box_force: float, steps: int) -> Task:
+    def task(self, force: float, box_force: float, steps: int) -> LbfgsProblem:
         """The arguments of the next compiled steps."""
-        return Task(
+        return LbfgsProblem(
             law=self.potential.constants,
             moving=self.goal.moving,
             push=(self.goal.pressure or 0.0) * self.reference.area,
             scale=float(np.sqrt(self.n)) * self.diameter,
-            reach=REACH * self.diameter,
+            reach=MAX_MOVE * self.diameter,
             widest=self.largest,
             skin=self.skin,
             softness=FIRST / self.stiffest(),

@@ -25,7 +25,7 @@ SLICE = 2000  # evaluations between two adjustments of the skin
 
 
 class Motion(NamedTuple):
-    """Disks in motion; rows as in `lbfgs_kernels.Space`."""
+    """Disks in motion; rows as in `lbfgs_kernels.LbfgsArrays`."""
 
     offsets: np.ndarray  # (N', 2)
     velocities: np.ndarray  # (N', 2)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.minimise.lbfgs_kernels import Space, adjust, measure, step
+from jampetsc.minimise.lbfgs_kernels import LbfgsArrays, adjust, measure, step
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.kernel import block_room
 from jampetsc.packing.pairs import is_stale
@@ -28,7 +28,7 @@ SHRINKS = 10  # times a step is made shorter
 MORE, CONVERGED, STALE = range(3)
 
 
-class Task(NamedTuple):
+class LbfgsProblem(NamedTuple):
     """The potential, what moves, and when to stop."""
 
     law: tuple  # `Potential.constants`
@@ -133,7 +133,9 @@ def descend(me, threads, counter, domains, space, task, count, head):
     number = len(domains.across)
     first, last = me * number // threads, (me + 1) * number // threads
     products, box, box_pairs = space.products.copy(), space.box.copy(), space.box_pairs.copy()
-    own = Space(space.offsets, box, space.forces, space.pairs, box_pairs, products, space.sums, space.reaches)
+    own = LbfgsArrays(
+        space.offsets, box, space.forces, space.pairs, box_pairs, products, space.sums, space.reaches
+    )
     total, before = np.zeros(rows + 6), np.zeros(rows + 6)
     pull, pull_before = np.zeros(2), np.zeros(2)  # gradient of the cell
     coefficients, move = np.zeros(rows + 1), np.zeros(2)

@@ -17,7 +17,7 @@ from jampetsc.packing.domains import GRAIN, domain_forces
 CHUNK = 2 * GRAIN  # coordinates worked on at a time
 
 
-class Space(NamedTuple):
+class LbfgsArrays(NamedTuple):
     """State and memory of a minimisation; rows are padded to N' = a multiple of GRAIN disks."""
 
     offsets: np.ndarray  # (N', 2)

@@ -26,25 +26,25 @@ STEPS = 12  # at most; a few are enough once the contacts are those of the minim
 DAMPING = 1e-3  # first μ, in units of p
 DAMPING_RAISED = 4e-4  # at least, after a negative mode
 DAMPING_LEAST = 1e-4  # where max |F| > NEAR p d
-NEAR = 1e-3
-BEND = 1e-5  # max |F| / (p d) below which slopes are near rounding, and full steps are taken
-REACH = 0.1  # no disk moves farther in one step, in units of d
+NEAR_MINIMUM_FORCE = 1e-3
+ROUNDING_FORCE = 1e-5  # max |F| / (p d) below which slopes are near rounding, and full steps are taken
+MAX_NEWTON_MOVE = 0.1  # no disk moves farther in one step, in units of d
 RAISES = 60  # of μ, fourfold each, before a Hessian is given up
-FLAT = 0.3  # slope at the end of a search, as a share of that at its beginning
-TRIES = 12  # points of a search
+SLOPE_RATIO = 0.3  # slope at the end of a search, as a share of that at its beginning
+MAX_SEARCH_POINTS = 12  # points of a search
 ITERATIONS = 50  # at most, to find a negative mode
 FORCE_FLOOR = 3e-15  # in units of k d
 STRESS_FLOOR = 4e-16  # in units of k/√N
 
 
-class Residual(NamedTuple):
+class Imbalance(NamedTuple):
     """How far a packing is from equilibrium."""
 
     force: float  # max |F| over all disks
     pressure: float  # |p − p_target|, 0 at fixed cell
     shear_stress: float  # |σ_xy| where the shear of the cell is free, else 0
 
-    def within(self, limits: "Residual") -> bool:
+    def within(self, limits: "Imbalance") -> bool:
         """Whether every part is at most that of `limits`."""
         return all(part <= limit for part, limit in zip(self, limits, strict=True))
 
@@ -59,17 +59,17 @@ class Limits:
     def __init__(self, descent: Descent, tolerance: float):
         self._descent, self._tolerance = descent, tolerance
 
-    def asked(self, pressure: float) -> Residual:
+    def asked(self, pressure: float) -> Imbalance:
         """What `tolerance` means at this pressure."""
         stress = self._tolerance * pressure
-        return Residual(stress * self._descent.diameter, stress, stress)
+        return Imbalance(stress * self._descent.diameter, stress, stress)
 
-    def at(self, pressure: float) -> Residual:
+    def at(self, pressure: float) -> Imbalance:
         """The larger of what was asked for and what rounding leaves."""
         asked, stiffness = self.asked(pressure), self._descent.usual_stiffness(pressure)
         stress = STRESS_FLOOR * stiffness / np.sqrt(self._descent.n)
         force = FORCE_FLOOR * stiffness * self._descent.diameter
-        return Residual(max(asked.force, force), *[max(asked.pressure, stress)] * 2)
+        return Imbalance(max(asked.force, force), *[max(asked.pressure, stress)] * 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +96,9 @@ class Point:
         return cls(goal, bonds, n, area, pressure, bonds.on_disks(push, n), drive)
 
     @property
-    def residual(self) -> Residual:
+    def residual(self) -> Imbalance:
         """How far this is from equilibrium."""
-        return Residual(
+        return Imbalance(
             force=float(np.hypot(*self.forces.T).max()),
             pressure=abs(self.drive[0]) / (2.0 * self.area),
             shear_stress=abs(self.drive[1]) / self.area,
@@ -196,13 +196,13 @@ class Newton:
             longest = float(np.hypot(*step[0].T).max())
             if not 0.0 < longest < np.inf:
                 return False
-            length = min(1.0, REACH * d / longest)
-            if force > BEND * scale * d:
+            length = min(1.0, MAX_NEWTON_MOVE * d / longest)
+            if force > ROUNDING_FORCE * scale * d:
                 length, point = self._search(point, step, length)
             else:
                 point = self._go(step, length)
             if length > 0.7:
-                near = point.residual.force <= NEAR * scale * d
+                near = point.residual.force <= NEAR_MINIMUM_FORCE * scale * d
                 mu = max(0.3 * mu, 0.0 if near else DAMPING_LEAST * scale)
             elif length < 0.3:
                 mu *= 3.0
@@ -223,8 +223,8 @@ class Newton:
         if now >= 0.0:
             return length, point
         lower, upper = (0.0, pull), (length, now)
-        for _ in range(TRIES):
-            if abs(now) <= FLAT * pull:
+        for _ in range(MAX_SEARCH_POINTS):
+            if abs(now) <= SLOPE_RATIO * pull:
                 break
             here, length = length, flat_between(lower, upper)
             point = self._go(step, length - here)
@@ -250,7 +250,7 @@ class Newton:
             return False
         longest = float(np.hypot(*mode[0].T).max())
         size = 0.1 * descent.usual_overlap() / longest
-        for _ in range(TRIES):
+        for _ in range(MAX_SEARCH_POINTS):
             pulls = {sign * size: self._pull_at(mode, sign * size) for sign in (1.0, -1.0)}
             way = max(pulls, key=pulls.get)
             if pulls[way] > 0.0:
@@ -259,7 +259,7 @@ class Newton:
         else:
             return False
         pull = pulls[way]
-        while abs(2.0 * way) * longest <= REACH * descent.diameter:
+        while abs(2.0 * way) * longest <= MAX_NEWTON_MOVE * descent.diameter:
             farther = self._pull_at(mode, 2.0 * way)
             if farther <= pull:
                 break

@@ -12,8 +12,8 @@ from jampetsc.io.atomic import open_regular
 
 SIZES = ("bidisperse", "monodisperse")
 RATIO = 1.4  # of the two radii
-SMALLEST, LARGEST = 1e-6, 1e6  # radius
-FEWEST, MOST = 16, 10_000_000  # disks
+MIN_RADIUS, MAX_RADIUS = 1e-6, 1e6  # radius
+MIN_DISKS, MAX_DISKS = 16, 10_000_000  # disks
 OTHER_SIZES = f"For other sizes give one radius per line in a file: {named('radii')} FILE"
 
 
@@ -51,12 +51,12 @@ class Radii:
         object.__setattr__(self, "values", values)
         if values.ndim != 1 or not (np.isfinite(values).all() and (values > 0).all()):
             raise InputError(f"{self}: must be positive numbers, one for each disk")
-        if not FEWEST <= len(values) <= MOST:
-            raise InputError(f"{self}: {len(values)} disks: must lie in [{FEWEST}, {MOST}]")
-        if not SMALLEST <= values.min() <= values.max() <= LARGEST:
+        if not MIN_DISKS <= len(values) <= MAX_DISKS:
+            raise InputError(f"{self}: {len(values)} disks: must lie in [{MIN_DISKS}, {MAX_DISKS}]")
+        if not MIN_RADIUS <= values.min() <= values.max() <= MAX_RADIUS:
             raise InputError(
                 f"{self}: radii from {values.min():g} to {values.max():g}: must lie in "
-                f"[{SMALLEST:g}, {LARGEST:g}]; choose another unit of length"
+                f"[{MIN_RADIUS:g}, {MAX_RADIUS:g}]; choose another unit of length"
             )
 
     @classmethod
@@ -65,7 +65,7 @@ class Radii:
         try:
             with open_regular(path) as file, warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # of an empty file, which has too few
-                values = np.loadtxt(file, dtype=float, ndmin=1, max_rows=MOST + 1)
+                values = np.loadtxt(file, dtype=float, ndmin=1, max_rows=MAX_DISKS + 1)
         except InputError:
             raise
         except (OSError, ValueError) as error:

@@ -15,10 +15,10 @@ from jampetsc.packing.pairs import is_stale
 
 MEMORY = 8  # pairs (s, y)
 OVERSHOT = 0.5  # a step is too long if the slope at its end is against it by more than this part of that at its start
-TRIES = 8  # of a step that goes too far
-FLAT = 1e-9  # of the stiffness of a contact: curvature that counts as none, as that of translations
+MAX_STEP_HALVINGS = 8  # of a step that goes too far
+MIN_CURVATURE = 1e-9  # of the stiffness of a contact: curvature that counts as none, as that of translations
 CELLS = 20  # for each contact, of overlaps up to twice their mean: two in one cell are alike
-CONVERGED, STALE, SPENT, APART, LOST = range(5)
+CONVERGED, STALE, SPENT, SEPARATED, LOST = range(5)
 
 
 NO_FACTOR = np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty((0, 4))
@@ -98,7 +98,7 @@ def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
 @compiled(False)
 def is_minimum(order, pairs, o, g, law, stiffness):
     """Whether the Hessian of the contacts has no eigenvalue below −FLAT · stiffness; rattlers have none."""
-    return _factorised(order, pairs, o, g, law, 0.0, 1.0, FLAT * stiffness, stiffness)[0]
+    return _factorised(order, pairs, o, g, law, 0.0, 1.0, MIN_CURVATURE * stiffness, stiffness)[0]
 
 
 @compiled(FAST, forceinline=True)
@@ -240,7 +240,7 @@ def follow(pairs, law, scalars, factor, memory, o, moved, forces):
         evaluations += 1
         if tries:
             end = dot(flat, d)
-            if end < -OVERSHOT * slope and tries < TRIES:
+            if end < -OVERSHOT * slope and tries < MAX_STEP_HALVINGS:
                 length *= max(slope / (slope - end), 0.1)
             else:
                 tries = 0
@@ -259,7 +259,7 @@ def follow(pairs, law, scalars, factor, memory, o, moved, forces):
             if not top < np.inf:
                 return LOST, evaluations, sums
             if pressure < apart:
-                return APART, evaluations, sums
+                return SEPARATED, evaluations, sums
             if top <= max(share * pressure * diameter, floor):
                 return CONVERGED, evaluations, sums
             if evaluations >= most:

@@ -1,7 +1,7 @@
 """The model of a flow: the options that make one, a name of `laws.flow_models.MODELS` or a damping law, and a mass."""
 
 from jampetsc.errors import InputError, named
-from jampetsc.laws.damping import LARGEST, OPTIONS, damping_law
+from jampetsc.laws.damping import MAX_WEIGHT, OPTIONS, damping_law
 from jampetsc.laws.flow_models import MODELS, Model, model_of
 from jampetsc.options.law_options import law_options, law_parameters, law_written
 from jampetsc.options.parameters import NUMBER, WORD, Parameter, Part
@@ -18,7 +18,7 @@ MOTION = {  # parameter -> what it is, and its range
 OWN = (
     Parameter("model", WHAT, WORD, None, choices=tuple(MODELS), group="model"),
     *(
-        Parameter(name, help, NUMBER, None, high=LARGEST, group="model", **how)
+        Parameter(name, help, NUMBER, None, high=MAX_WEIGHT, group="model", **how)
         for name, (help, how) in MOTION.items()
     ),
 )

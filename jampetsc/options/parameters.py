@@ -26,7 +26,7 @@ from pathlib import Path
 from jampetsc.errors import InputError, as_float, named
 
 MOST_SHOWN = 200  # characters of a value in a message
-NEAR = 0.75  # likeness of a name to what may have been meant
+NAME_LIKENESS = 0.75  # likeness of a name to what may have been meant
 EXACT = 2.0**53  # whole numbers up to this are exact as floats
 # where a command line has it: --name, its place, all its places
 OPTION, FILE, FILES = ("option", "file", "files")
@@ -260,7 +260,7 @@ def made(job, given: dict):
 
 def did_you_mean(name, known) -> str:
     """End of a message: `; did you mean …?` with the known name most like this one, empty if none is similar."""
-    near = difflib.get_close_matches(name, known, n=1, cutoff=NEAR)
+    near = difflib.get_close_matches(name, known, n=1, cutoff=NAME_LIKENESS)
     return f"; did you mean {near[0]}?" if near else ""
 
 

@@ -8,8 +8,8 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
 from jampetsc.minimise.sizes import (
-    FEWEST,
-    MOST,
+    MAX_DISKS,
+    MIN_DISKS,
     OTHER_SIZES,
     SIZES,
     Radii,
@@ -24,7 +24,7 @@ from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import EXPONENTS, Potential
 
 PHIS = (0.1, 1.0)
-SETTLED = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
+RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
 GROUP = "random disks, without START; smallest diameter 1, k_e = k_d = 1"
@@ -36,7 +36,7 @@ class FromStart(Job):
     """Base of jobs that shear a packing, or random disks that they make."""
 
     start: Disks | None = optional("packing to start from", kind=PACKING, place=FILE, metavar="START")
-    n: int | None = of_disks("number of disks", low=FEWEST, high=MOST, metavar="N")
+    n: int | None = of_disks("number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
     phi: float | None = of_disks(
         "packing fraction; disks jam near 0.84", low=PHIS[0], high=PHIS[1], metavar="PHI"
     )
@@ -139,7 +139,7 @@ class FromStart(Job):
         from jampetsc.minimise.minimise import settle
         from jampetsc.minimise.protocols import random_start
 
-        return settle(random_start(radii, self.phi, seed, self.made_potential), SETTLED), {}
+        return settle(random_start(radii, self.phi, seed, self.made_potential), RELAXED_START_FORCE), {}
 
     @property
     def made_potential(self) -> Potential:

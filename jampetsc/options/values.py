@@ -11,10 +11,10 @@ from functools import partial
 
 from jampetsc.errors import InputError
 from jampetsc.options.parameters import Kind, shown
-from jampetsc.response.limits import LARGEST, SMALLEST
+from jampetsc.response.limits import MAX_OMEGA, MIN_OMEGA
 
 Numbers = str | Sequence[float]
-MOST = 100_000  # numbers of a grid
+MAX_GRID_SIZE = 100_000  # numbers of a grid
 LAST_SEED = 2**63 - 1  # what a file can record
 MOST_SEEDS = 1_000_000
 MOST_THREADS = 256
@@ -79,8 +79,10 @@ def _written(text):
         low, high, count = float(low), float(high), int(count)
     except ValueError:
         raise ValueError("write low:high:count, such as 1e-3:1e2:51, lin:low:high:count, or a,b,…") from None
-    if not (np.isfinite([low, high]).all() and low < high and 2 <= count <= MOST and (even or low > 0)):
-        raise ValueError(f"need {'' if even else '0 < '}low < high and a count from 2 to {MOST}")
+    if not (
+        np.isfinite([low, high]).all() and low < high and 2 <= count <= MAX_GRID_SIZE and (even or low > 0)
+    ):
+        raise ValueError(f"need {'' if even else '0 < '}low < high and a count from 2 to {MAX_GRID_SIZE}")
     return (np.linspace if even else np.geomspace)(low, high, count)
 
 
@@ -199,4 +201,6 @@ PACKING_OR_RESULT = Kind(
 INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
 SEEDS = Kind(seeds_of, _seeds_text, metavar="FIRST:LAST|LIST")
 RADII = Kind(_radii, lambda radii: radii.path or radii.text, metavar="FILE")  # a `minimise.sizes.Radii`
-FREQUENCIES = numbers(SMALLEST, LARGEST, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)")
+FREQUENCIES = numbers(
+    MIN_OMEGA, MAX_OMEGA, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)"
+)

@@ -27,8 +27,8 @@ from jampetsc.collective import agreed
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.oscillation.cycle_equations import ContactMotions, Cycle, Equations
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
-from jampetsc.petsc.matrices import whole_matrix
 from jampetsc.petsc.session import current
+from jampetsc.petsc.sparse_matrices import whole_matrix
 
 FACTOR_PREFIX = "osc_factor_"
 SHARED = 1.5  # largest ratio of the Ω of harmonics that use one factor

@@ -21,7 +21,9 @@ from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.pairs import SKIN_START, ListedDisks, is_stale
 
-REACH = 3.0  # mean overlaps: no disk moves farther in one of Newton's steps, lest it reach another minimum
+MAX_OVERLAP_MOVE = (
+    3.0  # mean overlaps: no disk moves farther in one of Newton's steps, lest it reach another minimum
+)
 WIDEST = 2.0  # mean diameters: a step that needs a pair list with a larger skin is too long
 
 
@@ -42,7 +44,7 @@ class MovingContacts(ListedDisks):
         potential = self._potential = disks.potential
         self.n, self.dofs, self.area = disks.n, law.dofs, disks.area
         self.stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
-        self.reach = REACH * float(np.mean(find_contacts(disks).overlap))
+        self.reach = MAX_OVERLAP_MOVE * float(np.mean(find_contacts(disks).overlap))
         # rotations are solved for as lengths, times this diameter, as displacements are
         self._lengths = np.array([1.0, 1.0, self.diameter])[: law.dofs]
         self.rims = disks.radii / self.diameter

@@ -38,7 +38,9 @@ START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is ex
 LOST = 8.0  # error allowed in the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
 FINEST = 30  # most halvings of a step; no motion of a contact is so sudden
-ROOM = 0.1  # of the allowed error: after a step with less the next is twice as long, with 8 times the error
+STEP_GROWTH_RATIO = (
+    0.1  # of the allowed error: after a step with less the next is twice as long, with 8 times the error
+)
 FLOWING = 1.0  # change of the strain in a cycle at which a packing counts as flowing
 
 
@@ -176,7 +178,7 @@ class Cycles:
                 continue
             yield stages
             done, self.taken = done + part, self.taken + 1
-            if self._halvings and off < ROOM * allowed and done % (2 * part) == 0:
+            if self._halvings and off < STEP_GROWTH_RATIO * allowed and done % (2 * part) == 0:
                 self._halvings -= 1
 
     def _step(self, begin, length, allowed):

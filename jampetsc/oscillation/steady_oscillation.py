@@ -72,7 +72,7 @@ def _pairs(contacts, n):
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7
 FLOOR = 1e-3  # of the typical |z|: below, damping forces of the start are linear
 SLOW = 1e-3  # of k: ωc of dashpots that hardly matter beside the springs
-SMALLEST, LARGEST = 1e-30, 1.0  # range of stress in k for the equivalent damping
+MIN_EQUIVALENT_STRESS, MAX_EQUIVALENT_STRESS = 1e-30, 1.0  # range of stress in k for the equivalent damping
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +169,7 @@ class SteadyOscillation:
         law, k, scaled = self.law, self.network.k, drive.omega * self.law.tau1
         stress = drive.amplitude  # in k
         for _ in range(1 if drive.stress_controlled or law.exponent == 1.0 else 4):
-            within = min(max(stress, SMALLEST), LARGEST)
+            within = min(max(stress, MIN_EQUIVALENT_STRESS), MAX_EQUIVALENT_STRESS)
             ratio = float(EquivalentDamping(law.exponent, within).frequency(scaled)) / scaled
             run = self._linear(drive, self.network.damping(law) * ratio, stress)
             if not drive.stress_controlled:

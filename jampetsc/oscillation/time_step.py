@@ -111,8 +111,11 @@ ROUNDED = 1e-15  # of forces, in units of k times the largest diameter
 NOISE = 1e-14  # likewise: a residual below it, or below TOLERANCE of damping forces, that stops falling is rounding
 ITERATIONS = 100
 WORN = 0.2  # a factor with which a step leaves more of the residual than this is replaced
-FLAT, STEEP = 0.3, 0.7  # of the force along a step: at its end it is small below FLAT, too large above STEEP
-TRIES = 20  # points of a line search
+MIN_SLOPE_RATIO, MAX_SLOPE_RATIO = (
+    0.3,
+    0.7,
+)  # of the force along a step: at its end it is small below FLAT, too large above STEEP
+MAX_LINE_SEARCH_POINTS = 20  # points of a line search
 BENT = 10.0  # in `reach`: longest move of a disk in a curved step, to which curvature may add one `reach`
 
 
@@ -343,14 +346,14 @@ class Stages:
         force, reach = np.vdot(step, left), problem.springs.reach
         longest = min(BENT * reach / problem.farthest(step), np.sqrt(reach / problem.farthest(curvature)))
         length, lower, upper = min(1.0, longest), (0.0, 1.0), None
-        for _ in range(TRIES):
+        for _ in range(MAX_LINE_SEARCH_POINTS):
             end = q + length * (step + length * curvature)
             found = problem.at(end, dashpots)
             now = np.vdot(step + 2.0 * length * curvature, found.left) / force
-            if upper is None and now > STEEP and 2.0 * length <= longest:
+            if upper is None and now > MAX_SLOPE_RATIO and 2.0 * length <= longest:
                 lower, length = (length, now), 2.0 * length  # the force hardly falls: a disk slides off
                 continue
-            if abs(now) <= FLAT or (upper is None and now > 0.0):
+            if abs(now) <= MIN_SLOPE_RATIO or (upper is None and now > 0.0):
                 break
             if now < 0.0:
                 upper = length, now

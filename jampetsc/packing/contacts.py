@@ -13,7 +13,9 @@ from jampetsc.packing.neighbours import neighbour_pairs, vectors
 if TYPE_CHECKING:
     from jampetsc.packing.disks import Disks
 
-TOUCH = 1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
+MIN_FORCE_RATIO = (
+    1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
+)
 FORCELESS = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
 BALANCED = 1e-4  # largest max |F| / (p d) of forces that are called balanced; `pack` leaves 1e-10
 RIGID = 3  # fewer contacts than this cannot hold a disk in two dimensions
@@ -87,7 +89,7 @@ def force_threshold(disks: Disks, pressure: float) -> float:
     """
     d = 2.0 * float(np.mean(disks.radii))
     stiffness = disks.potential.k / float(disks.potential.scale(np.array(d))) ** 2
-    return max(TOUCH * pressure * d, FORCELESS * stiffness * d)
+    return max(MIN_FORCE_RATIO * pressure * d, FORCELESS * stiffness * d)
 
 
 def virial_pressure(force, distance, area: float) -> float:

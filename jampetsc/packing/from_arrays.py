@@ -7,7 +7,7 @@ from jampetsc.packing.contacts import measure
 from jampetsc.packing.disks import Disks
 from jampetsc.packing.potentials import Potential
 
-FLAT = 1e-8  # largest radii: spread of z within which centres lie in one plane
+PLANE_TOLERANCE = 1e-8  # largest radii: spread of z within which centres lie in one plane
 
 
 def Packing(positions, radii, box, potential="harmonic", stiffness="constant", k=1.0) -> Disks:
@@ -26,7 +26,7 @@ def Packing(positions, radii, box, potential="harmonic", stiffness="constant", k
     positions, radii, k = _numbers("positions", positions), _numbers("radii", radii), _numbers("k", k)
     if positions.ndim == 2 and positions.shape[1] == 3:
         thickness = np.ptp(positions[:, 2]) if len(positions) else 0.0
-        if not thickness <= FLAT * np.max(radii, initial=0.0):
+        if not thickness <= PLANE_TOLERANCE * np.max(radii, initial=0.0):
             raise InputError(f"centres spread by {thickness:.6g} in z: packings are two-dimensional here")
         positions = positions[:, :2]
     if k.ndim:

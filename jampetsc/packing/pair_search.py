@@ -8,7 +8,7 @@ from jampetsc.packing.compiled import compiled
 from jampetsc.packing.neighbours import grid_shape, upright
 from jampetsc.packing.threads import meet
 
-ROOM = 4  # pairs per disk for which arrays have room at first
+FIRST_PAIRS_PER_DISK = 4  # pairs per disk for which arrays have room at first
 
 
 class Grid(NamedTuple):
@@ -119,7 +119,7 @@ def _search_domains(grid, radii, borders, counts):
     """(found, ends) of `_search` for domains with borders (D + 1,); writes their pairs (within, across) into counts."""
     first, total, d = borders[0], 0, 0
     ends = np.empty(borders[-1] - first, np.int64)  # relative to the first entry of the domain
-    found = np.empty(ROOM * len(ends) + 64, np.uint32)
+    found = np.empty(FIRST_PAIRS_PER_DISK * len(ends) + 64, np.uint32)
     while d < len(counts):
         low, high = borders[d], borders[d + 1]
         count = _search(grid, radii, low, found[total:], ends[low - first : high - first])
@@ -201,7 +201,7 @@ def listed(disks, skin, borders, team):
     exact = disks.base, disks.offset, *cells, turns
     counts, wanted, room = np.empty((number, 2), np.int64), 1, 0
     while wanted > room:
-        room = max(ROOM * n, wanted)
+        room = max(FIRST_PAIRS_PER_DISK * n, wanted)
         found = np.empty(room, np.uint32), np.empty(room, np.uint32), np.empty((2, room)), np.empty(room)
         wanted, _ = team.run(_fill_lists, number, borders, arguments, exact, counts, found)
     return counts, *found

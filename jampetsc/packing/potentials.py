@@ -16,7 +16,7 @@ import numpy as np
 from jampetsc.errors import InputError
 
 EXPONENTS = {"harmonic": 2.0, "hertzian": 2.5}
-LARGEST = 1e150  # largest k: squares of stresses then stay in the range of doubles
+MAX_STIFFNESS = 1e150  # largest k: squares of stresses then stay in the range of doubles
 STIFFNESSES = ("constant", "inverse-square-diameter")
 
 
@@ -41,9 +41,9 @@ class Potential:
             raise InputError(f"potential {self.kind!r}: choose one of {', '.join(EXPONENTS)}")
         if self.stiffness not in STIFFNESSES:
             raise InputError(f"stiffness {self.stiffness!r}: choose one of {', '.join(STIFFNESSES)}")
-        if not 1.0 / LARGEST <= self.k <= LARGEST:
+        if not 1.0 / MAX_STIFFNESS <= self.k <= MAX_STIFFNESS:
             raise InputError(
-                f"stiffness k = {self.k}: must be a positive number, from {1.0 / LARGEST:g} to {LARGEST:g}"
+                f"stiffness k = {self.k}: must be a positive number, from {1.0 / MAX_STIFFNESS:g} to {MAX_STIFFNESS:g}"
             )
 
     @property

@@ -27,7 +27,7 @@ from jampetsc.packing.compiled import compiled
 
 PERIOD = 32  # runs after which both numbers of threads are tried again: one run of one thread,
 TRIAL = 4  # then this many of all: the first ones are slow, as threads wake up and their caches are empty;
-HOPELESS = 3.0  # but no more once all take this many times as long as one
+MAX_SLOWDOWN = 3.0  # but no more once all take this many times as long as one
 SPINS = 2000  # reads of the counter before the thread yields its core: about a microsecond
 YIELDS = 4000  # yields, one to three milliseconds, before a thread without a task goes to sleep
 
@@ -182,6 +182,6 @@ class Team:
         if turn == 0 or not paces[1]:
             return 1
         alone, together = min(paces[1]), paces[most]
-        if turn <= TRIAL and (turn == 1 or not together or together[-1] < HOPELESS * alone):
+        if turn <= TRIAL and (turn == 1 or not together or together[-1] < MAX_SLOWDOWN * alone):
             return most
         return most if min(together) < alone else 1

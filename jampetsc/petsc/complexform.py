@@ -13,8 +13,8 @@ import numpy as np
 from scipy.sparse import bsr_array
 
 from jampetsc.petsc import mumps
-from jampetsc.petsc.matrices import diagonal_of, distributed_matrix
 from jampetsc.petsc.session import current
+from jampetsc.petsc.sparse_matrices import diagonal_of, distributed_matrix
 
 
 class ComplexForm:

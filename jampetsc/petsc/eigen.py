@@ -16,8 +16,8 @@ from scipy.linalg import eigh
 from jampetsc import interrupts
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.petsc.cholesky import fits_cholmod
-from jampetsc.petsc.matrices import whole_matrix
 from jampetsc.petsc.session import current
+from jampetsc.petsc.sparse_matrices import whole_matrix
 
 PREFIX = "modes_"
 # −σ in units of the contact stiffness: of the order of the softest modes. Nearer to zero, a mode of no energy
@@ -26,7 +26,7 @@ SHIFT = 1e-7
 # eigenpairs more than asked for: the first shows whether a cluster of equal eigenvalues ends there
 SPARE = 2
 BLOCKS = 30_000  # unknowns from which dense blocks are faster in the triangular solves of CHOLMOD
-MANY = 250_000  # unknowns from which dense blocks are faster in the factorisation as well
+DENSE_BLOCK_UNKNOWNS = 250_000  # unknowns from which dense blocks are faster in the factorisation as well
 VECTORS = 2.5  # of the basis for each eigenpair: about as many as needed, so that SLEPc hardly ever restarts
 DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
 
@@ -112,7 +112,7 @@ class _BlockFactor:
 
 def _suits_blocks(matrix) -> bool:
     """Whether the matrix lies on one rank, is not too large, and no option of the user says how to factorise it."""
-    whole = matrix.getComm().size == 1 and matrix.getSize()[0] <= MANY
+    whole = matrix.getComm().size == 1 and matrix.getSize()[0] <= DENSE_BLOCK_UNKNOWNS
     return whole and not current().has_options(PREFIX + "st_")
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import DEFAULTS, MUMPS, doubt
-from jampetsc.petsc.matrices import set_diagonal
+from jampetsc.petsc.sparse_matrices import set_diagonal
 
 SHIFT = 1e-12  # σ
 PREFIX = "inertia_"

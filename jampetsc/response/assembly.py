@@ -16,8 +16,8 @@ from scipy.sparse import coo_array
 from jampetsc.laws.damping import Law
 from jampetsc.laws.relative_motion import squares
 from jampetsc.network.contact_network import Network, Pieces, find_pieces
-from jampetsc.petsc.matrices import diagonal_of, distributed_matrix
 from jampetsc.petsc.session import current
+from jampetsc.petsc.sparse_matrices import diagonal_of, distributed_matrix
 from jampetsc.response.compatibility import Compatibility, build_compatibility, forms_of, weights
 
 ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 from jampetsc.laws.damping import Law
 from jampetsc.laws.relative_motion import linear_forms
 from jampetsc.network.contact_network import Network
-from jampetsc.petsc.matrices import distributed_matrix
+from jampetsc.petsc.sparse_matrices import distributed_matrix
 
 
 @dataclass(frozen=True, eq=False)

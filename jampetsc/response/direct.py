@@ -28,7 +28,7 @@ DEFAULTS = {
 }
 REFINEMENTS = 40  # at most; one or two are usual, a loose iterative method needs more
 DIGITS = 1e-12  # refinement stops where the bound is this small relative to G' and G'', or to rounding
-NOTHING = 1e-14  # a modulus this small relative to that of affine motion is zero
+ZERO_MODULUS_RATIO = 1e-14  # a modulus this small relative to that of affine motion is zero
 PRECISE = 1e-8  # residual of a solve for a `SingularBound`, relative
 
 
@@ -108,7 +108,7 @@ class FrequencySolver:
         self.x = x
         if not result.within(accuracy).all():
             affine = self.functional.affine_modulus(omega)
-            if abs(result.G) + result.error < NOTHING * affine:
+            if abs(result.G) + result.error < ZERO_MODULUS_RATIO * affine:
                 raise ConvergenceError(
                     f"ω = {omega:g}: G* is zero but for rounding, where affine motion would have {affine:.2g}: the "
                     "contacts do not resist shear, as of disks that are not at rest: quench them (pack from)"

@@ -16,7 +16,7 @@ from jampetsc.response import tall
 from jampetsc.response.assembly import ROW
 from jampetsc.response.certificate import EPSILON, ROUNDING, field_bound
 from jampetsc.response.krylov_basis import RationalBasis
-from jampetsc.response.residual import Residual
+from jampetsc.response.residual import GalerkinResidual
 
 
 class Galerkin:
@@ -52,11 +52,11 @@ class Galerkin:
         self._finish(motions, rates)
         self._motions = motions
 
-    def residual(self) -> Residual:
+    def residual(self) -> GalerkinResidual:
         """The residual of this solution. To be called once: the motions are handed over to it, not kept twice."""
         motions, self._motions = self._motions, None
         fields = self.quasistatic, self.modes
-        return Residual(self.pencil, motions, fields, self.spectrum.rates, self.loads)
+        return GalerkinResidual(self.pencil, motions, fields, self.spectrum.rates, self.loads)
 
     def _projected(self, fields, motions):
         """Vᵀ K V and Vᵀ B V, (m, m) each, from the motions of V."""

@@ -26,11 +26,13 @@ from jampetsc.response.shift_factors import Factors, closest
 VECTORS = 8  # made at a time with one factor: a solve is some twentieth of a factorisation
 NEARBY = 20.0  # ratio of shifts within which a factor is used a second time instead of a new one
 MOST_VECTORS = 240
-APART = 30.0  # least ratio of shifts that are done at the same time
+MIN_SHIFT_RATIO = 30.0  # least ratio of shifts that are done at the same time
 SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but for rounding
 LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
-NOTHING = 1e-13  # a modulus this small, relative to the affine one, is rounding
-ROOM = 0.5  # of the allowed error, for the estimate, after a certificate was larger than the estimate
+ROUNDING_MODULUS_RATIO = 1e-13  # a modulus this small, relative to the affine one, is rounding
+ESTIMATE_SHARE = (
+    0.5  # of the allowed error, for the estimate, after a certificate was larger than the estimate
+)
 
 
 class RationalSweep:
@@ -117,7 +119,9 @@ class RationalSweep:
         candidates = self._clip(self.omega)
         while len(shifts) < self.factors.width and ratio.max() > 1.0:
             shifts.append(self._serving(float(candidates[np.argmax(ratio)])))
-            ratio[(candidates > shifts[-1] / APART) & (candidates < shifts[-1] * APART)] = 0.0
+            ratio[
+                (candidates > shifts[-1] / MIN_SHIFT_RATIO) & (candidates < shifts[-1] * MIN_SHIFT_RATIO)
+            ] = 0.0
         return shifts
 
     def _serving(self, wanted):
@@ -132,7 +136,7 @@ class RationalSweep:
     def _nothing_resists(self, i):
         """Whether G* at the i-th frequency is rounding of what it would be if nothing relaxed."""
         affine = abs(self.pencil.k_gg + 1j * self.omega[i] * self.pencil.b_gg)
-        return abs(self._modulus()[i]) * self.pencil.network.area <= NOTHING * affine
+        return abs(self._modulus()[i]) * self.pencil.network.area <= ROUNDING_MODULUS_RATIO * affine
 
     def _for_certificate(self):
         """The shift where the certificate is worst, if there is no factor near it; else none."""
@@ -145,7 +149,10 @@ class RationalSweep:
     def _spread(self, shifts):
         """Extend a first shift to as many as are done at once, evenly spread in log ω."""
         more = np.geomspace(shifts[0], self._clip(self.omega[-1]), self.factors.width + 1)[1:]
-        return [*shifts, *(float(s) for s in more[::-1][: self.factors.width - 1] if s > APART * shifts[0])]
+        return [
+            *shifts,
+            *(float(s) for s in more[::-1][: self.factors.width - 1] if s > MIN_SHIFT_RATIO * shifts[0]),
+        ]
 
     def _clip(self, omega):
         return np.clip(omega, SMALLEST_SHIFT * self.rate, min(self.largest_rate, LARGEST_SHIFT * self.rate))
@@ -184,7 +191,7 @@ class RationalSweep:
         G, error = self._modulus(), self._steering_bound()
         allowed = self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag))
         if self.certificate is not None:
-            allowed = ROOM * self._allowed(self.certificate)
+            allowed = ESTIMATE_SHARE * self._allowed(self.certificate)
         ratio = np.full(len(allowed), np.inf)
         np.divide(error, allowed, out=ratio, where=allowed > 0.0)
         ratio[np.isnan(ratio)] = np.inf

@@ -83,7 +83,7 @@ class _Worst:
     hopeless: bool  # the part of the bound from the known directions is too large by itself
 
 
-class Residual:
+class GalerkinResidual:
     """R and w of one Galerkin solution. Collective; arrays hold this rank's rows.
 
     motions   (rows, 1 + m): of the contacts in x_qs, g included, and in the modes
@@ -137,7 +137,7 @@ class ResidualBound:
     q, energies  the direction that r has but for inexact solves, (n_local,), and its `factors.energies`
     """
 
-    def __init__(self, residual: Residual, factors, q, energies, largest_rate: float, omega):
+    def __init__(self, residual: GalerkinResidual, factors, q, energies, largest_rate: float, omega):
         self.residual, self.factors, self.omega = residual, factors, omega
         self.largest_rate = largest_rate
         self.pencil = residual.pencil

@@ -16,7 +16,7 @@ from jampetsc.response.krylov_basis import RationalBasis, field_at
 
 SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
 MOST_AT_ONCE = 4  # shifts at the same time; a sweep needs few, and where to put more would be guessed
-SHARE = 0.25  # of the memory, for factors: the basis and its projection take as much or more
+FACTOR_MEMORY_SHARE = 0.25  # of the memory, for factors: the basis and its projection take as much or more
 BYTES = 60.0  # of a factor and its matrix per n log₂ n, n unknowns: 60 to 61 at N = 32768 to 900 000
 ALONE = 400_000  # unknowns up to which every rank holds whole matrices: a factor then takes about 1 GB
 
@@ -31,7 +31,7 @@ def side_by_side(pencil: Pencil, parallel: str) -> bool:
 def most_held(pencil: Pencil) -> int:
     """How many factors of K + sB, shared by all ranks, fit into SHARE of the memory: at least one. Collective."""
     n = pencil.unknowns
-    room = SHARE * pencil.network.sum(current().memory())
+    room = FACTOR_MEMORY_SHARE * pencil.network.sum(current().memory())
     return max(1, int(room / (BYTES * n * np.log2(n))))
 
 
@@ -53,9 +53,10 @@ def closest(shifts, s):
 class Factors:
     """Factors of K + sB at some shifts. Methods are collective; what fails on one rank is raised on all.
 
-    Of those that all ranks share as many are kept as fit into `SHARE` of the memory; others are freed, and made again
-    when they are needed. Side by side each rank grows a short Krylov chain of its own from the residual of the basis;
-    together they span what they would have one after the other (parallel rational Krylov, Berljafa & Güttel 2017).
+    Of those that all ranks share as many are kept as fit into `FACTOR_MEMORY_SHARE` of the memory; others are freed,
+    and made again when they are needed. Side by side each rank grows a short Krylov chain of its own from
+    the residual of the basis; together they span what they would have one after the other (parallel rational Krylov, Berljafa &
+    Güttel 2017).
 
     parallel   "shifts" (side by side), "matrix" (shared) or "auto"
     width      number of shifts factorised at the same time

@@ -31,16 +31,16 @@ from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.minimum_check import examine_balance
 from jampetsc.response.refined_solve import Relaxed
 from jampetsc.response.run_record import run_record
-from jampetsc.response.viscosity import Flow, infinite_viscosity, quasistatic_flow
+from jampetsc.response.viscosity import ViscousResponse, infinite_viscosity, quasistatic_flow
 
 FORMAT = "jampetsc-quasistatic"
-# members of `Quasistatic` that are attributes of the file
+# members of `SlowResponse` that are attributes of the file
 ATTRIBUTES = "G0 G_affine bulk_modulus eta0 omega_star identity_difference field_error".split()
 BARE = "no_prestress"  # name of the results for K without pre-stress, if the job has pre-stress
 
 
 @dataclass(frozen=True, eq=False)
-class Quasistatic:
+class SlowResponse:
     """Quasistatic response of one network under one law. Arrays hold this rank's part, per unit strain."""
 
     network: Network
@@ -48,7 +48,7 @@ class Quasistatic:
     field: np.ndarray  # (n_local, 2) the same as `quasistatic_flow` takes it
     normal: np.ndarray  # (contacts_local,) Δu∥
     transverse: np.ndarray  # (contacts_local,) Δu⊥
-    flow: Flow  # η₀ and the rotations
+    flow: ViscousResponse  # η₀ and the rotations
     G0: float  # in k
     G_affine: float  # modulus if nothing relaxed
     bulk_modulus: float  # −V dp/dV, in k
@@ -66,7 +66,7 @@ class Quasistatic:
         return self.G0 / self.eta0
 
 
-def solve(network: Network, pencil: Pencil) -> Quasistatic:
+def solve(network: Network, pencil: Pencil) -> SlowResponse:
     """The quasistatic response of a network, and its dissipation under the law of `pencil`. Collective.
 
     Raises InputError where K is not positive definite (its negative or floppy modes are counted),
@@ -74,7 +74,7 @@ def solve(network: Network, pencil: Pencil) -> Quasistatic:
     """
     shear, compression, nonaffine, affine = _elastic(network)
     field = nonaffine if pencil.law.holds_translations else shear.x.reshape(-1, 2)
-    return Quasistatic(
+    return SlowResponse(
         network,
         nonaffine,
         field,

@@ -16,7 +16,7 @@ from jampetsc.packing.disks import Disks
 from jampetsc.packing.minimum_proof import proved_minimum
 from jampetsc.petsc.session import current
 from jampetsc.progress import warn
-from jampetsc.response.limits import LARGEST, SMALLEST
+from jampetsc.response.limits import MAX_OMEGA, MIN_OMEGA
 from jampetsc.response.minimum_check import examine_balance, negative_modes
 
 SAME = 1e-9  # a frequency of the grid this close to one of the fields, relatively, counts as the same
@@ -59,12 +59,12 @@ class Run:
         experiment = np.union1d(job.omega[apart], field_omega)
         damping, tau1 = job.damping, job.law.tau1
         solved = experiment if damping is None else damping.frequency(experiment * tau1) / tau1
-        beyond = (solved < SMALLEST) | (solved > LARGEST)
+        beyond = (solved < MIN_OMEGA) | (solved > MAX_OMEGA)
         if beyond.any():
             raise InputError(
                 f"{named('alpha')} {damping.alpha:g} {named('stress')} {damping.stress:g}: omega = "
                 f"{experiment[beyond][0]:g} is equivalent to {solved[beyond][0]:g} under linear damping, outside "
-                f"{SMALLEST:g} to {LARGEST:g}: narrow {named('omega')}"
+                f"{MIN_OMEGA:g} to {MAX_OMEGA:g}: narrow {named('omega')}"
             )
         disks, identity = read_identified(job.packing, comm)
         to.made_from(disks)

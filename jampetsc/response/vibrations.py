@@ -37,7 +37,7 @@ ALIKE = 1e-6  # largest |φ_i·φ_j − δ_ij| accepted: a mode found twice must
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class VibrationalModes:
     """m modes of one network, eigenvalues increasing, translations left out."""
 
     network: Network
@@ -64,7 +64,7 @@ class Modes:
 
 def lowest_modes(
     network: Network, count: int | None = None, below: float | None = None, proved: bool = False
-) -> Modes:
+) -> VibrationalModes:
     """The lowest `count` modes, or all `below` an eigenvalue (in k), or all there are if both are None.
     Collective.
 
@@ -172,7 +172,7 @@ def _describe(pencil: Pencil, pairs, shift, complete):
     sums = network.sum(sums)
     contacts, force = network.contact_count, sums[:, 3]
     fields = pairs.vectors.reshape(m, -1, 2)
-    return Modes(
+    return VibrationalModes(
         network, pairs.values, fields, pairs.residuals,
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
         participation_ratio=1.0 / (network.n * sums[:, 2]),
@@ -182,7 +182,7 @@ def _describe(pencil: Pencil, pairs, shift, complete):
     )  # fmt: skip
 
 
-def run(packing, to: Outlet, prestress: bool, count=None, below=None) -> Modes:
+def run(packing, to: Outlet, prestress: bool, count=None, below=None) -> VibrationalModes:
     """Find modes as `lowest_modes` does and write them.
 
     Collective. Raises as that does, naming the packing.

@@ -16,15 +16,15 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.petsc.cholesky import NotPositiveDefinite
-from jampetsc.petsc.matrices import set_diagonal
 from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor
+from jampetsc.petsc.sparse_matrices import set_diagonal
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.refined_solve import relax
 
 
 @dataclass(frozen=True, eq=False)
-class Flow:
+class ViscousResponse:
     """η₀ of one quasistatic field, in its parts, and how the disks turn in it. Viscosities in kτ₁."""
 
     parts: dict  # "normal" and "transverse" of contacts, "drag" and "fluid": those that the law has
@@ -37,7 +37,7 @@ class Flow:
         return sum(self.parts.values())
 
 
-def quasistatic_flow(pencil: Pencil, displacement) -> Flow:
+def quasistatic_flow(pencil: Pencil, displacement) -> ViscousResponse:
     """η₀ of the field `displacement` (n_local, 2), non-affine per unit strain, under the law of a pencil. Collective.
 
     With drag, the mean of each piece must be zero; without, the displacements of pinned disks.
@@ -50,14 +50,14 @@ def quasistatic_flow(pencil: Pencil, displacement) -> Flow:
         drag = network.sum(float(c.drag @ start.ravel() ** 2))
         parts = {"drag": drag / network.area, "fluid": c.drag_gg / network.area}
     if not law.damps_contacts:
-        return Flow(parts, None, None)
+        return ViscousResponse(parts, None, None)
     if law.couples_rotations:
         flow = relax(c, c.w_B, _turns(pencil), c.g, "rotations of the quasistatic flow", start.ravel())
         motions, rotation = flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
     else:
         motions, rotation = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None
     costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.area
-    return Flow(
+    return ViscousResponse(
         {"normal": float(costs[0]), "transverse": float(costs[1:].sum()), **parts},
         rotation,
         None if rotation is None else motions[:, -1].copy(),

@@ -12,7 +12,7 @@ from sheared import ROWS, crowd, shear
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import moves
 from jampetsc.flows import steady as jobs
-from jampetsc.flows.shearing import Shear
+from jampetsc.flows.shearing import SteadyShear
 from jampetsc.io.outlet import Outlet
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme, scheme_for
@@ -238,7 +238,7 @@ def test_time_steps_depend_on_k_tau1_and_the_potential():
 def test_coordination_is_a_mean_over_disks_that_move():
     disks = crowd(16, phi=0.9)
     contacts = find_contacts(disks)
-    run = Shear(disks, Model(ROWS["RD0"][0]), 0.02, Scheme(0.05, "euler", 1e-6), held=4)
+    run = SteadyShear(disks, Model(ROWS["RD0"][0]), 0.02, Scheme(0.05, "euler", 1e-6), held=4)
     free = np.count_nonzero(contacts.i >= 4) + np.count_nonzero(contacts.j >= 4)
     assert run.survey()["coordination"] == free / 12
 
@@ -269,13 +269,13 @@ def test_nan_and_inf_count_as_blown_up(bad):
 def test_a_step_in_which_a_disk_would_jump_is_divided():
     """It has the velocities of four steps a quarter as long, and their means."""
     disks, model = crowd(24, phi=0.9), Model(ROWS["CD0"][0])
-    long, short = (Shear(disks, model, 0.3, Scheme(step, "heun", 1e-13)) for step in (2.0, 0.5))
+    long, short = (SteadyShear(disks, model, 0.3, Scheme(step, "heun", 1e-13)) for step in (2.0, 0.5))
     long.advance(1)
     short.advance(4)
     assert (long.substeps, short.substeps, long.steps) == (4, 0, 1)
     assert long.velocities_now() == pytest.approx(short.velocities_now(), abs=1e-12)
     assert long.tally == pytest.approx(short.tally / 4, abs=1e-12)
-    again = Shear(disks, model, 0.3, long.scheme)
+    again = SteadyShear(disks, model, 0.3, long.scheme)
     again.restore(long.state())
     assert again.substeps == 4
 

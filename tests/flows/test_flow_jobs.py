@@ -180,7 +180,7 @@ def test_a_random_start_is_that_of_its_seed(seed):
     assert origin == {"seed": 1 if seed is None else seed, "sizes": "bidisperse", "units": starts.UNITS}
     radii = radii_of("bidisperse", 16)
     again = random_start(radii * (0.5 / radii.min()), 0.8, origin["seed"], disks.potential)
-    assert settle(again, starts.SETTLED).fingerprint == disks.fingerprint
+    assert settle(again, starts.RELAXED_START_FORCE).fingerprint == disks.fingerprint
     assert disks.radii.min() == 0.5 and disks.potential.kind == "harmonic" and disks.phi == pytest.approx(0.8)
     other, _ = Shear(**SHEAR, seed=2, potential="hertzian").disks()
     assert other.potential.kind == "hertzian" and not np.allclose(other.positions, disks.positions)
@@ -271,7 +271,7 @@ def test_samples_have_the_parameters_of_their_job():
 
 
 def test_the_limit_of_samples_counts_all_rows_of_a_seed(monkeypatch):
-    monkeypatch.setattr(jam, "MANY", 6)
+    monkeypatch.setattr(jam, "MAX_SAMPLES", 6)
     Jam(n=16, phi=[0.8, 0.9], seeds="1:3")
     Jam(n=16, phi=0.8, seeds="1:2", protocol="shear", strain=1.06)
     for given in ({"seeds": "1:7"}, {"phi": "0.8:0.9:4"}, {"protocol": "shear"}):

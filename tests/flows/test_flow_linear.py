@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc.flows.shearing import Shear
+from jampetsc.flows.shearing import SteadyShear
 from jampetsc.laws.damping import damping_law
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.packing.contacts import find_contacts, stress_tensor
@@ -35,9 +35,9 @@ def test_step_strain(session, shared_path, monkeypatch, name):
 
     # The step takes one short time step at an enormous rate: contact damping decides how disks move in it.
     short = 1e-7
-    jump = Shear(disks, model, STEP / short, Scheme(short, "euler", 1e-14))
+    jump = SteadyShear(disks, model, STEP / short, Scheme(short, "euler", 1e-14))
     jump.advance(1)
-    relaxing = Shear(jump.disks, model, 0.0, Scheme(0.01, "heun", 1e-7))
+    relaxing = SteadyShear(jump.disks, model, 0.0, Scheme(0.01, "heun", 1e-7))
     rest = stress_tensor(find_contacts(disks), disks.area)[0, 1]
     times, found = [], []
     for pause in (50, 50, 100, 300, 500, 1000, 2000):

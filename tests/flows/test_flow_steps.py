@@ -10,7 +10,7 @@ from sheared import OVERDAMPED, ROWS, crowd, forces
 from jampetsc.flows import moves
 from jampetsc.flows import sheared as state_of_disks
 from jampetsc.flows.moves import TALLY
-from jampetsc.flows.shearing import Shear
+from jampetsc.flows.shearing import SteadyShear
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.packing.contacts import find_contacts
@@ -149,7 +149,7 @@ def test_steps_are_those_of_their_equations(name, method, held, step):
     if held:
         disks = replace(disks, potential=replace(disks.potential, k=2.5))
     model = Model(law, mass, background_drag=0.1 if method == "verlet" else 0.0)
-    run = Shear(disks, model, SHEARED / step, Scheme(step, method, 1e-13), held=held)
+    run = SteadyShear(disks, model, SHEARED / step, Scheme(step, method, 1e-13), held=held)
     plain = Numpy(run.reference, model, step, method, held)
     for _ in range(60):
         plain.advance()
@@ -184,7 +184,7 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     law, mass = ROWS[name]
     places = np.array([[2.0, 2.0], [6.0, 2.5], [2.5, 6.0], [6.5, 6.5]])
     disks = Disks.from_positions(places, np.full(4, 0.5), 9.0 * np.eye(2))
-    run = Shear(disks, Model(law, mass), 1.0, Scheme(0.1, method, 1e-12))
+    run = SteadyShear(disks, Model(law, mass), 1.0, Scheme(0.1, method, 1e-12))
     run.skin = 0.12  # the larger singular value of the deformation is 1.105 at 0.2, 1.161 at 0.3
     run.list(run.reference)
     assert run._run(9) == (2 if method == "heun" else 3, moves.STALE)
@@ -202,7 +202,7 @@ SCHEMES = [
 def test_a_snapshot_is_of_one_instant(name, method, mass):
     """Its positions and velocities dissipate what the next step adds to the tally, also at the start of the flow."""
     law = ROWS[name][0]
-    run = Shear(crowd(24, phi=0.9), Model(law, mass), 0.1, Scheme(0.05, method, 1e-12))
+    run = SteadyShear(crowd(24, phi=0.9), Model(law, mass), 0.1, Scheme(0.05, method, 1e-12))
     for steps in (1, 5, 20):
         run.advance(steps)
         disks, u, spins = run.disks, run.velocities_now(), run.spins + 0.025 * run.spin_rates
@@ -222,7 +222,7 @@ def test_reading_the_state_of_a_run_does_not_change_it(name, method):
     """It stays the same to the last bit, though `velocities_now` solves for velocities once more."""
     law, mass = ROWS[name]
     read, unread = (
-        Shear(crowd(10, phi=0.9), Model(law, mass), 0.25, Scheme(0.02, method, 1e-3)) for _ in range(2)
+        SteadyShear(crowd(10, phi=0.9), Model(law, mass), 0.25, Scheme(0.02, method, 1e-3)) for _ in range(2)
     )
     assert not mass or not read.velocities_now().any()  # massive disks start at rest
     for run in (read, unread):
@@ -238,7 +238,7 @@ def test_the_cell_of_a_start_is_reduced_to_the_smallest_tilt():
     disks = crowd(10, phi=0.9)
     turned = np.array([[1.0, 0.0], [3.0, 1.0]])
     far = replace(disks, cell_base=turned @ disks.cell_base, cell_offset=turned @ disks.cell_offset)
-    state = Shear(far, Model(ROWS["RD0"][0]), 0.1, Scheme(0.1, "euler", 1e-6)).state()
+    state = SteadyShear(far, Model(ROWS["RD0"][0]), 0.1, Scheme(0.1, "euler", 1e-6)).state()
     np.testing.assert_allclose(state["cell_base"] + state["cell_offset"], disks.cell, atol=1e-12)
 
 
@@ -256,9 +256,9 @@ def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
     """The same to the last bit on one to three threads; but for rounding also as one domain, in the order given."""
     law, mass = ROWS[name]
     disks, scheme = many(), Scheme(0.02, method, 1e-5)
-    runs = [Shear(disks, Model(law, mass), 0.5, scheme, Team(threads)) for threads in (1, 2, 3)]
+    runs = [SteadyShear(disks, Model(law, mass), 0.5, scheme, Team(threads)) for threads in (1, 2, 3)]
     monkeypatch.setattr(state_of_disks, "borders", lambda n: np.array([0, n]))
-    plain = Shear(disks, Model(law, mass), 0.5, scheme)
+    plain = SteadyShear(disks, Model(law, mass), 0.5, scheme)
     monkeypatch.undo()
     assert len(runs[0].lists[0].across) == 3 and len(plain.lists[0].across) == 1
     monkeypatch.setattr(state_of_disks, "SORTED", 0.05)  # strain: five steps
@@ -268,7 +268,7 @@ def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
         run.fold()
         assert run is plain or not np.array_equal(run.order, before)
         run.advance(2)
-    one, again = runs[0], Shear(disks, plain.model, plain.rate, scheme)
+    one, again = runs[0], SteadyShear(disks, plain.model, plain.rate, scheme)
     again.restore(one.state())
     for run in (*runs, plain, again):
         run.advance(2)

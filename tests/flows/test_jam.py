@@ -256,7 +256,7 @@ def test_the_search_for_a_jamming_density_ends(monkeypatch):
     disks = random_disks(16, 0.95)
     with pytest.raises(ConvergenceError, match="no jammed state"):
         jamming.jamming_density(disks, False, None, 1e-6)
-    assert jamming.DENSEST - jamming.STEP < quench.asked[-1] <= jamming.DENSEST + 1e-12
+    assert jamming.MAX_SEARCH_PHI - jamming.STEP < quench.asked[-1] <= jamming.MAX_SEARCH_PHI + 1e-12
 
 
 def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):

@@ -197,7 +197,12 @@ def test_displacements_in_a_quench_are_to_the_nearest_image(jammed, monkeypatch)
 def test_all_ways_of_descent_end_in_the_same_minimum(jammed, monkeypatch):
     """With the present factor, with a new one at once, without one for a while, and by a quench."""
     found, costs = [], []
-    for constants in ({}, {"AGED": 1}, {"AGED": 1, "FRESH": 2, "RESTING": 1e-9}, {"PATIENCE": 0}):
+    for constants in (
+        {},
+        {"MAX_OLD_FACTOR_STEPS": 1},
+        {"MAX_OLD_FACTOR_STEPS": 1, "MAX_NEW_FACTOR_STEPS": 2, "DESCENT_FORCE": 1e-9},
+        {"PATIENCE": 0},
+    ):
         with monkeypatch.context() as context:
             for name, value in constants.items():
                 context.setattr(slowly, name, value)

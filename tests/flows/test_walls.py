@@ -11,7 +11,7 @@ from jampetsc.analysis.correlated_series import layer_heights, mean_profile
 from jampetsc.errors import InputError
 from jampetsc.flows import walls
 from jampetsc.flows.record import LAYERS
-from jampetsc.flows.shearing import Shear
+from jampetsc.flows.shearing import SteadyShear
 from jampetsc.flows.walls import (
     between_walls,
     phi_between,
@@ -37,7 +37,9 @@ def channel():
 def shear(name, channel, rate=0.02, step=0.05):
     law, mass = ROWS[name]
     disks, held = channel
-    return Shear(disks, Model(law, mass), rate, Scheme(step, "verlet" if mass else "euler", 1e-12), held=held)
+    return SteadyShear(
+        disks, Model(law, mass), rate, Scheme(step, "verlet" if mass else "euler", 1e-12), held=held
+    )
 
 
 def test_the_start(channel):

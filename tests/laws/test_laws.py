@@ -7,7 +7,7 @@ from samples import LAWS, physics, published
 
 import jampetsc
 from jampetsc.errors import InputError
-from jampetsc.laws.damping import FAMILIES, LARGEST, UNDAMPED, Law, damping_law
+from jampetsc.laws.damping import FAMILIES, MAX_WEIGHT, UNDAMPED, Law, damping_law
 
 TRANSVERSE = physics(normal=0.0, rotations=False)
 
@@ -52,7 +52,7 @@ def test_every_option_of_a_family_does_something(name):
         ("stokes", {"rotations": False}, "rotations: belongs to law contact"),
         ("contact", {"beta": -1.0}, "beta -1: must lie between 0 and 1e"),
         ("contact", {"normal": float("nan")}, "normal nan: must lie"),
-        ("stokes", {"eta_f": 10 * LARGEST}, "eta_f 1e+13: must lie"),
+        ("stokes", {"eta_f": 10 * MAX_WEIGHT}, "eta_f 1e+13: must lie"),
         ("contact", {"tau1": 0.0}, "tau1 0: must be positive"),
         ("contact", {"tau1": "slow"}, "tau1 'slow': must be a number"),
         ("contact", {"beta": None}, "beta None: must be a number"),
@@ -68,7 +68,7 @@ def test_refused(name, options, says):
 @pytest.mark.parametrize("name", ["normal", "transverse", "sliding", "drag", "eta_f"])
 def test_weights_of_a_law_without_a_family_have_limits_too(name):
     assert getattr(Law("own", **{name: 1e12}), name) == 1e12
-    assert damping_law(normal=LARGEST).normal == LARGEST
+    assert damping_law(normal=MAX_WEIGHT).normal == MAX_WEIGHT
     for weight in (-1e-300, 1.001e12, float("nan"), float("inf")):
         with pytest.raises(InputError, match=rf"{name} = .*: must lie between 0 and 1e\+12"):
             Law("own", **{name: weight})

@@ -117,7 +117,7 @@ def test_where_following_ends(listed):
     status, evaluations, force, pressure = followed(listed)
     assert status == compiled.CONVERGED and force <= 1e-8 * pressure * 1.2 and evaluations < 500
     assert followed(listed, most=3)[:2] == (compiled.SPENT, 3)
-    assert followed(listed, apart=1.0)[:2] == (compiled.APART, 1)
+    assert followed(listed, apart=1.0)[:2] == (compiled.SEPARATED, 1)
     status, few, force, _ = followed(listed, floor=1e-7)
     assert status == compiled.CONVERGED and few < evaluations and force <= 1e-7
     assert followed(listed, skin=1e-6)[0] == compiled.STALE

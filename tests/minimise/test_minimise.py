@@ -16,7 +16,7 @@ from jampetsc.minimise import newton as newton_module
 from jampetsc.minimise.descent import Descent, Effort, Goal
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.minimise import relax
-from jampetsc.minimise.newton import Limits, Newton, Point, Residual
+from jampetsc.minimise.newton import Imbalance, Limits, Newton, Point
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing import contacts as state
 from jampetsc.packing import domains
@@ -97,7 +97,7 @@ def test_any_number_of_threads_takes_the_same_way():
 @pytest.mark.parametrize("goal", [None, Goal(), Goal(1e-3), Goal(1e-3, True)], ids=str)
 def test_no_touching_pair_is_ever_unlisted(goal, monkeypatch):
     """The list holds after any number of steps; short ones use its skin up to the last, in every direction."""
-    monkeypatch.setattr(descent_module, "REACH", 5e-4)
+    monkeypatch.setattr(descent_module, "MAX_MOVE", 5e-4)
     descent = Descent(random_disks(300), goal or Goal(), Team())
     rng = np.random.default_rng(1)
     widest = 2.0 * descent.disks.radii.max()
@@ -120,7 +120,7 @@ def test_no_touching_pair_is_ever_unlisted(goal, monkeypatch):
 
 
 def test_what_is_proved_are_the_contacts_that_bear_load(monkeypatch):
-    monkeypatch.setattr(state, "TOUCH", 0.4)  # of p d: many contacts carry less
+    monkeypatch.setattr(state, "MIN_FORCE_RATIO", 0.4)  # of p d: many contacts carry less
     disks = random_disks(100, 1.0)
     bearing = measure(disks)
     point, held = Point.of(Descent(disks, Goal(), Team())).load_bearing(disks)
@@ -133,7 +133,7 @@ def test_what_is_proved_are_the_contacts_that_bear_load(monkeypatch):
 
 
 def test_every_part_of_a_residual_counts():
-    limits = Residual(force=1.0, pressure=2.0, shear_stress=3.0)
+    limits = Imbalance(force=1.0, pressure=2.0, shear_stress=3.0)
     assert limits.within(limits)
     for part in ("force", "pressure", "shear_stress"):
         worse = limits._replace(**{part: 3.5})
@@ -228,19 +228,19 @@ def test_a_search_ends_where_the_slope_is_small(monkeypatch):
     _, start, step, (length, point) = searched(0.05)
     assert length == 0.05 and point.along(step) > 0
     _, start, step, (length, point) = searched(2.0)
-    assert length == 2.0 and -newton_module.FLAT * start.along(step) <= point.along(step) < 0
-    monkeypatch.setattr(newton_module, "FLAT", 0.05)
+    assert length == 2.0 and -newton_module.SLOPE_RATIO * start.along(step) <= point.along(step) < 0
+    monkeypatch.setattr(newton_module, "SLOPE_RATIO", 0.05)
     _, start, step, (length, point) = searched(2.0)
     assert 0.2 < length < 2.0 and abs(point.along(step)) <= 0.05 * start.along(step)
 
 
 def test_a_search_that_finds_no_such_place_ends(monkeypatch):
-    monkeypatch.setattr(newton_module, "FLAT", 0.0)
+    monkeypatch.setattr(newton_module, "SLOPE_RATIO", 0.0)
     calls = []
     go = Newton._go
     monkeypatch.setattr(Newton, "_go", lambda *given: calls.append(given) or go(*given))
     _, start, step, (length, point) = searched(2.0)
-    assert len(calls) == 1 + newton_module.TRIES and 0.05 < length < 2.0
+    assert len(calls) == 1 + newton_module.MAX_SEARCH_POINTS and 0.05 < length < 2.0
     assert abs(point.along(step)) < 1e-2 * start.along(step)
 
 
@@ -282,7 +282,7 @@ def test_no_step_is_longer_than_its_reach(monkeypatch):
 
     monkeypatch.setattr(Descent, "move", noted)
     Newton(descent, Soft(1e6)).converge(Limits(descent, 1e-10))
-    assert moved[0] == pytest.approx(newton_module.REACH * descent.diameter)
+    assert moved[0] == pytest.approx(newton_module.MAX_NEWTON_MOVE * descent.diameter)
 
 
 def test_disks_that_nothing_holds_prove_no_minimum():
@@ -323,7 +323,7 @@ def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
 @one_rank
 def test_a_minimum_that_hangs_on_a_weak_contact_is_left_for_another(monkeypatch):
     """Proofs leave out what bears less than a share of p d, here so large that it decides in some of these packings."""
-    monkeypatch.setattr(state, "TOUCH", 0.015)
+    monkeypatch.setattr(state, "MIN_FORCE_RATIO", 0.015)
     monkeypatch.setattr(protocols, "SHAKES", 8)
     target = protocols.Target(1e-5)
     for seed in range(1, 60):

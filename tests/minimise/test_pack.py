@@ -381,7 +381,7 @@ def test_bad_input_gets_one_line(change, said, tmp_path, monkeypatch):
     ],
 )  # fmt: skip
 def test_radii_of_a_file_and_of_an_array(values, said, tmp_path, monkeypatch):
-    monkeypatch.setattr("jampetsc.minimise.sizes.MOST", 20)
+    monkeypatch.setattr("jampetsc.minimise.sizes.MAX_DISKS", 20)
     path = tmp_path / "r.txt"
     path.write_text("\n".join(map(str, values + ([1.0] * 40 if len(values) > 20 else []))))  # read no farther
     if said is None:

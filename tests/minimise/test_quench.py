@@ -220,10 +220,10 @@ def damped(monkeypatch):
 def test_damping_goes_where_steps_are_full(damped):
     """Threefold smaller after each; but for a floor as long as forces are not small."""
     disks = relax(crowd(n=24), Goal(0.05), 1e-5)
-    for floor, near in ((0.0, newton.NEAR), (newton.DAMPING_LEAST, 0.0)):
+    for floor, near in ((0.0, newton.NEAR_MINIMUM_FORCE), (newton.DAMPING_LEAST, 0.0)):
         damped.clear()
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(newton, "NEAR", near)
+            patch.setattr(newton, "NEAR_MINIMUM_FORCE", near)
             descent = Descent(disks, Goal(0.05), Team())
             limits = newton.Limits(descent, 1e-14)
             assert newton.Newton(descent, NewtonSteps()).converge(limits)
@@ -280,7 +280,7 @@ def test_newton_goes_on_while_rounding_lets_it(monkeypatch):
     searched = [residual.force for name, residual in ways if name == "search"]
     last = newton.Point.of(descent).residual.force
     assert last > 0.5 * forces[-1] and last <= limits.at(0.05).force
-    assert searched == [force for force in forces if force > newton.BEND * 0.05 * descent.diameter]
+    assert searched == [force for force in forces if force > newton.ROUNDING_FORCE * 0.05 * descent.diameter]
 
 
 def test_a_pattern_is_that_of_the_list_there_is():
@@ -325,7 +325,7 @@ def test_a_saddle_is_left_where_it_is_steepest(goal, monkeypatch):
     np.testing.assert_allclose(descent.disks.positions, other.descent.disks.positions, rtol=0, atol=1e-12)
     np.testing.assert_allclose(descent.disks.cell, other.descent.disks.cell, rtol=0, atol=1e-12)
     longest = abs(2.0 * went) * np.hypot(*mode[0].T).max()
-    assert longest > newton.REACH * descent.diameter or ways[2.0 * went] <= ways[went]
+    assert longest > newton.MAX_NEWTON_MOVE * descent.diameter or ways[2.0 * went] <= ways[went]
     assert np.abs(descent.disks.positions - start.positions).max() > 1e-4
 
 

@@ -60,7 +60,7 @@ def test_blocks_and_libraries_factorise_alike(session, monkeypatch):
     assert eigen._suits_blocks(pencil.K)
     ours = lowest_modes(network, 9).eigenvalues
     assert eigen._suits_blocks(pencil.K)
-    monkeypatch.setattr(eigen, "MANY", 2 * network.n - 1)
+    monkeypatch.setattr(eigen, "DENSE_BLOCK_UNKNOWNS", 2 * network.n - 1)
     assert not eigen._suits_blocks(pencil.K)
     np.testing.assert_allclose(lowest_modes(network, 9).eigenvalues, ours, rtol=1e-11)
     monkeypatch.undo()

@@ -10,7 +10,7 @@ from scipy.sparse import bmat, diags, eye, random
 from jampetsc import main as cli
 from jampetsc.errors import named
 from jampetsc.petsc import mumps
-from jampetsc.petsc.matrices import distributed_matrix
+from jampetsc.petsc.sparse_matrices import distributed_matrix
 from jampetsc.response import vibrations as modes
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]

@@ -51,11 +51,18 @@ def test_an_option_is_petscs_or_of_a_solver_of_the_command(line):
 
 
 def test_what_is_said_knows_every_solver_and_every_command():
-    homes = {"shift_": "petsc.shifted", "freq_": "response.direct", "inertia_": "petsc.inertia",
-             "modes_": "petsc.eigen", "newton_": "petsc.local",
-             "osc_": "oscillation.newton", "osc_factor_": "oscillation.preconditioner"}  # fmt: skip
-    prefixes = {importlib.import_module(f"jampetsc.{home}").PREFIX for home in homes.values()}
-    assert prefixes == set(solver_options.SOLVERS) == set(homes)
+    homes = {
+        "shift_": ("petsc.shifted", "PREFIX"),
+        "freq_": ("response.direct", "PREFIX"),
+        "inertia_": ("petsc.inertia", "PREFIX"),
+        "modes_": ("petsc.eigen", "PREFIX"),
+        "newton_": ("petsc.local", "PREFIX"),
+        "osc_": ("oscillation.cycle_solver", "NEWTON_PREFIX"),
+        "osc_factor_": ("oscillation.cycle_solver", "FACTOR_PREFIX"),
+    }
+    for prefix, (home, name) in homes.items():
+        assert getattr(importlib.import_module(f"jampetsc.{home}"), name) == prefix
+    assert set(solver_options.SOLVERS) == set(homes)
     assert {one for name in JOBS for one in job_class(name).SOLVERS} == set(solver_options.SOLVERS)
 
 

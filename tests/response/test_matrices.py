@@ -14,7 +14,7 @@ from scipy.sparse.linalg import spsolve
 import jampetsc
 from jampetsc import main as cli
 from jampetsc.errors import InputError
-from jampetsc.response.matrices import NAMES, SPARSE, Matrices
+from jampetsc.response.assembled_matrices import NAMES, SPARSE, PackingMatrices
 
 pytestmark = pytest.mark.scalar("real")
 OMEGA = (1e-3, 1.0)
@@ -77,10 +77,10 @@ def read(out):
     if out.suffix == ".npz":
         held = np.load(out)
         sparse = {name: csr_array((held[name], held["indices"], held["indptr"])) for name in SPARSE}
-        return Matrices(**sparse, **{name: held[name] for name in NAMES if name not in SPARSE})
+        return PackingMatrices(**sparse, **{name: held[name] for name in NAMES if name not in SPARSE})
     if out.suffix == ".mtx":
         found = {name: mmread(out.with_name(f"{out.stem}-{name}.mtx")) for name in NAMES}
-        return Matrices(
+        return PackingMatrices(
             **{name: csr_array(found.pop(name)) for name in SPARSE},
             **{name: value if name == "dofs" else value[:, 0] for name, value in found.items()},
         )
@@ -91,7 +91,7 @@ def read(out):
     k_gamma, b_gamma, numbers = (PETSc.Vec().load(viewer).getArray().copy() for _ in range(3))
     particles, pins = (PETSc.IS().load(viewer).getIndices().copy() for _ in range(2))
     dofs = np.column_stack((np.repeat(particles, 3), np.tile(np.arange(3), len(particles))))
-    return Matrices(K, B, k_gamma, b_gamma, *numbers, particles, dofs, pins)
+    return PackingMatrices(K, B, k_gamma, b_gamma, *numbers, particles, dofs, pins)
 
 
 @pytest.mark.parametrize("ending", [".npz", ".mtx", ".petsc"])

@@ -64,9 +64,11 @@ def test_factors_that_do_not_fit_are_made_again(session, monkeypatch):
     made, n = plenty.sweep.factors, plenty.pencil.unknowns
     assert len(made._held) == len(made.shifts) > 1
     monkeypatch.setattr(factors, "BYTES", 1.0)
-    monkeypatch.setattr(factors, "SHARE", 2.5 * n * np.log2(n) / session.comm.allreduce(session.memory()))
+    monkeypatch.setattr(
+        factors, "FACTOR_MEMORY_SHARE", 2.5 * n * np.log2(n) / session.comm.allreduce(session.memory())
+    )
     assert factors.most_held(plenty.pencil) == 2
-    monkeypatch.setattr(factors, "SHARE", 0.0)
+    monkeypatch.setattr(factors, "FACTOR_MEMORY_SHARE", 0.0)
     few = Sweep(disks, LAWS[law], OMEGA, accuracy, session.comm, "matrix").solved()
     assert len(few.sweep.factors._held) == 1
     np.testing.assert_allclose(few.sweep.factors.shifts, made.shifts, rtol=1e-9)

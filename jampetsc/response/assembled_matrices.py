@@ -22,8 +22,8 @@ from jampetsc.io.atomic import write_whole
 from jampetsc.laws.damping import Physics
 from jampetsc.network.contact_network import build_network
 from jampetsc.packing.disks import Disks
-from jampetsc.petsc.matrices import whole_matrix
 from jampetsc.petsc.session import current
+from jampetsc.petsc.sparse_matrices import whole_matrix
 from jampetsc.response.assembly import assemble, pins_of
 
 ENDINGS = (".npz", ".mtx", ".petsc")
@@ -33,7 +33,7 @@ NAMES = (*SPARSE, *VECTORS, *NUMBERS, *ROWS)
 
 
 @dataclass(frozen=True, eq=False)
-class Matrices:
+class PackingMatrices:
     """K and B of u unknowns of the n disks that bear load, (x, y) or, where disks roll, (x, y, θ) one after another."""
 
     K: object  # (u, u) PETSc.Mat, or scipy's csr_array; k
@@ -47,12 +47,12 @@ class Matrices:
     dofs: np.ndarray  # (u, 2) of every unknown: number of its disk in the packing file; 0 x, 1 y, 2 θ
     pins: np.ndarray  # unknowns to leave out, so that K + iωB is regular
 
-    def to_scipy(self) -> "Matrices":
+    def to_scipy(self) -> "PackingMatrices":
         """The same matrices whole on every rank, K and B as csr_array, the border as numpy arrays. Collective."""
         if not hasattr(self.K, "getValuesCSR"):
             return self
         comm = self.K.getComm().tompi4py()
-        return Matrices(
+        return PackingMatrices(
             *(whole_matrix(getattr(self, name)) for name in SPARSE),
             *(np.concatenate(comm.allgather(getattr(self, name).getArray().real)) for name in VECTORS),
             *(getattr(self, name) for name in (*NUMBERS, *ROWS)),
@@ -92,13 +92,13 @@ class Matrices:
             getattr(self, name).destroy()
 
 
-def matrices_of(disks: Disks, physics: Physics, comm) -> Matrices:
+def matrices_of(disks: Disks, physics: Physics, comm) -> PackingMatrices:
     """The matrices of a packing that every rank has read. Collective. Raises InputError where it is not rigid."""
     network, law = build_network(disks, comm, physics.prestress), physics.law
     pencil = assemble(network, law, pinned=False)
     particles = np.concatenate(comm.allgather(network.particles))
     component = np.tile(np.arange(law.dofs), len(particles))
-    return Matrices(
+    return PackingMatrices(
         *(getattr(pencil, name) for name in (*SPARSE, *VECTORS, "k_gg", "b_gg")),
         area=network.area,
         particles=particles,
@@ -120,7 +120,7 @@ def files_of(out) -> dict:
     return {"": path}
 
 
-def write_matrices(out, matrices: Matrices) -> None:
+def write_matrices(out, matrices: PackingMatrices) -> None:
     """Write the files of `files_of`. Collective. Raises InputError or JampetscError where that fails."""
     comm, files = matrices.K.getComm().tompi4py(), files_of(out)
     if Path(out).suffix == ".petsc":
