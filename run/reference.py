@@ -9,10 +9,20 @@ from jampetsc.io.ensemble import AverageCurve, Averages, Ensemble
 from jampetsc.io.reader import FlowResult, SpectrumResult, SweepResult
 from jampetsc.io.results import Result
 from jampetsc.laws.flow_models import MODELS
-from jampetsc.response.assembled_matrices import Matrices
+from jampetsc.response.assembled_matrices import PackingMatrices
 
 RETURNED = (
-    *(Result, SweepResult, FlowResult, SpectrumResult, Snapshot, Ensemble, Averages, AverageCurve, Matrices),
+    *(
+        Result,
+        SweepResult,
+        FlowResult,
+        SpectrumResult,
+        Snapshot,
+        Ensemble,
+        Averages,
+        AverageCurve,
+        PackingMatrices,
+    ),
     *(errors.InputError, errors.ConvergenceError),
 )
 

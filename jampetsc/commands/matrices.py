@@ -60,8 +60,8 @@ def assemble(packing, law=DEFAULT, *, prestress=True):
     law         a damping law, or the name of a family of them
     prestress   whether K keeps the f/r term of its contacts (BT eq. 4)
 
-    Returns an `assembled_matrices.PackingMatrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a packing
-    that is not rigid, and for an unknown law.
+    Returns an `assembled_matrices.PackingMatrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a
+    packing that is not rigid, and for an unknown law.
     """
     from jampetsc.response.assembled_matrices import matrices_of
 

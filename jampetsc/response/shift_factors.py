@@ -55,8 +55,8 @@ class Factors:
 
     Of those that all ranks share as many are kept as fit into `FACTOR_MEMORY_SHARE` of the memory; others are freed,
     and made again when they are needed. Side by side each rank grows a short Krylov chain of its own from
-    the residual of the basis; together they span what they would have one after the other (parallel rational Krylov, Berljafa &
-    Güttel 2017).
+    the residual of the basis; together they span what they would have one after the other (parallel rational Krylov,
+    Berljafa & Güttel 2017).
 
     parallel   "shifts" (side by side), "matrix" (shared) or "auto"
     width      number of shifts factorised at the same time

@@ -66,8 +66,8 @@ def test_what_the_documents_say_runs(tmp_path):
 
 def test_the_site_has_every_page_and_every_name(tmp_path):
     text = (launch.ROOT / "mkdocs.yml").read_text()
-    pages = re.findall(r": (\w+\.md)$", text, re.MULTILINE)
-    assert sorted(pages) == sorted(path.name for path in (launch.ROOT / "docs").glob("*.md"))
+    pages, docs = re.findall(r": ([\w/]+\.md)$", text, re.MULTILINE), launch.ROOT / "docs"
+    assert sorted(pages) == sorted(str(path.relative_to(docs)) for path in docs.rglob("*.md"))
     entries = runpy.run_path(str(launch.ROOT / "run" / "reference.py"))["reference"]()
     for name in {*jampetsc.__all__, "models.CD0"} - {"__version__", "models"}:
         assert f"\n## jampetsc.{name}\n\n```text\n" in entries
@@ -82,7 +82,7 @@ def test_the_site_has_every_page_and_every_name(tmp_path):
 
 
 def test_links_between_documents_lead_somewhere():
-    for path in [launch.ROOT / "README.md", *(launch.ROOT / "docs").glob("*.md")]:
+    for path in [launch.ROOT / "README.md", *(launch.ROOT / "docs").rglob("*.md")]:
         for target in re.findall(r"\]\(([^)#]+?)\)", path.read_text()):
             assert "://" in target or (path.parent / target).exists(), f"{path.name}: {target}"
 
