@@ -23,7 +23,7 @@ def plan(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
     disks, attributes = read_packing(bench.job.packing), bench.reference.result.attributes
     record, packs, left_out = disks.record, [], []
     if record.get("sizes") not in SIZES:  # imported, or from a file of radii
-        reason = f"the radii of {bench.job.packing} cannot be drawn anew by `jampetsc pack`"
+        reason = f"the radii of {bench.job.packing} cannot be drawn by `jampetsc pack`"
         return [], [f"ensemble: left out, {reason}"]
     for share in SHARES:
         if disks.n // share < MIN_DISKS:

@@ -18,7 +18,7 @@ from jampetsc.version import VERSION
 def measure(job, out) -> str:
     """Run all choices of a `studies.trade_job.Trade`, write `out` (.csv) and a picture (.png); returns the text.
 
-    Choices that fail have a row that says why. Raises JampetscError if there is no reference.
+    Choices that fail have a row that says why. Raises JampetscError without a reference.
     """
     picture = Path(out).with_suffix(".png")
     load = os.getloadavg()[0]

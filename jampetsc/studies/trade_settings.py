@@ -84,7 +84,7 @@ class TradeRuns:
     def find_reference(self) -> list[TradeRow]:
         """Find the tightest rational sweep that is certified; its row first, then the failed `ACCURACIES`.
 
-        Raises JampetscError with the message of the run if there is none.
+        Raises JampetscError with the message of the run if all fail.
         """
         rows = []
         for accuracy in TIGHTEST:
@@ -159,7 +159,7 @@ def plan(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
 def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     """Other physics for the same packing: rotations and pre-stress switched, the other damping laws.
 
-    Stokes drag is without BT's η_F, which adds iωη_F to G* and changes nothing else. Its exponents are those of contact
+    Stokes drag is without BT's η_F, which adds iωη_F to G* and changes nothing else. It has the exponents of contact
     damping at β = 1 (BT) except for a logarithm (docs/physics.md), which slopes over a window do not resolve.
     """
     law, prestress = physics.law, physics.prestress

@@ -98,7 +98,7 @@ def with_record(path, n=64, **record):
     [
         ("none.h5 --out t.csv", "none.h5: no such file"),
         ("--out t.txt", "--out t.txt: give it the ending .csv"),
-        ("--out t.csv --choices method,speed", "--choices method,speed: 'speed' is none of"),
+        ("--out t.csv --choices method,speed", "--choices method,speed: 'speed' is not in"),
         ("--out t.csv --options-files none.opts", "--options-files none.opts: no such file"),
         ("--out none/t.csv", "none/t.csv: folder none does not exist"),
         ("--out t.csv --ranks 3", "--ranks 3: neither mpirun nor mpiexec is in PATH"),
@@ -431,7 +431,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
         "law: contact damping, beta = 1, tau1 = 1; frequencies 1e-08:10.0:91",
         "reference: certified to 1.4e-06; errors below that are not resolved",
         "critical window: omega = 1e-05 to 0.1",
-        f"ensemble: left out, the radii of {packing} cannot be drawn anew by `jampetsc pack`",
+        f"ensemble: left out, the radii of {packing} cannot be drawn by `jampetsc pack`",
     ):
         assert f"# {line}\n" in written and line in text.splitlines()
     assert "runs: one process each; " in written and "PETSc 3.99; 2" in written
