@@ -18,7 +18,7 @@ FIRST_SEED = 1001  # other packings than the one of the reference
 MIN_DISKS = 16  # disks
 
 
-def plan(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
+def plan_ensembles(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
     """(jobs that make the packings, lines on what is left out and why), once there is a reference."""
     disks, attributes = read_packing(bench.job.packing), bench.reference.result.attributes
     record, packs, left_out = disks.record, [], []

@@ -39,7 +39,7 @@ class TradeSetting:
 
 
 class TradeRuns:
-    """Runs sweeps for a `job.Trade`, in a folder of its own, and reports them to a Progress."""
+    """Runs the jobs of a `trade_job.Trade` in a folder of their own and reports them to a Progress."""
 
     def __init__(self, job, folder, progress):
         self.job, self.folder, self.progress = job, Path(folder), progress
@@ -123,7 +123,7 @@ class TradeRuns:
         return row
 
 
-def plan(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
+def plan_settings(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
     """(choices, lines about groups that are left out) for the groups asked for; needs the reference."""
     job, choices, left_out = bench.job, [], []
     if "accuracy" in job.choices:
