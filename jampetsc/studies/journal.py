@@ -95,7 +95,7 @@ class Claims:
         return done
 
     def tally(self) -> tuple[int, int]:
-        """(number of the last task that this rank has finished among those of all ranks, failed tasks of all ranks).
+        """(place of this rank's last finished task among all ranks, number of failed tasks of all ranks).
 
         The failed ones of other ranks are counted once a second.
         """

@@ -60,7 +60,7 @@ class Lock:
             return os.fstat(probe.fileno()).st_mtime - os.lstat(self.path).st_mtime
 
     def _end(self, age):
-        """When the lock of another machine that was touched so many seconds ago ends, in words."""
+        """When a lock of another machine expires, in words; age: seconds since it was touched."""
         if age < -MAX_TOUCH_AGE:
             dated = time.strftime("%Y-%m-%d", time.localtime(os.lstat(self.path).st_mtime))
             return f"its lock has a time in the future, {dated}: if no study runs there, remove {self.path}"

@@ -44,7 +44,7 @@ class StudyTask:
     name: str
     command: str
     settings: TaskSettings
-    columns: dict  # column -> value: its settings and those of its packing
+    columns: dict  # column -> value: its settings and its packing's
     inputs: tuple = ()  # tasks whose files it reads
 
     @property
@@ -85,7 +85,7 @@ def plan(path, content: bytes | dict) -> list[StudyTask]:
     Raises InputError naming file, table and key; too many tasks are refused before their list is made.
     """
     tables = _tables(path, content)
-    tasks = {}  # name -> StudyTask; a task that is asked for twice is done once
+    tasks = {}  # name -> StudyTask; a repeated task is run once
     planned = {command: [] for command in study_inputs()}
     for command, task_inputs in study_inputs().items():
         for where, table in tables.get(command, []):

@@ -1,4 +1,4 @@
-"""An ensemble of packings and of what is asked of each."""
+"""The job `study`: an ensemble of packings and the jobs that run on each."""
 
 import time
 from collections.abc import Mapping

@@ -2,7 +2,7 @@
 
 from jampetsc.columns import comma_separated
 
-# first and last columns, those of them that exist
+# columns that come first and last, if they exist
 FIRST_COLUMNS = ("command", "state", "file", "packing", "n", "pressure", "phi", "seed", "law")
 LAST_COLUMNS = ("seconds",)
 

@@ -52,7 +52,7 @@ def _place(job):
 def values_of(job, table: dict, where: str) -> list:
     """[(parameter of the class of jobs, its values)] of a table; `where` names file and table in messages.
 
-    A key may be written as in python and in the table of results, too: eta_f for eta-f. Raises InputError for a key
+    A key may be written with an underscore as in python: eta_f for eta-f. Raises InputError for a key
     that the job does not have or that is there twice, and for a value of the wrong type.
     """
     options = {

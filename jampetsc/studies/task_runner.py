@@ -72,7 +72,7 @@ class TaskRunner:
         )
 
     def run(self, task, available, together=False) -> dict:
-        """Do a task with those of its inputs that are `available`; returns its record.
+        """Run a task with its `available` inputs; returns its record.
 
         together   whether all ranks share the task: then it is collective, and unexpected errors, which only one rank
                    may meet, are raised. Else nothing but an interrupt is raised.

@@ -18,12 +18,12 @@ FIRST_SEED = 1001  # other packings than the one of the reference
 MIN_DISKS = 16  # disks
 
 
-def plan(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
+def plan_ensembles(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
     """(jobs that make the packings, lines on what is left out and why), once there is a reference."""
     disks, attributes = read_packing(bench.job.packing), bench.reference.result.attributes
     record, packs, left_out = disks.record, [], []
     if record.get("sizes") not in SIZES:  # imported, or from a file of radii
-        reason = f"the radii of {bench.job.packing} cannot be drawn anew by `jampetsc pack`"
+        reason = f"the radii of {bench.job.packing} cannot be drawn by `jampetsc pack`"
         return [], [f"ensemble: left out, {reason}"]
     for share in SHARES:
         if disks.n // share < MIN_DISKS:

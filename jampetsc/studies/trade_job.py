@@ -18,7 +18,7 @@ GROUPS = ("accuracy", "method", "physics", "frequencies")
 def _groups(value):
     for word in words(value):
         if word not in GROUPS:
-            raise ValueError(f"{word!r} is none of {', '.join(GROUPS)}")
+            raise ValueError(f"{word!r} is not in {', '.join(GROUPS)}")
     return words(value)
 
 
@@ -35,7 +35,7 @@ class Trade(OfPacking):
     """Measure what speed costs in accuracy.
 
     Runs a sweep of one packing with each of many settings, and compares time, memory, factorisations, errors of G' and
-    G'' and critical slopes with those of the most accurate sweep. Writes a table (CSV) and, beside it, a picture of
+    G'' and critical slopes with the most accurate sweep. Writes a table (CSV) and, beside it, a picture of
     time against error (.png), and recommends settings by rules that it states.
 
       accuracy     accuracies 1e-2 ... 1e-10 of the rational sweep
@@ -62,7 +62,7 @@ Times are meaningful only on a machine without other load."""
     )
     omega: Numbers = asked(OMEGA, "frequencies ω", kind=FREQUENCIES, unit="1/τ₁")
     ranks: int | None = asked(
-        None, "run every choice under mpirun on so many ranks (default: without mpirun)", low=1, high=100_000
+        None, "number of ranks of every run, under mpirun (default: without mpirun)", low=1, high=100_000
     )
     options_files: tuple | None = asked(
         None,

@@ -29,7 +29,7 @@ class ProcessOutcome:
 
 
 def launcher(ranks: int | None) -> list[str]:
-    """Words to put before a command for so many ranks; none for None. Raises InputError without mpirun."""
+    """Words that start a command on `ranks` ranks, [] for None. Raises InputError without mpirun."""
     if ranks is None:
         return []
     program = next((path for name in _LAUNCHERS if (path := shutil.which(name))), None)

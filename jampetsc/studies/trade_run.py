@@ -18,15 +18,15 @@ from jampetsc.version import VERSION
 def measure(job, out) -> str:
     """Run all choices of a `studies.trade_job.Trade`, write `out` (.csv) and a picture (.png); returns the text.
 
-    Choices that fail have a row that says why. Raises JampetscError if there is no reference.
+    Choices that fail have a row that says why. Raises JampetscError without a reference.
     """
     picture = Path(out).with_suffix(".png")
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder, Progress(None, "trade") as progress:
         bench = trade_settings.TradeRuns(job, folder, progress)
         rows = bench.find_reference()
-        todo, remarks = trade_settings.plan(bench)
-        packs, more = trade_ensembles.plan(bench) if job.ensemble else ([], [])
+        todo, remarks = trade_settings.plan_settings(bench)
+        packs, more = trade_ensembles.plan_ensembles(bench) if job.ensemble else ([], [])
         count = sum(len(pack.seeds) for pack in packs)
         progress.note(f"{len(todo)} runs{f' and {count} packings with one each' if packs else ''} to do")
         rows += [bench.measure(choice) for choice in todo]

@@ -39,7 +39,7 @@ class TradeSetting:
 
 
 class TradeRuns:
-    """Runs sweeps for a `job.Trade`, in a folder of its own, and reports them to a Progress."""
+    """Runs the jobs of a `trade_job.Trade` in a folder of their own and reports them to a Progress."""
 
     def __init__(self, job, folder, progress):
         self.job, self.folder, self.progress = job, Path(folder), progress
@@ -84,7 +84,7 @@ class TradeRuns:
     def find_reference(self) -> list[TradeRow]:
         """Find the tightest rational sweep that is certified; its row first, then the failed `ACCURACIES`.
 
-        Raises JampetscError with the message of the run if there is none.
+        Raises JampetscError with the message of the run if all fail.
         """
         rows = []
         for accuracy in TIGHTEST:
@@ -123,7 +123,7 @@ class TradeRuns:
         return row
 
 
-def plan(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
+def plan_settings(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
     """(choices, lines about groups that are left out) for the groups asked for; needs the reference."""
     job, choices, left_out = bench.job, [], []
     if "accuracy" in job.choices:
@@ -159,7 +159,7 @@ def plan(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
 def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     """Other physics for the same packing: rotations and pre-stress switched, the other damping laws.
 
-    Stokes drag is without BT's η_F, which adds iωη_F to G* and changes nothing else. Its exponents are those of contact
+    Stokes drag is without BT's η_F, which adds iωη_F to G* and changes nothing else. It has the exponents of contact
     damping at β = 1 (BT) except for a logarithm (docs/physics.md), which slopes over a window do not resolve.
     """
     law, prestress = physics.law, physics.prestress

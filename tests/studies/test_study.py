@@ -333,7 +333,7 @@ def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
 @pytest.mark.most_ranks(2)
 @pytest.mark.least_ranks(2)
 def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch, capsys):
-    clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, sleep=sleep)
+    clock = SimpleNamespace(monotonic=itertools.count(10, 10).__next__, sleep=sleep)
     monkeypatch.setattr(
         "jampetsc.studies.journal.time", clock
     )  # each look at what the others have done is new

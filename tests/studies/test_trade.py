@@ -98,7 +98,7 @@ def with_record(path, n=64, **record):
     [
         ("none.h5 --out t.csv", "none.h5: no such file"),
         ("--out t.txt", "--out t.txt: give it the ending .csv"),
-        ("--out t.csv --choices method,speed", "--choices method,speed: 'speed' is none of"),
+        ("--out t.csv --choices method,speed", "--choices method,speed: 'speed' is not in"),
         ("--out t.csv --options-files none.opts", "--options-files none.opts: no such file"),
         ("--out none/t.csv", "none/t.csv: folder none does not exist"),
         ("--out t.csv --ranks 3", "--ranks 3: neither mpirun nor mpiexec is in PATH"),
@@ -134,7 +134,7 @@ def test_ranks_ensemble_and_frequencies(packing, tmp_path, clean):
     bench.find_reference()
     bench.job = replace(bench.job, ranks=None)
     assert bench.reference.window[0] >= 0.99 * CRITICAL_START * 1e-3 and bench.reference.certified < 1e-8
-    plan, left_out = trade_settings.plan(bench)
+    plan, left_out = trade_settings.plan_settings(bench)
     physics, grids = plan[:3], plan[3:]
     assert [choice.name for choice in physics][2:] == ["Stokes drag, eta_f = 0"] and not left_out
     assert [choice.name for choice in grids] == [f"{n} frequencies" for n in (3, 4, 7, 13, 16)]
@@ -142,7 +142,9 @@ def test_ranks_ensemble_and_frequencies(packing, tmp_path, clean):
     assert min(stokes.error_storage, stokes.error_loss) > 1e-3
     coarse, full = bench.measure(grids[0]), bench.measure(grids[-1])
     assert coarse.error > 3 * full.error > 1e-6  # what straight lines miss, not what solvers do
-    row = trade_ensembles.measure(bench, replace(trade_ensembles.plan(bench)[0][0], n=32, seeds=(1001, 1002)))
+    row = trade_ensembles.measure(
+        bench, replace(trade_ensembles.plan_ensembles(bench)[0][0], n=32, seeds=(1001, 1002))
+    )
     assert not row.failed and row.choice == "2 x N = 32" and row.stderr_loss > 0
     assert row.factorisations >= 2 and row.error > 1e-3 and "packing took" in row.note
 
@@ -276,7 +278,7 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, rep
         "[5] options o.opts: failed: broken",
         "[6] method direct: 2.00 s  error 2.0e-05",
     ]
-    plan, left_out = trade_settings.plan(bench)
+    plan, left_out = trade_settings.plan_settings(bench)
     assert [choice.name for choice in plan] == [
         f"accuracy {a:g}" for a in trade_settings.ACCURACIES if a > 1e-9
     ]
@@ -307,7 +309,7 @@ def test_what_cannot_be_measured_is_said(told, tmp_path):
         (row,) = bench.find_reference()
         assert np.isnan(row.exponent_storage) and bench.reference.window is None
         assert not [name for name in bench.reference.deviation(bench.reference.G) if "window" in name]
-        plan, left_out = trade_settings.plan(bench)
+        plan, left_out = trade_settings.plan_settings(bench)
         assert [choice.name for choice in plan] == ["direct, MUMPS", "direct, a.opts"]
         assert plan[1].petsc == ("-options_file", str(tmp_path / "a.opts"))
         window = "critical window, 10 p/k < omega tau1 < 0.1"
@@ -320,7 +322,7 @@ def test_numbers_of_frequencies_are_so_many_per_decade_up_to_those_asked_for(tol
     curve = spent(Curve(np.geomspace(low, high, int(points))))
     bench = told(("", 0, curve), omega=omega, choices=["frequencies"])
     bench.find_reference()
-    plan, _ = trade_settings.plan(bench)
+    plan, _ = trade_settings.plan_settings(bench)
     assert [choice.name for choice in plan] == [f"{n} frequencies" for n in counts]
     grids = [grid_text(np.geomspace(low, high, n)) for n in counts]
     assert [choice.sweep.words() for choice in plan] == [["--omega", g, "--method", "direct"] for g in grids]
@@ -349,7 +351,7 @@ def packs_of(told, path, n=64, **record):
     packing = with_record(path / "p.h5", n, **record)
     bench = told(("1e-12", 0, spent(Curve(WIDE, k=2.0))), packing=packing)
     bench.find_reference()
-    return bench, *trade_ensembles.plan(bench)
+    return bench, *trade_ensembles.plan_ensembles(bench)
 
 
 def test_an_ensemble_costs_what_all_its_runs_cost(told, tmp_path):
@@ -431,7 +433,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
         "law: contact damping, beta = 1, tau1 = 1; frequencies 1e-08:10.0:91",
         "reference: certified to 1.4e-06; errors below that are not resolved",
         "critical window: omega = 1e-05 to 0.1",
-        f"ensemble: left out, the radii of {packing} cannot be drawn anew by `jampetsc pack`",
+        f"ensemble: left out, the radii of {packing} cannot be drawn by `jampetsc pack`",
     ):
         assert f"# {line}\n" in written and line in text.splitlines()
     assert "runs: one process each; " in written and "PETSc 3.99; 2" in written
