@@ -7,8 +7,7 @@ import numpy as np
 from jampetsc.network.contact_network import Network
 from jampetsc.oscillation.response import Drive
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.pairs import deformed
+from jampetsc.packing.disks import Disks, deformed
 
 
 @dataclass(frozen=True, eq=False)
