@@ -173,7 +173,7 @@ class Disks:
     def minimise(self, **options) -> "Disks":
         """A proved minimum of the energy in this cell, reached from these positions; `options` as for `jampetsc.pack`.
 
-        Collective. Raises as `jampetsc.pack`.
+        Collective. Raises as `jampetsc.pack`, which takes packing fractions between 0.8 and 1.5.
         """
         import jampetsc
 
