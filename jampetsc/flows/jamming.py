@@ -20,9 +20,8 @@ from jampetsc.minimise.descent import Goal
 from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.thermal import annealed
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.disks import Disks, deformed
 from jampetsc.packing.neighbours import neighbour_pairs
-from jampetsc.packing.pairs import deformed
 from jampetsc.packing.potentials import Potential
 
 RELAXED_FORCE = 1e-4  # max |F| in k_e/d to which a random start is relaxed before it is minimised

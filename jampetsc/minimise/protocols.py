@@ -10,9 +10,8 @@ from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import Minimum, minimise, relax, settle, stress_unit
 from jampetsc.packing.compiled import instruction_set
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.disks import Disks, deformed
 from jampetsc.packing.neighbours import spatial_order
-from jampetsc.packing.pairs import deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team
 

@@ -20,8 +20,7 @@ from jampetsc.oscillation.cycle_solver import solve_cycle
 from jampetsc.oscillation.drive import HARMONICS, MIN_FIXED_ALPHA, Drive, OscillationResult
 from jampetsc.oscillation.power_law import STIFFEST, ContactPowerLaw
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.pairs import deformed
+from jampetsc.packing.disks import Disks, deformed
 from jampetsc.response.assembly import assemble
 
 

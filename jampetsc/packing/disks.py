@@ -7,6 +7,7 @@ offset: `base` is a multiple of GRID, so that differences of bases and cell vect
 """
 
 import hashlib
+import math
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
@@ -172,7 +173,7 @@ class Disks:
     def minimise(self, **options) -> "Disks":
         """A proved minimum of the energy in this cell, reached from these positions; `options` as for `jampetsc.pack`.
 
-        Collective. Raises as `jampetsc.pack`.
+        Collective. Raises as `jampetsc.pack`, which takes packing fractions between 0.8 and 1.5.
         """
         import jampetsc
 
@@ -242,3 +243,23 @@ class Disks:
             one.name: getattr(self, one.name) for one in fields(self) if not one.name.startswith("cell")
         }
         return replace(self, **{name: a[order] for name, a in arrays.items() if isinstance(a, np.ndarray)})
+
+
+def deformed(disks: Disks, offsets, strain, shear) -> Disks:
+    """The disks at F (x + o), with F = e^strain [[1, shear], [0, 1]].
+
+    Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
+    """
+    growth, mixing = math.expm1(strain), math.exp(strain) * shear
+    places = _deformed(disks.base, disks.offset, offsets, growth, mixing)
+    cell = _deformed(disks.cell_base, disks.cell_offset, np.zeros((2, 2)), growth, mixing)
+    return Disks(*places, disks.radii, *cell, disks.potential, disks.record, disks.images)
+
+
+def _deformed(base, offset, moves, growth, mixing):
+    """(base, offset) of x + o + (F − 1)(x + o), all (N, 2), with F − 1 = [[growth, mixing], [0, growth]]."""
+    low = offset + moves
+    x, y = (base + low).T
+    low += np.column_stack((growth * x + mixing * y, growth * y))
+    carry = GRID * np.rint(low / GRID)
+    return base + carry, low - carry

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.packing.compiled import compiled
-from jampetsc.packing.disks import GRID, Disks
+from jampetsc.packing.disks import Disks, deformed
 from jampetsc.packing.pair_search import listed
 from jampetsc.packing.threads import Team
 
@@ -79,17 +79,6 @@ def tuned_skin(skin: float, steps: float, diameter: float, rebuild: float = REBU
     best = math.sqrt(rebuild / WIDTH * diameter * skin / max(steps, 1))
     narrowest, widest = (limit * diameter for limit in SKIN_RANGE)
     return min(max(best, 0.5 * skin, narrowest), 1.5 * skin, widest)
-
-
-def deformed(disks: Disks, offsets, strain, shear) -> Disks:
-    """The disks at F (x + o), with F = e^strain [[1, shear], [0, 1]].
-
-    Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
-    """
-    growth, mixing = math.expm1(strain), math.exp(strain) * shear
-    places = _deformed(disks.base, disks.offset, offsets, growth, mixing, GRID)
-    cell = _deformed(disks.cell_base, disks.cell_offset, np.zeros((2, 2)), growth, mixing, GRID)
-    return Disks(*places, disks.radii, *cell, disks.potential, disks.record, disks.images)
 
 
 class ListedDisks:
@@ -140,18 +129,3 @@ class ListedDisks:
     def tune(self, steps: float, rebuild: float = REBUILD):
         """Choose the skin of the next list when this one served for `steps` evaluations: see `tuned_skin`."""
         self.skin = tuned_skin(self.skin, steps, self.diameter, rebuild)
-
-
-@compiled(False)
-def _deformed(base, offset, moves, growth, mixing, grid):
-    """(base, offset) of x + o + (F − 1)(x + o), all (N, 2), with F − 1 = [[growth, mixing], [0, growth]]."""
-    to, rest = np.empty_like(base), np.empty_like(base)
-    for a in range(len(base)):
-        low_x, low_y = offset[a, 0] + moves[a, 0], offset[a, 1] + moves[a, 1]
-        x, y = base[a, 0] + low_x, base[a, 1] + low_y
-        low_x += growth * x + mixing * y
-        low_y += growth * y
-        carry_x, carry_y = grid * np.rint(low_x / grid), grid * np.rint(low_y / grid)
-        to[a, 0], to[a, 1] = base[a, 0] + carry_x, base[a, 1] + carry_y
-        rest[a, 0], rest[a, 1] = low_x - carry_x, low_y - carry_y
-    return to, rest

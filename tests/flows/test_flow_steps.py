@@ -14,8 +14,7 @@ from jampetsc.flows.shearing import SteadyShear
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.pairs import deformed
+from jampetsc.packing.disks import Disks, deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team
 

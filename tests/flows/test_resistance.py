@@ -10,8 +10,8 @@ from sheared import crowd
 
 from jampetsc.flows import clusters, resistance
 from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.disks import deformed
 from jampetsc.packing.domains import Domains
-from jampetsc.packing.pairs import deformed
 
 
 def dense(disks, weights, hold, held=0):

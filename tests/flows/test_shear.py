@@ -17,8 +17,8 @@ from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import measure
+from jampetsc.packing.disks import deformed
 from jampetsc.packing.minimum_proof import proved_minimum
-from jampetsc.packing.pairs import deformed
 from jampetsc.packing.potentials import Potential
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process

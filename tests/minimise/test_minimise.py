@@ -21,9 +21,9 @@ from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing import contacts as state
 from jampetsc.packing import domains
 from jampetsc.packing.contacts import find_contacts, measure
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.disks import Disks, deformed
 from jampetsc.packing.minimum_proof import proved_minimum
-from jampetsc.packing.pairs import deformed, is_stale
+from jampetsc.packing.pairs import is_stale
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team
 from jampetsc.petsc.local import NewtonSolver

@@ -8,8 +8,9 @@ import sheared
 
 from jampetsc.laws.damping import Law
 from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.disks import deformed
 from jampetsc.packing.kernel import bond_forces
-from jampetsc.packing.pairs import PairList, deformed
+from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 
 WEIGHTS = {

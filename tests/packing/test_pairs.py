@@ -8,7 +8,7 @@ import pytest
 
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import bond_vectors, find_contacts, measure
-from jampetsc.packing.disks import GRID, Disks
+from jampetsc.packing.disks import GRID, Disks, deformed
 from jampetsc.packing.domains import EDGE, Domains, borders, choose_near, domain_order
 from jampetsc.packing.neighbours import neighbour_pairs
 from jampetsc.packing.pairs import (
@@ -17,7 +17,6 @@ from jampetsc.packing.pairs import (
     WIDTH,
     PairList,
     are_worn,
-    deformed,
     is_stale,
     tuned_skin,
 )
