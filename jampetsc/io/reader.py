@@ -1,6 +1,5 @@
 """`load`: any jampetsc file as an object with numpy arrays. Needs neither PETSc nor MPI."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.packing.disks import PLACES, Disks
+from jampetsc.packing.disks import PLACES, Disks, deformed
 from jampetsc.packing.potentials import Potential
 
 _MIN_RATE = 1e-100  # rates beyond this and its inverse are no rates of relaxation
@@ -139,12 +138,8 @@ class FlowResult(ShearedResult):
     @property
     def last(self) -> Disks:
         """The packing at the end."""
-        disks, moves = self.listed, self["state/offsets"]
         shear = int(self["state/since"]) * self.attributes["rate"] * self.attributes["step"]
-        cell_offset, offset = disks.cell_offset.copy(), disks.offset + moves
-        offset[:, 0] += shear * (disks.base[:, 1] + offset[:, 1])
-        cell_offset[1, 0] += shear * disks.cell[1, 1]
-        return replace(disks, offset=offset, cell_offset=cell_offset).folded()
+        return deformed(self.listed, self["state/offsets"], 0.0, shear).folded()
 
 
 class SpectrumResult(Result):
