@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from jampetsc.analysis.correlated_series import Average
+from jampetsc.analysis.jammed_samples import correlated_share
 from jampetsc.flows.means import discarded_strain, facts_of, independent_samples, short_run_warnings
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT, PLASTIC_RATIO, SlowShear
 from jampetsc.flows.record import (
@@ -87,6 +88,7 @@ def execute(job, solver, to) -> str:
         **facts_of(**averages),
     }
     stress, pressure = averages["shear_stress"], averages["pressure"]
+    share = correlated_share([record.series("jammed")[after]])
     notes = short_run_warnings(job.strain - discard, job.step, stress, pressure)
     facts["notes"] = noted(notes)
     minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
@@ -98,7 +100,8 @@ def execute(job, solver, to) -> str:
     lines = (
         f"{to}: phi = {disks.phi:.6g}, {len(record)} steps of {job.step:g}, {cost:.0f} force evaluations each, "
         f"{events} plastic event{'s' * (events != 1)}\n"
-        f"  sigma = {stress}, p = {pressure}, jammed {averages['jammed']}, "
+        f"  sigma = {stress}, p = {pressure}, jammed {share.value:.3g} "
+        f"(68 % interval {share.low:.2g} to {share.high:.2g}), "
         f"Z = {averages['coordination']}; {independent_samples(stress, pressure)}"
     )
     return "\n".join([lines, *note_lines(notes)])
