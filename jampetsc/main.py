@@ -30,7 +30,7 @@ PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report 
 
 def main(argv=None):
     """Run `jampetsc argv` and return the exit status. Errors are printed once, by one rank."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # OpenBLAS reads it, too, when numpy is imported
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # OpenBLAS also reads it when numpy is imported
     os.environ.pop(
         "NUMBA_NUM_THREADS", None
     )  # of threads that nothing here uses; numba does not start with 0
@@ -50,7 +50,7 @@ def main(argv=None):
         return _fail(_system_message(error), 1)
     except KeyboardInterrupt as error:
         return _fail(str(error) or "interrupted: nothing is kept.", 130)
-    except Warning as error:  # a library's, too
+    except Warning as error:  # also of a library
         return _fail(
             f"PYTHONWARNINGS makes this warning an error: {_one_line(error).rstrip('.')}. Unset it.", 1
         )

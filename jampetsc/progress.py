@@ -1,6 +1,6 @@
 """How far a long run has come: python's logger `jampetsc`, from rank 0 alone; a bar where standard error is a terminal.
 
-A library says nothing unless it is asked: `report` does so for the command line and for `progress=True`. Notes that a
+A library says nothing by default: `report` does so for the command line and for `progress=True`. Notes that a
 user must not miss are warnings of the logger, which python shows anyway.
 """
 

@@ -23,7 +23,7 @@ from jampetsc.io.disk_motion import (
     phase_factor,
 )
 
-LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, if no others are asked for
+LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, by default
 SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
 
 

@@ -105,7 +105,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
     stabilise: str = asked(
         "volume",
-        "shear: the shape of the cell relaxes, too, at the given p or φ, so that σ_xy = 0 and G₀ > 0",
+        "shear: the shape of the cell also relaxes, at the given p or φ, so that σ_xy = 0 and G₀ > 0",
         choices=("volume", "shear"),
         group=WHAT,
     )
@@ -144,7 +144,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     @property
     def several(self) -> bool:
-        """Whether a list of packings is asked for."""
+        """Whether the job makes a list of packings."""
         return isinstance(self.pressure, tuple) or self.seeds is not None
 
     def rung(self, above) -> "Pack":
@@ -179,7 +179,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         return found
 
     def _alone(self, pressure, seed, above) -> "Pack":
-        """The job that makes one of the packings, the same one however it is asked for; above: of a ladder."""
+        """The job that makes one of the packings, the same one for every way to request it; above: of a ladder."""
         one = replace(
             self, pressure=float(pressure) if pressure else None, seeds=None, seed=seed, ladder=False
         )
@@ -212,7 +212,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
                 )
 
     def check_outputs(self, to):
-        """Refuse outputs that may not be replaced, and a file to start from that is no packing."""
+        """Refuse outputs that may not be replaced, and a file to start from that is not a packing."""
         if isinstance(self.from_, str):
             check_packing(self.from_)
         for task in [] if to.path is None else self.tasks(str(to.path)):

@@ -60,7 +60,7 @@ def execute(job, solver, to) -> str:
     lines_done = len(record) * LINES // steps
     with Progress(LINES, "shear", done=lines_done) as progress:
         if kept is not None:
-            progress.note(f"{to}: goes on from strain {slow.strain:.6g}")
+            progress.note(f"{to}: continues from strain {slow.strain:.6g}")
         while len(record) < steps:
             step = slow.advance()
             record.add(strain=slow.strain, **vars(slow.found), **vars(step))

@@ -187,7 +187,7 @@ def own_domains(me, threads, space):
 
 @compiled(False)
 def renew_near_pairs(space, task, mine, o, g, moved, then):
-    """Choose near pairs anew if the present ones may miss a contact at offsets o and shear g.
+    """Choose near pairs again if the present ones may miss a contact at offsets o and shear g.
 
     moved: path of the disks since they were chosen, FAR before the first time; then: shear at which they were. Returns
     (moved, then) of the pairs that serve now; see `packing.pairs.are_worn`.

@@ -31,7 +31,7 @@ PATIENCE = 1500  # evaluations of a step, in all, before a quench is begun
 DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
 NEARBY = 3e-3  # mean diameters: pairs with a smaller gap, which may touch within the step, are in the Hessian
 ORDERED = 0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched,
-FILLED = 1.25  # and found anew if a factor has so many times the entries of the first one in that order
+FILLED = 1.25  # and found again if a factor has this many times the entries of the first one in that order
 # share of contacts with the overlap of another one from which states are proved, until `_renew`
 SYMMETRIC = 0.125
 PLASTIC_RATIO = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event
@@ -124,10 +124,10 @@ class SlowShear(ListedDisks):
         self.shear, self.area = 0.0, disks.area
 
     def _renew(self):
-        """Fold the disks and make list, order and factor anew: from here `restore` repeats a run to the last bit."""
+        """Fold the disks and make new list, order and factor: from here `restore` repeats a run to the last bit."""
         self.fold()
         self._anchor = self.reference, self.last.copy(), self.steps, replace(self.effort)
-        self._doubtful = self.tolerance > HANDOVER  # forces as large rest on slopes, too
+        self._doubtful = self.tolerance > HANDOVER  # forces as large also rest on slopes
         self._find_order()
         law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
         usual = law.usual_overlap(pressure, self.diameter)

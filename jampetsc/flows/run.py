@@ -27,8 +27,8 @@ BATCH, MAX_DISK_STEPS = 20_000, 2e8
 class Plan:
     """Rows and snapshots of a run: `steps` time steps to a row, `rows` of them in all.
 
-    After what is discarded there is a snapshot every so many rows, `every`, or, with a `factor`, at once and after 1,
-    factor, factor², … rows. A continued run keeps this rule. If nothing is discarded, the start is a snapshot, too,
+    After what is discarded there is a snapshot every `every` rows, or, with a `factor`, at once and after 1,
+    factor, factor², … rows. A continued run keeps this rule. If nothing is discarded, the start is also a snapshot,
     unless one alone is asked for: `start` is False.
     """
 
@@ -91,7 +91,7 @@ class Plan:
         return plan.spread(snapshots, plan.first_kept(strain_step))
 
     def spread(self, snapshots, first_kept) -> "Plan":
-        """The plan with so many snapshots, evenly."""
+        """The plan with this number of `snapshots`, evenly spaced."""
         if not snapshots:
             return self
         start = snapshots > 1

@@ -27,7 +27,7 @@ class SteadyShear(ShearedDisks):
         )
 
     def advance(self, steps: int) -> None:
-        """Take so many time steps. Raises ConvergenceError where the time step is too long.
+        """Take `steps` time steps. Raises ConvergenceError where the time step is too long.
 
         Without mass, contact damping leaves clusters nearly free, and overlaps of a start drive them apart fast: a step
         in which a disk would jump is divided, see `_divide`, if it is stable for the contacts themselves.

@@ -109,7 +109,7 @@ def continued(earlier, strain) -> FlowRun:
 
 
 def is_flow(path) -> bool:
-    """Whether the file at `path` is a flow file. Raises InputError if it is no jampetsc file."""
+    """Whether the file at `path` is a flow file. Raises InputError for other files than jampetsc's."""
     with open_file(path) as h5:
         return check_format(path, attributes(h5)) == FORMAT
 
@@ -128,7 +128,7 @@ def execute(run: FlowRun, to, write_last=None, team=None) -> Means:
     record, state = kept or run.before or (None, None)
     if state is not None:
         shear.restore(state)
-    note = f"{to.kept}: goes on from strain {shear.strain:.6g}" if kept else None
+    note = f"{to.kept}: continues from strain {shear.strain:.6g}" if kept else None
     record = shear_until(shear, run.plan, checkpoint, record, note)
     means = check_balance(record, run.plan.discard, shear)
     if means is None or means.pressure.mean < UNTOUCHED * run.rate * shear.unit:

@@ -22,7 +22,7 @@ class LbfgsArrays(NamedTuple):
 
     offsets: np.ndarray  # (N', 2)
     box: np.ndarray  # (2,) ε and g
-    forces: np.ndarray  # (2, N', 2): at this point and at the one before
+    forces: np.ndarray  # (2, N', 2): at this point and at the previous one
     pairs: np.ndarray  # (N'/GRAIN · 2m · CHUNK,) float32: per chunk the rows s_0, y_0, s_1, y_1, …
     box_pairs: np.ndarray  # (2m, 2) their parts that belong to ε and g
     products: np.ndarray  # (2, m, m): s_a · y_b for a no newer than b; y_a · y_b

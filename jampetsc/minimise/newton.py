@@ -274,7 +274,7 @@ class Newton:
         return pull
 
     def _negative_mode(self, point, held):
-        """A move (u, strain) of negative curvature, by inverse iteration with μ; None if there is none."""
+        """A move (u, strain) of negative curvature, by inverse iteration with μ; None without one."""
         linear, mu = self._damped(point, held, DAMPING_LEAST * point.pressure)
         weight = float(point.n)  # of a strain, beside a move of one disk
         move = np.random.default_rng(point.n).standard_normal((point.n, 2))

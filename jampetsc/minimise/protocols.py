@@ -27,7 +27,7 @@ class Target:
 
     pressure: float | None = None
     phi: float | None = None
-    stabilise: str = "volume"  # "shear": σ_xy = 0 and a positive shear modulus, too
+    stabilise: str = "volume"  # "shear": also σ_xy = 0 and a positive shear modulus
     tolerance: float = 1e-10  # max |F| / (p d) and |Δp| / p
 
 
@@ -66,7 +66,7 @@ def random_start(radii, phi: float, seed, potential: Potential, separated: bool 
 def changed(disks: Disks, target: Target) -> Disks:
     """The disks from which another packing is made: compressed evenly to the φ of the target, if it has one.
 
-    Raises InputError where no disks touch, so that there is no pressure to change.
+    Raises InputError where no disks touch: the pressure is zero.
     """
     disks = replace(disks, record={})
     if target.phi is None:

@@ -86,7 +86,7 @@ def _factorised(order, pairs, o, g, law, nearby, stress, damping, stiffness):
 def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     """A factor of the Hessian with `damping` on its diagonal; without pre-stress if it is not definite with it.
 
-    A disk with fewer than three contacts gets this `stiffness` on its diagonal, too: otherwise it would move far when
+    A disk with fewer than three contacts also gets this `stiffness` on its diagonal: otherwise it would move far when
     another one touches it.
     """
     definite, factor = _factorised(order, pairs, o, g, law, nearby, 1.0, damping, stiffness)

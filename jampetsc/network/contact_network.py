@@ -127,7 +127,7 @@ def _require_rigid(network, total):
 class Pieces:
     """Connected pieces of the contact graph; each moves freely as a whole."""
 
-    label: np.ndarray  # (n,) lowest disk number of the piece each disk belongs to
+    label: np.ndarray  # (n,) lowest disk number of the piece of each disk
     bipartite: np.ndarray  # (n,) whether that piece is bipartite, so that its disks can turn like gears
 
     @property
@@ -142,7 +142,7 @@ class Pieces:
 
     @cached_property
     def index(self):
-        """(n,) which of the pieces, 0, 1, …, each disk belongs to."""
+        """(n,) number 0, 1, … of the piece of each disk."""
         return np.unique(self.label, return_inverse=True)[1]
 
     def mean(self, network: Network, values):

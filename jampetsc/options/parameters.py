@@ -118,7 +118,7 @@ class Parameter:
 
     @property
     def required(self) -> bool:
-        """Whether there is no default."""
+        """Whether a value must be given."""
         return self.default is MISSING
 
     @property

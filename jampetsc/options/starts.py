@@ -84,7 +84,7 @@ class FromStart(Job):
             )
 
     def check_outputs(self, to):
-        """Check the file of the last state, too."""
+        """Also check the file of the last state."""
         super().check_outputs(to)
         self.check_last(to)
 
@@ -95,7 +95,7 @@ class FromStart(Job):
         return to.check("jampetsc-packing", self.paths, self.last, [to.path] if to.path else [])
 
     def complete(self, to):
-        """See `Job`; writes the last state, too."""
+        """See `Job`; also writes the last state."""
         super().complete(to)
         if not self.check_last(to):
             result = load(to.path)

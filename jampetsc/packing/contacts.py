@@ -204,6 +204,6 @@ def measure(disks: Disks, every: Contacts | None = None) -> State:
 
 
 def imbalance(disks: Disks, state: State) -> float:
-    """max |F| / (p d) of a packing, with d its mean diameter; infinite where there is no pressure."""
+    """max |F| / (p d) of a packing, with d its mean diameter; infinite at zero pressure."""
     size = state.pressure * 2.0 * float(np.mean(disks.radii))
     return state.max_force / size if size > 0 else np.inf

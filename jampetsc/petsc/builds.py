@@ -54,7 +54,7 @@ def selected(scalar):
     after the import. The folders stay on sys.path; PETSC_DIR and SLEPC_DIR are restored, so that a child process
     chooses for itself.
 
-    Raises InputError where there is no such build.
+    Raises InputError where this build is missing.
     """
     variables = {} if "petsc4py" in sys.modules else _choose(scalar)
     before = {name: os.environ[name] for name in variables.keys() & os.environ.keys()}

@@ -72,7 +72,7 @@ def _negative(matrix, shifts, what):
 
 
 def count_below(matrix, value: float, what: str) -> int:
-    """Number of eigenvalues of a distributed symmetric Mat below `value`, which is no eigenvalue itself. Collective.
+    """Number of eigenvalues of a distributed symmetric Mat below `value`, which must not be an eigenvalue. Collective.
 
     One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails, InputError for options with which its
     pivots prove nothing.

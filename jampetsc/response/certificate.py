@@ -5,7 +5,7 @@ With s = iω, A = K + sB, c = k_γ + s b_γ and any trial field x, the modulus i
     G* V = k_γγ + s b_γγ + 2 cᵀx + xᵀA x ,    and its error is exactly   rᵀA⁻¹r ,   r = c + A x .
 
 r is computed contact by contact (see `compatibility`), and a bound on its rounding is added. How much A⁻¹ amplifies it
-is bounded by a `SingularBound`, which uses only the residuals of solves, too:
+is bounded by a `SingularBound`, which also uses only the residuals of solves:
 
     |rᵀA⁻¹r| ≤ rᴴD⁻¹r / σ    if no singular value of D^(−½) A D^(−½) is below σ, for a diagonal D.
 

@@ -20,7 +20,7 @@ from jampetsc.petsc.inertia import SHIFT
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.elastic import ElasticResponse
 
-LOWEST = (10, 50, 200)  # numbers of lowest modes whose joint motion is recorded, as far as so many were found
+LOWEST = (10, 50, 200)  # numbers of lowest modes whose joint motion is recorded, as far as found
 AFFINE = 1e-12  # a non-affine part of the modulus this small, relative to the affine one, is rounding
 QUANTITIES = ("normal", "transverse", "nonaffine")
 

@@ -35,7 +35,7 @@ PRECISE = 1e-8  # residual of a solve for a `SingularBound`, relative
 class FrequencySolver:
     """K + iωB for one frequency after another. Every method is collective.
 
-    positive_semidefinite   whether K is known to be: a `SingularBound` then serves at other frequencies, too
+    positive_semidefinite   whether K is known to be: a `SingularBound` then also serves at other frequencies
     x                       complex (n_local,), the field of the last `solve`
     """
 

@@ -72,7 +72,7 @@ def require_unique_response(network: Network) -> None:
 def floppy_modes(network: Network) -> str:
     """The reason that floppy modes give where a response cannot be solved for; empty without them. Collective.
 
-    Empty, too, where they cannot be counted: with complex scalars, or by factorisations that fail.
+    Also empty where they cannot be counted: with complex scalars, or by factorisations that fail.
     """
     if current().scalar_type != "real":
         return ""

@@ -33,7 +33,7 @@ from jampetsc.response.assembly import ROW, Pencil
 from jampetsc.response.certificate import EPSILON
 
 SUMMED = 2.0 * EPSILON  # rounding of the sum over the contacts of a disk, relative to its terms
-DIRECTIONS = 12  # at most; if so many are not enough, the solves are too poor for the accuracy
+DIRECTIONS = 12  # at most; if these are not enough, the solves are too poor for the accuracy
 
 
 def transfer(largest_rate: float, s, omega):

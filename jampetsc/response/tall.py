@@ -6,7 +6,7 @@ BLOCK = 2048  # rows, which stay in the cache
 
 
 def blocks(rows: int):
-    """Slices that cover so many rows; one that is empty where there are none."""
+    """Slices that cover this number of rows; one that is empty where there are none."""
     return (slice(row, row + BLOCK) for row in range(0, max(rows, 1), BLOCK))
 
 

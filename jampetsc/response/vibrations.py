@@ -68,7 +68,7 @@ def lowest_modes(
     """The lowest `count` modes, or all `below` an eigenvalue (in k), or all there are if both are None.
     Collective.
 
-    Where the last one belongs to a cluster of equal eigenvalues, the whole cluster is returned. Unless it is `proved`
+    Where the last one is in a cluster of equal eigenvalues, the whole cluster is returned. Unless it is `proved`
     that K has no negative modes, this is checked. Needs the real build.
 
     Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
@@ -150,7 +150,7 @@ def _with_quotients(pairs, pencil):
 
 
 def _cut(values, count, there, stiffness):
-    """(m, μ): the end of the cluster that eigenvalue number `count` belongs to, and a value in the gap above it.
+    """(m, μ): the end of the cluster of eigenvalue number `count`, and a value in the gap above it.
 
     (None, None) if the values end before it.
     """

@@ -105,7 +105,7 @@ def test_a_killed_run_continues_to_the_last_bit(tmp_path, monkeypatch, capsys):
         assert flow(*command, "--out", place) == status
     assert not out.exists() and (tmp_path / "out.h5.resume").exists()
     assert flow(*command, "--out", out) == 0
-    assert "goes on from strain" in capsys.readouterr().err
+    assert "continues from strain" in capsys.readouterr().err
     assert not (tmp_path / "out.h5.resume").exists()
     one, other = jampetsc.load(whole), jampetsc.load(out)
     for name in one:

@@ -249,7 +249,7 @@ def test_a_checkpoint_of_another_tolerance_is_not_used(session, tmp_path, monkey
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
             stop_after(patch, slowjob, 1)
             shear(tmp_path / "out.h5", **more, strain=0.003)
-        assert ("goes on from strain 0.001" in capsys.readouterr().err) == goes_on
+        assert ("continues from strain 0.001" in capsys.readouterr().err) == goes_on
 
 
 @pytest.mark.parametrize(("steps", "lines"), [(3, 3), (120, 50)])
