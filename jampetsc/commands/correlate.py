@@ -116,23 +116,28 @@ def _of_flows(job, flows, to) -> str:
     widths, bin_ = job.lane or (DEFAULT_LANE_WIDTH,), job.bin or DEFAULT_BIN_WIDTH
     if len(widths) > 1:
         raise InputError(f"{named('lane')} {job.settings()['lane']}: flows are correlated at one width")
-    found = correlate_lanes(flows, widths[0], bin_)
-    place, depth = found.minimum
-    arrays = {"x": found.centres, "g_y": found.values, "g_y_error": found.errors, "pairs": found.pairs}
+    correlation = correlate_lanes(flows, widths[0], bin_)
+    place, depth = correlation.minimum
+    arrays = {
+        "x": correlation.centres,
+        "g_y": correlation.values,
+        "g_y_error": correlation.errors,
+        "pairs": correlation.pairs,
+    }
     write_derived(
         *(to, VELOCITIES, flows, began, arrays),
         **{name: flows[0].attributes.get(name) for name in ("model", "rate", "mass", "units")},
-        lane_width=widths[0] * found.diameter,
-        bin_width=bin_ * found.diameter,
-        mean_diameter=found.diameter,
-        snapshots=found.snapshots,
-        mean_square=found.mean_square,
+        lane_width=widths[0] * correlation.diameter,
+        bin_width=bin_ * correlation.diameter,
+        mean_diameter=correlation.diameter,
+        snapshots=correlation.snapshots,
+        mean_square=correlation.mean_square,
         minimum=depth,
         minimum_at=place,
-        minimum_error=found.minimum_errors[1],
-        minimum_at_error=found.minimum_errors[0],
+        minimum_error=correlation.minimum_errors[1],
+        minimum_at_error=correlation.minimum_errors[0],
     )
     return (
-        f"{to}: g_y of {found.snapshots} snapshots, lanes of {widths[0]:g} d: least {depth:.3g} at x = "
-        f"{place / found.diameter:.3g} d, <u_y^2>/rate^2 = {found.mean_square:.3g}"
+        f"{to}: g_y of {correlation.snapshots} snapshots, lanes of {widths[0]:g} d: least {depth:.3g} at x = "
+        f"{place / correlation.diameter:.3g} d, <u_y^2>/rate^2 = {correlation.mean_square:.3g}"
     )

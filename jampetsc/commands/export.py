@@ -76,7 +76,7 @@ class Export(Job):
                 return [frames.slow_frame(loaded, self.packing)]
             case "sweep":
                 if self.field is None:
-                    known = ", ".join(f"{omega:g}" for omega in loaded.fields.omega)
-                    raise InputError(f"{name}: give {named('field')}: it has fields at omega = {known}")
+                    frequencies = ", ".join(f"{omega:g}" for omega in loaded.fields.omega)
+                    raise InputError(f"{name}: give {named('field')}: it has fields at omega = {frequencies}")
                 return [frames.field_frame(loaded, self.field, self.packing)]
         raise InputError(f"{name}: is a {kind} file: export packing, modes, sweep, quasistatic or flow files")

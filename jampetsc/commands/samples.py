@@ -42,15 +42,15 @@ def make(job, solver, to) -> Record:
     with Progress(rounds, "jam", comm.rank, done // size) as progress:
         while done < len(tasks):
             batch = tasks[done : done + size]
-            mine = [
+            local_samples = [
                 samples(protocol, radii, *task, potential, solver, job.tolerance)
                 for task in batch[comm.rank :: comm.size]
             ]
-            found = [None] * len(batch)
-            for rank, some in enumerate(comm.allgather(mine)):
-                found[rank :: comm.size] = some
-            for one in found:
-                for row in one:
+            batch_samples = [None] * len(batch)
+            for rank, some in enumerate(comm.allgather(local_samples)):
+                batch_samples[rank :: comm.size] = some
+            for rows in batch_samples:
+                for row in rows:
                     record.add(**row)
             done += len(batch)
             on_root(comm, lambda: write_checkpoint(checkpoint, record, {}))

@@ -24,27 +24,29 @@ def rows_named(sources, where) -> list:
 
     Raises InputError for a malformed `where`, and for one without a study or that no row has.
     """
-    wanted = _wanted(where)
-    studies = [isinstance(one, str) and (Path(one) / TABLE).exists() for one in sources]
-    if wanted and not any(studies):
+    conditions = _wanted(where)
+    studies = [isinstance(source, str) and (Path(source) / TABLE).exists() for source in sources]
+    if conditions and not any(studies):
         opened(sources[0])  # which may be missing, or the folder of a study that was stopped
         raise InputError(
             f"{named('where')} {where}: chooses rows of a study, but {input_name(sources[0])} is none: leave it out"
         )
-    found = [load(one) if study else one for one, study in zip(sources, studies, strict=True)]
-    for place, study in enumerate(found):
-        if wanted and studies[place]:
-            found[place] = study.where(**wanted)
-            if not found[place].rows:
-                there = "; ".join(f"{name} is {_values(study[name])}" for name in wanted)
-                raise InputError(f"{named('where')} {where}: no row of {study.table}: {there}")
-    return found
+    results = [load(source) if study else source for source, study in zip(sources, studies, strict=True)]
+    for place, study in enumerate(results):
+        if conditions and studies[place]:
+            results[place] = study.where(**conditions)
+            if not results[place].rows:
+                available = "; ".join(f"{name} is {_values(study[name])}" for name in conditions)
+                raise InputError(f"{named('where')} {where}: no row of {study.table}: {available}")
+    return results
 
 
 def _values(column) -> str:
     """The values of a column in words, some of many."""
-    found = list(dict.fromkeys(str(value) for value in column.tolist() if value == value and value != ""))
-    few = found if len(found) <= FEW else [*found[: FEW - 1], f"one of {len(found) - FEW + 1} more"]
+    distinct = list(dict.fromkeys(str(value) for value in column.tolist() if value == value and value != ""))
+    few = (
+        distinct if len(distinct) <= FEW else [*distinct[: FEW - 1], f"one of {len(distinct) - FEW + 1} more"]
+    )
     return " or ".join(few)
 
 
