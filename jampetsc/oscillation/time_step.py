@@ -163,8 +163,6 @@ class StageEnd:
     rate: float  # of strain
     stress: float  # σ_xy, elastic and viscous
     power: float  # dissipated
-    unbalanced: float  # bound on the power of the residual forces
-    z: np.ndarray  # (contacts, damped) of the dashpots of the stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,8 +316,7 @@ class Stages:
                 f"forces of a time step are not balanced after {ITERATIONS} of Newton's steps, "
                 f"{size / self.unit:.1e} of k d is left: give {remedy}"
             )
-        power, unbalanced = float(np.sum(now.f * now.z)), float(np.sum(np.abs(now.left * q))) / self.h
-        end = StageEnd(now.state.gamma, now.rate, now.virial / springs.area, power, unbalanced, now.z)
+        end = StageEnd(now.state.gamma, now.rate, now.virial / springs.area, float(np.sum(now.f * now.z)))
         return now.state.places, problem.split(q)[0] / self.h, end
 
     def _noise(self, now, tangents, q):
