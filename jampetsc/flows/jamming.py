@@ -202,7 +202,7 @@ def _scaled(disks, phi):
 def segregation(disks: Disks) -> float:
     """Separation of sizes: assortativity of neighbours as large or small, 0 if mixed at random; nan for one size.
 
-    Neighbours are disks with a gap of less than NEAR mean diameters.
+    Neighbours are disks with a gap of less than MAX_NEIGHBOUR_GAP mean diameters.
     """
     large = disks.radii > disks.radii.mean()
     i, j, _ = neighbour_pairs(

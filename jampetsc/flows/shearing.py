@@ -58,7 +58,7 @@ class SteadyShear(ShearedDisks):
                 self._refuse(status)
 
     def _divide(self):
-        """One time step in parts, halved until no disk moves by more than REACH in one; each part with a new list."""
+        """One time step in parts, halved until no disk moves by more than MAX_MOVE_RATIO; each part has a new list."""
         self.fold()
         tally, sums, completed, part = self.tally, np.zeros_like(self.tally), 0.0, 0.5
         while completed < 1.0:

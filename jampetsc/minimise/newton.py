@@ -25,7 +25,7 @@ from jampetsc.packing.contacts import both_ends, find_rattlers, force_threshold,
 STEPS = 12  # at most; a few are enough once the contacts are those of the minimum, else L-BFGS should go on
 DAMPING = 1e-3  # first μ, in units of p
 DAMPING_RAISED = 4e-4  # at least, after a negative mode
-DAMPING_LEAST = 1e-4  # where max |F| > NEAR p d
+DAMPING_LEAST = 1e-4  # where max |F| > NEAR_MINIMUM_FORCE p d
 NEAR_MINIMUM_FORCE = 1e-3
 ROUNDING_FORCE = 1e-5  # max |F| / (p d) below which slopes are near rounding, and full steps are taken
 MAX_NEWTON_MOVE = 0.1  # no disk moves farther in one step, in units of d

@@ -97,7 +97,7 @@ def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
 
 @compiled(False)
 def is_minimum(order, pairs, o, g, law, stiffness):
-    """Whether the Hessian of the contacts has no eigenvalue below −FLAT · stiffness; rattlers have none."""
+    """Whether the Hessian of the contacts has no eigenvalue below −MIN_CURVATURE · stiffness; rattlers have none."""
     return _factorised(order, pairs, o, g, law, 0.0, 1.0, MIN_CURVATURE * stiffness, stiffness)[0]
 
 

@@ -111,10 +111,8 @@ ROUNDED = 1e-15  # of forces, in units of k times the largest diameter
 NOISE = 1e-14  # likewise: a residual below it, or below TOLERANCE of damping forces, that stops falling is rounding
 ITERATIONS = 100
 WORN = 0.2  # a factor with which a step leaves more of the residual than this is replaced
-MIN_SLOPE_RATIO, MAX_SLOPE_RATIO = (
-    0.3,
-    0.7,
-)  # of the force along a step: at its end it is small below FLAT, too large above STEEP
+# of the force along a step: at its end it is small below the first, too large above the second
+MIN_SLOPE_RATIO, MAX_SLOPE_RATIO = 0.3, 0.7
 MAX_LINE_SEARCH_POINTS = 20  # points of a line search
 BENT = 10.0  # in `reach`: longest move of a disk in a curved step, to which curvature may add one `reach`
 
