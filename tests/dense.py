@@ -1,15 +1,19 @@
 """Reference for the mechanics: all of a small packing from its definition, dense, in extended precision.
 
 Shares no code with the package. Contacts come from loops over all pairs and images, K from the pair Hessian
-V'' n nᵀ + (V'/r) t tᵀ by the chain rule, with the strain γ as one more coordinate, and null spaces are lifted
-by projectors, not held by pins. Numbers are numpy.longdouble, 18 digits on x86, to judge doubles by.
+V'' n nᵀ + (V'/r) (1 − n nᵀ) by the chain rule, with the amplitude of each load as one more coordinate, and null
+spaces are lifted by projectors, not held by pins. It takes packings in two and in three dimensions, and any loads.
+Numbers are numpy.longdouble, 18 digits on x86, to judge doubles by.
 """
+
+from itertools import product
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 LONG, COMPLEX = np.longdouble, np.clongdouble
 REFINEMENTS = 12
+SIMPLE_SHEAR = ((0, 1), (0, 0))  # E = x̂ŷ
 
 
 def total(high, low=None):
@@ -18,23 +22,22 @@ def total(high, low=None):
 
 
 def all_pairs(positions, radii, cell, images=2):
-    """Overlapping pairs i < j as lists i, j, r (M, 2), by trying every image in turn."""
+    """Overlapping pairs i < j as lists i, j, r (M, D), by trying every image in turn."""
     found = []
-    for a in range(-images, images + 1):
-        for b in range(-images, images + 1):
-            r = positions[None] - positions[:, None] + a * cell[0] + b * cell[1]
-            overlapping = (r**2).sum(axis=-1) < (radii + radii[:, None]) ** 2
-            found += [(i, j, r[i, j]) for i, j in np.argwhere(overlapping).tolist() if i < j]
+    for numbers in product(range(-images, images + 1), repeat=len(cell)):
+        r = positions[None] - positions[:, None] + np.array(numbers, LONG) @ cell
+        overlapping = (r**2).sum(axis=-1) < (radii + radii[:, None]) ** 2
+        found += [(i, j, r[i, j]) for i, j in np.argwhere(overlapping).tolist() if i < j]
     i, j, r = zip(*found, strict=True) if found else ((), (), ())
-    return list(i), list(j), np.array(r, LONG).reshape(-1, 2)
+    return list(i), list(j), np.array(r, LONG).reshape(-1, len(cell))
 
 
-def backbone(n, i, j, force, threshold):
-    """Indices of contacts above the threshold between disks with three or more of them, and those disks."""
+def backbone(n, i, j, force, threshold, least=3):
+    """Indices of contacts above the threshold between disks with `least` or more of them, and those disks."""
     alive = {c for c in range(len(i)) if force[c] > threshold}
     disks = set(range(n))
     while True:
-        loose = {d for d in disks if sum(d in (i[c], j[c]) for c in alive) < 3}
+        loose = {d for d in disks if sum(d in (i[c], j[c]) for c in alive) < least}
         if not loose:
             return sorted(alive), sorted(disks)
         disks -= loose
@@ -84,6 +87,21 @@ def without(moves, x):
     return x
 
 
+def relaxed(matrix, moves):
+    """(x, value): minimiser of the quadratic form (m + 1, m + 1) where its last coordinate is 1, and its value there.
+
+    moves   columns (m, ·) that cost nothing
+    """
+    A, c = matrix[:-1, :-1], matrix[:-1, -1]
+    scale = 1 / np.sqrt(np.abs(np.diag(A)))
+    A = A * np.outer(scale, scale)
+    for move in moves.T:
+        q = move / scale
+        A = A + np.outer(q, q) / (q @ q)
+    x = scale * solve(A, -(scale * c))
+    return x, matrix[-1, -1] + c @ x
+
+
 class NewtonSteps:
     """What Newton's method takes for a solver, in dense numpy."""
 
@@ -100,20 +118,41 @@ class NewtonSteps:
         return np.arange(n, dtype=np.uint32)
 
 
+def spin_bases(dimension):
+    """Matrices (D, D), one for each component of a spin θ: θ × v = Σ θ_s (basis_s v)."""
+    if dimension == 2:
+        return np.array([[[0, -1], [1, 0]]], LONG)
+    x, y, z = np.eye(3, dtype=LONG)
+    return np.array([np.outer(b, a) - np.outer(a, b) for a, b in ((y, z), (z, x), (x, y))])
+
+
+def symmetric_loads(dimension):
+    """E of xx, yy, (zz, yz, xz,) xy, (L, D, D), shears ½(x̂ŷ + ŷx̂)."""
+    pairs = {2: ("xx", "yy", "xy"), 3: ("xx", "yy", "zz", "yz", "xz", "xy")}[dimension]
+    axes = [["xyz".index(letter) for letter in pair] for pair in pairs]
+    unit = np.eye(dimension, dtype=LONG)
+    return np.array([(np.outer(unit[a], unit[b]) + np.outer(unit[b], unit[a])) / 2 for a, b in axes])
+
+
 class Reference:
     """K, B and G* of `disks` for `physics` (law, prestress), rattlers left out.
 
-    Unknowns are interleaved per disk, disks in file order.
+    Unknowns are interleaved per disk, disks in file order: D displacements and, where the law has sliding, a spin.
 
-    `K` and `B` are (m + 1, m + 1): their last row and column belong to the strain γ.
+    `K` and `B` are (m + L, m + L): their last rows and columns belong to the amplitudes of the `loads`, displacement
+    gradients (L, D, D) (default: simple shear γ alone). Moduli are energies along F = 1 + εE.
     """
 
-    def __init__(self, disks, physics):
+    def __init__(self, disks, physics, loads=None):
         self.law, self.prestress = physics.law, physics.prestress
         self.k, potential = LONG(disks.potential.k), disks.potential
         positions, cell = total(disks.base, disks.offset), total(disks.cell_base, disks.cell_offset)
         radii = total(disks.radii)
-        self.area = cell[0, 0] * cell[1, 1]
+        self.dimension = D = len(cell)
+        self.loads = np.zeros((1, D, D), LONG) if loads is None else np.array(loads, LONG)
+        if loads is None:
+            self.loads[0, :2, :2] = SIMPLE_SHEAR
+        self.area = np.prod(np.diag(cell))
         i, j, r = all_pairs(positions, radii, cell)
         distance = np.sqrt((r**2).sum(axis=1))
         sigma = radii[i] + radii[j]
@@ -125,44 +164,54 @@ class Reference:
             self.k * (alpha - 1) / length**2 * x ** (alpha - 2),
         )
         self.energy = (self.k / alpha * x**alpha).sum()
-        self.pressure = (force * distance).sum() / (2 * self.area)
+        self.pressure = (force * distance).sum() / (D * self.area)
         self.stress = -(r * (force / distance)[:, None]).T @ r / self.area
         diameter = 2 * radii.mean()
-        threshold = max(1e-6 * self.pressure * diameter, 1e-14 * self.k * diameter)
-        kept, self.disks = backbone(len(radii), i, j, force, threshold)
+        threshold = max(1e-6 * self.pressure * diameter ** (D - 1), 1e-14 * self.k * diameter)
+        kept, self.disks = backbone(len(radii), i, j, force, threshold, D + 1)
         self.number = {disk: row for row, disk in enumerate(self.disks)}
         self.i, self.j = ([self.number[end[c]] for c in kept] for end in (i, j))
         self.r, self.distance, self.force, self.stiffness = (a[kept] for a in (r, distance, force, stiffness))
         self.radii = radii[self.disks]
         self.n, self.contacts = len(self.disks), len(kept)
-        self.dofs = 3 if self.law.sliding > 0 else 2
+        self.spins = spin_bases(D) if self.law.sliding > 0 else np.zeros((0, D, D), LONG)
+        self.dofs = D + len(self.spins)
         self.K, self.B = self._matrices()
 
     def _matrices(self):
-        m, d, law = self.n * self.dofs, self.dofs, self.law
-        K, B = np.zeros((m + 1, m + 1), LONG), np.zeros((m + 1, m + 1), LONG)
+        m, d, D, law = self.n * self.dofs, self.dofs, self.dimension, self.law
+        size = m + len(self.loads)
+        K, B = np.zeros((size, size), LONG), np.zeros((size, size), LONG)
         damping = self.k * LONG(law.tau1)
         for c, (i, j) in enumerate(zip(self.i, self.j, strict=True)):
             n = self.r[c] / self.distance[c]
-            t = np.array([-n[1], n[0]])
-            at = [*range(i * d, i * d + d), *range(j * d, j * d + d), m]
-            bond = np.zeros((2, 2 * d + 1), LONG)  # what the unknowns and γ do to the bond vector
-            bond[:, :2], bond[:, d : d + 2] = -np.eye(2), np.eye(2)
-            bond[0, -1] = self.r[c][1]
-            hessian = self.stiffness[c] * np.outer(n, n)
+            along = np.outer(n, n)
+            across = np.eye(D, dtype=LONG) - along
+            at = [*range(i * d, i * d + d), *range(j * d, j * d + d), *range(m, size)]
+            bond = np.zeros((D, len(at)), LONG)  # what the unknowns and the loads do to the bond vector
+            bond[:, :D], bond[:, d : d + D] = -np.eye(D), np.eye(D)
+            bond[:, 2 * d :] = (self.loads @ self.r[c]).T
+            hessian = self.stiffness[c] * along
             if self.prestress:
-                hessian = hessian - self.force[c] / self.distance[c] * np.outer(t, t)
+                hessian = hessian - self.force[c] / self.distance[c] * across
             K[np.ix_(at, at)] += bond.T @ hessian @ bond
-            across = t @ bond
-            slide = across.copy()
-            if d == 3:
-                slide[2], slide[5] = -self.radii[i], -self.radii[j]
-            forms = (law.normal, n @ bond), (law.transverse, across), (law.sliding, slide)
-            for weight, form in forms:
-                B[np.ix_(at, at)] += damping * LONG(weight) * np.outer(form, form)
-        moves = np.tile([LONG(1), LONG(1), LONG(0)][:d], self.n)  # the fluid does not feel a disk turn
-        B += damping * np.diag([*(LONG(law.drag) * moves), LONG(law.eta_f) * self.area])
+            slide = across @ bond
+            slide[:, D:d] = -self.radii[i] * (self.spins @ n).T
+            slide[:, d + D : 2 * d] = -self.radii[j] * (self.spins @ n).T
+            motions = (law.normal, along @ bond), (law.transverse, across @ bond), (law.sliding, slide)
+            for weight, motion in motions:
+                B[np.ix_(at, at)] += damping * LONG(weight) * motion.T @ motion
+        moves = np.tile(np.arange(d) < D, self.n)  # the fluid does not feel a disk turn
+        B[range(m), range(m)] += damping * LONG(law.drag) * moves
+        B[m:, m:] += damping * LONG(law.eta_f) * self.area * self._fluid()
         return K, B
+
+    def _fluid(self):
+        """2 s′ : s″ of the deviators of the loads, (L, L): the dissipation of an incompressible fluid."""
+        symmetric = (self.loads + self.loads.transpose(0, 2, 1)) / 2
+        trace = np.trace(symmetric, axis1=1, axis2=2) / self.dimension
+        deviators = symmetric - trace[:, None, None] * np.eye(self.dimension, dtype=LONG)
+        return 2 * np.einsum("aij,bij->ab", deviators, deviators)
 
     def pieces(self):
         """Connected pieces as lists of (disk, colour); colour is 0 where neighbours cannot alternate."""
@@ -187,47 +236,47 @@ class Reference:
         """Orthogonal columns (m, ·): moves that cost no energy and, under contact damping, nothing at all."""
         columns = []
         for piece in self.pieces():
-            for axis in range(2):
+            for axis in range(self.dimension):
                 column = np.zeros((self.n, self.dofs), LONG)
                 column[[disk for disk, _ in piece], axis] = 1
                 columns.append(column.ravel())
-            if self.dofs == 3 and piece[0][1]:
-                column = np.zeros((self.n, 3), LONG)
+            for axis in range(self.dimension, self.dofs) if piece[0][1] else ():
+                column = np.zeros((self.n, self.dofs), LONG)
                 for disk, colour in piece:  # gears in mesh: ρ_i θ_i + ρ_j θ_j = 0
-                    column[disk, 2] = colour / self.radii[disk]
+                    column[disk, axis] = colour / self.radii[disk]
                 columns.append(column.ravel())
         return np.array(columns).T
 
-    def _relax(self, matrix, moves):
-        """Minimiser of the quadratic form (m + 1, m + 1) at γ = 1, and the form's value there."""
-        A, c = matrix[:-1, :-1], matrix[:-1, -1]
-        scale = 1 / np.sqrt(np.abs(np.diag(A)))
-        A = A * np.outer(scale, scale)
-        for move in moves.T:
-            q = move / scale
-            A = A + np.outer(q, q) / (q @ q)
-        x = scale * solve(A, -(scale * c))
-        return x, matrix[-1, -1] + c @ x
+    def _relax(self, matrix, moves, load=0):
+        """`relaxed` at unit amplitude of one load; the last rows and columns of `matrix` belong to all loads."""
+        rows = [*range(len(matrix) - len(self.loads)), load - len(self.loads)]
+        return relaxed(matrix[np.ix_(rows, rows)], moves)
 
-    def solution(self, omega):
+    def solution(self, omega, load=0):
         """(x, G*) at frequency ω: the field per unit strain, without free moves, and the modulus."""
-        x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, self._costless())
+        x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, self._costless(), load)
         return without(self.free_moves(), x), value / self.area
 
-    def modulus(self, omega):
+    def tensor(self, omega):
+        """C*(ω) of all pairs of loads, (L, L) complex, V⁻¹ (z_EE′ − z_Eᵀ Z⁻¹ z_E′), in extended precision."""
+        Z, m = self.K + COMPLEX(1j) * LONG(omega) * self.B, -len(self.loads)
+        fields = [self._relax(Z, self._costless(), load)[0] for load in range(len(self.loads))]
+        return (Z[m:, m:] + Z[m:, :m] @ np.array(fields).T) / self.area
+
+    def modulus(self, omega, load=0):
         """G*(ω), complex double, each part right to the last digit or so.
 
         The form's stationary value, summed over the squares it is made of: rounding of x counts to second
         order only, and the smaller one of G' and G'' is not the rest of a difference.
         """
-        x, _ = self.solution(omega)
-        u = x.reshape(-1, self.dofs)
+        x, _ = self.solution(omega, load)
+        D, u = self.dimension, x.reshape(-1, self.dofs)
         n = self.r / self.distance[:, None]
-        bond = u[self.j, :2] - u[self.i, :2] + np.array([LONG(1), LONG(0)]) * self.r[:, 1:]
-        along, across = (n * bond).sum(axis=1), n[:, 0] * bond[:, 1] - n[:, 1] * bond[:, 0]
-        slide = across
-        if self.dofs == 3:
-            slide = across - self.radii[self.i] * u[self.i, 2] - self.radii[self.j] * u[self.j, 2]
+        bond = u[self.j, :D] - u[self.i, :D] + self.r @ self.loads[load].T
+        along = (n * bond).sum(axis=1)
+        across = bond - n * along[:, None]
+        rims = self.radii[self.i, None] * u[self.i, D:] + self.radii[self.j, None] * u[self.j, D:]
+        slide = across - np.einsum("cs,sab,cb->ca", rims, self.spins, n)
 
         law = self.law
 
@@ -235,52 +284,54 @@ class Reference:
             """`part` of all squares in K and in B, summed."""
             K = (self.stiffness * part(along)).sum()
             if self.prestress:
-                K -= (self.force / self.distance * part(across)).sum()
+                K -= (self.force / self.distance * part(across).sum(axis=1)).sum()
             weighted = (
                 (law.normal, along),
                 (law.transverse, across),
                 (law.sliding, slide),
-                (law.drag, u[:, :2]),
+                (law.drag, u[:, :D]),
             )
             B = sum(LONG(weight) * part(motion).sum() for weight, motion in weighted)
             return K, self.k * LONG(self.law.tau1) * B
 
         omega = LONG(omega)
         (K, B), (K_cross, B_cross) = forms(lambda a: a.real**2 - a.imag**2), forms(lambda a: a.real * a.imag)
-        B += self.k * LONG(law.tau1) * LONG(law.eta_f) * self.area
+        B += self.k * LONG(law.tau1) * LONG(law.eta_f) * self.area * self._fluid()[load, load]
         return complex((K - 2 * omega * B_cross) / self.area, (omega * B + 2 * K_cross) / self.area)
 
-    def quasistatic(self):
-        """(ũ (n, 2), G0): the response without any damping."""
-        plane = [p for p in range(self.n * self.dofs) if p % self.dofs < 2]
-        moves = self.free_moves()[plane]
+    def quasistatic(self, load=0):
+        """(ũ (n, D), G0): the response without any damping."""
+        size = self.n * self.dofs
+        moving = [p for p in range(size) if p % self.dofs < self.dimension]
+        moves = self.free_moves()[moving]
         moves = moves[:, (moves != 0).any(axis=0)]
-        x, value = self._relax(self.K[np.ix_([*plane, -1], [*plane, -1])], moves)
-        return without(moves, x).reshape(-1, 2), float(value / self.area)
+        rows = [*moving, *range(size, size + len(self.loads))]
+        x, value = self._relax(self.K[np.ix_(rows, rows)], moves, load)
+        return without(moves, x).reshape(-1, self.dimension), float(value / self.area)
 
-    def eta0(self):
+    def eta0(self, load=0):
         """η₀ by identity 2: dissipation of the quasistatic field, disks turning as they like best."""
-        u, _ = self.quasistatic()
-        if self.dofs == 2:
-            x = np.append(u.ravel(), 1)
-            return float(x @ self.B @ x / self.area)
-        turns = np.arange(2, 3 * self.n, 3)
-        fixed = np.zeros((self.n, 3), LONG)
-        fixed[:, :2] = u
-        rest = np.append(fixed.ravel(), 1)
-        form = np.empty((self.n + 1, self.n + 1), LONG)
+        u, _ = self.quasistatic(load)
+        size, D = self.n * self.dofs, self.dimension
+        fixed = np.zeros((self.n, self.dofs), LONG)
+        fixed[:, :D] = u
+        state = np.append(fixed.ravel(), np.arange(len(self.loads)) == load)
+        if self.dofs == D:
+            return float(state @ self.B @ state / self.area)
+        turns = [p for p in range(size) if p % self.dofs >= D]
+        form = np.empty((len(turns) + 1, len(turns) + 1), LONG)
         form[:-1, :-1] = self.B[np.ix_(turns, turns)]
-        form[:-1, -1] = form[-1, :-1] = self.B[turns] @ rest
-        form[-1, -1] = rest @ self.B @ rest
+        form[:-1, -1] = form[-1, :-1] = self.B[turns] @ state
+        form[-1, -1] = state @ self.B @ state
         gears = self.free_moves()[turns]
-        return float(self._relax(form, gears[:, (gears != 0).any(axis=0)])[1] / self.area)
+        return float(relaxed(form, gears[:, (gears != 0).any(axis=0)])[1] / self.area)
 
-    def eta_infinity(self):
+    def eta_infinity(self, load=0):
         """η_∞: the least dissipation that any field allows."""
-        return float(self._relax(self.B, self._costless())[1] / self.area)
+        return float(self._relax(self.B, self._costless(), load)[1] / self.area)
 
     def _costless(self):
         """Moves that cost nothing at any frequency: under drag only those in which no disk changes its place."""
         moves = self.free_moves()
-        travels = np.abs(moves.reshape(self.n, self.dofs, -1)[:, :2]).max(axis=(0, 1)) > 0
+        travels = np.abs(moves.reshape(self.n, self.dofs, -1)[:, : self.dimension]).max(axis=(0, 1)) > 0
         return moves[:, ~travels] if self.law.drag else moves
