@@ -20,7 +20,6 @@ import argparse
 import re
 import tempfile
 import time
-from dataclasses import replace
 from functools import partial
 
 import common
@@ -176,7 +175,7 @@ def main():
 def measure(name, disks, args, lmp):
     """One line of the table."""
     if name == "CDn":
-        disks = replace(disks, potential=Potential())  # gran/hooke has one stiffness
+        disks = disks.replace(potential=Potential())  # gran/hooke has one stiffness
     ours(name, disks, args.rate)  # compiled, and in cache
     runs = {"ours": partial(ours, name, disks, args.rate)}
     if args.threads:

@@ -8,14 +8,13 @@ the edges of the cell. What is there already (forces.csv) is read, not computed.
 """
 
 import csv
-from dataclasses import replace
 
 import numpy as np
 from common import folder_and_picture, saved_page
 
 from jampetsc.io.reader import load
 from jampetsc.packing.contacts import find_contacts, net_forces
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.plots import style
 
 FORCES = "forces.csv"
@@ -26,7 +25,7 @@ FEWEST = 8  # disks of an octave
 def forces_of(disks, rounded):
     """|F| (N,) of all contacts; rounded: of coordinates in one double."""
     if rounded:
-        disks = Disks.from_positions(disks.positions, disks.radii, disks.cell, disks.potential)
+        disks = Packing.from_positions(disks.positions, disks.radii, disks.cell, disks.potential)
     return np.hypot(*np.transpose(net_forces(disks.n, find_contacts(disks))))
 
 
@@ -34,7 +33,7 @@ def centred(disks):
     """The packing in a cell whose middle is the origin."""
     turns = np.round(np.linalg.solve(disks.cell.T, disks.positions.T).T)
     base, offset = disks.base - turns @ disks.cell_base, disks.offset - turns @ disks.cell_offset
-    return replace(disks, base=base, offset=offset)
+    return disks.replace(base=base, offset=offset)
 
 
 def residuals(disks):

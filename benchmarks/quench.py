@@ -210,7 +210,7 @@ def ours(args):
     from jampetsc.minimise import minimise, protocols
     from jampetsc.minimise.descent import Goal
     from jampetsc.minimise.sizes import radii_of
-    from jampetsc.packing.disks import deformed
+    from jampetsc.packing.packing import deformed
     from jampetsc.packing.potentials import Potential
     from jampetsc.petsc import session
     from jampetsc.petsc.hessian_solver import HessianSolver

@@ -28,8 +28,8 @@ from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.compiled import FAST, compiled
-from jampetsc.packing.disks import deformed
 from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.packing import deformed
 from jampetsc.packing.pairs import PairList, is_stale
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team

@@ -19,9 +19,8 @@ from jampetsc.version import VERSION as __version__
 
 _HOMES = {  # name -> module, of the names that are not jobs
     "ContactDamping": "jampetsc.laws.damping",
-    "Disks": "jampetsc.packing.disks",
     "Law": "jampetsc.laws.damping",
-    "Packing": "jampetsc.packing.from_arrays",
+    "Packing": "jampetsc.packing.packing",
     "StokesDrag": "jampetsc.laws.damping",
     "assemble": "jampetsc.commands.matrices",
     "import_packing": "jampetsc.io.importers",

@@ -16,7 +16,7 @@ from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.laws.damping import Law, Physics, damping_law
 from jampetsc.network.contact_network import build_network
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.response.sweep_run import Run
 
@@ -31,7 +31,7 @@ def published(kind="harmonic"):
     rows = [line.split(",") for line in JAMBASHBULK.read_text().splitlines()[6:22]]
     table = np.array([[float(word) for word in row[:3]] for row in rows])
     cell = [(9.5393607291793076335, 0.0), (0.0630575654921525210, 9.5693366275464142399)]
-    return Disks.from_positions(table[:, :2], table[:, 2], cell, Potential(kind))
+    return Packing.from_positions(table[:, :2], table[:, 2], cell, Potential(kind))
 
 
 def polydisperse(index=0):
@@ -40,7 +40,7 @@ def polydisperse(index=0):
         record = {name: file[name][index] for name in ("pos", "rad", "box", "Energy", "Stress", "Cijkl")}
     cell = record["box"].reshape(2, 2)
     positions = record["pos"].reshape(-1, 2) @ cell
-    return Disks.from_positions(
+    return Packing.from_positions(
         positions, record["rad"], cell, Potential(stiffness="inverse-square-diameter")
     ), record
 
@@ -55,7 +55,7 @@ def two_images():
     rng = np.random.default_rng(1)
     row, column = np.divmod(np.arange(16), 2)
     positions = np.column_stack((column + 0.5 * row, 0.866 * row)) * 0.98 + rng.normal(0, 0.002, (16, 2))
-    return Disks.from_positions(positions, np.full(16, 0.5), [(1.96, 0), (4.2, 8 * 0.866 * 0.98)])
+    return Packing.from_positions(positions, np.full(16, 0.5), [(1.96, 0), (4.2, 8 * 0.866 * 0.98)])
 
 
 def gears():
@@ -63,7 +63,7 @@ def gears():
     rng = np.random.default_rng(2)
     row, column = np.divmod(np.arange(24), 6)
     positions = np.column_stack((column, row)) * 0.98 + rng.normal(0, 0.003, (24, 2))
-    return Disks.from_positions(
+    return Packing.from_positions(
         positions, 0.5 + rng.uniform(-0.002, 0.002, 24), [(6 * 0.98, 0), (0.02, 4 * 0.98)]
     )
 
@@ -79,7 +79,7 @@ def strips():
     strip = np.outer(column * 0.84, across) + np.outer((place + 0.5 * (column % 2)) * step, along)
     strip += rng.normal(0, 0.002, strip.shape)
     positions = np.vstack((strip, strip + np.array([4.5, 0]), [[2.9, 0.0]]))
-    return Disks.from_positions(positions, np.full(49, 0.5), [(9.0, 0), a2])
+    return Packing.from_positions(positions, np.full(49, 0.5), [(9.0, 0), a2])
 
 
 def honeycomb():
@@ -87,7 +87,7 @@ def honeycomb():
     a = 0.98
     unit = np.array([(0, 0), (0, a), (np.sqrt(0.75) * a, 1.5 * a), (np.sqrt(0.75) * a, 2.5 * a)])
     width, height = np.sqrt(3) * a, 3 * a
-    return Disks.from_positions(
+    return Packing.from_positions(
         np.vstack((unit, unit + np.array([width, 0]))), np.full(8, 0.5), [(2 * width, 0), (0, height)]
     )
 
@@ -96,7 +96,7 @@ def lattice(side=8, spacing=0.97):
     """A square lattice of equal disks under pressure, balanced but no minimum: 14 negative modes as it is."""
     row, column = np.divmod(np.arange(side**2), side)
     places = spacing * np.column_stack((column, row))
-    return Disks.from_positions(places, np.full(side**2, 0.5), side * spacing * np.eye(2))
+    return Packing.from_positions(places, np.full(side**2, 0.5), side * spacing * np.eye(2))
 
 
 def crystal():
@@ -104,12 +104,12 @@ def crystal():
     row, column = np.divmod(np.arange(36), 6)
     height = np.sqrt(0.75)
     places = 0.99 * np.column_stack((column + 0.5 * row, height * row))
-    return Disks.from_positions(places, np.full(36, 0.5), 0.99 * np.array([(6, 0), (3, 6 * height)]))
+    return Packing.from_positions(places, np.full(36, 0.5), 0.99 * np.array([(6, 0), (3, 6 * height)]))
 
 
 SAMPLES = {
     "published": published,
-    "k = 2.5": lambda: replace(published(), potential=Potential(k=2.5)),
+    "k = 2.5": lambda: published().replace(potential=Potential(k=2.5)),
     "hertzian": lambda: published("hertzian"),
     "polydisperse": lambda: polydisperse(3)[0],
     "isostatic": isostatic,
@@ -144,7 +144,7 @@ def stored(path, kind, arrays, **attributes):
 def run_of(
     packing, physics, omega, fields=None, method="rational", accuracy=1e-6, out=None, *, comm=None, **more
 ):
-    """The Run of a sweep of a packing, Disks or a file; in memory where `out` is None. Collective over comm."""
+    """The Run of a sweep of a packing in memory or a file; in memory where `out` is None. Collective over comm."""
     how = {"omega": omega, "fields": fields or None, "method": method, "accuracy": accuracy, **more}
     return Run.of(Sweep(packing, physics.law, prestress=physics.prestress, **how), Outlet(out, out), comm)
 

@@ -8,7 +8,7 @@ from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 # name -> (weights, mass): Vågberg's six, and laws of the linear part with rolling and with unequal weights
@@ -31,7 +31,7 @@ def crowd(n=64, phi=0.86, aspect=1.3, tilt=0.2, seed=1, kind="harmonic"):
     height = np.sqrt(np.pi * np.sum(radii**2) / phi / aspect)
     cell = np.array([[aspect * height, 0.0], [tilt * height, height]])
     potential = Potential(kind, "inverse-square-diameter")
-    return settle(Disks.from_positions(rng.random((n, 2)) @ cell, radii, cell, potential), 1e-3)
+    return settle(Packing.from_positions(rng.random((n, 2)) @ cell, radii, cell, potential), 1e-3)
 
 
 def shear(name, disks=None, rate=1e-2, step=0.05, method=None, tolerance=1e-13) -> SteadyShear:

@@ -15,7 +15,7 @@ from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILES, Kind, asked, optional, shown
 from jampetsc.options.task_inputs import ALL_SEEDS, TaskInputs
 from jampetsc.options.values import FREQUENCIES, PACKING, RESULT, Numbers, opened, refuse_repeated, words
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 NARROWEST, WIDEST = 0.01, 1e6  # lanes
 SWEEPS, FLOW, VELOCITIES = "jampetsc-sweep", "jampetsc-flow", "jampetsc-velocity-correlation"
@@ -85,7 +85,7 @@ class Correlate(Job):
         choices=PHASES,
     )
     omega: Numbers | None = optional("fields at these frequencies (default: all)", kind=FREQUENCIES)
-    packing: Disks | None = optional("packing of a single sweep, if it is not beside it", kind=PACKING)
+    packing: Packing | None = optional("packing of a single sweep, if it is not beside it", kind=PACKING)
 
     def check(self):
         """Refuse a result given twice."""

@@ -12,7 +12,7 @@ from jampetsc.options.parameters import FILE, asked, optional, part
 from jampetsc.options.starts import GROUP, FromStart, of_run
 from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
 from jampetsc.options.values import PACKING_OR_RESULT, input_name, opened
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc import launcher
 from jampetsc.progress import note
 
@@ -42,7 +42,7 @@ A killed run continues when the same command is given again. Many disks use seve
 to the last bit; independent runs are faster side by side. The same seed gives the same trajectory where it gives the
 same packing (`jampetsc pack --help`); elsewhere trajectories part, and only averages agree."""
 
-    start: Disks | None = optional(
+    start: Packing | None = optional(
         "packing to start from, or flow to continue", kind=PACKING_OR_RESULT, place=FILE, metavar="START"
     )
     model: Model | Law | str | None = part(MODEL, None)
@@ -97,7 +97,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
     @property
     def _in_memory(self):
         """The result in memory that is given as START, or None."""
-        return None if self.start is None or isinstance(self.start, str | Disks) else self.start
+        return None if self.start is None or isinstance(self.start, str | Packing) else self.start
 
     @property
     def _hint(self):

@@ -18,7 +18,7 @@ from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 
 
 def _box(given):
-    """A box of `packing.from_arrays.Packing`; in words L, Lx,Ly or Lx,Ly,xy."""
+    """A cell of `Packing`; in words L, Lx,Ly or Lx,Ly,xy."""
     if not isinstance(given, str):
         return given
     try:

@@ -13,7 +13,7 @@ from jampetsc.options.job import Job
 from jampetsc.options.law_options import DAMPING, PRESTRESS
 from jampetsc.options.parameters import FILE, asked, part
 from jampetsc.options.values import PACKING_OR_RESULT, input_name, opened
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc import session
 
 
@@ -35,7 +35,7 @@ class Info(Job):
 PETSc options: -inertia_… for the factorisations of --matrices."""
     SOLVERS: ClassVar = ("inertia_",)
 
-    file: Disks = asked(
+    file: Packing = asked(
         help="packing file, result file or folder of a study", place=FILE, kind=PACKING_OR_RESULT
     )
     matrices: bool = asked(False, "assemble K and B and count their eigenvalues")
@@ -53,7 +53,7 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
             raise InputError(
                 f"{self.physics}: only the matrices depend on a damping law; add {named('matrices')}"
             )
-        if self.matrices and not isinstance(self.file, str | Disks):
+        if self.matrices and not isinstance(self.file, str | Packing):
             raise InputError(f"{named('matrices')}: needs a packing, not {input_name(self.file)}")
 
     @property
@@ -72,7 +72,9 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         if self.matrices:
             return self._with_matrices(name)
         loaded = opened(self.file)
-        describe_one = {Disks: describe.packing, Ensemble: describe.study}.get(type(loaded), describe.result)
+        describe_one = {Packing: describe.packing, Ensemble: describe.study}.get(
+            type(loaded), describe.result
+        )
         return describe_one(name, loaded)
 
     def _with_matrices(self, name):

@@ -56,7 +56,7 @@ class Matrices(OfPacking):
 def assemble(packing, law=DEFAULT, *, prestress=True):
     """The Hessian K in k, the damping matrix B in kτ₁ and their columns of the strain γ (BT eqs. 10, 11). Collective.
 
-    packing     Disks, or the name of a file
+    packing     a Packing, or the name of a file
     law         a damping law, or the name of a family of them
     prestress   whether K keeps the f/r term of its contacts (BT eq. 4)
 

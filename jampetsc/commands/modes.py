@@ -9,7 +9,7 @@ from jampetsc.options.law_options import PRESTRESS
 from jampetsc.options.parameters import FILE, asked, optional
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import PACKING
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 COUNT = 50
 
@@ -33,7 +33,7 @@ of them, are found by LAPACK, which takes no options."""
 
     SOLVERS: ClassVar = ("modes_", "shift_", "inertia_")
 
-    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
+    packing: Packing = asked(help="packing", kind=PACKING, place=FILE)
     count: int | None = optional(
         f"number of modes (default {COUNT}); more where the last eigenvalues are equal", low=1, metavar="M"
     )

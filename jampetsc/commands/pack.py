@@ -16,7 +16,7 @@ from jampetsc.options.job import Job
 from jampetsc.options.parameters import Kind, asked, optional, shown
 from jampetsc.options.task_inputs import NO_FILE, TaskInputs
 from jampetsc.options.values import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS, words
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.petsc import session
 
@@ -58,7 +58,7 @@ class Pack(Job):
     STUDY_INPUTS: ClassVar = TaskInputs(NO_FILE, one_rank=True)
     FORMAT: ClassVar = "jampetsc-packing"
     OUT_HELP: ClassVar = "packing file; {seed} and {pressure} are replaced"
-    GIVES: ClassVar = "Disks, or a list of them"
+    GIVES: ClassVar = "a Packing, or a list of them"
     EPILOG: ClassVar = """examples:
   jampetsc pack --n 1024 --pressure 1e-3 --seed 1 --out p1e-3.h5
   jampetsc pack --pressure 1e-4 --from p1e-3.h5 --out p1e-4.h5
@@ -114,7 +114,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
     seed: int | None = of_making("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
     seeds: Sequence[int] | None = of_making("a packing for each seed, both ends included", kind=SEEDS)
-    from_: Disks | None = of_making("packing to start from, in its cell", kind=PACKING)
+    from_: Packing | None = of_making("packing to start from, in its cell", kind=PACKING)
     ladder: bool = asked(
         False, "each pressure starts from the packing at the one before it, not from random disks", group=HOW
     )

@@ -71,7 +71,7 @@ def at_random(radii, potential: Potential, how: dict) -> Beginning:
 
 
 def from_packing(source, how: dict, comm=None) -> Beginning:
-    """Another packing, a file or Disks; how: entries of the record. Collective over comm."""
+    """Another packing, a file or a Packing; how: entries of the record. Collective over comm."""
     disks, identity = read_identified(source, comm)
     record = how | dict(zip(("source", "source_sha256"), identity, strict=True))
     return Beginning(record, lambda task: changed(disks, task.target), disks.potential.k)

@@ -1,7 +1,6 @@
 """The run that a `shear.Shear` asks for: quasistatic shear from its start, or from a checkpoint, to its result."""
 
 import time
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from jampetsc.flows.record import (
 from jampetsc.flows.run import INTERVAL, LINES
 from jampetsc.io.results import note_lines, noted
 from jampetsc.minimise.minimise import proved
-from jampetsc.packing.disks import PLACES
+from jampetsc.packing.packing import PLACES
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
@@ -93,7 +92,7 @@ def execute(job, solver, to) -> str:
     facts["notes"] = noted(notes)
     minimum = {name: getattr(slow.disks, name) for name in (*PLACES, "radii")}
     if job.last is not None:
-        job.write_last(proved(replace(slow.disks, record={}), solver), facts, to)
+        job.write_last(proved(slow.disks.replace(record={}), solver), facts, to)
     write_record(to.writer(job.FORMAT), record, minimum, settings, facts)
     checkpoint.remove()
     cost, events = record.series("evaluations").mean(), int(record.series("plastic").sum())

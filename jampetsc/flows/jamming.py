@@ -20,8 +20,8 @@ from jampetsc.minimise.descent import Goal
 from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.thermal import annealed
-from jampetsc.packing.disks import Disks, deformed
 from jampetsc.packing.neighbours import neighbour_pairs
+from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.potentials import Potential
 
 RELAXED_FORCE = 1e-4  # max |F| in k_e/d to which a random start is relaxed before it is minimised
@@ -130,7 +130,7 @@ def samples(
     return [known | one for one in found + [{}] * (protocol.rows - len(found))]
 
 
-def _quenched(start: Disks, solver, tolerance):
+def _quenched(start: Packing, solver, tolerance):
     """(columns of the minimum found from `start`, its disks, whether they jam)."""
     disks = minimise(start, Goal(), solver, tolerance=tolerance).disks
     found = minimum_of(disks)
@@ -172,7 +172,7 @@ def _annealed(protocol, start, seeds, solver, tolerance):
     return known | {"phi_J": phi_J, "segregation": segregation(disks)}
 
 
-def jamming_density(disks: Disks, jammed: bool, solver, tolerance: float) -> tuple:
+def jamming_density(disks: Packing, jammed: bool, solver, tolerance: float) -> tuple:
     """(φ_J, disks of the loosest jammed state found): φ_J is where the energy of a minimum vanishes as the cell grows.
 
     disks: the minimum; if not jammed, it is compressed first. φ_J is bracketed to EXACT; every looser state is made
@@ -199,7 +199,7 @@ def _scaled(disks, phi):
     return deformed(disks, np.zeros((disks.n, 2)), 0.5 * math.log(disks.phi / phi), 0.0)
 
 
-def segregation(disks: Disks) -> float:
+def segregation(disks: Packing) -> float:
     """Separation of sizes: assortativity of neighbours as large or small, 0 if mixed at random; nan for one size.
 
     Neighbours are disks with a gap of less than MAX_NEIGHBOUR_GAP mean diameters.

@@ -14,8 +14,8 @@ from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise, stress_unit
 from jampetsc.minimise.newton import FORCE_FLOOR
 from jampetsc.packing.contacts import find_contacts, measure
-from jampetsc.packing.disks import PLACES, Disks
 from jampetsc.packing.neighbours import fractional, vectors
+from jampetsc.packing.packing import PLACES, Packing
 from jampetsc.packing.pairs import SKIN_RANGE, ListedDisks
 from jampetsc.packing.threads import Team
 
@@ -64,7 +64,7 @@ class Step:
     evaluations: int  # of forces
 
 
-def minimum_of(disks: Disks) -> MinimumState:
+def minimum_of(disks: Packing) -> MinimumState:
     """Energy, stress and contacts of disks at a minimum."""
     contacts = find_contacts(disks)
     state = measure(disks, contacts)
@@ -84,7 +84,7 @@ class SlowShear(ListedDisks):
     Raises ConvergenceError where no minimum is found, as `minimise.minimise.minimise`.
     """
 
-    def __init__(self, disks: Disks, step: float, solver, tolerance: float, team: Team | None = None):
+    def __init__(self, disks: Packing, step: float, solver, tolerance: float, team: Team | None = None):
         self.step, self.solver, self.tolerance, self.team = step, solver, tolerance, team
         self.effort = Effort()
         self.steps = 0
@@ -100,7 +100,7 @@ class SlowShear(ListedDisks):
         return self.steps * self.step
 
     @property
-    def disks(self) -> Disks:
+    def disks(self) -> Packing:
         """The packing as it is now, folded."""
         return super().disks.folded()
 
@@ -109,7 +109,7 @@ class SlowShear(ListedDisks):
         """See `ListedDisks`."""
         return 0.0, self.shear
 
-    def _quenched(self, disks) -> Disks:
+    def _quenched(self, disks) -> Packing:
         effort = Effort()
         tolerance = min(self.tolerance, HANDOVER)  # a saddle that was just left is at rest to a larger one
         found = minimise(disks, Goal(), self.solver, tolerance=tolerance, team=self.team, effort=effort)
@@ -261,7 +261,7 @@ class SlowShear(ListedDisks):
 
     def restore(self, state: dict) -> None:
         """Return to the state that `state` gave, to the last bit, by repeating the steps since its `_renew`."""
-        self.list(replace(self.reference, **{name: np.asarray(state[name], float) for name in PLACES}))
+        self.list(self.reference.replace(**{name: np.asarray(state[name], float) for name in PLACES}))
         self.last, self.steps = np.asarray(state["last"], float), int(state["anchor"])
         self.effort = Effort(*(int(state[name]) for name in ("evaluations", "newton_steps", "saddles")))
         while self.steps < int(state["steps"]):

@@ -1,7 +1,5 @@
 """Disks under steady shear at the present time: positions, velocities, contacts, and the state to continue from."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from jampetsc.flows import moves
@@ -9,9 +7,9 @@ from jampetsc.flows import steps as compiled
 from jampetsc.flows.clusters import survey_of
 from jampetsc.flows.resistance import Graph, Search
 from jampetsc.laws.flow_models import Model, Scheme
-from jampetsc.packing.disks import PLACES, Disks
 from jampetsc.packing.domains import Domains, borders, domain_order
 from jampetsc.packing.kernel import block_room
+from jampetsc.packing.packing import PLACES, Packing
 from jampetsc.packing.pairs import ListedDisks
 from jampetsc.packing.threads import Team
 
@@ -32,7 +30,7 @@ class ShearedDisks(ListedDisks):
     ARRAYS = ("offsets", "velocities", "accelerations", "spins", "spin_rates")
 
     def __init__(
-        self, disks: Disks, model: Model, rate: float, scheme: Scheme, team: Team | None = None, held=0
+        self, disks: Packing, model: Model, rate: float, scheme: Scheme, team: Team | None = None, held=0
     ):
         self.model, self.rate, self.scheme, self.held = model, rate, scheme, held
         n = disks.n
@@ -53,7 +51,7 @@ class ShearedDisks(ListedDisks):
         sums = np.zeros((2, len(self._borders) - 1, moves.SUMMED + 2))
         self._room = np.empty((2, n, 2)), np.empty((n, 2)), sums
         self._ahead, self._direction = np.empty((n, 2)), np.empty((3, n, 2))
-        super().__init__(self._sorted(replace(disks, images=np.zeros((n, 2), int))), team=team)
+        super().__init__(self._sorted(disks.replace(images=np.zeros((n, 2), int))), team=team)
         if held and model.mass:  # at rest when the walls begin to slide
             middle = 0.5 * disks.cell[1, 1]
             self.velocities[held:, 0] = rate * (middle - self.reference.positions[held:, 1])
@@ -113,12 +111,12 @@ class ShearedDisks(ListedDisks):
         return self.since * self.rate * self.scheme.step
 
     @property
-    def here(self) -> Disks:
+    def here(self) -> Packing:
         """The packing at present, folded, in the internal order."""
         return super().disks.folded()
 
     @property
-    def disks(self) -> Disks:
+    def disks(self) -> Packing:
         """The packing at present, folded."""
         return self.here.reordered(self._given_order)
 
@@ -211,7 +209,7 @@ class ShearedDisks(ListedDisks):
         self._sorted_at = float(state.get("sorted_at", -np.inf))
         places = {name: np.asarray(state[name], float) for name in PLACES}
         images = state.get("images", disks.images)
-        self.list(replace(disks, images=images, **places).reordered(self.order))
+        self.list(disks.replace(images=images, **places).reordered(self.order))
         self.inertia = 0.5 * self.model.mass * self.reference.radii**2
         for name in self.ARRAYS:
             setattr(self, name, np.array(state[name], float)[self.order])

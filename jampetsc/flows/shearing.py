@@ -7,7 +7,7 @@ from jampetsc.flows import moves
 from jampetsc.flows import steps as compiled
 from jampetsc.flows.sheared import ShearedDisks
 from jampetsc.laws.flow_models import Model, Scheme, stiffest
-from jampetsc.packing.disks import deformed
+from jampetsc.packing.packing import deformed
 from jampetsc.packing.threads import Team
 
 MAX_MOVE_RATIO = 0.25  # in units of the largest diameter, longest move of a disk in a part of a divided step

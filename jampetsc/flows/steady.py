@@ -26,7 +26,7 @@ from jampetsc.io.results import note_lines, noted
 from jampetsc.laws.damping import WEIGHTS, Law
 from jampetsc.laws.flow_models import Model, Scheme, scheme_for
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 DEEPEST = 0.5  # largest overlap of two disks of a start, in units of σ
 UNTOUCHED = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
@@ -38,7 +38,7 @@ KEPT = ("units", "seed", "sizes", "packing", "packing_sha256", "walls")  # attri
 class FlowRun:
     """One run; `settings` identify it."""
 
-    disks: Disks  # at the start
+    disks: Packing  # at the start
     model: Model
     rate: float
     scheme: Scheme
@@ -139,7 +139,7 @@ def execute(run: FlowRun, to, write_last=None, team=None) -> Means:
     facts = _facts(run, means, time.perf_counter() - began) | {"substeps": shear.substeps}
     write_checkpoint(checkpoint, record, shear.state())  # in case one of the files cannot be written
     if write_last is not None:
-        write_last(replace(shear.disks, record={}), facts, to)
+        write_last(shear.disks.replace(record={}), facts, to)
     state = shear.state() | {"radii": run.disks.radii}
     # a flow file that is continued in place is replaced last
     write_record(to.writer(FORMAT), record, state, run.settings, facts)

@@ -18,9 +18,9 @@ from jampetsc.errors import InputError, named
 from jampetsc.flows.record import LAYERS
 from jampetsc.flows.shearing import SteadyShear
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
-from jampetsc.packing.disks import Disks
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbours import spatial_order
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import Potential
 
@@ -29,13 +29,13 @@ GAP = 0.05  # between the disks of a row, in units of their diameters: they neve
 SETTLING = 2000, 0.05
 
 
-def phi_between(disks: Disks, held: int) -> float:
+def phi_between(disks: Packing, held: int) -> float:
     """Packing fraction of the disks that move, in the area V = L_x H less that of the walls' disks."""
     areas = np.pi * disks.radii**2
     return float(np.sum(areas[held:]) / (disks.area - np.sum(areas[:held])))
 
 
-def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[Disks, int]:
+def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[Packing, int]:
     """Disks of these radii (N,), relaxed from random places between rows of the same sizes: (disks, wall disks).
 
     L_x and H are as equal as whole disks allow. Raises InputError where the rows leave no room between them.
@@ -63,7 +63,7 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[D
     cell = np.diag([width, height])
     order = spatial_order(places, cell)
     wall = np.column_stack((np.cumsum(pitches) - 0.5 * pitches, np.zeros(number)))
-    start = Disks.from_positions(
+    start = Packing.from_positions(
         np.concatenate((wall, places[order])), np.concatenate((row, radii[order])), cell, potential
     )
     step = SETTLING[1] * float(2.0 * radii.min()) ** 2  # k_d = k_e τ₁, and τ₁ = 1

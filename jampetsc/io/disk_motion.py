@@ -1,6 +1,6 @@
 """Motion of disks in results: displacement fields of sweeps with their packing, snapshots of flows."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ from jampetsc.analysis.order import mean_order
 from jampetsc.analysis.velocity_correlation import LaneCorrelation, correlate_velocities
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.packing_file import read_packing
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 # what the real part of a field is in phase with, the default first; files hold fields per strain
@@ -23,17 +23,17 @@ _MAX_DISPLACEMENT = 1e100  # displacements per unit strain that no packing has
 _FREQUENCY_TOLERANCE = 0.01  # relative distance from a stored frequency: 0.0316 means 10^-1.5
 
 
-def packing_of(result, packing=None) -> Disks:
-    """The packing that a result was made from: `given` (Disks or a file), else the one in memory with the result, else
-    the file beside it.
+def packing_of(result, packing=None) -> Packing:
+    """The packing that a result was made from: `packing` (in memory or a file), else the one in memory with the result,
+    else the file beside it.
 
     Raises InputError for a missing packing, and for another one: a file has to have the recorded fingerprint,
-    Disks that or the same number of disks and φ.
+    a Packing that or the same number of disks and φ.
     """
     name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
     if packing is None and result.packing is not None:
         return result.packing
-    if isinstance(packing, Disks):
+    if isinstance(packing, Packing):
         facts = [result.attributes.get(key) for key in ("particle_count", "phi")]
         if packing.fingerprint != recorded and facts != [packing.n, packing.phi]:
             raise InputError(f"{named('packing')}: is not the packing that {result.path.name} was made from")
@@ -136,8 +136,8 @@ def chosen_frequencies(result, frequencies=None):
     return np.array(rows)
 
 
-@dataclass(frozen=True, eq=False)
-class Snapshot(Disks):
+@dataclass(frozen=True, eq=False, init=False)
+class Snapshot(Packing):
     """Disks of a flow at one moment, for everything that takes a packing."""
 
     strain: float = 0.0  # γ since the start
@@ -165,7 +165,7 @@ def snapshot(result, row=-1) -> Snapshot:
     disks = Snapshot.from_positions(
         kept.pop("positions"), result["snapshots/radii"], kept.pop("cell"), potential, record=record
     )
-    return replace(disks, rate=float(a["rate"]), **kept)
+    return disks.replace(rate=float(a["rate"]), **kept)
 
 
 def check_snapshots(result) -> None:
@@ -175,7 +175,7 @@ def check_snapshots(result) -> None:
     radii = result["snapshots/radii"]
     for positions, cell in zip(result["snapshots/positions"], result["snapshots/cell"], strict=True):
         with about(result.path):
-            Disks.from_positions(positions, radii, cell)
+            Packing.from_positions(positions, radii, cell)
 
 
 def six_fold_order(result):

@@ -43,7 +43,7 @@ class DiskTable:
 
     columns: dict  # name in the file -> (N,) words or numbers
     positions: np.ndarray  # (N, 2) or (N, 3)
-    box: object  # in a form that `packing.from_arrays.cell_of` takes; None where the file has none
+    box: object  # in a form that `packing.cell.cell_of` takes; None where the file has none
     law: dict = field(default_factory=dict)  # name of LAW, or units -> what the file says
 
 

@@ -14,7 +14,7 @@ from jampetsc.io.disk_motion import (
     snapshot,
 )
 from jampetsc.packing.contacts import Contacts, disk_areas, disk_stresses, find_contacts, measure
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 _COMPONENTS = (("xx", 0, 0), ("yy", 1, 1), ("xy", 0, 1))
 
@@ -23,7 +23,7 @@ _COMPONENTS = (("xx", 0, 0), ("yy", 1, 1), ("xy", 0, 1))
 class Frame:
     """N disks inside their cell, its tilt at most half a side, and M contacts."""
 
-    disks: Disks
+    disks: Packing
     columns: dict  # name -> (N,) numbers or (N, 2) vectors of the disks
     contacts: Contacts  # every overlap
     bearing: np.ndarray  # (M,) mask of contacts that bear load, between disks that are not rattlers
@@ -37,7 +37,7 @@ class Frame:
         return {"potential": law.kind, "stiffness": law.stiffness, "k": float(law.k)} | units
 
 
-def packing_frame(disks: Disks, vectors=None, facts=None) -> Frame:
+def packing_frame(disks: Packing, vectors=None, facts=None) -> Frame:
     """A packing: radius, area, coordination, rattler and stress of every disk, then `vectors`, name -> (N, …).
 
     `stress_xx`, … are from `disk_stresses` with `area`: Σ area · stress = V σ. Coordination counts the contacts

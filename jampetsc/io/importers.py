@@ -22,8 +22,7 @@ from jampetsc.io.exchange import (
     to_numbers,
 )
 from jampetsc.io.hdf5 import open_file, values
-from jampetsc.packing.disks import Disks
-from jampetsc.packing.from_arrays import Packing, measured
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
@@ -37,7 +36,7 @@ _MODULUS_COMPONENTS = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a 
 
 def import_packing(
     path, index=0, *, format=None, radius=None, box=None, potential=None, stiffness=None, k=None
-) -> Disks:
+) -> Packing:
     """Read packing number `index` of a file of another program.
 
     path     of the file
@@ -45,13 +44,13 @@ def import_packing(
     format   one of `exchange.READERS`; None: recognised by the content
     radius   column or array of radii, halved if its name begins with diameter; radii by type, {1: 0.5, 2: 0.7} or
              "1=0.5,2=0.7"; None: radius or diameter
-    box      as for `packing.from_arrays.Packing`, for a file that has none
+    box      as the cell of `Packing`, for a file that has none
     potential, stiffness, k   as for `Packing`; None: what the file says, or else the defaults of `Packing`. LAMMPS'
              pair style harmonic/cut has the energy K δ²: k = 2K
 
-    Returns Disks, in the file's unit of length. Their record has pressure, phi, energy and max_force as computed here,
-    the numbers of a published file as published_pressure, published_energy, …, and as `assumed` which of potential,
-    stiffness and k neither the file nor the caller says.
+    Returns a Packing, in the unit of length of the file. Its record has pressure, phi, energy and max_force as computed
+    here, the numbers of a published file as published_pressure, published_energy, …, and as `assumed` which of
+    potential, stiffness and k neither the file nor the caller says.
 
     Raises InputError for an unknown format, a compressed or damaged file, a wrong index, a packing that is
     three-dimensional or not periodic, or whose pressure or energy is not the one in the file.
@@ -101,8 +100,8 @@ def _read_exchanged(content, index, format, radius, box, law):
 
 
 def _checked(disks):
-    """The disks with the record of `measured`. Raises InputError if pressure or energy are not the published ones."""
-    disks = measured(disks)
+    """The disks with measurements. Raises InputError if pressure or energy are not the published ones."""
+    disks = disks.with_measurements()
     for name in ("pressure", "energy"):
         value, published = disks.record[name], disks.record.get(f"published_{name}")
         if published is not None and not abs(value - published) <= _PUBLISHED_TOLERANCE * abs(published):
@@ -132,7 +131,7 @@ def _read_jambashbulk(text, index):
     if len(rows) != n or not body[2]:
         raise InputError(f"{len(rows)} lines x, y, r for N = {n:g} disks: truncated or edited; get it again")
     table = np.array([to_numbers(row) for row in rows])
-    return Disks.from_positions(
+    return Packing.from_positions(
         table[:, :2],
         table[:, 2],
         cell,
@@ -163,7 +162,7 @@ def _read_jaxmd(h5, index):
             f"published_C_{name}": c
             for name, c in zip(_MODULUS_COMPONENTS, data["Cijkl"].tolist(), strict=True)
         }
-    return Disks.from_positions(
+    return Packing.from_positions(
         data["pos"].reshape(-1, 2) @ cell,
         data["rad"],
         cell,

@@ -85,7 +85,7 @@ class Outlet:
             write_packing(self.path, disks, self.request)
 
     def packings(self, found) -> None:
-        """Take several packings instead of one file: Disks, or a list of them or of their files, on every rank."""
+        """Take several packings instead of one file: a Packing, or a list of them or of their files, on every rank."""
         self._found = found
 
     def made_from(self, disks) -> None:
@@ -121,11 +121,11 @@ class Outlet:
         """The result, as `load` gives it. Collective."""
         from jampetsc.io.reader import collected, load
         from jampetsc.io.results import Result
-        from jampetsc.packing.disks import Disks
+        from jampetsc.packing.packing import Packing
 
         if isinstance(self._found, list):
-            return [one if isinstance(one, Disks) else load(one) for one in self._found]
-        if self.path is None and isinstance(self._found, Disks):
+            return [one if isinstance(one, Packing) else load(one) for one in self._found]
+        if self.path is None and isinstance(self._found, Packing):
             return self._found
         found = collected(self._found) if self.path is None else load(self.path)
         if isinstance(found, Result):

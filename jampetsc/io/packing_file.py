@@ -19,7 +19,7 @@ from jampetsc.io.hdf5 import (
     values,
 )
 from jampetsc.io.outputs import check_replaced
-from jampetsc.packing.disks import Disks, join
+from jampetsc.packing.packing import Packing, join
 from jampetsc.packing.potentials import Potential
 
 FORMAT = "jampetsc-packing"
@@ -28,7 +28,7 @@ _HEADER = ("format", "format_version", "potential", "stiffness", "k")
 _FILE_ATTRIBUTES = (*_HEADER, "request")  # attributes that are no record of the disks
 
 
-def write_packing(path, disks: Disks, request=None) -> None:
+def write_packing(path, disks: Packing, request=None) -> None:
     """Write `disks` with its record (scalars and strings; None is left out), atomically, to the last bit.
 
     request   what was asked for, where the record does not say it
@@ -50,21 +50,21 @@ def write_packing(path, disks: Disks, request=None) -> None:
             store(h5, name, array)
 
 
-def read_packing(path) -> Disks:
+def read_packing(path) -> Packing:
     """Read a packing file. Raises InputError naming the file, what is wrong with it and the remedy."""
     with open_file(path) as h5:
         return packing_from(h5, path)
 
 
 def source_name(source) -> str:
-    """Name of a packing in messages: its file, or "the packing" for Disks in memory."""
-    return "the packing" if isinstance(source, Disks) else str(source)
+    """Name of a packing in messages: its file, or "the packing" for one in memory."""
+    return "the packing" if isinstance(source, Packing) else str(source)
 
 
-def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
-    """The packing at `path` and its identity, by which results refer to it: (name of the file, `Disks.fingerprint`).
+def read_identified(path, comm=None) -> tuple[Packing, tuple[str, str]]:
+    """The packing at `path` and its identity, by which results refer to it: (name of the file, `Packing.fingerprint`).
 
-    path   a file, or Disks, the same on all ranks, which are returned with the name None
+    path   a file, or a Packing, the same on all ranks, which is returned with the name None
     comm   mpi4py communicator, whose rank 0 alone reads the file, so that all ranks have the same packing even if the
            file is replaced meanwhile; None: one process
 
@@ -72,7 +72,7 @@ def read_identified(path, comm=None) -> tuple[Disks, tuple[str, str]]:
 
     Raises InputError as `read_packing`, on all ranks.
     """
-    if isinstance(path, Disks):
+    if isinstance(path, Packing):
         return path, (None, path.fingerprint)
     name, disks = on_root(comm, lambda: (Path(path).name, read_packing(path)))
     return disks, (name, disks.fingerprint)
@@ -84,8 +84,8 @@ def check_packing(path) -> None:
         check_file(h5, path, FORMAT)
 
 
-def packing_from(h5, path) -> Disks:
-    """Disks from an open packing file; `path` is for messages. Raises InputError."""
+def packing_from(h5, path) -> Packing:
+    """The packing of an open file; `path` is for messages. Raises InputError."""
     _, attrs, datasets = check_file(h5, path, FORMAT)
     for name in ("positions", "radii", "cell"):
         if name not in datasets:
@@ -94,4 +94,4 @@ def packing_from(h5, path) -> Disks:
     record = {name: value for name, value in attrs.items() if name not in _FILE_ATTRIBUTES}
     with about(path):
         potential = Potential(attrs.get("potential"), attrs.get("stiffness"), float(attrs.get("k", 1.0)))
-        return Disks.from_positions(**arrays, potential=potential, record=record)
+        return Packing.from_positions(**arrays, potential=potential, record=record)

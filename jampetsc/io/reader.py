@@ -14,7 +14,7 @@ from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.packing.disks import PLACES, Disks, deformed
+from jampetsc.packing.packing import PLACES, Packing, deformed
 from jampetsc.packing.potentials import Potential
 
 _MIN_RATE = 1e-100  # rates beyond this and its inverse are no rates of relaxation
@@ -115,19 +115,19 @@ class ShearedResult(Result):
     """Series along shear, steady or quasistatic, their means, and the state at the end."""
 
     @property
-    def last(self) -> Disks:
+    def last(self) -> Packing:
         """The packing at the end."""
         return self.listed
 
     @property
-    def listed(self) -> Disks:
+    def listed(self) -> Packing:
         """The disks of the stored state."""
         arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
         with about(self.path):
             potential = Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k")))
-            disks = Disks(**arrays, potential=potential)
-            Disks.from_positions(disks.positions, disks.radii, disks.cell)  # which refuses what no disks have
-        return disks
+            radii, positions = arrays["radii"], arrays["base"] + arrays["offset"]
+            cell = arrays["cell_base"] + arrays["cell_offset"]
+            return Packing.from_positions(positions, radii, cell, potential).replace(**arrays)
 
 
 class FlowResult(ShearedResult):
@@ -136,7 +136,7 @@ class FlowResult(ShearedResult):
     snapshot = snapshot
 
     @property
-    def last(self) -> Disks:
+    def last(self) -> Packing:
         """The packing at the end."""
         shear = int(self["state/since"]) * self.attributes["rate"] * self.attributes["step"]
         return deformed(self.listed, self["state/offsets"], 0.0, shear).folded()
@@ -199,7 +199,7 @@ def load(path):
 
     path   of a file, or of the folder of a study
 
-    Returns Disks for a packing, SweepResult for a sweep, FlowResult for a flow, Result for other files, and an
+    Returns a Packing for a packing, SweepResult for a sweep, FlowResult for a flow, Result for other files, and an
     `ensemble.Ensemble`, its table as arrays with averages over packings, for a study. Not collective.
 
     Raises InputError with the file, what is wrong with it and the remedy.

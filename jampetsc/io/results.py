@@ -98,7 +98,7 @@ class Result(Named):
     """A result: `attributes` (how it came about), and a mapping of dataset names to numpy arrays.
 
     path      its file; for a result in memory its name in messages, such as "sweep in memory"
-    packing   Disks that the result was made from, if they were in memory with it; else None
+    packing   Packing that the result was made from, if it was in memory with it; else None
 
     A file's array is read on access; `stored(name)` leaves it in the file, to read slices of it. In memory
     a distributed array is this rank's rows, and `stored(name).rows` says which.

@@ -9,8 +9,8 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.minimise.lbfgs import CONVERGED, STALE, LbfgsProblem, descend
 from jampetsc.minimise.lbfgs_kernels import LbfgsArrays
-from jampetsc.packing.disks import Disks
 from jampetsc.packing.domains import Domains, borders, padded
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.pairs import ListedDisks
 from jampetsc.packing.threads import Team
 
@@ -52,7 +52,7 @@ class Descent(ListedDisks):
     `evaluations` counts those of forces, `effort` also those of descents before.
     """
 
-    def __init__(self, disks: Disks, goal: Goal, team: Team | None = None, effort: Effort | None = None):
+    def __init__(self, disks: Packing, goal: Goal, team: Team | None = None, effort: Effort | None = None):
         self.goal, self.effort = goal, effort or Effort()
         self.evaluations = 0
         rows, size, domains = 2 * MEMORY, padded(disks.n), len(borders(disks.n)) - 1

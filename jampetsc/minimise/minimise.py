@@ -13,8 +13,8 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.descent import Descent, Effort, Goal
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.newton import Limits, Newton, Point
-from jampetsc.packing.disks import Disks
 from jampetsc.packing.minimum_proof import with_proof
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.threads import Team
 
 HANDOVER = 1e-5  # max |F| / (p d) at which Newton's method is tried first
@@ -30,7 +30,7 @@ UNJAMMED = 1e-11  # pressure in units of k below which disks in a fixed cell do 
 class Minimum:
     """A result of `minimise`; the record of its disks holds the proof."""
 
-    disks: Disks
+    disks: Packing
     jammed: bool  # False: no two disks touch, so the energy is zero and nothing is proved
     pressure: float
     max_force: float  # over all disks, rattlers too
@@ -38,14 +38,18 @@ class Minimum:
     modulus: float  # G₀ at fixed area, of the load-bearing contacts
 
 
-def settle(disks: Disks, force: float, *, team: Team | None = None, effort: Effort | None = None) -> Disks:
+def settle(
+    disks: Packing, force: float, *, team: Team | None = None, effort: Effort | None = None
+) -> Packing:
     """Random disks after a first relaxation in their cell, to max |F| ≤ force or for SETTLING evaluations."""
     descent = Descent(disks, Goal(), team, effort)
     fall(descent, force, SETTLING)
     return descent.disks
 
 
-def relax(disks: Disks, goal: Goal, force: float, *, team: Team | None = None, effort: Effort | None = None):
+def relax(
+    disks: Packing, goal: Goal, force: float, *, team: Team | None = None, effort: Effort | None = None
+):
     """Disks after L-BFGS to max |F| ≤ force and, where the cell moves, |Δp| ≤ force / d; not a minimum yet.
 
     Raises ConvergenceError after EVALUATIONS.
@@ -57,7 +61,7 @@ def relax(disks: Disks, goal: Goal, force: float, *, team: Team | None = None, e
 
 
 def minimise(
-    disks: Disks,
+    disks: Packing,
     goal: Goal,
     solver,
     *,
@@ -113,7 +117,7 @@ def minimise(
         fraction = HANDOVER
 
 
-def proved(disks: Disks, solver) -> Disks:
+def proved(disks: Packing, solver) -> Packing:
     """The disks, with the proof in their record if their load-bearing contacts make them a minimum."""
     return disks if Newton(Descent(disks, Goal()), solver).prove() is None else with_proof(disks)
 
@@ -129,7 +133,7 @@ def shake(descent: Descent, reach: float):
     descent.move(moves, np.zeros(2))
 
 
-def stress_unit(disks: Disks) -> float:
+def stress_unit(disks: Packing) -> float:
     """Pressure of order one for these disks: k, or k/d² where stiffnesses are k/σ²."""
     return float(disks.potential.k) / float(disks.potential.scale(np.array(2.0 * np.mean(disks.radii)))) ** 2
 

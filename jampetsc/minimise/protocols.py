@@ -1,7 +1,7 @@
 """How packings are made: random starts, the path in pressure, and the minimum at its end."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import Minimum, minimise, relax, settle, stress_unit
 from jampetsc.packing.compiled import instruction_set
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import Disks, deformed
 from jampetsc.packing.neighbours import spatial_order
+from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team
 
@@ -43,7 +43,7 @@ def start_phi(pressure: float) -> float:
     return 0.85 + 3.5 * pressure
 
 
-def random_start(radii, phi: float, seed, potential: Potential, separated: bool = False) -> Disks:
+def random_start(radii, phi: float, seed, potential: Potential, separated: bool = False) -> Packing:
     """Disks at uniformly random places in a square cell of packing fraction `phi`, in spatial order.
 
     separated: those above the mean radius at x < s L_x, the others beyond, s such that both sides have this `phi`.
@@ -60,15 +60,15 @@ def random_start(radii, phi: float, seed, potential: Potential, separated: bool 
     positions = side * places
     cell = np.diag([side, side])
     order = spatial_order(positions, cell)
-    return Disks.from_positions(positions[order], radii[order], cell, potential)
+    return Packing.from_positions(positions[order], radii[order], cell, potential)
 
 
-def changed(disks: Disks, target: Target) -> Disks:
+def changed(disks: Packing, target: Target) -> Packing:
     """The disks from which another packing is made: compressed evenly to the φ of the target, if it has one.
 
     Raises InputError where no disks touch: the pressure is zero.
     """
-    disks = replace(disks, record={})
+    disks = disks.replace(record={})
     if target.phi is None:
         if measure(disks).pressure <= 0:
             raise InputError(
@@ -79,14 +79,14 @@ def changed(disks: Disks, target: Target) -> Disks:
 
 
 def make_packing(
-    start: Disks,
+    start: Packing,
     target: Target,
     solver,
     *,
     fresh: bool = True,
     team: Team | None = None,
     effort: Effort | None = None,
-) -> Disks:
+) -> Packing:
     """Quench `start` to `target` and record how.
 
     fresh: a random start, relaxed in its cell first; otherwise a packing whose pressure is changed. At a
@@ -137,7 +137,7 @@ def _decades(now, wanted, include_first):
     return [now * 10.0**-s for s in range(0 if include_first else 1, steps)]
 
 
-def _recorded(found: Minimum, target, protocol, effort) -> Disks:
+def _recorded(found: Minimum, target, protocol, effort) -> Packing:
     disks, state = found.disks, measure(found.disks)
     return disks.with_record(
         pressure=state.pressure,

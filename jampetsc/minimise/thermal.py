@@ -13,8 +13,8 @@ import numpy as np
 from jampetsc import interrupts
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.contacts import both_ends
-from jampetsc.packing.disks import Disks
 from jampetsc.packing.kernel import pair_energy
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.pairs import ListedDisks, PairList, is_stale
 
 SKIN = 0.5  # of the pair list, in mean diameters
@@ -79,7 +79,7 @@ class Thermal(ListedDisks):
     `reach` may be set; `sweep(…, tune=True)` keeps the acceptance rate near ACCEPTED.
     """
 
-    def __init__(self, disks: Disks, generator):
+    def __init__(self, disks: Packing, generator):
         super().__init__(disks, SKIN)
         self.generator = generator
         self.reach = LONGEST * self.skin
@@ -108,7 +108,7 @@ class Thermal(ListedDisks):
         return share
 
 
-def annealed(disks: Disks, temperature: float, rate: float, sweeps: int, generator) -> Disks:
+def annealed(disks: Packing, temperature: float, rate: float, sweeps: int, generator) -> Packing:
     """Disks after `sweeps` at a temperature, then cooled: ln T falls by `rate` per sweep until T = COLD k."""
     thermal, cold = Thermal(disks, generator), COLD * disks.potential.k
     for _ in range(sweeps):

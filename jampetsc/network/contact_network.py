@@ -15,8 +15,8 @@ from scipy.sparse.csgraph import connected_components
 from jampetsc.errors import InputError
 from jampetsc.laws.damping import Law
 from jampetsc.packing.contacts import Contacts, find_contacts, find_rattlers, force_threshold, virial_pressure
-from jampetsc.packing.disks import Disks
 from jampetsc.packing.neighbours import spatial_order
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc.session import current
 
 
@@ -69,7 +69,7 @@ class Network:
         return 2.0 * self.contact_count / self.n if self.n else 0.0
 
 
-def build_network(disks: Disks, comm, prestress: bool = True) -> Network:
+def build_network(disks: Packing, comm, prestress: bool = True) -> Network:
     """The network of a packing that every rank has read, linearised with pre-stress or without. Collective.
 
     Raises InputError when too few contacts are left to be rigid: n disks in a periodic cell need at

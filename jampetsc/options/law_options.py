@@ -6,7 +6,7 @@ from jampetsc.laws.damping import DEFAULT, FAMILIES, NAMES, OPTIONS, Law, Physic
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, NUMBER, SWITCH, WORD, Parameter, Part, asked, part
 from jampetsc.options.values import PACKING
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 GROUP = "damping law"
 
@@ -60,7 +60,7 @@ PRESTRESS = asked(
 class OfPacking(Job):
     """Base of jobs on the matrices of a packing, under a damping law."""
 
-    packing: Disks = asked(help="packing", kind=PACKING, place=FILE)
+    packing: Packing = asked(help="packing", kind=PACKING, place=FILE)
     law: Law = part(DAMPING)
     prestress: bool = PRESTRESS
 

@@ -2,7 +2,7 @@
 
     @dataclass(frozen=True)
     class Sweep(Job):
-        packing: Disks = asked(help="packing", kind=PACKING)
+        packing: Packing = asked(help="packing", kind=PACKING)
         law: Law = part(DAMPING)                               # several options that make one object
         accuracy: float = asked(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
 

@@ -20,7 +20,7 @@ from jampetsc.minimise.sizes import (
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, optional, parameters
 from jampetsc.options.values import LAST_SEED, MOST_THREADS, PACKING, RADII, input_name
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, Potential
 
 PHIS = (0.1, 1.0)
@@ -35,7 +35,7 @@ of_disks, of_run = partial(optional, group=GROUP), partial(optional, group="run"
 class FromStart(Job):
     """Base of jobs that shear a packing, or random disks that they make."""
 
-    start: Disks | None = optional("packing to start from", kind=PACKING, place=FILE, metavar="START")
+    start: Packing | None = optional("packing to start from", kind=PACKING, place=FILE, metavar="START")
     n: int | None = of_disks("number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
     phi: float | None = of_disks(
         "packing fraction; disks jam near 0.84", low=PHIS[0], high=PHIS[1], metavar="PHI"
@@ -117,7 +117,7 @@ class FromStart(Job):
 
         return Team(self.threads or cores())
 
-    def disks(self) -> tuple[Disks, dict]:
+    def disks(self) -> tuple[Packing, dict]:
         """(disks, attributes that say where they come from).
 
         Without a packing: disks at random places, relaxed from deep overlaps, in Vågberg's units, in which the smallest
@@ -134,7 +134,7 @@ class FromStart(Job):
         disks, more = self.random(radii, seed)
         return disks, {"seed": seed, "sizes": sizes_text(self.sizes, self.radii), "units": units} | more
 
-    def random(self, radii, seed) -> tuple[Disks, dict]:
+    def random(self, radii, seed) -> tuple[Packing, dict]:
         """(disks of these radii (N,) at random places of a seed, more attributes)."""
         from jampetsc.minimise.minimise import settle
         from jampetsc.minimise.protocols import random_start

@@ -144,15 +144,15 @@ def _radii(given):
 def _read_as(names, what):
     """The `read` of a Kind for a packing or a result: the name of its file, or the object if it is in memory only.
 
-    names   classes of objects in memory that are accepted, of "Disks" and "Result"
+    names   classes of objects in memory that are accepted, of "Packing" and "Result"
     what    describes them in messages
     """
 
     def read(given):
         from jampetsc.io.results import Result
-        from jampetsc.packing.disks import Disks
+        from jampetsc.packing.packing import Packing
 
-        classes = tuple({"Disks": Disks, "Result": Result}[name] for name in names)
+        classes = tuple({"Packing": Packing, "Result": Result}[name] for name in names)
         if isinstance(given, Result):
             if isinstance(given, classes) and (given.file is None or given.packing is not None):
                 return given  # also one that was saved, for the packing that it knows
@@ -193,10 +193,10 @@ def refuse_repeated(sources) -> None:
         seen[one] = told
 
 
-PACKING = Kind(_read_as(["Disks"], "a packing"), input_name, metavar="PACKING")  # Disks, or a path
+PACKING = Kind(_read_as(["Packing"], "a packing"), input_name, metavar="PACKING")  # Packing, or a path
 RESULT = Kind(_read_as(["Result"], "a result"), input_name, metavar="FILE")  # Result in memory, or a path
 PACKING_OR_RESULT = Kind(
-    _read_as(["Disks", "Result"], "a packing, a result"), input_name, metavar="FILE"
+    _read_as(["Packing", "Result"], "a packing, a result"), input_name, metavar="FILE"
 )  # either
 INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
 SEEDS = Kind(seeds_of, _seeds_text, metavar="FIRST:LAST|LIST")

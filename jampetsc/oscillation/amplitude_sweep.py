@@ -13,7 +13,7 @@ from jampetsc.oscillation.drive import HARMONICS, Drive, OscillationResult
 from jampetsc.oscillation.power_law import LINEAR_BELOW, relative_softening
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
 from jampetsc.oscillation.steady_oscillation import SteadyOscillation
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
 from jampetsc.response.elastic import ElasticResponse
@@ -32,7 +32,7 @@ class AmplitudeSweep:
 
 
 def sweep_amplitudes(
-    disks: Disks,
+    disks: Packing,
     network: Network,
     law: Law,
     omega,

@@ -18,7 +18,7 @@ from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.power_law import ContactPowerLaw, Damping, Dashpots
 from jampetsc.oscillation.time_step import STAGE, DiskState, Stages, StepMatrix
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.pairs import SKIN_START, ListedDisks, is_stale
 
 MAX_OVERLAP_MOVE = (
@@ -38,7 +38,7 @@ class MovingContacts(ListedDisks):
     u: (N, dofs) velocities, and spins times the mean diameter
     """
 
-    def __init__(self, disks: Disks, law: Law, step: float, scale: float, speed=0.0, gamma=0.0):
+    def __init__(self, disks: Packing, law: Law, step: float, scale: float, speed=0.0, gamma=0.0):
         self.step, self.gamma, self.rate = step, gamma, 0.0
         super().__init__(disks)
         potential = self._potential = disks.potential

@@ -29,7 +29,7 @@ from jampetsc.oscillation.drive import Moduli, OscillationResult
 from jampetsc.oscillation.moving_contacts import MovingContacts
 from jampetsc.oscillation.steady_oscillation import Start
 from jampetsc.oscillation.time_step import STAGE, WEIGHTS
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 REPEATED = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
 SAME = 1e-7  # of |G*|: a change that counts as none
@@ -44,7 +44,9 @@ STEP_GROWTH_RATIO = (
 FLOWING = 1.0  # change of the strain in a cycle at which a packing counts as flowing
 
 
-def repeat_cycles(disks: Disks, law: Law, start: Start, steps: int, cycles: int | None) -> OscillationResult:
+def repeat_cycles(
+    disks: Packing, law: Law, start: Start, steps: int, cycles: int | None
+) -> OscillationResult:
     """G* of the oscillation that begins at `start`, with `steps` steps per cycle.
 
     cycles   number of cycles of each run; None: until they repeat

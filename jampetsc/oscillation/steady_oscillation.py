@@ -20,7 +20,7 @@ from jampetsc.oscillation.cycle_solver import solve_cycle
 from jampetsc.oscillation.drive import HARMONICS, MIN_FIXED_ALPHA, Drive, OscillationResult
 from jampetsc.oscillation.power_law import STIFFEST, ContactPowerLaw
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import Disks, deformed
+from jampetsc.packing.packing import Packing, deformed
 from jampetsc.response.assembly import assemble
 
 
@@ -51,7 +51,7 @@ class Start:
 
         return cls(drive, whole(motion[:, :2]), whole(velocity), *scalars)
 
-    def near(self, disks: Disks) -> "Start":
+    def near(self, disks: Packing) -> "Start":
         """This start or, if its displacements open or close contacts of these disks, one undeformed and at rest.
 
         Forces of fixed contacts are wrong where contacts open or close: a disk with only one neighbour, such as a

@@ -11,7 +11,7 @@ from jampetsc.errors import InputError
 from jampetsc.packing.neighbours import neighbour_pairs, vectors
 
 if TYPE_CHECKING:
-    from jampetsc.packing.disks import Disks
+    from jampetsc.packing.packing import Packing
 
 MIN_FORCE_RATIO = (
     1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
@@ -58,14 +58,14 @@ class Contacts:
         return np.column_stack((-n[:, 1], n[:, 0]))
 
 
-def bond_vectors(disks: Disks, i, j, image):
+def bond_vectors(disks: Packing, i, j, image):
     """x_j − x_i + image · cell, (M, 2), rounded once: the bases cancel exactly, the offsets are tiny."""
     shift_base, shift_offset = vectors(image, disks.cell_base), vectors(image, disks.cell_offset)
     coarse = (disks.base[j] - disks.base[i]) + shift_base
     return coarse + ((disks.offset[j] - disks.offset[i]) + shift_offset)
 
 
-def find_contacts(disks: Disks, rows=None) -> Contacts:
+def find_contacts(disks: Packing, rows=None) -> Contacts:
     """All overlapping pairs, just touching ones included; `rows` as for `neighbour_pairs`."""
     i, j, image = neighbour_pairs(
         disks.positions, disks.radii, disks.cell, skin=1e-9 * disks.radii.max(), rows=rows
@@ -82,7 +82,7 @@ def find_contacts(disks: Disks, rows=None) -> Contacts:
     )
 
 
-def force_threshold(disks: Disks, pressure: float) -> float:
+def force_threshold(disks: Packing, pressure: float) -> float:
     """Force above which a contact counts: max(1e-6 p d, 1e-14 k d), d the mean diameter, k the unit of stiffness.
 
     Disks that only just touch carry no load, yet would add their stiffness to K and shift G* by per cents.
@@ -104,12 +104,12 @@ def stress_tensor(contacts: Contacts, area: float):
     return -np.array([[xx, xy], [xy, yy]]) / area
 
 
-def disk_areas(disks: Disks):
+def disk_areas(disks: Packing):
     """A_i = V ρ_i²/Σ ρ_j², (N,): the area of the cell assigned to each disk, its own area over φ. They add up to V."""
     return disks.area * disks.radii**2 / np.sum(disks.radii**2)
 
 
-def disk_stresses(disks: Disks, contacts: Contacts):
+def disk_stresses(disks: Packing, contacts: Contacts):
     """Stress of every disk, σ_i = −1/(2A_i) Σ f r r/|r| over its contacts, (N, 2, 2), with A_i of `disk_areas`.
 
     Each of its two disks has half of a contact's virial: Σ A_i σ_i = σ V with σ of `stress_tensor`, exactly.
@@ -175,7 +175,7 @@ class State:
         return 2.0 * len(self.contacts) / held if held else 0.0
 
 
-def measure(disks: Disks, every: Contacts | None = None) -> State:
+def measure(disks: Packing, every: Contacts | None = None) -> State:
     """Contacts, rattlers, p, U, stress and force residual of a packing. Raises InputError for disks at one place.
 
     every: all its contacts, if they were found already
@@ -203,7 +203,7 @@ def measure(disks: Disks, every: Contacts | None = None) -> State:
     )
 
 
-def imbalance(disks: Disks, state: State) -> float:
+def imbalance(disks: Packing, state: State) -> float:
     """max |F| / (p d) of a packing, with d its mean diameter; infinite at zero pressure."""
     size = state.pressure * 2.0 * float(np.mean(disks.radii))
     return state.max_force / size if size > 0 else np.inf

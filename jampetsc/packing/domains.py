@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.packing.compiled import FAST, compiled
-from jampetsc.packing.disks import Disks
 from jampetsc.packing.kernel import add_forces
 from jampetsc.packing.neighbours import spatial_order
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.pair_search import listed
 from jampetsc.packing.pairs import PairList
 from jampetsc.packing.threads import Team
@@ -37,7 +37,7 @@ class Domains(NamedTuple):
     sigma: np.ndarray  # (M',)
 
     @classmethod
-    def build(cls, disks: Disks, skin: float, borders, team: Team | None = None) -> "Domains":
+    def build(cls, disks: Packing, skin: float, borders, team: Team | None = None) -> "Domains":
         """All pairs of `disks` closer than σ + skin, by domains with these `borders` (D + 1,)."""
         counts, *pairs = listed(disks, skin, borders, team or Team())
         ends = counts.ravel().cumsum().reshape(-1, 2)
@@ -69,7 +69,7 @@ def borders(n: int):
     return GRAIN * (padded(n) // GRAIN * np.arange(number + 1) // number)
 
 
-def domain_order(disks: Disks, held: int = 0):
+def domain_order(disks: Packing, held: int = 0):
     """Order (N,) in which domains are compact patches, each with the disks at its border first.
 
     What a thread reads of disks across a border was written by another core, from which a cache line takes 50 to

@@ -4,18 +4,18 @@ It is kept in the packing's record, which files hold as attributes. Files may be
 `proof_fingerprint` is the fingerprint of the disks as they are now; otherwise negative modes are counted again.
 """
 
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 PROVED_BY = "Cholesky of K with pre-stress, without rattlers, one disk pinned"
 ENTRIES = ("negative_modes", "negative_modes_counted_by", "proof_fingerprint")
 
 
-def with_proof(disks: Disks) -> Disks:
+def with_proof(disks: Packing) -> Packing:
     """The disks with the proof in their record. For disks of which K was factorised as `PROVED_BY` says."""
     return disks.with_record(**dict(zip(ENTRIES, (0, PROVED_BY, disks.fingerprint), strict=True)))
 
 
-def proved_minimum(disks: Disks) -> bool:
+def proved_minimum(disks: Packing) -> bool:
     """Whether K with pre-stress of these very disks was proved to have no negative modes."""
     found = [str(disks.record.get(name)) for name in ENTRIES]
     return found == ["0", PROVED_BY, disks.fingerprint]

@@ -50,7 +50,7 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     positions (N, 2), radii (N,), cell (2, 2). With rows=None each pair appears once (i < j). With
     rows=(first, last) every pair with first ≤ i < last appears, so a pair with both ends there appears twice,
     once from each end. Returns int32 arrays (M,), (M,) and (M, 2), ordered by i. A disk's own images are left out:
-    `Disks.from_positions` refuses cells in which they could overlap.
+    `Packing.from_positions` refuses cells in which they could overlap.
     """
     n = len(radii)
     cell, turns = upright(cell)

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.packing.compiled import compiled
-from jampetsc.packing.disks import Disks, deformed
+from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.pair_search import listed
 from jampetsc.packing.threads import Team
 
@@ -50,7 +50,7 @@ class PairList(NamedTuple):
     sigma: np.ndarray  # (M,) ρ_i + ρ_j
 
     @classmethod
-    def build(cls, disks: Disks, skin: float) -> "PairList":
+    def build(cls, disks: Packing, skin: float) -> "PairList":
         """All pairs of `disks` closer than σ + skin."""
         counts, *pairs = listed(disks, skin, np.array([0, disks.n]), Team())
         return cls(*(np.ascontiguousarray(one[..., : counts.sum()]) for one in pairs))
@@ -87,14 +87,14 @@ class ListedDisks:
     skin: of the first list, in mean diameters; team: the threads that make lists
     """
 
-    def __init__(self, disks: Disks, skin: float = SKIN_START, team: Team | None = None):
+    def __init__(self, disks: Packing, skin: float = SKIN_START, team: Team | None = None):
         self.team = team or Team()
         self.diameter = 2.0 * float(np.mean(disks.radii))
         self.largest = 2.0 * float(disks.radii.max())  # σ_max
         self.skin = skin * self.diameter
         self.list(disks)
 
-    def list(self, disks: Disks):
+    def list(self, disks: Packing):
         """Take these disks as the reference of a new list."""
         self.reference, self._pairs = disks, None
         self.offsets = np.zeros((disks.n, 2))
@@ -116,7 +116,7 @@ class ListedDisks:
         return 0.0, 0.0
 
     @property
-    def disks(self) -> Disks:
+    def disks(self) -> Packing:
         """The packing as it is now."""
         return deformed(self.reference, self.offsets, *self.box)
 

@@ -11,7 +11,7 @@ from jampetsc.io.ensemble import Ensemble
 from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.reader import load
 from jampetsc.options.values import refuse_repeated
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.plots import picture_table
 from jampetsc.plots.page import Page
 from jampetsc.plots.picture import PICTURES, Picture, drawing_errors
@@ -173,7 +173,7 @@ def choose_kind(kinds, items, names) -> str:
 
 
 def _format(item):
-    if isinstance(item, Disks):
+    if isinstance(item, Packing):
         return "packing"
     if not hasattr(item, "format"):
         raise InputError(f"{item!r}: neither a file nor a result of jampetsc.load. Give one of them.")

@@ -21,7 +21,7 @@ from jampetsc.errors import InputError, MissingPackage, named
 from jampetsc.io.atomic import write_whole
 from jampetsc.laws.damping import Physics
 from jampetsc.network.contact_network import build_network
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import whole_matrix
 from jampetsc.response.assembly import assemble, pins_of
@@ -92,7 +92,7 @@ class PackingMatrices:
             getattr(self, name).destroy()
 
 
-def matrices_of(disks: Disks, physics: Physics, comm) -> PackingMatrices:
+def matrices_of(disks: Packing, physics: Physics, comm) -> PackingMatrices:
     """The matrices of a packing that every rank has read. Collective. Raises InputError where it is not rigid."""
     network, law = build_network(disks, comm, physics.prestress), physics.law
     pencil = assemble(network, law, pinned=False)

@@ -4,11 +4,11 @@ import time
 
 from jampetsc.io.provenance import provenance
 from jampetsc.network.contact_network import Network
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc import session
 
 
-def run_record(disks: Disks, identity, law: dict, network: Network, started: float) -> dict:
+def run_record(disks: Packing, identity, law: dict, network: Network, started: float) -> dict:
     """Attributes for `ResultWriter.attributes(**…)`. Collective.
 
     identity   name and sha256 of the packing file; law: its parameters, as `Law.parameters`

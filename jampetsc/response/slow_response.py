@@ -117,7 +117,7 @@ class Outcome:
 
 
 def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
-    """Solve for a packing, Disks or a file, under `physics`, and for η₀, η_∞ at other β, and write it. Collective.
+    """Solve for a packing in memory or a file, under `physics`, and for η₀, η_∞ at other β, and write it. Collective.
 
     Raises InputError for a packing that is not a rigid minimum.
     """

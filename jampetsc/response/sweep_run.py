@@ -12,8 +12,8 @@ from jampetsc.laws.damping import Physics
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.network.contact_network import build_network
 from jampetsc.packing.contacts import BALANCED
-from jampetsc.packing.disks import Disks
 from jampetsc.packing.minimum_proof import proved_minimum
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc.session import current
 from jampetsc.progress import warn
 from jampetsc.response.limits import MAX_OMEGA, MIN_OMEGA
@@ -31,7 +31,7 @@ class Run:
     """
 
     packing: str  # its name in messages
-    disks: Disks
+    disks: Packing
     identity: tuple  # name and sha256 of the packing
     physics: Physics
     omega: np.ndarray  # (M,) increasing

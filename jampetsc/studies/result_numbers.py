@@ -8,7 +8,7 @@ from jampetsc.analysis.power_laws import low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 TEXT_ATTRIBUTES = ("law", "model", "method", "packing", "phase", "notes")  # text attributes that are columns
 # numbers that are no columns
@@ -25,7 +25,7 @@ EXCLUDED_ATTRIBUTES = (
 def numbers_of(path) -> dict:
     """{column: value} of a packing or a result. Raises InputError where it cannot be read."""
     loaded = load(path)
-    if isinstance(loaded, Disks):
+    if isinstance(loaded, Packing):
         return {**_scalars(loaded.record), "phi": loaded.phi, "n": loaded.n}
     numbers = _scalars(loaded.attributes)
     numbers |= NUMBERS_OF_ARRAYS.get(loaded.format, lambda result: {})(loaded)

@@ -9,7 +9,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.options.law_options import OfPacking
 from jampetsc.options.parameters import Kind, asked
 from jampetsc.options.values import FREQUENCIES, Numbers, grid_text, words
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.shipped_files import located
 
 GROUPS = ("accuracy", "method", "physics", "frequencies")
@@ -77,7 +77,7 @@ Times are meaningful only on a machine without other load."""
 
     def check(self):
         """Refuse a packing in memory, which other processes cannot read."""
-        if isinstance(self.packing, Disks):
+        if isinstance(self.packing, Packing):
             raise InputError(f"{named('packing')}: must be a file, which the runs read")
 
     def check_outputs(self, to):

@@ -29,7 +29,7 @@ from jampetsc.commands.correlate_sweeps import refuse_mixture
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.plots.correlation_plots import MEDIUM, correlation_curve, plot_correlation, plot_lengths
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -218,7 +218,7 @@ def write_sweep(
     cell = np.diag([side, side])
     points = scattered(n, cell, seed)
     packing = folder / f"packing-{name}.h5"
-    write_packing(packing, Disks.from_positions(points, np.full(n, 0.5 * unit), cell))
+    write_packing(packing, Packing.from_positions(points, np.full(n, 0.5 * unit), cell))
     fields = np.zeros((len(omega), n, 2), complex)
     for field, m in zip(fields, lengths, strict=True):
         field[:, 1] = size * (wave(points, cell, m, phase=seed) + 1j * wave(points, cell, 2 * m, phase=seed))

@@ -10,7 +10,7 @@ from jampetsc import main as cli
 from jampetsc.commands import describe
 from jampetsc.io.importers import import_packing
 from jampetsc.io.packing_file import write_packing
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 
 def info(capsys, *words):
@@ -51,7 +51,7 @@ def test_a_published_packing(capsys, tmp_path):
 def shaken(disks, record=None):
     """The disks moved, whose forces are not balanced any more."""
     noise = np.random.default_rng(0).normal(0, 1e-4, (disks.n, 2))
-    return Disks.from_positions(
+    return Packing.from_positions(
         disks.positions + noise, disks.radii, disks.cell, disks.potential, record=record
     )
 
@@ -61,7 +61,7 @@ def test_what_is_wrong_with_a_packing_is_said():
     state, lines = describe.measure(disks), describe.packing("p.h5", disks).splitlines()
     assert entries(lines)["max |F| / p"] == f"{state.max_force / state.pressure:.2e}: forces are not balanced"
     assert lines[-1] == "note: the file records pressure = 0.001: its positions were changed"
-    loose = Disks.from_positions(disks.positions, 0.5 * disks.radii, disks.cell)
+    loose = Packing.from_positions(disks.positions, 0.5 * disks.radii, disks.cell)
     told = entries(describe.packing("p.h5", loose).splitlines())
     assert told["max |F| / p"] == "no contacts: below jamming"
 
@@ -87,7 +87,7 @@ def test_disks_forces_and_stress_are_told_in_their_units():
         "max_force": 7.0,
     }
     told = entries(
-        describe.packing("p.h5", Disks.from_positions(positions, radii, cell, record=record)).splitlines()
+        describe.packing("p.h5", Packing.from_positions(positions, radii, cell, record=record)).splitlines()
     )
     assert told["radii"] == "0.5 to 1, mean diameter d = 1.25"
     assert told["cell"] == "a1 = (8, 0), a2 = (0.5, 3), V = 24"

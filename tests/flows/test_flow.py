@@ -17,7 +17,7 @@ from jampetsc.io.outlet import Outlet
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme, scheme_for
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 
@@ -52,12 +52,12 @@ def test_stress_does_not_depend_on_origin_images_tilt_or_skin(name):
     reference = history(shear(name, disks, step=step))
     cell = disks.cell
     rng = np.random.default_rng(0)
-    shifted = replace(disks, base=disks.base + np.array([3.25, -7.5]))
+    shifted = disks.replace(base=disks.base + np.array([3.25, -7.5]))
     images = rng.integers(-2, 3, (disks.n, 2)).astype(float)
     shift, rest = images @ disks.cell_base, images @ disks.cell_offset
-    moved = replace(disks, base=disks.base + shift, offset=disks.offset + rest)
+    moved = disks.replace(base=disks.base + shift, offset=disks.offset + rest)
     sideways = np.array([[1.0, 0.0], [-1.0, 1.0]])
-    tilted = replace(disks, cell_base=sideways @ disks.cell_base, cell_offset=sideways @ disks.cell_offset)
+    tilted = disks.replace(cell_base=sideways @ disks.cell_base, cell_offset=sideways @ disks.cell_offset)
     assert tilted.cell[1, 0] < 0 < cell[1, 0]
     wide = shear(name, disks, step=step)
     wide.skin = 0.9
@@ -72,7 +72,7 @@ def test_stress_does_not_depend_on_origin_images_tilt_or_skin(name):
 def test_unwrapped_coordinates_are_continuous():
     """Disks that do not touch follow the affine flow, however often they are folded; others never jump."""
     cell = np.array([[1.0, 0.0], [0.3, 2.0]])
-    start = Disks.from_positions([[0.9, 0.3], [-0.4, 1.1], [0.2, 1.7]], [0.1, 0.1, 0.1], cell)
+    start = Packing.from_positions([[0.9, 0.3], [-0.4, 1.1], [0.2, 1.7]], [0.1, 0.1, 0.1], cell)
     layers = shear("RD0", start, rate=0.05, step=0.2, method="euler")
     crowded = shear("CD0", crowd(32, tilt=0.0), rate=0.05, step=0.2, method="euler")
     before, low = crowded.disks.unwrapped, crowded.disks.positions.min()
@@ -91,7 +91,7 @@ def test_unwrapped_coordinates_are_continuous():
     assert layers.strain == pytest.approx(7.3) and round(turns) >= 3
     assert layers.disks.images[:, 0].max() >= 7 and np.abs(crowded.disks.images).max() >= 4
     disks = crowded.disks
-    again = Disks.from_positions(disks.unwrapped, disks.radii, disks.cell).folded().positions
+    again = Packing.from_positions(disks.unwrapped, disks.radii, disks.cell).folded().positions
     np.testing.assert_allclose(again, disks.positions, atol=1e-10)
     assert low >= 0.0
     with pytest.raises(InputError, match="images are not counted"):
@@ -131,7 +131,7 @@ def test_a_perfect_crystal_flows(name):
     """Forces cancel but for rounding, and against drag nothing is dissipated: neither is an error."""
     x, y = (a.ravel() for a in np.meshgrid(np.arange(4), np.arange(4)))
     places, cell = np.column_stack((x + 0.5 * (y % 2), np.sqrt(0.75) * y)), np.diag([4.0, np.sqrt(12.0)])
-    disks = Disks.from_positions(0.95 * places, np.full(16, 0.5), 0.95 * cell)
+    disks = Packing.from_positions(0.95 * places, np.full(16, 0.5), 0.95 * cell)
     means = jobs.execute(jobs.begun(disks, {}, Model(ROWS[name][0]), 1e-2, 0.5), Outlet())
     assert means.pressure.mean > 0.01
     note = "no energy is dissipated: every disk follows the affine flow, as in a perfect crystal"
@@ -212,14 +212,14 @@ def test_a_direction_that_no_contact_damps_may_be_damped_by_friction_or_drag():
 def test_time_steps_depend_on_k_tau1_and_the_potential():
     """With forces 4 times as large, damping times twice as long, and Hertzian disks, 3/2 times as stiff."""
     disks = crowd()
-    stiff = replace(disks, potential=replace(disks.potential, k=4.0))
+    stiff = disks.replace(potential=replace(disks.potential, k=4.0))
     for name in ("RD0", "CD0", "unequal"):
         law, _ = ROWS[name]
         step = scheme_for(Model(law), disks, 1e-4).step
         assert scheme_for(Model(law), stiff, 1e-4).step == pytest.approx(step)  # k τ₁ / k
         slower = Model(replace(law, tau1=2.0 * law.tau1))
         assert scheme_for(slower, disks, 1e-4).step == pytest.approx(2 * step)
-        hertzian = replace(disks, potential=replace(disks.potential, kind="hertzian"))
+        hertzian = disks.replace(potential=replace(disks.potential, kind="hertzian"))
         assert scheme_for(Model(law), hertzian, 1e-4).step == pytest.approx(step / 1.5)
     for given, m, wanted in ((disks, 0.5, 0.05), (stiff, 0.4, 0.01), (stiff, 10.0, 0.1 * np.sqrt(2.5))):
         flying = scheme_for(Model(Law("some", normal=1.0), m), given, 1e-4)
@@ -231,7 +231,7 @@ def test_time_steps_depend_on_k_tau1_and_the_potential():
     assert scheme_for(weak, disks, 1e-4).step == pytest.approx(0.3 * 0.5)  # set by the weaker one
     braked = Model(Law("some", normal=1.0, transverse=0.3, drag=3.0), 0.01)
     assert scheme_for(braked, disks, 1e-4).step == pytest.approx(0.25 * 3.0)  # set by the strongest one
-    larger = Disks.from_positions(2 * disks.positions, 2 * disks.radii, 2 * disks.cell, disks.potential)
+    larger = Packing.from_positions(2 * disks.positions, 2 * disks.radii, 2 * disks.cell, disks.potential)
     assert scheme_for(Model(ROWS["RD0"][0]), larger, 1e-4).step == pytest.approx(4 * 0.2)  # k_e/d²
 
 
@@ -293,7 +293,7 @@ def test_status_of_a_step():
 
 def test_starts_of_soft_disks_overlap_by_half_at_most():
     for share in (0.499, 0.5, 0.501):
-        disks = Disks.from_positions([[0.0, 0.0], [1.2 * (1 - share), 0.0]], [0.5, 0.7], 6.0 * np.eye(2))
+        disks = Packing.from_positions([[0.0, 0.0], [1.2 * (1 - share), 0.0]], [0.5, 0.7], 6.0 * np.eye(2))
         if share <= 0.5:
             assert jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.5).disks is disks
             continue
@@ -305,7 +305,7 @@ def one_pair(overlap, k=1.0):
     """A flow, not yet run, of 16 disks of which two overlap and no others touch."""
     places = 3.0 * np.array([[a, b] for a in range(4) for b in range(4)], float)
     places[1] = places[0] + [1.0 - overlap, 0.0]
-    disks = Disks.from_positions(places, np.full(16, 0.5), 12.0 * np.eye(2), Potential(k=k))
+    disks = Packing.from_positions(places, np.full(16, 0.5), 12.0 * np.eye(2), Potential(k=k))
     return jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.02, discard=0.0)
 
 

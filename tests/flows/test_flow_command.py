@@ -18,7 +18,7 @@ from jampetsc.errors import InputError
 from jampetsc.flows import run as running
 from jampetsc.flows import steady as jobs
 from jampetsc.io.packing_file import write_packing
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 SMALL = "flow --n 64 --phi 0.86 --seed 2 --model RD0 --rate 1e-2 --strain 0.6 --discard 0.2".split()
@@ -184,7 +184,7 @@ def test_a_packing_keeps_its_own_units(tmp_path):
 def test_quality_and_the_stress_of_the_fluid_are_in_units_of_k_and_tau1(tmp_path):
     """m = Q² k τ₁² and σ_F = η_F kτ₁ γ̇, here with k = 4 and τ₁ = 2."""
     packing, out, fluid = (tmp_path / name for name in ("p.h5", "flow.h5", "fluid.h5"))
-    write_packing(packing, replace(crowd(16), potential=Potential(k=4.0)))
+    write_packing(packing, crowd(16).replace(potential=Potential(k=4.0)))
     common = ["flow", packing, "--tau1", 2, "--rate", 1e-2, "--strain", 0.01]
     assert flow(*common, "--model", "CD", "--quality", 0.1, "--out", out) == 0
     facts = jampetsc.load(out).attributes
@@ -235,7 +235,7 @@ def test_bad_starts(tmp_path, capsys):
     packing, out = tmp_path / "p.h5", tmp_path / "out.h5"
     positions = np.random.default_rng(1).random((16, 2)) * 4
     positions[1] = positions[0] + 0.01
-    write_packing(packing, Disks.from_positions(positions, np.full(16, 0.5), np.eye(2) * 4.0))
+    write_packing(packing, Packing.from_positions(positions, np.full(16, 0.5), np.eye(2) * 4.0))
     rest = ["--model", "RD0", "--rate", "0.01", "--strain", "1"]
     for words, message in [
         ((packing, *rest, "--out", out), "no state of soft disks"),

@@ -14,7 +14,7 @@ from jampetsc.flows.shearing import SteadyShear
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import Disks, deformed
+from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team
 
@@ -146,7 +146,7 @@ def test_steps_are_those_of_their_equations(name, method, held, step):
     law, mass = LAWS[name]
     disks = crowd(10, phi=0.9, kind="hertzian" if held else "harmonic")
     if held:
-        disks = replace(disks, potential=replace(disks.potential, k=2.5))
+        disks = disks.replace(potential=replace(disks.potential, k=2.5))
     model = Model(law, mass, background_drag=0.1 if method == "verlet" else 0.0)
     run = SteadyShear(disks, model, SHEARED / step, Scheme(step, method, 1e-13), held=held)
     plain = Numpy(run.reference, model, step, method, held)
@@ -182,7 +182,7 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     """For disks without offsets a shear of 0.2 is within this skin, 0.3 is not. Heun's method tests its predictor."""
     law, mass = ROWS[name]
     places = np.array([[2.0, 2.0], [6.0, 2.5], [2.5, 6.0], [6.5, 6.5]])
-    disks = Disks.from_positions(places, np.full(4, 0.5), 9.0 * np.eye(2))
+    disks = Packing.from_positions(places, np.full(4, 0.5), 9.0 * np.eye(2))
     run = SteadyShear(disks, Model(law, mass), 1.0, Scheme(0.1, method, 1e-12))
     run.skin = 0.12  # the larger singular value of the deformation is 1.105 at 0.2, 1.161 at 0.3
     run.list(run.reference)
@@ -236,7 +236,7 @@ def test_reading_the_state_of_a_run_does_not_change_it(name, method):
 def test_the_cell_of_a_start_is_reduced_to_the_smallest_tilt():
     disks = crowd(10, phi=0.9)
     turned = np.array([[1.0, 0.0], [3.0, 1.0]])
-    far = replace(disks, cell_base=turned @ disks.cell_base, cell_offset=turned @ disks.cell_offset)
+    far = disks.replace(cell_base=turned @ disks.cell_base, cell_offset=turned @ disks.cell_offset)
     state = SteadyShear(far, Model(ROWS["RD0"][0]), 0.1, Scheme(0.1, "euler", 1e-6)).state()
     np.testing.assert_allclose(state["cell_base"] + state["cell_offset"], disks.cell, atol=1e-12)
 
@@ -247,7 +247,7 @@ def many(n=6200):
     sites = rng.permutation(side * side)[:n]
     places = np.column_stack((sites % side, sites // side)) * 1.05 + rng.uniform(-0.15, 0.15, (n, 2))
     potential = Potential("harmonic", "inverse-square-diameter")
-    return Disks.from_positions(places, rng.choice([0.55, 0.65], n), 1.05 * side * np.eye(2), potential)
+    return Packing.from_positions(places, rng.choice([0.55, 0.65], n), 1.05 * side * np.eye(2), potential)
 
 
 @pytest.mark.parametrize(("name", "method"), EXPLICIT)

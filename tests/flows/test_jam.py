@@ -15,7 +15,7 @@ from jampetsc.flows import jamming
 from jampetsc.flows.quasistatic_shear import ENERGY_CUT
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, net_forces
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 POTENTIAL = Potential("harmonic", "inverse-square-diameter")
@@ -283,7 +283,7 @@ def test_neighbours_are_a_fifth_of_a_diameter_apart_at_most(gap, found):
     """Mean diameter 0.9: of two pairs, each of one size, only closer ones are counted."""
     apart = np.array([1.0, 0.8]) + gap * 0.9
     places = [[0.0, 0.0], [apart[0], 0.0], [5.0, 0.0], [5.0 + apart[1], 0.0]]
-    disks = Disks.from_positions(places, [0.5, 0.5, 0.4, 0.4], 12 * np.eye(2))
+    disks = Packing.from_positions(places, [0.5, 0.5, 0.4, 0.4], 12 * np.eye(2))
     assert jamming.segregation(disks) == pytest.approx(found, nan_ok=True)
 
 

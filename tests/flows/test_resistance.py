@@ -1,7 +1,5 @@
 """The resistance of contacts, compiled, against dense numpy: graph, matrix, diagonal, clusters, and the solve."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.sparse import coo_array
@@ -10,8 +8,8 @@ from sheared import crowd
 
 from jampetsc.flows import clusters, resistance
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import deformed
 from jampetsc.packing.domains import Domains
+from jampetsc.packing.packing import deformed
 
 
 def dense(disks, weights, hold, held=0):
@@ -34,7 +32,7 @@ def placed(request):
     """(disks at present, offsets, shear since the list was made, domains); in the last case one disk is very large."""
     phi, number, giant = request.param
     disks = crowd(24, phi=phi)
-    disks = replace(disks, radii=disks.radii * np.where(np.arange(24) == 9, giant, 1.0))
+    disks = disks.replace(radii=disks.radii * np.where(np.arange(24) == 9, giant, 1.0))
     shear = 0.08
     offsets = np.random.default_rng(1).normal(0, 0.03, (24, 2))
     domains = Domains.build(disks, 0.5, 24 * np.arange(number + 1) // number)

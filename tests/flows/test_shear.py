@@ -17,8 +17,8 @@ from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import deformed
 from jampetsc.packing.minimum_proof import proved_minimum
+from jampetsc.packing.packing import deformed
 from jampetsc.packing.potentials import Potential
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process
@@ -158,7 +158,7 @@ def test_disks_are_jammed_by_their_energy_in_units_of_k(jammed):
     disks, solver = jammed
     found = []
     for k in (1.0, 2.0**-50):
-        slow = SlowShear(replace(disks, potential=replace(SOFT, k=k)), 5e-4, solver, 1e-6)
+        slow = SlowShear(disks.replace(potential=replace(SOFT, k=k)), 5e-4, solver, 1e-6)
         plastic = slow.advance().plastic
         assert slow.found.jammed and minimum_of(slow.disks).jammed and not plastic
         found.append(slow.found.energy / k)
@@ -186,7 +186,7 @@ def test_displacements_in_a_quench_are_to_the_nearest_image(jammed, monkeypatch)
     disks = minimise(disks, Goal(), solver, tolerance=1e-6).disks
     crossed = 0
     for disk in range(6):
-        edge = replace(disks, base=disks.base - disks.base[disk], offset=disks.offset - disks.offset[disk])
+        edge = disks.replace(base=disks.base - disks.base[disk], offset=disks.offset - disks.offset[disk])
         slow = SlowShear(edge, 1e-3, solver, 1e-6)
         before = slow.disks.positions
         assert slow.advance().nonaffine < 0.05

@@ -22,7 +22,7 @@ from jampetsc.io.hdf5 import open_file
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
 from jampetsc.io.result_file import merge
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def sound(tmp_path_factory):
 def everything(path):
     """What readers give of a file."""
     found = load(path)
-    return found if isinstance(found, Disks) else dict(found)
+    return found if isinstance(found, Packing) else dict(found)
 
 
 @pytest.mark.parametrize("kind", ["packing", "plain", "joint"])

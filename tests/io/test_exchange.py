@@ -20,8 +20,8 @@ import jampetsc
 from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_packing
+from jampetsc.packing.cell import cell_of
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.from_arrays import cell_of
 from jampetsc.packing.potentials import Potential
 
 DISKS = published()
@@ -340,9 +340,9 @@ def test_arrays_are_a_packing(expected):
     [
         (X[:, :1], R, 10, r"positions \(16, 1\), radii \(16,\)"),
         (X, R[:-1], 10, r"radii \(15,\)"),
-        (X, R, (1, 2, 3, 4), r"box of shape \(4,\): need L, \(Lx, Ly\)"),
-        (X, R, np.eye(3), r"box of shape \(3, 3\)"),
-        (X, R, "wide", "box: must be an array of real numbers"),
+        (X, R, (1, 2, 3, 4), r"cell of shape \(4,\): need L, \(Lx, Ly\)"),
+        (X, R, np.eye(3), r"cell of shape \(3, 3\)"),
+        (X, R, "wide", "cell: must be an array of real numbers"),
         (X, ["a"] * 16, 10, "radii: must be an array of real numbers"),
         (X * (1 + 1j), R, 10, "positions: must be an array of real numbers"),
         (
@@ -353,7 +353,7 @@ def test_arrays_are_a_packing(expected):
         ),
         (X, [10**400] * 16, 10, "radii: must be an array of real numbers"),
         (X * np.nan, R, 10, r"positions\[0\] = .*must be finite"),
-        (X, R, np.inf, "box inf: must be finite"),
+        (X, R, np.inf, "cell inf: must be finite"),
         (X, -R, 10, r"radii\[0\] = -1.0: must be positive"),
         (X, R, -10, "need rows"),
         (X, R, 2.5, "a disk would touch its own image"),

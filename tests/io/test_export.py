@@ -2,7 +2,6 @@
 
 import re
 import xml.etree.ElementTree as ElementTree
-from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -19,7 +18,7 @@ from jampetsc.io.exporters import write_frames
 from jampetsc.io.frames import packing_frame
 from jampetsc.io.packing_file import write_packing
 from jampetsc.packing.contacts import disk_areas, disk_stresses, find_contacts, measure
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 
@@ -241,14 +240,14 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
 
 
 def test_disks_that_do_not_touch_are_exported_without_contacts_and_by_their_sizes(tmp_path):
-    disks = Disks.from_positions(np.array([[1.0, 1.0], [5.0, 5.0]]), np.array([0.5, 0.7]), 9.0 * np.eye(2))
+    disks = Packing.from_positions(np.array([[1.0, 1.0], [5.0, 5.0]]), np.array([0.5, 0.7]), 9.0 * np.eye(2))
     for ending in ("xyz", "dump", "data", "vtp", "npz"):
         assert write_frames(tmp_path / f"p.{ending}", [packing_frame(disks)]) == 1
     assert vtp(tmp_path / "p.vtp")["connectivity"].size == 0
     for ending in ("xyz", "dump", "data", "npz"):
         found = jampetsc.import_packing(tmp_path / f"p.{ending}")
         np.testing.assert_array_equal(found.positions, disks.positions)
-    hertzian = replace(disks, potential=Potential("hertzian", "inverse-square-diameter", 2.5e-7))
+    hertzian = disks.replace(potential=Potential("hertzian", "inverse-square-diameter", 2.5e-7))
     for ending in ("xyz", "dump", "data", "npz", *(["gsd"] if find_spec("gsd") else [])):
         path = tmp_path / f"h.{ending}"
         write_frames(path, [packing_frame(hertzian)])
@@ -259,7 +258,7 @@ def test_disks_that_do_not_touch_are_exported_without_contacts_and_by_their_size
         )
     row = np.column_stack((3.0 * np.arange(11), np.ones(11)))
     for count, types in ((2, [1, 2]), (10, range(1, 11)), (11, [1] * 11)):  # where sizes are few
-        disks = Disks.from_positions(row[:count], 0.5 + 0.01 * np.arange(count), 40.0 * np.eye(2))
+        disks = Packing.from_positions(row[:count], 0.5 + 0.01 * np.arange(count), 40.0 * np.eye(2))
         write_frames(tmp_path / "p.dump", [packing_frame(disks)])
         assert frames_of(tmp_path / "p.dump")[0][0]["type"].tolist() == list(types)
 

@@ -11,7 +11,7 @@ from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.plots.picture import drawing_errors
 
 OMEGA = np.geomspace(1e-6, 1e2, 9)
@@ -29,7 +29,7 @@ def write_sweep(path, G=LINEAR, bound=1e-9, fields=None, spectrum=None, **attrib
         arrays["particles"] = np.arange(DISKS)
         points = np.random.default_rng(0).random((DISKS, 2)) * 4.0
         packing = path.with_name("packing.h5")
-        write_packing(packing, Disks.from_positions(points, np.full(DISKS, 0.5), 4.0 * np.eye(2)))
+        write_packing(packing, Packing.from_positions(points, np.full(DISKS, 0.5), 4.0 * np.eye(2)))
         known |= dict(zip(("packing", "packing_sha256"), read_identified(packing)[1], strict=True))
     if spectrum is not None:
         names = (f"reduced/{name}" for name in ("G0", "eta_inf", "rates", "weights"))
@@ -85,7 +85,7 @@ def test_a_picture_of_numbers_that_are_not_finite_names_them(tmp_path):
     )
     for result, error in (
         (load(sweep), InputError),
-        (Disks.from_positions([[0.0, 0]], [0.5], 2 * np.eye(2)), IndexError),
+        (Packing.from_positions([[0.0, 0]], [0.5], 2 * np.eye(2)), IndexError),
     ):
         with pytest.raises(
             error, match=r"s\.h5: attribute phi: not finite" if error is InputError else "^here$"

@@ -10,7 +10,7 @@ from disturbed import WRITES, killed
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, read_packing, write_packing
 from jampetsc.io.reader import load
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 RECORD = {
@@ -27,7 +27,7 @@ RECORD = {
 def disks():
     rng = np.random.default_rng(1)
     n = 60
-    return Disks.from_positions(
+    return Packing.from_positions(
         20 * rng.random((n, 2)) - 5,
         rng.choice([0.5, 0.7], n),
         [[11.0 / 3, 0.0], [-0.1, 37.0 / 3]],

@@ -1,7 +1,6 @@
 """Power-law damping: the self-consistent equivalent frequency, and what a sweep says of it."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,7 +50,7 @@ def test_equal_energy_per_cycle(alpha):
 
 def test_a_strain_that_would_change_contacts_is_told_in_units_of_k():
     """σ₀ = 1e-3 k over |G*| = 2 k is a strain of 5e-4, more than p/k = 1e-4."""
-    stiff = replace(samples.published(), potential=Potential(k=4.0)).with_record(pressure=4e-4)
+    stiff = samples.published().replace(potential=Potential(k=4.0)).with_record(pressure=4e-4)
     job = samples.run_of(stiff, Physics(damping_law()), [1.0], alpha=0.5, stress=1e-3)
     said = sweep_job._summary(job, job.asked(job.omega), np.array([8.0 + 0j]), np.full((1, 3), 1e-9))
     assert "alpha 0.5, stress 0.001 k: equivalent linear frequencies" in said

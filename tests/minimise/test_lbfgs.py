@@ -14,7 +14,7 @@ from jampetsc.minimise.newton import Point
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, net_forces
-from jampetsc.packing.disks import deformed
+from jampetsc.packing.packing import deformed
 from jampetsc.packing.pairs import PairList, is_stale, tuned_skin
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team

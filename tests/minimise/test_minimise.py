@@ -21,8 +21,8 @@ from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing import contacts as state
 from jampetsc.packing import domains
 from jampetsc.packing.contacts import find_contacts, measure
-from jampetsc.packing.disks import Disks, deformed
 from jampetsc.packing.minimum_proof import proved_minimum
+from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.pairs import is_stale
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team
@@ -204,7 +204,7 @@ def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
         assert (found.force, found.pressure) == pytest.approx((force, stress), rel=1e-12, abs=0.0)
         assert found.shear_stress == found.pressure
     disks = random_disks(100)
-    wide = Disks.from_positions(3.0 * disks.positions, 3.0 * disks.radii, 3.0 * disks.cell)
+    wide = Packing.from_positions(3.0 * disks.positions, 3.0 * disks.radii, 3.0 * disks.cell)
     found = Limits(Descent(wide, Goal(1e-3), Team()), 1e-10).at(1e-3)
     assert (found.force, found.pressure) == pytest.approx((3e-13, 1e-13), rel=1e-12, abs=0.0)
     soft = Limits(Descent(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), Team()), 1e-10)
@@ -355,7 +355,7 @@ def test_disks_on_the_same_spot_and_coordinates_that_are_lost_are_an_error():
     disks = random_disks(64)
     places = disks.positions[[0, *range(63)]]
     with pytest.raises(ConvergenceError, match="same spot"):
-        relax(Disks.from_positions(places, disks.radii, disks.cell), Goal(), 1e-3)
+        relax(Packing.from_positions(places, disks.radii, disks.cell), Goal(), 1e-3)
     for spoil in ("offsets", "box"):
         descent = Descent(random_disks(16), Goal(1e-2), Team())
         getattr(descent, spoil)[:] = np.nan
@@ -443,7 +443,7 @@ def test_disks_that_barely_touch_are_jammed():
         row, column = np.divmod(np.arange(16), 4)
         rows = np.column_stack((column + 0.5 * (row % 2), np.sqrt(0.75) * row))
         cell = np.diag([4.0, np.sqrt(12.0)])
-        disks = Disks.from_positions((1 - gap) * rows, np.full(16, 0.5), (1 - gap) * cell, Potential(k=k))
+        disks = Packing.from_positions((1 - gap) * rows, np.full(16, 0.5), (1 - gap) * cell, Potential(k=k))
         found = minimise.minimise(disks, Goal(), NewtonSolver(), tolerance=1e-3)
         assert found.jammed == jammed == proved_minimum(found.disks)
         assert found.pressure == pytest.approx(np.sqrt(3.0) * k * gap, rel=1e-2)

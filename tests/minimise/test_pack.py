@@ -3,7 +3,6 @@
 import subprocess
 import sys
 import tempfile
-from dataclasses import replace
 
 import h5py
 import launch
@@ -128,7 +127,7 @@ def test_a_changed_packing_leaves_its_record_behind():
     same, wider = changed(old, Target(1e-3)), changed(old, Target(phi=0.7))
     assert same.record == wider.record == {} and same.fingerprint == old.fingerprint
     assert wider.phi == pytest.approx(0.7)
-    apart = replace(old, radii=0.5 * old.radii)
+    apart = old.replace(radii=0.5 * old.radii)
     assert changed(apart, Target(phi=0.9)).phi == pytest.approx(0.9)
     with pytest.raises(InputError, match="no disks touch, so there is no pressure to change"):
         changed(apart, Target(1e-3))
@@ -192,7 +191,7 @@ LADDER = {"n": 24, "pressure": "1e-2,1e-3,1e-4", "seeds": "2:3", "tolerance": 1e
 
 @pytest.fixture(scope="module")
 def by_hand():
-    """The same as LADDER, each pressure asked for by itself: {(seed, pressure): Disks}."""
+    """The same as LADDER, each pressure asked for by itself: {(seed, pressure): Packing}."""
     found = {}
     for seed in (2, 3):
         one = jampetsc.pack(n=24, pressure=1e-2, seed=seed, tolerance=1e-6)

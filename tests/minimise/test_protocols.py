@@ -11,7 +11,7 @@ from jampetsc.minimise.minimise import minimise
 from jampetsc.minimise.protocols import Target
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import deformed
+from jampetsc.packing.packing import deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.petsc.local import NewtonSolver
 

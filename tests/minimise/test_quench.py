@@ -1,7 +1,5 @@
 """Forces, Hessian and last digits of a quench, each against an independent calculation."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from dense import NewtonSteps
@@ -14,8 +12,8 @@ from jampetsc.minimise.hessian import Bonds, Pattern, border
 from jampetsc.minimise.minimise import _down_to_fraction, minimise, relax, settle, stress_unit
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, measure, net_forces
-from jampetsc.packing.disks import Disks
 from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.packing.threads import Team
@@ -28,7 +26,7 @@ def crowd(potential=None, n=40, phi=1.0, seed=3):
     """Disks at random places in a sheared cell, with neighbours through two images."""
     start = protocols.random_start(radii_of("bidisperse", n), phi, seed, potential or Potential())
     cell = np.array([[start.cell[0, 0] * 0.7, 0], [1.1, start.cell[1, 1] / 0.7]])
-    return Disks.from_positions(start.positions, start.radii, cell, potential)
+    return Packing.from_positions(start.positions, start.radii, cell, potential)
 
 
 def moving_of(goal, free):
@@ -142,7 +140,7 @@ def test_what_is_left_is_told_in_forces_and_stresses():
 def test_a_usual_contact_carries_a_usual_force(law, length):
     """2 p d, at the pressure asked for, that of the goal, or a thousandth of what is of order one."""
     start = crowd(law, n=16)
-    disks = Disks.from_positions(length * start.positions, length * start.radii, length * start.cell, law)
+    disks = Packing.from_positions(length * start.positions, length * start.radii, length * start.cell, law)
     d = length
     unit = stress_unit(disks)
     for goal, asked, pressure in (
@@ -181,7 +179,7 @@ def test_newton_is_tried_at_ever_smaller_forces(monkeypatch):
     monkeypatch.setattr(Descent, "descend", noted)
     monkeypatch.setattr(newton.Newton, "converge", lambda *_: False)
     start = crowd(n=16)
-    disks = Disks.from_positions(2.0 * start.positions, 2.0 * start.radii, 2.0 * start.cell)
+    disks = Packing.from_positions(2.0 * start.positions, 2.0 * start.radii, 2.0 * start.cell)
     for pressure in (1e-3, 1e-8):
         asked.clear()
         with pytest.raises(ConvergenceError, match="no minimum after"):
@@ -366,10 +364,10 @@ def test_newton_reaches_rounding_where_plain_doubles_cannot():
     state = measure(disks)
     assert state.max_force <= rounding
     assert abs(state.pressure / pressure - 1) < 1e-9
-    rounded = Disks.from_positions(disks.positions, disks.radii, disks.cell, disks.potential)
+    rounded = Packing.from_positions(disks.positions, disks.radii, disks.cell, disks.potential)
     assert measure(rounded).max_force > rounding
     # A cell as large as that of 1e5 disks: the same bonds, coordinates 2⁸ farther out.
-    far = replace(disks, base=disks.base + 256.0)
+    far = disks.replace(base=disks.base + 256.0)
     assert measure(far).max_force <= rounding
-    rounded = Disks.from_positions(far.positions, far.radii, far.cell, far.potential)
+    rounded = Packing.from_positions(far.positions, far.radii, far.cell, far.potential)
     assert measure(rounded).max_force > 10 * rounding

@@ -7,7 +7,7 @@ from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.minimise.thermal import ACCEPTED, COLD, Around, Thermal, annealed, energy_of
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import Potential
 
@@ -36,7 +36,7 @@ def test_two_disks_are_distributed_as_boltzmann_says(potential):
     weights = np.exp(-energies / temperature)
     mean, square = (np.sum(weights * energies**power) / weights.sum() for power in (1, 2))
     far = np.sum(weights[energies < temperature]) / weights.sum()
-    disks = Disks.from_positions(np.array([[0.0, 0.0], [0.8, 0.9]]), RADII, CELL, potential)
+    disks = Packing.from_positions(np.array([[0.0, 0.0], [0.8, 0.9]]), RADII, CELL, potential)
     thermal = Thermal(disks, np.random.default_rng(3))
     found = []
     for _ in range(12_000):
@@ -59,7 +59,7 @@ def test_energy_of_a_disk_and_of_all():
     moved = still.copy()
     moved[7] = 0.05, -0.03
     change = energy_of(7, *moved[7], around, still, potential.constants) - alone[7]
-    other = Disks.from_positions(disks.positions + moved, disks.radii, disks.cell, potential)
+    other = Packing.from_positions(disks.positions + moved, disks.radii, disks.cell, potential)
     assert change == pytest.approx(measure(other).energy - measure(disks).energy)
 
 

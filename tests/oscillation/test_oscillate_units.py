@@ -11,7 +11,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.oscillation import repeated_cycles
 from jampetsc.oscillation.drive import Drive
 from jampetsc.oscillation.repeated_cycles import repeat_cycles
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
@@ -35,7 +35,7 @@ def packing(scaled):
     if not scaled:
         return disks
     arrays = (LENGTH * array for array in (disks.positions, disks.radii, disks.cell))
-    return Disks.from_positions(*arrays, Potential(k=K))
+    return Packing.from_positions(*arrays, Potential(k=K))
 
 
 def law_of(alpha, scaled):

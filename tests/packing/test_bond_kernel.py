@@ -1,15 +1,13 @@
 """The bond kernel against sums over pairs in plain numpy, for every weight of a damping law, with and without spins."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import sheared
 
 from jampetsc.laws.damping import Law
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.disks import deformed
 from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.packing import deformed
 from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 
@@ -33,7 +31,7 @@ def crowd():
 @pytest.mark.parametrize("kind, stiffness", [(k, s) for k in EXPONENTS for s in STIFFNESSES])
 def test_against_sums_over_contacts(crowd, name, spinning, kind, stiffness):
     potential = Potential(kind, stiffness, 1.7)
-    disks, rng = replace(crowd, potential=potential), np.random.default_rng(2)
+    disks, rng = crowd.replace(potential=potential), np.random.default_rng(2)
     weights = tuple(float(w) for w in WEIGHTS[name])
     if not spinning:
         weights = (*weights[:2], 0.0)

@@ -21,8 +21,8 @@ from jampetsc.packing.contacts import (
     measure,
     net_forces,
 )
-from jampetsc.packing.disks import GRID, Disks, join, split
 from jampetsc.packing.neighbours import neighbour_pairs
+from jampetsc.packing.packing import GRID, Packing, join, split
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 
 
@@ -42,7 +42,9 @@ def far_away(low):
     cell, cell_low = np.array([(1e5 / 3, 0.0), (77.7, 1e5 / 7)]), np.array([(3e-12, 0.0), (1e-13, -7e-13)])
     positions = np.array([(31000.1, 12000.3), (31000.9, 12000.7), (0.2, 0.1), (1e5 / 3 - 0.3, 0.6)])
     fine = rng.uniform(-1e-12, 1e-12, (4, 2))
-    return Disks.from_positions(positions, np.full(4, 0.5), cell, positions_low=low * fine, cell_low=cell_low)
+    return Packing.from_positions(
+        positions, np.full(4, 0.5), cell, positions_low=low * fine, cell_low=cell_low
+    )
 
 
 def test_bond_vectors_are_rounded_once_at_coordinates_of_1e5():
@@ -108,7 +110,7 @@ def test_a_contact_that_only_just_touches_does_not_count():
     narrowest = np.argmin(np.where(gap > 0, gap, np.inf))
     radii = disks.radii.copy()
     radii[i[narrowest]] += gap[narrowest] + 5e-15
-    touching = Disks.from_positions(disks.positions, radii, disks.cell)
+    touching = Packing.from_positions(disks.positions, radii, disks.cell)
     new = find_contacts(touching).overlap < 1e-14
     assert np.count_nonzero(new) == 1 and len(new) == 34
     assert (measure(touching).contacts.overlap > 1e-14).all()
@@ -118,7 +120,7 @@ def test_force_threshold():
     """A millionth of a typical force p d; at vanishing pressure the rounding of a force."""
     disks = polydisperse()[0]
     d = 2.0 * disks.radii.mean()
-    stiff = replace(disks, potential=replace(disks.potential, k=7.0))
+    stiff = disks.replace(potential=replace(disks.potential, k=7.0))
     least = 1e-14 / d**2  # stiffnesses are k/σ²
     for pressure, force, force_of_stiff in (
         (1e-3, 1e-9, 1e-9),
@@ -131,16 +133,16 @@ def test_force_threshold():
 
 def test_imbalance_is_relative_to_pressure_and_diameter():
     disks, _ = polydisperse()
-    moved = replace(disks, offset=disks.offset + np.eye(disks.n, 2, -5) * 1e-3)
+    moved = disks.replace(offset=disks.offset + np.eye(disks.n, 2, -5) * 1e-3)
     state = measure(moved)
     largest = np.hypot(*net_forces(moved.n, find_contacts(moved)).T).max()
     assert imbalance(moved, state) == pytest.approx(largest / (state.pressure * 2.0 * disks.radii.mean()))
-    apart = replace(disks, radii=0.1 * disks.radii)
+    apart = disks.replace(radii=0.1 * disks.radii)
     assert imbalance(apart, measure(apart)) == np.inf
 
 
 def square(n=4, side=4.0):
-    """Arguments of `Disks.from_positions` for n disks in a row, in a square cell."""
+    """Arguments of `Packing.from_positions` for n disks in a row, in a square cell."""
     row = np.column_stack((np.arange(n), np.zeros(n)))
     return {"positions": row, "radii": np.full(n, 0.5), "cell": side * np.eye(2)}
 
@@ -177,20 +179,20 @@ def square(n=4, side=4.0):
     ids=lambda value: value if isinstance(value, str) else next(iter(value)),
 )
 def test_invalid_packings_are_refused(change, says):
-    assert Disks.from_positions(**square()).n == 4
+    assert Packing.from_positions(**square()).n == 4
     with pytest.raises(InputError, match=says):
-        Disks.from_positions(**square() | change)
+        Packing.from_positions(**square() | change)
 
 
 def test_limits_of_valid_packings():
     """A disk as wide as its cell meets its image in a point; coordinates up to 2²⁸ keep their digits."""
-    assert Disks.from_positions(**square() | {"cell": np.diag([4.0, 1.0])}).period == 1.0
+    assert Packing.from_positions(**square() | {"cell": np.diag([4.0, 1.0])}).period == 1.0
     for turns in (0, 1, -9, 1000):  # the same lattice
         cell = np.array([[1.0, 0.0], [0.5 + turns, 0.9]])
-        assert Disks.from_positions(**square() | {"cell": cell}).period == pytest.approx(1.0, rel=1e-12)
+        assert Packing.from_positions(**square() | {"cell": cell}).period == pytest.approx(1.0, rel=1e-12)
     far = square() | {"cell": np.diag([2.0**28, 4.0])}
     far["positions"] = far["positions"] + [2.0**28 - 3, 0]
-    assert Disks.from_positions(**far).positions[3, 0] == 2.0**28
+    assert Packing.from_positions(**far).positions[3, 0] == 2.0**28
 
 
 @pytest.mark.parametrize(
@@ -212,8 +214,8 @@ def test_invalid_potentials_are_refused(change, says):
 
 
 def test_disks_without_contacts_have_no_coordination_and_no_force():
-    disks = Disks.from_positions(**square(side=9.0))
-    for loose in (disks, replace(disks, radii=0.4 * disks.radii)):
+    disks = Packing.from_positions(**square(side=9.0))
+    for loose in (disks, disks.replace(radii=0.4 * disks.radii)):
         state = measure(loose)
         assert (state.coordination, state.max_force, len(state.contacts)) == (0.0, 0.0, 0)
         assert state.rattlers.all()
@@ -221,7 +223,7 @@ def test_disks_without_contacts_have_no_coordination_and_no_force():
 
 def test_forces_on_rattlers_are_no_imbalance():
     """A single contact: its force counts in p, its disks are rattlers and do not count in max_force."""
-    disks = Disks.from_positions([[0.0, 0.0], [0.9, 0.0]], [0.5, 0.5], 4.0 * np.eye(2))
+    disks = Packing.from_positions([[0.0, 0.0], [0.9, 0.0]], [0.5, 0.5], 4.0 * np.eye(2))
     state = measure(disks)
     assert state.pressure == pytest.approx(0.1 * 0.9 / 32.0) and state.max_force == 0.0
     assert len(find_contacts(disks)) == 1

@@ -1,6 +1,5 @@
 """The pair list: complete until it is stale, whatever disks and cell do; near pairs, domains, skins, folding."""
 
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -8,9 +7,9 @@ import pytest
 
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import bond_vectors, find_contacts, measure
-from jampetsc.packing.disks import GRID, Disks, deformed
 from jampetsc.packing.domains import EDGE, Domains, borders, choose_near, domain_order
 from jampetsc.packing.neighbours import neighbour_pairs
+from jampetsc.packing.packing import GRID, Packing, deformed
 from jampetsc.packing.pairs import (
     REBUILD,
     SKIN_RANGE,
@@ -29,7 +28,7 @@ def crowd(seed, n=60, phi=0.9, tilt=0.3):
     radii = radii_of("bidisperse", n) * rng.uniform(0.7, 1.3, n)
     height = np.sqrt(np.pi * np.sum(radii**2) / phi / 1.3)
     cell = np.array([[1.3 * height, 0.0], [tilt * height, height]])
-    return Disks.from_positions(rng.random((n, 2)) @ cell, radii, cell)
+    return Packing.from_positions(rng.random((n, 2)) @ cell, radii, cell)
 
 
 def listed(pairs):
@@ -47,7 +46,7 @@ def far_off(n=40):
     cell = np.array([[1e4 / 3, 0.0], [123.4, 1e4 / 7]])
     positions = np.array([0.1, 0.2]) + rng.uniform(-2.0, 2.0, (n, 2)) + rng.integers(-3, 4, (n, 2)) @ cell
     fine, cell_low = rng.uniform(-1e-13, 1e-13, (n, 2)), np.array([[3e-13, 0.0], [1e-13, -2e-13]])
-    return Disks.from_positions(positions, np.full(n, 0.5), cell, positions_low=fine, cell_low=cell_low)
+    return Packing.from_positions(positions, np.full(n, 0.5), cell, positions_low=fine, cell_low=cell_low)
 
 
 def test_bonds_of_a_list_are_rounded_once():
@@ -246,8 +245,8 @@ def test_skin_follows_how_long_lists_serve():
 @pytest.mark.parametrize("tilt", [0.0, 0.49, -0.66, 1.3, -3.2])
 def test_folding_leaves_every_bond(tilt):
     disks = crowd(3, n=200, tilt=tilt)
-    far = Disks.from_positions(disks.positions + np.array([3, -2]) @ disks.cell, disks.radii, disks.cell)
-    far = replace(far, images=np.random.default_rng(3).integers(-3, 4, (200, 2)))
+    far = Packing.from_positions(disks.positions + np.array([3, -2]) @ disks.cell, disks.radii, disks.cell)
+    far = far.replace(images=np.random.default_rng(3).integers(-3, 4, (200, 2)))
     folded = far.folded()
     assert np.abs(folded.unwrapped - far.unwrapped).max() < 1e-12
     width, height = folded.cell[0, 0], folded.cell[1, 1]

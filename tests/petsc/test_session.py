@@ -51,7 +51,7 @@ def test_every_module_imports_without_mpi_and_petsc():
     assert "jampetsc.petsc.session" in modules and "jampetsc.io.reader" in modules
     imports = "".join(f"import {module}\n" for module in modules)
     door = "import jampetsc, jampetsc.main\nassert 'numpy' not in sys.modules\n"
-    done = python(f"{BLOCK}{door}{imports}print(jampetsc.load, jampetsc.Disks)")
+    done = python(f"{BLOCK}{door}{imports}print(jampetsc.load, jampetsc.Packing)")
     assert done.returncode == 0, done.stderr
 
 

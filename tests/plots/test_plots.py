@@ -17,7 +17,7 @@ from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.plots import packing_plots
 from jampetsc.plots.curves import group_curves
@@ -320,7 +320,7 @@ def test_what_leaves_the_cell_comes_in_on_the_other_side(cell):
 
 def test_lines_are_as_wide_as_forces_are_strong_and_the_caption_is_in_units_of_k():
     disks = samples.published()
-    stiff = replace(disks, potential=Potential(k=4.0))
+    stiff = disks.replace(potential=Potential(k=4.0))
     figures = [figure_of(plot_packing, one) for one in (disks, stiff)]
     captions = [one.axes[0].get_xlabel() for one in figures]
     assert captions[0] == captions[1] and "p/k=" in captions[0]
@@ -360,11 +360,11 @@ def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part():
 def test_rattlers_are_hollow_walls_dark_and_both_are_told():
     disks = samples.published()
     radii = disks.radii * np.where(np.arange(16) == 5, 0.5, 1.0)
-    disks = Disks.from_positions(disks.positions, radii, disks.cell)
+    disks = Packing.from_positions(disks.positions, radii, disks.cell)
     rows = packing_plots.disk_images(
         packing_plots.wrap(disks.positions, disks.cell), disks.radii, disks.cell
     )[0]
-    state, loose = measure(disks), replace(disks, record={"walls": 3})
+    state, loose = measure(disks), disks.replace(record={"walls": 3})
     flow = drawn_by(lambda page: _draw(page, [flow_panel("", loose)]))
     for fig, hollow, walls in (
         (figure_of(plot_packing, disks), state.rattlers, 0), (flow, find_touching(loose)[2], 3)
@@ -397,7 +397,7 @@ def test_many_disks_make_a_small_vector_file(tmp_path):
     rng = np.random.default_rng(10)
     side = 80
     grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
-    disks = Disks.from_positions(
+    disks = Packing.from_positions(
         grid + rng.normal(0, 0.01, grid.shape), np.full(side**2, 0.51), np.eye(2) * side
     )
     write_packing(tmp_path / "large.h5", disks)

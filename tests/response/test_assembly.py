@@ -1,7 +1,5 @@
 """K, B and their border against the dense reference, on any number of ranks and in both scalar types."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from gathered import csr, dense, unknowns, whole
@@ -122,7 +120,7 @@ def test_weights_are_off_by_what_an_overlap_is_off(session, sample):
     for move in (0.0, 1.0):
         disks = SAMPLES[sample]()
         shift = np.random.default_rng(5).uniform(-move, move, disks.offset.shape) * EPSILON / 4.0
-        disks = replace(disks, offset=disks.offset + shift)
+        disks = disks.replace(offset=disks.offset + shift)
         c = assemble(network_of(disks, physics(), session.comm), physics().law).compatibility
         found.append((c.w_K.reshape(-1, c.forms), c.size_K.reshape(-1, c.forms)))
     (before, size), (after, _) = found

@@ -24,7 +24,7 @@ from sweeps import Sweep, errors
 import jampetsc
 from jampetsc.errors import ConvergenceError
 from jampetsc.io.reader import load
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc.cholesky import least_singular_value
 from jampetsc.response import sweep_method as sweep
 from jampetsc.response.assembly import assemble
@@ -94,7 +94,7 @@ def test_field(session, name):
 def test_disks_far_from_a_minimum(session):
     """Where they overlap by much pre-stress outweighs stiffness, even on the diagonal of K."""
     places = np.random.default_rng(3).uniform(0.0, 3.0, (16, 2))
-    disks = Disks.from_positions(places, np.full(16, 0.5), 3.0 * np.eye(2))
+    disks = Packing.from_positions(places, np.full(16, 0.5), 3.0 * np.eye(2))
     exact = Reference(disks, physics())
     assert np.diag(exact.K).min() < -1.0
     solver = solver_of(disks, physics(), session.comm)

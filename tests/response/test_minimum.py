@@ -1,7 +1,5 @@
 """The proof that a packing is a minimum holds for the disks it was made from, and for no others."""
 
-from dataclasses import replace
-
 import h5py
 import numpy as np
 import pytest
@@ -11,8 +9,8 @@ from jampetsc.commands import describe
 from jampetsc.errors import InputError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
-from jampetsc.packing.disks import GRID, Disks
 from jampetsc.packing.minimum_proof import PROVED_BY, proved_minimum, with_proof
+from jampetsc.packing.packing import GRID, Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.response import vibrations as modes
 
@@ -33,13 +31,13 @@ def test_a_proof_survives_a_file(path):
 
 def test_a_coordinate_is_the_same_however_base_and_offset_share_it():
     plus, minus = (
-        Disks.from_positions([[x, 0.0], [1.0, 1.0]], [0.5, 0.5], 4 * np.eye(2)) for x in (0.0, -0.0)
+        Packing.from_positions([[x, 0.0], [1.0, 1.0]], [0.5, 0.5], 4 * np.eye(2)) for x in (0.0, -0.0)
     )
     assert plus.fingerprint == minus.fingerprint
     disks = published()
     fine = GRID * 2.0**-26
-    disks = replace(disks, offset=fine * np.round(disks.offset / fine))  # leaves room for a grid step
-    moved = replace(disks, base=disks.base + GRID, offset=disks.offset - GRID)
+    disks = disks.replace(offset=fine * np.round(disks.offset / fine))  # leaves room for a grid step
+    moved = disks.replace(base=disks.base + GRID, offset=disks.offset - GRID)
     assert not np.array_equal(moved.base, disks.base)
     assert moved.fingerprint == disks.fingerprint
 
@@ -51,12 +49,12 @@ def test_everything_that_forces_follow_from_is_in_the_fingerprint():
     radii = disks.radii.copy()
     radii[3] = np.nextafter(radii[3], 0)
     others = [
-        replace(disks, offset=disks.offset + ulp),
-        replace(disks, radii=radii),
-        replace(disks, cell_offset=disks.cell_offset + np.diag([1e-23, 0])),
-        replace(disks, potential=Potential("hertzian")),
-        replace(disks, potential=Potential(stiffness="inverse-square-diameter")),
-        replace(disks, potential=Potential(k=1.0 + 1e-15)),
+        disks.replace(offset=disks.offset + ulp),
+        disks.replace(radii=radii),
+        disks.replace(cell_offset=disks.cell_offset + np.diag([1e-23, 0])),
+        disks.replace(potential=Potential("hertzian")),
+        disks.replace(potential=Potential(stiffness="inverse-square-diameter")),
+        disks.replace(potential=Potential(k=1.0 + 1e-15)),
         disks.reordered(np.arange(16)[::-1]),
     ]
     assert len({disks.fingerprint, *(other.fingerprint for other in others)}) == 8
@@ -93,7 +91,7 @@ def test_what_is_edited_has_no_proof(path, edit):
 def test_a_sweep_counts_anew_what_was_forged_or_edited(session, shared_path):
     proved, forged = with_proof(published()), {"negative_modes": 0, "negative_modes_counted_by": PROVED_BY}
     stolen = forged | {"proof_fingerprint": published().fingerprint}
-    moved = replace(proved, offset=proved.offset + 1e-9 * np.eye(16, 2))
+    moved = proved.replace(offset=proved.offset + 1e-9 * np.eye(16, 2))
     for disks, known, negative, method, says in (
         (proved, 0, 0, "rational", "proved when the packing was made"),
         (lattice().with_record(**forged), None, 14, "direct", "no: 14 negative modes"),

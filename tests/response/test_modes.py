@@ -187,7 +187,7 @@ def test_residuals_are_those_of_the_modes(session):
 @pytest.mark.most_ranks(1)
 def test_how_exact_and_how_different_modes_must_be(session, monkeypatch):
     """Residuals of 1e-9 in units of the stiffness; products and lengths to 1e-6."""
-    network = build_network(replace(published(), potential=Potential(k=2.5)), session.comm)
+    network = build_network(published().replace(potential=Potential(k=2.5)), session.comm)
     right = lowest_modes(network, 3)
     vectors = right.vectors.reshape(3, -1)
     _require_different((1.0 + 0.45e-6) * vectors, network)

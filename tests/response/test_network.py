@@ -8,7 +8,7 @@ from samples import SAMPLES, cut, honeycomb, pairs_of, physics, published, refer
 
 from jampetsc.errors import InputError
 from jampetsc.network.contact_network import _require_rigid, build_network, find_pieces
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.response.assembly import assemble
 
 pytestmark = pytest.mark.scalar("real")
@@ -72,7 +72,7 @@ def with_dust():
     """The two strips, with 200 tiny disks in one place between them: a rank of three has rattlers only."""
     disks = strips()
     grid = np.argwhere(np.ones((10, 20))) * 0.01 + [3.4, 1.5]
-    return Disks.from_positions(
+    return Packing.from_positions(
         np.vstack((disks.positions, grid)), np.append(disks.radii, np.full(200, 0.004)), disks.cell
     )
 
@@ -94,7 +94,7 @@ def test_too_few_contacts_are_below_jamming(session):
     with pytest.raises(InputError, match=r"12 contacts between 8 disks leave at least 2 floppy modes: below"):
         build_network(honeycomb(), session.comm)
     disks = published()
-    loose = Disks.from_positions(disks.positions, 0.5 * disks.radii, disks.cell)
+    loose = Packing.from_positions(disks.positions, 0.5 * disks.radii, disks.cell)
     with pytest.raises(InputError, match=r"no load-bearing contacts among 16 disks: below jamming"):
         build_network(loose, session.comm)
     network = build_network(SAMPLES["isostatic"](), session.comm)

@@ -327,7 +327,7 @@ def test_a_packing_that_is_not_at_rest_is_not_certified(session, tmp_path, capfd
     radii = disks.radii.copy()
     radii[5] = 1e-300
     packing, out = tmp_path / "packing.h5", tmp_path / "sweep.h5"
-    write_packing(packing, replace(disks, radii=radii))
+    write_packing(packing, disks.replace(radii=radii))
     assert cli.dispatch(["sweep", str(packing), "--out", str(out), "--omega", "1,10", *words]) == 0
     told = capfd.readouterr()
     assert "forces are not balanced" in told.err

@@ -24,7 +24,7 @@ from sweeps import Sweep, errors, judge
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.checkpoint import Checkpoint
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.response import rational
 from jampetsc.response import shift_factors as factors
 from jampetsc.response import sweep_method as sweep_module
@@ -162,7 +162,7 @@ def rows():
     one = np.column_stack((column + 0.5 * (row % 2), np.sqrt(0.75) * row)) * 0.98
     one += np.random.default_rng(5).normal(0, 0.002, one.shape)
     both = np.vstack((one, one + np.array([0, 4])))
-    return Disks.from_positions(both, np.full(48, 0.5), [(8 * 0.98, 0), (0.0, 8.0)])
+    return Packing.from_positions(both, np.full(48, 0.5), [(8 * 0.98, 0), (0.0, 8.0)])
 
 
 @pytest.mark.most_ranks(2)
@@ -242,7 +242,7 @@ def unstable():
     """A packing pushed off its minimum: K with pre-stress has negative modes."""
     disks = SAMPLES["polydisperse"]()
     noise = np.random.default_rng(4).normal(0, 0.015, (disks.n, 2))
-    return Disks.from_positions(disks.positions + noise, disks.radii, disks.cell, disks.potential)
+    return Packing.from_positions(disks.positions + noise, disks.radii, disks.cell, disks.potential)
 
 
 @pytest.mark.most_ranks(2)

@@ -10,7 +10,7 @@ from samples import SAMPLES, network_of, physics, reference
 from sweeps import Sweep, errors
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import NotPositiveDefinite, least_eigenvalue
 from jampetsc.petsc.shifted import ShiftedFactor, shifted
@@ -290,7 +290,7 @@ def test_bounds_are_the_same_in_any_unit_of_length(session, law):
     disks = SAMPLES["published"]()
     found = []
     for unit in (1.0, 2.0**20, 2.0**-20):
-        scaled = Disks.from_positions(
+        scaled = Packing.from_positions(
             unit * disks.positions, unit * disks.radii, unit * disks.cell, disks.potential
         )
         sweep = Sweep(scaled, law, OMEGA, 1e-6, session.comm).solved()

@@ -36,7 +36,7 @@ def compare(file, expected):
 
 
 def test_facts_of_a_packing(session):
-    disks = replace(isostatic(), potential=Potential(k=2.5)).with_record(seed=17)
+    disks = isostatic().replace(potential=Potential(k=2.5)).with_record(seed=17)
     network = network_of(disks, physics(), session.comm)
     found = run_record(disks, ("p.h5", "abc"), physics(beta=3.0).parameters, network, 0.0)
     overlaps, n = network.contact_count, network.n
@@ -93,7 +93,7 @@ def test_modes(session, path):
 
 @pytest.mark.parametrize("prestress", [True, False])
 def test_quasistatic(session, path, prestress):
-    put(path, replace(published(), potential=Potential(k=2.5)), session.comm)
+    put(path, published().replace(potential=Potential(k=2.5)), session.comm)
     out, law = path.parent / "q.h5", physics(beta=2.0, prestress=prestress)
     found = quasistatic.run(path, Outlet(out), law, (0.5, 3.0))
     session.comm.barrier()

@@ -11,7 +11,7 @@ import jampetsc
 from jampetsc import models
 from jampetsc.commands import describe
 from jampetsc.errors import InputError
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 TOLD = {  # length, k, τ₁ and how often a1 is added to a2
@@ -25,7 +25,7 @@ def told(length=1.0, k=1.0, turns=0):
     disks = samples.published()
     cell = disks.cell + turns * np.array([[0.0, 0.0], disks.cell[0]])
     potential = replace(disks.potential, k=k)
-    return Disks.from_positions(length * disks.positions, length * disks.radii, length * cell, potential)
+    return Packing.from_positions(length * disks.positions, length * disks.radii, length * cell, potential)
 
 
 def answers(length=1.0, k=1.0, tau1=1.0, turns=0):
@@ -91,7 +91,7 @@ def beside_itself(disks):
     """Two copies in a cell twice as wide."""
     cell = disks.cell
     twice = np.vstack((disks.positions, disks.positions + cell[0]))
-    return Disks.from_positions(twice, np.tile(disks.radii, 2), [2.0 * cell[0], cell[1]], disks.potential)
+    return Packing.from_positions(twice, np.tile(disks.radii, 2), [2.0 * cell[0], cell[1]], disks.potential)
 
 
 def test_two_copies_of_a_minimum_may_be_none(session, capfd):

@@ -18,7 +18,7 @@ from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.options.values import grid_text
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc import launcher
 from jampetsc.progress import Progress
 from jampetsc.studies import trade_ensembles, trade_process, trade_run, trade_settings, trade_table
@@ -88,7 +88,7 @@ def test_trade_of_a_packing(packing, tmp_path):
 
 def with_record(path, n=64, **record):
     rng = np.random.default_rng(1)
-    disks = Disks.from_positions(rng.random((n, 2)) * 9, np.full(n, 0.5), 9.0 * np.eye(2), record=record)
+    disks = Packing.from_positions(rng.random((n, 2)) * 9, np.full(n, 0.5), 9.0 * np.eye(2), record=record)
     write_packing(path, disks)
     return path
 

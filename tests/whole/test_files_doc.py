@@ -15,7 +15,7 @@ from jampetsc.io.formats import FORMATS
 from jampetsc.io.hdf5 import open_file
 from jampetsc.io.packing_file import ARRAYS, write_packing
 from jampetsc.io.provenance import PROVENANCE
-from jampetsc.packing.disks import Disks
+from jampetsc.packing.packing import Packing
 
 RARE = {  # of runs that are not made here
     "": ("transverse", "sliding", "drag"),  # weights of a law that only python has
@@ -66,7 +66,7 @@ def test_the_page_has_the_formats_as_they_are_declared():
 
 def names_of(loaded, path):
     """(datasets, attributes) of what `load` gives for a file, a packing's attributes as the file has them."""
-    if isinstance(loaded, Disks):
+    if isinstance(loaded, Packing):
         with open_file(path) as h5:
             return set(ARRAYS), set(h5.attrs)
     return set(loaded), set(loaded.attributes)
@@ -92,7 +92,7 @@ def test_files_hold_what_their_formats_say(session, shared_path, monkeypatch, ca
     wrong, seen = [], {name: (set(), set()) for name in FORMATS}
     for path in sorted(shared_path.glob("*.h5")):
         loaded = jampetsc.load(path)
-        kind = "jampetsc-packing" if isinstance(loaded, Disks) else loaded.format
+        kind = "jampetsc-packing" if isinstance(loaded, Packing) else loaded.format
         declared, common = FORMATS[kind], FORMATS[kind].common
         tables = (declared.datasets, declared.attributes), ("dataset", "attribute")
         for names, table, what, found in zip(names_of(loaded, path), *tables, seen[kind], strict=True):

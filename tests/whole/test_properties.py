@@ -17,8 +17,8 @@ from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.options.parameters import made, parameters
 from jampetsc.options.values import FREQUENCIES, SEEDS, grid_text, numbers
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.disks import GRID, Disks, join, split
 from jampetsc.packing.neighbours import neighbour_pairs, spatial_order
+from jampetsc.packing.packing import GRID, Packing, join, split
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 
 settings.register_profile("the same inputs in every run", derandomize=True, deadline=None, database=None)
@@ -40,7 +40,7 @@ def packings(draw, most=20):
     )
     positions = rng.uniform(-1.0, 2.0, (n, 2)) @ cell
     try:
-        return Disks.from_positions(positions, rng.uniform(0.3, 0.9, n), cell, law)
+        return Packing.from_positions(positions, rng.uniform(0.3, 0.9, n), cell, law)
     except InputError as error:
         assume("would touch its own image" not in str(error))
         raise
@@ -102,7 +102,7 @@ def test_a_packing_is_the_same_in_another_order_and_place_and_cell(disks, shift,
     assert (disks.reordered(order).rattlers == disks.rattlers[order]).all()
     same(disks, disks.folded())
     place = disks.positions + np.remainder(shift, 1e3) + rng.integers(-3, 4, (disks.n, 2)) @ disks.cell
-    same(disks, Disks.from_positions(place, disks.radii, disks.cell, disks.potential))
+    same(disks, Packing.from_positions(place, disks.radii, disks.cell, disks.potential))
     assert sorted(spatial_order(place, disks.cell)) == list(range(disks.n))
 
 
@@ -113,7 +113,9 @@ def test_units_of_length_and_force_change_no_number_without_units(disks, length,
     kind, stiffness, k = disks.potential.kind, disks.potential.stiffness, disks.potential.k
     power = disks.potential.alpha - 2.0 if stiffness == "constant" else -2.0
     other = Potential(kind, stiffness, k * force / length**power)
-    scaled = Disks.from_positions(length * disks.positions, length * disks.radii, length * disks.cell, other)
+    scaled = Packing.from_positions(
+        length * disks.positions, length * disks.radii, length * disks.cell, other
+    )
     assert scaled.coordination == disks.coordination and (scaled.rattlers == disks.rattlers).all()
     assert scaled.phi == pytest.approx(disks.phi, rel=1e-12)
     assert scaled.pressure == pytest.approx(force * disks.pressure, rel=1e-6, abs=1e-9 * k * force)

@@ -61,7 +61,7 @@ def test_imports_go_downwards(room):
     wrong = []
     for path in MODULES:
         here = path.relative_to(PACKAGE).with_suffix("").parts
-        if room_of(here) != room or here == ("__init__",):  # the package's door to `load` and `Disks`
+        if room_of(here) != room or here == ("__init__",):  # the package's door to `load` and `Packing`
             continue
         for words in imported(path):
             if words[0] != "jampetsc":

@@ -8,17 +8,19 @@ offset: `base` is a multiple of GRID, so that differences of bases and cell vect
 
 import hashlib
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 
 from jampetsc.errors import InputError
+from jampetsc.packing.cell import cell_of, read_numbers
 from jampetsc.packing.neighbours import fractional, vectors
 from jampetsc.packing.potentials import Potential
 
+PLANE_TOLERANCE = 1e-8  # largest radii: spread of z within which centres lie in one plane
 GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved to 3e-24
-PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Disks` that change when disks move
+PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Packing` that change when disks move
 
 
 def split(high, low=0.0):
@@ -35,11 +37,19 @@ def join(base, offset):
     return high, offset - (high - base)
 
 
-@dataclass(frozen=True, eq=False)
-class Disks:
-    """N soft disks in a periodic cell. Arrays are float64 and never changed in place.
+@dataclass(frozen=True, eq=False, init=False)
+class Packing:
+    """N soft disks in a periodic cell, for every function that takes a packing.
 
-    Make one with `Disks.from_positions`, which checks its input.
+    positions   (N, 2) centres, in the cell or out of it; (N, 3) where all z are the same
+    radii       (N,)
+    cell        L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy Ly, Ly), rows a₁ = (Lx, 0) and a₂ (2, 2), or an object with
+                Lx, Ly and xy such as freud.box.Box; any tilt, periodic in x and y
+    potential   harmonic or hertzian; stiffness: constant or inverse-square-diameter; k > 0, see `packing.potentials`
+
+    Lengths are in any unit, p and moduli then in that of k. The record holds phi, pressure, energy and max_force as
+    computed here. Arrays are float64 and never changed in place. Raises InputError for wrong shapes, values not
+    finite, radii ≤ 0, a cell of no area or less wide than a disk, centres with different z, or two at one place.
     """
 
     base: np.ndarray  # (N, 2) coordinates, multiples of GRID
@@ -47,11 +57,25 @@ class Disks:
     radii: np.ndarray  # (N,)
     cell_base: np.ndarray  # (2, 2) rows a1 = (Lx, 0), a2 = (γ Ly, Ly), multiples of GRID
     cell_offset: np.ndarray  # (2, 2)
-    potential: Potential = field(default_factory=Potential)
-    record: dict = field(default_factory=dict)  # how it was made: pressure, phi, seed, protocol, …
-    images: np.ndarray | None = (
-        None  # (N, 2) numbers of cell vectors by which each disk was wrapped into the cell, if counted
-    )
+    potential: Potential
+    record: dict  # how it was made: pressure, phi, seed, protocol, …
+    images: np.ndarray | None  # (N, 2) numbers of cell vectors by which each disk was wrapped, if counted
+
+    def __init__(self, positions, radii, cell, potential="harmonic", stiffness="constant", k=1.0):
+        positions, radii, k = (
+            read_numbers(name, values)
+            for name, values in (("positions", positions), ("radii", radii), ("k", k))
+        )
+        if positions.ndim == 2 and positions.shape[1] == 3:
+            thickness = np.ptp(positions[:, 2]) if len(positions) else 0.0
+            if not thickness <= PLANE_TOLERANCE * np.max(radii, initial=0.0):
+                raise InputError(f"centres spread by {thickness:.6g} in z: packings are two-dimensional here")
+            positions = positions[:, :2]
+        if k.ndim:
+            raise InputError(f"k of shape {k.shape}: must be one number")
+        law = Potential(potential, stiffness, float(k))
+        exact = Packing.from_positions(positions, radii, cell_of(cell), law).with_measurements()
+        self.__dict__.update(exact.__dict__)
 
     def __repr__(self):
         pressure = f", pressure = {self.record['pressure']:.6g}" if "pressure" in self.record else ""
@@ -61,9 +85,10 @@ class Disks:
     def from_positions(
         cls, positions, radii, cell, potential=None, *, positions_low=None, cell_low=None, record=None
     ):
-        """Disks from coordinates (N, 2), radii (N,) and cell rows (2, 2).
+        """A packing of coordinates (N, 2), radii (N,) and cell rows (2, 2), with what its file says of it as `record`.
 
-        Raises InputError for wrong shapes, values that are not finite, radii ≤ 0 or a cell of no area.
+        positions_low, cell_low: parts of the coordinates and rows that one double does not hold. Raises InputError
+        for wrong shapes, values that are not finite, radii ≤ 0 or a cell of no area.
         """
         # all in C order: for another layout all loops over disks would be compiled again
         positions, radii, cell = (np.asarray(a, float, "C") for a in (positions, radii, cell))
@@ -99,19 +124,39 @@ class Disks:
             raise InputError(
                 "positions or cell beyond 2^28 in units of length: scale them to disks of size about one"
             )
-        disks = cls(
-            *split(positions, low),
-            radii,
-            *split(cell, cell_rest),
-            potential or Potential(),
-            dict(record or {}),
+        (base, offset), (cell_base, cell_offset) = split(positions, low), split(cell, cell_rest)
+        packing = cls._of_fields(
+            base=base,
+            offset=offset,
+            radii=radii,
+            cell_base=cell_base,
+            cell_offset=cell_offset,
+            potential=potential or Potential(),
+            record=dict(record or {}),
+            images=None,
         )
-        if 2 * radii.max() > disks.period:
+        if 2 * radii.max() > packing.period:
             raise InputError(
-                f"cell that repeats at a distance of {disks.period:.6g} with a disk of diameter "
+                f"cell that repeats at a distance of {packing.period:.6g} with a disk of diameter "
                 f"{2 * radii.max():.6g}: a disk would touch its own image; use more disks"
             )
-        return disks
+        return packing
+
+    def replace(self, **changes) -> "Packing":
+        """A packing with other values of some fields, which are not checked.
+
+        `dataclasses.replace` would call the constructor, which takes positions.
+        """
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        if unknown := changes.keys() - values.keys():
+            raise TypeError(f"replace: no fields {unknown}")
+        return self._of_fields(**values | changes)
+
+    @classmethod
+    def _of_fields(cls, **values):
+        packing = object.__new__(cls)
+        packing.__dict__.update(values)  # a frozen dataclass refuses to set attributes
+        return packing
 
     @property
     def n(self) -> int:
@@ -170,7 +215,7 @@ class Disks:
 
         return find_contacts(self)
 
-    def minimise(self, **options) -> "Disks":
+    def minimise(self, **options) -> "Packing":
         """A proved minimum of the energy in this cell, reached from these positions; `options` as for `jampetsc.pack`.
 
         Collective. Raises as `jampetsc.pack`, which takes packing fractions between 0.8 and 1.5.
@@ -209,7 +254,7 @@ class Disks:
     def fingerprint(self) -> str:
         """sha256 of all that determines the forces: coordinates to the last bit, radii, cell and potential.
 
-        The same for disks written to a file and read again, however a coordinate is divided between base and offset.
+        The same for a packing in a file, however a coordinate is divided between base and offset.
         """
         law = f"{self.potential.kind} {self.potential.stiffness} {float(self.potential.k).hex()} {self.n}"
         digest = hashlib.sha256(law.encode())
@@ -217,11 +262,18 @@ class Disks:
             digest.update(np.ascontiguousarray(array + 0.0, "<f8"))  # + 0.0: -0 and 0 are one number
         return digest.hexdigest()
 
-    def with_record(self, **entries) -> "Disks":
-        """The same disks with `entries` added to the record."""
-        return replace(self, record={**self.record, **entries})
+    def with_record(self, **entries) -> "Packing":
+        """The same packing with `entries` added to the record."""
+        return self.replace(record={**self.record, **entries})
 
-    def folded(self) -> "Disks":
+    def with_measurements(self) -> "Packing":
+        """The same packing with phi, pressure, energy and max_force in its record. Raises InputError as `measure`."""
+        state = self._state
+        return self.with_record(
+            pressure=state.pressure, energy=state.energy, phi=self.phi, max_force=state.max_force
+        )
+
+    def folded(self) -> "Packing":
         """The same packing in the equivalent cell with tilt |γ| ≤ ½ Lx/Ly, a2 → a2 − m a1, every disk inside it.
 
         Whole cell vectors are subtracted, so that no bond changes by more than the rounding of offsets.
@@ -235,25 +287,29 @@ class Disks:
         if images is not None:  # k₁ a₁ + k₂ a₂ in vectors of the new cell, whose a₂ is the old one less m a₁
             images = (images @ [[1.0, 0.0], [turns, 1.0]] + image).astype(int)
         cell = {"cell_base": cell_base, "cell_offset": cell_offset}
-        return replace(self, base=base, offset=offset, images=images, **cell)
+        return self.replace(base=base, offset=offset, images=images, **cell)
 
-    def reordered(self, order) -> "Disks":
+    def reordered(self, order) -> "Packing":
         """The same packing with its disks in another order."""
         arrays = {
             one.name: getattr(self, one.name) for one in fields(self) if not one.name.startswith("cell")
         }
-        return replace(self, **{name: a[order] for name, a in arrays.items() if isinstance(a, np.ndarray)})
+        return self.replace(**{name: a[order] for name, a in arrays.items() if isinstance(a, np.ndarray)})
 
 
-def deformed(disks: Disks, offsets, strain, shear) -> Disks:
-    """The disks at F (x + o), with F = e^strain [[1, shear], [0, 1]].
+def deformed(packing: Packing, offsets, strain, shear) -> Packing:
+    """The packing at F (x + o), with F = e^strain [[1, shear], [0, 1]].
 
     Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
     """
     growth, mixing = math.expm1(strain), math.exp(strain) * shear
-    places = _deformed(disks.base, disks.offset, offsets, growth, mixing)
-    cell = _deformed(disks.cell_base, disks.cell_offset, np.zeros((2, 2)), growth, mixing)
-    return Disks(*places, disks.radii, *cell, disks.potential, disks.record, disks.images)
+    base, offset = _deformed(packing.base, packing.offset, offsets, growth, mixing)
+    cell_base, cell_offset = _deformed(
+        packing.cell_base, packing.cell_offset, np.zeros((2, 2)), growth, mixing
+    )
+    places = {"base": base, "offset": offset, "cell_base": cell_base, "cell_offset": cell_offset}
+    # not `replace`: velocities of a snapshot are not those of the deformed packing
+    return Packing._of_fields(**{one.name: getattr(packing, one.name) for one in fields(Packing)} | places)
 
 
 def _deformed(base, offset, moves, growth, mixing):
