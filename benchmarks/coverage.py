@@ -3,7 +3,7 @@
     coverage.py [means shares runs studies collapse]
 
 One error is to hold 68 % of cases and two 95 %. Every table draws its series and samples anew from a fixed seed; the
-tables of docs/measured.md are this program's output.
+tables of docs/performance.md are this program's output.
 """
 
 import argparse

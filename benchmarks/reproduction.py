@@ -56,7 +56,7 @@ def rows_of(folder, mode):
 
 
 def print_tables(found):
-    """Print the claims of each group, and last what theory of our own predicts, the table of docs/physics.md."""
+    """Print the claims of each group; last the predictions that docs/theory/linear_response.md lists."""
     for group in (*GROUPS, THEORY):
         rows = [(figures, row) for figures, row in found if row.group == group]
         if not rows:

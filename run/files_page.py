@@ -1,4 +1,4 @@
-"""Writes the tables of docs/files.md from the declaration of the formats (`jampetsc.io.formats`).
+"""Writes the tables of docs/reference/files.md from the declaration of the formats (`jampetsc.io.formats`).
 
     .venv/bin/python run/files_page.py
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from jampetsc.io.formats import FORMATS
 from jampetsc.io.provenance import PROVENANCE
 
-PAGE = Path(__file__).parents[1] / "docs" / "files.md"
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "files.md"
 HEADS = {False: "| attribute | type | unit | meaning |", True: "| dataset | shape | type | unit | meaning |"}
 COMMON = "## Every result"
 _TABLE = re.compile(r"(?:^\|.*\n)+", re.MULTILINE)

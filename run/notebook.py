@@ -1,15 +1,15 @@
-"""The page docs/tutorial.md of the site is a notebook: its pieces of python run in Jupyter, and their output follows.
+"""The tutorials of the site are notebooks: their pieces of python run in Jupyter, and their output follows each piece.
 
-The file is the source. What it prints and draws is in the site only, and beside it the executed notebook. A cell that
-fails or warns ends the building of the site.
+The files in docs/tutorials are the source. What they print and draw is in the site only, and beside each page the
+executed notebook. A cell that fails or warns ends the building of the site.
 """
 
 import base64
 import re
 import tempfile
+from pathlib import PurePosixPath
 
-PAGE = "tutorial.md"
-NOTEBOOK = "tutorial.ipynb"
+FOLDER = "tutorials"
 
 
 def cells(markdown) -> list:
@@ -19,8 +19,8 @@ def cells(markdown) -> list:
     return [(kinds[row % 2], part.strip("\n")) for row, part in enumerate(parts) if part.strip()]
 
 
-def executed(markdown):
-    """The notebook of a page after all its cells have run. Raises RuntimeError for one that writes to stderr."""
+def executed(markdown, name):
+    """The notebook of a page after all its cells have run. Raises RuntimeError for a cell that writes to stderr."""
     import nbclient
     import nbformat.v4 as v4
 
@@ -35,37 +35,43 @@ def executed(markdown):
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
             if output.get("name") == "stderr":
-                raise RuntimeError(f"{PAGE}: a cell warns:\n{output.text}\n{cell.source}")
+                raise RuntimeError(f"{name}: a cell warns:\n{output.text}\n{cell.source}")
     return notebook
 
 
-def page(notebook):
+def page(notebook, name):
     """(markdown of the page with the output of its cells, {name of a picture: its bytes})."""
-    text, pictures = f"[This page as a notebook]({NOTEBOOK})\n\n", {}
+    title, _, rest = notebook.cells[1].source.partition("\n")
+    notebook.cells[1].source = f"{title}\n\n[This page as a notebook]({name}.ipynb){{ .md-button }}\n{rest}"
+    text, pictures = "", {}
     for cell in notebook.cells[1:]:  # the first is of notebooks only
         text += f"```python\n{cell.source}\n```\n\n" if cell.cell_type == "code" else f"{cell.source}\n\n"
         for output in cell.get("outputs", []):
             image = output.get("data", {}).get("image/png")
             if image:
-                name = f"tutorial-{len(pictures) + 1}.png"
-                pictures[name] = base64.b64decode(image)
-                text += f"![what the cell draws]({name})\n\n"
+                picture = f"{name}-{len(pictures) + 1}.png"
+                pictures[picture] = base64.b64decode(image)
+                text += f"![what the cell draws]({picture})\n\n"
             elif output.output_type == "stream":
                 text += f"```text\n{output.text}```\n\n"
     return text, pictures
 
 
 def on_files(files, config):
-    """Run the page, and put the notebook and its pictures among the files of the site."""
+    """Run the pages of the folder, and put the notebooks and their pictures among the files of the site."""
     import nbformat
     from mkdocs.structure.files import File
 
-    source = files.get_file_from_path(PAGE)
-    notebook = executed(source.content_string)
-    text, pictures = page(notebook)
-    files.remove(source)
-    files.append(File.generated(config, PAGE, content=text))
-    files.append(File.generated(config, NOTEBOOK, content=nbformat.writes(notebook)))
-    for name, content in pictures.items():
-        files.append(File.generated(config, name, content=content))
+    for source in list(files.documentation_pages()):
+        path = PurePosixPath(source.src_uri)
+        if path.parts[0] != FOLDER or "```python" not in source.content_string:
+            continue
+        notebook = executed(source.content_string, path.stem)
+        original = nbformat.writes(notebook)
+        text, pictures = page(notebook, path.stem)
+        files.remove(source)
+        files.append(File.generated(config, source.src_uri, content=text))
+        files.append(File.generated(config, f"{FOLDER}/{path.stem}.ipynb", content=original))
+        for name, content in pictures.items():
+            files.append(File.generated(config, f"{FOLDER}/{name}", content=content))
     return files

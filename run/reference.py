@@ -1,4 +1,4 @@
-"""The page docs/reference.md of the site: signatures and docstrings of what the package offers, by mkdocs' hooks."""
+"""The page docs/reference/api.md of the site: signatures and docstrings of the package, by mkdocs' hooks."""
 
 import inspect
 
@@ -29,7 +29,7 @@ RETURNED = (
 
 def on_page_markdown(markdown, page, **_):
     """The text of a page: that of the reference has its entries added."""
-    return markdown + reference() if page.file.src_path == "reference.md" else markdown
+    return markdown + reference() if page.file.src_uri == "reference/api.md" else markdown
 
 
 def reference() -> str:

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 from jampetsc import main
@@ -44,7 +45,13 @@ def mpirun(ranks):
 
 
 def command_lines(text):
-    """The command lines in the indented blocks of a text, as lists of words after `jampetsc`."""
+    """The command lines in the indented and ```bash blocks of a text, as lists of words after `jampetsc`."""
+    text = re.sub(
+        r"^```bash\n(.*?)^```",
+        lambda block: textwrap.indent(block[1], "    "),
+        text,
+        flags=re.MULTILINE | re.DOTALL,
+    )
     found = re.findall(r"^(?:  |    )(?:mpirun -n \d+ )?jampetsc (.*)$", text, re.MULTILINE)
     return [shlex.split(line, comments=True) for line in found]
 

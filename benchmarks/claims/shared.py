@@ -27,7 +27,7 @@ GROUPS = (
     "Steady flow",
     "Criticality",
 )  # of the page, in its order
-THEORY = "Predictions"  # of docs/physics.md
+THEORY = "Predictions"  # of docs/theory/linear_response.md
 
 
 @dataclass(frozen=True)

@@ -204,7 +204,7 @@ def stokes_collapse(omega, length, pressure, exponent=LOG_EXPONENT):
 
 
 def medium_collapse(omega, length, G):
-    """(√(|G*|/ω), l): the length under Stokes drag against that of an elastic medium (docs/physics.md).
+    """(√(|G*|/ω), l): the length under Stokes drag against that of an elastic medium (docs/theory/linear_response.md).
 
     G (F,) complex in k is that of the solid alone, without iωη_F; ω in 1/τ₁.
     """

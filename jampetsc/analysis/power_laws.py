@@ -115,8 +115,8 @@ def critical_exponents(omega, G, G0):
     omega (M,) increasing, G (M,) complex, G0 the limit of G* at ω → 0, each in any unit. Between the two crossovers G'
     still contains G₀, but the difference of the squares does not: it is a power law on either side of ω* if
     G*² = G₀² + iAω, which data follow within some per cent. Below ω* it does not test Δ: there the difference is
-    2iG₀η₀ω, and both are ½ for any Δ (docs/physics.md). Take frequencies above ω* = G₀/η₀; nan or infinite where
-    G and G0 agree to their last digits.
+    2iG₀η₀ω, and both are ½ for any Δ (docs/theory/linear_response.md). Take frequencies above ω* = G₀/η₀; nan or
+    infinite where G and G0 agree to their last digits.
     """
     omega, G = np.asarray(omega, float), np.asarray(G, complex)
     difference = (G - G0) * (G + G0)

@@ -14,9 +14,10 @@ from jampetsc.petsc import session
 class Matrices(OfPacking):
     """Write K, B and the border of a packing for scipy, Matrix Market or PETSc.
 
-    The matrices of physics.md, not scaled and without constraints. With them come their border k_gamma, b_gamma, k_gg,
-    b_gg, the area, the disk and the component of every unknown, and the unknowns to leave out where K + i omega B is to
-    be regular (pins). docs/python.md computes G* of them in five lines; in python `assemble` gives them without a file.
+    The matrices of docs/theory/linear_response.md, not scaled and without constraints. With them come their border
+    k_gamma, b_gamma, k_gg, b_gg, the area, the disk and the component of every unknown, and the unknowns to leave out
+    where K + i omega B is to be regular (pins). docs/reference/python.md computes G* of them in five lines; in python
+    `assemble` gives them without a file.
     """
 
     FORMAT: ClassVar = "exported"

@@ -26,8 +26,8 @@ of_power_law = partial(optional, group=POWER_LAW)
 class Sweep(OfPacking):
     """Complex modulus G*(ω) of a packing under oscillatory shear.
 
-    Each value comes with a bound on its error (BT eqs. 10–15; physics.md). Method `rational` gets the whole
-    spectrum from a few real factorisations, `direct` solves K + iωB at every frequency.
+    Each value comes with a bound on its error (BT eqs. 10–15; docs/theory/linear_response.md). Method `rational` gets
+    the whole spectrum from a few real factorisations, `direct` solves K + iωB at every frequency.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)

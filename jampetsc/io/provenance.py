@@ -27,7 +27,7 @@ notes | text? | | what to know about the numbers, such as that errors are rough:
   `; ` between; printed below the summary too
 instruction_set | text? | | processors for which loops were compiled: `x86-64-v3`, or LLVM's name of another one;
   missing if none were needed. Packings have it too. Seeds give the same packing only where it is the same
-  ([installation](install.md#processors))
+  ([installation](../install.md#processors))
 git_commit | text? | | of the program, if it ran from a checkout
 *_version | text | | versions of the program and of PETSc, SLEPc, MUMPS, MPI, numpy, h5py, python if they were used
 scalar_type, petsc_options, ranks | text, text, int? | | if PETSc was used: real or complex; all options in force,

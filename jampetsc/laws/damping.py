@@ -80,7 +80,9 @@ OPTIONS = tuple(name for family in FAMILIES.values() for name in family.options)
 
 @dataclass(frozen=True)
 class Law:
-    """A damping law: weights of the dissipation 2R in units of kτ₁ (docs/physics.md). `damping_law` makes those of BT.
+    """A damping law: weights of the dissipation 2R in units of kτ₁ (docs/theory/linear_response.md).
+
+    `damping_law` makes those of BT.
 
     label                         name in messages and files
     normal, transverse, sliding   weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)² of contacts, ≥ 0; with sliding > 0 disks roll

@@ -37,7 +37,7 @@ _MAX_ENTRIES = 5  # frequencies in a legend; more get a colour bar
 _MAX_BANDS = 3  # frequencies up to which bands and the other lane widths are drawn
 _FREQUENCY_TOLERANCE = 0.01  # relative, of requested frequencies
 # l/L in a medium under random stresses at low frequency: Re u_y of a solid, and Im u_y under Stokes drag
-# (docs/physics.md; benchmarks/claims/medium.py)
+# (docs/theory/linear_response.md; benchmarks/claims/medium.py)
 MEDIUM = (0.1691383468239038, 0.24575240074885307)
 OMEGA = option(
     "omega", FREQUENCIES, "fields: frequencies as in the file (default: up to four); correlation: frequencies in 1/τ₁ "
@@ -246,7 +246,7 @@ def _set_limits(axes, curves):
 @picture("length", "correlation")
 def plot_lengths(results, page):
     """(a) l/L against ωτ₁; for Stokes drag two collapses: (b) l (−ln p)^0.65 against ω/p^½ (BT), p in units of k,
-    and (c) l against √(|G*|/ω), the length of an elastic medium (docs/physics.md), if the files have G*.
+    and (c) l against √(|G*|/ω), the length of an elastic medium (docs/theory/linear_response.md), if the files have G*.
 
     Filled symbols: Re u_y; open ones: Im u_y. Dotted: L/4, and the lengths for random stresses at low frequency, .169 L
     and .246 L. Raises InputError if no C has a root, a pressure is unknown, or files have different phases.

@@ -160,7 +160,8 @@ def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     """Other physics for the same packing: rotations and pre-stress switched, the other damping laws.
 
     Stokes drag is without BT's η_F, which adds iωη_F to G* and changes nothing else. It has the exponents of contact
-    damping at β = 1 (BT) except for a logarithm (docs/physics.md), which slopes over a window do not resolve.
+    damping at β = 1 (BT) except for a logarithm (docs/theory/linear_response.md), which slopes over a window do not
+    resolve.
     """
     law, prestress = physics.law, physics.prestress
     alternatives = []

@@ -14,7 +14,9 @@ def test_a_histogram_reaches_ten_decades_below_that_of_the_largest_value(unit):
     top = found.edges[-1]
     assert top > values[0] >= top / 10 * (1 - 1e-12)
     assert found.edges[0] == 0.0 and found.edges[1] == pytest.approx(1e-10 * top)
-    assert len(found.edges) == len(found.counts) + 1 == 102  # as docs/files.md has it: ten to a decade
+    assert (
+        len(found.edges) == len(found.counts) + 1 == 102
+    )  # as docs/reference/files.md has it: ten to a decade
     np.testing.assert_allclose(found.edges[2:] / found.edges[1:-1], 10**0.1)
     beyond = int(np.count_nonzero(values < 1e-10 * top))
     assert found.counts[0] == beyond == 3 and found.counts.sum() == 13 and found.counts.max() == 3

@@ -41,44 +41,96 @@ def small_study(text):
     return re.sub(r'"1:\d+"', '"1:2"', re.sub(r"^n = \d+", "n = 16", text, flags=re.MULTILINE))
 
 
-def test_what_the_documents_say_runs(tmp_path):
-    for name in ("tests", "options"):
-        (tmp_path / name).symlink_to(launch.ROOT / name)
-    (study,) = blocks("docs/tasks.md", "toml")
-    (tmp_path / "study.toml").write_text(small_study(study))
+def pages(pattern):
+    """Names of documents, relative to the root, by a pattern below docs/."""
+    return sorted(str(path.relative_to(launch.ROOT)) for path in (launch.ROOT / "docs").glob(pattern))
+
+
+def python_blocks(names):
+    """The python of documents at a size for tests."""
+    return [
+        text.replace("n=256", "n=32").replace("n = 256", "n = 64").replace("range(1, 7)", "range(1, 3)")
+        for name in names
+        for text in blocks(name, "python")
+    ]
+
+
+def commands_to_run(names):
+    """The command lines of documents at a size for tests, each once; those that take minutes are only parsed."""
     commands = []
-    for name in ("README.md", "docs/tasks.md", "docs/solvers.md"):
+    for name in names:
         for words in launch.command_lines((launch.ROOT / name).read_text()):
             if words[0] == LONG:
                 cli.command_parser(words)[0].parse_args(words)
-            elif small(words) not in commands:  # in another document
+            elif small(words) not in commands:
                 commands.append(small(words))
-    python = [
-        text.replace("n=256", "n=32").replace("n = 256", "n = 64").replace("range(1, 7)", "range(1, 3)")
-        for name in ("README.md", "docs/python.md", "docs/tutorial.md")
-        for text in blocks(name, "python")
-    ]
+    return commands
+
+
+def test_what_the_documents_say_runs(tmp_path):
+    """README, how-to pages and the page of python share their files, in this order."""
+    for name in ("tests", "options"):
+        (tmp_path / name).symlink_to(launch.ROOT / name)
+    index = "docs/howto/index.md"
+    (study,) = blocks(index, "toml")
+    (tmp_path / "study.toml").write_text(small_study(study))
+    names = ["README.md", index, *(name for name in pages("howto/*.md") if name != index)]
+    commands, python = commands_to_run(names), python_blocks([*names, "docs/reference/python.md"])
     assert len(commands) > 20 and len(python) > 3
     launch.run_lines(tmp_path, commands + python)
-    for path in re.findall(r"--out (\S+)", (launch.ROOT / "docs/tasks.md").read_text()):
+    for path in re.findall(r"--out (\S+)", (launch.ROOT / index).read_text()):
         assert list(tmp_path.glob(re.sub(r"\{\w+\}", "*", path))) or path == "trade.csv", path
+
+
+@pytest.mark.parametrize("name", pages("tutorials/*.md"))
+def test_a_tutorial_runs(name, tmp_path):
+    """A tutorial needs no files but its own."""
+    (tmp_path / "tests").symlink_to(launch.ROOT / "tests")
+    items = commands_to_run([name]) + python_blocks([name])
+    assert items
+    launch.run_lines(tmp_path, items)
+
+
+@pytest.mark.parametrize("name", pages("theory/*.md") + pages("developer/*.md") + pages("*.md"))
+def test_commands_in_other_documents_can_be_parsed(name):
+    for words in launch.command_lines((launch.ROOT / name).read_text()):
+        cli.command_parser(words)[0].parse_args(words)
 
 
 def test_the_site_has_every_page_and_every_name(tmp_path):
     text = (launch.ROOT / "mkdocs.yml").read_text()
-    pages, docs = re.findall(r": ([\w/]+\.md)$", text, re.MULTILINE), launch.ROOT / "docs"
-    assert sorted(pages) == sorted(str(path.relative_to(docs)) for path in docs.rglob("*.md"))
+    listed, docs = re.findall(r"[:-] ([\w/]+\.md)$", text, re.MULTILINE), launch.ROOT / "docs"
+    assert sorted(listed) == sorted(str(path.relative_to(docs)) for path in docs.rglob("*.md"))
     entries = runpy.run_path(str(launch.ROOT / "run" / "reference.py"))["reference"]()
     for name in {*jampetsc.__all__, "models.CD0"} - {"__version__", "models"}:
         assert f"\n## jampetsc.{name}\n\n```text\n" in entries
     cells = runpy.run_path(str(launch.ROOT / "run" / "notebook.py"))["cells"]
-    tutorial = cells((launch.ROOT / "docs" / "tutorial.md").read_text())
-    pieces = [text.strip("\n") for text in blocks("docs/tutorial.md", "python")]
-    assert [text for kind, text in tutorial if kind == "code"] == pieces and len(pieces) == 4
-    if all(map(importlib.util.find_spec, ("mkdocs", "nbclient", "ipykernel"))):  # run/docs is such a build
-        build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
-        done = subprocess.run(build, cwd=launch.ROOT, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
+    for name in pages("tutorials/*.md"):
+        pieces = [text.strip("\n") for text in blocks(name, "python")]
+        assert [text for kind, text in cells((launch.ROOT / name).read_text()) if kind == "code"] == pieces
+
+
+def test_formulas_of_the_site_are_mathml():
+    convert = runpy.run_path(str(launch.ROOT / "run" / "equations.py"))["on_page_content"]
+    shown = convert(r'<p>a <span class="arithmatex">\(G^* &lt; \eta_0\)</span></p>')
+    assert "<math" in shown and "<mi>η</mi>" in shown.replace("&#x003B7;", "η") and "arithmatex" not in shown
+
+
+def test_the_site_builds(tmp_path):
+    """All but the run of the notebooks, whose pieces other tests run; run/docs builds all."""
+    if not all(map(importlib.util.find_spec, ("material", "latex2mathml"))):
+        return  # run/docs installs them
+    text = (launch.ROOT / "mkdocs.yml").read_text().replace("  - run/notebook.py\n", "")
+    for folder in ("docs", "run"):
+        (tmp_path / folder).symlink_to(launch.ROOT / folder)
+    (tmp_path / "mkdocs.yml").write_text(text)
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", "site"]
+    settings = {"cwd": tmp_path, "capture_output": True, "text": True, "timeout": launch.MINUTES}
+    done = subprocess.run(build, env=launch.environment() | {"NO_MKDOCS_2_WARNING": "1"}, **settings)
+    assert done.returncode == 0, done.stderr
+    pages_made = [path.read_text() for path in (tmp_path / "site").rglob("*.html")]
+    fetched = r'<(?:script|link|img)[^>]*(?:src|href)="?(?:https?:)?//(?!jampetsc)'
+    assert len(pages_made) > 15 and not any(re.search(fetched, page) for page in pages_made)
 
 
 def test_links_between_documents_lead_somewhere():

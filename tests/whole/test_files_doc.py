@@ -1,4 +1,4 @@
-"""The formats as they are declared against docs/files.md and real files: all is in some file, and no more."""
+"""The formats as they are declared against docs/reference/files.md and real files: all is in some file, and no more."""
 
 import re
 import runpy
