@@ -14,7 +14,7 @@ from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.laws.damping import Law, Physics, damping_law
+from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.network.contact_network import build_network
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
@@ -187,7 +187,7 @@ LAWS = {
         physics("stokes", prestress=False, eta_f=1e-5),
         physics("stokes", eta_f=0.0, tau1=0.3),
         physics("stokes", eta_f=0.7, tau1=0.3),
-        Physics(Law("all weights", normal=0.5, transverse=0.3, sliding=0.7, drag=0.2, eta_f=0.4)),
+        physics("custom", normal=0.5, transverse=0.3, sliding=0.7, drag=0.2, eta_f=0.4),
     )
 }
 

@@ -7,7 +7,6 @@ from typing import ClassVar
 from jampetsc.analysis.statistics import relative_bound
 from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines
-from jampetsc.laws.damping import FAMILIES, damping_law
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.options.law_options import OfPacking
 from jampetsc.options.parameters import asked, optional
@@ -77,10 +76,9 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
                 f"{named('stress')}, in units of k"
             )
         if self.alpha is not None and not self.law.is_of_contacts:
-            owners = " or ".join(name for name in FAMILIES if damping_law(name).damps_contacts)
-            mine = self.law.family or self.law
             raise InputError(
-                f"{named('alpha')}: belongs to {named('law')} {owners}, not to {mine}; leave it out"
+                f"{named('alpha')}: power-law damping is of contacts alone, and {self.law} has a fluid. Leave it out, "
+                f"or take another {named('law')}"
             )
 
     @property

@@ -37,8 +37,8 @@ packing, packing_sha256 | text? | | name of the packing file it was made from, a
 sources, source_runs | text? | | of spectrum, correlation and collapse: names of the files and their `run_id`
 law, normal, beta, rotations, eta_f, tau1 | text, float, float, bool, float, float > 0? | | damping law, and those of
   these parameters that it has
-transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of a law of one's own, those that are not
-  0
+transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of a law of one's own; of one made in
+  python, `law` is its label and weights of 0 are left out
 prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
 alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress in units of k
 k, pressure, phi, particle_count, rattlers, coordination | float > 0, float, float, int > 0, int, float? | | of the

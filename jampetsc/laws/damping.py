@@ -48,8 +48,9 @@ class Family:
     label: str
     options: dict[str, Option]
     weights: Callable  # of the options' values → those weights of `Law` that are not zero
-    leading: str  # the option that a law's label always has
-    simplest: dict  # values of options for a first comparison with laws of other families
+    python: str  # call that makes a Law in python; {} stands for its options
+    leading: str = ""  # the option that a law's label always has
+    simplest: dict | None = None  # values of options for a first comparison with laws of other families
 
 
 FAMILIES = {
@@ -61,6 +62,7 @@ FAMILIES = {
             "rotations": Option(True, "disks do not roll"),
         },
         lambda normal, beta, rotations: {"normal": normal, "sliding" if rotations else "transverse": beta},
+        python="ContactDamping({})",
         leading="beta",
         simplest={"beta": 1.0},
     ),
@@ -68,14 +70,26 @@ FAMILIES = {
         "Stokes drag",
         {"eta_f": Option(1.0, "fluid viscosity in units of k τ₁, ≥ 0")},
         lambda eta_f: {"drag": 1.0, "eta_f": eta_f},
+        python="StokesDrag({})",
         leading="eta_f",
         simplest={"eta_f": 0.0},
     ),
+    "custom": Family(  # any weights of the dissipation function above
+        "custom law",
+        {
+            "normal": Option(0.0, "weight of normal contact damping, ≥ 0"),
+            "transverse": Option(0.0, "weight of transverse contact damping without rotations, ≥ 0"),
+            "sliding": Option(0.0, "weight of the sliding of rims, ≥ 0; above 0 disks roll"),
+            "drag": Option(0.0, "weight of the drag of the fluid on every disk, ≥ 0"),
+            "eta_f": Option(0.0, "fluid viscosity in units of k τ₁, ≥ 0"),
+        },
+        dict,
+        python='Law("custom", {})',
+    ),
 }
-DEFAULT = "contact"
-NAMES = {"contact": "ContactDamping", "stokes": "StokesDrag"}  # functions that make a Law
-WEIGHTS = ("normal", "transverse", "sliding", "drag", "eta_f")  # of a `Law`
-OPTIONS = tuple(name for family in FAMILIES.values() for name in family.options)
+DEFAULT, CUSTOM = "contact", "custom"
+WEIGHTS = tuple(FAMILIES[CUSTOM].options)  # of a `Law`
+OPTIONS = tuple(dict.fromkeys(name for family in FAMILIES.values() for name in family.options))
 
 
 @dataclass(frozen=True)
@@ -173,7 +187,7 @@ class Law:
             for name, value in self.options
             if value != FAMILIES[self.family].options[name].default
         }
-        return f"{NAMES[self.family]}({', '.join(f'{name}={value!r}' for name, value in given.items())})"
+        return python_text(self.family, given)
 
 
 @dataclass(frozen=True)
@@ -229,6 +243,11 @@ def damping_law(law: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0,
     )
     made.require_dissipation()
     return made
+
+
+def python_text(family: str, options: dict) -> str:
+    """The call that makes a law of a family in python, with options {name: value}."""
+    return FAMILIES[family].python.format(", ".join(f"{name}={value!r}" for name, value in options.items()))
 
 
 def ContactDamping(beta=1.0, *, normal=1.0, rotations=True, tau1=1.0) -> Law:

@@ -2,7 +2,18 @@
 
 from dataclasses import dataclass
 
-from jampetsc.laws.damping import DEFAULT, FAMILIES, NAMES, OPTIONS, Law, Physics, damping_law, having
+from jampetsc.laws.damping import (
+    CUSTOM,
+    DEFAULT,
+    FAMILIES,
+    OPTIONS,
+    WEIGHTS,
+    Law,
+    Physics,
+    damping_law,
+    having,
+    python_text,
+)
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, NUMBER, SWITCH, WORD, Parameter, Part, asked, part
 from jampetsc.options.values import PACKING
@@ -18,35 +29,45 @@ def law_parameters(default):
     for name in OPTIONS:
         owners = having(name)
         option = FAMILIES[owners[0]].options[name]
-        belongs = f"law {' or '.join(owners)}"
         if isinstance(option.default, bool):
-            off = f"{option.meaning} ({belongs})"
+            off = f"{option.meaning} (law {' or '.join(owners)})"
             found.append(Parameter(name, f"unless {off}", SWITCH, True, off=off, group=GROUP))
         else:
-            help = f"{option.meaning} ({belongs}, default {option.default:g})"
+            help = f"{option.meaning} ({_belonging(name, owners)})"
             found.append(Parameter(name, help, NUMBER, None, metavar=name.upper(), group=GROUP))
     found.append(Parameter("tau1", "damping time τ₁", NUMBER, 1.0, above=0.0, metavar="TIME", group=GROUP))
     return tuple(found)
 
 
+def _belonging(name, owners):
+    defaults = {owner: FAMILIES[owner].options[name].default for owner in owners}
+    if len(set(defaults.values())) == 1:
+        return f"law {' or '.join(owners)}, default {defaults[owners[0]]:g}"
+    return "; ".join(f"law {owner}, default {default:g}" for owner, default in defaults.items())
+
+
 def law_options(law: Law) -> dict:
-    """{name: value} of the options that describe a law, without defaults; python text where it is of no family."""
+    """{name: value} of the options that describe a law, without defaults; python text where no options do."""
     if law.family:
         usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
         changed = {name: value for name, value in law.options if value != usual[name]}
         return {"law": law.family, "tau1": law.tau1, **changed}
-    return {"law": repr(law), "tau1": law.tau1}
+    if law.exponent != 1.0:
+        return {"law": repr(law), "tau1": law.tau1}
+    return {"law": CUSTOM, "tau1": law.tau1} | {
+        name: value for name in WEIGHTS if (value := getattr(law, name))
+    }
 
 
 def law_written(**options) -> str:
     """Python text of the law that these options describe."""
-    family = having(next((name for name in options if name != "tau1"), "beta"))[0]
-    return f"jampetsc.{NAMES[family]}({', '.join(f'{name}={value!r}' for name, value in options.items())})"
+    families = [name for name, family in FAMILIES.items() if {*options} <= {"tau1", *family.options}]
+    return f"jampetsc.{python_text((families or [DEFAULT])[0], options)}"
 
 
 LAW_HELP = (
-    f"damping law: {', '.join(f'jampetsc.{name}(…)' for name in NAMES.values())}, a Law of your own, or the name of a "
-    f"family ({', '.join(FAMILIES)})"
+    f"damping law: {', '.join('jampetsc.' + family.python.format('…') for family in FAMILIES.values())}, or the name "
+    f"of a family ({', '.join(FAMILIES)})"
 )
 DAMPING = Part(law_parameters(DEFAULT), damping_law, law_options, Law, LAW_HELP, law_written)
 PRESTRESS = asked(

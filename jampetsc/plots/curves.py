@@ -32,7 +32,13 @@ _SWITCHES = {  # attribute -> words for (off, on)
 }
 _SYMBOLS = {  # parameter -> its symbol; that of a law without one is its name
     **{name: rf"\rm {name}".replace("_", r"\_") for name in OPTIONS if name not in _SWITCHES},
-    **{"normal": r"w_\parallel", "beta": r"\beta", "eta_f": r"\eta_F"},
+    **{
+        "normal": r"w_\parallel",
+        "transverse": r"w_\perp",
+        "sliding": r"w_{\perp c}",
+        "beta": r"\beta",
+        "eta_f": r"\eta_F",
+    },
     **{"alpha": r"\alpha", "stress": r"\sigma_0/k", "strain": r"\gamma_0", "omega": r"\omega\tau_1"},
 }
 _CONTACTS = {  # of an oscillation; None: a sweep

@@ -171,7 +171,7 @@ def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     name = "without pre-stress" if prestress else "with pre-stress"
     alternatives.append((name, Physics(law, not prestress)))
     for name, family in FAMILIES.items():
-        if name != law.family:
+        if name != law.family and family.simplest is not None:
             other = damping_law(name, tau1=law.tau1, **family.simplest)
             alternatives.append((str(other), Physics(other, prestress)))
     return alternatives

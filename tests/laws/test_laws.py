@@ -21,6 +21,8 @@ TRANSVERSE = physics(normal=0.0, rotations=False)
         (TRANSVERSE.law, (0, 1, 0, 0, 0)),
         (damping_law("stokes"), (0, 0, 0, 1, 1)),
         (damping_law("stokes", eta_f=0.0), (0, 0, 0, 1, 0)),
+        (damping_law("custom", normal=1, transverse=0.3, drag=0.1), (1, 0.3, 0, 0.1, 0)),
+        (damping_law("custom", sliding=0.5, eta_f=2.0), (0, 0, 0.5, 0, 2)),
         (UNDAMPED, (0, 0, 0, 0, 0)),
     ],
     ids=str,
@@ -31,10 +33,14 @@ def test_weights(law, weights):
     assert law.holds_translations == bool(law.drag)
 
 
+START = {"custom": {"drag": 1.0}}  # by default nothing dissipates
+
+
 @pytest.mark.parametrize("name", FAMILIES)
 def test_every_option_of_a_family_does_something(name):
-    family, base = FAMILIES[name], damping_law(name)
-    assert base == damping_law(name, **{option: row.default for option, row in family.options.items()})
+    family, base = FAMILIES[name], damping_law(name, **START.get(name, {}))
+    defaults = {option: row.default for option, row in family.options.items()}
+    assert base == damping_law(name, **defaults | START.get(name, {}))
     for option, row in family.options.items():
         other = base.altered(**{option: not row.default if isinstance(row.default, bool) else 0.25})
         assert (*other.on_contacts, other.drag, other.eta_f) != (*base.on_contacts, base.drag, base.eta_f)
@@ -46,9 +52,9 @@ def test_every_option_of_a_family_does_something(name):
 @pytest.mark.parametrize(
     ("name", "options", "says"),
     [
-        ("glue", {}, "law glue: choose one of contact, stokes"),
+        ("glue", {}, "law glue: choose one of contact, stokes, custom"),
         ("stokes", {"beta": 1.0}, "beta: belongs to law contact, not to stokes"),
-        ("contact", {"eta_f": 1.0}, "eta_f: belongs to law stokes, not to contact"),
+        ("contact", {"eta_f": 1.0}, "eta_f: belongs to law stokes or custom, not to contact"),
         ("stokes", {"rotations": False}, "rotations: belongs to law contact"),
         ("contact", {"beta": -1.0}, "beta -1: must lie between 0 and 1e"),
         ("contact", {"normal": float("nan")}, "normal nan: must lie"),
@@ -57,6 +63,9 @@ def test_every_option_of_a_family_does_something(name):
         ("contact", {"tau1": "slow"}, "tau1 'slow': must be a number"),
         ("contact", {"beta": None}, "beta None: must be a number"),
         ("contact", {"normal": 0.0, "beta": 0.0}, "nothing dissipates"),
+        ("custom", {}, "custom law: nothing dissipates; raise one of the weights"),
+        ("custom", {"drag": -1.0}, "drag -1: must lie between 0 and 1e"),
+        ("custom", {"beta": 1.0}, "beta: belongs to law contact, not to custom"),
     ],
 )
 def test_refused(name, options, says):
@@ -94,7 +103,9 @@ def test_power_laws_are_refused_with_a_fluid(fluid):
     law = Law("both", normal=1.0, **{fluid: 0.1})
     with pytest.raises(InputError, match="law both: the fluid dissipates, too: take one of contacts"):
         jampetsc.oscillate(published(), law, omega=1.0, strain=1e-6)
-    with pytest.raises(InputError, match="alpha: belongs to law contact, not to both"):
+    with pytest.raises(
+        InputError, match="alpha: power-law damping is of contacts alone, and both has a fluid"
+    ):
         jampetsc.sweep(published(), law, alpha=0.5, stress=1e-6)
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -172,7 +173,22 @@ def test_a_law_of_ones_own_is_recorded_with_all_its_weights():
     law = jampetsc.Law("mine", normal=1.0, sliding=0.5, drag=0.25, tau1=2.0)
     assert repr(law) == 'Law("mine", normal=1.0, sliding=0.5, drag=0.25, tau1=2.0)'
     words = Sweep("p.h5", law).words()
-    assert words[words.index("--law") + 1] == repr(law) and "--normal" not in words
+    assert shlex.join(words).startswith("--law custom --normal 1.0 --sliding 0.5 --drag 0.25 --tau1 2.0")
+    again = made(Sweep, {"packing": "p.h5"} | Sweep("p.h5", law).settings()).law
+    assert again == dataclasses.replace(law, label=again.label, family="custom")
+    powers = dataclasses.replace(law, exponent=0.5)  # no option says that
+    assert Sweep("p.h5", powers).settings()["law"] == repr(powers)
+
+
+def test_a_law_of_the_command_line_is_that_of_python():
+    law = made(Sweep, {"packing": "p.h5", "law": "custom", "normal": 1.0, "transverse": 0.3, "drag": 0.1}).law
+    assert repr(law) == 'Law("custom", normal=1.0, transverse=0.3, drag=0.1)'
+    mine = jampetsc.Law("mine", normal=1.0, transverse=0.3, drag=0.1)
+    weights = ("on_contacts", "drag", "eta_f", "tau1", "exponent", "dofs")
+    assert [getattr(law, name) for name in weights] == [getattr(mine, name) for name in weights]
+    assert law.parameters == {
+        "law": "custom", "tau1": 1.0, "normal": 1.0, "transverse": 0.3, "sliding": 0.0, "drag": 0.1, "eta_f": 0.0
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", JOBS)
