@@ -39,9 +39,9 @@ def __getattr__(name):  # PEP 562: numpy, h5py and PETSc are imported when somet
     elif name in _MODULES:
         found = import_module(_MODULES[name])
     elif name in _FUNCTIONS:
-        from jampetsc.options.functions import function_of
+        from jampetsc.options.functions import make_function
 
-        found = function_of(job_class(name))
+        found = make_function(job_class(name))
     else:
         raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")
     return globals().setdefault(name, found)

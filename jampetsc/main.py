@@ -17,8 +17,8 @@ import time
 from jampetsc import progress, streams
 from jampetsc.commands import JOBS, job_class
 from jampetsc.errors import InputError, JampetscError
-from jampetsc.options.parameters import did_you_mean
-from jampetsc.options.parser import add_job, job_of, run
+from jampetsc.options.parameters import suggest_name
+from jampetsc.options.parser import add_job, parse_job, run_job
 from jampetsc.petsc import launcher, session, solver_options
 from jampetsc.version import VERSION
 
@@ -84,7 +84,7 @@ def dispatch(argv):
         raise InputError(f"{error}{hint}") from None
     if rest:
         raise InputError(_unknown(rest[0], commands.choices[args.command]))
-    job = job_of(args)
+    job = parse_job(args)
     takes_petsc = job.scalar is not None
     if petsc_argv and not takes_petsc:
         raise InputError(
@@ -96,7 +96,7 @@ def dispatch(argv):
     progress.report(-1 if args.quiet else 1 if args.verbose else 0)
     if not takes_petsc and not _chosen(argv):
         return 0
-    return run(job, args, petsc_argv)
+    return run_job(job, args, petsc_argv)
 
 
 def split_petsc(argv):
@@ -146,12 +146,13 @@ def command_parser(words):
     )
     parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    asked = words[0] if words else ""
-    if asked and asked not in JOBS and not asked.startswith("-"):
-        raise InputError(f"{asked}: no such command{did_you_mean(asked, JOBS)} (see jampetsc --help)")
-    whole = asked in JOBS
-    for name in [asked] if whole else [] if asked == "--version" else JOBS:
-        add_job(job_class(name), subparsers, whole)
+    name = words[0] if words else ""
+    if name and name not in JOBS and not name.startswith("-"):
+        raise InputError(f"{name}: no such command{suggest_name(name, JOBS)} (see jampetsc --help)")
+    whole = name in JOBS
+    names = [name] if whole else [] if name == "--version" else JOBS
+    for command in names:
+        add_job(job_class(command), subparsers, whole)
     return parser, subparsers
 
 
@@ -169,7 +170,7 @@ def _unknown(token, parser):
     word = token.partition("=")[0]
     if not word.startswith("-"):
         return f"{token}: one argument too many (see {parser.prog} --help)"
-    near = did_you_mean(word, parser._option_string_actions)
+    near = suggest_name(word, parser._option_string_actions)
     return f"{word}: no such option{near} (see {parser.prog} --help)"
 
 

@@ -76,12 +76,12 @@ def run_lines(folder, items):
 def asked(words):
     """(job, parsed words) of a command line after `jampetsc`."""
     args = main.command_parser(words)[0].parse_args(words)
-    return parser.job_of(args), args
+    return parser.parse_job(args), args
 
 
 def here(line):
     """Do a command in this process, which has PETSc: `main.dispatch` would end MPI after one that does not need it."""
-    assert parser.run(*asked(line.split())) == 0
+    assert parser.run_job(*asked(line.split())) == 0
 
 
 def start(ranks, program, *args, **options):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILE, asked
+from jampetsc.options.parameters import FILE, parameter
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,10 @@ class Probe(Job):
     OUT: ClassVar = ""
     SOLVERS: ClassVar = ("probe_",)
 
-    file: str = asked(help="what the deed is done to", place=FILE)
-    do: str = asked("nothing", "name of the deed")
-    on_rank: int | None = asked(None, "the only rank that does it (default: all)")
-    scalar_: str | None = asked(None, "start PETSc with these scalars", choices=("real", "complex"))
+    file: str = parameter(help="what the deed is done to", place=FILE)
+    do: str = parameter("nothing", "name of the deed")
+    on_rank: int | None = parameter(None, "the only rank that does it (default: all)")
+    scalar_: str | None = parameter(None, "start PETSc with these scalars", choices=("real", "complex"))
 
     @property
     def scalar(self):

@@ -11,8 +11,8 @@ from jampetsc.commands.sources import WHERE, rows_named, write_derived
 from jampetsc.errors import InputError, as_float, named
 from jampetsc.io.ensemble import Ensemble
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILES, Kind, asked, optional
-from jampetsc.options.values import RESULT, opened, refuse_repeated, words
+from jampetsc.options.parameters import FILES, ValueType, optional_parameter, parameter
+from jampetsc.options.values import RESULT, load_source, refuse_repeated, split_list
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 DRAWN = 200  # places along x at which f₀ and f₁ are kept
@@ -57,25 +57,25 @@ examples:
   jampetsc collapse jam-*.h5 --finite-size --observable jammed --fit phi_J,y=0,nu --out sizes.h5
   jampetsc plot scaling.h5 --out scaling.png"""
 
-    results: Sequence = asked(
-        help="flows, or jam and shear results, or the folder of a study", kind=RESULT, place=FILES
+    results: Sequence = parameter(
+        help="flows, or jam and shear results, or the folder of a study", value_type=RESULT, place=FILES
     )
-    observable: str = asked(help="what is scaled", choices=OBSERVABLES)
-    fit: str = asked(
+    observable: str = parameter(help="what is scaled", choices=OBSERVABLES)
+    fit: str = parameter(
         help="phi_J,y,znu[,omega]; nu for znu with finite_size; y=1 fixes y",
-        kind=Kind(lambda given: ",".join(map(str, words(given))), metavar="NAMES"),
+        value_type=ValueType(lambda given: ",".join(map(str, split_list(given))), metavar="NAMES"),
     )
-    finite_size: bool = asked(False, "scale with L = sqrt(N) instead of the rate")
-    corrections: bool = asked(False, "with f1, which needs omega in fit")
-    degree: int = asked(5, "of the polynomial ln f0", low=1, high=12, metavar="D")
-    spline: bool = asked(False, "a cubic spline over degree intervals instead")
+    finite_size: bool = parameter(False, "scale with L = sqrt(N) instead of the rate")
+    corrections: bool = parameter(False, "with f1, which needs omega in fit")
+    degree: int = parameter(5, "of the polynomial ln f0", low=1, high=12, metavar="D")
+    spline: bool = parameter(False, "a cubic spline over degree intervals instead")
     where: str | None = WHERE
-    cut: float | None = optional(
+    cut: float | None = optional_parameter(
         "largest rate, or smallest N, that is used", above=0.0, high=1e300, metavar="R"
     )
-    range: tuple | None = optional(
+    range: tuple | None = optional_parameter(
         "packing fractions that are used (default: all)",
-        kind=Kind(_range, lambda ends: ":".join(map(repr, ends)), metavar="A:B"),
+        value_type=ValueType(_range, lambda ends: ":".join(map(repr, ends)), metavar="A:B"),
     )
 
     def check(self):
@@ -108,7 +108,7 @@ examples:
         from jampetsc.commands import scaling
 
         began, form = time.perf_counter(), self.form
-        results = [opened(one) for one in self._named()]
+        results = [load_source(one) for one in self._named()]
         points = scaling.read_points(results, self.observable, self.finite_size)
         low, high = self.range or (0.0, math.inf)
         largest = math.inf if self.cut is None else self.cut**-0.5 if self.finite_size else self.cut
@@ -146,21 +146,21 @@ examples:
         }
 
     def _attributes(self, first, fit, found, notes):
-        words = words_of(self.finite_size)
+        symbols = words_of(self.finite_size)
         return {
             **{name: first.attributes.get(name) for name in SHARED},
             "observable": self.observable,
             "scaling": "size" if self.finite_size else "rate",
-            "fitted": ",".join(words[name] for name in fit.form.free),
+            "fitted": ",".join(symbols[name] for name in fit.form.free),
             "functions": f"{'spline' if self.spline else 'polynomial'}, degree {self.degree}",
             "corrections": self.corrections,
             "chi2": fit.chi2,
             "dof": fit.dof,
             "probability": fit.probability,
             "common_share": fit.common,
-            **{words[name]: value for name, value in fit.parameters.items()},
+            **{symbols[name]: value for name, value in fit.parameters.items()},
             **{
-                f"{words[name]}_{what}": getattr(one, what)
+                f"{symbols[name]}_{what}": getattr(one, what)
                 for name, one in found.items()
                 for what in ("error", "low", "high", "shift")
             },

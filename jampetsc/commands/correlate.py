@@ -12,9 +12,17 @@ from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, as_float, named
 from jampetsc.io.disk_motion import PHASES, correlate_lanes
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILES, Kind, asked, optional, shown
+from jampetsc.options.parameters import FILES, ValueType, format_value, optional_parameter, parameter
 from jampetsc.options.task_inputs import ALL_SEEDS, TaskInputs
-from jampetsc.options.values import FREQUENCIES, PACKING, RESULT, Numbers, opened, refuse_repeated, words
+from jampetsc.options.values import (
+    FREQUENCIES,
+    PACKING,
+    RESULT,
+    Numbers,
+    load_source,
+    refuse_repeated,
+    split_list,
+)
 from jampetsc.packing.packing import Packing
 
 NARROWEST, WIDEST = 0.01, 1e6  # lanes
@@ -24,7 +32,7 @@ SWEEPS, FLOW, VELOCITIES = "jampetsc-sweep", "jampetsc-flow", "jampetsc-velocity
 def _lanes(given):
     """Widths of lanes in the order given: the summary shows the first."""
     try:
-        lanes = tuple(map(as_float, words(given)))
+        lanes = tuple(map(as_float, split_list(given)))
     except (TypeError, ValueError):
         raise ValueError(f"must be widths in mean diameters, such as {_lanes_text(LANES)}") from None
     for width in lanes:
@@ -36,7 +44,9 @@ def _lanes(given):
 
 
 def _lanes_text(lanes):
-    return ",".join(shown(width) if float(shown(width)) == width else repr(width) for width in lanes)
+    return ",".join(
+        format_value(width) if float(format_value(width)) == width else repr(width) for width in lanes
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,23 +79,27 @@ class Correlate(Job):
   jampetsc correlate rd0.h5 --out g.h5                           # of a flow with snapshots
   jampetsc plot correlation.h5 --out correlation.png"""
 
-    results: Sequence = asked(
-        help="sweeps with fields, or flows with snapshots, of one kind", kind=RESULT, place=FILES
+    results: Sequence = parameter(
+        help="sweeps with fields, or flows with snapshots, of one kind", value_type=RESULT, place=FILES
     )
-    lane: Numbers | None = optional(
+    lane: Numbers | None = optional_parameter(
         f"widths of a lane, the first for the summary (default {_lanes_text(LANES)}; flow: one, default 1)",
-        kind=Kind(_lanes, _lanes_text, metavar="w1,w2,…"),
+        value_type=ValueType(_lanes, _lanes_text, metavar="w1,w2,…"),
         unit="mean diameters",
     )
-    bin: float | None = optional(
+    bin: float | None = optional_parameter(
         "flow: width of a bin of x (default 1)", above=0.0, high=WIDEST, unit="mean diameters", metavar="B"
     )
-    phase: str | None = optional(
+    phase: str | None = optional_parameter(
         "sweeps: real parts are in phase with the stress (default, as BT have it) or with the strain",
         choices=PHASES,
     )
-    omega: Numbers | None = optional("fields at these frequencies (default: all)", kind=FREQUENCIES)
-    packing: Packing | None = optional("packing of a single sweep, if it is not beside it", kind=PACKING)
+    omega: Numbers | None = optional_parameter(
+        "fields at these frequencies (default: all)", value_type=FREQUENCIES
+    )
+    packing: Packing | None = optional_parameter(
+        "packing of a single sweep, if it is not beside it", value_type=PACKING
+    )
 
     def check(self):
         """Refuse a result given twice."""
@@ -93,11 +107,11 @@ class Correlate(Job):
 
     def check_outputs(self, to):
         """Refuse a file that holds another kind of correlation."""
-        flows = getattr(opened(self.results[0]), "format", "") == FLOW
+        flows = getattr(load_source(self.results[0]), "format", "") == FLOW
         to.check(VELOCITIES if flows else self.FORMAT, self.paths)
 
     def work(self, to):
-        opened_ = [opened(source) for source in self.results]
+        opened_ = [load_source(source) for source in self.results]
         kind = getattr(opened_[0], "format", "")
         for source, result in zip(self.results, opened_, strict=True):
             if kind not in (SWEEPS, FLOW) or getattr(result, "format", "") != kind:

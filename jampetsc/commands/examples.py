@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from jampetsc.errors import InputError, named
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import asked
+from jampetsc.options.parameters import parameter
 from jampetsc.shipped_files import FOLDER
 
 
@@ -26,7 +26,7 @@ class Examples(Job):
     GIVES: ClassVar = "str, the files"
     EPILOG: ClassVar = "examples:\n  jampetsc examples --copy mine"
 
-    copy: Path = asked(help="folder to make; it must not be there yet", metavar="DIR")
+    copy: Path = parameter(help="folder to make; it must not be there yet", metavar="DIR")
 
     def check_outputs(self, to):
         """Refuse a folder that exists."""

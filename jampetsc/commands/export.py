@@ -7,8 +7,8 @@ from jampetsc.errors import InputError, named
 from jampetsc.io import frames
 from jampetsc.io.exporters import check_format, write_frames
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILE, asked, optional
-from jampetsc.options.values import PACKING, PACKING_OR_RESULT, input_name, opened
+from jampetsc.options.parameters import FILE, optional_parameter, parameter
+from jampetsc.options.values import PACKING, PACKING_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
 
 OWNERS = {"mode": ("modes",), "field": ("sweep",), "packing": ("modes", "sweep", "quasistatic")}
@@ -34,14 +34,18 @@ class Export(Job):
   jampetsc export sweep.h5 --field 1e-3 --out field.dump
   jampetsc export rd0.h5 --out rd0.xyz                  # the snapshots of a flow"""
 
-    file: Packing = asked(
-        help="packing, modes, sweep with fields, quasistatic or flow file", place=FILE, kind=PACKING_OR_RESULT
+    file: Packing = parameter(
+        help="packing, modes, sweep with fields, quasistatic or flow file",
+        place=FILE,
+        value_type=PACKING_OR_RESULT,
     )
-    mode: int | None = optional("of a modes file: which mode, from 1 (default 1)", metavar="I")
-    field: float | None = optional(
+    mode: int | None = optional_parameter("of a modes file: which mode, from 1 (default 1)", metavar="I")
+    field: float | None = optional_parameter(
         "of a sweep: frequency of the field", above=0.0, high=1e300, metavar="OMEGA"
     )
-    packing: Packing | None = optional("packing of a result, if it is not beside it", kind=PACKING)
+    packing: Packing | None = optional_parameter(
+        "packing of a result, if it is not beside it", value_type=PACKING
+    )
 
     def check_outputs(self, to):
         """Refuse an unknown ending, and an output that may not be replaced."""
@@ -58,7 +62,7 @@ class Export(Job):
 
     def _frames(self):
         """The frames to export. Raises InputError for a file that has none, and for options of other kinds of files."""
-        loaded, name = opened(self.file), input_name(self.file)
+        loaded, name = load_source(self.file), input_name(self.file)
         kind = "packing" if isinstance(loaded, Packing) else loaded.format.removeprefix("jampetsc-")
         for option, owners in OWNERS.items():
             if getattr(self, option) is not None and kind not in owners:

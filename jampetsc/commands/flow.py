@@ -8,10 +8,10 @@ from jampetsc.io.outputs import check_place, is_same
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model
 from jampetsc.options.model_options import MODEL
-from jampetsc.options.parameters import FILE, asked, optional, part
-from jampetsc.options.starts import GROUP, FromStart, of_run
+from jampetsc.options.parameters import FILE, composite_parameter, optional_parameter, parameter
+from jampetsc.options.starts import GROUP, ShearJob, run_parameter
 from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
-from jampetsc.options.values import PACKING_OR_RESULT, input_name, opened
+from jampetsc.options.values import PACKING_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import launcher
 from jampetsc.progress import note
@@ -20,7 +20,7 @@ TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Flow(FromStart):
+class Flow(ShearJob):
     """Steady shear at a rate: stress, pressure, energy balance.
 
     Shears soft disks steadily under Lees–Edwards conditions, by one of Vågberg's six models (thesis sec. 4.3) or a
@@ -42,25 +42,28 @@ A killed run continues when the same command is given again. Many disks use seve
 to the last bit; independent runs are faster side by side. The same seed gives the same trajectory where it gives the
 same packing (`jampetsc pack --help`); elsewhere trajectories part, and only averages agree."""
 
-    start: Packing | None = optional(
-        "packing to start from, or flow to continue", kind=PACKING_OR_RESULT, place=FILE, metavar="START"
+    start: Packing | None = optional_parameter(
+        "packing to start from, or flow to continue",
+        value_type=PACKING_OR_RESULT,
+        place=FILE,
+        metavar="START",
     )
-    model: Model | Law | str | None = part(MODEL, None)
-    rate: float | None = optional("shear rate γ̇", above=0.0, high=1.0, metavar="R")
-    strain: float = asked(help="how far to shear", above=0.0, metavar="S")
-    walls: bool = asked(False, "between sliding rough walls, rows of disks", group=GROUP)
-    snapshots: int | None = of_run(
+    model: Model | Law | str | None = composite_parameter(MODEL, None)
+    rate: float | None = optional_parameter("shear rate γ̇", above=0.0, high=1.0, metavar="R")
+    strain: float = parameter(help="how far to shear", above=0.0, metavar="S")
+    walls: bool = parameter(False, "between sliding rough walls, rows of disks", group=GROUP)
+    snapshots: int | None = run_parameter(
         "number of states to keep, at equal strains after what is discarded", low=0, metavar="K"
     )
-    snapshot_every: float | None = of_run(
+    snapshot_every: float | None = run_parameter(
         "strain between snapshots, instead of their number", above=0.0, metavar="S"
     )
-    snapshot_spacing: str | None = of_run(
+    snapshot_spacing: str | None = run_parameter(
         "log: states at strains that grow by a factor, for mean square displacements (default even)",
         choices=("even", "log"),
     )
-    step: float | None = of_run("time step (default: by the model)", above=0.0, metavar="DT")
-    tolerance: float | None = of_run(
+    step: float | None = run_parameter("time step (default: by the model)", above=0.0, metavar="DT")
+    tolerance: float | None = run_parameter(
         f"of the velocities of contact damping (default {TOLERANCE:g})", low=1e-14, high=0.1, metavar="T"
     )
 
@@ -155,7 +158,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
         """The run that continues an earlier flow."""
         from jampetsc.flows.steady import continued
 
-        earlier = opened(self.start)
+        earlier = load_source(self.start)
         self._refuse_settings(earlier.path)
         return continued(earlier, self.strain)
 
@@ -186,7 +189,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
         return f"steady shear, {attributes['model']}, rate {attributes['rate']:g}"
 
     def random(self, radii, seed):
-        """See `FromStart`; `walls` in the attributes is the number of disks, the first ones, that make up the walls."""
+        """See `ShearJob`; `walls` in the attributes is the number of disks, the first ones, that make up the walls."""
         if not self.walls:
             return super().random(radii, seed)
         from jampetsc.flows.walls import between_walls

@@ -12,7 +12,7 @@ from jampetsc.errors import option
 from jampetsc.io.exchange import READERS
 from jampetsc.io.importers import import_packing
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILE, PATH, Kind, asked, optional
+from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 
@@ -52,25 +52,25 @@ class Import(Job):
 A packing that is not at rest, to its minimum: jampetsc pack --from dump.h5 --phi 0.86 --out rest.h5"""
     OUT_HELP: ClassVar = "packing file to write"
 
-    file: Path = asked(help="file of the other program", place=FILE, kind=PATH)
-    format: str | None = optional("(default: by the content of FILE)", choices=READERS)
-    index: int = asked(0, "which packing of FILE, from 0", low=0, metavar="I", also="--frame")
-    radius: str | None = optional(
+    file: Path = parameter(help="file of the other program", place=FILE, value_type=PATH)
+    format: str | None = optional_parameter("(default: by the content of FILE)", choices=READERS)
+    index: int = parameter(0, "which packing of FILE, from 0", low=0, metavar="I", also="--frame")
+    radius: str | None = optional_parameter(
         "column or array of radii, or of diameters if it is called so (default radius or diameter); or a radius for "
         "each type",
         metavar="COLUMN|TYPE=R,…",
     )
-    box: tuple | None = optional(
+    box: tuple | None = optional_parameter(
         "of a file that has none; a₂ = (xy Ly, Ly): xy is a number",
-        kind=Kind(_box, _box_text, metavar="L|Lx,Ly[,xy]"),
+        value_type=ValueType(_box, _box_text, metavar="L|Lx,Ly[,xy]"),
     )
-    potential: str | None = optional(
+    potential: str | None = optional_parameter(
         "energy of an overlap (default: what FILE says, or harmonic)", choices=EXPONENTS
     )
-    stiffness: str | None = optional(
+    stiffness: str | None = optional_parameter(
         "convention of the contact stiffness (default: what FILE says, or constant)", choices=STIFFNESSES
     )
-    k: float | None = optional(
+    k: float | None = optional_parameter(
         "contact stiffness, in units of FILE (default: what FILE says, or 1); LAMMPS' harmonic/cut K means k = 2K"
     )
 

@@ -11,8 +11,8 @@ from jampetsc.io.packing_file import read_identified
 from jampetsc.laws.damping import Law, Physics, damping_law
 from jampetsc.options.job import Job
 from jampetsc.options.law_options import DAMPING, PRESTRESS
-from jampetsc.options.parameters import FILE, asked, part
-from jampetsc.options.values import PACKING_OR_RESULT, input_name, opened
+from jampetsc.options.parameters import FILE, composite_parameter, parameter
+from jampetsc.options.values import PACKING_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import session
 
@@ -35,11 +35,11 @@ class Info(Job):
 PETSc options: -inertia_… for the factorisations of --matrices."""
     SOLVERS: ClassVar = ("inertia_",)
 
-    file: Packing = asked(
-        help="packing file, result file or folder of a study", place=FILE, kind=PACKING_OR_RESULT
+    file: Packing = parameter(
+        help="packing file, result file or folder of a study", place=FILE, value_type=PACKING_OR_RESULT
     )
-    matrices: bool = asked(False, "assemble K and B and count their eigenvalues")
-    law: Law = part(DAMPING)
+    matrices: bool = parameter(False, "assemble K and B and count their eigenvalues")
+    law: Law = composite_parameter(DAMPING)
     prestress: bool = PRESTRESS
 
     @property
@@ -71,7 +71,7 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         name = input_name(self.file)
         if self.matrices:
             return self._with_matrices(name)
-        loaded = opened(self.file)
+        loaded = load_source(self.file)
         describe_one = {Packing: describe.packing, Ensemble: describe.study}.get(
             type(loaded), describe.result
         )

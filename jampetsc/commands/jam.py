@@ -12,16 +12,18 @@ from jampetsc.errors import InputError
 from jampetsc.io.results import note_lines
 from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, SIZES
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import asked, optional
-from jampetsc.options.starts import PHIS
+from jampetsc.options.parameters import optional_parameter, parameter
+from jampetsc.options.starts import PHI_RANGE
 from jampetsc.options.task_inputs import NO_FILE, TaskInputs
-from jampetsc.options.values import SEEDS, Numbers, numbers
+from jampetsc.options.values import SEEDS, Numbers, number_list
 from jampetsc.packing.potentials import EXPONENTS
 
 PROTOCOLS = ("random", "shear", "compress")  # the names of `flows.jamming.PROTOCOLS`
 MAX_SAMPLES = 1_000_000  # most samples of one run
 GROUPS = ("shear and compress", "shear", "compress")
-of_both, of_shear, of_compress = (partial(optional, group=group) for group in GROUPS)
+shear_compress_parameter, shear_parameter, compress_parameter = (
+    partial(optional_parameter, group=group) for group in GROUPS
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,34 +47,40 @@ A killed run continues when the same command is given again. Options of the Newt
 -newton_."""
     SOLVERS: ClassVar = ("newton_",)
 
-    n: int = asked(help="number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
-    phi: Numbers = asked(
+    n: int = parameter(help="number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
+    phi: Numbers = parameter(
         help="packing fractions: M from A to B evenly, or a list with commas",
-        kind=numbers(*PHIS, "A:B:M|LIST", "; disks jam near 0.84", even=True),
+        value_type=number_list(*PHI_RANGE, "A:B:M|LIST", "; disks jam near 0.84", even=True),
     )
-    seeds: Sequence[int] = asked(
-        help="a sample at each packing fraction for each seed, both ends included", kind=SEEDS
+    seeds: Sequence[int] = parameter(
+        help="a sample at each packing fraction for each seed, both ends included", value_type=SEEDS
     )
-    sizes: str = asked(SIZES[0], "half of each radius 1:1.4, or all alike", choices=SIZES)
-    potential: str = asked("harmonic", "energy of an overlap", choices=EXPONENTS)
-    tolerance: float = asked(1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T")
-    protocol: str = asked("random", "how samples are made", choices=PROTOCOLS)
-    separated: bool = asked(False, "large disks start on one side of the cell, small on the other")
-    step: float | None = of_both("strain of one step (default 1e-3)", low=1e-8, high=0.1, metavar="DG")
-    strain: float | None = of_both(
+    sizes: str = parameter(SIZES[0], "half of each radius 1:1.4, or all alike", choices=SIZES)
+    potential: str = parameter("harmonic", "energy of an overlap", choices=EXPONENTS)
+    tolerance: float = parameter(1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T")
+    protocol: str = parameter("random", "how samples are made", choices=PROTOCOLS)
+    separated: bool = parameter(False, "large disks start on one side of the cell, small on the other")
+    step: float | None = shear_compress_parameter(
+        "strain of one step (default 1e-3)", low=1e-8, high=0.1, metavar="DG"
+    )
+    strain: float | None = shear_compress_parameter(
         "how far each seed is sheared (default 2; compress: not)", low=1e-8, high=1e4, metavar="S"
     )
-    discard: float | None = of_shear(
+    discard: float | None = shear_parameter(
         "strain before the first sample (default 1)", low=0.0, high=1e4, metavar="S"
     )
-    every: float | None = of_shear("strain between samples (default 0.02)", low=1e-8, high=1e4, metavar="S")
-    temperature: float | None = of_compress(
+    every: float | None = shear_parameter(
+        "strain between samples (default 0.02)", low=1e-8, high=1e4, metavar="S"
+    )
+    temperature: float | None = compress_parameter(
         "of the liquid, in k_e (default 1e-3)", low=1e-8, high=10.0, metavar="T"
     )
-    cooling_rate: float | None = of_compress(
+    cooling_rate: float | None = compress_parameter(
         "by how much ln T falls per sweep (default 1e-2)", low=1e-6, high=10.0, metavar="R"
     )
-    sweeps: int | None = of_compress("sweeps before that (default 200)", low=0, high=10_000_000, metavar="S")
+    sweeps: int | None = compress_parameter(
+        "sweeps before that (default 200)", low=0, high=10_000_000, metavar="S"
+    )
 
     def check(self):
         """Refuse options of other protocols and too many samples."""

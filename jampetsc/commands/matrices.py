@@ -6,12 +6,12 @@ from typing import ClassVar
 from jampetsc.errors import about
 from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.laws.damping import DEFAULT
-from jampetsc.options.law_options import OfPacking
+from jampetsc.options.law_options import PackingJob
 from jampetsc.petsc import session
 
 
 @dataclass(frozen=True, eq=False)
-class Matrices(OfPacking):
+class Matrices(PackingJob):
     """Write K, B and the border of a packing for scipy, Matrix Market or PETSc.
 
     The matrices of docs/theory/linear_response.md, not scaled and without constraints. With them come their border
@@ -66,5 +66,5 @@ def assemble(packing, law=DEFAULT, *, prestress=True):
     """
     from jampetsc.response.assembled_matrices import matrices_of
 
-    asked, comm = Matrices(packing, law, prestress=prestress), session.start("real").comm
-    return matrices_of(read_identified(asked.packing, comm)[0], asked.physics, comm)
+    job, comm = Matrices(packing, law, prestress=prestress), session.start("real").comm
+    return matrices_of(read_identified(job.packing, comm)[0], job.physics, comm)

@@ -9,7 +9,7 @@ from jampetsc.io.outputs import is_same
 from jampetsc.io.reader import load
 from jampetsc.io.result_file import merge
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILE, PATH, asked
+from jampetsc.options.parameters import FILE, PATH, parameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Merge(Job):
     GIVES: ClassVar = "the result, loaded"
     EPILOG: ClassVar = "examples:\n  jampetsc merge sweep.h5 --out one.h5"
 
-    file: os.PathLike = asked(help="result of sweep, quasistatic, modes, …", place=FILE, kind=PATH)
+    file: os.PathLike = parameter(help="result of sweep, quasistatic, modes, …", place=FILE, value_type=PATH)
 
     def check_outputs(self, to):
         """Refuse a file of another kind; merging in place is left to `io.result_file.merge`."""

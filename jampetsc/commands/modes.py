@@ -6,7 +6,7 @@ from typing import ClassVar
 from jampetsc.errors import InputError, named
 from jampetsc.options.job import Job
 from jampetsc.options.law_options import PRESTRESS
-from jampetsc.options.parameters import FILE, asked, optional
+from jampetsc.options.parameters import FILE, optional_parameter, parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import PACKING
 from jampetsc.packing.packing import Packing
@@ -33,14 +33,16 @@ of them, are found by LAPACK, which takes no options."""
 
     SOLVERS: ClassVar = ("modes_", "shift_", "inertia_")
 
-    packing: Packing = asked(help="packing", kind=PACKING, place=FILE)
-    count: int | None = optional(
+    packing: Packing = parameter(help="packing", value_type=PACKING, place=FILE)
+    count: int | None = optional_parameter(
         f"number of modes (default {COUNT}); more where the last eigenvalues are equal", low=1, metavar="M"
     )
-    below: float | None = optional(
+    below: float | None = optional_parameter(
         "all modes with eigenvalues below this", above=0.0, unit="k", metavar="LAMBDA"
     )
-    all: bool = asked(False, "all modes, by LAPACK on one rank: up to 4096 disks, 8 (2N)² bytes in the file")
+    all: bool = parameter(
+        False, "all modes, by LAPACK on one rank: up to 4096 disks, 8 (2N)² bytes in the file"
+    )
     prestress: bool = PRESTRESS
 
     def check(self):

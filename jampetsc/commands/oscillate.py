@@ -7,10 +7,10 @@ from typing import ClassVar
 
 from jampetsc.errors import ConvergenceError, InputError, about, named
 from jampetsc.laws.damping import Physics
-from jampetsc.options.law_options import OfPacking
-from jampetsc.options.parameters import Kind, asked, optional
+from jampetsc.options.law_options import PackingJob
+from jampetsc.options.parameters import ValueType, optional_parameter, parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
-from jampetsc.options.values import Numbers, numbers
+from jampetsc.options.values import Numbers, number_list
 from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
 from jampetsc.response.limits import MAX_OMEGA, MIN_OMEGA
 
@@ -32,7 +32,7 @@ def _cycles(given):
 
 
 @dataclass(frozen=True, eq=False)
-class Oscillate(OfPacking):
+class Oscillate(PackingJob):
     """G*(ω), harmonics and work of a packing with power-law damping.
 
     Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^alpha (BT eq. 9): G*(ω) of the first
@@ -55,33 +55,37 @@ A killed run continues when the same command is given again."""
 
     SOLVERS: ClassVar = ("osc_", "osc_factor_", "shift_", "inertia_")
 
-    omega: Numbers = asked(
-        help="frequencies ω", kind=numbers(*DOUBLES, "LOW:HIGH:COUNT|LIST"), unit="1/τ₁ (with τ₁ = 1)"
+    omega: Numbers = parameter(
+        help="frequencies ω",
+        value_type=number_list(*DOUBLES, "LOW:HIGH:COUNT|LIST"),
+        unit="1/τ₁ (with τ₁ = 1)",
     )
-    stress: Numbers | None = optional(
-        "impose a shear stress of these amplitudes", kind=numbers(MIN_AMPLITUDE, MAX_AMPLITUDE), unit="k"
+    stress: Numbers | None = optional_parameter(
+        "impose a shear stress of these amplitudes",
+        value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE),
+        unit="k",
     )
-    strain: Numbers | None = optional(
-        "impose a shear strain of these amplitudes", kind=numbers(MIN_AMPLITUDE, MAX_AMPLITUDE)
+    strain: Numbers | None = optional_parameter(
+        "impose a shear strain of these amplitudes", value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE)
     )
-    alpha: float = asked(
+    alpha: float = parameter(
         1.0,
         "exponent of the damping force; 1: linear, 0 would be dry friction",
         above=0.0,
         high=2.0,
         metavar="A",
     )
-    contacts: str = asked(
+    contacts: str = parameter(
         "fixed",
         "fixed: the contacts of the packing stay as they are; moving: they open and close",
         choices=("fixed", "moving"),
     )
-    cycles: int | None = optional(
+    cycles: int | None = optional_parameter(
         "with moving contacts: how many cycles to compute, first with half as many time steps each, then with all; "
         "auto (default): until one repeats the one before",
-        kind=Kind(_cycles, metavar="auto|N"),
+        value_type=ValueType(_cycles, metavar="auto|N"),
     )
-    steps: int = asked(64, "steps of a cycle, a multiple of 8", low=16, high=4096, metavar="N")
+    steps: int = parameter(64, "steps of a cycle, a multiple of 8", low=16, high=4096, metavar="N")
 
     def check(self):
         if (self.stress is None) == (self.strain is None):

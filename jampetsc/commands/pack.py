@@ -13,9 +13,9 @@ from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import check_packing, source_name
 from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, OTHER_SIZES, SIZES, Radii, radii_asked, sizes_text
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import Kind, asked, optional, shown
+from jampetsc.options.parameters import ValueType, format_value, optional_parameter, parameter
 from jampetsc.options.task_inputs import NO_FILE, TaskInputs
-from jampetsc.options.values import LAST_SEED, MOST_THREADS, PACKING, RADII, SEEDS, words
+from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, split_list
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.petsc import session
@@ -24,7 +24,8 @@ PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
 TOLERANCES = (1e-13, 1e-4)
 WHAT, HOW = "what", "from where, and how"
-of_packing, of_making = partial(optional, group=WHAT), partial(optional, group=HOW)
+packing_parameter = partial(optional_parameter, group=WHAT)
+making_parameter = partial(optional_parameter, group=HOW)
 ONE_OF = (("pressure", "phi"), ("seed", "seeds", "from_"))  # of each at most one is given
 OF_DISKS = ("potential", "stiffness", "sizes", "radii")  # what a packing to start from has already
 
@@ -32,14 +33,14 @@ OF_DISKS = ("potential", "stiffness", "sizes", "radii")  # what a packing to sta
 def _pressures(given):
     """A pressure as the user wrote it, since it becomes part of file names; several as a tuple."""
     written, found = isinstance(given, str), []
-    for one in words(given):
+    for one in split_list(given):
         try:
             value = as_float(one)
         except (TypeError, ValueError):
             raise ValueError("must be a number, or several with commas between") from None
         found.append(one if written else repr(value))
         if not PRESSURES[0] <= value <= PRESSURES[1]:
-            raise ValueError(f"{shown(one)} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
+            raise ValueError(f"{format_value(one)} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
     if not found:
         raise ValueError("must be at least one number")
     several = len(found) > 1 or isinstance(given, list | tuple) or getattr(given, "ndim", 0)
@@ -78,50 +79,54 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     SOLVERS: ClassVar = ("newton_",)
 
-    n: int | None = of_packing("number of disks", low=MIN_DISKS, high=MAX_DISKS)
-    pressure: float | Sequence[float] | None = of_packing(
+    n: int | None = packing_parameter("number of disks", low=MIN_DISKS, high=MAX_DISKS)
+    pressure: float | Sequence[float] | None = packing_parameter(
         "pressure p = Σ f r / (2V)",
-        kind=Kind(_pressures, lambda words: words if isinstance(words, str) else ",".join(words)),
+        value_type=ValueType(
+            _pressures, lambda pressures: pressures if isinstance(pressures, str) else ",".join(pressures)
+        ),
         unit="k",
         metavar="P[,P…]",
     )
-    phi: float | None = of_packing(
+    phi: float | None = packing_parameter(
         "packing fraction, instead of a pressure; disks jam near 0.84",
         low=PHIS[0],
         high=PHIS[1],
         remedy="Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears disks below it",
     )
-    potential: str | None = of_packing("energy of an overlap (default harmonic)", choices=EXPONENTS)
-    stiffness: str | None = of_packing(
+    potential: str | None = packing_parameter("energy of an overlap (default harmonic)", choices=EXPONENTS)
+    stiffness: str | None = packing_parameter(
         "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
-    sizes: str | None = of_packing(
+    sizes: str | None = packing_parameter(
         "disk sizes: bidisperse (50:50, ratio 1.4; default) or monodisperse",
         choices=SIZES,
         remedy=OTHER_SIZES,
     )
-    radii: Radii | None = of_packing(
-        "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII
+    radii: Radii | None = packing_parameter(
+        "text file of radii, one per disk, or an array, instead of n and sizes", value_type=RADII
     )
-    stabilise: str = asked(
+    stabilise: str = parameter(
         "volume",
         "shear: the shape of the cell also relaxes, at the given p or φ, so that σ_xy = 0 and G₀ > 0",
         choices=("volume", "shear"),
         group=WHAT,
     )
-    tolerance: float = asked(
+    tolerance: float = parameter(
         1e-10, "max|F|/(p d) and |Δp|/p", low=TOLERANCES[0], high=TOLERANCES[1], metavar="T", group=WHAT
     )
-    seed: int | None = of_making("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
-    seeds: Sequence[int] | None = of_making("a packing for each seed, both ends included", kind=SEEDS)
-    from_: Packing | None = of_making("packing to start from, in its cell", kind=PACKING)
-    ladder: bool = asked(
+    seed: int | None = making_parameter("of the random start (default 1)", low=0, high=MAX_SEED, metavar="S")
+    seeds: Sequence[int] | None = making_parameter(
+        "a packing for each seed, both ends included", value_type=SEEDS
+    )
+    from_: Packing | None = making_parameter("packing to start from, in its cell", value_type=PACKING)
+    ladder: bool = parameter(
         False, "each pressure starts from the packing at the one before it, not from random disks", group=HOW
     )
-    threads: int | None = of_making(
+    threads: int | None = making_parameter(
         "threads of a rank (default: its share of the cores of the node)",
         low=1,
-        high=MOST_THREADS,
+        high=MAX_THREADS,
         metavar="T",
     )
 
@@ -162,8 +167,8 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.pressure is None:
             targets = {"": Target(phi=self.phi, **self._how)}
         else:
-            words = self.pressure if isinstance(self.pressure, tuple) else (self.pressure,)
-            targets = {word: Target(k * float(word), **self._how) for word in words}
+            pressures = self.pressure if isinstance(self.pressure, tuple) else (self.pressure,)
+            targets = {word: Target(k * float(word), **self._how) for word in pressures}
         seeds = [None] if self.from_ is not None else self.seeds or [1 if self.seed is None else self.seed]
         if out is not None:
             self._check_name(out, {"{seed}": len(seeds), "{pressure}": len(targets)})

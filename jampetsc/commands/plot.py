@@ -7,8 +7,17 @@ from typing import ClassVar
 from jampetsc.commands.sources import WHERE, rows_named
 from jampetsc.errors import as_float
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILES, WORD, Kind, Parameter, Part, asked, optional, part
-from jampetsc.options.values import PACKING_OR_RESULT, words
+from jampetsc.options.parameters import (
+    FILES,
+    WORD,
+    CompositeParameter,
+    Parameter,
+    ValueType,
+    composite_parameter,
+    optional_parameter,
+    parameter,
+)
+from jampetsc.options.values import PACKING_OR_RESULT, split_list
 
 
 def _given(**options) -> dict:
@@ -35,7 +44,7 @@ def _options() -> tuple[Parameter, ...]:
 
 def _size(text):
     try:
-        width, height = map(as_float, words(text))
+        width, height = map(as_float, split_list(text))
     except (TypeError, ValueError):
         raise ValueError("write the width and the height in inches, such as 3.4,2.9") from None
     if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
@@ -55,7 +64,7 @@ def _limits(text):
     return pairs[0] if len(pairs) == 1 else pairs
 
 
-LIMITS = Kind(_limits, str, metavar="LOW:HIGH")
+LIMITS = ValueType(_limits, str, metavar="LOW:HIGH")
 LIMITS_HELP = (
     "limits of {} in all panels, or of each panel with commas (default, and where empty: by the data)"
 )
@@ -92,23 +101,27 @@ class Plot(Job):
 
 Every result is drawn without --kind."""
 
-    files: tuple = asked(
-        help="files of results or packings, or the folder of a study", kind=PACKING_OR_RESULT, place=FILES
+    files: tuple = parameter(
+        help="files of results or packings, or the folder of a study",
+        value_type=PACKING_OR_RESULT,
+        place=FILES,
     )
     where: str | None = WHERE
-    csv: str | None = optional("table of the drawn numbers: .csv", metavar="FILE")
-    size: tuple | None = optional(
-        "width and height of the figure in inches (default: by kind)", kind=Kind(_size, metavar="W,H")
+    csv: str | None = optional_parameter("table of the drawn numbers: .csv", metavar="FILE")
+    size: tuple | None = optional_parameter(
+        "width and height of the figure in inches (default: by kind)",
+        value_type=ValueType(_size, metavar="W,H"),
     )
-    xlim: tuple | None = optional(LIMITS_HELP.format("x"), kind=LIMITS)
-    ylim: tuple | None = optional(LIMITS_HELP.format("y"), kind=LIMITS)
-    label: tuple | None = optional(
-        "words that replace entries of the legend, in its order", kind=Kind(words, ",".join, metavar="TEXT,…")
+    xlim: tuple | None = optional_parameter(LIMITS_HELP.format("x"), value_type=LIMITS)
+    ylim: tuple | None = optional_parameter(LIMITS_HELP.format("y"), value_type=LIMITS)
+    label: tuple | None = optional_parameter(
+        "words that replace entries of the legend, in its order",
+        value_type=ValueType(split_list, ",".join, metavar="TEXT,…"),
     )
-    style: str | None = optional(
+    style: str | None = optional_parameter(
         "style file of matplotlib (.mplstyle), applied on top of the style of the program", metavar="FILE"
     )
-    options: dict = part(Part(_options, _given, dict, dict))
+    options: dict = composite_parameter(CompositeParameter(_options, _given, dict, dict))
 
     def check_outputs(self, to):
         """Left to `draw`, which checks them once the kind of picture is known."""

@@ -6,14 +6,14 @@ from typing import ClassVar
 from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines
 from jampetsc.laws.damping import MAX_WEIGHT, having
-from jampetsc.options.law_options import OfPacking
-from jampetsc.options.parameters import optional
+from jampetsc.options.law_options import PackingJob
+from jampetsc.options.parameters import optional_parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
-from jampetsc.options.values import Numbers, numbers
+from jampetsc.options.values import Numbers, number_list
 
 
 @dataclass(frozen=True, eq=False)
-class Quasistatic(OfPacking):
+class Quasistatic(PackingJob):
     """Fields, moduli and viscosities of the limit of slow shear.
 
     The motion of touching disks relative to each other, Δu∥ and Δu⊥, and the non-affine displacement of every disk, per
@@ -30,9 +30,9 @@ PETSc options: -shift_… for the factorisations."""
 
     SOLVERS: ClassVar = ("shift_", "inertia_")
 
-    betas: Numbers | None = optional(
+    betas: Numbers | None = optional_parameter(
         "also η₀ and η_∞ at these β, from the same fields (contact law)",
-        kind=numbers(0.0, MAX_WEIGHT, "b1,b2,…"),
+        value_type=number_list(0.0, MAX_WEIGHT, "b1,b2,…"),
     )
 
     def check(self):

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.errors import InputError, named
-from jampetsc.options.parameters import asked
-from jampetsc.options.starts import FromStart
+from jampetsc.options.parameters import parameter
+from jampetsc.options.starts import ShearJob
 from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
 from jampetsc.petsc import session
 
@@ -14,7 +14,7 @@ FARTHEST = 1e4  # strain of a run
 
 
 @dataclass(frozen=True, eq=False)
-class Shear(FromStart):
+class Shear(ShearJob):
     """Quasistatic shear: affine step, minimise, repeat.
 
     Shears soft disks in small affine steps, each followed to the minimum of the energy (Vågberg, thesis sec. 4.7).
@@ -29,9 +29,9 @@ A killed run continues when the same command is given again. Options of the Newt
 prefix -newton_."""
     SOLVERS: ClassVar = ("newton_",)
 
-    step: float = asked(help="strain of one step", above=0.0, high=0.1, metavar="DG")
-    strain: float = asked(help="how far to shear", above=0.0, high=FARTHEST, metavar="S")
-    tolerance: float = asked(
+    step: float = parameter(help="strain of one step", above=0.0, high=0.1, metavar="DG")
+    strain: float = parameter(help="how far to shear", above=0.0, high=FARTHEST, metavar="S")
+    tolerance: float = parameter(
         1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T", group="run"
     )
 

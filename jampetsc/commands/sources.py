@@ -7,10 +7,10 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import load
-from jampetsc.options.parameters import optional
-from jampetsc.options.values import input_name, opened
+from jampetsc.options.parameters import optional_parameter
+from jampetsc.options.values import input_name, load_source
 
-WHERE = optional(
+WHERE = optional_parameter(
     "of the folder of a study: the files whose rows in its table have these values", metavar="COLUMN=VALUE,…"
 )
 
@@ -27,7 +27,7 @@ def rows_named(sources, where) -> list:
     conditions = _wanted(where)
     studies = [isinstance(source, str) and (Path(source) / TABLE).exists() for source in sources]
     if conditions and not any(studies):
-        opened(sources[0])  # which may be missing, or the folder of a study that was stopped
+        load_source(sources[0])  # which may be missing, or the folder of a study that was stopped
         raise InputError(
             f"{named('where')} {where}: chooses rows of a study, but {input_name(sources[0])} is none: leave it out"
         )

@@ -11,9 +11,9 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.outputs import PICTURE
 from jampetsc.io.reader import SweepResult
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILES, asked, optional
+from jampetsc.options.parameters import FILES, optional_parameter, parameter
 from jampetsc.options.task_inputs import ONE_RESULT, TaskInputs
-from jampetsc.options.values import RESULT, opened, refuse_repeated
+from jampetsc.options.values import RESULT, load_source, refuse_repeated
 
 HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
 
@@ -43,8 +43,10 @@ class Spectrum(Job):
   jampetsc spectrum sweep.h5 --out spectrum.h5
   jampetsc spectrum s1e-2.h5 s1e-3.h5 s1e-4.h5 --out spectra.png"""
 
-    sweeps: Sequence = asked(help="sweeps by the rational method", kind=RESULT, place=FILES, metavar="SWEEP")
-    window: float | None = optional(
+    sweeps: Sequence = parameter(
+        help="sweeps by the rational method", value_type=RESULT, place=FILES, metavar="SWEEP"
+    )
+    window: float | None = optional_parameter(
         "width of the average of H(τ)", low=0.01, high=1.5, unit="decades", metavar="DECADES"
     )
 
@@ -75,7 +77,7 @@ class Spectrum(Job):
         """Find the spectrum, or draw the spectra."""
         from jampetsc.plots.style import FORMATS
 
-        sweeps = [opened(source) for source in self.sweeps]
+        sweeps = [load_source(source) for source in self.sweeps]
         for source, sweep in zip(self.sweeps, sweeps, strict=True):
             if not isinstance(sweep, SweepResult):
                 raise InputError(f"{source}: is not a sweep: spectra come from sweeps")

@@ -8,8 +8,8 @@ from jampetsc.analysis.statistics import relative_bound
 from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.options.law_options import OfPacking
-from jampetsc.options.parameters import asked, optional
+from jampetsc.options.law_options import PackingJob
+from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import FREQUENCIES, Numbers
 from jampetsc.petsc import builds, session
@@ -18,11 +18,11 @@ OMEGA = "1e-10:1e4:141"
 POWER_LAW = (
     "power-law damping: viscous force of a contact ∝ |Δu̇|^A, by an equivalent linear damping (approximate)"
 )
-of_power_law = partial(optional, group=POWER_LAW)
+of_power_law = partial(optional_parameter, group=POWER_LAW)
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep(OfPacking):
+class Sweep(PackingJob):
     """Complex modulus G*(ω) of a packing under oscillatory shear.
 
     Each value comes with a bound on its error (BT eqs. 10–15; docs/theory/linear_response.md). Method `rational` gets
@@ -39,19 +39,21 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
     SOLVERS: ClassVar = ("shift_", "freq_", "inertia_")
 
-    omega: Numbers = asked(OMEGA, "frequencies ω", kind=FREQUENCIES, unit="1/τ₁ (with τ₁ = 1)")
-    method: str = asked(
+    omega: Numbers = parameter(OMEGA, "frequencies ω", value_type=FREQUENCIES, unit="1/τ₁ (with τ₁ = 1)")
+    method: str = parameter(
         "rational",
         "rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency",
         choices=("rational", "direct"),
     )
-    accuracy: float = asked(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
-    parallel: str | None = optional(
+    accuracy: float = parameter(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
+    parallel: str | None = optional_parameter(
         "rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
         "(default auto: by the number of ranks and unknowns)",
         choices=("auto", "shifts", "matrix"),
     )
-    fields: Numbers | None = optional("also displacement fields at these frequencies", kind=FREQUENCIES)
+    fields: Numbers | None = optional_parameter(
+        "also displacement fields at these frequencies", value_type=FREQUENCIES
+    )
     alpha: float | None = of_power_law(
         "exponent of the damping force (1 is linear)", low=0.05, high=5.0, metavar="A"
     )

@@ -12,7 +12,7 @@ from jampetsc.collective import on_root
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.request import Request
-from jampetsc.options.parameters import FILE, OPTION, Part, fields, parameters
+from jampetsc.options.parameters import FILE, OPTION, CompositeParameter, fields, parameters
 from jampetsc.options.task_inputs import TaskInputs
 from jampetsc.options.values import PACKING, RADII, input_name
 from jampetsc.petsc import launcher, session
@@ -21,7 +21,7 @@ from jampetsc.progress import LOG
 
 @dataclass(frozen=True)
 class Job:
-    """Base of all jobs. A subclass is a frozen dataclass whose fields are made by `asked` and `part`.
+    """Base of all jobs: a subclass is a frozen dataclass with fields `parameter` and `composite_parameter`.
 
     Its docstring describes it; the first line is the short help of its command. Class variables say the rest. `check`
     refuses values that contradict each other, without reading files; `work` runs the job.
@@ -49,19 +49,19 @@ class Job:
         cls.FORMAT = vars(cls).get("FORMAT", f"jampetsc-{cls.NAME}")
 
     def __post_init__(self):
-        for name, said in fields(type(self)).items():
-            read = self._made if isinstance(said, Part) else self._read
-            object.__setattr__(self, name, read(name, said, getattr(self, name)))
+        for name, declaration in fields(type(self)).items():
+            read = self._build if isinstance(declaration, CompositeParameter) else self._read
+            object.__setattr__(self, name, read(name, declaration, getattr(self, name)))
         self.check()
 
-    def _made(self, name, part, value):
+    def _build(self, name, composite, value):
         """The object that several options describe; a name such as "stokes" stands for that family's defaults."""
-        if isinstance(value, part.type) or (value is None and part.optional):
+        if isinstance(value, composite.type) or (value is None and composite.optional):
             return value
         if not isinstance(value, str):
             hint = f": call it, {value.__name__}(…)" if isinstance(value, types.FunctionType) else ""
-            raise InputError(f"{named(name)} {value!r}: must be a {part.type.__name__}{hint}")
-        return part.make(**{part.parameters[0].name: value})
+            raise InputError(f"{named(name)} {value!r}: must be a {composite.type.__name__}{hint}")
+        return composite.make(**{composite.parameters[0].name: value})
 
     def _read(self, name, parameter, value):
         if parameter.place in (OPTION, FILE):
@@ -70,55 +70,61 @@ class Job:
             value = (value,)
         if not value:
             raise InputError(f"{named(name)}: must be given")
-        return tuple(parameter.read(one) for one in value)
+        return tuple(parameter.read(item) for item in value)
 
     def check(self) -> None:
         """Raise InputError for values that contradict each other."""
 
-    def _values(self, wanted) -> list:
-        """The values of the parameters for which `wanted(parameter)` is true, in one flat list."""
-        names = [name for name, one in parameters(type(self)).items() if wanted(one)]
-        return [one for name in names for one in _several(getattr(self, name))]
+    def _values(self, selects) -> list:
+        """The values of the parameters for which `selects(parameter)` is true, in one flat list."""
+        names = [name for name, parameter in parameters(type(self)).items() if selects(parameter)]
+        return [value for name in names for value in _as_list(getattr(self, name))]
 
     @property
     def sources(self) -> list:
         """Its inputs: names of files, and packings and results in memory."""
-        return self._values(lambda one: one.place != OPTION)
+        return self._values(lambda parameter: parameter.place != OPTION)
 
     @property
     def paths(self) -> list[str]:
         """Files that it reads: those of its `sources`, and of packings and radii among the options."""
-        values = self._values(lambda one: one.place != OPTION or one.kind in (PACKING, RADII))
+        values = self._values(
+            lambda parameter: parameter.place != OPTION or parameter.value_type in (PACKING, RADII)
+        )
         files = [
-            one if isinstance(one, str | Path) else getattr(one, "file", getattr(one, "path", None))
-            for one in values
+            value if isinstance(value, str | Path) else getattr(value, "file", getattr(value, "path", None))
+            for value in values
         ]
-        return [str(one) for one in files if one is not None]
+        return [str(file) for file in files if file is not None]
 
     def gathered(self) -> "Job":
         """The same job, with all rows of its results in memory on every rank. Collective."""
-        return replace(self, **{name: _whole(one) for name, one in vars(self).items()})
+        return replace(self, **{name: _gather(value) for name, value in vars(self).items()})
 
     @property
     def input_hashes(self) -> list[str]:
         """Hashes of its inputs in memory."""
-        values = [one for value in vars(self).values() for one in _several(value)]
-        found = [getattr(one, "fingerprint", None) for one in values]
-        runs = [one.attributes.get("run_id") for one in values if hasattr(one, "attributes")]
-        return [str(one) for one in (*found, *runs) if one]
+        values = [item for value in vars(self).values() for item in _as_list(value)]
+        packings = [getattr(item, "fingerprint", None) for item in values]
+        runs = [item.attributes.get("run_id") for item in values if hasattr(item, "attributes")]
+        return [str(digest) for digest in (*packings, *runs) if digest]
 
     def settings(self) -> dict:
         """{parameter: value} as JSON and command lines write them: all but files, and switches at their defaults."""
         values = {}
-        for name, one in fields(type(self)).items():
+        for name, declaration in fields(type(self)).items():
             value = getattr(self, name)
-            if value is not None and isinstance(one, Part):
-                values |= one.serialise(value)
-            elif value is not None and one.place == OPTION:
-                values[name] = one.kind.serialise(value)
-        known = parameters(type(self))
-        usual = {name: one.default for name, one in known.items() if isinstance(one.default, bool)}
-        return {n: value for n, value in values.items() if value is not None and usual.get(n) is not value}
+            if value is not None and isinstance(declaration, CompositeParameter):
+                values |= declaration.serialise(value)
+            elif value is not None and declaration.place == OPTION:
+                values[name] = declaration.value_type.serialise(value)
+        declared = parameters(type(self))
+        switches = {name: item.default for name, item in declared.items() if isinstance(item.default, bool)}
+        return {
+            name: value
+            for name, value in values.items()
+            if value is not None and switches.get(name) is not value
+        }
 
     def words(self) -> list[str]:
         """The options of a command line for this job."""
@@ -137,14 +143,14 @@ class Job:
 
     def line(self, out=None) -> list[str]:
         """A command line for this job; for a packing or a result in memory stands a description."""
-        given = [input_name(one) for one in self.sources]
-        return ["jampetsc", self.NAME, *map(str, given), *(["--out", str(out)] if out else []), *self.words()]
+        sources = [str(input_name(source)) for source in self.sources]
+        return ["jampetsc", self.NAME, *sources, *(["--out", str(out)] if out else []), *self.words()]
 
-    def same(self, name, one, other) -> bool:
+    def same(self, name, first, second) -> bool:
         """Whether two values of a parameter, as `settings` has them, mean the same; None stands for the default."""
         parameter = parameters(type(self)).get(name)
         try:
-            return parameter is not None and _canonical(parameter, one) == _canonical(parameter, other)
+            return parameter is not None and _canonical(parameter, first) == _canonical(parameter, second)
         except InputError:
             return False
 
@@ -248,18 +254,18 @@ class Job:
         return shlex.join(self.line())
 
 
-def _several(value) -> list:
-    """The value of a parameter as a list: of none, one or several."""
+def _as_list(value) -> list:
+    """The value of a parameter as a list, empty for None."""
     return list(value) if isinstance(value, tuple) else [] if value is None else [value]
 
 
-def _whole(one):
+def _gather(value):
     """An input with all its rows on this rank. Collective."""
-    if isinstance(one, tuple):
-        return tuple(_whole(part) for part in one)
-    return one.gathered() if hasattr(one, "gathered") else one
+    if isinstance(value, tuple):
+        return tuple(map(_gather, value))
+    return value.gathered() if hasattr(value, "gathered") else value
 
 
 def _canonical(parameter, value):
     value = parameter.read(parameter.default if value is None and not parameter.required else value)
-    return value if value is None else parameter.kind.serialise(value)
+    return value if value is None else parameter.value_type.serialise(value)

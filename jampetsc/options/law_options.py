@@ -15,7 +15,16 @@ from jampetsc.laws.damping import (
     python_text,
 )
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILE, NUMBER, SWITCH, WORD, Parameter, Part, asked, part
+from jampetsc.options.parameters import (
+    FILE,
+    NUMBER,
+    SWITCH,
+    WORD,
+    CompositeParameter,
+    Parameter,
+    composite_parameter,
+    parameter,
+)
 from jampetsc.options.values import PACKING
 from jampetsc.packing.packing import Packing
 
@@ -25,18 +34,18 @@ GROUP = "damping law"
 def law_parameters(default):
     """The parameters of a damping law; `default`: the family if none is given, or None."""
     labels = " or ".join(f"{family.label} ({name})" for name, family in FAMILIES.items())
-    found = [Parameter("law", labels, WORD, default, choices=tuple(FAMILIES), group=GROUP)]
+    declared = [Parameter("law", labels, WORD, default, choices=tuple(FAMILIES), group=GROUP)]
     for name in OPTIONS:
         owners = having(name)
         option = FAMILIES[owners[0]].options[name]
         if isinstance(option.default, bool):
             off = f"{option.meaning} (law {' or '.join(owners)})"
-            found.append(Parameter(name, f"unless {off}", SWITCH, True, off=off, group=GROUP))
+            declared.append(Parameter(name, f"unless {off}", SWITCH, True, off=off, group=GROUP))
         else:
             help = f"{option.meaning} ({_belonging(name, owners)})"
-            found.append(Parameter(name, help, NUMBER, None, metavar=name.upper(), group=GROUP))
-    found.append(Parameter("tau1", "damping time τ₁", NUMBER, 1.0, above=0.0, metavar="TIME", group=GROUP))
-    return tuple(found)
+            declared.append(Parameter(name, help, NUMBER, None, metavar=name.upper(), group=GROUP))
+    declared.append(Parameter("tau1", "damping time τ₁", NUMBER, 1.0, above=0.0, metavar="TIME", group=GROUP))
+    return tuple(declared)
 
 
 def _belonging(name, owners):
@@ -59,7 +68,7 @@ def law_options(law: Law) -> dict:
     }
 
 
-def law_written(**options) -> str:
+def law_code(**options) -> str:
     """Python text of the law that these options describe."""
     families = [name for name, family in FAMILIES.items() if {*options} <= {"tau1", *family.options}]
     return f"jampetsc.{python_text((families or [DEFAULT])[0], options)}"
@@ -69,8 +78,8 @@ LAW_HELP = (
     f"damping law: {', '.join('jampetsc.' + family.python.format('…') for family in FAMILIES.values())}, or the name "
     f"of a family ({', '.join(FAMILIES)})"
 )
-DAMPING = Part(law_parameters(DEFAULT), damping_law, law_options, Law, LAW_HELP, law_written)
-PRESTRESS = asked(
+DAMPING = CompositeParameter(law_parameters(DEFAULT), damping_law, law_options, Law, LAW_HELP, law_code)
+PRESTRESS = parameter(
     True,
     "K keeps the f/r term of its contacts (BT: 'with pre-stress')",
     off="drop the f/r term of K (BT: 'without pre-stress')",
@@ -78,11 +87,11 @@ PRESTRESS = asked(
 
 
 @dataclass(frozen=True, eq=False)
-class OfPacking(Job):
+class PackingJob(Job):
     """Base of jobs on the matrices of a packing, under a damping law."""
 
-    packing: Packing = asked(help="packing", kind=PACKING, place=FILE)
-    law: Law = part(DAMPING)
+    packing: Packing = parameter(help="packing", value_type=PACKING, place=FILE)
+    law: Law = composite_parameter(DAMPING)
     prestress: bool = PRESTRESS
 
     @property

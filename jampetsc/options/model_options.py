@@ -3,8 +3,8 @@
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import MAX_WEIGHT, OPTIONS, damping_law
 from jampetsc.laws.flow_models import MODELS, Model, model_of
-from jampetsc.options.law_options import law_options, law_parameters, law_written
-from jampetsc.options.parameters import NUMBER, WORD, Parameter, Part
+from jampetsc.options.law_options import law_code, law_options, law_parameters
+from jampetsc.options.parameters import NUMBER, WORD, CompositeParameter, Parameter
 
 WHAT = "drag (RD) or contact damping (CD, of normal or tangential motion only CDn, CDt); 0: overdamped"
 MOTION = {  # parameter -> what it is, and its range
@@ -24,21 +24,23 @@ OWN = (
 )
 
 
-def model_made(**given) -> Model:
+def build_model(**options) -> Model:
     """The model that these options describe. Raises InputError for a contradiction, and as `Model`."""
-    law = {name: value for name, value in given.items() if name in ("law", *OPTIONS)}
-    if "model" in given:
+    law = {name: value for name, value in options.items() if name in ("law", *OPTIONS)}
+    if "model" in options:
         if law:
             raise InputError(
-                f"{named('model')} {given['model']} and {named(next(iter(law)))}: give one of them"
+                f"{named('model')} {options['model']} and {named(next(iter(law)))}: give one of them"
             )
-        return model_of(given["model"], **{name: value for name, value in given.items() if name != "model"})
-    if "law" not in given:
+        return model_of(
+            options["model"], **{name: value for name, value in options.items() if name != "model"}
+        )
+    if "law" not in options:
         raise InputError(
             f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options"
         )
-    motion = {name: given[name] for name in MOTION if name in given}
-    return Model(damping_law(**{name: one for name, one in given.items() if name not in motion}), **motion)
+    motion = {name: options[name] for name in MOTION if name in options}
+    return Model(damping_law(**{name: options[name] for name in options if name not in motion}), **motion)
 
 
 def model_options(model: Model) -> dict:
@@ -49,13 +51,15 @@ def model_options(model: Model) -> dict:
     return law_options(model.law) | motion
 
 
-def model_written(**options) -> str:
+def model_code(**options) -> str:
     """Python text of a model that these options describe."""
     law = {name: value for name, value in options.items() if name not in MOTION}
     if law:
-        return law_written(**law)
+        return law_code(**law)
     return f"jampetsc.models.CDn({', '.join(f'{name}={value!r}' for name, value in options.items())})"
 
 
 MODEL_HELP = f"a name ({', '.join(MODELS)}), jampetsc.models.CDn(mass=…), a damping law or a Model of it"
-MODEL = Part((*OWN, *law_parameters(None)), model_made, model_options, Model, MODEL_HELP, model_written)
+MODEL = CompositeParameter(
+    (*OWN, *law_parameters(None)), build_model, model_options, Model, MODEL_HELP, model_code
+)

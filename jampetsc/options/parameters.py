@@ -2,9 +2,9 @@
 
     @dataclass(frozen=True)
     class Sweep(Job):
-        packing: Packing = asked(help="packing", kind=PACKING)
-        law: Law = part(DAMPING)                               # several options that make one object
-        accuracy: float = asked(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
+        packing: Packing = parameter(help="packing", value_type=PACKING)
+        law: Law = composite_parameter(DAMPING)                # several options that make one object
+        accuracy: float = parameter(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
 
 The signature of the python function, the option of the command, the key of a study, the request that a file records and
 the documentation follow from it. A value is read in the same way from python objects, words of a command line and TOML.
@@ -25,18 +25,19 @@ from pathlib import Path
 
 from jampetsc.errors import InputError, as_float, named
 
-MOST_SHOWN = 200  # characters of a value in a message
-NAME_LIKENESS = 0.75  # likeness of a name to what may have been meant
-EXACT = 2.0**53  # whole numbers up to this are exact as floats
+MAX_TEXT_LENGTH = 200  # characters of a value in a message
+MIN_NAME_SIMILARITY = 0.75  # of a misspelt name and the one suggested
+MAX_EXACT_INTEGER = 2.0**53  # whole numbers up to this are exact as floats
 # where a command line has it: --name, its place, all its places
 OPTION, FILE, FILES = ("option", "file", "files")
+DECLARATION = "parameter"  # key of a field's metadata
 
 
 @dataclass(frozen=True)
-class Kind:
+class ValueType:
     """How a value is read and written.
 
-    read       value as given → value; raises ValueError that says what it must be
+    read       value as the user writes it → value; raises ValueError that says what it must be
     serialise  value → what TOML, JSON and a command line can hold; `read` turns it back into the value
     metavar    its placeholder in the help
     """
@@ -60,7 +61,7 @@ def _count(value):
         return int(value) if isinstance(value, str) else operator.index(value if value is not True else None)
     with suppress(TypeError, ValueError):
         number = float(value) if isinstance(value, str | float) else math.nan
-        if number.is_integer() and abs(number) <= EXACT:  # 1e3
+        if number.is_integer() and abs(number) <= MAX_EXACT_INTEGER:  # 1e3
             return int(number)
     raise ValueError("must be a whole number")
 
@@ -78,12 +79,12 @@ def _path(value):
         raise ValueError("must be the name of a file") from None
 
 
-NUMBER = Kind(_number)
-COUNT = Kind(_count)
-SWITCH = Kind(_switch)
-WORD = Kind(str)
-PATH = Kind(_path, str, metavar="FILE")
-KINDS = {float: NUMBER, int: COUNT, bool: SWITCH, str: WORD, Path: PATH}
+NUMBER = ValueType(_number)
+COUNT = ValueType(_count)
+SWITCH = ValueType(_switch)
+WORD = ValueType(str)
+PATH = ValueType(_path, str, metavar="FILE")
+VALUE_TYPES = {float: NUMBER, int: COUNT, bool: SWITCH, str: WORD, Path: PATH}
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class Parameter:
 
     name: str
     help: str
-    kind: Kind
+    value_type: ValueType
     default: object = MISSING
     low: float | None = None
     high: float | None = None
@@ -132,7 +133,7 @@ class Parameter:
         if value is None and self.default is None:
             return None
         try:
-            value = self.kind.read(value)
+            value = self.value_type.read(value)
             if self.choices and value not in self.choices:
                 raise ValueError(f"choose one of {', '.join(self.choices)}{self._remedy}")
             if isinstance(value, int | float) and not isinstance(value, bool):
@@ -141,11 +142,10 @@ class Parameter:
         except ValueError as error:
             if isinstance(error, InputError):
                 raise
-            said, text = shown(value), str(error)
-            text = (
-                text[len(said) :] if text.startswith((f"{said} ", f"{said}:")) else text
-            )  # it is said before
-            raise InputError(f"{named(self.name)} {said}: {text.removeprefix(':').strip()}") from None
+            text, reason = format_value(value), str(error)
+            if reason.startswith((f"{text} ", f"{text}:")):  # the message begins with the value
+                reason = reason[len(text) :].removeprefix(":").strip()
+            raise InputError(f"{named(self.name)} {text}: {reason}") from None
 
     @property
     def _remedy(self):
@@ -167,15 +167,15 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Part:
+class CompositeParameter:
     """Several options that together describe one object, such as a damping law.
 
     options      those options, or a function that returns them
-    make         called with the given ones as keywords → the object; raises InputError
+    make         called with the options that the user gave, as keywords → the object; raises InputError
     serialise    the object → {option: value}; `make` turns it back into the object
     type         class of the object
     help         what it is, in python
-    written      called with options → python text that makes the object, for messages
+    code         called with options → python text that makes the object, for messages
     optional     whether None is allowed
     """
 
@@ -184,7 +184,7 @@ class Part:
     serialise: Callable
     type: type
     help: str = ""
-    written: Callable | None = None
+    code: Callable | None = None
     optional: bool = False
 
     @property
@@ -193,88 +193,99 @@ class Part:
         return self.options() if callable(self.options) else self.options
 
 
-def asked(default=MISSING, help="", *, kind=None, place=OPTION, **more):
-    """A field of a job that is a `Parameter`; for float, int, bool, str and Path the kind follows from the type."""
-    more["choices"] = tuple(more.get("choices", ()))
-    said = Parameter("", help, kind, default, place=place, **more)  # name and kind follow from the field
-    return dataclasses.field(default=default, metadata={"asked": said}, kw_only=place == OPTION)
+def parameter(default=MISSING, help="", *, value_type=None, place=OPTION, **settings):
+    """A field of a job that is a `Parameter`; float, int, bool, str and Path have their own value types."""
+    settings["choices"] = tuple(settings.get("choices", ()))
+    declaration = Parameter("", help, value_type, default, place=place, **settings)  # `fields` adds the name
+    return dataclasses.field(default=default, metadata={DECLARATION: declaration}, kw_only=place == OPTION)
 
 
-optional = functools.partial(asked, None)  # a field of a parameter that need not be given
+optional_parameter = functools.partial(parameter, None)  # a field of a parameter that may be left out
 
 
-def part(part: Part, default=MISSING):
-    """A field of a job that several options describe; if none is given `default`, or else `part.make()`.
+def composite_parameter(composite: CompositeParameter, default=MISSING):
+    """A field of a job that several options describe; without any of them `default`, or else `composite.make()`.
 
     `make` gets only the options that are not at their defaults.
     """
-    said = dataclasses.replace(part, optional=default is None)
-    default = {"default_factory": part.make} if default is MISSING else {"default": default}
-    return dataclasses.field(**default, metadata={"asked": said})
+    declaration = dataclasses.replace(composite, optional=default is None)
+    default = {"default_factory": composite.make} if default is MISSING else {"default": default}
+    return dataclasses.field(**default, metadata={DECLARATION: declaration})
 
 
 @functools.cache
-def fields(job) -> dict[str, Parameter | Part]:
-    """{name: Parameter or Part} of the fields of a class of jobs."""
-    found = {}
+def fields(job) -> dict[str, Parameter | CompositeParameter]:
+    """{name: Parameter or CompositeParameter} of the fields of a class of jobs."""
+    declarations = {}
     for field in dataclasses.fields(job):
-        said = field.metadata["asked"]
-        if isinstance(said, Parameter):
-            said = dataclasses.replace(said, name=field.name, kind=said.kind or KINDS[_plain(field.type)])
-        found[field.name] = said
-    return found
+        declaration = field.metadata[DECLARATION]
+        if isinstance(declaration, Parameter):
+            value_type = declaration.value_type or VALUE_TYPES[_without_none(field.type)]
+            declaration = dataclasses.replace(declaration, name=field.name, value_type=value_type)
+        declarations[field.name] = declaration
+    return declarations
 
 
 @functools.cache
 def parameters(job) -> dict[str, Parameter]:
-    """{name: Parameter} of a class of jobs, including those of its parts."""
-    found = {}
-    for name, said in fields(job).items():
-        found |= {one.name: one for one in said.parameters} if isinstance(said, Part) else {name: said}
-    return found
+    """{name: Parameter} of a class of jobs, including those of its composite parameters."""
+    single = {}
+    for name, declaration in fields(job).items():
+        if isinstance(declaration, CompositeParameter):
+            single |= {option.name: option for option in declaration.parameters}
+        else:
+            single[name] = declaration
+    return single
 
 
-def made(job, given: dict):
-    """An instance of the class `job` from values {name: value}; None counts as not given.
+def build_job(job, values: dict):
+    """An instance of the class `job` from {name: value}; None counts as left out.
 
     Raises InputError for an unknown name, a required one that is missing, and as the job does.
     """
-    known = parameters(job)
-    given = {name: value for name, value in given.items() if value is not None}
-    for name in given:
-        if name not in known and name not in fields(job):
-            raise InputError(f"{name}: no such parameter{did_you_mean(name, known)}")
+    declared = parameters(job)
+    values = {name: value for name, value in values.items() if value is not None}
+    for name in values:
+        if name not in declared and name not in fields(job):
+            raise InputError(f"{name}: no such parameter{suggest_name(name, declared)}")
     missing = []
-    for field, said in fields(job).items():
-        if isinstance(said, Parameter):
-            missing += [named(field)] if said.required and field not in given else []
+    for field, declaration in fields(job).items():
+        if isinstance(declaration, Parameter):
+            missing += [named(field)] if declaration.required and field not in values else []
             continue
-        mine = {one: one.read(given.pop(one.name)) for one in said.parameters if one.name in given}
-        mine = {one.name: value for one, value in mine.items() if one.default is None or value != one.default}
-        if mine:
-            given[field] = said.make(**mine)
+        options = [option for option in declaration.parameters if option.name in values]
+        read = {option: option.read(values.pop(option.name)) for option in options}
+        changed = {
+            option.name: value
+            for option, value in read.items()
+            if option.default is None or value != option.default
+        }
+        if changed:
+            values[field] = declaration.make(**changed)
     if missing:
         raise InputError(f"{', '.join(missing)}: must be given")
-    return job(**given)
+    return job(**values)
 
 
-def did_you_mean(name, known) -> str:
-    """End of a message: `; did you mean …?` with the known name most like this one, empty if none is similar."""
-    near = difflib.get_close_matches(name, known, n=1, cutoff=NAME_LIKENESS)
-    return f"; did you mean {near[0]}?" if near else ""
+def suggest_name(name, valid_names) -> str:
+    """End of a message: `; did you mean …?` with the valid name most like this one, empty if none is similar."""
+    similar = difflib.get_close_matches(name, valid_names, n=1, cutoff=MIN_NAME_SIMILARITY)
+    return f"; did you mean {similar[0]}?" if similar else ""
 
 
-def shown(value) -> str:
+def format_value(value) -> str:
     """A value as messages show it, in one line, the middle of a long one left out."""
     if isinstance(value, int) and value.bit_length() > 64:
         return f"{Decimal(value):.6g}"
     text = f"{value:g}" if isinstance(value, float) else str(value)
     text = text if text.isprintable() else ascii(text)
-    return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN // 2]} … {text[-MOST_SHOWN // 4 :]}"
+    if len(text) <= MAX_TEXT_LENGTH:
+        return text
+    return f"{text[: MAX_TEXT_LENGTH // 2]} … {text[-MAX_TEXT_LENGTH // 4 :]}"
 
 
-def _plain(annotation):
-    """The type behind `T | None`."""
-    if isinstance(annotation, types.UnionType):  # T | None
-        return next(one for one in typing.get_args(annotation) if one is not type(None))
+def _without_none(annotation):
+    """The type T of `T | None`."""
+    if isinstance(annotation, types.UnionType):
+        return next(member for member in typing.get_args(annotation) if member is not type(None))
     return annotation

@@ -6,7 +6,7 @@ from jampetsc import streams
 from jampetsc.errors import InputError, JampetscError, in_words, option
 from jampetsc.io.outlet import Outlet
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILES, OPTION, made, parameters, shown
+from jampetsc.options.parameters import FILES, OPTION, build_job, format_value, parameters
 from jampetsc.petsc import session
 
 
@@ -23,10 +23,10 @@ def add_job(job, subparsers, whole=True) -> None:
     if not whole:
         return
     groups = {}
-    for name, one in parameters(job).items():
-        if one.group and one.group not in groups:
-            groups[one.group] = parser.add_argument_group(one.group)
-        _add(groups.get(one.group, parser), name, one)
+    for name, declaration in parameters(job).items():
+        if declaration.group and declaration.group not in groups:
+            groups[declaration.group] = parser.add_argument_group(declaration.group)
+        _add(groups.get(declaration.group, parser), name, declaration)
     if job.OUT:
         parser.add_argument("--out", metavar="FILE", required=job.OUT == "required", help=job.OUT_HELP)
     volume = parser.add_mutually_exclusive_group()
@@ -41,52 +41,61 @@ def add_job(job, subparsers, whole=True) -> None:
     parser.set_defaults(job=job)
 
 
-def _add(parser, name, one):
-    if one.place != OPTION:
-        count = "+" if one.place == FILES else None if one.required else "?"
+def _add(parser, name, declaration):
+    if declaration.place != OPTION:
+        count = "+" if declaration.place == FILES else None if declaration.required else "?"
         parser.add_argument(
-            name, nargs=count, metavar=one.metavar or one.kind.metavar or name.upper(), help=one.help
+            name,
+            nargs=count,
+            metavar=declaration.metavar or declaration.value_type.metavar or name.upper(),
+            help=declaration.help,
         )
-    elif isinstance(one.default, bool):
-        switch = {"action": "store_const", "const": not one.default, "default": None}
-        parser.add_argument(one.word, dest=name, help=_help(one), **switch)
+    elif isinstance(declaration.default, bool):
+        switch = {"action": "store_const", "const": not declaration.default, "default": None}
+        parser.add_argument(declaration.word, dest=name, help=_help(declaration), **switch)
     else:
         parser.add_argument(
-            *filter(None, (one.word, one.also)),
+            *filter(None, (declaration.word, declaration.also)),
             dest=name,
-            required=one.required,
-            metavar=one.metavar or one.kind.metavar or (None if one.choices else name.upper()),
-            help=_help(one),
+            required=declaration.required,
+            metavar=declaration.metavar
+            or declaration.value_type.metavar
+            or (None if declaration.choices else name.upper()),
+            help=_help(declaration),
         )
 
 
-def _help(one):
+def _help(declaration):
     """The line of help, with choices, unit and default."""
-    words = [one.off or one.help]
-    if one.choices:
-        words.append(f"({', '.join(one.choices)})")
-    if one.unit:
-        words.append(f"in {one.unit}")
-    if not one.required and one.default is not None and not isinstance(one.default, bool):
-        words.append(f"(default {shown(one.default)})")
+    words = [declaration.off or declaration.help]
+    if declaration.choices:
+        words.append(f"({', '.join(declaration.choices)})")
+    if declaration.unit:
+        words.append(f"in {declaration.unit}")
+    if (
+        not declaration.required
+        and declaration.default is not None
+        and not isinstance(declaration.default, bool)
+    ):
+        words.append(f"(default {format_value(declaration.default)})")
     return " ".join(words).replace("%", "%%")
 
 
-def job_of(args) -> Job:
+def parse_job(args) -> Job:
     """The job that parsed arguments describe. Raises InputError, with parameters written as options."""
     try:
-        return made(args.job, {name: getattr(args, name) for name in parameters(args.job)})
+        return build_job(args.job, {name: getattr(args, name) for name in parameters(args.job)})
     except JampetscError as error:
-        raise InputError(error.message(words_of(args.job))) from None
+        raise InputError(error.message(option_words(args.job))) from None
 
 
-def words_of(job):
+def option_words(job):
     """A function (name of a parameter) -> the option of the job's command, for messages."""
     known = parameters(job)
     return lambda name: known[name].word if name in known else option(name)
 
 
-def run(job, args, petsc_argv=()) -> int:
+def run_job(job, args, petsc_argv=()) -> int:
     """Run a job, print its summary and return the exit status. Collective.
 
     args        the parsed arguments, for `out` and `overwrite`
@@ -100,9 +109,9 @@ def run(job, args, petsc_argv=()) -> int:
         overwrite = getattr(args, "overwrite", False)
         summary = job.perform(to, petsc_argv=petsc_argv, overwrite=overwrite, alone=not needs_petsc)
     except JampetscError as error:
-        error.args = (error.message(words_of(type(job))),)
+        error.args = (error.message(option_words(type(job))),)
         raise
     comm = session.communicator() if needs_petsc else None
     if summary and (comm is None or comm.rank == 0):
-        print(streams.visible(in_words(summary, words_of(type(job))), "\n\t"))
+        print(streams.visible(in_words(summary, option_words(type(job))), "\n\t"))
     return to.status

@@ -18,55 +18,60 @@ from jampetsc.minimise.sizes import (
     sizes_text,
 )
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILE, optional, parameters
-from jampetsc.options.values import LAST_SEED, MOST_THREADS, PACKING, RADII, input_name
+from jampetsc.options.parameters import FILE, optional_parameter, parameters
+from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, input_name
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, Potential
 
-PHIS = (0.1, 1.0)
+PHI_RANGE = (0.1, 1.0)
 RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
 GROUP = "random disks, without START; smallest diameter 1, k_e = k_d = 1"
-of_disks, of_run = partial(optional, group=GROUP), partial(optional, group="run")
+random_disks_parameter = partial(optional_parameter, group=GROUP)
+run_parameter = partial(optional_parameter, group="run")
 
 
 @dataclass(frozen=True, eq=False)
-class FromStart(Job):
+class ShearJob(Job):
     """Base of jobs that shear a packing, or random disks that they make."""
 
-    start: Packing | None = optional("packing to start from", kind=PACKING, place=FILE, metavar="START")
-    n: int | None = of_disks("number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
-    phi: float | None = of_disks(
-        "packing fraction; disks jam near 0.84", low=PHIS[0], high=PHIS[1], metavar="PHI"
+    start: Packing | None = optional_parameter(
+        "packing to start from", value_type=PACKING, place=FILE, metavar="START"
     )
-    seed: int | None = of_disks("of the random start (default 1)", low=0, high=LAST_SEED, metavar="S")
-    sizes: str | None = of_disks(
+    n: int | None = random_disks_parameter("number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
+    phi: float | None = random_disks_parameter(
+        "packing fraction; disks jam near 0.84", low=PHI_RANGE[0], high=PHI_RANGE[1], metavar="PHI"
+    )
+    seed: int | None = random_disks_parameter(
+        "of the random start (default 1)", low=0, high=MAX_SEED, metavar="S"
+    )
+    sizes: str | None = random_disks_parameter(
         f"disk sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default {SIZES[0]})",
         choices=SIZES,
         remedy=OTHER_SIZES,
     )
-    radii: Radii | None = of_disks(
-        "text file of radii, one per disk, or an array, instead of n and sizes", kind=RADII
+    radii: Radii | None = random_disks_parameter(
+        "text file of radii, one per disk, or an array, instead of n and sizes", value_type=RADII
     )
-    potential: str | None = of_disks(
+    potential: str | None = random_disks_parameter(
         f"energy of an overlap (default {next(iter(EXPONENTS))})", choices=EXPONENTS
     )
 
-    discard: float | None = of_run(
+    discard: float | None = run_parameter(
         "strain left out of the means (default 1, at most half)", low=0.0, metavar="S"
     )
-    last: Path | None = of_run("write the last state as a packing, too", metavar="FILE")
-    threads: int | None = of_run(
-        "at most so many threads (default: one for each core)", low=1, high=MOST_THREADS, metavar="T"
+    last: Path | None = run_parameter("write the last state as a packing, too", metavar="FILE")
+    threads: int | None = run_parameter(
+        "at most so many threads (default: one for each core)", low=1, high=MAX_THREADS, metavar="T"
     )
 
     def check(self):
         """Refuse parameters of random disks beside a packing, and missing ones without a packing."""
         self.check_discard()
         if self.start is not None:
-            for name, one in parameters(type(self)).items():
-                if one.group == GROUP and getattr(self, name) not in (None, False):
+            for name, declaration in parameters(type(self)).items():
+                if declaration.group == GROUP and getattr(self, name) not in (None, False):
                     raise InputError(f"{named(name)}: belongs to {input_name(self.start)}; leave it out")
             return
         for name in ("phi", "n"):

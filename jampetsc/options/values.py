@@ -10,24 +10,24 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 from jampetsc.errors import InputError
-from jampetsc.options.parameters import Kind, shown
+from jampetsc.options.parameters import ValueType, format_value
 from jampetsc.response.limits import MAX_OMEGA, MIN_OMEGA
 
 Numbers = str | Sequence[float]
 MAX_GRID_SIZE = 100_000  # numbers of a grid
-LAST_SEED = 2**63 - 1  # what a file can record
-MOST_SEEDS = 1_000_000
-MOST_THREADS = 256
+MAX_SEED = 2**63 - 1  # what a file can record
+MAX_SEEDS = 1_000_000
+MAX_THREADS = 256
 
 
-def words(given) -> tuple:
+def split_list(given) -> tuple:
     """A tuple of values: the words between commas of a string, the entries of a list or array, or a single value."""
     if isinstance(given, str):
         return tuple(given.split(","))
     return tuple(given) if getattr(given, "ndim", 1) and hasattr(given, "__iter__") else (given,)
 
 
-def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
+def number_list(least, most, metavar="LIST", unit="", even=False) -> ValueType:
     """Several numbers within [least, most], read as an array (M,), increasing and without repeats.
 
     unit   what follows the limits in a message
@@ -39,7 +39,7 @@ def numbers(least, most, metavar="LIST", unit="", even=False) -> Kind:
             given = f"lin:{given.removeprefix('lin:')}"
         return _numbers(given, least, most, unit)
 
-    return Kind(read, partial(grid_text, even=even), metavar=metavar)
+    return ValueType(read, partial(format_numbers, even=even), metavar=metavar)
 
 
 def _numbers(given, least, most, unit):
@@ -56,13 +56,13 @@ def _numbers(given, least, most, unit):
         raise ValueError("must be at least one number")
     for value in values:
         if not least <= value <= most:  # nan as well
-            raise ValueError(f"{shown(float(value))} must lie between {least:g} and {most:g}{unit}")
+            raise ValueError(f"{format_value(float(value))} must lie between {least:g} and {most:g}{unit}")
     return values
 
 
 def _integers(given):
     try:
-        return [int(word) for word in words(given)]
+        return [int(word) for word in split_list(given)]
     except (TypeError, ValueError):
         raise ValueError("write numbers with commas, such as 1,2,5") from None
 
@@ -86,7 +86,7 @@ def _written(text):
     return (np.linspace if even else np.geomspace)(low, high, count)
 
 
-def grid_text(values, even=False) -> str:
+def format_numbers(values, even=False) -> str:
     """Numbers (M,) written in the grammar above, such that reading gives the same to the last bit.
 
     even   whether low:high:count is an even grid, without lin:
@@ -103,7 +103,7 @@ def grid_text(values, even=False) -> str:
     return ",".join(repr(float(value)) for value in values)
 
 
-def seeds_of(given) -> Sequence[int]:
+def read_seeds(given) -> Sequence[int]:
     """The seeds that `FIRST:LAST`, both included, or `a,b,…` stands for; one or several whole numbers.
 
     Raises ValueError.
@@ -119,12 +119,12 @@ def seeds_of(given) -> Sequence[int]:
         raise ValueError("must be FIRST:LAST, for instance 1:20, or a,b,…") from None
     if not seeds:
         raise ValueError("the last must not be below the first")
-    if len(seeds[: MOST_SEEDS + 1]) > MOST_SEEDS:  # there are ranges longer than python can count
-        raise ValueError(f"more than {MOST_SEEDS} seeds at a time")
+    if len(seeds[: MAX_SEEDS + 1]) > MAX_SEEDS:  # there are ranges longer than python can count
+        raise ValueError(f"more than {MAX_SEEDS} seeds at a time")
     if not isinstance(seeds, range) and len(set(seeds)) < len(seeds):
         raise ValueError("has a seed twice")
-    if not 0 <= min(seeds) <= max(seeds) <= LAST_SEED:
-        raise ValueError(f"must lie in [0, {LAST_SEED}]")
+    if not 0 <= min(seeds) <= max(seeds) <= MAX_SEED:
+        raise ValueError(f"must lie in [0, {MAX_SEED}]")
     return seeds
 
 
@@ -169,7 +169,7 @@ def _read_as(names, what):
     return read
 
 
-def opened(source):
+def load_source(source):
     """A packing or a result that a job was given, loaded if it is the name of a file."""
     from jampetsc.io.reader import load
 
@@ -193,14 +193,16 @@ def refuse_repeated(sources) -> None:
         seen[one] = told
 
 
-PACKING = Kind(_read_as(["Packing"], "a packing"), input_name, metavar="PACKING")  # Packing, or a path
-RESULT = Kind(_read_as(["Result"], "a result"), input_name, metavar="FILE")  # Result in memory, or a path
-PACKING_OR_RESULT = Kind(
+PACKING = ValueType(_read_as(["Packing"], "a packing"), input_name, metavar="PACKING")  # Packing, or a path
+RESULT = ValueType(
+    _read_as(["Result"], "a result"), input_name, metavar="FILE"
+)  # Result in memory, or a path
+PACKING_OR_RESULT = ValueType(
     _read_as(["Packing", "Result"], "a packing, a result"), input_name, metavar="FILE"
 )  # either
-INTEGERS = Kind(_integers, lambda numbers: ",".join(map(str, numbers)))
-SEEDS = Kind(seeds_of, _seeds_text, metavar="FIRST:LAST|LIST")
-RADII = Kind(_radii, lambda radii: radii.path or radii.text, metavar="FILE")  # a `minimise.sizes.Radii`
-FREQUENCIES = numbers(
+INTEGERS = ValueType(_integers, lambda integers: ",".join(map(str, integers)))
+SEEDS = ValueType(read_seeds, _seeds_text, metavar="FIRST:LAST|LIST")
+RADII = ValueType(_radii, lambda radii: radii.path or radii.text, metavar="FILE")  # a `minimise.sizes.Radii`
+FREQUENCIES = number_list(
     MIN_OMEGA, MAX_OMEGA, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)"
 )

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from jampetsc.commands import job_class, study_inputs
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import open_regular
-from jampetsc.options.parameters import did_you_mean
+from jampetsc.options.parameters import suggest_name
 from jampetsc.options.task_inputs import ALL_SEEDS, NO_FILE, ONE_PACKING, ONE_RESULT, PACKING_OR_N
 from jampetsc.studies.table_keys import (
     PLACEHOLDER,
@@ -127,7 +127,7 @@ def _tables(path, content):
     tables_of = {}
     for command, value in content.items():
         if command not in study_inputs():
-            hint = did_you_mean(command, study_inputs()) or f"; there are {', '.join(study_inputs())}"
+            hint = suggest_name(command, study_inputs()) or f"; there are {', '.join(study_inputs())}"
             raise InputError(f"{path}: {command}: no table of a study has this name{hint}")
         tables = value if isinstance(value, list) else [value]
         if not tables or not all(isinstance(table, dict) for table in tables):

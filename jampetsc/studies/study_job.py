@@ -9,7 +9,7 @@ from typing import ClassVar
 from jampetsc.errors import InputError, named
 from jampetsc.io.results import count_notes
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILE, Kind, asked
+from jampetsc.options.parameters import FILE, ValueType, parameter
 from jampetsc.petsc.solver_options import SOLVERS
 
 MAX_LISTED_FAILURES = 10  # failures that the summary lists
@@ -56,12 +56,12 @@ examples:
 
 A task that fails is a row with its reason and is tried again by the next run; the status is then 3."""
 
-    study: str | dict = asked(
+    study: str | dict = parameter(
         help="what to do: a TOML file, in python also its tables by name",
-        kind=Kind(_description, metavar="STUDY"),
+        value_type=ValueType(_description, metavar="STUDY"),
         place=FILE,
     )
-    dry_run: bool = asked(False, "print the tasks without running them")
+    dry_run: bool = parameter(False, "print the tasks without running them")
 
     @property
     def scalar(self):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from jampetsc.errors import InputError
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import COUNT, FILES, NUMBER, OPTION, did_you_mean, made, parameters
-from jampetsc.options.values import seeds_of
+from jampetsc.options.parameters import COUNT, FILES, NUMBER, OPTION, build_job, parameters, suggest_name
+from jampetsc.options.values import read_seeds
 
 STUDY_KEYS = ("out", "packing", "last", "overwrite", "quiet")  # keys that the study sets itself
 # column -> its letters in names of files
@@ -66,7 +66,7 @@ def values_of(job, table: dict, where: str) -> list:
         if key in STUDY_KEYS:
             raise InputError(f"{where}: {key}: the study itself gives it: leave it out")
         if key not in options and not (key == "seeds" and "seed" in options):
-            hint = did_you_mean(key, set(options) - set(STUDY_KEYS))
+            hint = suggest_name(key, set(options) - set(STUDY_KEYS))
             raise InputError(f"{where}: {key}: no such option{hint}")
         lists.append(_values(options, key, value, where))
     return lists
@@ -87,7 +87,7 @@ def combinations_of(job, lists: list, where: str, begins: bool) -> list[TaskSett
         chosen = [(parameter, value) for (parameter, _), value in zip(lists, values, strict=True)]
         values_by_name = {parameter.name: _typed(parameter, value) for parameter, value in chosen}
         try:
-            task_job = made(job, files | values_by_name)
+            task_job = build_job(job, files | values_by_name)
         except InputError as error:
             raise InputError(f"{where}: {error.message(lambda name: keys.get(name, name))}") from None
         for parameter, value in chosen:
@@ -131,7 +131,7 @@ def _seeds(value, where):
     if not isinstance(value, str):
         return value
     try:
-        return seeds_of(value)
+        return read_seeds(value)
     except (InputError, ValueError) as error:
         raise InputError(f"{where}: seeds {value}: {error}") from None
 
@@ -142,7 +142,7 @@ def _typed(parameter, value):
         return parameter.default != value  # a switch that is on by default has a key that turns it off
     text = str(number_of(value))
     try:
-        return parameter.kind.read(text) if parameter.kind in (NUMBER, COUNT) else text
+        return parameter.value_type.read(text) if parameter.value_type in (NUMBER, COUNT) else text
     except ValueError:  # which the job refuses
         return text
 

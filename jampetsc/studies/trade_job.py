@@ -6,9 +6,9 @@ from typing import ClassVar
 
 from jampetsc.commands.sweep import OMEGA
 from jampetsc.errors import InputError, named
-from jampetsc.options.law_options import OfPacking
-from jampetsc.options.parameters import Kind, asked
-from jampetsc.options.values import FREQUENCIES, Numbers, grid_text, words
+from jampetsc.options.law_options import PackingJob
+from jampetsc.options.parameters import ValueType, parameter
+from jampetsc.options.values import FREQUENCIES, Numbers, format_numbers, split_list
 from jampetsc.packing.packing import Packing
 from jampetsc.shipped_files import located
 
@@ -16,14 +16,14 @@ GROUPS = ("accuracy", "method", "physics", "frequencies")
 
 
 def _groups(value):
-    for word in words(value):
+    for word in split_list(value):
         if word not in GROUPS:
             raise ValueError(f"{word!r} is not in {', '.join(GROUPS)}")
-    return words(value)
+    return split_list(value)
 
 
 def _files(value):
-    paths = tuple(located(str(path)) for path in words(value))
+    paths = tuple(located(str(path)) for path in split_list(value))
     for path in paths:
         if not Path(path).is_file():
             raise ValueError(f"{path}: no such file")
@@ -31,7 +31,7 @@ def _files(value):
 
 
 @dataclass(frozen=True, eq=False)
-class Trade(OfPacking):
+class Trade(PackingJob):
     """Measure what speed costs in accuracy.
 
     Runs a sweep of one packing with each of many settings, and compares time, memory, factorisations, errors of G' and
@@ -56,24 +56,26 @@ class Trade(OfPacking):
 
 Times are meaningful only on a machine without other load."""
 
-    choices: tuple = asked(",".join(GROUPS), "what to vary", kind=Kind(_groups, ",".join, metavar="LIST"))
-    ensemble: bool = asked(
+    choices: tuple = parameter(
+        ",".join(GROUPS), "what to vary", value_type=ValueType(_groups, ",".join, metavar="LIST")
+    )
+    ensemble: bool = parameter(
         False, "also: one big packing against 4 of N/4 and 16 of N/16 disks, which are made for it"
     )
-    omega: Numbers = asked(OMEGA, "frequencies ω", kind=FREQUENCIES, unit="1/τ₁")
-    ranks: int | None = asked(
+    omega: Numbers = parameter(OMEGA, "frequencies ω", value_type=FREQUENCIES, unit="1/τ₁")
+    ranks: int | None = parameter(
         None, "number of ranks of every run, under mpirun (default: without mpirun)", low=1, high=100_000
     )
-    options_files: tuple | None = asked(
+    options_files: tuple | None = parameter(
         None,
         "options files for method direct (default: iterative, superlu_dist, low_memory of jampetsc)",
-        kind=Kind(_files, ",".join, metavar="FILE[,FILE…]"),
+        value_type=ValueType(_files, ",".join, metavar="FILE[,FILE…]"),
     )
 
     @property
     def frequencies(self) -> str:
         """Frequencies of the runs, as on a command line."""
-        return grid_text(self.omega)
+        return format_numbers(self.omega)
 
     def check(self):
         """Refuse a packing in memory, which other processes cannot read."""

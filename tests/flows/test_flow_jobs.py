@@ -25,7 +25,7 @@ from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.options import starts
-from jampetsc.options.parameters import made
+from jampetsc.options.parameters import build_job
 
 NAN, INF, LAST = float("nan"), float("inf"), 2**63 - 1
 FLOW = {"n": 16, "phi": 0.8, "model": "RD0", "rate": 1e-2, "strain": 0.5}
@@ -102,17 +102,17 @@ def test_a_range_includes_its_ends_and_values_beyond_are_refused(job, given, nam
     if name == "tau1" or name == "background_drag":
         given = given | {"model": "CD0"}
     for value in within:
-        made(job, given | {name: value})
+        build_job(job, given | {name: value})
     for value in beyond:
         with pytest.raises(InputError) as refused:
-            made(job, given | {name: value})
+            build_job(job, given | {name: value})
         assert str(refused.value).startswith(name) and "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(("job", "given", "name"), REFUSED)
 def test_parameters_that_do_not_fit_together_are_refused(job, given, name):
     with pytest.raises(InputError) as refused:
-        made(job, given)
+        build_job(job, given)
     assert str(refused.value).startswith((f"{name}:", f"{name} "))
 
 
@@ -126,8 +126,8 @@ def test_a_seventh_model_is_one_row(monkeypatch):
 
 
 def test_functions_of_models_have_the_options_of_their_model():
-    made = {name: getattr(jampetsc.models, name) for name in models.MODELS}
-    signatures = {name: set(inspect.signature(model).parameters) for name, model in made.items()}
+    functions = {name: getattr(jampetsc.models, name) for name in models.MODELS}
+    signatures = {name: set(inspect.signature(model).parameters) for name, model in functions.items()}
     massive, background_drag = {"mass", "quality"}, {"background_drag"}
     assert signatures == {
         "RD0": {"tau1"}, "CD0": {"tau1"} | background_drag, "RD": {"tau1"} | massive,
@@ -150,14 +150,14 @@ def test_a_model_may_be_given_in_several_ways():
         (law, damping),
         ({"law": "stokes", "rotations": True}, jampetsc.StokesDrag()),
     ):
-        one, other = made(Flow, own | options), Flow(**own, model=model)
+        one, other = build_job(Flow, own | options), Flow(**own, model=model)
         assert one.settings() == other.settings() and one.model == other.model
-        assert made(Flow, one.settings()).model == one.model
+        assert build_job(Flow, one.settings()).model == one.model
         assert ("--no-rotations" in one.line()) == (model is damping)
 
 
 def test_a_run_has_the_parameters_of_its_job():
-    job = made(
+    job = build_job(
         Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "background_drag": 0.125, "tau1": 2.0}
     )
     run = job._new_run()
@@ -266,7 +266,7 @@ def test_samples_have_the_parameters_of_their_job():
     Jam(**one, protocol="shear", step=0.1, every=0.3 - 0.2)  # a step but for rounding
     job = Jam(n=16, phi="0.8:0.84:3", seeds="4:5")
     assert job.settings()["phi"] == "0.8:0.84:3"
-    assert made(Jam, job.settings()).settings() == job.settings()
+    assert build_job(Jam, job.settings()).settings() == job.settings()
     assert tuple(PROTOCOLS) == jam.PROTOCOLS
 
 

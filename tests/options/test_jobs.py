@@ -31,9 +31,9 @@ from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.laws.damping import Law
-from jampetsc.options.parameters import fields, made, parameters
-from jampetsc.options.parser import words_of
-from jampetsc.options.values import PACKING, PACKING_OR_RESULT, RESULT, opened
+from jampetsc.options.parameters import build_job, fields, parameters
+from jampetsc.options.parser import option_words
+from jampetsc.options.values import PACKING, PACKING_OR_RESULT, RESULT, load_source
 from jampetsc.response import rational
 from jampetsc.studies.trade_job import Trade
 
@@ -90,7 +90,7 @@ def test_what_is_written_otherwise_and_means_the_same():
     assert Oscillate("p.h5", omega=0.1, strain=1e-6, alpha=0.5).physics.law.exponent == 0.5
     assert Correlate(["s.h5"], lane="1,0.5").lane == (1.0, 0.5)  # in their order
     # an option at its default is as if it were not given, also one of another law
-    assert made(Sweep, {"packing": "p.h5", "law": "stokes", "rotations": True}).law == StokesDrag()
+    assert build_job(Sweep, {"packing": "p.h5", "law": "stokes", "rotations": True}).law == StokesDrag()
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -174,14 +174,16 @@ def test_a_law_of_ones_own_is_recorded_with_all_its_weights():
     assert repr(law) == 'Law("mine", normal=1.0, sliding=0.5, drag=0.25, tau1=2.0)'
     words = Sweep("p.h5", law).words()
     assert shlex.join(words).startswith("--law custom --normal 1.0 --sliding 0.5 --drag 0.25 --tau1 2.0")
-    again = made(Sweep, {"packing": "p.h5"} | Sweep("p.h5", law).settings()).law
+    again = build_job(Sweep, {"packing": "p.h5"} | Sweep("p.h5", law).settings()).law
     assert again == dataclasses.replace(law, label=again.label, family="custom")
     powers = dataclasses.replace(law, exponent=0.5)  # no option says that
     assert Sweep("p.h5", powers).settings()["law"] == repr(powers)
 
 
 def test_a_law_of_the_command_line_is_that_of_python():
-    law = made(Sweep, {"packing": "p.h5", "law": "custom", "normal": 1.0, "transverse": 0.3, "drag": 0.1}).law
+    law = build_job(
+        Sweep, {"packing": "p.h5", "law": "custom", "normal": 1.0, "transverse": 0.3, "drag": 0.1}
+    ).law
     assert repr(law) == 'Law("custom", normal=1.0, transverse=0.3, drag=0.1)'
     mine = jampetsc.Law("mine", normal=1.0, transverse=0.3, drag=0.1)
     weights = ("on_contacts", "drag", "eta_f", "tau1", "exponent", "dofs")
@@ -201,12 +203,12 @@ def test_every_parameter_has_help_and_a_default_that_it_takes(name):
 
 def test_a_result_in_memory_is_taken_as_it_is_and_one_in_a_file_by_its_name(tmp_path):
     found = collected(ResultWriter(None, "jampetsc-quasistatic"))
-    assert RESULT.read(found) is PACKING_OR_RESULT.read(found) is opened(found) is found
+    assert RESULT.read(found) is PACKING_OR_RESULT.read(found) is load_source(found) is found
     with pytest.raises(ValueError, match="must be a packing"):
         PACKING.read(found)
     found.save(tmp_path / "a.h5")
     assert RESULT.read(found) == PACKING.read(found) == str(tmp_path / "a.h5")
-    assert opened(RESULT.read(found)).attributes["run_id"] == found.attributes["run_id"]
+    assert load_source(RESULT.read(found)).attributes["run_id"] == found.attributes["run_id"]
 
 
 P, OSC = ("p.h5",), {"omega": 0.1, "strain": 1e-6}
@@ -249,11 +251,11 @@ def test_what_is_refused_by_name(job, files, given, named):
     """In python by the names of parameters, on a command line by its options; before anything is read."""
     places = [name for name, one in parameters(job).items() if one.place != "option"]
     with pytest.raises(InputError) as refused:
-        made(job, {places[0]: list(files) if job in (Spectrum, Correlate) else files[0]} | given)
+        build_job(job, {places[0]: list(files) if job in (Spectrum, Correlate) else files[0]} | given)
     options = {name: parameters(job)[name].word for name in named}
     assert "--" not in str(refused.value) and "\n" not in str(refused.value)
     assert all(name in str(refused.value) for name in named)
-    assert all(option in refused.value.message(words_of(job)) for option in options.values())
+    assert all(option in refused.value.message(option_words(job)) for option in options.values())
 
 
 @pytest.mark.parametrize("number", [10**400, -(10**400), float("inf"), float("nan"), -1.0])
@@ -280,7 +282,8 @@ def test_what_no_parameter_can_be_is_refused_in_one_line():
         with pytest.raises(InputError) as refused:
             make(**given)
         assert len(str(refused.value)) < 300 and "\n" not in str(refused.value)
-    assert made(Modes, {"packing": "p.h5", "count": 10**400}).count == 10**400  # of which there may be fewer
+    count = build_job(Modes, {"packing": "p.h5", "count": 10**400}).count
+    assert count == 10**400  # a packing may have fewer modes
 
 
 @pytest.mark.parametrize(

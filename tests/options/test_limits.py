@@ -7,7 +7,7 @@ import pytest
 
 from jampetsc import main as cli
 from jampetsc.errors import InputError
-from jampetsc.options.parser import job_of
+from jampetsc.options.parser import parse_job
 from jampetsc.options.values import FREQUENCIES
 
 
@@ -19,7 +19,7 @@ def parser(command):
 def checked(line):
     """The job that a command line asks for."""
     command, *words = line.split()
-    return job_of(parser(command).parse_args(words))
+    return parse_job(parser(command).parse_args(words))
 
 
 PACK = "pack --n 16 --out p.h5 --pressure 1e-2"

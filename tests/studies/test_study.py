@@ -20,7 +20,7 @@ from jampetsc.commands import packings, study_inputs
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import asked
+from jampetsc.options.parameters import parameter
 from jampetsc.petsc.session import current
 from jampetsc.studies import study_run, task_runner
 from jampetsc.studies.journal import Claims, keep_record, records_of, tidy
@@ -237,10 +237,10 @@ def test_a_ladder_is_the_one_that_pack_makes_and_what_is_below_a_packing_that_fa
     whole = study(folder, LADDER)
     assert set(whole["state"]) == {"done"}
     packs = jampetsc.pack(n=16, pressure=[1e-2, 1e-3, 1e-4], seeds="1:2", ladder=True)
-    asked = dict(zip(itertools.product((1, 2), (1e-2, 1e-3, 1e-4)), packs, strict=True))
+    expected = dict(zip(itertools.product((1, 2), (1e-2, 1e-3, 1e-4)), packs, strict=True))
     for seed, pressure, disks in zip(whole["seed"], whole["pressure"], whole.results(), strict=True):
-        assert disks.fingerprint == asked[seed, pressure].fingerprint
-        assert disks.record.get("source_sha256") == asked[seed, pressure].record.get("source_sha256")
+        assert disks.fingerprint == expected[seed, pressure].fingerprint
+        assert disks.record.get("source_sha256") == expected[seed, pressure].record.get("source_sha256")
     assert np.isnan(whole["ladder"][:2]).all() and whole["ladder"][2:].tolist() == [1.0] * 4
     session.comm.Barrier()
     if session.rank == 0:
@@ -269,7 +269,7 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
 
     write_packing(tmp_path / "p.h5", samples.published().with_record(pressure=0.5))
     (task,) = plan("s.toml", b"[pack]\nn = 16\nphi = 0.9\n")
-    fields = [(name, int | None, asked(None)) for name in threads]
+    fields = [(name, int | None, parameter(None)) for name in threads]
     job = dataclasses.make_dataclass("Copying", fields, bases=(Copy,), frozen=True)(**threads)
     task = dataclasses.replace(task, settings=dataclasses.replace(task.settings, job=job))
     made = task_runner.TaskRunner(tmp_path, {}, 5).run(task, [])

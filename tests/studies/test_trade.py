@@ -17,7 +17,7 @@ from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.laws.damping import Physics, damping_law
-from jampetsc.options.values import grid_text
+from jampetsc.options.values import format_numbers
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import launcher
 from jampetsc.progress import Progress
@@ -324,7 +324,7 @@ def test_numbers_of_frequencies_are_so_many_per_decade_up_to_those_asked_for(tol
     bench.find_reference()
     plan, _ = trade_settings.plan_settings(bench)
     assert [choice.name for choice in plan] == [f"{n} frequencies" for n in counts]
-    grids = [grid_text(np.geomspace(low, high, n)) for n in counts]
+    grids = [format_numbers(np.geomspace(low, high, n)) for n in counts]
     assert [choice.sweep.words() for choice in plan] == [["--omega", g, "--method", "direct"] for g in grids]
 
 

@@ -14,8 +14,8 @@ from jampetsc.io.exporters import write_frames
 from jampetsc.io.frames import packing_frame
 from jampetsc.io.importers import import_packing
 from jampetsc.io.packing_file import read_packing, write_packing
-from jampetsc.options.parameters import made, parameters
-from jampetsc.options.values import FREQUENCIES, SEEDS, grid_text, numbers
+from jampetsc.options.parameters import build_job, parameters
+from jampetsc.options.values import FREQUENCIES, SEEDS, format_numbers, number_list
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.neighbours import neighbour_pairs, spatial_order
 from jampetsc.packing.packing import GRID, Packing, join, split
@@ -140,7 +140,7 @@ LISTS = st.text(alphabet="0123456789.,:-+einlaf x", max_size=20)
 @example("1:nan:3")
 @example("1e-400:1:5")
 def test_what_is_written_for_a_list_is_read_or_refused(text):
-    for read in (FREQUENCIES.read, SEEDS.read, numbers(-10, 10, even=True).read):
+    for read in (FREQUENCIES.read, SEEDS.read, number_list(-10, 10, even=True).read):
         try:
             assert len(read(text))
         except ValueError as error:
@@ -152,9 +152,11 @@ def test_a_list_that_is_told_is_read_as_the_same_numbers(values, as_grid):
     values = np.sort(values)
     if as_grid and len(values) > 1:
         values = np.geomspace(values[0], values[-1], 7)
-    read = numbers(0, 1e13).read
-    assert np.array_equal(read(grid_text(values)), np.unique(values))
-    assert np.array_equal(numbers(0, 1e13, even=True).read(grid_text(values, even=True)), np.unique(values))
+    read = number_list(0, 1e13).read
+    assert np.array_equal(read(format_numbers(values)), np.unique(values))
+    assert np.array_equal(
+        number_list(0, 1e13, even=True).read(format_numbers(values, even=True)), np.unique(values)
+    )
 
 
 VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8)
@@ -169,7 +171,7 @@ def test_whatever_is_asked_of_a_job_is_taken_or_refused_by_name(name, data):
     known = sorted(parameters(job))
     asked = data.draw(st.dictionaries(st.sampled_from(known), VALUES, max_size=3))
     try:
-        made(job, asked)
+        build_job(job, asked)
     except InputError as error:
         assert "\n" not in str(error)
 
