@@ -2,8 +2,8 @@
 
     coverage.py [means shares runs studies collapse]
 
-One error is to hold 68 % of cases and two 95 %. Every table draws its series and samples anew from a fixed seed; the
-tables of docs/performance.md are this program's output.
+One error is to hold 68 % of cases and two 95 %. Every table draws its series and samples from a fixed seed
+(docs/theory/statistics.md).
 """
 
 import argparse

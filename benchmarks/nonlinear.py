@@ -1,4 +1,4 @@
-"""Power-law damping as it is, beside BT's equivalent linear damping: the tables of docs/howto/power_laws.md.
+"""Power-law damping as it is, beside BT's equivalent linear damping (docs/theory/linear_response.md).
 
     .venv/bin/python benchmarks/nonlinear.py figures/bt-nonlinear-quick       # after run/figures/bt-nonlinear
 

@@ -1,4 +1,4 @@
-"""Where linear response ends: G* of oscillating shear against its strain, the tables of docs/howto/power_laws.md.
+"""Where linear response ends: G* of oscillating shear against its strain (docs/howto/power_laws.md).
 
     .venv/bin/python benchmarks/softening.py figures/softening-quick          # after run/figures/softening
 

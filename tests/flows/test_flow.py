@@ -168,7 +168,7 @@ def test_velocities_that_are_not_found_are_an_error():
     ],
 )
 def test_the_time_step_suits_the_model(name, mass, rate, step, method):
-    """k_e = k_d = 1, smallest diameter 1: as docs/theory/steady_shear.md says."""
+    """k_e = k_d = 1, smallest diameter 1: as docs/theory/units.md says."""
     scheme = scheme_for(Model(ROWS[name][0], mass), crowd(), rate)
     assert scheme.method == method and scheme.step == pytest.approx(step)
     assert scheme_for(Model(ROWS[name][0], mass), crowd(), rate, step=0.07).step == 0.07

@@ -17,7 +17,7 @@ SMALL = {  # option -> its value here
     **{"--phi": "0.86", "--discard": "0.01"},
 }
 KEPT = ("pack", "import")  # whose φ and seeds are those of files that later lines read
-FREQUENCIES = {"oscillate": "1e-6"}  # command -> --omega here: each takes a while
+HERE = {("oscillate", "--omega"): "1e-6", ("oscillate", "--strain"): "1e-6"}  # each point takes a while
 LONG = "trade"  # runs commands for minutes; it has tests of its own
 
 
@@ -32,8 +32,7 @@ def small(words):
     for n in range(len(words) - 1):
         if words[n] in SMALL and not (words[0] in KEPT and words[n] in ("--seeds", "--phi")):
             words[n + 1] = SMALL[words[n]]
-        if words[n] == "--omega":
-            words[n + 1] = FREQUENCIES.get(words[0], words[n + 1])
+        words[n + 1] = HERE.get((words[0], words[n]), words[n + 1])
     return words
 
 
@@ -67,16 +66,29 @@ def commands_to_run(names):
     return commands
 
 
+def write_studies(name, folder):
+    """Write the toml of a document at a size for tests, under the names that it is given there."""
+    paths = dict.fromkeys(re.findall(r"`(\w+\.toml)`", (launch.ROOT / name).read_text()))
+    for study, path in zip(blocks(name, "toml"), paths, strict=True):
+        (folder / path).write_text(small_study(study))
+
+
 def test_what_the_documents_say_runs(tmp_path):
-    """README, how-to pages and the page of python share their files, in this order."""
+    """README, pages on tasks, theory and python share their files, in this order."""
     for name in ("tests", "options"):
         (tmp_path / name).symlink_to(launch.ROOT / name)
     index = "docs/howto/index.md"
-    (study,) = blocks(index, "toml")
-    (tmp_path / "study.toml").write_text(small_study(study))
-    names = ["README.md", index, *(name for name in pages("howto/*.md") if name != index)]
+    names = [
+        "README.md",
+        index,
+        *(name for name in pages("howto/*.md") if name != index),
+        *pages("theory/*.md"),
+    ]
+    names += pages("performance.md")
+    for name in names:
+        write_studies(name, tmp_path)
     commands, python = commands_to_run(names), python_blocks([*names, "docs/reference/python.md"])
-    assert len(commands) > 20 and len(python) > 3
+    assert len(commands) > 40 and len(python) > 10
     launch.run_lines(tmp_path, commands + python)
     for path in re.findall(r"--out (\S+)", (launch.ROOT / index).read_text()):
         assert list(tmp_path.glob(re.sub(r"\{\w+\}", "*", path))) or path == "trade.csv", path
@@ -91,7 +103,7 @@ def test_a_tutorial_runs(name, tmp_path):
     launch.run_lines(tmp_path, items)
 
 
-@pytest.mark.parametrize("name", pages("theory/*.md") + pages("developer/*.md") + pages("*.md"))
+@pytest.mark.parametrize("name", pages("developer/*.md") + pages("*.md"))
 def test_commands_in_other_documents_can_be_parsed(name):
     for words in launch.command_lines((launch.ROOT / name).read_text()):
         cli.command_parser(words)[0].parse_args(words)
