@@ -3,38 +3,29 @@
     .venv/bin/python benchmarks/reproduction.py                   # from docs/kept; the csv goes to docs/kept/claims.csv
     .venv/bin/python benchmarks/reproduction.py figures quick     # from what run/figures/NAME left, or paper
 
-Each claim has one estimator and a verdict by the rule of claims/verdicts.py. What has not been run
-is left out. claims.csv has all numbers, also those of other estimators, which get no verdict.
+Each claim has one row by the rule of claims/page.py, and a verdict by that of claims/verdicts.py. What has not been run
+is left out. claims.csv has all numbers, with the row of the page on which each bears.
 """
 
 import csv
-import math
 import sys
 import tarfile
 import tempfile
 from pathlib import Path
 
 from claims import checks, exponents, flow, jamming, moduli, motion, power_law  # noqa: F401  they enter their claims
-from claims.shared import CLAIMS, GROUPS, THEORY
+from claims.page import PAGE
+from claims.selection import claim_of, page_rows
+from claims.shared import CLAIMS
 from claims.verdicts import verdict
 from keep import KEPT
 
 import jampetsc
 
-COLUMNS = "group,claim,theirs,ours,statistical,systematic,chi2,dof,verdict,reason,size,figure".split(",")
-
-
-def with_errors(ours) -> str:
-    """value(statistical)(systematic), errors in units of the last digit: two digits of the larger one."""
-    errors = [ours.inflated, ours.systematic]
-    largest = max((error for error in errors if math.isfinite(error)), default=0.0)
-    if not largest > 0.0:
-        return f"{ours.value:.4g}"
-    digits = min(max(0, 1 - math.floor(math.log10(largest))), 8)
-    shown = [error for error, needed in zip(errors, (True, ours.systematic > 0), strict=True) if needed]
-    if digits == 0:
-        return f"{ours.value:.0f}" + "".join(f"({error:.0f})" for error in shown)
-    return f"{ours.value:.{digits}f}" + "".join(f"({error * 10**digits:.0f})" for error in shown)
+COLUMNS = "row,on_page,claim,theirs,ours,statistical,systematic,chi2,dof,verdict,reason,size,figure".split(
+    ","
+)
+PREDICTIONS = "Predictions"  # title of the table of docs/theory/linear_response.md
 
 
 def judged(row) -> tuple[str, str]:
@@ -55,47 +46,60 @@ def rows_of(folder, mode):
     return found
 
 
+def print_table(title, head, rows):
+    """A table in Markdown."""
+    print(f"\n### {title}\n\n{head}\n|{'---|' * (head.count('|') - 1)}")
+    for cells in rows:
+        print("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
+
+
 def print_tables(found):
-    """Print the claims of each group; last the predictions that docs/theory/linear_response.md lists."""
-    for group in (*GROUPS, THEORY):
-        rows = [(figures, row) for figures, row in found if row.group == group]
-        if not rows:
-            continue
-        head = "| claim | theirs | ours | | figure | reason |\n|---|---|---|---|---|---|"
-        print(f"\n### {group}\n\n{head}")
-        for figures, row in rows:
-            cells = (
-                row.claim,
-                row.theirs,
-                with_errors(row.ours),
-                *judged(row)[:1],
-                ", ".join(f"`{figure}`" for figure in figures),
-                judged(row)[1],
-            )
-            print("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
+    """Print the claims of each group, and last the predictions that docs/theory/linear_response.md lists."""
+    page = page_rows(found)
+    for group in PAGE:
+        rows = [
+            (claim.text, row.theirs.rpartition(": ")[2], str(row.ours), *judged(row))
+            for where, claim, _, row, _ in page
+            if where == group
+        ]
+        if rows:
+            print_table(group, "| claim | theirs | ours | | reason |", rows)
+    rows = [
+        (row.claim, row.theirs, str(row.ours), ", ".join(f"`{figure}`" for figure in figures), row.reason)
+        for figures, row in found
+        if row.predicted
+    ]
+    if rows:
+        print_table(PREDICTIONS, "| prediction | predicted | measured | figure | |", rows)
 
 
 def write_csv(found, path):
-    """Write all rows, those with a verdict first in each figure."""
+    """Write all numbers in the order of figures, those with a verdict first, and the rows that combine several.
+
+    row         the claim of the page that a number decides, or on which it bears; or PREDICTIONS
+    on_page     yes: the page shows this number; part: the page's row combines it with others
+    """
+    page = page_rows(found)
+    shown = {id(row): "yes" if len(numbers) == 1 else "part" for *_, numbers in page for row in numbers}
+    entries = [
+        (figures, row, claim.text, "yes") for _, claim, figures, row, numbers in page if len(numbers) > 1
+    ]
+    for figures, row in found:
+        claim = claim_of(row)
+        text = PREDICTIONS if row.predicted else claim.text if claim else ""
+        entries.append((figures, row, text, shown.get(id(row), "")))
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
-        for figures, row in sorted(found, key=lambda entry: (entry[0], entry[1].target is None)):
+        for figures, row, text, on_page in sorted(
+            entries, key=lambda entry: (entry[0], entry[1].target is None)
+        ):
             ours = row.ours
             numbers = [f"{x:.6g}" for x in (ours.value, ours.statistical, ours.systematic, ours.chi2)]
             said, reason = judged(row)
+            names = " ".join(figures)
             writer.writerow(
-                [
-                    row.group,
-                    row.claim,
-                    row.theirs,
-                    *numbers,
-                    ours.dof,
-                    said,
-                    reason,
-                    row.size,
-                    " ".join(figures),
-                ]
+                [text, on_page, row.claim, row.theirs, *numbers, ours.dof, said, reason, row.size, names]
             )
 
 

@@ -15,7 +15,6 @@ from relaxation import MINIMISERS, compared, unfinished
 from claims.shared import Row, check, claim, mean_over_seeds, power_law, size_of
 from claims.verdicts import Estimate, between, number
 
-FLOW, STATICS = "Steady flow", "Statics"
 FLAT = 0.01  # of γ̇H or φ: a profile that varies by less has no bands
 LONG, SHORT = 10.0, 2.0  # half-lives in durations of a collision
 LIGHT = 0.35  # Q below which the exponent of σ in Q is taken
@@ -31,7 +30,7 @@ def overdamped_limits(table):
         if model in ("RD", "CD"):
             ours = Estimate(ratio[-1], error[-1])
             words = f"has an overdamped limit, {LIMITS[model]}: 1"
-            yield Row(what, words, ours, number(1.0), FLOW, told, size)
+            yield Row(what, words, ours, number(1.0), told, size)
             continue
         yield check(what, ratio[-1], error[-1], told, size)
         light = q < LIGHT
@@ -41,7 +40,7 @@ def overdamped_limits(table):
         what = f"{model}, φ = 0.78: σ ~ Q^x, Q = {q[-1]:g} to {q[light][0]:g}"
         if model == "CDn":
             words = "no overdamped limit, σ → 0 with the mass: > 1"
-            yield Row(what, words, slope, between(low=1.0), FLOW, f"σ over σ of CD0 {told}", size)
+            yield Row(what, words, slope, between(low=1.0), f"σ over σ of CD0 {told}", size)
         else:
             yield check(what, slope.value, slope.inflated, "0 where there is an overdamped limit", size)
 
@@ -62,10 +61,10 @@ def contacts(table):
         what = f"{model}, φ = 0.78, Q = 3, γ̇ = {slow:g}, {kind}: half-life of contacts over the duration of a collision"
         if model == "CDn":
             words = f"particles part after contact: < {SHORT:g}"
-            yield Row(what, words, ours, between(high=SHORT), FLOW, told, size)
+            yield Row(what, words, ours, between(high=SHORT), told, size)
         elif model == "CD":
             words = f"particles stay together: > {LONG:g}"
-            yield Row(what, words, ours, between(low=LONG), FLOW, told, size)
+            yield Row(what, words, ours, between(low=LONG), told, size)
         else:
             yield check(what, ours.value, ours.statistical, told, size, f"> {LONG:g}")
 
@@ -84,7 +83,7 @@ def no_bands(table):
             note = f"χ²/dof of a flat profile {chi2:.1f}"
             if model == "CD":
                 words = f"{words}: < {FLAT:g}"
-                yield Row(what, words, Estimate(*ours), between(-FLAT, FLAT), FLOW, note, size_of(rows))
+                yield Row(what, words, Estimate(*ours), between(-FLAT, FLAT), note, size_of(rows))
             else:
                 yield check(what, *ours, note, size_of(rows), f"< {FLAT:g}")
 
@@ -92,14 +91,14 @@ def no_bands(table):
 @claim("relaxation")
 def minimisers(table):
     size = f"N = {table['n'][0]:.0f}, {table.rows} starts"
-    note = f"U of the dynamics changes by {unfinished(table):.0e} at most in the second half of their time"
+    note = f"U still changes by {unfinished(table):.0e} at most in the second half of the dynamics"
     for name, words in MINIMISERS.items():
         ratio, share = (Estimate(*one) for one in compared(table, name))
         what = f"RD0 at rest over {words}, φ = 0.86, same starts: ⟨U⟩"
         differ = f"RD0 at rest and {words}: share of starts that end in different states"
         if name == "gradients":
-            yield Row(what, "mean energies agree: 1", ratio, number(1.0), STATICS, note, size)
-            yield Row(differ, "single states differ: > 0", share, between(low=0.0), STATICS, "", size)
+            yield Row(what, "mean energies agree: 1", ratio, number(1.0), note, size)
+            yield Row(differ, "single states differ: > 0", share, between(low=0.0), "", size)
         else:
             yield check(what, ratio.value, ratio.statistical, "", size, "1")
             yield check(differ, share.value, share.statistical, "", size)
@@ -119,6 +118,6 @@ def force_gradients(table):
         (two, "in two parts", "no gradient: 0", number(0.0, absolute=0.1)),
     ):
         slope = power_law(r, values, relative * values)
-        told = ", ".join(f"{value:.1e} at {x:.1f} d" for x, value in zip(r, values, strict=True))
+        told = " and ".join(f"{values[i]:.1e} at {r[i]:.1f} d" for i in (0, -1))
         what = f"coordinates {name}, p = {p:g}: rms residual force ~ r^x"
-        yield Row(what, words, slope, target, STATICS, f"in p d: {told}", size)
+        yield Row(what, words, slope, target, f"{told} from the origin, in units of p d", size)

@@ -15,7 +15,6 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.io.disk_motion import six_fold_order, velocity_profiles
 from jampetsc.plots.flow_plots import flow_regimes
 
-FLOW, CRITICAL = "Steady flow", "Criticality"
 PHI_J = 0.8433  # V's, RD0
 HARD = 2e-3  # γ̇ in units of 1/√(m/k_e) or k_e/k_d d_s², whichever is longer, below which disks collide as hard ones
 NEWTONIAN = 1.0 - 1.1 / 3.5  # γ̇/p ~ γ̇^this at φ_J, with V's y/zν
@@ -60,7 +59,7 @@ def order(table):
     ):
         mean, error, start, _, size = found[sizes]
         what = f"RD0, φ = 0.80, γ̇ = 1e-3, {sizes}: |⟨ψ₆⟩| in the second half of the strain"
-        yield Row(what, says, Estimate(mean, error), target, FLOW, f"{start:.2f} at the start, {told}", size)
+        yield Row(what, says, Estimate(mean, error), target, f"{start:.2f} at the start, {told}", size)
 
 
 def _length(file):
@@ -106,7 +105,7 @@ def _no_minimum(files, phi, size):
     inside = sum(_length(g) is not None for g in files)
     what = f"CD0, φ = {phi:g}: minima of g_y inside the cell, at {len(files)} rates"
     if phi == 0.80:
-        yield Row(what, "none: 0", Estimate(inside), between(high=0.5), FLOW, "", size)
+        yield Row(what, "none: 0", Estimate(inside), between(high=0.5), "", size)
     else:
         yield check(what, inside, None, "", size, "0")
     apart = np.nanmax(np.ptp([g["g_y"] for g in files], axis=0))
@@ -132,13 +131,15 @@ def _growth(phi, found, narrow, size):
     rates, x, errors, _ = found[0]
     told = ", ".join(f"{one:.2f} at {rate:g}" for rate, one in zip(rates, x, strict=True))
     narrower = ", ".join(f"{one:.2f} at {rate:g}" for rate, one in zip(*narrow[:2], strict=True))
-    note = f"{told}; lanes of a quarter of this width: {narrower}"
+    note = f"ℓ/d_s = {told}"
+    what = f"RD0, φ = {phi:g}: place ℓ of the minimum of g_y, lanes of a quarter of the width, γ̇ = {narrow[0][-1]:g}"
+    yield check(what, narrow[1][-1], narrow[2][-1], narrower, size)
     slow = [power_law(rates[-2:], one[-2:], own[-2:]) for _, one, own, _ in found]
     ours = Estimate(-slow[0].value, slow[0].statistical, 0.5 * float(np.ptp([one.value for one in slow])))
     what = f"RD0, φ = {phi:g}: place ℓ of the minimum of g_y ~ γ̇^(−x)"
     at_last = f"{what}, γ̇ = {rates[-1]:g} to {rates[-2]:g}"
     if phi == PHI_J:
-        yield Row(at_last, "diverges: > 0", ours, between(low=0.0), FLOW, note, size)
+        yield Row(at_last, "diverges: > 0", ours, between(low=0.0), note, size)
         whole = power_law(rates, x, errors)
         yield check(f"{what}, all rates", -whole.value, whole.inflated, told, size)
         return
@@ -150,7 +151,6 @@ def _growth(phi, found, narrow, size):
         "grows: > 1",
         Estimate(ratios[0], float(own), 0.5 * float(np.ptp(ratios))),
         between(low=1.0),
-        FLOW,
         note,
         size,
     )
@@ -163,7 +163,7 @@ def flow_curves(table):
     at = table.where(command="flow", model="RD0", phi=PHI_J)
     sizes = np.unique(at["n"])
     for n in sizes:
-        slow = slower(at.where(n=n), 2e-3)
+        slow, both = slower(at.where(n=n), 2e-3), {}
         if len(np.unique(slow["rate"])) < 2:
             continue
         for name, symbol, theirs in (("pressure", "p", 1.1 / 3.5), ("shear_stress", "σ", None)):
@@ -178,13 +178,16 @@ def flow_curves(table):
             ours = Estimate(
                 found.value, found.statistical, 0.5 * abs(near.value - found.value), found.chi2, found.dof
             )
+            both[symbol] = ours
             what = f"RD0 at φ_J = {PHI_J}, N = {n:g}: {symbol} ~ γ̇^x, γ̇ = {rates[0]:g} to {rates[-1]:g}"
             if theirs and n == sizes[-1]:
-                yield Row(what, f"y/zν = {theirs:.3f}", ours, number(theirs), CRITICAL, note, size_of(slow))
+                yield Row(what, f"y/zν = {theirs:.3f}", ours, number(theirs), note, size_of(slow))
             else:
                 yield check(
                     what, ours.value, ours.inflated, note, size_of(slow), f"{theirs:.3f}" if theirs else ""
                 )
+        if n == sizes[-1]:
+            yield corrections(both, f"RD0 at φ_J = {PHI_J}, N = {n:g}", 1.1 / 3.5, size_of(slow))
     yield from newtonian(table.where(command="flow", model="RD0", phi=0.80))
     slow = slower(table.where(command="flow", model="CDn"), 2e-3)
     if len(np.unique(slow["rate"])) < 2:
@@ -196,6 +199,18 @@ def flow_curves(table):
         note = "from low γ̇ up: " + ", ".join(f"{x:.2f}" for x in local)
         what = f"CDn, Q = 1, φ = 0.78: {symbol} ~ γ̇^x, γ̇ = {rates[0]:g} to {rates[-1]:g}"
         yield check(what, found.value, found.inflated, note, size_of(slow), "2")
+
+
+def corrections(exponents, what, asymptotic, size) -> Row:
+    """How much farther the exponent of σ at φ_J is from its limit than that of p; exponents: {"p", "σ": estimate}."""
+    p, sigma = (exponents[symbol] for symbol in ("p", "σ"))
+    ours = Estimate(
+        abs(sigma.value - asymptotic) - abs(p.value - asymptotic),
+        float(np.hypot(p.inflated, sigma.inflated)),
+        float(np.hypot(p.systematic, sigma.systematic)),
+    )
+    what = f"{what}: |x − y/zν| of σ less that of p, O ~ γ̇^x"
+    return Row(what, "larger for σ: > 0", ours, between(low=0.0), f"x = {sigma} of σ, {p} of p", size)
 
 
 def newtonian(rows):
@@ -250,9 +265,7 @@ def walls(table):
             what = f"walls, {model}, γ̇ = {rate:g}: shear rate in the middle over γ̇, strain up to 0.1"
             claimed = model == "CD" and rate == rows["rate"].max()
             if claimed:
-                yield Row(
-                    what, "a band at the walls: < 1/2", Estimate(*start), between(high=0.5), FLOW, "", size
-                )
+                yield Row(what, "a band at the walls: < 1/2", Estimate(*start), between(high=0.5), "", size)
             else:
                 yield check(what, *start, "", size)
             steady = runs[0].attributes["discard"], runs[0]["strain"][-1]
@@ -265,7 +278,7 @@ def walls(table):
             line = np.polynomial.Polynomial.fit(y[inner], v[inner], 1)
             off = np.sqrt(np.mean(((v - line(y))[inner]) ** 2))
             typical = np.sqrt(np.mean(errors[inner] ** 2))
-            note = f"rms distance from a straight line {off:.4f} of γ̇H, errors {typical:.4f}; walls slip by the rest"
+            note = f"rms distance from a straight line {off:.4f} γ̇H, with errors of {typical:.4f} γ̇H"
             yield check(
                 f"walls, {model}, γ̇ = {rate:g}: shear rate in the middle over γ̇, steady state",
                 *share,
@@ -281,7 +294,6 @@ def walls(table):
                     "the band is gone: 1 ± 0.05",
                     Estimate(*mean_with_error(even)),
                     between(0.95, 1.05),
-                    FLOW,
                     note,
                     size,
                 )
@@ -327,9 +339,7 @@ def newtonian_or_bagnoldian(states, size):
         mean = weighted_mean(x, error)
         note = f"mean of {len(x)} states, φ = {phi.min():g} to {phi.max():g}, Q = {q.min():g} to {q.max():g}"
         what = f"{', '.join(models)}, φ < φ_J: σ ~ γ̇^x between the lowest two γ̇"
-        yield Row(
-            what, words, mean, number(theirs), FLOW, f"{note}; from {x.min():.2f} to {x.max():.2f}", size
-        )
+        yield Row(what, words, mean, number(theirs), f"{note}; from {x.min():.2f} to {x.max():.2f}", size)
 
 
 def clusters_of(states, size):
@@ -348,7 +358,7 @@ def clusters_of(states, size):
         note = f"means {one:.2f} of {len(found['Newtonian'])} and {other:.2f} of {len(found['Bagnoldian'])} states"
         what = "largest cluster/N, Newtonian less Bagnoldian states"
         ours = Estimate(one - other, float(np.hypot(own, its)))
-        yield Row(what, "Newtonian flow has large clusters: > 1/2", ours, between(low=0.5), FLOW, note, size)
+        yield Row(what, "Newtonian flow has large clusters: > 1/2", ours, between(low=0.5), note, size)
 
 
 def largest_jump(maps, size):

@@ -14,7 +14,6 @@ import jampetsc
 from claims.shared import (
     LARGE,
     NEAR,
-    THEORY,
     Row,
     by_decades,
     check,
@@ -33,7 +32,6 @@ from jampetsc.analysis.statistics import draws_of, log_median, mean_with_error
 from jampetsc.plots.curves import curve_of
 from jampetsc.plots.quasistatic_plots import MIN_SIZES
 
-BALANCED, SLIDING, DRAG, SIZE = "Moduli at β = 1", "Moduli at β ≠ 1", "Stokes drag", "Finite size"
 BOTH = (("no_prestress_", "without pre-stress"), ("", "with pre-stress"))
 WINDOW = 50.0, 0.1  # critical frequencies of the cross-checks, from so many p/k to so many 1/τ₁
 LIMIT = 10.0, 0.02  # the same of the limit of G″/G′
@@ -85,7 +83,7 @@ def size_scaling(n, pressure, values, errors, degree=DEGREE) -> SizeScaling:
     return SizeScaling(float(found[0]), float(np.linalg.inv(terms.T @ terms)[0, 0] ** 0.5), chi2, dof)
 
 
-def exponent_rows(group, rows, law, cases, shallow=()):
+def exponent_rows(rows, law, cases, shallow=()):
     """Rows about exponents of columns in p; cases: (column, name, theirs), theirs a number.
 
     shallow: columns whose power with pre-stress BT call too shallow at any size that they reach. The claim is then that
@@ -100,11 +98,11 @@ def exponent_rows(group, rows, law, cases, shallow=()):
                 continue
             note, what = by_decades(*points[:2]), f"{law}: {name} ~ p^x, {where}"
             if not prefix and unstable:
-                note += f"; {unstable} of {rows.rows} packings have G₀ < 0 and count like the others"
+                note += f"; medians include packings with G₀ < 0: {unstable} of {rows.rows}"
             if not prefix and column in shallow:
-                yield shallow_row(group, rows, f"{law}: {name}", column, theirs)
+                yield shallow_row(rows, f"{law}: {name}", column, theirs)
             elif corrected is not None:
-                yield Row(what, f"{theirs:g}", corrected, number(theirs), group, note, size_of(rows))
+                yield Row(what, f"{theirs:g}", corrected, number(theirs), note, size_of(rows))
             what = f"{what}, p ≤ {NEAR:g} alone"
             yield check(what, alone.value, alone.inflated, note, size_of(rows), f"{theirs:g}")
 
@@ -119,17 +117,17 @@ def ratio_of_prestress(rows, column="eta0"):
     return np.transpose(sorted(found))
 
 
-def shallow_row(group, rows, name, column, theirs):
+def shallow_row(rows, name, column, theirs):
     """The row about a power that pre-stress makes shallower also where pN² > LARGE."""
     x, ratio, error = ratio_of_prestress(rows, column)
     large = x > LARGE
     x, ratio, error = x[large], ratio[large], error[large]
     estimate = power_law(x, ratio, error)
-    told = ", ".join(f"{r:.2f}({100 * e:.0f}) at {at:.0e}" for at, r, e in zip(x, ratio, error, strict=True))
+    told = " and ".join(f"{Estimate(ratio[i], error[i])} at {x[i]:.0e}" for i in (0, -1))
     what = f"{name} with over without pre-stress ~ (pN²)^x, pN² > {LARGE:g}"
     target = between(low=0.0) if theirs < 0 else between(high=0.0)
     words = f"with pre-stress shallower than p^{theirs:g}: x {'>' if theirs < 0 else '<'} 0"
-    return Row(what, words, estimate, target, group, f"ratio {told}", size_of(rows))
+    return Row(what, words, estimate, target, f"the ratio is {told}", size_of(rows))
 
 
 def curves_of(sweeps):
@@ -236,27 +234,22 @@ def regime_checks(groups, sweeps, law, fluid=0.0):
 
 
 def at_equal_ratio(groups, fluid=0.0):
-    """G″/G′ at equal ω/p, in words: what shows that it depends on this ratio alone."""
-    found = []
-    for ratio in (10.0, 100.0, 1000.0):
-        means = []
-        for p, curves in groups:
-            at = np.argmin(np.abs(np.log(curves[0].omega / (ratio * p))))
-            if ratio * p <= LIMIT[1]:
-                means.append(np.mean([(c.G[at].imag - fluid * c.omega[at]) / c.G[at].real for c in curves]))
-        if means:
-            found.append(f"{', '.join(f'{mean:.3f}' for mean in means)} at ω/p = {ratio:g}")
-    return f"G″/G′ = {'; '.join(found)}, p from {groups[0][0]:g} up"
+    """G″/G′ at one ω/p, in words: whether it depends on this ratio alone."""
+    means = []
+    for p, curves in groups:
+        at = np.argmin(np.abs(np.log(curves[0].omega / (LIMIT[0] * p))))
+        if LIMIT[0] * p <= LIMIT[1]:
+            means.append(np.mean([(c.G[at].imag - fluid * c.omega[at]) / c.G[at].real for c in curves]))
+    told = ", ".join(f"{mean:.3f}" for mean in means)
+    return f"G″/G′ at ω/p = {LIMIT[0]:g} is {told}, p from {groups[0][0]:g} up"
 
 
-def delta_row(group, sweeps, law, fluid=0.0):
+def delta_row(sweeps, law, fluid=0.0):
     """The row of Δ, with its cross-checks."""
     groups = curves_of(sweeps)
     found = critical_exponent(groups, fluid)
     if found is not None:
-        yield Row(
-            f"{law}: Δ", "≈ 0.5", found, number(0.5), group, at_equal_ratio(groups, fluid), size_of(sweeps)
-        )
+        yield Row(f"{law}: Δ", "≈ 0.5", found, number(0.5), at_equal_ratio(groups, fluid), size_of(sweeps))
     yield from regime_checks(groups, sweeps, law, fluid)
 
 
@@ -264,19 +257,21 @@ def delta_row(group, sweeps, law, fluid=0.0):
 def balanced(table):
     slow = table.where(command="quasistatic", state="done")
     cases = (("G0", "G₀", 0.5), ("eta0", "η₀", -0.5), ("omega_star", "ω* = G₀/η₀", 1.0))
-    yield from exponent_rows(BALANCED, slow, "β = 1", cases, shallow=("eta0", "omega_star"))
+    yield from exponent_rows(slow, "β = 1", cases, shallow=("eta0", "omega_star"))
     sweeps = table.where(command="sweep", state="done")
+    spreads = {}
     for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
         turning = sweeps.where(prestress=on, rotations=1)
         if not turning.rows:
             continue
-        yield from delta_row(BALANCED, turning, f"β = 1, {where}")
+        yield from delta_row(turning, f"β = 1, {where}")
         groups = curves_of(turning)
         yield from border_rows(groups, where, size_of(turning), primary=bool(on))
-        yield from collapse_rows(groups, where, size_of(turning), primary=bool(on))
+        spreads[where] = spread_of_collapse(groups), size_of(turning)
+    yield from collapse_rows(spreads)
     still = sweeps.where(rotations=0, prestress=1)
     if still.rows:
-        yield from delta_row(BALANCED, still, "β = 1, no rotations, with pre-stress")
+        yield from delta_row(still, "β = 1, no rotations, with pre-stress")
         yield from rotation_checks(sweeps, still)
 
 
@@ -287,13 +282,13 @@ def border_rows(groups, where, size, primary):
     what = f"β = 1, {where}: upper border, where d ln G″/d ln ω passes ¾, in 1/τ₁, p = {borders[0][0]:g}"
     note = f"tends to a constant as p falls: {told}"
     if primary:
-        yield Row(what, "~ 1", Estimate(*borders[0][1:]), between(0.1, 10.0), BALANCED, note, size)
+        yield Row(what, "~ 1", Estimate(*borders[0][1:]), between(0.1, 10.0), note, size)
     else:
         yield check(what, *borders[0][1:], note, size, "~ 1")
 
 
-def collapse_rows(groups, where, size, primary):
-    """Whether G*/p^½ is one curve of ω/p."""
+def spread_of_collapse(groups) -> Estimate:
+    """Spread of G*/p^½ at equal ω/p; bootstrap over packings."""
 
     def spread(chosen):
         return collapse_spread([(*median_curve(curves), p) for p, curves in chosen])
@@ -304,24 +299,44 @@ def collapse_rows(groups, where, size, primary):
         spread([(p, [curves[j] for j in rows[i]]) for (p, curves), rows in zip(groups, draws, strict=True)])
         for i in range(RESAMPLED)
     ]
-    what = f"β = 1, {where}: G*/p^½ is one curve of ω/p below ωτ₁ = 0.1: spread of ln G′, ln G″ (rms)"
-    note = f"medians over packings at {len(groups)} pressures"
-    if primary:
-        estimate = Estimate(value, float(np.std(resampled)))
-        yield Row(what, f"< {SPREAD:g}", estimate, between(0.0, SPREAD), BALANCED, note, size)
-    else:
-        yield check(what, value, float(np.std(resampled)), note, size)
+    return Estimate(value, float(np.std(resampled)))
+
+
+def collapse_rows(spreads):
+    """Whether G*/p^½ is one curve of ω/p; spreads: {with or without pre-stress: (estimate, size)}."""
+    for where, (ours, size) in spreads.items():
+        what = f"β = 1, {where}: G*/p^½ is one curve of ω/p below ωτ₁ = 0.1: spread of ln G′, ln G″ (rms)"
+        if where == "with pre-stress":
+            note = "with pre-stress η₀ grows more slowly than p^(−½)"
+            if "without pre-stress" in spreads:
+                note += f"; without pre-stress the spread is {spreads['without pre-stress'][0]}"
+            yield Row(what, f"< {SPREAD:g}", ours, between(0.0, SPREAD), note, size)
+        else:
+            yield check(what, ours.value, ours.statistical, "", size)
 
 
 def rotation_checks(sweeps, still):
-    """|G*| of the same packings without and with rotations."""
+    """|G*| of the same packings without and with rotations: a constant where both have the same form.
+
+    Systematic error of its exponent in ω: half of the difference between the halves of the window.
+    """
     for p, curves in curves_of(still)[:1]:
         turning = sweeps.where(rotations=1, prestress=1, pressure=p)
-        ratios = []
+        ratios, slopes = [], []
         for curve, result in zip(curves, turning.results(), strict=True):
             inside = (curve.omega >= WINDOW[0] * p) & (curve.omega <= WINDOW[1])
+            if inside.sum() < 4:
+                return
             ratio = np.abs(curve.G / curve_of(result).G)
             ratios.append((np.mean(ratio[inside]), np.ptp(ratio[inside]), ratio[-1]))
+            x, y = np.log(curve.omega[inside]), np.log(ratio[inside])
+            parts = slice(None), slice(len(x) // 2), slice(len(x) // 2, None)
+            slopes.append([np.polyfit(x[part], y[part], 1)[0] for part in parts])
+        (slope, slow, fast), (own, *_) = mean_with_error(slopes)
+        ours = Estimate(slope, own, 0.5 * abs(fast - slow))
+        what = f"β = 1: |G*| without over with rotations ~ ω^x, {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {p:g}"
+        told = f"{slow:.3f} in the lower half of the critical regime, {fast:.3f} in the upper"
+        yield Row(what, "the same form: 0 ± 0.05", ours, number(0.0, absolute=0.05), told, size_of(still))
         (value, change, fast), (error, *_) = mean_with_error(ratios)
         note = f"changes by {change:.2f} within; {fast:.2f} at the highest ω"
         what = f"β = 1: |G*| without over with rotations, {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {p:g}"
@@ -343,7 +358,9 @@ def sliding(table):
     ]
     size = size_of(sweeps.where(beta=0.0))
     what = "β = 0, without pre-stress: G*/[G₀(1 + iωτ₁)] − 1, largest"
-    yield Row(what, "0", Estimate(max(off)), between(0.0, ROUNDING), SLIDING, "to rounding", size)
+    yield Row(
+        what, "0", Estimate(max(off)), between(0.0, ROUNDING), "limited by rounding of stored results", size
+    )
     slow = table.where(command="quasistatic", state="done")
     cases = (
         ("eta0_normal", "η₀ at β = 0", 0.5),
@@ -354,7 +371,7 @@ def sliding(table):
     for prefix, _ in BOTH:
         columns[f"{prefix}beta_star"] = slow[f"{prefix}G0"] / slow[f"{prefix}eta0_transverse"]
     derived = type(slow)(slow.path, columns, jampetsc.load)
-    for row in exponent_rows(SLIDING, derived, "contact damping", cases):
+    for row in exponent_rows(derived, "contact damping", cases):
         # BT 22 and β* are derived without pre-stress
         yield row if "without" in row.claim else unjudged(row)
     yield from beta_scans(slow, size)
@@ -373,12 +390,14 @@ def beta_scans(slow, size):
         middle = (beta > 0.9e-2) & (beta < 1.1e-1)  # p ≪ β ≪ 1
         rises.append(np.diff(np.log(result["beta_scan/eta_inf"][middle])).item() / np.log(10))
     what = "without pre-stress: η₀/τ₁ = G₀ + βkΣ(Δu⊥ᶜ)²/(Vγ²), largest relative difference"
-    yield check(what, max(off), None, "rotations that are best for one β are for all", size, "0", THEORY)
+    yield check(
+        what, max(off), None, "rotations that are best for one β are for all", size, "0", predicted=True
+    )
     (nearer, farther), (_, error) = mean_with_error(slopes)
     what = f"without pre-stress: ω* = G₀/η₀ ~ β^x, β = {beta[-2]:g} … {beta[-1]:g} ≫ β*"
-    note = f"{nearer:.4f} from {beta[-3]:g} to {beta[-2]:g}"
+    note = f"{nearer:.4f} between β = {beta[-3]:g} and {beta[-2]:g}"
     estimate = Estimate(farther, error, 0.5 * abs(farther - nearer))
-    yield Row(what, "-1", estimate, number(-1.0), SLIDING, note, size)
+    yield Row(what, "-1", estimate, number(-1.0), note, size)
     lowest = slow["pressure"] == slow["pressure"].min()
     yield check(
         "η_∞ ~ β^x, β = 1e-2 … 1e-1, lowest p",
@@ -386,7 +405,7 @@ def beta_scans(slow, size):
         "",
         size,
         "0.5",
-        THEORY,
+        predicted=True,
     )
 
 
@@ -396,9 +415,7 @@ def windows_of_beta(sweeps):
         some = sweeps.where(prestress=on, pressure=1e-4)
         groups = [(key["beta"], [curve_of(r) for r in part.results()]) for key, part in some.groups(["beta"])]
         widths = {beta: mean_with_error([critical_decades(c) for c in curves]) for beta, curves in groups}
-        told = "decades of ω: " + ", ".join(
-            f"{width:.1f} at β = {beta:g}" for beta, (width, _) in widths.items()
-        )
+        told = ", ".join(f"{width:.1f} at β = {beta:g}" for beta, (width, _) in list(widths.items())[::2])
         for chosen, words, target in (
             ([beta for beta in widths if beta < 1e-4 / 5], "none at β ≪ β*", between(high=0.5)),
             ([max(widths)], "opens as β grows", between(low=1.0)),
@@ -410,7 +427,7 @@ def windows_of_beta(sweeps):
                 f"p = 1e-4, {where}: decades of ω with d ln G″/d ln ω = ½ ± {AROUND:g}, β = {max(chosen):g}"
             )
             if on:
-                yield Row(what, words, estimate, target, SLIDING, told, size_of(some))
+                yield Row(what, words, estimate, target, told, size_of(some))
             else:
                 yield check(what, estimate.value, estimate.statistical, told, size_of(some), words)
         if not on:
@@ -423,7 +440,7 @@ def windows_of_beta(sweeps):
                 "exact in κ = iωβτ₁/(1 + iωτ₁), which is nearly iωβτ₁",
                 size_of(some),
                 "0",
-                THEORY,
+                predicted=True,
             )
 
 
@@ -443,10 +460,10 @@ def one_curve_spread(curves):
 def drag(table):
     slow = table.where(command="quasistatic", state="done")
     cases = (("eta0_drag", "η₀ − η_F", -0.5),)
-    yield from exponent_rows(DRAG, slow, "Stokes, η_F = 1", cases, shallow=("eta0_drag",))
+    yield from exponent_rows(slow, "Stokes, η_F = 1", cases, shallow=("eta0_drag",))
     sweeps = table.where(command="sweep", state="done")
     for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
-        for row in delta_row(DRAG, sweeps.where(eta_f=1.0, prestress=on), f"Stokes, η_F = 1, {where}", 1.0):
+        for row in delta_row(sweeps.where(eta_f=1.0, prestress=on), f"Stokes, η_F = 1, {where}", 1.0):
             yield row if on else unjudged(row)
     some = sweeps.where(prestress=1, pressure=1e-4)
     off, least, fast = [], {}, []
@@ -457,17 +474,15 @@ def drag(table):
         for eta, c in curves.items():
             least.setdefault(eta, []).append(local_slope(c.omega, c.G.imag).min())
     what = f"Stokes, p = 1e-4: G′ of {len(least)} η_F, largest relative difference"
-    yield Row(
-        what, "0", Estimate(max(off)), between(0.0, 1e-4), DRAG, "exact: iωη_F is added to G*", size_of(some)
-    )
+    yield Row(what, "0", Estimate(max(off)), between(0.0, 1e-4), "exact: iωη_F is added to G*", size_of(some))
     what = "Stokes, p = 1e-4, η_F = 1: G″/(η_Fω) at the highest ω"
-    yield Row(what, "1", Estimate(*mean_with_error(fast)), exact(1.0), DRAG, "", size_of(some))
-    told = "least slopes: " + ", ".join(
-        f"{np.median(slope):.2f} at η_F = {eta:g}" for eta, slope in sorted(least.items())
+    yield Row(what, "1", Estimate(*mean_with_error(fast)), exact(1.0), "", size_of(some))
+    told = ", ".join(
+        f"{np.median(slope):.2f} at η_F = {eta:g}" for eta, slope in sorted(least.items()) if eta >= 1
     )
     what = f"Stokes, p = 1e-4, η_F = {max(least):g} ≫ p^(−½): least d ln G″/d ln ω"
     estimate = Estimate(*mean_with_error(least[max(least)]))
-    yield Row(what, "linear: 1 ± 0.02", estimate, between(0.98, 1.02), DRAG, told, size_of(some))
+    yield Row(what, "linear: 1 ± 0.02", estimate, between(0.98, 1.02), told, size_of(some))
 
 
 @claim("bt-fig8")
@@ -552,7 +567,7 @@ def size_rows(rows, name, prefix, theirs, subtracted):
     what = f"{name}: a of η₀ = N^a f(pN²)"
     contact = rows["law"][0] == "contact"
     if theirs and prefix:
-        yield Row(what, f"{theirs:g}", found, number(theirs), SIZE if contact else DRAG, note, size)
+        yield Row(what, f"{theirs:g}", found, number(theirs), note, size)
     else:
         yield check(what, found.value, found.inflated, note, size, f"{theirs:g}" if theirs else "")
     steep = x > LARGE
@@ -563,11 +578,11 @@ def size_rows(rows, name, prefix, theirs, subtracted):
         what, guide = f"{name}: η₀/N^{theirs:g} ~ (pN²)^x, pN² > {LARGE:g}", -theirs / 2
         estimate = Estimate(slope, own, 0.0, chi2, dof)
         if contact and prefix:
-            yield Row(what, f"−a/2 = {guide:g}", estimate, number(guide), SIZE, "", size)
+            yield Row(what, f"−a/2 = {guide:g}", estimate, number(guide), "", size)
         elif contact:
             yield check(what, slope, estimate.inflated, "", size, f"shallower: > {guide:g}")
         elif prefix:
-            yield Row(what, f"shallower: > {guide:g}", estimate, between(guide, 0.0), DRAG, "", size)
+            yield Row(what, f"shallower: > {guide:g}", estimate, between(guide, 0.0), "", size)
         else:
             yield check(what, slope, estimate.inflated, "", size, f"shallower: > {guide:g}")
     low, high = x < 0.1, x > 30
@@ -580,7 +595,7 @@ def size_rows(rows, name, prefix, theirs, subtracted):
         scatter = 2 * crossing * np.hypot(*(np.sum(error[some] ** -2.0) ** -0.5 for some in (low, high)))
         what = f"{name}: pN² at which η₀ ~ N and η₀ ~ p^(−½) meet"
         if contact:
-            yield Row(what, "~ 1", Estimate(crossing, scatter), between(0.1, 10.0), SIZE, "", size)
+            yield Row(what, "~ 1", Estimate(crossing, scatter), between(0.1, 10.0), "", size)
         else:
             yield check(what, crossing, scatter, "", size, "~ 1")
 
@@ -605,4 +620,4 @@ def growth_with_size(rows, name):
         power = 1.0 + slope / (constant + slope * np.log(n))  # 1 + d ln(A + B ln N)/d ln N
         note = f"means {told}; a = {power:.2f} at N = {n:g}"
         what = f"{name}, without pre-stress, p = {level:g}: B of √p {'(η₀ − η_F)' if subtracted else 'η₀'} = A + B ln N"
-        yield check(what, slope, own, note, size_of(rows), "> 0" if subtracted else "0", THEORY)
+        yield check(what, slope, own, note, size_of(rows), "> 0" if subtracted else "0", predicted=True)

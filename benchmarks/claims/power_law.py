@@ -12,7 +12,6 @@ from nonlinear import exponents, prefactor_exponent, read
 from claims.shared import Row, check, claim, size_of
 from claims.verdicts import Estimate, between, number
 
-POWER = "Power-law damping"
 FEWEST = 3  # packings of a pressure whose prefactors are compared
 
 
@@ -60,15 +59,15 @@ def exponents_of_power_laws(table):
             found = exponent_in(x_of, packings, value, "critical")
             if found is None:
                 continue
-            told = f"4/(1 + 3α) = {4 / (1 + 3 * alpha):.2f} with the motion that contacts have"
+            told = f"contacts move by γ₀|Δu|, not BT's σ/k: 4/(1 + 3α) = {4 / (1 + 3 * alpha):.2f}"
             if value is not effective:
                 of_linear = linear_storage if value is storage else loss
                 linear = exponent_in(effective, packings, of_linear, "critical").value
                 found = Estimate(found.value, found.statistical, 0.5 * abs(linear - theirs))
-                told = f"2/(1 + 3α) = {2 / (1 + 3 * alpha):.2f} with the motion that contacts have; "
-                told += f"linear damping has {linear:.2f} for ½ there"
+                told = f"contacts move by γ₀|Δu|, not BT's σ/k: 2/(1 + 3α) = {2 / (1 + 3 * alpha):.2f}; linear damping "
+                told += f"has {linear:.2f} for ½ here"
             what = f"α = {alpha:.2g}, critical, p = {p:g}: {symbol} ~ X^x, X = ω^α σ^(α−1) ({name})"
-            yield Row(what, f"{theirs:g}", found, number(theirs), POWER, told, size)
+            yield Row(what, f"{theirs:g}", found, number(theirs), told, size)
             both = exponents(packings, value, "critical")
             for axis, (letter, per_X) in enumerate((("ω", alpha), ("σ", alpha - 1.0))):
                 what = f"α = {alpha:.2g}, critical, p = {p:g}: {symbol} ~ {letter}^x ({name})"
@@ -85,16 +84,16 @@ def quasistatic(alpha, of_pressures, size):
         linear = exponent_in(effective, of_pressures[p], loss, "quasistatic").value
         what = f"α = {alpha:.2g}, quasistatic, p = {p:g}: G″ ~ X^x, X = ω^α σ^(α−1) (BT 27)"
         ours = Estimate(found.value, found.statistical, 0.5 * abs(linear - 1.0))
-        told = f"linear damping has {linear:.3f} for 1 there"
-        yield Row(what, "1 ± 0.02", ours, between(0.98, 1.02), POWER, told, size)
+        told = f"linear damping has {linear:.3f} for 1 here"
+        yield Row(what, "1 ± 0.02", ours, between(0.98, 1.02), told, size)
     several = {p: some for p, some in of_pressures.items() if len(some) >= FEWEST}
     if len(several) > 1:
         slope, error = prefactor_exponent(several, loss)
         of_omega, its = prefactor_exponent(several, effective)
-        told = f"Ω/X ~ p^{of_omega:.2f}({100 * its:.0f}), BT p^0; G″/X ~ p^{0.25 * (1 - 3 * alpha):.2f} as p → 0 with "
-        told += f"the motion that contacts have; p = {', '.join(f'{p:g}' for p in sorted(several))}"
+        told = f"contacts move by γ₀|Δu|, not BT's σ/k: p^{0.25 * (1 - 3 * alpha):.2f} as p → 0; Ω/X ~ "
+        told += f"p^{Estimate(of_omega, its)}, BT p^0"
         what = f"α = {alpha:.2g}, quasistatic: G″/X ~ p^x (BT 27)"
-        yield Row(what, "-0.5", Estimate(slope, error), number(-0.5), POWER, told, size)
+        yield Row(what, "-0.5", Estimate(slope, error), number(-0.5), told, size)
 
 
 def at_large(folder):

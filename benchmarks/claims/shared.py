@@ -15,60 +15,42 @@ POINT = ("n", "pressure", "law", "beta", "eta_f", "prestress")  # what packings 
 CLAIMS = []  # (figures, function)
 
 
-GROUPS = (
-    "Moduli at β = 1",
-    "Moduli at β ≠ 1",
-    "Floppiness",
-    "Stokes drag",
-    "Correlations",
-    "Finite size",
-    "Power-law damping",
-    "Statics",
-    "Steady flow",
-    "Criticality",
-)  # of the page, in its order
-THEORY = "Predictions"  # of docs/theory/linear_response.md
-
-
 @dataclass(frozen=True)
 class Row:
     """One claim of the works with our estimate, or a measured number beside them, of which only claims.csv tells.
 
-    group   of the page, or THEORY; "" for a number that only claims.csv has
-    theirs  what the work says, in words or digits
-    target  the same as numbers; None for a number without a verdict
-    reason  one line; every number in it is computed
-    size    N, packings or strain behind the number
+    theirs      what the work says, in words or digits
+    target      the same as numbers; None for a number without a verdict
+    reason      one line; every number in it is computed
+    size        N, packings or strain behind the number
+    predicted   whether `theirs` is a prediction of our own theory, for docs/theory/linear_response.md
     """
 
     claim: str
     theirs: str
     ours: Estimate
     target: Target | None = None
-    group: str = ""
     reason: str = ""
     size: str = ""
+    predicted: bool = False
 
 
-def check(claim, value, error=None, note="", size="", theirs="", group="") -> Row:
-    """A measured number without a verdict: of another estimator, or one of which the works say nothing.
-
-    group   THEORY for a number that a theory of our own predicts, `theirs` being the prediction
-    """
+def check(claim, value, error=None, note="", size="", theirs="", predicted=False) -> Row:
+    """A measured number without a verdict: of another estimator, or one of which the works say nothing."""
     return Row(
         claim,
         theirs,
         Estimate(float(value), math.nan if error is None else float(error)),
         None,
-        group,
         note,
         size,
+        predicted,
     )
 
 
 def unjudged(row: Row) -> Row:
     """The same number without a verdict."""
-    return replace(row, target=None, group="")
+    return replace(row, target=None)
 
 
 def claim(*figures):
@@ -142,7 +124,7 @@ def near_jamming(p, y, error) -> Estimate | None:
 def by_decades(p, y):
     """Exponents between neighbouring pressures from the highest, in words; p, ln y (P,)."""
     slopes = ", ".join(f"{slope:.2f}" for slope in (np.diff(y) / np.diff(np.log(p)))[::-1])
-    return f"between pressures from {p[-1]:g} to {p[0]:g}: {slopes}"
+    return f"between neighbouring p, from {p[-1]:g} down: {slopes}"
 
 
 def rates_of(rows, name):

@@ -34,6 +34,16 @@ class Estimate:
     chi2: float = 0.0
     dof: int = 0
 
+    def __str__(self):
+        """value(statistical)(systematic), errors in units of the last digit: two digits of the larger one."""
+        errors = [self.inflated, self.systematic]
+        largest = max((error for error in errors if math.isfinite(error)), default=0.0)
+        if not largest > 0.0:
+            return f"{self.value:.4g}"
+        digits = min(max(0, 1 - math.floor(math.log10(largest))), 8)
+        parts = [error for error, shown in zip(errors, (True, self.systematic > 0), strict=True) if shown]
+        return f"{self.value:.{digits}f}" + "".join(f"({error * 10**digits:.0f})" for error in parts)
+
     @property
     def fits(self) -> bool:
         """Whether the form describes the data, P(χ²) ≥ MIN_PROBABILITY."""
@@ -72,6 +82,25 @@ def exact(value: float) -> Target:
 def between(low: float = -math.inf, high: float = math.inf, margin: float = 0.0) -> Target:
     """A range."""
     return Target(low, high, margin)
+
+
+def distance_from(estimate: Estimate, target: Target) -> float:
+    """How far a value is from its claim, in half-widths of its interval; below 0 inside the range claimed."""
+    beyond = max(target.low - estimate.value, estimate.value - target.high)
+    return beyond / max(estimate.half_width, 1e-300) if math.isfinite(estimate.half_width) else 0.0
+
+
+def mean_estimate(estimates) -> Estimate:
+    """Mean of independent estimates of one number, with the χ² of their being one; systematic errors add up."""
+    weights = [estimate.inflated**-2.0 for estimate in estimates]
+    total = math.fsum(weights)
+
+    def averaged(values):
+        return math.fsum(w * value for w, value in zip(weights, values, strict=True)) / total
+
+    mean = averaged([estimate.value for estimate in estimates])
+    chi2 = math.fsum(w * (e.value - mean) ** 2 for w, e in zip(weights, estimates, strict=True))
+    return Estimate(mean, total**-0.5, averaged([e.systematic for e in estimates]), chi2, len(weights) - 1)
 
 
 def verdict(estimate: Estimate, target: Target) -> tuple[str, str]:

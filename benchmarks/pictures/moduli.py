@@ -19,22 +19,23 @@ from jampetsc.plots.style import GREY, PAGE, hidden, looks, number, power_or_num
 from pictures.shared import beside, drawn, results
 
 WINDOW = 26.0  # side of the part of a packing in mean diameters
+INSET = (0.02, 0.555, 0.34, 0.40)  # left, bottom, width and height in the panel, above G' at low ω
 ARROWS = 23  # along the cell
 ARROW_LENGTH = 1.5  # 90th percentile, in distances between arrows
 
 
 @drawn("bt-fig1")
 def moduli_and_packing(page, folder):
-    """G' and G'' with slopes ½ and 1, and a part of a packing."""
+    """G' and G'' with slopes ½ and 1; inset: a part of the first packing."""
     sweeps = results(folder, command="sweep")
-    moduli, packing = page.mosaic([["moduli", "moduli", "packing"]], PAGE, 2.9, (1,))
-    plot_moduli(sweeps, ax=moduli, statistic="median")
+    ax = page.panels(1, 1, 5.2, 4.2)
+    plot_moduli(sweeps, ax=ax, statistic="median")
     (curve,), *_ = average_files(sweeps, "median")
-    draw_guide(moduli, curve.omega, curve.G.imag, 0.5, r"\omega", True)
+    draw_guide(ax, curve.omega, curve.G.imag, 0.5, r"\omega", True)
     n, p = (sweeps[0].attributes[name] for name in ("particle_count", "pressure"))
     title = rf"$N={n}$, $p/k={power_or_number(p)}$, $\beta=1$, {len(sweeps)} packings"
-    moduli.set_title(title, loc="right", pad=3)
-    _part(packing, packing_of(sweeps[0]))
+    ax.set_title(title, loc="right", pad=3)
+    _part(ax.inset_axes(INSET), packing_of(sweeps[0]))
 
 
 @drawn("bt-fig1-fields")
@@ -65,7 +66,8 @@ def _part(ax, disks):
     ax.add_collection(LineCollection(lines, linewidths=widths, **look), autolim=False)
     edges = [(x - 0.5 * side, x + 0.5 * side) for x in middle]
     ax.set(xlim=edges[0], ylim=edges[1], aspect="equal", xticks=(), yticks=())
-    ax.set_xlabel(f"{WINDOW:g} of {np.sqrt(disks.area) / (2 * disks.radii.mean()):.0f} diameters", fontsize=8)
+    words = f"{WINDOW:g} of {np.sqrt(disks.area) / (2 * disks.radii.mean()):.0f} diameters"
+    ax.set_title(words, fontsize=7, pad=2)
 
 
 def _arrows(ax, sweep, disks, row, turn, part):
