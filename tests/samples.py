@@ -10,7 +10,6 @@ import numpy as np
 from dense import Reference
 
 from jampetsc.commands.sweep import Sweep
-from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
@@ -18,7 +17,6 @@ from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.network.contact_network import build_network
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
-from jampetsc.response.sweep_run import Run
 
 DATA = Path(__file__).parent / "data"
 JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"
@@ -141,12 +139,10 @@ def stored(path, kind, arrays, **attributes):
     return path or collected(writer)
 
 
-def run_of(
-    packing, physics, omega, fields=None, method="rational", accuracy=1e-6, out=None, *, comm=None, **more
-):
-    """The Run of a sweep of a packing in memory or a file; in memory where `out` is None. Collective over comm."""
-    how = {"omega": omega, "fields": fields or None, "method": method, "accuracy": accuracy, **more}
-    return Run.of(Sweep(packing, physics.law, prestress=physics.prestress, **how), Outlet(out, out), comm)
+def sweep_of(packing, physics, omega, fields=None, method="rational", accuracy=1e-6, **more):
+    """The `Sweep` of a packing in memory or a file."""
+    settings = {"omega": omega, "fields": fields or None, "method": method, "accuracy": accuracy, **more}
+    return Sweep(packing, physics.law, prestress=physics.prestress, **settings)
 
 
 def network_of(disks, physics, comm):

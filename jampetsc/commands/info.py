@@ -79,7 +79,7 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
 
     def _with_matrices(self, name):
         from jampetsc.network.contact_network import build_network
-        from jampetsc.response.stability import examine
+        from jampetsc.response.minimum_check import examine
 
         running = session.current()
         disks, _ = read_identified(self.file, running.comm)

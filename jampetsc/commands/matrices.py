@@ -29,19 +29,22 @@ class Matrices(PackingJob):
 
     def check_outputs(self, to):
         """Refuse an unknown ending, and outputs that may not be replaced."""
-        from jampetsc.response.assembled_matrices import files_of
+        from jampetsc.commands.matrix_files import files_of
 
         to.must_be_file()
         for path in files_of(to.path).values():
             to.check(self.FORMAT, self.paths, path)
 
     def work(self, to):
-        from jampetsc.response.assembled_matrices import files_of, matrices_of, write_matrices
+        from jampetsc.commands.matrix_files import files_of, write_matrices
+        from jampetsc.network.contact_network import build_network
+        from jampetsc.response.assembled_matrices import build_matrices
 
         comm = session.current().comm
         disks, _ = read_identified(self.packing, comm)
         with about(source_name(self.packing)):
-            matrices = matrices_of(disks, self.physics, comm)
+            network = build_network(disks, comm, self.prestress)
+        matrices = build_matrices(network, self.law)
         write_matrices(to.path, matrices)
         names = ", ".join(map(str, files_of(to.path).values()))
         unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)
@@ -49,7 +52,7 @@ class Matrices(PackingJob):
         return f"{names}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
 
     def answer(self, to, summary):
-        from jampetsc.response.assembled_matrices import files_of
+        from jampetsc.commands.matrix_files import files_of
 
         return list(files_of(to.path).values())
 
@@ -64,7 +67,9 @@ def assemble(packing, law=DEFAULT, *, prestress=True):
     Returns an `assembled_matrices.PackingMatrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a
     packing that is not rigid, and for an unknown law.
     """
-    from jampetsc.response.assembled_matrices import matrices_of
+    from jampetsc.network.contact_network import build_network
+    from jampetsc.response.assembled_matrices import build_matrices
 
     job, comm = Matrices(packing, law, prestress=prestress), session.start("real").comm
-    return matrices_of(read_identified(job.packing, comm)[0], job.physics, comm)
+    packing, _ = read_identified(job.packing, comm)
+    return build_matrices(build_network(packing, comm, job.prestress), job.law)

@@ -1,17 +1,23 @@
 """Vibrational modes of a packing."""
 
+import time
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.errors import InputError, named
+import numpy as np
+
+from jampetsc.errors import InputError, about, named
 from jampetsc.options.job import Job
 from jampetsc.options.law_options import PRESTRESS
 from jampetsc.options.parameters import FILE, optional_parameter, parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import PACKING
 from jampetsc.packing.packing import Packing
+from jampetsc.petsc.session import current
 
 COUNT = 50
+PER_MODE = "eigenvalues residuals normal transverse participation_ratio floppiness shear_force".split()
+ATTRIBUTES = "inertia_count inertia_shift complete method restarts".split()  # of the file
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +66,36 @@ of them, are found by LAPACK, which takes no options."""
                 )
 
     def work(self, to):
-        from jampetsc.response import vibrations as modes
+        from jampetsc.commands.packing_network import read_network
+        from jampetsc.response.vibrations import lowest_modes
 
+        started, session = time.perf_counter(), current()
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
-        return _summary(to, modes.run(self.packing, to, self.prestress, count, self.below))
+        source = read_network(self.packing, self.prestress, to, started)
+        with about(source.name), session.stage("modes"):
+            modes = lowest_modes(source.network, count, self.below, source.proved)
+        with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
+            _write(writer, modes)
+            writer.attributes(**source.record({"prestress": self.prestress}))
+        return _summary(to, modes)
+
+
+def _write(writer, modes):
+    """Put `VibrationalModes` into a result. Collective."""
+    writer.distributed("particles", modes.network.particles)
+    writer.distributed("modes", modes.vectors, axis=1)
+    per_mode = {name: getattr(modes, name) for name in PER_MODE}
+    contributions = modes.contributions
+    if contributions is not None:
+        per_mode |= {f"share/{name}": share for name, share in contributions.share.items()}
+        per_mode |= {f"cumulative/{name}": np.cumsum(share) for name, share in contributions.share.items()}
+        per_mode |= {"lowest/count": contributions.count}
+        per_mode |= {f"lowest/{name}_median": median for name, median in contributions.median.items()}
+        writer.attributes(**{f"{name}_median": median for name, median in contributions.whole.items()})
+    for name, values in per_mode.items():
+        writer.dataset(name, values)
+    attributes = {name: getattr(modes, name) for name in ATTRIBUTES}
+    writer.attributes(**attributes, contacts=modes.network.contact_count)
 
 
 def _summary(to, modes) -> str:

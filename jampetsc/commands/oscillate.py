@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from jampetsc.errors import ConvergenceError, InputError, about, named
-from jampetsc.laws.damping import Physics
+from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA, Physics
 from jampetsc.options.law_options import PackingJob
 from jampetsc.options.parameters import ValueType, optional_parameter, parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import Numbers, number_list
 from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
-from jampetsc.response.limits import MAX_OMEGA, MIN_OMEGA
 
 DOUBLES = 1e-300, 1e300  # what ω and ωτ₁ may be
 MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-30, 1.0  # amplitudes
@@ -173,24 +172,18 @@ A killed run continues when the same command is given again."""
         }
 
     def work(self, to):
-        from jampetsc.io.packing_file import read_identified, source_name
-        from jampetsc.network.contact_network import build_network
+        from jampetsc.commands.packing_network import read_network
         from jampetsc.oscillation.amplitude_sweep import require_stability, sweep_amplitudes
         from jampetsc.petsc.session import current
-        from jampetsc.response.minimum_check import examine_balance
-        from jampetsc.response.run_record import run_record
 
         started, session = time.perf_counter(), current()
-        disks, identity = read_identified(self.packing, session.comm)
-        to.made_from(disks)
-        with session.stage("assembly"), about(source_name(self.packing)):
-            examine_balance(source_name(self.packing), disks, session.comm)
-            network = build_network(disks, session.comm, self.prestress)
-            require_stability(network, self.control)
-        checkpoint = to.checkpoint(self.key(identity), session.comm)
+        source = read_network(self.packing, self.prestress, to, started)
+        with session.stage("assembly"), about(source.name):
+            require_stability(source.network, self.control)
+        checkpoint = to.checkpoint(self.key(source.identity), session.comm)
         sweep = sweep_amplitudes(
-            disks,
-            network,
+            source.disks,
+            source.network,
             self.physics.law,
             self.omega,
             self.amplitude,
@@ -207,7 +200,7 @@ A killed run continues when the same command is given again."""
             for name, values in sweep.arrays.items():
                 writer.dataset(name, values)
             writer.attributes(
-                **run_record(disks, identity, self.parameters, network, started),
+                **source.record(self.parameters),
                 control=self.control,
                 contacts=self.contacts,
                 steps=self.steps,

@@ -1,15 +1,23 @@
 """Response of a packing to slow shear."""
 
+import time
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.errors import InputError, named
-from jampetsc.io.results import note_lines
+import numpy as np
+
+from jampetsc.errors import InputError, about, named
+from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
 from jampetsc.options.law_options import PackingJob
 from jampetsc.options.parameters import optional_parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import Numbers, number_list
+from jampetsc.petsc.session import current
+
+# members of a `SlowResponse` that are attributes of the file
+ATTRIBUTES = "G0 G_affine bulk_modulus eta0 omega_star identity_difference field_error".split()
+SCAN = ("beta", "eta0", "no_prestress_eta0", "eta_inf")  # columns of `QuasistaticResult.scan`
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +56,49 @@ PETSc options: -shift_… for the factorisations."""
             self.law.altered(beta=beta)  # where nothing dissipates
 
     def work(self, to):
-        from jampetsc.response import slow_response as quasistatic
+        from jampetsc.commands.packing_network import read_network
+        from jampetsc.response.slow_response import solve_quasistatic
 
-        betas = () if self.betas is None else self.betas.tolist()
-        return _summary(to, self.physics, quasistatic.run(self.packing, to, self.physics, betas))
+        started, session = time.perf_counter(), current()
+        source = read_network(self.packing, self.prestress, to, started)
+        with about(source.name):
+            found = solve_quasistatic(
+                source.network, self.law, () if self.betas is None else self.betas.tolist()
+            )
+        notes = unstable_to_shear(found.responses[""].G0, "G0")
+        with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
+            _write(writer, found)
+            writer.attributes(**source.record(self.physics.parameters), notes=noted(notes))
+        return "\n".join([_summary(to, self.physics, found), *note_lines(notes)])
+
+
+def _write(writer, found):
+    """Put a `QuasistaticResult` into a result. Collective."""
+    c = found.network.contacts
+    once = c.i < c.j
+    writer.distributed("particles", found.network.particles)
+    writer.distributed("contacts/pairs", np.column_stack((c.i, c.j))[once])
+    writer.distributed("contacts/bonds", c.r[once])
+    for name, response in found.responses.items():
+        group, prefix = (f"{name}/", f"{name}_") if name else ("", "")
+        writer.distributed(f"{group}contacts/normal", response.normal)
+        writer.distributed(f"{group}contacts/transverse", response.transverse)
+        writer.distributed(f"{group}nonaffine", response.nonaffine)
+        if response.flow.rotation is not None:
+            writer.distributed(f"{group}contacts/sliding", response.flow.sliding)
+            writer.distributed(f"{group}rotation", response.flow.rotation)
+        values = {key: getattr(response, key) for key in ATTRIBUTES}
+        values |= {f"eta0_{part}": value for part, value in response.flow.parts.items()}
+        for quantity, distribution in found.distributions[name].items():
+            writer.dataset(f"{group}histogram/{quantity}/edges", distribution.edges)
+            writer.dataset(f"{group}histogram/{quantity}/counts", distribution.counts)
+            values |= {
+                f"{quantity}_{kind}": getattr(distribution, kind) for kind in ("median", "mean", "rms")
+            }
+        writer.attributes(**{f"{prefix}{key}": value for key, value in values.items()})
+    writer.attributes(eta_inf=found.eta_inf)
+    for name, column in zip(SCAN, found.scan.T, strict=True) if len(found.scan) else ():
+        writer.dataset(f"beta_scan/{name}", column)
 
 
 def _summary(to, physics, outcome) -> str:
@@ -72,4 +119,4 @@ def _summary(to, physics, outcome) -> str:
             )
             + f"; identity kept to {response.identity_difference:.0e}",
         ]
-    return "\n".join(lines + note_lines(outcome.notes))
+    return "\n".join(lines)

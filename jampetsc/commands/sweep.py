@@ -1,19 +1,26 @@
 """G*(ω) of a packing."""
 
+import time
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
+import numpy as np
+
 from jampetsc.analysis.statistics import relative_bound
-from jampetsc.errors import InputError, named
-from jampetsc.io.results import note_lines
+from jampetsc.errors import ConvergenceError, InputError, about, named
+from jampetsc.io.results import note_lines, noted, unstable_to_shear
+from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.options.law_options import PackingJob
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import FREQUENCIES, Numbers
 from jampetsc.petsc import builds, session
+from jampetsc.progress import note, warn
 
+BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
+SAME_FREQUENCY = 1e-9  # a frequency this close to one of the fields, relatively, counts as the same
 OMEGA = "1e-10:1e4:141"
 POWER_LAW = (
     "power-law damping: viscous force of a contact ∝ |Δu̇|^A, by an equivalent linear damping (approximate)"
@@ -95,38 +102,186 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             return "real"
         return "complex" if builds.to_choose("complex") else "any"
 
+    @property
+    def frequencies(self) -> "SweepFrequencies":
+        """The frequencies to solve at, those of fields included. Raises InputError where they cannot be solved."""
+        fields = np.zeros(0) if self.fields is None else self.fields
+        is_new = ~np.isclose(self.omega[:, None], fields, rtol=SAME_FREQUENCY, atol=0.0).any(axis=1)
+        experiment = np.union1d(self.omega[is_new], fields)
+        damping, tau1 = self.damping, self.law.tau1
+        solved = experiment if damping is None else damping.frequency(experiment * tau1) / tau1
+        beyond = (solved < MIN_OMEGA) | (solved > MAX_OMEGA)
+        if beyond.any():
+            raise InputError(
+                f"{named('alpha')} {damping.alpha:g} {named('stress')} {damping.stress:g}: omega = "
+                f"{experiment[beyond][0]:g} is equivalent to {solved[beyond][0]:g} under linear damping, outside "
+                f"{MIN_OMEGA:g} to {MAX_OMEGA:g}: narrow {named('omega')}"
+            )
+        return SweepFrequencies(experiment, solved, solved[np.searchsorted(experiment, fields)])
+
+    @property
+    def parameters(self) -> dict:
+        """Parameters of the law as a file records them, with exponent and stress of power-law damping."""
+        if self.damping is None:
+            return self.physics.parameters
+        return {**self.physics.parameters, "alpha": self.damping.alpha, "stress": self.damping.stress}
+
+    def key(self, identity, method: str, ranks: int) -> dict:
+        """What identifies the job to a checkpoint; rows of fields belong to ranks, numbers do not.
+
+        identity   that of its packing, `read_identified`
+        method     the one that is used
+        """
+        frequencies = self.frequencies
+        return {
+            "packing": identity[1],
+            "law": self.parameters,
+            "omega": frequencies.solved,
+            "method": method,
+            "accuracy": self.accuracy,
+            "fields": frequencies.of_fields,
+            "ranks": ranks if len(frequencies.of_fields) or method == "rational" else None,
+        }
+
     def work(self, to):
-        from jampetsc.response.sweep_method import notes_of, solve
-        from jampetsc.response.sweep_run import Run
+        from jampetsc.commands.packing_network import read_network
+        from jampetsc.response.minimum_check import check_minimum
 
-        run = Run.of(self, to, session.current().comm).examined()
-        omega, G, bounds = solve(run)
-        notes = notes_of(run, run.asked(omega), G, bounds)
-        return "\n".join([_summary(run, run.asked(omega), G, bounds), *note_lines(notes)])
+        started, frequencies = time.perf_counter(), self.frequencies
+        source = read_network(self.packing, self.prestress, to, started)
+        with about(source.name):
+            minimum = check_minimum(source.network, source.proved, count=self.method != "direct")
+        method = "direct" if minimum.negative_modes else self.method
+        if method != self.method and session.current().rank == 0:
+            warn(
+                f"{source.name}: K has {minimum.negative_modes} negative modes, so the packing is not a minimum of its "
+                "energy: solving every frequency by method direct"
+            )
+        checkpoint = to.checkpoint(
+            self.key(source.identity, method, session.current().size),
+            session.current().comm,
+            ordered=method == "rational",
+        )
+        with about(source.name):
+            found = self._solve(source, frequencies, method, minimum, checkpoint)
+        notes = notes_of(self, source.disks, frequencies.asked(found.omega), found)
+        with to.writer(self.FORMAT, session.current().comm) as writer:
+            _write(writer, frequencies, found, source.network.particles, self.damping is not None)
+            writer.attributes(
+                **source.record(self.parameters),
+                method=method,
+                accuracy=self.accuracy,
+                positive_semidefinite=minimum.description,
+                unknowns=source.network.n * self.law.dofs,
+                notes=noted(notes),
+                factorisations=found.factorisations,
+                vectors=found.vectors,
+                failed_omega=frequencies.asked(sorted(found.failures)) if found.failures else None,
+            )
+        if found.failures:
+            first = found.failures[min(found.failures)]
+            raise ConvergenceError(
+                f"{len(found.failures)} of {len(frequencies.solved)} frequencies failed, {to.others}; the first: "
+                f"{first.message(named)}"
+            )
+        checkpoint.remove()
+        return "\n".join([_summary(self, to, frequencies, found, minimum.certified), *note_lines(notes)])
+
+    def _solve(self, source, frequencies, method, minimum, checkpoint):
+        """The `ModulusSweep`, continued from the finished steps of a checkpoint. Collective."""
+        from jampetsc.response.assembly import assemble
+        from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+
+        with session.current().stage("assembly"):
+            pencil = assemble(source.network, self.law)
+        asked = pencil, frequencies.solved, self.accuracy, frequencies.of_fields
+        if checkpoint.done and session.current().rank == 0:
+            what = "shifts" if method == "rational" else "frequencies"
+            note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} {what} are finished")
+        if method == "rational":
+            resume = {step: (record, checkpoint.fields(step)) for step, record in checkpoint.done.items()}
+            return sweep_rationally(*asked, self.parallel or "auto", resume, checkpoint.save)
+        resume = {
+            step: (record, checkpoint.fields(step) if "field_bound" in record else None)
+            for step, record in checkpoint.done.items()
+        }
+        return sweep_directly(*asked, minimum.negative_modes == 0, resume, checkpoint.save)
 
 
-def _summary(run, omega, G, bounds) -> str:
+@dataclass(frozen=True, eq=False)
+class SweepFrequencies:
+    """Frequencies of a sweep in 1/time. Under power-law damping those at which the linear law is solved differ."""
+
+    experiment: np.ndarray  # (M,) increasing, those of the experiment
+    solved: np.ndarray  # (M,) the equivalent ones of the linear law
+    of_fields: np.ndarray  # (F,) those of `solved` at which fields are wanted
+
+    def asked(self, omega):
+        """Frequencies of the experiment for some of `solved`, in their shape."""
+        return self.experiment[np.searchsorted(self.solved, omega)]
+
+
+def _write(writer, frequencies, found, particles, is_power_law) -> None:
+    """Put the arrays of a `ModulusSweep` of these disks (n_local,) into a result. Collective."""
+    writer.dataset("omega", frequencies.asked(found.omega))
+    if is_power_law:
+        writer.dataset("equivalent_omega", found.omega)
+    writer.dataset("G", found.G)
+    for name, bound in zip(BOUNDS, found.bounds.T, strict=True):
+        writer.dataset(name, bound)
+    for name, values in found.reduced.items():
+        writer.dataset(f"reduced/{name}", values)
+    if not found.fields:
+        return
+    writer.dataset("fields/omega", frequencies.asked([field.omega for field in found.fields]))
+    writer.distributed("particles", particles)
+    for field in found.fields:
+        writer.append("fields/displacement", field.displacement)
+        if field.rotation is not None:
+            writer.append("fields/rotation", field.rotation)
+    writer.dataset("fields/error_bound", np.array([field.error_bound for field in found.fields]))
+
+
+def notes_of(job, disks, omega, found) -> list[str]:
+    """Notes on a `ModulusSweep` of disks at frequencies omega (M,) of the experiment, see `io.results`."""
+    notes, G, highest = [], found.G, found.G.real + found.bounds[:, 1]
+    if highest.min() < 0.0:  # by more than its bound
+        worst = int(np.argmin(highest))
+        notes += unstable_to_shear(G.real[worst], f"G' at omega {omega[worst]:.3g}")
+    if job.damping is not None:
+        k = disks.potential.k
+        strain = job.damping.stress * k / abs(G).min()
+        pressure = disks.record.get("pressure", np.inf) / k
+        if strain > pressure:
+            notes.append(
+                f"contacts would change, which is left out: strain amplitude up to {strain:.1e}, more than p/k = "
+                f"{pressure:.1e}. `oscillate --contacts moving` has it"
+            )
+    return notes
+
+
+def _summary(job, to, frequencies, found, certified) -> str:
     """The summary of a sweep."""
+    G, bounds, omega = found.G, found.bounds, frequencies.asked(found.omega)
     storage, loss = (
         relative_bound(bound, part).max() for bound, part in ((bounds[:, 1], G.real), (bounds[:, 2], G.imag))
     )
     lines = [
-        f"{run.to}: {run.physics}, {len(omega)} frequencies, "
-        f"{'certified' if run.certified else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''"
+        f"{to}: {job.physics}, {len(omega)} frequencies, "
+        f"{'certified' if certified else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''"
     ]
     lines += [
         f"  omega {omega[end]:.3g}: G' = {G[end].real:.6g}, G'' = {G[end].imag:.6g}"
         for end in ((0, -1) if len(omega) > 1 else (0,))
     ]
-    return "\n".join(lines + (_damping_lines(run, G) if run.damping else []))
+    return "\n".join(lines + (_damping_lines(job.damping, frequencies, G) if job.damping else []))
 
 
-def _damping_lines(run, G):
+def _damping_lines(damping, frequencies, G):
     """Lines about power-law damping: the equivalent frequencies, and where G* is formal."""
-    damping = run.damping
     lines = [
         f"  alpha {damping.alpha:g}, stress {damping.stress:g} k: equivalent linear frequencies "
-        f"{run.omega[0]:.3g} to {run.omega[-1]:.3g}; the stored spectrum is that of the linear law"
+        f"{frequencies.solved[0]:.3g} to {frequencies.solved[-1]:.3g}; the stored spectrum is that of the linear law"
     ]
     if G.real.min() < 0.0:
         lines.append(

@@ -40,6 +40,7 @@ class Network:
     pressure: float  # p = Σ f r / (2V) over all overlaps
     rattlers: int  # number of disks left out
     threshold: float  # force above which a contact counts
+    imbalance: float  # max |F|/(p d) of the disks that bear load, d the mean diameter; infinite at p = 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
 
     def unstressed(self) -> "Network":
@@ -72,13 +73,14 @@ class Network:
 def build_network(disks: Packing, comm, prestress: bool = True) -> Network:
     """The network of a packing that every rank has read, linearised with pre-stress or without. Collective.
 
-    Raises InputError when too few contacts are left to be rigid: n disks in a periodic cell need at
-    least 2n − 2 (Maxwell's count), and each missing one leaves a floppy mode.
+    Raises InputError for two disks at one place, and when too few contacts are left to be rigid: n disks in a
+    periodic cell need at least 2n − 2 (Maxwell's count), and each missing one leaves a floppy mode.
     """
     order = spatial_order(disks.positions, disks.cell)
     disks = disks.reordered(order)
     rows = tuple((comm.rank + end) * disks.n // comm.size for end in (0, 1))
     every = find_contacts(disks, rows)
+    _require_directions(every, order, comm)
     pressure = comm.allreduce(virial_pressure(every.force, every.distance, disks.area)) / 2.0  # two ends each
     threshold = force_threshold(disks, pressure)
     loaded = every[every.force > threshold]
@@ -103,10 +105,29 @@ def build_network(disks: Packing, comm, prestress: bool = True) -> Network:
         pressure=pressure,
         rattlers=int(np.count_nonzero(rattler)),
         threshold=threshold,
+        imbalance=_imbalance(disks, every, rows, rattler, pressure, comm),
         prestress=prestress,
     )
     _require_rigid(network, disks.n)
     return network
+
+
+def _require_directions(every, order, comm):
+    coincident = np.flatnonzero(every.distance == 0.0)[:1]
+    pairs = np.concatenate(comm.allgather(order[np.column_stack((every.i, every.j))[coincident]]))
+    if len(pairs):
+        i, j = sorted(pairs[0])
+        raise InputError(f"disks {i} and {j} are in one place: a force has no direction there")
+
+
+def _imbalance(disks, every, rows, rattler, pressure, comm):
+    """max |F|/(p d) of the disks without rattlers, from the contacts of this rank's `rows` of them."""
+    pull, count = every.normal * every.force[:, None], rows[1] - rows[0]
+    forces = [np.bincount(every.i - rows[0], axis, minlength=count) for axis in pull.T]
+    size = np.hypot(*forces)[~rattler[slice(*rows)]]
+    largest = max(comm.allgather(float(size.max(initial=0.0))))
+    unit = pressure * 2.0 * float(np.mean(disks.radii))
+    return largest / unit if unit > 0.0 else np.inf
 
 
 def _require_rigid(network, total):

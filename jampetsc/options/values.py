@@ -10,8 +10,8 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 from jampetsc.errors import InputError
+from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.options.parameters import ValueType, format_value
-from jampetsc.response.limits import MAX_OMEGA, MIN_OMEGA
 
 Numbers = str | Sequence[float]
 MAX_GRID_SIZE = 100_000  # numbers of a grid

@@ -1,4 +1,4 @@
-"""K, B and the γ border of a packing for other programs: as PETSc has them, gathered for scipy, or in files.
+"""K, B and the γ border of a packing for other programs: as PETSc has them, or gathered for scipy and pymor.
 
 With unknowns x and a strain γ of amplitude 1 at frequency ω (BT eqs. 10–14)
 
@@ -7,26 +7,17 @@ With unknowns x and a strain γ of amplitude 1 at frequency ω (BT eqs. 10–14)
 nothing pinned and nothing scaled. Leave out the rows and columns of `pins` to make K + iωB regular.
 """
 
-import io
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from scipy.io import mmwrite
 from scipy.sparse import csr_array
 
-from jampetsc.collective import on_root
-from jampetsc.errors import InputError, MissingPackage, named
-from jampetsc.io.atomic import write_whole
-from jampetsc.laws.damping import Physics
-from jampetsc.network.contact_network import build_network
-from jampetsc.packing.packing import Packing
-from jampetsc.petsc.session import current
+from jampetsc.errors import MissingPackage
+from jampetsc.laws.damping import Law
+from jampetsc.network.contact_network import Network
 from jampetsc.petsc.sparse_matrices import whole_matrix
 from jampetsc.response.assembly import assemble, pins_of
 
-ENDINGS = (".npz", ".mtx", ".petsc")
 SPARSE, VECTORS, NUMBERS = ("K", "B"), ("k_gamma", "b_gamma"), ("k_gg", "b_gg", "area")
 ROWS = ("particles", "dofs", "pins")
 NAMES = (*SPARSE, *VECTORS, *NUMBERS, *ROWS)
@@ -92,10 +83,9 @@ class PackingMatrices:
             getattr(self, name).destroy()
 
 
-def matrices_of(disks: Packing, physics: Physics, comm) -> PackingMatrices:
-    """The matrices of a packing that every rank has read. Collective. Raises InputError where it is not rigid."""
-    network, law = build_network(disks, comm, physics.prestress), physics.law
-    pencil = assemble(network, law, pinned=False)
+def build_matrices(network: Network, law: Law) -> PackingMatrices:
+    """The matrices of a network under a law. Collective."""
+    comm, pencil = network.comm, assemble(network, law, pinned=False)
     particles = np.concatenate(comm.allgather(network.particles))
     component = np.tile(np.arange(law.dofs), len(particles))
     return PackingMatrices(
@@ -105,61 +95,3 @@ def matrices_of(disks: Packing, physics: Physics, comm) -> PackingMatrices:
         dofs=np.column_stack((np.repeat(particles, law.dofs), component)),
         pins=pins_of(law, pencil.pieces),
     )
-
-
-def files_of(out) -> dict:
-    """{name of what it holds, "" for everything: path} of the files that `write_matrices` puts at `out`.
-
-    Raises InputError for an ending without a format.
-    """
-    path = Path(out)
-    if path.suffix not in ENDINGS:
-        raise InputError(f"{named('out')} {out}: choose the ending of a format: {', '.join(ENDINGS)}")
-    if path.suffix == ".mtx":  # Matrix Market: a matrix a file
-        return {name: path.with_name(f"{path.stem}-{name}.mtx") for name in NAMES}
-    return {"": path}
-
-
-def write_matrices(out, matrices: PackingMatrices) -> None:
-    """Write the files of `files_of`. Collective. Raises InputError or JampetscError where that fails."""
-    comm, files = matrices.K.getComm().tompi4py(), files_of(out)
-    if Path(out).suffix == ".petsc":
-        _write_petsc(comm, files[""], matrices)
-        return
-    whole = matrices.to_scipy()
-    on_root(comm, lambda: _write_npz(files[""], whole) if "" in files else _write_mtx(files, whole))
-
-
-def _write_npz(path, whole):
-    """K and B have one pattern: scipy.sparse.csr_array((K, indices, indptr))."""
-    held = {name: getattr(whole, name) for name in NAMES if name not in SPARSE}
-    content = io.BytesIO()
-    np.savez(content, indptr=whole.K.indptr, indices=whole.K.indices, K=whole.K.data, B=whole.B.data, **held)
-    write_whole(path, content.getvalue())
-
-
-def _write_mtx(files, whole):
-    for name, path in files.items():
-        value, content = getattr(whole, name), io.BytesIO()
-        array = value if name in SPARSE else np.reshape(value, (len(np.atleast_1d(value)), -1))
-        mmwrite(content, array, precision=17, symmetry="general")
-        write_whole(path, content.getvalue())
-
-
-def _write_petsc(comm, path, matrices):
-    """PETSc binary, one after another: Mat K, B, Vec k_γ, b_γ, Vec (k_γγ, b_γγ, V), IS of disk numbers, IS of pins."""
-    PETSc, first = current().PETSc, comm.rank == 0
-    numbers = PETSc.Vec().createMPI((3 if first else 0, 3), comm=comm)
-    if first:
-        numbers.getArray()[:] = [getattr(matrices, name) for name in NUMBERS]
-    sets = [
-        PETSc.IS().createGeneral((rows if first else rows[:0]).astype(PETSc.IntType), comm=comm)
-        for rows in (matrices.particles, matrices.pins)
-    ]
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(comm.bcast(folder)) / "matrices"
-        viewer = PETSc.Viewer().createBinary(str(file), "w", comm=comm)  # rank 0 writes
-        for item in (*(getattr(matrices, name) for name in (*SPARSE, *VECTORS)), numbers, *sets):
-            item.view(viewer)
-        viewer.destroy()  # it writes the last of it
-        on_root(comm, lambda: write_whole(path, file.read_bytes()))

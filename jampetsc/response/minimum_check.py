@@ -1,37 +1,69 @@
 """Whether a packing is a minimum of its energy: the negative and zero modes of K, and how they were counted.
 
 K is that of a `network.Network`, with or without pre-stress, on the displacements. For a proof that a packing's file
-records see `packing.minimum_proof`, for unbalanced forces `packing.contacts`.
+records see `packing.minimum_proof`. `examine` has other facts of K and B: size, asymmetry, inertia.
 """
 
-from jampetsc.collective import on_root
+from dataclasses import dataclass, replace
+
+import numpy as np
+
 from jampetsc.errors import ConvergenceError, InputError, named
-from jampetsc.laws.damping import UNDAMPED
+from jampetsc.laws.damping import UNDAMPED, Law
 from jampetsc.network.contact_network import Network, find_pieces
-from jampetsc.packing.contacts import BALANCED, imbalance, measure
+from jampetsc.packing.contacts import BALANCED
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.inertia import Inertia, count_eigenvalues
 from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor
-from jampetsc.progress import warn
 from jampetsc.response.assembly import assemble
 
 BY_CHOLESKY = "Cholesky's factorisation of K"
 BY_INERTIA = "the inertia of K"
 
 
-def examine_balance(packing, disks, comm) -> float:
-    """max |F|/(p d) of disks, which are called `packing` in a warning where their forces are not balanced. Collective.
+@dataclass(frozen=True)
+class MinimumCheck:
+    """What is known of K's negative modes and of the balance of forces, so whether error bounds are certified."""
 
-    A response of the contacts as they are is still defined, but the packing would not stay in that state.
+    prestress: bool  # whether K has it
+    negative_modes: int | None  # None: not known
+    counted_by: str  # how this run has counted them; empty if it has not
+    imbalance: float  # max |F|/(p d)
+
+    @property
+    def certified(self) -> bool:
+        """Whether K is known to have no negative modes and forces are balanced, so that error bounds are certified."""
+        return self.negative_modes == 0 and self.imbalance <= BALANCED
+
+    @property
+    def description(self) -> str:
+        """Whether K has no negative modes, and how that is known, as text for a file."""
+        if not self.prestress:
+            status = "by construction (no pre-stress)"
+        elif self.negative_modes is None:
+            status = "not shown: that of fields is a bound only if K has no negative modes"
+        elif self.negative_modes:
+            status = f"no: {self.negative_modes} negative modes; error_bound is an estimate for fields, a bound for G*"
+        else:
+            status = f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
+        if self.imbalance <= BALANCED:
+            return status
+        return f"{status}; but forces are not balanced: max|F|/(p d) = {self.imbalance:.1e}"
+
+
+def check_minimum(network: Network, proved: bool, count: bool = True) -> MinimumCheck:
+    """Whether a packing is a minimum. Collective; needs the real build where modes are counted.
+
+    proved   whether it was proved before that K with pre-stress has no negative modes
+    count    whether to count them where that is not known
+
+    Raises as `count_modes`.
     """
-    found = on_root(comm, lambda: imbalance(disks, measure(disks)))
-    if not found <= BALANCED and comm.rank == 0:
-        warn(
-            f"{packing}: forces are not balanced, max|F|/(p d) = {found:.1e}, so the packing is not a minimum of its "
-            "energy: quench it (pack from it); the response is that of its contacts as they are"
-        )
-    return found
+    negative, how = (0, "") if proved or not network.prestress else (None, "")
+    if negative is None and count:
+        negative, how = negative_modes(network)
+    return MinimumCheck(network.prestress, negative, how, network.imbalance)
 
 
 def count_modes(network: Network) -> Inertia:
@@ -98,3 +130,59 @@ def _refuse_negative(count):
             f"K has {count} negative mode{'s' * (count > 1)}: not a minimum of the energy; quench it "
             f"(pack with {named('from_')}) or leave the pre-stress out ({named('prestress')})"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """Facts about the matrices of one law on one network."""
+
+    contacts: int  # on all ranks
+    unknowns: int  # rows of K and B
+    dofs: int  # unknowns of each disk
+    nonzeros: int  # entries stored in each of K and B
+    pieces: int  # connected pieces of the contact graph
+    gears: int  # bipartite pieces, whose disks can turn like gears
+    pins: int  # pinned unknowns, see `assembly.Pencil`
+    asymmetry_K: float  # ‖K − Kᵀ‖ / ‖K‖ (Frobenius)
+    asymmetry_B: float
+    with_prestress: Inertia  # of K on the displacements, nothing pinned: two zeros per piece are translations
+    without_prestress: Inertia
+    damping: Inertia  # of B, pinned unknowns left out
+
+    @property
+    def translations(self) -> int:
+        """Moves that cost no energy whatever the packing: two for each piece."""
+        return 2 * self.pieces
+
+
+def asymmetry(matrix) -> float:
+    """‖A − Aᵀ‖ / ‖A‖ in the Frobenius norm. Collective."""
+    PETSc = current().PETSc
+    difference = matrix.transpose(PETSc.Mat())
+    difference.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    norm = matrix.norm(PETSc.NormType.FROBENIUS)
+    result = difference.norm(PETSc.NormType.FROBENIUS) / norm if norm else 0.0
+    return float(result)
+
+
+def examine(network: Network, law: Law) -> Examination:
+    """Assemble K and B of `law` and examine them. Collective; needs the real build of PETSc.
+
+    Raises ConvergenceError if a factorisation fails.
+    """
+    pencil = assemble(network, law)
+    roots = pencil.pieces.roots
+    return Examination(
+        contacts=network.contact_count,
+        unknowns=pencil.unknowns,
+        dofs=law.dofs,
+        nonzeros=int(pencil.K.getInfo(current().PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]),
+        pieces=len(roots),
+        gears=int(np.count_nonzero(pencil.pieces.bipartite[roots])),
+        pins=len(pencil.pins),
+        asymmetry_K=asymmetry(pencil.K),
+        asymmetry_B=asymmetry(pencil.B),
+        with_prestress=count_modes(replace(network, prestress=True)),
+        without_prestress=count_modes(network.unstressed()),
+        damping=count_eigenvalues(pencil.B, "B", pencil.pins),
+    )

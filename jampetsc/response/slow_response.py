@@ -13,30 +13,19 @@ makes up 6 to 16 % of Σ(Δu∥)², so there is no long tail either. What levels
 by finite size. See benchmarks/claims/motion.py.
 """
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.errors import about
-from jampetsc.io.outlet import Outlet
-from jampetsc.io.packing_file import read_identified, source_name
-from jampetsc.io.results import noted, unstable_to_shear
-from jampetsc.laws.damping import Physics
-from jampetsc.network.contact_network import Network, build_network
+from jampetsc.laws.damping import Law
+from jampetsc.network.contact_network import Network
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.contributions import distributions
-from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.minimum_check import examine_balance
-from jampetsc.response.refined_solve import Relaxed
-from jampetsc.response.run_record import run_record
+from jampetsc.response.elastic import ElasticResponse, Relaxed
 from jampetsc.response.viscosity import ViscousResponse, infinite_viscosity, quasistatic_flow
 
-FORMAT = "jampetsc-quasistatic"
-# members of `SlowResponse` that are attributes of the file
-ATTRIBUTES = "G0 G_affine bulk_modulus eta0 omega_star identity_difference field_error".split()
-BARE = "no_prestress"  # name of the results for K without pre-stress, if the job has pre-stress
+BARE = "no_prestress"  # name of the results for K without pre-stress, where K has it
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,40 +90,21 @@ def _bulk_modulus(network, compression: Relaxed):
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """The results of `run`, for the summary."""
+class QuasistaticResult:
+    """The responses of one network with its pre-stress and without, and viscosities of other laws."""
 
     network: Network
-    responses: dict  # "" and, where K has pre-stress, "no_prestress" → Quasistatic
+    responses: dict  # "" and, where K has pre-stress, "no_prestress" → SlowResponse
     distributions: dict  # the same names → {"normal": Distribution, …}
     eta_inf: float
     scan: np.ndarray  # (b, 4): β, η₀, η₀ without pre-stress, η_∞
 
-    @property
-    def notes(self) -> list[str]:
-        """See `io.results`."""
-        return unstable_to_shear(self.responses[""].G0, "G0")
 
+def solve_quasistatic(network: Network, law: Law, betas=()) -> QuasistaticResult:
+    """The quasistatic response of a network under a law, and η₀, η_∞ at other β. Collective; needs the real build.
 
-def run(packing, to: Outlet, physics: Physics, betas=()) -> Outcome:
-    """Solve for a packing in memory or a file, under `physics`, and for η₀, η_∞ at other β, and write it. Collective.
-
-    Raises InputError for a packing that is not a rigid minimum.
+    Raises as `solve`.
     """
-    started = time.perf_counter()
-    session = current()
-    disks, identity = read_identified(packing, session.comm)
-    to.made_from(disks)
-    with about(source_name(packing)):
-        examine_balance(source_name(packing), disks, session.comm)
-        outcome = _solve_all(build_network(disks, session.comm, physics.prestress), physics.law, betas)
-    with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
-        _write(writer, outcome)
-        writer.attributes(**run_record(disks, identity, physics.parameters, outcome.network, started))
-    return outcome
-
-
-def _solve_all(network, law, betas):
     session = current()
     networks = {"": network} | ({BARE: network.unstressed()} if network.prestress else {})
     pencil = assemble(network, law)
@@ -145,7 +115,7 @@ def _solve_all(network, law, betas):
     del pencil  # the matrices of other laws take its place
     with session.stage("beta"):
         scan = [(beta, *_viscosities(network, law.altered(beta=beta), responses)) for beta in betas]
-    return Outcome(
+    return QuasistaticResult(
         network,
         responses,
         {
@@ -162,32 +132,3 @@ def _viscosities(network, law, responses):
     pencil = assemble(network, law)
     eta0 = [quasistatic_flow(pencil, response.field).eta0 for response in responses.values()]
     return eta0[0], eta0[-1], infinite_viscosity(pencil)
-
-
-def _write(writer, outcome):
-    network = outcome.network
-    c, particles = network.contacts, network.particles
-    once = c.i < c.j
-    writer.distributed("particles", particles)
-    writer.distributed("contacts/pairs", np.column_stack((c.i, c.j))[once])
-    writer.distributed("contacts/bonds", c.r[once])
-    for name, response in outcome.responses.items():
-        group, prefix = (f"{name}/", f"{name}_") if name else ("", "")
-        writer.distributed(f"{group}contacts/normal", response.normal)
-        writer.distributed(f"{group}contacts/transverse", response.transverse)
-        writer.distributed(f"{group}nonaffine", response.nonaffine)
-        if response.flow.rotation is not None:
-            writer.distributed(f"{group}contacts/sliding", response.flow.sliding)
-            writer.distributed(f"{group}rotation", response.flow.rotation)
-        values = {key: getattr(response, key) for key in ATTRIBUTES}
-        values |= {f"eta0_{part}": value for part, value in response.flow.parts.items()}
-        for quantity, found in outcome.distributions[name].items():
-            writer.dataset(f"{group}histogram/{quantity}/edges", found.edges)
-            writer.dataset(f"{group}histogram/{quantity}/counts", found.counts)
-            values |= {f"{quantity}_{kind}": getattr(found, kind) for kind in ("median", "mean", "rms")}
-        writer.attributes(**{f"{prefix}{key}": value for key, value in values.items()})
-    writer.attributes(eta_inf=outcome.eta_inf, notes=noted(outcome.notes))
-    if len(outcome.scan):
-        names = ("beta", "eta0", f"{BARE}_eta0", "eta_inf")
-        for name, column in zip(names, outcome.scan.T, strict=True):
-            writer.dataset(f"beta_scan/{name}", column)

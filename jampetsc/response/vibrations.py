@@ -7,28 +7,19 @@ The count is certified by Sylvester's law: as many eigenvalues below μ, just ab
 − μ has negative pivots.
 """
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError, InputError, about, named
-from jampetsc.io.outlet import Outlet
-from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import UNDAMPED
-from jampetsc.network.contact_network import Network, build_network
-from jampetsc.packing.minimum_proof import proved_minimum
+from jampetsc.network.contact_network import Network
 from jampetsc.petsc.eigen import lowest
 from jampetsc.petsc.inertia import SHIFT, count_below
-from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.contributions import Contributions, contributions_of
-from jampetsc.response.minimum_check import examine_balance, require_minimum
-from jampetsc.response.run_record import run_record
+from jampetsc.response.minimum_check import require_minimum
 
-FORMAT = "jampetsc-modes"
-PER_MODE = "eigenvalues residuals normal transverse participation_ratio floppiness shear_force".split()
-ATTRIBUTES = "inertia_count inertia_shift complete method restarts".split()  # of the file
 GAP = 1e-7  # eigenvalues closer than this, relatively, form a cluster: a count cannot separate them
 ATTEMPTS = 4  # with more modes each time, if a cluster is cut or the count shows that some were missed
 # largest ‖Kφ − λφ‖ accepted, in units of the stiffness; |Δλ| is less: its square over the gap
@@ -180,39 +171,3 @@ def _describe(pencil: Pencil, pairs, shift, complete):
         inertia_count=m, inertia_shift=shift, complete=complete,
         method=pairs.method, restarts=pairs.iterations,
     )  # fmt: skip
-
-
-def run(packing, to: Outlet, prestress: bool, count=None, below=None) -> VibrationalModes:
-    """Find modes as `lowest_modes` does and write them.
-
-    Collective. Raises as that does, naming the packing.
-    """
-    started = time.perf_counter()
-    session = current()
-    disks, identity = read_identified(packing, session.comm)
-    to.made_from(disks)
-    with about(source_name(packing)), session.stage("modes"):
-        examine_balance(source_name(packing), disks, session.comm)
-        network = build_network(disks, session.comm, prestress)
-        modes = lowest_modes(network, count, below, proved=not prestress or proved_minimum(disks))
-    with session.stage("output"), to.writer(FORMAT, session.comm) as writer:
-        _write(writer, modes)
-        writer.attributes(**run_record(disks, identity, {"prestress": prestress}, network, started))
-    return modes
-
-
-def _write(writer, modes):
-    writer.distributed("particles", modes.network.particles)
-    writer.distributed("modes", modes.vectors, axis=1)
-    per_mode = {name: getattr(modes, name) for name in PER_MODE}
-    contributions = modes.contributions
-    if contributions is not None:
-        per_mode |= {f"share/{name}": share for name, share in contributions.share.items()}
-        per_mode |= {f"cumulative/{name}": np.cumsum(share) for name, share in contributions.share.items()}
-        per_mode |= {"lowest/count": contributions.count}
-        per_mode |= {f"lowest/{name}_median": found for name, found in contributions.median.items()}
-        writer.attributes(**{f"{name}_median": found for name, found in contributions.whole.items()})
-    for name, values in per_mode.items():
-        writer.dataset(name, values)
-    attributes = {name: getattr(modes, name) for name in ATTRIBUTES}
-    writer.attributes(**attributes, contacts=modes.network.contact_count)

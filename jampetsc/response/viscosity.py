@@ -20,7 +20,7 @@ from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor
 from jampetsc.petsc.sparse_matrices import set_diagonal
 from jampetsc.response.assembly import Pencil
-from jampetsc.response.refined_solve import relax
+from jampetsc.response.elastic import relax
 
 
 @dataclass(frozen=True, eq=False)

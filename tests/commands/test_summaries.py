@@ -9,57 +9,57 @@ from jampetsc.analysis.collapse_errors import Estimate
 from jampetsc.commands import collapse, correlate_sweeps, modes, oscillate, quasistatic, sweep
 from jampetsc.io.results import noted
 from jampetsc.laws.damping import Physics, damping_law
-from jampetsc.response.sweep_method import notes_of
 from jampetsc.studies import study_job
 
 PHYSICS = Physics(damping_law())
 
 
-def sweep_job(**more):
-    plain = {
-        "to": "s.h5",
-        "physics": PHYSICS,
-        "certified": True,
-        "damping": None,
-        "omega": np.array([3.0, 4.0]),
-    }
-    disks = SimpleNamespace(record={"pressure": 2e-3}, potential=SimpleNamespace(k=2.0))
-    return SimpleNamespace(**plain | {"disks": disks} | more)
+DISKS = SimpleNamespace(record={"pressure": 2e-3}, potential=SimpleNamespace(k=2.0))
+
+
+def summary_of_sweep(omega, G, bounds, certified=True, damping=None):
+    job = SimpleNamespace(physics=PHYSICS, damping=damping)
+    frequencies = sweep.SweepFrequencies(omega, omega + 3.0, omega[:0])
+    return sweep._summary(job, "s.h5", frequencies, modulus_sweep(omega + 3.0, G, bounds), certified)
+
+
+def modulus_sweep(omega, G, bounds):
+    return SimpleNamespace(omega=omega, G=G, bounds=bounds)
 
 
 def test_a_sweep_tells_its_ends_and_its_worst_errors():
     G = np.array([1 + 0.1j, 2 + 4j, 5 + 8j])
     bounds = np.array([[9, 1e-3, 1e-3], [9, 4e-2, 1e-3], [9, 1e-3, 8e-2]])
-    lines = sweep._summary(sweep_job(), np.array([0.1, 1.0, 10.0]), G, bounds).split("\n")
+    lines = summary_of_sweep(np.array([0.1, 1.0, 10.0]), G, bounds).split("\n")
     assert lines == [
         "s.h5: contact damping, beta = 1, 3 frequencies, certified to 2.0e-02 in G' and 1.0e-02 in G''",
         "  omega 0.1: G' = 1, G'' = 0.1",
         "  omega 10: G' = 5, G'' = 8",
     ]
-    one = sweep._summary(sweep_job(certified=False), np.ones(1), G[:1], bounds[:1]).split("\n")
+    one = summary_of_sweep(np.ones(1), G[:1], bounds[:1], certified=False).split("\n")
     assert len(one) == 2 and "1 frequencies, estimated to" in one[0]
 
 
 @pytest.mark.parametrize(("stress", "told"), [(0.9e-3, False), (1.1e-3, True)])
 def test_a_strain_that_would_change_contacts(stress, told):
     """σ₀ k/|G| of the softest frequency against p/k = 1e-3."""
-    damping = SimpleNamespace(alpha=0.5, stress=stress)
-    G = np.array([4.0 + 0j, 2.0j])
-    job = sweep_job(damping=damping)
-    assert "equivalent linear frequencies 3 to 4; the stored" in sweep._summary(
-        job, np.ones(2), G, np.ones((2, 3))
-    )
-    notes = notes_of(job, np.ones(2), G, np.ones((2, 3)))
+    damping, omega = SimpleNamespace(alpha=0.5, stress=stress), np.array([1.0, 2.0])
+    G, bounds = np.array([4.0 + 0j, 2.0j]), np.ones((2, 3))
+    said = summary_of_sweep(omega, G, bounds, damping=damping)
+    assert "equivalent linear frequencies 4 to 5; the stored" in said
+    job = SimpleNamespace(damping=damping)
+    notes = sweep.notes_of(job, DISKS, omega, modulus_sweep(omega, G, bounds))
     assert [f"strain amplitude up to {stress:.1e}, more than p/k = 1.0e-03" in note for note in notes] == [
         True
     ] * told
 
 
 def test_a_modulus_below_its_bound_below_zero_is_noted():
-    omega, bounds = np.array([1e-3, 1.0]), np.full((2, 3), 0.01)
-    (note,) = notes_of(sweep_job(), omega, np.array([-0.02 + 1j, 1.0]), bounds)
+    omega, bounds, job = np.array([1e-3, 1.0]), np.full((2, 3), 0.01), SimpleNamespace(damping=None)
+    found = [modulus_sweep(omega, np.array([real + 1j, 1.0]), bounds) for real in (-0.02, -0.005)]
+    (note,) = sweep.notes_of(job, DISKS, omega, found[0])
     assert note.startswith("unstable to shear: G' at omega 0.001 = -0.02. ") and "--stabilise shear" in note
-    assert notes_of(sweep_job(), omega, np.array([-0.005 + 1j, 1.0]), bounds) == []
+    assert sweep.notes_of(job, DISKS, omega, found[1]) == []
 
 
 def test_modes_tell_how_they_were_counted():
@@ -128,14 +128,11 @@ def test_a_quasistatic_response_tells_its_parts():
     found = {key: SimpleNamespace(median=value) for key, value in medians.items()}
     numbers = {"G0": 0.5, "bulk_modulus": 4.0, "omega_star": 0.1, "identity_difference": 1e-12}
     response = SimpleNamespace(network=SimpleNamespace(prestress=True), flow=flow, **numbers)
-    outcome = SimpleNamespace(
-        eta_inf=0.5, responses={"": response}, distributions={"": found}, notes=["unstable"]
-    )
+    outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": found})
     assert quasistatic._summary("q.h5", PHYSICS, outcome).split("\n") == [
         "q.h5: contact damping, beta = 1, eta_inf = 0.5",
         "  pre-stress: G0 = 0.5, bulk modulus 4, eta0 = 0.75 (contacts 0.25, fluid 0.5), omega* = 0.1",
         "    medians per unit strain: |Δu∥| 1, |Δu⊥| 2, |u_na| 3; identity kept to 1e-12",
-        "  note: unstable",
     ]
 
 

@@ -1,6 +1,7 @@
 """Power-law damping: the self-consistent equivalent frequency, and what a sweep says of it."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ from jampetsc.commands import sweep as sweep_job
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.packing.potentials import Potential
-from jampetsc.response.sweep_method import notes_of
 
 OMEGA = np.geomspace(1e-16, 1e12, 281)
 ALPHAS = (0.1, 0.5, 1.0, 1.0 + 1e-9, 1.5, 5.0)
@@ -51,8 +51,10 @@ def test_equal_energy_per_cycle(alpha):
 def test_a_strain_that_would_change_contacts_is_told_in_units_of_k():
     """σ₀ = 1e-3 k over |G*| = 2 k is a strain of 5e-4, more than p/k = 1e-4."""
     stiff = samples.published().replace(potential=Potential(k=4.0)).with_record(pressure=4e-4)
-    job = samples.run_of(stiff, Physics(damping_law()), [1.0], alpha=0.5, stress=1e-3)
-    said = sweep_job._summary(job, job.asked(job.omega), np.array([8.0 + 0j]), np.full((1, 3), 1e-9))
+    job = samples.sweep_of(stiff, Physics(damping_law()), [1.0], alpha=0.5, stress=1e-3)
+    frequencies = job.frequencies
+    found = SimpleNamespace(omega=frequencies.solved, G=np.array([8.0 + 0j]), bounds=np.full((1, 3), 1e-9))
+    said = sweep_job._summary(job, "s.h5", frequencies, found, True)
     assert "alpha 0.5, stress 0.001 k: equivalent linear frequencies" in said
-    (note,) = notes_of(job, [1.0], np.array([8.0 + 0j]), np.full((1, 3), 1e-9))
+    (note,) = sweep_job.notes_of(job, stiff, [1.0], found)
     assert "strain amplitude up to 5.0e-04, more than p/k = 1.0e-04" in note

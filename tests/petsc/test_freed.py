@@ -12,7 +12,7 @@ from jampetsc.network.contact_network import build_network
 from jampetsc.petsc import mumps
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import assemble
-from jampetsc.response.stability import examine
+from jampetsc.response.minimum_check import examine
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 OMEGA, STOKES = (1e-2, 1.0), jampetsc.StokesDrag()

@@ -14,12 +14,13 @@ from jampetsc.response.assembly import assemble
 from jampetsc.response.minimum_check import (
     BY_CHOLESKY,
     BY_INERTIA,
+    asymmetry,
     count_modes,
+    examine,
     negative_modes,
     require_minimum,
     require_unique_response,
 )
-from jampetsc.response.stability import asymmetry, examine
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 

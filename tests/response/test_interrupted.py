@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from launch import run
-from samples import physics, polydisperse, published, run_of
+from samples import physics, polydisperse, published, sweep_of
 
 import jampetsc
 from jampetsc.io.packing_file import write_packing
-from jampetsc.laws.equivalent_damping import EquivalentDamping
 
 DIRECT = ("--method", "direct", "--omega", "1e-4:1:6")
 KELVIN_VOIGT = ("--beta", "0", "--no-prestress")  # everything is known after the first step, without vectors
@@ -53,17 +52,18 @@ def test_the_same_command_continues(tmp_path, disks, options, ranks, steps, said
 
 def test_everything_that_decides_a_sweep_identifies_its_checkpoint():
     """So that no other is gone on with (tests/io/test_checkpoint.py)."""
-    omega = np.array([0.1, 1.0])
-    job = run_of(published(), physics(), omega, [1.0])
+    omega = [0.1, 1.0]
+    job, identity = sweep_of(published(), physics(), omega, [1.0]), (None, "this one")
     others = [
-        {"identity": (job.identity[0], "another")},
-        {"physics": physics(beta=0.5)},
-        {"physics": physics(prestress=False)},
-        {"damping": EquivalentDamping(0.5, 1e-5)},
-        {"omega": 2.0 * omega},
-        {"field_omega": omega},
-        {"method": "direct"},
-        {"accuracy": 1e-3},
+        sweep_of(published(), physics(beta=0.5), omega, [1.0]),
+        sweep_of(published(), physics(prestress=False), omega, [1.0]),
+        replace(job, alpha=0.5, stress=1e-5),
+        replace(job, omega=[0.2, 2.0]),
+        replace(job, fields=omega),
+        replace(job, accuracy=1e-3),
     ]
-    keys = [job.key(1), job.key(2), *(replace(job, **other).key(1) for other in others)]
-    assert len(set(map(str, keys))) == len(keys) and str(replace(job, started=0.0).key(1)) == str(keys[0])
+    keys = [job.key(identity, "rational", ranks) for ranks in (1, 2)]
+    keys += [job.key((None, "another"), "rational", 1), job.key(identity, "direct", 1)]
+    keys += [other.key(identity, "rational", 1) for other in others]
+    assert len(set(map(str, keys))) == len(keys)
+    assert str(replace(job, parallel="matrix").key(("p.h5", "this one"), "rational", 1)) == str(keys[0])

@@ -18,16 +18,20 @@ from samples import (
     published,
     put,
     reference,
-    run_of,
+    sweep_of,
 )
 from sweeps import Sweep, errors, judge
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.checkpoint import Checkpoint
+from jampetsc.io.outlet import Outlet
+from jampetsc.io.packing_file import read_identified
+from jampetsc.io.reader import load
+from jampetsc.packing.minimum_proof import with_proof
 from jampetsc.packing.packing import Packing
 from jampetsc.response import rational
 from jampetsc.response import shift_factors as factors
-from jampetsc.response import sweep_method as sweep_module
+from jampetsc.response.minimum_check import MinimumCheck
 
 pytestmark = pytest.mark.scalar("real")
 
@@ -234,7 +238,7 @@ def test_fields_and_their_bounds(session, name):
 def test_a_job_shares_among_ranks_what_it_is_asked_to(session, monkeypatch, parallel):
     asked, make = [], rational.Factors
     monkeypatch.setattr(rational, "Factors", lambda pencil, how: asked.append(how) or make(pencil, how))
-    sweep_module.solve(run_of(published(), physics(), [1e-2], accuracy=1e-4, parallel=parallel))
+    sweep_of(published(), physics(), [1e-2], accuracy=1e-4, parallel=parallel).work(Outlet())
     assert asked == [parallel]
 
 
@@ -248,40 +252,38 @@ def unstable():
 @pytest.mark.most_ranks(2)
 def test_a_claim_that_does_not_hold_is_found_out(session):
     """Said to be a minimum, and is none: the first factorisation tells."""
-    job = run_of(unstable(), physics(), [1e-6, 1e-5])
+    job = sweep_of(with_proof(unstable()), physics(), [1e-6, 1e-5])
     with pytest.raises(InputError, match=r": K \+ sB at s = .* is not .* definite; use method direct"):
-        sweep_module.solve(replace(job, negative_modes=0))
+        job.work(Outlet())
 
 
 @pytest.mark.most_ranks(1)
 def test_what_a_job_says_of_its_bounds():
     """They hold for a minimum at rest, and where it is known to be one."""
-    job = run_of(published(), physics(), [1.0])
-    bare = replace(job, physics=physics(prestress=False))
-    for which, modes, by, imbalance, certified, says in (
-        (job, 0, "", 1e-4, True, "proved when the packing was made"),
-        (job, 0, "X", 1e-4, True, "proved by X"),
-        (job, 0, "", 1.01e-4, False, "; but forces are not balanced: max|F|/(p d) = 1.0e-04"),
-        (job, 0, "", np.nan, False, "; but forces are not balanced"),
-        (job, None, "", 1e-4, False, "not shown: that of fields is a bound only if"),
-        (job, 3, "", 1e-4, False, "no: 3 negative modes; error_bound is an estimate for fields"),
-        (bare, 0, "", 1e-4, True, "by construction (no pre-stress)"),
+    for prestress, modes, by, imbalance, certified, says in (
+        (True, 0, "", 1e-4, True, "proved when the packing was made"),
+        (True, 0, "X", 1e-4, True, "proved by X"),
+        (True, 0, "", 1.01e-4, False, "; but forces are not balanced: max|F|/(p d) = 1.0e-04"),
+        (True, 0, "", np.nan, False, "; but forces are not balanced"),
+        (True, None, "", 1e-4, False, "not shown: that of fields is a bound only if"),
+        (True, 3, "", 1e-4, False, "no: 3 negative modes; error_bound is an estimate for fields"),
+        (False, 0, "", 1e-4, True, "by construction (no pre-stress)"),
     ):
-        made = replace(which, negative_modes=modes, counted_by=by, imbalance=imbalance)
-        assert made.certified == certified and says in made.positive_semidefinite
+        check = MinimumCheck(prestress, modes, by, imbalance)
+        assert check.certified == certified and says in check.description
 
 
 @pytest.mark.most_ranks(1)
 def test_frequencies_of_fields_are_among_those_of_the_sweep():
     near, apart = 1.0 + 5e-10, 1.0 + 2e-9
     for field, wanted in ((near, [1e-3, near, 10.0]), (apart, [1e-3, 1.0, apart, 10.0])):
-        job = run_of(published(), physics(), [1e-3, 1.0, 10.0], [field])
-        assert job.omega.tolist() == wanted and job.field_omega.tolist() == [field]
-        assert job.asked(job.field_omega).tolist() == [field]
+        frequencies = sweep_of(published(), physics(), [1e-3, 1.0, 10.0], [field]).frequencies
+        assert frequencies.solved.tolist() == wanted and frequencies.of_fields.tolist() == [field]
+        assert frequencies.asked(frequencies.of_fields).tolist() == [field]
     law = physics(tau1=2.0)
     for omega, alpha in ((1e-12, 2.0), (1e12, 0.5)):  # equivalent to what is far beyond, on either side
         with pytest.raises(InputError, match=rf"omega = {re.escape(format(omega, 'g'))} is equivalent to"):
-            run_of(published(), law, [1.0, omega], alpha=alpha, stress=1e-5)
+            sweep_of(published(), law, [1.0, omega], alpha=alpha, stress=1e-5).work(Outlet())
 
 
 @pytest.mark.usefixtures("reporting")
@@ -297,18 +299,20 @@ def test_what_a_sweep_says_on_its_way(session, shared_path, capfd, method, line)
     """Once, whatever the number of ranks; where a checkpoint goes on, how much of it there is."""
     packing, out = shared_path / "packing.h5", shared_path / "sweep.h5"
     put(packing, published(), session.comm)
-    job = run_of(packing, physics(), [1e-3, 1.0], [], method, 1e-6, out, comm=session.comm)
+    job = sweep_of(packing, physics(), [1e-3, 1.0], [], method, 1e-6)
     capfd.readouterr()
-    sweep_module.solve(replace(job, negative_modes=0))
+    job.work(Outlet(out, out))
     said = capfd.readouterr().err
     assert bool(re.search(line, said)) == (session.rank == 0)
     assert "continuing" not in said and not session.comm.bcast(list(shared_path.glob("*.resume*")))
     if method == "direct":
-        kept = Checkpoint(out, job.key(session.size), session.comm)
+        identity = read_identified(packing, session.comm)[1]
+        kept = Checkpoint(out, job.key(identity, method, session.size), session.comm)
         known = {"singular_bound": (1e-3, 1.0), "factorisations": 1}
         kept.save(0, {"G": 1 + 1j, "bounds": [0.0, 0.0, 0.0], **known}, None)
-        _, G, _ = sweep_module.solve(replace(job, negative_modes=0))
+        job.work(Outlet(out, out))
         said = capfd.readouterr().err
         assert ("sweep.h5.resume: 1 frequencies are finished" in said) == (session.rank == 0)
-        assert G[0] == 1 + 1j and "omega 1.000e-03" not in said
+        session.comm.barrier()
+        assert load(out).G[0] == 1 + 1j and "omega 1.000e-03" not in said
         assert not session.comm.bcast(list(shared_path.glob("*.resume*")))

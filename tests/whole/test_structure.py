@@ -111,6 +111,23 @@ def test_jobs_that_load_compiled_code():
     assert jobs & JOBS.keys() == {"pack", "flow", "shear", "jam", "oscillate", "modes"}
 
 
+COMPUTING = "packing laws analysis minimise petsc network response oscillation".split()
+
+
+def test_only_commands_know_jobs_and_outlets():
+    """A function that computes takes a packing or network, a law and numbers, and returns a result in memory."""
+    wrong = [
+        f"{name(path)}.{node.name}: {argument.arg}"
+        for path in MODULES
+        if room_of(path.relative_to(PACKAGE).with_suffix("").parts) in COMPUTING
+        for node in nodes(path)
+        if isinstance(node, ast.FunctionDef)
+        for argument in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+        if argument.arg in ("job", "to")
+    ]
+    assert not wrong, wrong
+
+
 def test_one_door_to_petsc():
     wrong = []
     for path in MODULES:

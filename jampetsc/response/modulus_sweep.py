@@ -1,0 +1,214 @@
+"""A sweep G*(ω) of a pencil by either method: steps that can be resumed, failures, fields.
+
+A finished step is a record, numbers that all ranks have, and arrays, this rank's rows. `save(step, record, arrays)`
+takes each; `resume` gives those of an earlier run, {step: (record, arrays or None)}, which are not repeated.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.petsc.cholesky import NotPositiveDefinite
+from jampetsc.petsc.session import current
+from jampetsc.progress import Progress
+from jampetsc.response.assembly import Pencil
+from jampetsc.response.certificate import Certified
+from jampetsc.response.direct import FrequencySolver
+from jampetsc.response.minimum_check import floppy_modes
+from jampetsc.response.rational import RationalSweep
+
+
+@dataclass(frozen=True, eq=False)
+class DisplacementField:
+    """Motion at one frequency per unit strain. Arrays hold this rank's part."""
+
+    omega: float
+    displacement: np.ndarray  # (n_local, 2) complex, non-affine, without the mean of each piece
+    rotation: np.ndarray | None  # (n_local,) complex, where disks roll
+    error_bound: float  # relative, in the energy norm
+
+
+@dataclass(frozen=True, eq=False)
+class ModulusSweep:
+    """G* of one pencil at M frequencies, the same on all ranks."""
+
+    omega: np.ndarray  # (M,) those that were solved
+    G: np.ndarray  # (M,) complex
+    bounds: np.ndarray  # (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|
+    fields: list  # of `DisplacementField`, at those field frequencies that were solved
+    failures: dict  # {ω: ConvergenceError}, of the direct method
+    factorisations: int
+    vectors: int | None = None  # of the rational method: size of the reduced space
+    reduced: dict = dataclasses.field(default_factory=dict)  # of the same: G0, eta_inf, rates and weights
+
+
+def sweep_rationally(
+    pencil: Pencil,
+    omega,
+    accuracy: float,
+    field_omega=(),
+    parallel: str = "auto",
+    resume: dict | None = None,
+    save=None,
+) -> ModulusSweep:
+    """The whole spectrum from a few factorisations, see `rational`. Collective; needs the real build.
+
+    omega         (M,) increasing, in 1/time
+    accuracy      relative, allowed in G' and in G'' each
+    field_omega   those of omega at which fields are wanted
+    parallel      what ranks share: "shifts", "matrix" or "auto"
+
+    Raises InputError where a factorisation shows that K has negative modes, ConvergenceError where the accuracy cannot
+    be certified.
+    """
+    session = current()
+    with session.stage("assembly"):
+        sweep = RationalSweep(pencil, omega, accuracy, parallel)
+    with _FloppyModesExplained(pencil), Progress(None, "sweep", session.rank) as progress:
+        try:
+            _grow(sweep, dict(resume or {}), save, progress)
+        except NotPositiveDefinite as error:
+            raise InputError(f"{error.message(named)}; use {named('method')} direct") from None
+    galerkin, certificate = sweep.galerkin, sweep.certificate
+    fields = [
+        DisplacementField(at, *pencil.split(galerkin.field(at)), galerkin.field_bound(at, sweep.error_at(at)))
+        for at in field_omega
+    ]
+    reduced = {name: getattr(galerkin.spectrum, name) for name in ("G0", "eta_inf", "rates", "weights")}
+    return ModulusSweep(
+        sweep.omega, certificate.G, certificate.bounds, fields, {},
+        sweep.factorisations, sweep.basis.size, reduced,
+    )  # fmt: skip
+
+
+def _grow(sweep, steps, save, progress):
+    """Extend the basis shift by shift until all is certified."""
+    if steps:
+        _restore(sweep, steps)
+    step = len(steps)
+    while shifts := sweep.next_shifts():
+        before = sweep.basis.size if sweep.basis else 0
+        with current().stage("shift"):
+            sweep.add_shifts(shifts)
+        if save is not None:
+            save(step, *_rational_step(sweep, before))
+        step += 1
+        listed = ", ".join(f"{shift:.2e}" for shift in shifts)
+        progress.step(
+            f"shift {listed}  vectors {sweep.basis.size}  worst bound / allowed {sweep.worst():.1e}"
+        )
+
+
+def _rational_step(sweep, before):
+    """(record, arrays) of what a step has added to a basis of `before` vectors."""
+    basis = sweep.basis
+    arrays = {"vectors": basis.vectors[before:]} | ({} if before else {"x0": basis.x0})
+    arrays |= {} if sweep.certificate is None else vars(sweep.certificate)
+    owner = list(sweep.factors.owner.items())
+    return {"first": basis.first, "shifts": basis.shifts[before:], "owner": owner}, arrays
+
+
+def _restore(sweep, steps):
+    records, arrays = zip(*(steps[number] for number in sorted(steps)), strict=True)
+    vectors = np.concatenate([array["vectors"] for array in arrays])
+    shifts = np.concatenate([record["shifts"] for record in records])
+    last = {field.name: arrays[-1].get(field.name) for field in dataclasses.fields(Certified)}
+    certificate = None if last["G"] is None else Certified(**last)
+    owner = dict(records[-1]["owner"])
+    sweep.restore(records[0]["first"], arrays[0]["x0"], vectors, shifts, owner, certificate)
+
+
+def sweep_directly(
+    pencil: Pencil,
+    omega,
+    accuracy: float,
+    field_omega=(),
+    positive_semidefinite: bool = False,
+    resume: dict | None = None,
+    save=None,
+) -> ModulusSweep:
+    """One complex solve per frequency, see `direct`; steps are the numbers of frequencies. Collective.
+
+    omega, accuracy, field_omega   as for `sweep_rationally`
+    positive_semidefinite          whether K is known to be
+
+    Raises ConvergenceError if all frequencies fail.
+    """
+    session, steps, failures, factorisations = current(), dict(resume or {}), {}, 0
+    with session.stage("assembly"):
+        solver = FrequencySolver(pencil, positive_semidefinite=positive_semidefinite)
+    missing = [index for index in range(len(omega)) if index not in steps]
+    with (
+        _FloppyModesExplained(pencil),
+        Progress(len(omega), "sweep", session.rank, done=len(steps)) as progress,
+    ):
+        if steps:
+            solver.restore(*steps[max(steps)][0]["singular_bound"])
+        for index in missing:
+            at, before = float(omega[index]), solver.factorisations
+            try:
+                with session.stage("frequency"):
+                    result = solver.solve(at, accuracy)
+            except ConvergenceError as error:
+                failures[at] = error
+                factorisations += solver.factorisations - before
+                progress.step(f"failed: {error}")
+                continue
+            steps[index] = _direct_step(solver, result, solver.factorisations - before, at in field_omega)
+            if save is not None:
+                save(index, *steps[index])
+            progress.step(
+                f"omega {at:.3e}  G' {result.G.real:.6e}  G'' {result.G.imag:.6e}  bound {result.bounds[0]:.1e}  "
+                f"iterations {solver.iterations}"
+            )
+        if not steps:
+            raise next(iter(failures.values()))
+    solved = sorted(steps)
+    records = [steps[index][0] for index in solved]
+    fields = [
+        DisplacementField(
+            float(omega[index]), arrays["displacement"], arrays.get("rotation"), record["field_bound"]
+        )
+        for index, (record, arrays) in sorted(steps.items())
+        if omega[index] in field_omega
+    ]
+    return ModulusSweep(
+        np.asarray(omega)[solved],
+        *(np.array([record[name] for record in records]) for name in ("G", "bounds")),
+        fields,
+        failures,
+        factorisations + sum(record["factorisations"] for record in records),
+    )
+
+
+def _direct_step(solver, result, factorisations, has_field):
+    """(record, arrays) of one frequency."""
+    bound = solver.singular_bound
+    record = {
+        "G": result.G, "bounds": result.bounds, "singular_bound": (bound.omega, bound.least),
+        "factorisations": factorisations,
+    }  # fmt: skip
+    if not has_field:
+        return record, None
+    displacement, rotation = solver.pencil.split(solver.x)
+    record["field_bound"] = solver.functional.field_bound(result, solver.x)
+    return record, {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
+
+
+class _FloppyModesExplained:
+    """Context: errors raised inside also name floppy modes of the network, which can be their reason.
+
+    It is a class for the same reason as `errors.about`.
+    """
+
+    def __init__(self, pencil):
+        self.network = pencil.network
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        if isinstance(error, ConvergenceError | InputError) and (reason := floppy_modes(self.network)):
+            error.args = (f"{error.args[0]}; {reason}",)
