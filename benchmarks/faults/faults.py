@@ -2,7 +2,7 @@
 
     faults.py map                        # once: which test runs which lines; about twice as long as the suite
     faults.py sample --count 100 --seed 1 [--only jampetsc/response …]
-    faults.py one jampetsc/response/sweep_run.py 17      # all faults of one line
+    faults.py one jampetsc/response/elastic.py 60        # all faults of one line
 
 Everything happens in a copy, --scratch, with compiled loops of its own. A fault is run by the tests that run its line,
 those of the same room and cheap ones first: plain, on one rank, then on two. The first that fails notices it, and so
