@@ -18,6 +18,12 @@ SMALL = {  # option -> its value here
 }
 KEPT = ("pack", "import")  # whose φ and seeds are those of files that later lines read
 HERE = {("oscillate", "--omega"): "1e-6", ("oscillate", "--strain"): "1e-6"}  # each point takes a while
+SMALL_PYTHON = {  # python in a document -> here
+    **{"n=256": "n=32", "n = 256": "n = 64", "range(1, 7)": "range(1, 3)", "range(1, 61)": "range(1, 3)"},
+    **{'"1:16"': '"1:2"', "1e-1, 1e-5, 9": "1e-1, 1e-3, 9", "strain=6.0": "strain=1.2"},
+    **{"strain=6\n": "strain=1.2, discard=0.2\n", "strain=6,": "strain=1.2, discard=0.2,"},
+    **{"step=2e-4": "step=1e-3", "strain=3\n": "strain=1.2, discard=0.2\n", "discard=1.0": "discard=0.2"},
+}
 LONG = "trade"  # runs commands for minutes; it has tests of its own
 
 
@@ -47,11 +53,10 @@ def pages(pattern):
 
 def python_blocks(names):
     """The python of documents at a size for tests."""
-    return [
-        text.replace("n=256", "n=32").replace("n = 256", "n = 64").replace("range(1, 7)", "range(1, 3)")
-        for name in names
-        for text in blocks(name, "python")
-    ]
+    found = [text for name in names for text in blocks(name, "python")]
+    for written, here in SMALL_PYTHON.items():
+        found = [text.replace(written, here) for text in found]
+    return found
 
 
 def commands_to_run(names):
