@@ -14,7 +14,7 @@ from common import folder_and_picture, saved_page
 import jampetsc
 from jampetsc.analysis.correlated_series import Average, mean_of_averages
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.flows.quasistatic_shear import ENERGY_CUT
+from jampetsc.jamming.quasistatic_shear import ENERGY_CUT
 from jampetsc.plots import style
 from jampetsc.plots.jamming_plots import samples_of
 
@@ -211,7 +211,7 @@ def _draw_rates(ax, cold):
 
 
 def _draw_distributions(ax, cold):
-    """The share of samples with less φ_J: those cooled most slowly, and those that were sheared."""
+    """The share of samples with less φ_J: those cooled most quasistatic_shear, and those that were sheared."""
     chosen = {(one.start, one.strain): one for one in reversed(cold)}
     for one in chosen.values():
         values, look = np.sort(one.phi_J), _look(one)

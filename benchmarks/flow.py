@@ -26,8 +26,8 @@ import common
 import lammps
 import numpy as np
 
-from jampetsc.flows.moves import TALLY
-from jampetsc.flows.shearing import SteadyShear
+from jampetsc.flows.steady_shear import SteadyShear
+from jampetsc.flows.step_kernels import TALLY
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of

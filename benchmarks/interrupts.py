@@ -93,10 +93,10 @@ def child(words):
 
     def often(self, *how):
         if self.NAME in ("flow", "shear"):
-            from jampetsc.commands import shear_run
-            from jampetsc.flows import run
+            from jampetsc.flows import flow_run
+            from jampetsc.jamming import shear_path
 
-            run.INTERVAL = shear_run.INTERVAL = 0.3
+            flow_run.SAVE_INTERVAL = shear_path.SAVE_INTERVAL = 0.3
         return perform(self, *how)
 
     Job._perform = often

@@ -31,7 +31,7 @@ COLUMNS = "command,file,state,n,phi,seed,gradients,minimise,dynamics,earlier".sp
 def relaxed(n, seed):
     """The row of one start: U/N of its minima, and U/N of the dynamics at half of the time."""
     import jampetsc
-    from jampetsc.flows.quasistatic_shear import minimum_of
+    from jampetsc.jamming.quasistatic_shear import measure_minimum
     from jampetsc.minimise.descent import Goal
     from jampetsc.minimise.minimise import minimise
     from jampetsc.petsc.local import NewtonSolver
@@ -45,9 +45,9 @@ def relaxed(n, seed):
     ends = {
         "gradients": descended,
         "minimise": minimise(start, Goal(), NewtonSolver(), tolerance=1e-8).disks,
-        "dynamics": slow.last,
+        "dynamics": slow.last_displacement,
     }
-    found = {name: minimum_of(disks).energy / n for name, disks in ends.items()}
+    found = {name: measure_minimum(disks).energy / n for name, disks in ends.items()}
     if evaluations >= MOST:
         found["gradients"] = np.nan
     earlier = slow["energy"][len(slow["energy"]) // 2] / n

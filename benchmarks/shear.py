@@ -21,7 +21,7 @@ import numpy as np
 from common import processor
 
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
+from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
 from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.minimise import settle
@@ -143,10 +143,10 @@ def start_of(n, phi, seed):
 
 def run_of_jampetsc(disks, step, steps):
     """Pressures of the states of a run, 0 where they do not jam."""
-    slow = SlowShear(disks, step, HessianSolver(), TOLERANCE)
+    slow = QuasistaticShear(disks, step, HessianSolver(), TOLERANCE)
     for _ in range(steps):
         slow.advance()
-        yield slow.found.pressure * slow.found.jammed
+        yield slow.minimum.pressure * slow.minimum.jammed
 
 
 def run_of_conjugate_gradients(disks, step, steps):
@@ -154,10 +154,10 @@ def run_of_conjugate_gradients(disks, step, steps):
     diameter, n = 2.0 * float(np.mean(disks.radii)), disks.n
     for _ in range(steps):
         disks, spent = deformed(disks, np.zeros((n, 2)), 0.0, step).folded(), 0
-        state = minimum_of(disks)
+        state = measure_minimum(disks)
         while state.jammed and spent < MOST:
             disks, evaluations = conjugate(disks, TOLERANCE * state.pressure * diameter, 300)
-            before, state, spent = state, minimum_of(disks), spent + evaluations
+            before, state, spent = state, measure_minimum(disks), spent + evaluations
             if evaluations < 300 and abs(state.pressure / before.pressure - 1.0) < 1e-3:
                 break
         yield state.pressure * state.jammed
@@ -189,7 +189,7 @@ def compare_runs(n, phi, step, seeds):
 def measure(n, phi, step, steps):
     """Two lines of the table: jampetsc and its peers."""
     start = start_of(n, phi, 1)
-    slow = SlowShear(start, step, HessianSolver(), TOLERANCE)
+    slow = QuasistaticShear(start, step, HessianSolver(), TOLERANCE)
     for _ in range(20):
         slow.advance()
     cost = {name: [] for name in ("jampetsc", *PEERS)}
@@ -198,9 +198,9 @@ def measure(n, phi, step, steps):
         for _ in range(BLOCK):
             affine = deformed(slow.disks, np.zeros((n, 2)), 0.0, step).folded()
             seconds, done = processor(slow.advance)
-            if slow.found.jammed:
+            if slow.minimum.jammed:
                 cost["jampetsc"].append((seconds, done.evaluations))
-                starts.append((affine, TOLERANCE * slow.found.pressure * slow.diameter))
+                starts.append((affine, TOLERANCE * slow.minimum.pressure * slow.diameter))
         for name, minimise in PEERS.items():
             cost[name] += [processor(minimise, *start) for start in starts]
     means = {name: np.mean(found[1:], axis=0) for name, found in cost.items()}

@@ -2,7 +2,10 @@
 
 import numpy as np
 
-from jampetsc.flows.shearing import SteadyShear
+from jampetsc.commands import run_files
+from jampetsc.flows import flow_run
+from jampetsc.flows.steady_shear import SteadyShear
+from jampetsc.jamming import shear_path
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.minimise.minimise import settle
@@ -40,10 +43,11 @@ def shear(name, disks=None, rate=1e-2, step=0.05, method=None, tolerance=1e-13) 
     return SteadyShear(disks or crowd(), m, rate, Scheme(step, method, tolerance))
 
 
-def stop_after(monkeypatch, module, saves) -> list:
-    """Runs of `module` save after every row, and end as if killed when they have so often; [times that are left]."""
-    monkeypatch.setattr(module, "INTERVAL", -1.0, raising=False)
-    save, left = module.write_checkpoint, [saves]
+def stop_after(monkeypatch, saves) -> list:
+    """Runs save after every row, and end as if killed when they have so often; [times that are left]."""
+    for module in (flow_run, shear_path):
+        monkeypatch.setattr(module, "SAVE_INTERVAL", -1.0)
+    save, left = run_files.save_rows, [saves]
 
     def save_and_stop(*what):
         save(*what)
@@ -51,7 +55,7 @@ def stop_after(monkeypatch, module, saves) -> list:
         if left[0] == 0:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "write_checkpoint", save_and_stop)
+    monkeypatch.setattr(run_files, "save_rows", save_and_stop)
     return left
 
 

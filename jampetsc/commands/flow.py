@@ -1,10 +1,15 @@
 """Steady shear at a rate."""
 
+import time
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from jampetsc.errors import InputError, named
+from jampetsc.io.hdf5 import attributes, check_format, open_file
 from jampetsc.io.outputs import check_place, is_same
+from jampetsc.io.results import note_lines, noted
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model
 from jampetsc.options.model_options import MODEL
@@ -14,7 +19,7 @@ from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
 from jampetsc.options.values import PACKING_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import launcher
-from jampetsc.progress import note
+from jampetsc.progress import Progress, note
 
 TOLERANCE = 1e-4
 
@@ -129,9 +134,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
     @property
     def _continues(self):
         """Whether START is a flow to continue."""
-        from jampetsc.flows.steady import is_flow
-
-        return self._in_memory is not None or (isinstance(self.start, str) and is_flow(self.start))
+        return self._in_memory is not None or (isinstance(self.start, str) and _is_flow(self.start))
 
     def check_outputs(self, to):
         """See `Job`; but a continued flow may replace its own file."""
@@ -147,36 +150,71 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             super().check_outputs(to)
 
     def work(self, to):
-        from jampetsc.flows import steady as flows
+        from jampetsc.commands import run_files
+        from jampetsc.commands.flow_files import check_space
+        from jampetsc.flows.flow_run import run_flow
+        from jampetsc.flows.trajectory import Trajectory
 
-        run = self._continued_run() if self._continues else self._new_run()
+        began = time.perf_counter()
+        run, origin = self._continued_run() if self._continues else self._new_run()
         if launcher.several():
             note("one rank does one flow, on threads; independent runs use more ranks")
-        return flows.summary(run, to, flows.execute(run, to, self.write_last, self.team))
+        schedule, settings = run.schedule, run.settings
+        check_space(to, run.disks.n, schedule.count_snapshots(run.first_averaged_row))
+        checkpoint = to.checkpoint(settings)
+        resume, rows = run_files.saved_rows(checkpoint), settings["done"]
+        if resume is not None:
+            resume = Trajectory.of(resume[0]), resume[1]
+            rows = len(resume[0])
+
+        def save(trajectory, state):
+            run_files.save_rows(checkpoint, trajectory.arrays(), state)
+
+        with Progress(
+            schedule.count_checks(schedule.rows), "flow", done=schedule.count_checks(rows)
+        ) as progress:
+            if resume is not None:
+                progress.note(f"{to.kept}: continues from strain {resume[0].strain:.6g}")
+            result = run_flow(
+                run,
+                team=self.team,
+                resume=resume,
+                save=None if to.kept is None else save,
+                report=lambda *numbers: progress.step(_progress_line(*numbers)),
+            )
+        save(result.trajectory, result.state)  # in case one of the files cannot be written
+        provenance = run_files.run_provenance(time.perf_counter() - began, law=_law_parameters(run.model.law))
+        facts = provenance | origin | _facts(run, result)
+        self.write_last(result.disks.replace(record={}), facts, to)
+        # a flow file that is continued in place is replaced last
+        state = result.state | {"radii": run.disks.radii}
+        run_files.write_series(to.writer(self.FORMAT), result.trajectory.arrays(), state, settings, facts)
+        checkpoint.remove()
+        return _summary(run, to, result.means)
 
     def _continued_run(self):
-        """The run that continues an earlier flow."""
-        from jampetsc.flows.steady import continued
+        """(run that continues an earlier flow, attributes of the origin of its disks)."""
+        from jampetsc.commands.flow_files import continued_run
 
         earlier = load_source(self.start)
         self._refuse_settings(earlier.path)
-        return continued(earlier, self.strain)
+        return continued_run(earlier, self.strain)
 
     def _new_run(self):
-        """The run of a new flow."""
-        from jampetsc.flows.steady import begun
+        """(run of a new flow, attributes of the origin of its disks)."""
+        from jampetsc.flows.flow_run import define_flow
 
         if not self._own_settings:
             raise InputError(
                 f"{input_name(self.start)}: is no flow to go on from: give {named('model')} and {named('rate')}"
             )
         disks, origin = self.disks()
-        return begun(
+        run = define_flow(
             disks,
-            origin,
             self.model.of_stiffness(disks.potential.k),
             self.rate,
             self.strain,
+            wall_disks=origin.get("walls", 0),
             discard=self.discard,
             snapshots=self.snapshots or 0,
             every=self.snapshot_every,
@@ -184,6 +222,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             step=self.step,
             tolerance=self.tolerance or TOLERANCE,
         )
+        return run, origin
 
     def protocol(self, attributes):
         return f"steady shear, {attributes['model']}, rate {attributes['rate']:g}"
@@ -194,5 +233,74 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             return super().random(radii, seed)
         from jampetsc.flows.walls import between_walls
 
-        disks, held = between_walls(radii, self.phi, seed, self.made_potential)
-        return disks, {"walls": held}
+        disks, wall_disks = between_walls(radii, self.phi, seed, self.made_potential)
+        return disks, {"walls": wall_disks}
+
+
+def _is_flow(path) -> bool:
+    """Whether the file at `path` is a flow file. Raises InputError for other files than jampetsc's."""
+    with open_file(path) as h5:
+        return check_format(path, attributes(h5)) == Flow.FORMAT
+
+
+def _progress_line(strain, means, seconds) -> str:
+    """Progress of a run; means: so far, None before there are any; seconds: left."""
+    averages = (
+        "transient" if means is None else f"sigma {means.shear_stress.mean:.4g}, p {means.pressure.mean:.4g}"
+    )
+    return f"strain {strain:.4g}, {averages}, {_duration(seconds)} left"
+
+
+def _duration(seconds) -> str:
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _law_parameters(law) -> dict:
+    return law.parameters if law.family else {"tau1": law.tau1}
+
+
+def _facts(run, result) -> dict:
+    """Attributes of the file, without provenance and origin of the disks."""
+    from jampetsc.commands.run_files import potential_facts
+
+    disks, model, k = run.disks, run.model, run.disks.potential.k
+    return {
+        "model": str(model),
+        "rate": run.rate,
+        "phi": run.phi,
+        "mass": model.mass,
+        "quality": float(np.sqrt(model.mass * k)) / (k * model.law.tau1) if model.mass else None,
+        "friction": model.background_drag,
+        "particle_count": disks.n - run.wall_disks,
+        **potential_facts(disks),
+        "step": run.scheme.step,
+        "method": run.scheme.method,
+        "tolerance": run.scheme.tolerance,
+        "discard": run.schedule.discard,
+        **result.means.facts(),
+        "substeps": result.state["substeps"],
+        "notes": noted(result.means.warnings()),
+    }
+
+
+def _summary(run, to, means) -> str:
+    """Summary of a run for its user, in lines."""
+    from jampetsc.commands.run_files import sample_sizes
+
+    walls = f" between walls of {run.wall_disks} disks" if run.wall_disks else ""
+    lines = [
+        f"{to}: {run.model}{walls}, phi = {run.phi:.6g}, rate {run.rate:g}, {run.scheme.method} with steps of "
+        f"{run.scheme.step:.3g}; means over strain {means.strain:.4g}",
+        f"  sigma = {means.shear_stress} (elastic {means.parts[0]:.4g}, viscous {means.parts[1]:.4g}, kinetic "
+        f"{means.parts[2]:.4g}), p = {means.pressure}, sigma/p = "
+        f"{means.shear_stress.mean / means.pressure.mean:.4g}",
+        f"  Z = {means.coordination}, energy balance {means.energy_balance:.4f}, correlation strain "
+        f"{means.correlation_strain:.2g}, {sample_sizes(means.shear_stress, means.pressure)}",
+    ]
+    if means.walls:
+        stress, pressure = means.walls.values()
+        lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
+    return "\n".join(lines + note_lines(means.warnings()))

@@ -1,5 +1,6 @@
 """Which of many packings jam."""
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -8,17 +9,21 @@ from typing import ClassVar
 import numpy as np
 
 from jampetsc.analysis.jammed_samples import at_densities
+from jampetsc.collective import agreed, on_root
 from jampetsc.errors import InputError
-from jampetsc.io.results import note_lines
-from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, SIZES
+from jampetsc.io.results import note_lines, noted
+from jampetsc.jamming.sample_protocol import PROTOCOLS, SampleProtocol
+from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, SIZES, in_small_diameters, radii_of
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.starts import PHI_RANGE
+from jampetsc.options.starts import PHI_RANGE, UNITS
 from jampetsc.options.task_inputs import NO_FILE, TaskInputs
 from jampetsc.options.values import SEEDS, Numbers, number_list
-from jampetsc.packing.potentials import EXPONENTS
+from jampetsc.packing.potentials import EXPONENTS, Potential
+from jampetsc.petsc import session
+from jampetsc.progress import Progress
 
-PROTOCOLS = ("random", "shear", "compress")  # the names of `flows.jamming.PROTOCOLS`
+STIFFNESS = "inverse-square-diameter"
 MAX_SAMPLES = 1_000_000  # most samples of one run
 GROUPS = ("shear and compress", "shear", "compress")
 shear_compress_parameter, shear_parameter, compress_parameter = (
@@ -58,7 +63,7 @@ A killed run continues when the same command is given again. Options of the Newt
     sizes: str = parameter(SIZES[0], "half of each radius 1:1.4, or all alike", choices=SIZES)
     potential: str = parameter("harmonic", "energy of an overlap", choices=EXPONENTS)
     tolerance: float = parameter(1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T")
-    protocol: str = parameter("random", "how samples are made", choices=PROTOCOLS)
+    protocol: str = parameter("random", "how samples are made", choices=tuple(PROTOCOLS))
     separated: bool = parameter(False, "large disks start on one side of the cell, small on the other")
     step: float | None = shear_compress_parameter(
         "strain of one step (default 1e-3)", low=1e-8, high=0.1, metavar="DG"
@@ -88,13 +93,11 @@ A killed run continues when the same command is given again. Options of the Newt
             raise InputError(f"{self.count} samples: at most {MAX_SAMPLES} in one result")
 
     @property
-    def made_protocol(self):
-        """The `flows.jamming.Protocol` of the samples."""
-        from jampetsc.flows.jamming import Protocol
-
+    def made_protocol(self) -> SampleProtocol:
+        """The protocol of the samples with its options."""
         names = ("step", "strain", "discard", "every", "temperature", "cooling_rate", "sweeps")
         options = {name: getattr(self, name) for name in names}
-        return Protocol.of(self.protocol, separated=self.separated, **options)
+        return SampleProtocol.of(self.protocol, separated=self.separated, **options)
 
     @property
     def count(self) -> int:
@@ -102,26 +105,75 @@ A killed run continues when the same command is given again. Options of the Newt
         return len(self.phi) * len(self.seeds) * self.made_protocol.rows
 
     def work(self, to):
-        from jampetsc.commands.samples import make
+        from jampetsc.commands.run_files import run_provenance, save_rows, saved_rows
+        from jampetsc.jamming.quasistatic_shear import ENERGY_CUT
+        from jampetsc.jamming.samples import batch_size, make_samples
         from jampetsc.petsc.hessian_solver import HessianSolver
 
-        return _summary(self.n, make(self, HessianSolver(), to), to)
+        began, running, protocol = time.perf_counter(), session.current(), self.made_protocol
+        comm, checkpoint, resume = running.comm, None, None
+        with agreed(comm):
+            if comm.rank == 0:
+                checkpoint = to.checkpoint(self.settings() | protocol.facts)
+                resume = saved_rows(checkpoint)
+        resume = comm.bcast(resume and resume[0])
+        size, starts = batch_size(protocol, comm.size), len(self.phi) * len(self.seeds)
+        finished = len(resume["phi"]) // protocol.rows if resume else 0
+        with Progress(-(-starts // size), "jam", comm.rank, finished // size) as progress:
+            columns = make_samples(
+                protocol,
+                in_small_diameters(radii_of(self.sizes, self.n)),
+                self.phi.tolist(),
+                self.seeds,
+                Potential(self.potential, STIFFNESS),
+                HessianSolver(),
+                self.tolerance,
+                comm,
+                resume=resume,
+                save=lambda columns: on_root(comm, lambda: save_rows(checkpoint, columns, {})),
+                report=lambda samples, phi: progress.step(
+                    f"{samples} of {self.count} samples, phi = {phi:.6g}"
+                ),
+            )
+        facts = {
+            "stiffness": STIFFNESS,
+            "units": UNITS,
+            "energy_cut": ENERGY_CUT,
+            "protocol": protocol.name,
+            "particle_count": self.n,
+            "sizes": self.sizes,
+            "potential": self.potential,
+            "tolerance": self.tolerance,
+        }
+        notes = _notes(columns)
+        with to.writer(self.FORMAT, comm) as writer:
+            for name, values in columns.items():
+                writer.dataset(name, values)
+            provenance = run_provenance(time.perf_counter() - began, running, running.size)
+            writer.attributes(**provenance | facts | protocol.facts, notes=noted(notes))
+        on_root(comm, lambda: checkpoint.remove())
+        return "\n".join([*_summary(self.n, columns, to), *note_lines(notes)])
 
 
-def _summary(n, record, to) -> str:
+def _notes(columns) -> list[str]:
+    """Notes on samples, see `io.results`."""
+    lost = int(np.count_nonzero(~np.isfinite(columns["jammed"])))
+    return [f"no minimum found: {lost} samples, nan in the result"] if lost else []
+
+
+def _summary(n, columns, to) -> list[str]:
     """A line for every φ."""
-    from jampetsc.commands.samples import notes_of
-
-    columns = {name: record.series(name) for name in record.columns}
-    lines = [f"{to}: {len(record)} samples of {n} disks"]
-    for one in at_densities(columns):
-        if one.jammed is None:
-            lines.append(f"  phi = {one.phi:.6g}: no minimum found")
+    lines = [f"{to}: {len(columns['phi'])} samples of {n} disks"]
+    for density in at_densities(columns):
+        if density.jammed is None:
+            lines.append(f"  phi = {density.phi:.6g}: no minimum found")
             continue
-        mean = f", p of the jammed {one.pressure:.4g}" if np.isfinite(one.pressure) else ""
-        others = "".join(f", {name} {value:.5g} ± {error:.2g}" for name, (value, error) in one.means.items())
-        lines.append(
-            f"  phi = {one.phi:.6g}: jammed {one.jammed.value:.3f} ± {one.jammed.error:.2g} (as of "
-            f"{one.jammed.independent:.0f} independent samples){mean}{others}"
+        pressure = f", p of the jammed {density.pressure:.4g}" if np.isfinite(density.pressure) else ""
+        means = "".join(
+            f", {name} {value:.5g} ± {error:.2g}" for name, (value, error) in density.means.items()
         )
-    return "\n".join(lines + note_lines(notes_of(record)))
+        lines.append(
+            f"  phi = {density.phi:.6g}: jammed {density.jammed.value:.3f} ± {density.jammed.error:.2g} (as of "
+            f"{density.jammed.independent:.0f} independent samples){pressure}{means}"
+        )
+    return lines

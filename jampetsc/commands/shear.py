@@ -1,16 +1,24 @@
 """Quasistatic shear."""
 
+import time
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
+from jampetsc.analysis.jammed_samples import correlated_share
 from jampetsc.errors import InputError, named
+from jampetsc.io.results import note_lines, noted
 from jampetsc.options.parameters import parameter
 from jampetsc.options.starts import ShearJob
 from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
+from jampetsc.packing.packing import PLACES
 from jampetsc.petsc import session
+from jampetsc.progress import Progress
 
 MAX_STEPS = 1e8  # steps of a run
-FARTHEST = 1e4  # strain of a run
+MAX_LINES = 50  # of progress in a log
+MAX_STRAIN = 1e4  # strain of a run
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +38,7 @@ prefix -newton_."""
     SOLVERS: ClassVar = ("newton_",)
 
     step: float = parameter(help="strain of one step", above=0.0, high=0.1, metavar="DG")
-    strain: float = parameter(help="how far to shear", above=0.0, high=FARTHEST, metavar="S")
+    strain: float = parameter(help="how far to shear", above=0.0, high=MAX_STRAIN, metavar="S")
     tolerance: float = parameter(
         1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T", group="run"
     )
@@ -39,7 +47,7 @@ prefix -newton_."""
         super().check()
         if self.strain < self.step:
             raise InputError(
-                f"{named('strain')} {self.strain:g}: must lie in [{named('step')}, {FARTHEST:g}]"
+                f"{named('strain')} {self.strain:g}: must lie in [{named('step')}, {MAX_STRAIN:g}]"
             )
         if self.strain / self.step > MAX_STEPS:
             raise InputError(
@@ -51,10 +59,98 @@ prefix -newton_."""
         return f"quasistatic shear, steps of {attributes['step']:g}"
 
     def work(self, to):
-        from jampetsc.commands.shear_run import execute
+        from jampetsc.commands.run_files import (
+            potential_facts,
+            run_provenance,
+            save_rows,
+            saved_rows,
+            write_series,
+        )
+        from jampetsc.flows.means import average_facts, discarded_strain, short_run_warnings
+        from jampetsc.flows.trajectory import StrainSeries
+        from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, PLASTIC_RATIO
+        from jampetsc.jamming.shear_path import PATH_COLUMNS, shear_quasistatically
+        from jampetsc.minimise.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
 
-        size = session.current().size
-        if size > 1:
-            raise InputError(f"shear on {size} ranks: one run is one process; a study runs many")
-        return execute(self, HessianSolver(), to)
+        running = session.current()
+        if running.size > 1:
+            raise InputError(f"shear on {running.size} ranks: one run is one process; a study runs many")
+        (disks, origin), solver, began = self.disks(), HessianSolver(), time.perf_counter()
+        steps = max(1, int(np.ceil(self.strain / self.step - 1e-9)))
+        discard = discarded_strain(self.strain, self.discard)
+        settings = {  # everything that determines the result
+            "start": disks.fingerprint,
+            "step": self.step,
+            "steps": steps,
+            "tolerance": self.tolerance,
+            "discard": discard,
+        }
+        checkpoint = to.checkpoint(settings)
+        resume, rows = saved_rows(checkpoint), 0
+        if resume is not None:
+            series = StrainSeries(PATH_COLUMNS)
+            series.restore(resume[0])
+            resume, rows = (series, resume[1]), len(series)
+
+        def report(series):
+            rows = len(series)
+            if rows * MAX_LINES // steps > (rows - 1) * MAX_LINES // steps:
+                progress.step(f"strain {series.strain:.4g}, p {series.rows['pressure'][-1]:.4g}")
+
+        with Progress(MAX_LINES, "shear", done=rows * MAX_LINES // steps) as progress:
+            if resume is not None:
+                progress.note(f"{to}: continues from strain {series.strain:.6g}")
+            path = shear_quasistatically(
+                disks,
+                self.step,
+                steps,
+                solver,
+                self.tolerance,
+                discard=discard,
+                team=self.team,
+                resume=resume,
+                save=lambda series, state: save_rows(checkpoint, series.arrays(), state),
+                report=report,
+            )
+        stress, pressure = path.averages["shear_stress"], path.averages["pressure"]
+        notes = short_run_warnings(self.strain - discard, self.step, stress, pressure)
+        facts = {
+            **run_provenance(time.perf_counter() - began, running),
+            **origin,
+            "step": self.step,
+            "phi": disks.phi,
+            "particle_count": disks.n,
+            **potential_facts(disks),
+            "tolerance": self.tolerance,
+            "discard": discard,
+            "energy_cut": ENERGY_CUT,
+            "plastic_share": PLASTIC_RATIO,
+            "newton_steps": path.effort.newton_steps,
+            "saddles": path.effort.saddles,
+            **average_facts(**path.averages),
+            "notes": noted(notes),
+        }
+        if self.last is not None:
+            self.write_last(proved(path.disks.replace(record={}), solver), facts, to)
+        minimum = {name: getattr(path.disks, name) for name in (*PLACES, "radii")}
+        write_series(to.writer(self.FORMAT), path.series.arrays(), minimum, settings, facts)
+        checkpoint.remove()
+        return "\n".join([_summary(self, to, disks.phi, path), *note_lines(notes)])
+
+
+def _summary(job, to, phi, path) -> str:
+    """Summary of a run for its user, in lines."""
+    from jampetsc.commands.run_files import sample_sizes
+
+    series, averages = path.series, path.averages
+    evaluations, events = series.column("evaluations").mean(), int(series.column("plastic").sum())
+    share = correlated_share([series.column("jammed")[path.averaged_rows]])
+    stress, pressure = averages["shear_stress"], averages["pressure"]
+    return (
+        f"{to}: phi = {phi:.6g}, {len(series)} steps of {job.step:g}, {evaluations:.0f} force evaluations each, "
+        f"{events} plastic event{'s' * (events != 1)}\n"
+        f"  sigma = {stress}, p = {pressure}, jammed {share.value:.3g} "
+        f"(68 % interval {share.low:.2g} to {share.high:.2g}), "
+        f"Z = {averages['coordination']}; {sample_sizes(stress, pressure)}"
+    )

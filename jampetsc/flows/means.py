@@ -5,17 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.correlated_series import MIN_EFFECTIVE_SAMPLES, Average
-from jampetsc.flows.record import ON_WALLS
+from jampetsc.flows.trajectory import WALL_AVERAGES, Trajectory
 
-UNBALANCED = 0.05  # largest |mismatch| of the energy balance
-ROWS = 20  # fewest for which the balance is checked
+MAX_MISMATCH = 0.05  # largest |mismatch| of the energy balance
+MIN_CHECKED_ROWS = 20  # for which the balance is checked
 # dissipation over Σ|work| below which disks follow the affine flow but for rounding, which may grow
-REVERSIBLE = 1e-6
+MAX_REVERSIBLE_RATIO = 1e-6
 
 
 @dataclass(frozen=True)
 class Means:
-    """Averages of the series of a record over strain > discard; stress and pressure are sums of their parts."""
+    """Averages of the series of a trajectory over strain > discard; stress and pressure are sums of their parts."""
 
     shear_stress: Average
     pressure: Average
@@ -31,15 +31,15 @@ class Means:
     unresolved: float
 
     @classmethod
-    def of(cls, record, discard: float, rate: float, area: float) -> "Means | None":
-        """Means of a `flows.record.Record`; None if it has no rows after discard."""
-        strain = record.series("strain")
+    def of(cls, trajectory: Trajectory, discard: float, rate: float, area: float) -> "Means | None":
+        """Means of the rows after discard; None if there are none."""
+        strain = trajectory.column("strain")
         kept = strain > discard * (1 + 1e-12)
         if not kept.any():
             return None
         spacing = float(strain[1] - strain[0]) if len(strain) > 1 else float(strain[0])
-        stress, pressure = (record.series(name)[kept] for name in ("shear_stress", "pressure"))
-        energy, spent = (record.series(name)[kept] for name in ("energy", "dissipation"))
+        stress, pressure = (trajectory.column(name)[kept] for name in ("shear_stress", "pressure"))
+        energy, spent = (trajectory.column(name)[kept] for name in ("energy", "dissipation"))
         work = rate * area * stress.sum(1)
         # An energy is the mean over a row: their change is that from the middle of the first row to that of the last.
         inner = np.ones(len(work))
@@ -47,25 +47,31 @@ class Means:
         duration = spacing / rate
         total = duration * float(np.sum(inner * spent))
         excess = duration * float(np.sum(inner * (work - spent))) - float(energy[-1] - energy[0])
-        checked = len(work) >= ROWS and total > 0
+        checked = len(work) >= MIN_CHECKED_ROWS and total > 0
         return cls(
             Average.of(stress.sum(1)),
             Average.of(pressure.sum(1)),
-            Average.of(record.series("coordination")[kept]),
-            float(record.series("largest_cluster")[kept].mean()),
-            {name: Average.of(record.series(name)[kept]) for name in ON_WALLS if name in record.columns},
+            Average.of(trajectory.column("coordination")[kept]),
+            float(trajectory.column("largest_cluster")[kept].mean()),
+            {
+                name: Average.of(trajectory.column(name)[kept])
+                for name in WALL_AVERAGES
+                if name in trajectory.columns
+            },
             stress.mean(0),
             spacing * int(kept.sum()),
             spacing,
-            float(work.sum() / spent.sum()) if spent.sum() > REVERSIBLE * np.abs(work).sum() else np.nan,
+            float(work.sum() / spent.sum())
+            if spent.sum() > MAX_REVERSIBLE_RATIO * np.abs(work).sum()
+            else np.nan,
             excess / total if checked else np.nan,
             float(np.abs(np.diff(energy, 2)).max()) / total if checked else np.nan,
         )
 
     @property
-    def balanced(self) -> bool:
+    def is_balanced(self) -> bool:
         """Whether work and dissipation balance, as far as the rows tell."""
-        return not abs(self.mismatch) > UNBALANCED + self.unresolved
+        return not abs(self.mismatch) > MAX_MISMATCH + self.unresolved
 
     @property
     def correlation_strain(self) -> float:
@@ -74,27 +80,27 @@ class Means:
 
     def warnings(self) -> list[str]:
         """Warnings about the means, see `io.results`."""
-        found = short_run_warnings(self.strain, self.spacing, self.shear_stress, self.pressure)
+        warnings = short_run_warnings(self.strain, self.spacing, self.shear_stress, self.pressure)
         if self.shear_stress.drifts or self.pressure.drifts:
-            found.append(
+            warnings.append(
                 "slow changes, or not steady yet: the tenths of the run differ by more than its fluctuations explain. "
                 "Discard more"
             )
         if np.isnan(self.energy_balance):
-            found.append(
+            warnings.append(
                 "no energy is dissipated: every disk follows the affine flow, as in a perfect crystal"
             )
         elif np.isnan(self.mismatch):
-            found.append(
-                f"energy balance not checked: fewer than {ROWS} rows after discard. Give a smaller step or a longer "
-                "strain"
+            warnings.append(
+                f"energy balance not checked: fewer than {MIN_CHECKED_ROWS} rows after discard. Give a smaller step or "
+                "a longer strain"
             )
-        return found
+        return warnings
 
     def facts(self) -> dict:
-        """Attributes of the file."""
+        """The numbers by name."""
         return {
-            **facts_of(
+            **average_facts(
                 shear_stress=self.shear_stress,
                 pressure=self.pressure,
                 coordination=self.coordination,
@@ -111,23 +117,18 @@ def discarded_strain(strain: float, discard: float | None) -> float:
     return min(1.0, 0.5 * strain) if discard is None else discard
 
 
-def facts_of(**averages) -> dict:
-    """Attributes of averages by name: mean, error, and number of independent samples."""
+def average_facts(**averages) -> dict:
+    """Mean, standard error and effective sample size of each average, as NAME_mean, NAME_error, NAME_samples."""
     return {
-        f"{name}_{part}": getattr(one, part)
-        for name, one in averages.items()
+        f"{name}_{part}": getattr(average, part)
+        for name, average in averages.items()
         for part in ("mean", "error", "samples")
     }
 
 
-def independent_samples(shear_stress, pressure) -> str:
-    """Independent samples of stress and pressure, in words."""
-    return f"effective sample size {shear_stress.samples:.0f} (sigma), {pressure.samples:.0f} (p)"
-
-
 def short_run_warnings(strain, spacing, *averages) -> list[str]:
     """Warning, if any, that one of the averages over `strain`, rows `spacing` apart, has too few effective samples."""
-    least = min(averages, key=lambda one: one.samples)
+    least = min(averages, key=lambda average: average.samples)
     if least.enough:
         return []
     return [

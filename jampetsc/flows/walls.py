@@ -2,7 +2,7 @@
 
 The cell stays that of Lees and Edwards, periodic in x, of height H. The disks of the lower row go with the affine
 flow, u = 0, and so do their images, which are the upper row: each row is rigid, and one slides past the other by
-γ̇H. Disks of the walls come first in all arrays (`held` of them). Disks between the rows never touch across a
+γ̇H. Disks of the walls come first in all arrays (`wall_disks` of them). Disks between the rows never touch across a
 row. Disks with a mass are at rest, v = 0 in the frame of the middle, when the rows begin to slide. With y from the
 middle between the rows and F the force of the contacts on a disk, the stress on the walls is
 
@@ -15,8 +15,7 @@ their means are equal, if σ includes its kinetic part. With drag the fluid take
 import numpy as np
 
 from jampetsc.errors import InputError, named
-from jampetsc.flows.record import LAYERS
-from jampetsc.flows.shearing import SteadyShear
+from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbours import spatial_order
@@ -24,15 +23,16 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import Potential
 
+LAYERS = 20  # of equal height between walls
 GAP = 0.05  # between the disks of a row, in units of their diameters: they never touch
 # relaxation of a random start at zero rate: number of time steps, and their length in k_d d²/k_e of the smallest disk
 SETTLING = 2000, 0.05
 
 
-def phi_between(disks: Packing, held: int) -> float:
+def phi_between(disks: Packing, wall_disks: int) -> float:
     """Packing fraction of the disks that move, in the area V = L_x H less that of the walls' disks."""
     areas = np.pi * disks.radii**2
-    return float(np.sum(areas[held:]) / (disks.area - np.sum(areas[:held])))
+    return float(np.sum(areas[wall_disks:]) / (disks.area - np.sum(areas[:wall_disks])))
 
 
 def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[Packing, int]:
@@ -67,14 +67,14 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[P
         np.concatenate((wall, places[order])), np.concatenate((row, radii[order])), cell, potential
     )
     step = SETTLING[1] * float(2.0 * radii.min()) ** 2  # k_d = k_e τ₁, and τ₁ = 1
-    rest = SteadyShear(start, Model(MODELS["RD0"][0]), 0.0, Scheme(step, "euler", 1e-4), held=number)
+    rest = SteadyShear(start, Model(MODELS["RD0"][0]), 0.0, Scheme(step, "euler", 1e-4), wall_disks=number)
     rest.advance(SETTLING[0])
     return rest.disks, number
 
 
 def wall_columns(shear: SteadyShear) -> dict:
     """Columns of a row of a run between walls: stress and pressure on them, and the velocity profile, at present."""
-    u = shear.velocities_here()
+    u = shear.sorted_velocities()
     stress, pressure = stress_on_walls(shear, u)
     return {
         "wall_shear_stress": stress,
@@ -84,13 +84,15 @@ def wall_columns(shear: SteadyShear) -> dict:
 
 
 def velocity_profile(shear: SteadyShear, u) -> np.ndarray:
-    """Mean v_x in LAYERS of equal height between the rows, in units of γ̇H, for velocities u (N, 2) of `shear.here`.
+    """Mean v_x in LAYERS of equal height between the rows, in units of γ̇H.
 
     −½ at the lower row and ½ at the upper one; nan in a layer without disks.
+
+    u   (N, 2) non-affine velocities of `shear.sorted_disks`
     """
     height = shear.reference.cell[1, 1]
-    y = np.mod(shear.here.positions[shear.held :, 1], height) / height
-    v = u[shear.held :, 0] / (shear.rate * height) + y - 0.5
+    y = np.mod(shear.sorted_disks.positions[shear.wall_disks :, 1], height) / height
+    v = u[shear.wall_disks :, 0] / (shear.rate * height) + y - 0.5
     layer = np.minimum((LAYERS * y).astype(int), LAYERS - 1)
     with np.errstate(invalid="ignore"):
         return np.bincount(layer, v, LAYERS) / np.bincount(layer, minlength=LAYERS)
@@ -99,11 +101,11 @@ def velocity_profile(shear: SteadyShear, u) -> np.ndarray:
 def stress_on_walls(shear: SteadyShear, u) -> tuple[float, float]:
     """(σ_xy, pressure) that disks of non-affine velocities u (N, 2) exert on the walls, mean of both."""
     i, j, r0, sigma = shear.pairs
-    lower = (i < shear.held) & (j >= shear.held)
-    upper = (i >= shear.held) & (j < shear.held)
+    lower = (i < shear.wall_disks) & (j >= shear.wall_disks)
+    upper = (i >= shear.wall_disks) & (j < shear.wall_disks)
     # pairs whose moving disk is above the row, which it never crosses
     above = (lower & (r0[1] > 0)) | (upper & (r0[1] < 0))
-    task = shear.task()
+    task = shear.step_constants()
     motion = u, task.rate, task.weights
     rolling = None
     if shear.model.law.couples_rotations:
@@ -113,6 +115,6 @@ def stress_on_walls(shear: SteadyShear, u) -> tuple[float, float]:
         pairs = PairList(i[side], j[side], np.ascontiguousarray(r0[:, side]), sigma[side])
         forces = np.empty_like(shear.offsets)
         bond_forces(pairs, shear.offsets, 0.0, shear.shear, task.law, forces, motion, rolling)
-        total += sign * forces[: shear.held].sum(0)
+        total += sign * forces[: shear.wall_disks].sum(0)
     width = 2.0 * shear.reference.cell[0, 0]
     return float(total[0] / width), float(-total[1] / width)

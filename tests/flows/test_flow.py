@@ -10,10 +10,9 @@ from scipy.sparse.csgraph import connected_components
 from sheared import ROWS, crowd, shear
 
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.flows import moves
-from jampetsc.flows import steady as jobs
-from jampetsc.flows.shearing import SteadyShear
-from jampetsc.io.outlet import Outlet
+from jampetsc.flows import step_kernels
+from jampetsc.flows.flow_run import define_flow, run_flow
+from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme, scheme_for
 from jampetsc.packing.contacts import find_contacts
@@ -24,7 +23,7 @@ from jampetsc.packing.potentials import Potential
 def test_the_mean_velocity_of_a_cluster_is_that_of_the_flow():
     thin = crowd(phi=0.55)
     run, contacts = shear("CD0", thin, rate=0.03, tolerance=1e-14), find_contacts(thin)
-    velocities = run.velocities_now()
+    velocities = run.nonaffine_velocities()
     links = coo_array((np.ones(len(contacts)), (contacts.i, contacts.j)), shape=(thin.n, thin.n))
     number, cluster = connected_components(links, directed=False)
     assert 5 < number < thin.n
@@ -104,7 +103,7 @@ def test_a_run_continues_from_a_state_to_the_last_bit(name):
     one, other = shear(name, rate=0.1), shear(name, rate=0.1)
     fresh = one.state()
     other.restore(fresh)
-    assert not other.started
+    assert not other.has_started
     one.advance(201)
     kept = one.state()
     assert kept["skin"] != fresh["skin"] and kept["rebuilds"] and kept["started"] and kept["since"]
@@ -132,7 +131,7 @@ def test_a_perfect_crystal_flows(name):
     x, y = (a.ravel() for a in np.meshgrid(np.arange(4), np.arange(4)))
     places, cell = np.column_stack((x + 0.5 * (y % 2), np.sqrt(0.75) * y)), np.diag([4.0, np.sqrt(12.0)])
     disks = Packing.from_positions(0.95 * places, np.full(16, 0.5), 0.95 * cell)
-    means = jobs.execute(jobs.begun(disks, {}, Model(ROWS[name][0]), 1e-2, 0.5), Outlet())
+    means = run_flow(define_flow(disks, Model(ROWS[name][0]), 1e-2, 0.5)).means
     assert means.pressure.mean > 0.01
     note = "no energy is dissipated: every disk follows the affine flow, as in a perfect crystal"
     assert np.isnan(means.energy_balance) == (note in means.warnings()) == (name == "RD0")
@@ -140,7 +139,7 @@ def test_a_perfect_crystal_flows(name):
 
 def test_velocities_that_are_not_found_are_an_error():
     run = shear("CD0", crowd(16), rate=1e-30, tolerance=0.0)  # less than rounding leaves,
-    run.strongest = 0.0  # of which this run does not know
+    run.largest_force = 0.0  # of which this run does not know
     with pytest.raises(ConvergenceError, match="velocities not found to 0: raise tolerance"):
         run.advance(1)
 
@@ -238,7 +237,7 @@ def test_time_steps_depend_on_k_tau1_and_the_potential():
 def test_coordination_is_a_mean_over_disks_that_move():
     disks = crowd(16, phi=0.9)
     contacts = find_contacts(disks)
-    run = SteadyShear(disks, Model(ROWS["RD0"][0]), 0.02, Scheme(0.05, "euler", 1e-6), held=4)
+    run = SteadyShear(disks, Model(ROWS["RD0"][0]), 0.02, Scheme(0.05, "euler", 1e-6), wall_disks=4)
     free = np.count_nonzero(contacts.i >= 4) + np.count_nonzero(contacts.j >= 4)
     assert run.survey()["coordination"] == free / 12
 
@@ -251,19 +250,19 @@ def test_nan_and_inf_count_as_blown_up(bad):
         o, good = np.zeros((4, 2)), np.full((4, 2), 1e-3)
         u = good.copy()
         u[where] = bad
-        task, room = shear("CD").task(), np.empty((4, 4, 2))
+        task, room = shear("CD").step_constants(), np.empty((4, 4, 2))
         found = [
-            moves.move(o.copy(), u, 0.1, 0.1, np.empty_like(o)),
-            moves.drift(o, u, 1.0, 0.1, 0.1, *room[:2])[:2],
-            moves.kick(o, good.copy(), good, task, 0.1, u.copy(), *room[:2])[:2],
+            step_kernels.move(o.copy(), u, 0.1, 0.1, np.empty_like(o)),
+            step_kernels.drift(o, u, 1.0, 0.1, 0.1, *room[:2])[:2],
+            step_kernels.kick(o, good.copy(), good, task, 0.1, u.copy(), *room[:2])[:2],
         ]
         for far, longest in found:
-            assert moves.status_of(far, longest, 0.0, listed) == moves.BLOWN_UP
-            sums = np.zeros((3, moves.SUMMED + 2))  # of one domain of three
+            assert step_kernels.status_of(far, longest, 0.0, listed) == step_kernels.BLOWN_UP
+            sums = np.zeros((3, step_kernels.SUMMED + 2))  # of one domain of three
             sums[1, -2:] = far, longest
-            assert moves.joint_status(task, sums, 0.0)[0] == moves.BLOWN_UP
-    far, longest = moves.move(o, good, 0.1, 0.1, np.empty_like(o))
-    assert moves.status_of(far, longest, 0.0, listed) == moves.DONE
+            assert step_kernels.joint_status(task, sums, 0.0)[0] == step_kernels.BLOWN_UP
+    far, longest = step_kernels.move(o, good, 0.1, 0.1, np.empty_like(o))
+    assert step_kernels.status_of(far, longest, 0.0, listed) == step_kernels.DONE
 
 
 def test_a_step_in_which_a_disk_would_jump_is_divided():
@@ -273,7 +272,7 @@ def test_a_step_in_which_a_disk_would_jump_is_divided():
     long.advance(1)
     short.advance(4)
     assert (long.substeps, short.substeps, long.steps) == (4, 0, 1)
-    assert long.velocities_now() == pytest.approx(short.velocities_now(), abs=1e-12)
+    assert long.nonaffine_velocities() == pytest.approx(short.nonaffine_velocities(), abs=1e-12)
     assert long.tally == pytest.approx(short.tally / 4, abs=1e-12)
     again = SteadyShear(disks, model, 0.3, long.scheme)
     again.restore(long.state())
@@ -282,23 +281,27 @@ def test_a_step_in_which_a_disk_would_jump_is_divided():
 
 def test_status_of_a_step():
     """More than half of the largest σ is a jump; a list is stale by its own rule; a jump comes before that."""
-    listed, done, stale, jump = (1.2, 0.5, 0.1), moves.DONE, moves.STALE, moves.BLOWN_UP
+    listed, done, stale, jump = (1.2, 0.5, 0.1), step_kernels.DONE, step_kernels.STALE, step_kernels.BLOWN_UP
     for far, longest, status in (
         (0.1, 0.6, done), (0.1, 0.6001, jump), (0.25, 0.1, done), (0.2501, 0.1, stale), (0.3, 0.7, jump),
         (0.1, np.nan, jump),
     ):  # fmt: skip
-        assert moves.status_of(far, longest, 0.0, listed) == status
-    assert moves.status_of(0.0, 0.0, 0.8, listed) == moves.status_of(0.0, 0.0, -0.8, listed) == moves.STALE
+        assert step_kernels.status_of(far, longest, 0.0, listed) == status
+    assert (
+        step_kernels.status_of(0.0, 0.0, 0.8, listed)
+        == step_kernels.status_of(0.0, 0.0, -0.8, listed)
+        == step_kernels.STALE
+    )
 
 
 def test_starts_of_soft_disks_overlap_by_half_at_most():
     for share in (0.499, 0.5, 0.501):
         disks = Packing.from_positions([[0.0, 0.0], [1.2 * (1 - share), 0.0]], [0.5, 0.7], 6.0 * np.eye(2))
         if share <= 0.5:
-            assert jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.5).disks is disks
+            assert define_flow(disks, sheared.model("RD0"), 1e-2, 0.5).disks is disks
             continue
         with pytest.raises(InputError, match="overlap of 50 % of the distance of two disks at contact"):
-            jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.5)
+            define_flow(disks, sheared.model("RD0"), 1e-2, 0.5)
 
 
 def one_pair(overlap, k=1.0):
@@ -306,16 +309,16 @@ def one_pair(overlap, k=1.0):
     places = 3.0 * np.array([[a, b] for a in range(4) for b in range(4)], float)
     places[1] = places[0] + [1.0 - overlap, 0.0]
     disks = Packing.from_positions(places, np.full(16, 0.5), 12.0 * np.eye(2), Potential(k=k))
-    return jobs.begun(disks, {}, sheared.model("RD0"), 1e-2, 0.02, discard=0.0)
+    return define_flow(disks, sheared.model("RD0"), 1e-2, 0.02, discard=0.0)
 
 
 def test_disks_that_touch_a_little_flow():
     """One pair whose pressure is far above a millionth of γ̇kτ₁, and far below a millionth of k."""
-    assert 1e-8 < 0.2 * jobs.execute(one_pair(1e-4), Outlet()).pressure.mean < 1e-7  # γ̇kτ₁ = 0.01
+    assert 1e-8 < 0.2 * run_flow(one_pair(1e-4)).means.pressure.mean < 1e-7  # γ̇kτ₁ = 0.01
 
 
 @pytest.mark.parametrize("k", [1.0, 1e9])
 def test_disks_that_do_not_touch_are_an_error_for_any_k(k):
     """One pair that overlaps by 1e-9 at the start presses with 1e-9 γ̇kτ₁ or so: that is no flow."""
     with pytest.raises(ConvergenceError, match=r"no two disks touched within the strain of 0\.02"):
-        jobs.execute(one_pair(1e-9, k), Outlet())
+        run_flow(one_pair(1e-9, k))

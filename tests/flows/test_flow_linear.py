@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jampetsc
-from jampetsc.flows.shearing import SteadyShear
+from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.laws.damping import damping_law
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.packing.contacts import find_contacts, stress_tensor

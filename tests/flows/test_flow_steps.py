@@ -7,10 +7,9 @@ import pytest
 import sheared
 from sheared import OVERDAMPED, ROWS, crowd, forces
 
-from jampetsc.flows import moves
-from jampetsc.flows import sheared as state_of_disks
-from jampetsc.flows.moves import TALLY
-from jampetsc.flows.shearing import SteadyShear
+from jampetsc.flows import steady_shear, step_kernels
+from jampetsc.flows.steady_shear import SteadyShear
+from jampetsc.flows.step_kernels import TALLY
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.packing.contacts import find_contacts
@@ -26,7 +25,7 @@ class Numpy:
     """Sheared disks at the present time; no list, no offsets, all velocities in the laboratory frame."""
 
     def __init__(self, disks, model, step, method, held):
-        self.disks, self.model, self.method, self.held = disks, model, method, held
+        self.disks, self.model, self.method, self.wall_disks = disks, model, method, held
         self.step, self.rate = step, SHEARED / step
         self.u, self.a = np.zeros((2, disks.n, 2))
         self.spin, self.turn = np.zeros((2, disks.n))
@@ -42,7 +41,7 @@ class Numpy:
 
     def free(self, *arrays):
         for array in arrays:
-            array[: self.held] = 0.0
+            array[: self.wall_disks] = 0.0
         return arrays
 
     def forces(self, disks, u, spin):
@@ -58,16 +57,16 @@ class Numpy:
         if not mass and not law.damps_contacts:
             return self.forces(disks, 0.0 * self.u, self.spin)[0] / (self.unit * law.drag)
         if not mass:
-            return sheared.overdamped_velocities(disks, law, self.rate, self.held)
+            return sheared.overdamped_velocities(disks, law, self.rate, self.wall_disks)
         units = (one.reshape(n, 2) for one in np.eye(2 * n))
         columns = [sheared.forces(disks, law, 0.0, one, self.spin)[1].ravel() for one in units]
         matrix = (self.unit * self.model.drag + mass / self.step) * np.eye(2 * n) - np.array(columns).T
-        free = slice(2 * self.held, None)
+        free = slice(2 * self.wall_disks, None)
         residual = self.forces(disks, self.u, self.spin)[0].ravel()
         change = np.zeros(2 * n)
         change[free] = np.linalg.solve(matrix[free, free], residual[free])
         u = self.u + change.reshape(n, 2)
-        return u if self.held or self.model.drag else u - u.mean(axis=0)
+        return u if self.wall_disks or self.model.drag else u - u.mean(axis=0)
 
     def moved(self, u):
         """The disks a step later, by u, with the affine flow at the middle of the way."""
@@ -148,7 +147,7 @@ def test_steps_are_those_of_their_equations(name, method, held, step):
     if held:
         disks = disks.replace(potential=replace(disks.potential, k=2.5))
     model = Model(law, mass, background_drag=0.1 if method == "verlet" else 0.0)
-    run = SteadyShear(disks, model, SHEARED / step, Scheme(step, method, 1e-13), held=held)
+    run = SteadyShear(disks, model, SHEARED / step, Scheme(step, method, 1e-13), wall_disks=held)
     plain = Numpy(run.reference, model, step, method, held)
     for _ in range(60):
         plain.advance()
@@ -186,7 +185,7 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     run = SteadyShear(disks, Model(law, mass), 1.0, Scheme(0.1, method, 1e-12))
     run.skin = 0.12  # the larger singular value of the deformation is 1.105 at 0.2, 1.161 at 0.3
     run.list(run.reference)
-    assert run._run(9) == (2 if method == "heun" else 3, moves.STALE)
+    assert run._run(9) == (2 if method == "heun" else 3, step_kernels.STALE)
     assert not run.offsets.any() and run.tally[TALLY.index("steps")] == (2 if method == "heun" else 3)
 
 
@@ -204,7 +203,7 @@ def test_a_snapshot_is_of_one_instant(name, method, mass):
     run = SteadyShear(crowd(24, phi=0.9), Model(law, mass), 0.1, Scheme(0.05, method, 1e-12))
     for steps in (1, 5, 20):
         run.advance(steps)
-        disks, u, spins = run.disks, run.velocities_now(), run.spins + 0.025 * run.spin_rates
+        disks, u, spins = run.disks, run.nonaffine_velocities(), run.spins + 0.025 * run.spin_rates
         *_, virial, spent = forces(disks, law, run.rate, u, spins)
         background = law.eta_f * law.tau1 * disks.area * run.rate
         run.tally[:] = 0.0
@@ -218,17 +217,17 @@ def test_a_snapshot_is_of_one_instant(name, method, mass):
 
 @pytest.mark.parametrize(("name", "method"), [("RD0", "heun"), ("CD0", "euler"), ("rolling", "verlet")])
 def test_reading_the_state_of_a_run_does_not_change_it(name, method):
-    """It stays the same to the last bit, though `velocities_now` solves for velocities once more."""
+    """It stays the same to the last bit, though `nonaffine_velocities` solves for velocities once more."""
     law, mass = ROWS[name]
     read, unread = (
         SteadyShear(crowd(10, phi=0.9), Model(law, mass), 0.25, Scheme(0.02, method, 1e-3)) for _ in range(2)
     )
-    assert not mass or not read.velocities_now().any()  # massive disks start at rest
+    assert not mass or not read.nonaffine_velocities().any()  # massive disks start at rest
     for run in (read, unread):
         for _ in range(5):
             run.advance(3)
             if run is read:
-                run.velocities_now(), run.survey(), run.disks, run.state()
+                run.nonaffine_velocities(), run.survey(), run.disks, run.state()
     for array in ("offsets", "velocities", "accelerations", "spins", "tally"):
         assert np.array_equal(getattr(read, array), getattr(unread, array)), array
 
@@ -256,11 +255,11 @@ def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
     law, mass = ROWS[name]
     disks, scheme = many(), Scheme(0.02, method, 1e-5)
     runs = [SteadyShear(disks, Model(law, mass), 0.5, scheme, Team(threads)) for threads in (1, 2, 3)]
-    monkeypatch.setattr(state_of_disks, "borders", lambda n: np.array([0, n]))
+    monkeypatch.setattr(steady_shear, "borders", lambda n: np.array([0, n]))
     plain = SteadyShear(disks, Model(law, mass), 0.5, scheme)
     monkeypatch.undo()
     assert len(runs[0].lists[0].across) == 3 and len(plain.lists[0].across) == 1
-    monkeypatch.setattr(state_of_disks, "SORTED", 0.05)  # strain: five steps
+    monkeypatch.setattr(steady_shear, "SORT_STRAIN", 0.05)  # strain: five steps
     for run in (*runs, plain):
         before = run.order
         run.advance(7)
@@ -275,10 +274,12 @@ def test_threads_and_domains_do_not_change_a_run(name, method, monkeypatch):
     for run in runs[1:]:
         found, wanted = run.state(), one.state()
         assert all(np.array_equal(found[key], wanted[key]) for key in wanted)
-        assert np.array_equal(run.velocities_now(), one.velocities_now())
-    assert one.velocities_now() == pytest.approx(plain.velocities_now(), abs=1e-7)
+        assert np.array_equal(run.nonaffine_velocities(), one.nonaffine_velocities())
+    assert one.nonaffine_velocities() == pytest.approx(plain.nonaffine_velocities(), abs=1e-7)
     apart = (one.disks.positions - plain.disks.positions) @ np.linalg.inv(plain.disks.cell)
     assert np.abs(apart - np.round(apart)).max() < 1e-9
-    np.testing.assert_allclose(one.tally[: moves.SUMMED], plain.tally[: moves.SUMMED], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        one.tally[: step_kernels.SUMMED], plain.tally[: step_kernels.SUMMED], rtol=1e-6, atol=1e-6
+    )
     for name in ("clusters", "largest_cluster"):
         assert one.survey()[name] == plain.survey()[name]

@@ -1,7 +1,5 @@
 """Results of a run of steady shear: rows and snapshots, means, balance of energy, warnings, checkpoint."""
 
-import fcntl
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -11,26 +9,24 @@ from sheared import crowd, shear
 
 from jampetsc.analysis.velocity_correlation import LaneCorrelation
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.flows import record as records
-from jampetsc.flows import run as running
-from jampetsc.flows.means import ROWS, Means
-from jampetsc.flows.record import ON_WALLS, SERIES, Record, check_space, resumed, write_checkpoint
-from jampetsc.flows.run import Plan, _duration, _row, check_balance
-from jampetsc.io.checkpoint import Checkpoint, folder_of
+from jampetsc.flows import flow_run
+from jampetsc.flows.flow_run import _add_row, check_balance
+from jampetsc.flows.means import MIN_CHECKED_ROWS, Means
+from jampetsc.flows.schedule import Schedule
+from jampetsc.flows.trajectory import FLOW_COLUMNS, WALL_AVERAGES, Trajectory
 from jampetsc.io.disk_motion import correlate_lanes
-from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
 from jampetsc.packing.contacts import find_contacts, measure
 
 RATE, AREA, SPACING = 0.1, 30.0, 0.02
 
 
-def recorded(rows, lost=1.0, loss=0.5, stress=(2.0, 0.3), **columns):
+def recorded(rows, lost=1.0, loss=0.5, stress=(2.0, 0.3), with_walls=False):
     """Rows of a run whose stress grows steadily; it dissipates `loss`, but records `lost` times as much.
 
     The energy takes the rest of the work; a row has its mean, of a parabola here.
     """
-    record, step = Record(columns.get("columns", SERIES)), SPACING / RATE
+    record, step = Trajectory(with_walls), SPACING / RATE
     first, slope = stress
     for row in range(rows):
         t = (row + 0.5) * step
@@ -63,7 +59,7 @@ def test_work_is_dissipated_or_stored():
 
 
 def test_the_balance_is_not_checked_for_few_rows_or_without_dissipation():
-    few, enough = means(recorded(ROWS - 1, 1.2)), means(recorded(ROWS, 1.2))
+    few, enough = means(recorded(MIN_CHECKED_ROWS - 1, 1.2)), means(recorded(MIN_CHECKED_ROWS, 1.2))
     assert np.isnan(few.mismatch) and "energy balance not checked: " in few.warnings()[-1]
     assert enough.mismatch == pytest.approx(-1 / 6) and "not checked" not in str(enough.warnings())
     found = means(recorded(40, lost=0.0))
@@ -72,7 +68,7 @@ def test_the_balance_is_not_checked_for_few_rows_or_without_dissipation():
 
 def test_means_are_over_rows_after_discard():
     record = recorded(10)
-    stress, pressure = record.series("shear_stress"), record.series("pressure")
+    stress, pressure = record.column("shear_stress"), record.column("pressure")
     assert stress.shape == pressure.shape == (10, 3)
     for discard, first in ((0.0, 0), (3 * SPACING, 3), (3 * SPACING * (1 + 1e-13), 3), (3.01 * SPACING, 3)):
         found = means(record, discard)
@@ -85,16 +81,16 @@ def test_means_are_over_rows_after_discard():
     assert means(record, 9.5 * SPACING).strain == pytest.approx(SPACING)
     assert means(recorded(1)).spacing == SPACING
     assert not found.walls
-    beside = recorded(10, columns=SERIES | ON_WALLS)
-    assert set(means(beside).walls) == set(ON_WALLS)
+    beside = recorded(10, with_walls=True)
+    assert set(means(beside).walls) == set(WALL_AVERAGES)
     assert means(beside).facts()["wall_pressure_mean"] == 1.0
 
 
 def test_a_run_that_is_not_steady_is_warned_of():
     def warnings(stress, pressure):
-        record, noise = Record(), np.random.default_rng(1).normal(0, 0.1, (1000, 2))
+        record, noise = Trajectory(), np.random.default_rng(1).normal(0, 0.1, (1000, 2))
         for row in range(1000):
-            values = dict.fromkeys(SERIES, 1.0) | {
+            values = dict.fromkeys(FLOW_COLUMNS, 1.0) | {
                 "strain": (row + 1) * SPACING,
                 "shear_stress": [1.0 + stress * (row > 500) + noise[row, 0], 0.0, 0.0],
                 "pressure": [1.0 + pressure * (row > 500) + noise[row, 1], 0.0, 0.0],
@@ -136,22 +132,22 @@ def test_too_much_and_too_little_dissipation_are_errors(lost, balanced):
     ],
 )
 def test_rows_of_a_run(given, steps, rows):
-    plan = Plan.of(*given, 0.0)
+    plan = Schedule.of(*given, 0.0)
     assert (plan.steps, plan.rows) == (steps, rows)
-    assert Plan.of(*given, 0.0, steps=3 * steps).steps == 3 * steps
+    assert Schedule.of(*given, 0.0, steps=3 * steps).steps == 3 * steps
 
 
 def test_a_row_is_no_longer_than_the_strain_between_snapshots():
-    plan = Plan.of(1e-2, 0.1, 1.0, 0.9, every=3.5e-3)
+    plan = Schedule.of(1e-2, 0.1, 1.0, 0.9, every=3.5e-3)
     assert plan.steps == 3 and plan.every == pytest.approx(3.5 / 3.0)
-    assert Plan.of(1e-2, 0.1, 1.0, 0.9, every=0.03).steps == 10
+    assert Schedule.of(1e-2, 0.1, 1.0, 0.9, every=0.03).steps == 10
 
 
 def test_more_steps_or_snapshots_than_there_can_be():
     with pytest.raises(InputError, match=r"strain 1.01: 1e\+12 time steps of 1e-12, at most 1e\+12"):
-        Plan.of(1.0, 1e-12, 1.01, 0.0)
+        Schedule.of(1.0, 1e-12, 1.01, 0.0)
     row = 0.1
-    assert Plan.of(0.1, 1.0, 1.0, 3 * row, 7).first_kept(row) == 3  # 0.3/0.1 is less than 3
+    assert Schedule.of(0.1, 1.0, 1.0, 3 * row, 7).first_averaged_row(row) == 3  # 0.3/0.1 is less than 3
     for refused, words in (
         ("snapshots 8: there are 7 rows after discard, at most one for each", {"snapshots": 8}),
         ("snapshots 2: need 3 or more", {"snapshots": 2, "spacing": "log"}),
@@ -159,7 +155,7 @@ def test_more_steps_or_snapshots_than_there_can_be():
         ("snapshot_every 0.71: must be", {"every": 0.71}),
     ):
         with pytest.raises(InputError, match=refused):
-            Plan.of(0.1, 1.0, 1.0, 3 * row, **words)
+            Schedule.of(0.1, 1.0, 1.0, 3 * row, **words)
 
 
 @pytest.mark.parametrize(
@@ -178,75 +174,39 @@ def test_more_steps_or_snapshots_than_there_can_be():
     ],
 )
 def test_snapshots_of_a_continued_run_keep_their_spacing(discard, words, rows, further):
-    plan = Plan.of(0.1, 1.0, 1.0, discard, **words)
-    first = plan.first_kept(0.1)
+    plan = Schedule.of(0.1, 1.0, 1.0, discard, **words)
+    first = plan.first_averaged_row(0.1)
     assert sorted(plan.snapshot_rows(first)) == rows
     assert sorted(replace(plan, rows=15).snapshot_rows(first)) == rows + further
-    if words.keys() == {"snapshots"}:  # as older files say it
-        assert Plan.stored({"steps": 1, "rows": 10, "discard": discard, **words}, 0.1) == plan
 
 
 def test_a_row_has_means_over_its_steps():
     """Stress, pressure and energy of the packing at its time steps; contacts at the end."""
-    run, record = shear("RD0", crowd(16, phi=0.9), rate=RATE, step=0.01), Record()
+    run, record = shear("RD0", crowd(16, phi=0.9), rate=RATE, step=0.01), Trajectory()
     state = measure(run.disks)
-    _row(run, 1, record)
-    row = {name: record.series(name)[0] for name in SERIES}
+    _add_row(record, run, 1)
+    row = {name: record.column(name)[0] for name in FLOW_COLUMNS}
     assert row["shear_stress"] == pytest.approx([state.stress[0, 1], 0.0, 0.0], rel=1e-9)
     assert row["pressure"] == pytest.approx([state.pressure, 0.0, 0.0], rel=1e-9)
     assert row["energy"] == pytest.approx(state.energy, rel=1e-9)
     assert row["strain"] == pytest.approx(1e-3) and row["time"] == pytest.approx(0.01)
-    _row(run, 3, record)
+    _add_row(record, run, 3)
     contacts = find_contacts(run.disks)
-    assert record.series("time") == pytest.approx([0.01, 0.04]) and run.tally[-1] == 3
-    assert record.series("coordination")[1] == 2 * len(contacts) / 16
-    assert record.series("deepest_overlap")[1] == pytest.approx(np.max(contacts.overlap / contacts.sigma))
-    assert record.series("pressure")[1, 0] == pytest.approx(measure(run.disks).pressure, rel=0.1)
+    assert record.column("time") == pytest.approx([0.01, 0.04]) and run.tally[-1] == 3
+    assert record.column("coordination")[1] == 2 * len(contacts) / 16
+    assert record.column("deepest_overlap")[1] == pytest.approx(np.max(contacts.overlap / contacts.sigma))
+    assert record.column("pressure")[1, 0] == pytest.approx(measure(run.disks).pressure, rel=0.1)
 
 
 def test_steps_are_taken_in_batches(monkeypatch):
     """A row of many steps takes several calls, between which signals are handled."""
-    monkeypatch.setattr(running, "BATCH", 4)
+    monkeypatch.setattr(flow_run, "MAX_CALL_STEPS", 4)
     run, asked = shear("RD0", crowd(16), rate=RATE, step=0.01), []
     monkeypatch.setattr(type(run), "advance", lambda _, steps: asked.append(steps) or run.tally.__iadd__(1.0))
     for steps in (3, 4, 11):
         asked.clear()
-        _row(run, steps, Record())
+        _add_row(Trajectory(), run, steps)
         assert asked == [4] * (steps // 4) + [steps % 4] * (steps % 4 > 0)
-
-
-def test_time_left_in_words():
-    words = [_duration(seconds) for seconds in (0.4, 59.4, 60.0, 3599.0, 3600.0, 9000.0)]
-    assert words == ["0 s", "59 s", "1.0 min", "60.0 min", "1.0 h", "2.5 h"]
-
-
-def test_snapshots_need_room_twice(tmp_path, monkeypatch):
-    """Positions, images, velocities and spins of 10 disks, strain and cell, in the file and in the checkpoint."""
-    needed = 2 * 7 * (10 * (3 * 2 + 1) + 1 + 4) * 8
-    usage = shutil.disk_usage(tmp_path)
-    for free, fits in ((needed, True), (needed - 1, False)):
-        monkeypatch.setattr(records.shutil, "disk_usage", lambda path, free=free: usage._replace(free=free))
-        if fits:
-            check_space(Outlet(tmp_path / "x.h5"), 10, 7)
-        else:
-            with pytest.raises(InputError, match="snapshots 7: of 10 disks need"):
-                check_space(Outlet(tmp_path / "x.h5"), 10, 7)
-
-
-def test_only_an_intact_checkpoint_of_the_same_job_is_used(tmp_path):
-    out, settings = tmp_path / "x.h5", {"rate": 1e-2, "start": "a"}
-    checkpoint = Checkpoint(out, settings)
-    assert resumed(checkpoint) is None
-    write_checkpoint(checkpoint, recorded(3), {"base": np.eye(2)})
-    record, state = resumed(Checkpoint(out, settings))
-    assert len(record) == 3 and np.array_equal(state["base"], np.eye(2))
-    np.testing.assert_array_equal(record.series("energy"), recorded(3).series("energy"))
-    with open(folder_of(out) / "lock") as lock, pytest.raises(BlockingIOError):
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # another process may not use it
-    assert resumed(Checkpoint(out, settings | {"start": "b"})) is None
-    (path,) = folder_of(out).glob("0*")
-    path.write_bytes(path.read_bytes()[:-100])
-    assert resumed(Checkpoint(out, settings)) is None
 
 
 def flow_file(path, velocity=0.1, phi=0.8, walls=False, snapshots=2, **facts):

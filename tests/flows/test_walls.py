@@ -10,9 +10,9 @@ from jampetsc import main as cli
 from jampetsc.analysis.correlated_series import layer_heights, mean_profile
 from jampetsc.errors import InputError
 from jampetsc.flows import walls
-from jampetsc.flows.record import LAYERS
-from jampetsc.flows.shearing import SteadyShear
+from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.flows.walls import (
+    LAYERS,
     between_walls,
     phi_between,
     stress_on_walls,
@@ -38,7 +38,7 @@ def shear(name, channel, rate=0.02, step=0.05):
     law, mass = ROWS[name]
     disks, held = channel
     return SteadyShear(
-        disks, Model(law, mass), rate, Scheme(step, "verlet" if mass else "euler", 1e-12), held=held
+        disks, Model(law, mass), rate, Scheme(step, "verlet" if mass else "euler", 1e-12), wall_disks=held
     )
 
 
@@ -66,8 +66,8 @@ def test_walls_are_rigid_and_move_with_the_affine_flow(channel, name):
     # relative positions within the row, images aside
     apart = (now - now[0] - (row - row[0])) @ np.linalg.inv(run.disks.cell)
     assert np.abs(apart - np.round(apart)).max() < 1e-12
-    assert (run.velocities_now()[:held] == 0).all() and (run.spins[:held] == 0).all()
-    assert np.abs(run.velocities_now()[held:]).max() > 0
+    assert (run.nonaffine_velocities()[:held] == 0).all() and (run.spins[:held] == 0).all()
+    assert np.abs(run.nonaffine_velocities()[held:]).max() > 0
     heights = run.disks.positions[held:, 1]
     assert 0.3 < heights.min() and heights.max() < disks.cell[1, 1] - 0.3  # nothing went through
 
@@ -77,11 +77,11 @@ def test_forces_on_the_walls_balance_those_between_them(channel, name):
     """σ_w = σ + Σ y F_x/V with y from the middle: without mass and drag F = 0 and σ_w = σ."""
     run = shear(name, channel)
     run.advance(300)
-    u, forces, held = run.velocities_now(), np.empty_like(run.offsets), run.held
+    u, forces, held = run.nonaffine_velocities(), np.empty_like(run.offsets), run.wall_disks
     rolling = None
     if run.model.law.couples_rotations:
         rolling = run.spins, run.reference.radii, np.empty(len(run.spins))
-    task = run.task()
+    task = run.step_constants()
     sums = bond_forces(
         run.pairs, run.offsets, 0.0, run.shear, task.law, forces, (u, task.rate, task.weights), rolling
     )
@@ -103,14 +103,14 @@ def test_a_prescribed_flow_has_its_profile(channel):
     run.advance(30)
     y = run.disks.positions[:, 1] / run.disks.cell[1, 1] - 0.5
     unit, u = run.rate * run.disks.cell[1, 1], np.zeros_like(run.offsets)
-    layer = (LAYERS * (y[run.held :] + 0.5)).astype(int)
+    layer = (LAYERS * (y[run.wall_disks :] + 0.5)).astype(int)
     filled = np.unique(layer)  # some layers beside the walls have none of the 64 disks
     assert len(filled) > 10
     linear = velocity_profile(run, u)  # u = 0: affine flow
     assert np.array_equal(np.isfinite(linear), np.isin(np.arange(LAYERS), filled))
     assert linear[filled] == pytest.approx(layer_heights(LAYERS)[filled], abs=0.5 / LAYERS)
     u[:, 0] = unit * (0.7 * np.sin(np.pi * y) ** 3 - y)  # a v_x of the test
-    wanted = [np.mean(0.7 * np.sin(np.pi * y[run.held :][layer == one]) ** 3) for one in filled]
+    wanted = [np.mean(0.7 * np.sin(np.pi * y[run.wall_disks :][layer == one]) ** 3) for one in filled]
     assert velocity_profile(run, u)[filled] == pytest.approx(np.array(wanted), abs=1e-12)
 
 
@@ -130,7 +130,7 @@ def test_the_mean_stress_on_walls_is_that_of_the_bulk():
         run.tally[:] = 0
         run.advance(5)
         bulk.append(-(run.tally[0] + run.tally[2] + run.tally[4]) / 5 / run.disks.area)
-        walls.append(stress_on_walls(run, run.velocities_now())[0])
+        walls.append(stress_on_walls(run, run.nonaffine_velocities())[0])
     blocks = (np.array(walls) - np.array(bulk)).reshape(10, -1).mean(1)
     assert abs(blocks.mean()) < 4 * blocks.std(ddof=1) / np.sqrt(10)
     assert abs(blocks.mean()) < 0.05 * np.mean(bulk)

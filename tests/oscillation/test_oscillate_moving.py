@@ -11,7 +11,7 @@ from sheared import forces
 from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.flows.quasistatic_shear import SlowShear, minimum_of
+from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation import power_law, repeated_cycles, time_step
 from jampetsc.oscillation.drive import Drive, Imposed, Moduli
@@ -183,10 +183,10 @@ def test_slow_shear_goes_from_minimum_to_minimum():
     motion = sheared(moving(1e6, 1e-3), 2e-2, 20)
     state = measure(motion.disks)
     assert state.max_force < 1e-4 * state.pressure
-    slow = SlowShear(published(), 1e-3, NewtonSolver(), 1e-10)
+    slow = QuasistaticShear(published(), 1e-3, NewtonSolver(), 1e-10)
     for _ in range(20):
         slow.advance()
-    assert minimum_of(slow.disks).shear_stress == pytest.approx(state.stress[0, 1], abs=1e-6)
+    assert measure_minimum(slow.disks).shear_stress == pytest.approx(state.stress[0, 1], abs=1e-6)
 
 
 def test_harmonics_of_a_cycle_without_its_creep():

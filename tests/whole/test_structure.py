@@ -15,7 +15,7 @@ from jampetsc.packing import compiled
 
 PACKAGE = Path(jampetsc.__file__).parent
 # rooms from the ground up; a module may import its own room and those before it
-ROOMS = "ground packing laws analysis io minimise petsc network response flows oscillation options".split()
+ROOMS = "ground packing laws analysis io minimise petsc network response flows jamming oscillation options".split()
 ROOMS += ["plots", "commands", "studies", "main"]
 TOP = {"__main__": "main", "main": "main"}  # other modules: ground
 WITHOUT_PETSC = ("ground", "packing", "laws", "analysis", "io", "minimise", "plots")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from dense import NewtonSteps
 
-from jampetsc.flows.quasistatic_shear import SlowShear
+from jampetsc.jamming.quasistatic_shear import QuasistaticShear
 from jampetsc.minimise import protocols
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import relax
@@ -79,8 +79,8 @@ def test_a_descent_at_a_pressure_is_the_same_in_any_units(kind, shear):
 def test_slow_shear_is_the_same_in_any_units(kind):
     def steps(length, k):
         disks, energy = quenched(length, k, kind, STIFFNESSES[1], Target(phi=0.88))
-        slow = SlowShear(disks, 2e-3, NewtonSteps(), 1e-7)
-        rows = [vars(slow.advance()) | vars(slow.found) for _ in range(25)]
+        slow = QuasistaticShear(disks, 2e-3, NewtonSteps(), 1e-7)
+        rows = [vars(slow.advance()) | vars(slow.minimum) for _ in range(25)]
         stress = energy / length**2
         units = {"energy": energy, "dissipated": energy, "shear_stress": stress, "pressure": stress}
         return [{name: value / units.get(name, 1.0) for name, value in row.items()} for row in rows]

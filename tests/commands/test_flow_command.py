@@ -1,5 +1,6 @@
 """`jampetsc flow`: its file, continuation after a kill and after the end, and errors of bad input."""
 
+import fcntl
 import json
 import re
 import shutil
@@ -14,9 +15,13 @@ from sheared import crowd, model, stop_after
 import jampetsc
 from jampetsc import main as cli
 from jampetsc import progress
+from jampetsc.commands import flow as flow_command
+from jampetsc.commands import flow_files
+from jampetsc.commands.run_files import save_rows, saved_rows
 from jampetsc.errors import InputError
-from jampetsc.flows import run as running
-from jampetsc.flows import steady as jobs
+from jampetsc.flows.flow_run import define_flow
+from jampetsc.io.checkpoint import Checkpoint, folder_of
+from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import write_packing
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
@@ -98,7 +103,7 @@ def test_the_file(tmp_path, capsys):
 
 def test_a_killed_run_continues_to_the_last_bit(tmp_path, monkeypatch, capsys):
     """If its command is given again; another command does not use its checkpoint."""
-    left = stop_after(monkeypatch, running, 0)
+    left = stop_after(monkeypatch, 0)
     whole, out = tmp_path / "whole.h5", tmp_path / "out.h5"
     command = [*SMALL, "--snapshots", "3"]
     for left[0], place, status in ((0, whole, 0), (40, out, 130)):
@@ -121,16 +126,17 @@ def test_a_killed_run_continues_to_the_last_bit(tmp_path, monkeypatch, capsys):
 def test_a_checkpoint_is_identified_by_all_settings_of_its_run():
     disks = crowd(16)
 
-    def settings(disks=disks, name="CD0", held=0, **more):
+    def settings(disks=disks, name="CD0", wall_disks=0, **more):
         given = {"rate": 1e-2, "strain": 0.5} | more
-        return json.dumps(jobs.begun(disks, {"walls": held}, model(name), **given).settings, sort_keys=True)
+        run = define_flow(disks, model(name), wall_disks=wall_disks, **given)
+        return json.dumps(run.settings, sort_keys=True)
 
-    others = [{"disks": crowd(16, seed=2)}, {"name": "unequal"}, {"held": 4}]
+    others = [{"disks": crowd(16, seed=2)}, {"name": "unequal"}, {"wall_disks": 4}]
     numbers = {"rate": 2e-2, "strain": 0.6, "discard": 0.1, "snapshots": 3, "step": 0.01, "tolerance": 1e-6}
     found = [settings(**one) for one in [{}, *others, *({name: x} for name, x in numbers.items())]]
     assert len(set(found)) == 10 and settings() == found[0]
-    job = jobs.begun(disks, {}, model("CD0"), 1e-2, 0.5)
-    assert replace(job, before=([0, 0], {})).settings != job.settings  # it continues from another row
+    run = define_flow(disks, model("CD0"), 1e-2, 0.5)
+    assert replace(run, earlier=([0, 0], {})).settings != run.settings  # it continues from another row
 
 
 @pytest.mark.parametrize("name", ["RD0", "CDn"])
@@ -159,7 +165,9 @@ def test_a_continued_run_takes_more_snapshots(tmp_path, monkeypatch):
     common = "flow --n 16 --phi 0.9 --model RD0 --rate 0.1 --strain 0.1 --discard 0 --snapshots 4".split()
     assert flow(*common, "--out", out) == 0
     before = jampetsc.load(out)["snapshots/strain"]
-    monkeypatch.setattr(jobs, "check_space", lambda to, disks, snapshots: room.append((disks, snapshots)))
+    monkeypatch.setattr(
+        flow_files, "check_space", lambda to, disks, snapshots: room.append((disks, snapshots))
+    )
     assert flow("flow", out, "--strain", 0.1) == 0
     after = jampetsc.load(out)
     assert np.array_equal(after["snapshots/strain"][:4], before)
@@ -178,7 +186,8 @@ def test_a_packing_keeps_its_own_units(tmp_path):
     assert facts["packing"] == "p.h5" and "packing" in facts["units"]
     assert flow("flow", out, "--strain", 0.1) == 0
     farther = jampetsc.load(out).attributes
-    assert "packing_sha256" in jobs.KEPT and all(farther.get(name) == facts.get(name) for name in jobs.KEPT)
+    kept = flow_files.ORIGIN_ATTRIBUTES
+    assert "packing_sha256" in kept and all(farther.get(name) == facts.get(name) for name in kept)
 
 
 def test_quality_and_the_stress_of_the_fluid_are_in_units_of_k_and_tau1(tmp_path):
@@ -306,3 +315,39 @@ def test_a_flow_is_not_continued_from_a_state_that_it_cannot_have(finished, tmp_
             h5[f"state/{name}"][...] = value
     with pytest.raises(InputError, match=f"f.h5: .*{said}"):
         jampetsc.flow(path, strain=0.01)
+
+
+def test_time_left_in_words():
+    words = [flow_command._duration(seconds) for seconds in (0.4, 59.4, 60.0, 3599.0, 3600.0, 9000.0)]
+    assert words == ["0 s", "59 s", "1.0 min", "60.0 min", "1.0 h", "2.5 h"]
+
+
+def test_snapshots_need_room_twice(tmp_path, monkeypatch):
+    """Positions, images, velocities and spins of 10 disks, strain and cell, in the file and in the checkpoint."""
+    needed = 2 * 7 * (10 * (3 * 2 + 1) + 1 + 4) * 8
+    usage = shutil.disk_usage(tmp_path)
+    for free, fits in ((needed, True), (needed - 1, False)):
+        monkeypatch.setattr(
+            flow_files.shutil, "disk_usage", lambda path, free=free: usage._replace(free=free)
+        )
+        if fits:
+            flow_files.check_space(Outlet(tmp_path / "x.h5"), 10, 7)
+        else:
+            with pytest.raises(InputError, match="snapshots 7: of 10 disks need"):
+                flow_files.check_space(Outlet(tmp_path / "x.h5"), 10, 7)
+
+
+def test_only_an_intact_checkpoint_of_the_same_job_is_used(tmp_path):
+    out, settings = tmp_path / "x.h5", {"rate": 1e-2, "start": "a"}
+    checkpoint = Checkpoint(out, settings)
+    assert saved_rows(checkpoint) is None
+    save_rows(checkpoint, {"energy": np.arange(3.0)}, {"base": np.eye(2)})
+    arrays, state = saved_rows(Checkpoint(out, settings))
+    assert arrays.keys() == {"energy"} and np.array_equal(arrays["energy"], np.arange(3.0))
+    assert state.keys() == {"base"} and np.array_equal(state["base"], np.eye(2))
+    with open(folder_of(out) / "lock") as lock, pytest.raises(BlockingIOError):
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # another process may not use it
+    assert saved_rows(Checkpoint(out, settings | {"start": "b"})) is None
+    (path,) = folder_of(out).glob("0*")
+    path.write_bytes(path.read_bytes()[:-100])
+    assert saved_rows(Checkpoint(out, settings)) is None

@@ -15,8 +15,6 @@ from jampetsc.commands.flow import Flow
 from jampetsc.commands.jam import Jam
 from jampetsc.commands.shear import Shear
 from jampetsc.errors import InputError
-from jampetsc.flows.jamming import PROTOCOLS
-from jampetsc.flows.record import Record
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.laws import flow_models as models
@@ -160,18 +158,18 @@ def test_a_run_has_the_parameters_of_its_job():
     job = build_job(
         Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "background_drag": 0.125, "tau1": 2.0}
     )
-    run = job._new_run()
+    run, _ = job._new_run()
     assert (run.rate, run.model.mass, run.model.background_drag, run.model.law.tau1) == (
         1e-2,
         3.0,
         0.125,
         2.0,
     )
-    assert (run.plan.every, run.plan.discard, run.scheme.tolerance) == (0, 0.25, 1e-4)
-    assert run.plan.steps * run.plan.rows * run.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
-    more = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._new_run()
+    assert (run.schedule.every, run.schedule.discard, run.scheme.tolerance) == (0, 0.25, 1e-4)
+    assert run.schedule.steps * run.schedule.rows * run.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
+    more, _ = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._new_run()
     assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
-    assert (more.plan.snapshots(1), more.plan.discard) == (3, 0.125)
+    assert (more.schedule.count_snapshots(1), more.schedule.discard) == (3, 0.125)
 
 
 @pytest.mark.parametrize("seed", [None, 0, 3])
@@ -267,7 +265,6 @@ def test_samples_have_the_parameters_of_their_job():
     job = Jam(n=16, phi="0.8:0.84:3", seeds="4:5")
     assert job.settings()["phi"] == "0.8:0.84:3"
     assert build_job(Jam, job.settings()).settings() == job.settings()
-    assert tuple(PROTOCOLS) == jam.PROTOCOLS
 
 
 def test_the_limit_of_samples_counts_all_rows_of_a_seed(monkeypatch):
@@ -298,19 +295,20 @@ def test_a_checkpoint_of_samples_serves_only_the_same_job(more):
 
 @pytest.mark.parametrize("lost", [0, 1, 3])
 def test_a_summary_has_jammed_fraction_pressure_and_lost_samples(lost):
-    record = Record({name: 0 for name in ("phi", "seed", "jammed", "pressure", "phi_J")})
+    rows = []
     for n in range(4):
         jammed, at = np.nan if n < lost else 1.0, 0.83 + 0.01 * n
-        record.add(phi=0.84, seed=n, jammed=jammed, pressure=2e-3 * (n + 1), phi_J=at if n else np.nan)
-    record.add(phi=0.84, seed=5, jammed=0.0, pressure=9.0, phi_J=np.nan)
-    record.add(phi=0.85, seed=1, jammed=np.nan, pressure=1.0, phi_J=np.nan)
-    lines = jam._summary(16, record, Outlet("j.h5")).split("\n")
+        rows.append((0.84, n, jammed, 2e-3 * (n + 1), at if n else np.nan))
+    rows += [(0.84, 5, 0.0, 9.0, np.nan), (0.85, 1, np.nan, 1.0, np.nan)]
+    columns = dict(zip(("phi", "seed", "jammed", "pressure", "phi_J"), np.transpose(rows), strict=True))
+    lines = jam._summary(16, columns, Outlet("j.h5"))
     share = independent_share(np.r_[np.ones(4 - lost), 0.0])
     pressure = 1e-3 * (lost + 1 + 4)
     assert lines[0] == "j.h5: 6 samples of 16 disks"
     line = f"phi = 0.84: jammed {share.value:.3f} ± {0.5 * (share.high - share.low):.2g} (as of {5 - lost} "
     assert line in lines[1] and f"p of the jammed {pressure:.4g}, phi_J 0.85 ± 0.0076" in lines[1]
-    assert "phi = 0.85: no minimum found" in lines[2] and f"no minimum found: {lost + 1} samples," in lines[3]
+    assert "phi = 0.85: no minimum found" in lines[2]
+    assert jam._notes(columns) == [f"no minimum found: {lost + 1} samples, nan in the result"]
 
 
 def test_a_message_names_a_refused_start_without_its_arrays():

@@ -8,10 +8,9 @@ from sheared import stop_after
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.commands import shear_run as slowjob
 from jampetsc.errors import InputError
-from jampetsc.flows import quasistatic_shear as slowly
-from jampetsc.flows.quasistatic_shear import ENERGY_CUT, SlowShear, minimum_of
+from jampetsc.jamming import quasistatic_shear
+from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, QuasistaticShear, measure_minimum
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
@@ -65,7 +64,7 @@ def test_shear_begins_without_stress_from_a_packing_at_a_packing_fraction_that_h
 
 @pytest.fixture
 def jammed(session):
-    """48 disks at φ = 0.87 to shear slowly, and the solver of their quench."""
+    """48 disks at φ = 0.87 to shear quasistatic_shear, and the solver of their quench."""
     from jampetsc.petsc.local import NewtonSolver
 
     return settle(random_start(1.2 * radii_of("bidisperse", 48), 0.87, 1, SOFT), 1e-6), NewtonSolver()
@@ -73,16 +72,16 @@ def jammed(session):
 
 def test_plastic_events_are_the_steps_that_cannot_be_reversed(jammed):
     """A step back restores the energy, except after a plastic event."""
-    slow = SlowShear(jammed[0], 2e-3, jammed[1], 1e-8)
+    slow = QuasistaticShear(jammed[0], 2e-3, jammed[1], 1e-8)
     elastic, plastic = [], []
     for _ in range(70):
-        before, here = slow.found if slow.steps else None, slow.disks
+        before, here = slow.minimum if slow.steps else None, slow.disks
         step = slow.advance()
-        back = SlowShear(slow.disks, -2e-3, jammed[1], 1e-8)
+        back = QuasistaticShear(slow.disks, -2e-3, jammed[1], 1e-8)
         back.advance()
-        loss = back.found.energy - minimum_of(here).energy
-        assert before is None or before.energy == pytest.approx(minimum_of(here).energy, rel=1e-9)
-        (plastic if step.plastic else elastic).append(abs(loss) / minimum_of(here).energy)
+        loss = back.minimum.energy - measure_minimum(here).energy
+        assert before is None or before.energy == pytest.approx(measure_minimum(here).energy, rel=1e-9)
+        (plastic if step.plastic else elastic).append(abs(loss) / measure_minimum(here).energy)
     assert len(plastic) >= 3 and len(elastic) > 40
     assert np.median(elastic) < 1e-6 and np.quantile(elastic, 0.95) < 1e-3 < min(plastic)
 
@@ -90,16 +89,16 @@ def test_plastic_events_are_the_steps_that_cannot_be_reversed(jammed):
 def test_the_descent_finds_the_minimum_of_a_quench(jammed):
     """Minima of the same energy as L-BFGS and a proof find from the same affine step, in a fifth of the evaluations."""
     disks, solver = jammed
-    slow = SlowShear(disks, 5e-4, solver, 1e-9)
+    slow = QuasistaticShear(disks, 5e-4, solver, 1e-9)
     cost, same = Effort(), 0
     evaluations = 0
     for _ in range(20):
         affine = deformed(slow.disks, np.zeros((48, 2)), 0.0, 5e-4)
         evaluations += slow.advance().evaluations
-        quenched = minimum_of(minimise(affine, Goal(), solver, tolerance=1e-9, effort=cost).disks)
-        same += slow.found.energy == pytest.approx(quenched.energy, rel=1e-9)
-        assert slow.found.coordination == minimum_of(slow.disks).coordination
-        assert slow.found.shear_stress == pytest.approx(minimum_of(slow.disks).shear_stress, rel=1e-9)
+        quenched = measure_minimum(minimise(affine, Goal(), solver, tolerance=1e-9, effort=cost).disks)
+        same += slow.minimum.energy == pytest.approx(quenched.energy, rel=1e-9)
+        assert slow.minimum.coordination == measure_minimum(slow.disks).coordination
+        assert slow.minimum.shear_stress == pytest.approx(measure_minimum(slow.disks).shear_stress, rel=1e-9)
         state = measure(slow.disks)
         assert state.max_force < 1e-9 * state.pressure * slow.diameter
     assert same >= 18
@@ -129,16 +128,16 @@ def test_every_state_of_a_crystal_is_a_minimum(session, n, phi, seed, step, rows
     from jampetsc.petsc.local import NewtonSolver
 
     start = settle(random_start(radii_of("monodisperse", n), phi, seed, SOFT), 1e-6)
-    slow = SlowShear(start, step, NewtonSolver(), tolerance)
+    slow = QuasistaticShear(start, step, NewtonSolver(), tolerance)
     for _ in range(rows):
         done = slow.advance()
         assert np.linalg.eigvalsh(stiffness_matrix(slow.disks))[0] > -1e-8
-        assert done.proved or not slow._doubtful
+        assert done.proved or not slow._needs_proof
     assert slow.effort.saddles >= left
 
 
 def test_disorder_is_proved_only_now_and_then(jammed):
-    slow = SlowShear(jammed[0], 1e-4, jammed[1], 1e-6)
+    slow = QuasistaticShear(jammed[0], 1e-4, jammed[1], 1e-6)
     assert [slow.advance().proved for _ in range(51)] == [False] * 49 + [True, False]
 
 
@@ -158,36 +157,38 @@ def test_disks_are_jammed_by_their_energy_in_units_of_k(jammed):
     disks, solver = jammed
     found = []
     for k in (1.0, 2.0**-50):
-        slow = SlowShear(disks.replace(potential=replace(SOFT, k=k)), 5e-4, solver, 1e-6)
+        slow = QuasistaticShear(disks.replace(potential=replace(SOFT, k=k)), 5e-4, solver, 1e-6)
         plastic = slow.advance().plastic
-        assert slow.found.jammed and minimum_of(slow.disks).jammed and not plastic
-        found.append(slow.found.energy / k)
+        assert slow.minimum.jammed and measure_minimum(slow.disks).jammed and not plastic
+        found.append(slow.minimum.energy / k)
     assert found[1] == pytest.approx(found[0], rel=1e-6) and found[0] * 2.0**-50 < 48 * ENERGY_CUT
 
 
 def test_a_step_begins_with_the_last_displacement_unless_disks_rearranged(jammed):
     """Displacements of a hundredth of a diameter and more are not repeated."""
     disks, solver = jammed
-    slow, large = SlowShear(disks, 2e-3, solver, 1e-7), 0
+    slow, large = QuasistaticShear(disks, 2e-3, solver, 1e-7), 0
     for _ in range(40):
         slow.advance()
-        moved = slow._moved
+        moved = slow._displacement
         longest = np.abs(moved).max()
         assert np.abs(moved.mean(axis=0)).max() < 1e-15
         large += longest >= 0.01 * slow.diameter
-        assert np.array_equal(slow.last, moved if longest < 0.01 * slow.diameter else 0.0 * moved)
+        assert np.array_equal(
+            slow.last_displacement, moved if longest < 0.01 * slow.diameter else 0.0 * moved
+        )
     assert 0 < large < 40
 
 
 def test_displacements_in_a_quench_are_to_the_nearest_image(jammed, monkeypatch):
     """Disks that leave the cell enter on the other side."""
-    monkeypatch.setattr(slowly, "PATIENCE", 0)  # every step ends by a quench
+    monkeypatch.setattr(quasistatic_shear, "MAX_STEP_EVALUATIONS", 0)  # every step ends by a quench
     disks, solver = jammed
     disks = minimise(disks, Goal(), solver, tolerance=1e-6).disks
     crossed = 0
     for disk in range(6):
         edge = disks.replace(base=disks.base - disks.base[disk], offset=disks.offset - disks.offset[disk])
-        slow = SlowShear(edge, 1e-3, solver, 1e-6)
+        slow = QuasistaticShear(edge, 1e-3, solver, 1e-6)
         before = slow.disks.positions
         assert slow.advance().nonaffine < 0.05
         crossed += np.abs(slow.disks.positions - before).max() > 1.0
@@ -200,15 +201,17 @@ def test_all_ways_of_descent_end_in_the_same_minimum(jammed, monkeypatch):
     for constants in (
         {},
         {"MAX_OLD_FACTOR_STEPS": 1},
-        {"MAX_OLD_FACTOR_STEPS": 1, "MAX_NEW_FACTOR_STEPS": 2, "DESCENT_FORCE": 1e-9},
-        {"PATIENCE": 0},
+        {"MAX_OLD_FACTOR_STEPS": 1, "MAX_NEW_FACTOR_STEPS": 2, "DESCENT_TOLERANCE": 1e-9},
+        {"MAX_STEP_EVALUATIONS": 0},
     ):
         with monkeypatch.context() as context:
             for name, value in constants.items():
-                context.setattr(slowly, name, value)
-            slow = SlowShear(*jammed[:1], 2e-4, jammed[1], 1e-9)
+                context.setattr(quasistatic_shear, name, value)
+            slow = QuasistaticShear(*jammed[:1], 2e-4, jammed[1], 1e-9)
             steps = [slow.advance() for _ in range(4)]
-            found.append([slow.found.energy, slow.found.shear_stress, *(step.nonaffine for step in steps)])
+            found.append(
+                [slow.minimum.energy, slow.minimum.shear_stress, *(step.nonaffine for step in steps)]
+            )
             costs.append(sum(step.evaluations for step in steps))
     assert min(costs[2:]) > 3 * max(costs[:2])  # so the ways differ
     assert np.allclose(found[1:], found[0], rtol=1e-6)
@@ -234,7 +237,7 @@ def test_disks_below_jamming_have_no_energy(session, tmp_path):
 
 def test_a_killed_run_continues_to_the_last_bit(session, tmp_path, monkeypatch):
     whole = shear(tmp_path / "whole.h5", strain=0.07)
-    left = stop_after(monkeypatch, slowjob, 60)  # after one `_renew` beside the first
+    left = stop_after(monkeypatch, 60)  # after one `_restart_list` beside the first
     with pytest.raises(KeyboardInterrupt):
         shear(tmp_path / "out.h5", strain=0.07)
     assert not (tmp_path / "out.h5").exists()
@@ -247,7 +250,7 @@ def test_a_killed_run_continues_to_the_last_bit(session, tmp_path, monkeypatch):
 def test_a_checkpoint_of_another_tolerance_is_not_used(session, tmp_path, monkeypatch, capsys):
     for more, goes_on in (({}, False), ({"tolerance": 1e-8}, False), ({"tolerance": 1e-8}, True)):
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            stop_after(patch, slowjob, 1)
+            stop_after(patch, 1)
             shear(tmp_path / "out.h5", **more, strain=0.003)
         assert ("continues from strain 0.001" in capsys.readouterr().err) == goes_on
 

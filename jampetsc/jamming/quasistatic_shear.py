@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.minimise import warm_start as compiled
+from jampetsc.minimise import warm_start
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise, stress_unit
 from jampetsc.minimise.newton import FORCE_FLOOR
@@ -22,18 +22,24 @@ from jampetsc.packing.threads import Team
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
 # mean diameters: longest move in one iteration of the descent, as longer ones leave the path of a rearrangement for
 # minima where fewer disks touch; and longest displacement in a step that the next one repeats, else disks rearranged
-LONGEST = 0.01
-RENEWAL = 50  # steps between two calls of `_renew`
+MAX_MOVE_RATIO = 0.01
+RESTART_STEPS = 50  # steps between two calls of `_restart_list`
 MAX_OLD_FACTOR_STEPS = 12  # evaluations of a step with the present factor before a new one is made,
 MAX_NEW_FACTOR_STEPS = 40  # and with that one before disks are taken to rearrange
-DESCENT_FORCE = 3e-2  # max |F| / (p d) to which they then descend without a factor
-PATIENCE = 1500  # evaluations of a step, in all, before a quench is begun
-DAMPING = 1e-5  # added to the Hessian, in units of the stiffness of a contact
-NEARBY = 3e-3  # mean diameters: pairs with a smaller gap, which may touch within the step, are in the Hessian
-ORDERED = 0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched,
-FILLED = 1.25  # and found again if a factor has this many times the entries of the first one in that order
-# share of contacts with the overlap of another one from which states are proved, until `_renew`
-SYMMETRIC = 0.125
+DESCENT_TOLERANCE = 3e-2  # max |F| / (p d) to which they then descend without a factor
+MAX_STEP_EVALUATIONS = 1500  # evaluations of a step, in all, before a quench is begun
+HESSIAN_SHIFT_RATIO = 1e-5  # added to the Hessian, in units of the stiffness of a contact
+MAX_CONTACT_GAP = (
+    3e-3  # mean diameters: pairs with a smaller gap, which may touch within the step, are in the Hessian
+)
+MAX_ORDER_GAP = (
+    0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched,
+)
+MAX_FILL_RATIO = (
+    1.25  # and found again if a factor has this many times the entries of the first one in that order
+)
+# share of contacts with the overlap of another one from which states are proved, until `_restart_list`
+MAX_ALIKE_RATIO = 0.125
 PLASTIC_RATIO = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event
 
 
@@ -49,7 +55,7 @@ class MinimumState:
 
 
 @dataclass(frozen=True)
-class Step:
+class StrainStep:
     """Displacement, dissipation and cost of a step.
 
     The work of the stress, by the trapezium rule, is stored or dissipated: V ½(σ + σ') Δγ = U' − U + E. On an elastic
@@ -64,7 +70,7 @@ class Step:
     evaluations: int  # of forces
 
 
-def minimum_of(disks: Packing) -> MinimumState:
+def measure_minimum(disks: Packing) -> MinimumState:
     """Energy, stress and contacts of disks at a minimum."""
     contacts = find_contacts(disks)
     state = measure(disks, contacts)
@@ -77,8 +83,14 @@ def minimum_of(disks: Packing) -> MinimumState:
     )
 
 
-class SlowShear(ListedDisks):
-    """Disks sheared step by step; `disks`: the last minimum, `found`: its Minimum, `effort`: cost so far.
+def quench(disks: Packing, solver, tolerance: float) -> tuple[Packing, MinimumState]:
+    """(minimum of the energy reached from `disks`, its state); raises ConvergenceError as `minimise`."""
+    minimum = minimise(disks, Goal(), solver, tolerance=tolerance).disks
+    return minimum, measure_minimum(minimum)
+
+
+class QuasistaticShear(ListedDisks):
+    """Disks sheared step by step; `disks`: the last minimum, `minimum`: its state, `effort`: cost so far.
 
     team: the threads of quenches; their number does not change the result.
     Raises ConvergenceError where no minimum is found, as `minimise.minimise.minimise`.
@@ -88,11 +100,11 @@ class SlowShear(ListedDisks):
         self.step, self.solver, self.tolerance, self.team = step, solver, tolerance, team
         self.effort = Effort()
         self.steps = 0
-        self.last = np.zeros((disks.n, 2))  # non-affine displacement in the last step,
-        self._moved = np.zeros((disks.n, 2))  # and in this one
+        self.last_displacement = np.zeros((disks.n, 2))  # non-affine displacement in the last step,
+        self._displacement = np.zeros((disks.n, 2))  # and in this one
         self._unit, self._law = stress_unit(disks), disks.potential.constants
-        self._memory = compiled.nothing_remembered(disks.n)
-        super().__init__(self._quenched(disks), SKIN_RANGE[1], team)
+        self._memory = warm_start.nothing_remembered(disks.n)
+        super().__init__(self._quench(disks), SKIN_RANGE[1], team)
 
     @property
     def strain(self) -> float:
@@ -109,50 +121,50 @@ class SlowShear(ListedDisks):
         """See `ListedDisks`."""
         return 0.0, self.shear
 
-    def _quenched(self, disks) -> Packing:
+    def _quench(self, disks) -> Packing:
         effort = Effort()
         tolerance = min(self.tolerance, HANDOVER)  # a saddle that was just left is at rest to a larger one
-        found = minimise(disks, Goal(), self.solver, tolerance=tolerance, team=self.team, effort=effort)
+        minimum = minimise(disks, Goal(), self.solver, tolerance=tolerance, team=self.team, effort=effort)
         self.effort.evaluations += effort.evaluations
         self.effort.newton_steps += effort.newton_steps
         self.effort.saddles += effort.saddles
-        return found.disks.folded()
+        return minimum.disks.folded()
 
     def list(self, disks):
         """See `ListedDisks`; `shear` is zero then."""
         super().list(disks)
         self.shear, self.area = 0.0, disks.area
 
-    def _renew(self):
+    def _restart_list(self):
         """Fold the disks and make new list, order and factor: from here `restore` repeats a run to the last bit."""
         self.fold()
-        self._anchor = self.reference, self.last.copy(), self.steps, replace(self.effort)
-        self._doubtful = self.tolerance > HANDOVER  # forces as large also rest on slopes
+        self._anchor = self.reference, self.last_displacement.copy(), self.steps, replace(self.effort)
+        self._needs_proof = self.tolerance > HANDOVER  # forces as large also rest on slopes
         self._find_order()
         law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
         usual = law.usual_overlap(pressure, self.diameter)
         self._stiffness = float(law.contact_stiffness(usual, self.diameter))
         self._factorise()
-        self.found = self._minimum(self._forces())
+        self.minimum = self._minimum_state(self._forces())
 
     def _find_order(self):
         """Find an order of elimination for the present positions."""
         r = self.pairs.r0 + (self.offsets[self.pairs.j] - self.offsets[self.pairs.i]).T
         r[0] += self.shear * r[1]
-        near = np.hypot(*r) < self.pairs.sigma + ORDERED * self.diameter
+        near = np.hypot(*r) < self.pairs.sigma + MAX_ORDER_GAP * self.diameter
         self._order = self.solver.order(self.reference.n, self.pairs.i[near], self.pairs.j[near])
         self._entries = 0
 
     def _factorise(self):
         """Factorise the present Hessian, and clear the memory of L-BFGS."""
         while True:
-            self._factor = compiled.factor_of(
+            self._factor = warm_start.factor_of(
                 self._order, self.pairs, self.offsets, self.shear, self._law,
-                NEARBY * self.diameter, DAMPING * self._stiffness, self._stiffness,
+                MAX_CONTACT_GAP * self.diameter, HESSIAN_SHIFT_RATIO * self._stiffness, self._stiffness,
             )  # fmt: skip
             entries = len(self._factor[2])
             self._entries = self._entries or entries
-            if entries <= FILLED * self._entries:
+            if entries <= MAX_FILL_RATIO * self._entries:
                 break
             self._find_order()
         self._memory[2][0] = 0
@@ -161,70 +173,75 @@ class SlowShear(ListedDisks):
     def _descend(self, forces, tolerance, budget):
         scalars = (
             self.largest, self.skin, self.area, self.shear, tolerance, FORCE_FLOOR * self._stiffness * self.diameter,
-            UNJAMMED * self._unit, self.diameter, LONGEST * self.diameter, 0.2 / self._stiffness, budget,
+            UNJAMMED * self._unit, self.diameter, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
-        state = self._factor, self._memory, self.offsets, self._moved, forces
-        return compiled.follow(self.pairs, self._law, scalars, *state)
+        state = self._factor, self._memory, self.offsets, self._displacement, forces
+        return warm_start.follow(self.pairs, self._law, scalars, *state)
 
     def _follow(self):
-        """Descend to the minimum; the sums of `bond_forces` there, None if it is not found within PATIENCE."""
+        """Descend to the minimum; the sums of `bond_forces` there, None if MAX_STEP_EVALUATIONS do not reach it."""
         forces, spent = np.empty_like(self.offsets), 0
         tolerance, budget = self.tolerance, MAX_OLD_FACTOR_STEPS
-        while spent < PATIENCE:
+        while spent < MAX_STEP_EVALUATIONS:
             status, evaluations, sums = self._descend(forces, tolerance, budget)
             spent += evaluations
             self.effort.evaluations += evaluations
-            if status == compiled.SEPARATED or (status == compiled.CONVERGED and tolerance == self.tolerance):
+            if status == warm_start.SEPARATED or (
+                status == warm_start.CONVERGED and tolerance == self.tolerance
+            ):
                 return sums
-            if status == compiled.LOST:
+            if status == warm_start.LOST:
                 return None
-            if status == compiled.STALE:
+            if status == warm_start.STALE:
                 self.fold()
             elif tolerance == self.tolerance and budget == MAX_NEW_FACTOR_STEPS:
                 # disks rearrange: until they come to rest a factor of the Hessian does not pay
-                self._factor = compiled.NO_FACTOR
+                self._factor = warm_start.NO_FACTOR
                 self._memory[2][0] = 0
-                tolerance, budget = max(2.0 * self.tolerance, DESCENT_FORCE), PATIENCE
+                tolerance, budget = max(2.0 * self.tolerance, DESCENT_TOLERANCE), MAX_STEP_EVALUATIONS
             else:
                 self._factorise()
                 tolerance, budget = self.tolerance, MAX_NEW_FACTOR_STEPS
         return None
 
-    def advance(self) -> Step:
-        """One step of shear, to the minimum that `found` describes."""
-        if self.steps % RENEWAL == 0:
-            self._renew()
-        before, spent = self.found, self.effort.evaluations
+    def advance(self) -> StrainStep:
+        """One step of shear, to the minimum that `minimum` describes."""
+        if self.steps % RESTART_STEPS == 0:
+            self._restart_list()
+        last_minimum, spent = self.minimum, self.effort.evaluations
         self.shear += self.step
-        self._moved = np.empty_like(self.offsets)
-        if self.stale(compiled.moved_on(self.offsets, self.shear, self.last, self._moved)):
+        self._displacement = np.empty_like(self.offsets)
+        if self.stale(
+            warm_start.moved_on(self.offsets, self.shear, self.last_displacement, self._displacement)
+        ):
             self.fold()
         sums, proved = self._follow(), False
         self.steps += 1
         if sums is not None:
-            now = self._minimum(sums)
-            if self._doubtful or self.steps % RENEWAL == 0:
-                proved = compiled.is_minimum(
+            minimum = self._minimum_state(sums)
+            if self._needs_proof or self.steps % RESTART_STEPS == 0:
+                proved = warm_start.is_minimum(
                     self._order, self.pairs, self.offsets, self.shear, self._law, self._stiffness
                 )
                 sums = sums if proved else None
         if sums is None:  # rearrangements without end, or a saddle: a quench, which leaves saddles
-            here = self.disks
-            self.list(self._quenched(here))
-            displacement = (self.reference.base - here.base) + (self.reference.offset - here.offset)
-            images = np.round(fractional(displacement, here.cell))
-            self._moved += displacement - vectors(images, here.cell)
+            start = self.disks
+            self.list(self._quench(start))
+            displacement = (self.reference.base - start.base) + (self.reference.offset - start.offset)
+            images = np.round(fractional(displacement, start.cell))
+            self._displacement += displacement - vectors(images, start.cell)
             self._factorise()
-            now, proved = self._minimum(self._forces()), True
-        size, longest = compiled.without_drift(self._moved)
-        self.last = self._moved if longest < LONGEST * self.diameter else np.zeros_like(self._moved)
-        self.found = now
-        work = 0.5 * (before.shear_stress + now.shear_stress) * self.area * self.step
-        dissipated = work - (now.energy - before.energy)
-        return Step(
+            minimum, proved = self._minimum_state(self._forces()), True
+        size, longest = warm_start.without_drift(self._displacement)
+        repeats = longest < MAX_MOVE_RATIO * self.diameter
+        self.last_displacement = self._displacement if repeats else np.zeros_like(self._displacement)
+        self.minimum = minimum
+        work = 0.5 * (last_minimum.shear_stress + minimum.shear_stress) * self.area * self.step
+        dissipated = work - (minimum.energy - last_minimum.energy)
+        return StrainStep(
             size / self.diameter,
             dissipated,
-            before.jammed
+            last_minimum.jammed
             and bool(dissipated > PLASTIC_RATIO * self.affine_modulus * self.area * self.step**2),
             proved,
             self.effort.evaluations - spent,
@@ -234,11 +251,11 @@ class SlowShear(ListedDisks):
         """Sums of `bond_forces` at the present positions."""
         return self._descend(np.empty_like(self.offsets), self.tolerance, 0)[2]
 
-    def _minimum(self, sums):
+    def _minimum_state(self, sums):
         disks, n = self.reference, self.reference.n
-        contacts, stiffness, alike = compiled.contacts_at(self.pairs, self.offsets, self.shear, self._law)
+        contacts, stiffness, alike = warm_start.contacts_at(self.pairs, self.offsets, self.shear, self._law)
         self.affine_modulus = stiffness / self.area
-        self._doubtful |= bool(alike > SYMMETRIC)
+        self._needs_proof |= bool(alike > MAX_ALIKE_RATIO)
         energy = sums.energy / disks.potential.alpha
         return MinimumState(
             energy,
@@ -249,7 +266,7 @@ class SlowShear(ListedDisks):
         )
 
     def state(self) -> dict:
-        """Arrays and numbers for `restore`: the state at the last `_renew`, and the number of steps in all."""
+        """Arrays and numbers for `restore`: the state at the last `_restart_list`, and the number of steps in all."""
         disks, last, steps, effort = self._anchor
         arrays = {name: getattr(disks, name) for name in PLACES} | {"last": last}
         counts = {
@@ -260,9 +277,9 @@ class SlowShear(ListedDisks):
         return arrays | counts | {"anchor": steps, "steps": self.steps}
 
     def restore(self, state: dict) -> None:
-        """Return to the state that `state` gave, to the last bit, by repeating the steps since its `_renew`."""
+        """Return to the state that `state` gave, to the last bit, by repeating the steps since its `_restart_list`."""
         self.list(self.reference.replace(**{name: np.asarray(state[name], float) for name in PLACES}))
-        self.last, self.steps = np.asarray(state["last"], float), int(state["anchor"])
+        self.last_displacement, self.steps = np.asarray(state["last"], float), int(state["anchor"])
         self.effort = Effort(*(int(state[name]) for name in ("evaluations", "newton_steps", "saddles")))
         while self.steps < int(state["steps"]):
             self.advance()

@@ -9,10 +9,14 @@ from sheared import stop_after
 
 import jampetsc
 from jampetsc.analysis.jammed_samples import assortativity
-from jampetsc.commands import samples
 from jampetsc.errors import ConvergenceError
-from jampetsc.flows import jamming
-from jampetsc.flows.quasistatic_shear import ENERGY_CUT
+from jampetsc.jamming import jamming_density, samples
+from jampetsc.jamming.jamming_density import find_jamming_density
+from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, MinimumState, QuasistaticShear, quench
+from jampetsc.jamming.sample_protocol import SampleProtocol
+from jampetsc.jamming.samples import sample_seed
+from jampetsc.minimise.minimise import settle
+from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, net_forces
 from jampetsc.packing.packing import Packing
@@ -36,7 +40,7 @@ def solver(session):
 
 def random_disks(n, phi, seed=1, potential=POTENTIAL, unit=1.0, **more):
     """Bidisperse disks at random places."""
-    return jamming.random_start(unit * radii_of("bidisperse", n), phi, seed, potential, **more)
+    return random_start(unit * radii_of("bidisperse", n), phi, seed, potential, **more)
 
 
 GIVEN = {"n": 32, "phi": [0.82, 0.86], "seeds": "3:8"}
@@ -75,8 +79,8 @@ def test_samples_at_neighbouring_packing_fractions_are_independent(session):
 @one_rank
 def test_a_killed_run_continues(session, tmp_path, monkeypatch):
     whole = run(tmp_path / "whole.h5")
-    monkeypatch.setitem(samples.ROUND, "random", 5)
-    stop_after(monkeypatch, samples, 1)
+    monkeypatch.setitem(samples.BATCH_SIZE, "random", 5)
+    stop_after(monkeypatch, 1)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "out.h5")
     shutil.copytree(tmp_path / "out.h5.resume", tmp_path / "other.h5.resume")
@@ -90,12 +94,12 @@ def test_a_killed_run_continues(session, tmp_path, monkeypatch):
 
 def rows(solver, protocol, phi, seed=1):
     """Samples of one seed, made as the command makes them."""
-    return jamming.samples(protocol, 1.2 * radii_of("bidisperse", 24), phi, seed, POTENTIAL, solver, 1e-6)
+    return sample_seed(protocol, 1.2 * radii_of("bidisperse", 24), phi, seed, POTENTIAL, solver, 1e-6)
 
 
 @one_rank
 def test_a_sample_is_brought_to_its_jamming_density(solver):
-    protocol = jamming.Protocol("compress", temperature=1e-2, cooling_rate=0.1, sweeps=10)
+    protocol = SampleProtocol("compress", temperature=1e-2, cooling_rate=0.1, sweeps=10)
     loose, dense = (rows(solver, protocol, phi)[0] for phi in (0.8, 0.88))
     assert loose["jammed"] == 0 and dense["jammed"] == 1
     for row in (loose, dense):
@@ -115,7 +119,7 @@ def test_sizes_that_are_separated_are_mixed_by_shear(solver):
     mixed = random_disks(24, 0.84)
     assert np.array_equal(np.sort(start.positions[:, 1]), np.sort(mixed.positions[:, 1]))
     cold = {"temperature": 1e-6, "cooling_rate": 2.0, "sweeps": 0, "separated": True}
-    protocols = (jamming.Protocol("compress", **cold, **more) for more in ({}, {"step": 0.02, "strain": 2.0}))
+    protocols = (SampleProtocol("compress", **cold, **more) for more in ({}, {"step": 0.02, "strain": 2.0}))
     before, after = (rows(solver, protocol, 0.84)[0] for protocol in protocols)
     assert before["segregation"] > 0.3 > 0.15 > after["segregation"]
     assert after["phi_J"] == pytest.approx(before["phi_J"], abs=0.03) and after["phi_J"] != before["phi_J"]
@@ -126,19 +130,19 @@ def test_sizes_that_are_separated_are_mixed_by_shear(solver):
 def test_an_independent_program_finds_the_same_states(solver, kind):
     """Quench, shear and search for φ_J, from the same minimum, by forces over all pairs and scipy."""
     law = Potential(kind, "inverse-square-diameter")
-    start = jamming.settle(random_disks(16, 0.88, potential=law, unit=1.2), 1e-4)
-    known, disks, jammed = jamming._quenched(start, solver, 1e-8)
-    assert jammed
+    start = settle(random_disks(16, 0.88, potential=law, unit=1.2), 1e-4)
+    disks, minimum = quench(start, solver, 1e-8)
+    assert minimum.jammed
     alpha, side = law.alpha, disks.cell[0, 0]
     _, *row = independent.quenched(disks.positions, disks.radii, side, 0.0, alpha)
-    assert row == [pytest.approx(known[name], rel=1e-7) for name in ("energy", "pressure")]
-    slow, found = jamming.SlowShear(disks, 2e-3, solver, 1e-8), []
+    assert row == [pytest.approx(minimum.energy / 16, rel=1e-7), pytest.approx(minimum.pressure, rel=1e-7)]
+    slow, found = QuasistaticShear(disks, 2e-3, solver, 1e-8), []
     for _ in range(4):  # before disks rearrange: which state they fall into then is a matter of rounding
         slow.advance()
-        found.append((slow.found.energy / 16, slow.found.pressure))
+        found.append((slow.minimum.energy / 16, slow.minimum.pressure))
     _, *rows = independent.sheared(disks.positions, disks.radii, side, 2e-3, 4, alpha)
     assert np.allclose(np.transpose(rows), found, rtol=1e-5) and np.ptp(rows[1]) > 0.01 * rows[1][0]
-    phi_J, _ = jamming.jamming_density(disks, True, solver, 1e-8)
+    phi_J, _ = find_jamming_density(disks, True, solver, 1e-8)
     width = 3e-4  # of the bracket there
     assert abs(independent.jamming_density(disks.positions, disks.radii, side, alpha, width) - phi_J) < width
 
@@ -178,7 +182,7 @@ def test_results_of_other_protocols(session):
 )
 def test_samples_are_a_whole_number_of_steps_apart(monkeypatch, every, discard, strain, strains):
     class Steps:
-        """In place of SlowShear: disks that do not move."""
+        """In place of QuasistaticShear: disks that do not move."""
 
         def __init__(self, disks, step, *_):
             self.disks, self.step, self.strain, self.steps = disks, step, 0.0, 0
@@ -189,9 +193,9 @@ def test_samples_are_a_whole_number_of_steps_apart(monkeypatch, every, discard, 
             if self.strain > 1.05:
                 raise ConvergenceError("lost")
 
-    monkeypatch.setattr(jamming, "SlowShear", Steps)
-    protocol = jamming.Protocol("shear", step=0.1, strain=strain, discard=discard, every=every)
-    rows = jamming.samples(protocol, radii_of("bidisperse", 16), 0.8, 1, POTENTIAL, None, 1e-6)
+    monkeypatch.setattr(samples, "QuasistaticShear", Steps)
+    protocol = SampleProtocol("shear", step=0.1, strain=strain, discard=discard, every=every)
+    rows = sample_seed(protocol, radii_of("bidisperse", 16), 0.8, 1, POTENTIAL, None, 1e-6)
     found = [row["strain"] for row in rows]
     assert len(found) == protocol.rows and found[: len(strains)] == pytest.approx(strains)
     assert np.isnan(found[len(strains) :]).all()
@@ -205,12 +209,12 @@ def test_a_liquid_starts_without_deep_overlaps(monkeypatch):
         asked.append((net_forces(disks.n, find_contacts(disks)), given))
         return disks
 
-    monkeypatch.setattr(jamming, "annealed", record)
-    monkeypatch.setattr(jamming, "_quenched", Densities(0.8, lost=1))
-    protocol = jamming.Protocol("compress", temperature=0.1, cooling_rate=0.7, sweeps=3)
+    monkeypatch.setattr(samples, "annealed", record)
+    monkeypatch.setattr(samples, "quench", Densities(0.8, lost=1))
+    protocol = SampleProtocol("compress", temperature=0.1, cooling_rate=0.7, sweeps=3)
     law = Potential("harmonic", "inverse-square-diameter", 8.0)
     start = random_disks(16, 0.9, potential=law)
-    (row,) = jamming.samples(protocol, radii_of("bidisperse", 16), 0.9, 1, law, None, 1e-6)
+    (row,) = sample_seed(protocol, radii_of("bidisperse", 16), 0.9, 1, law, None, 1e-6)
     assert np.isnan(row["energy"])
     forces, (heat, *given, _) = asked[0]
     assert np.abs(net_forces(16, find_contacts(start))).max() > 0.1 and np.abs(forces).max() < 1e-4
@@ -218,7 +222,7 @@ def test_a_liquid_starts_without_deep_overlaps(monkeypatch):
 
 
 class Densities:
-    """In place of `jamming._quenched`: disks jam from φ_J on; the minimum number `lost` is not found."""
+    """In place of `quench`: disks jam from φ_J on; the minimum number `lost` is not found."""
 
     def __init__(self, phi_J, lost=None):
         self.phi_J, self.lost, self.asked = phi_J, lost, []
@@ -227,7 +231,7 @@ class Densities:
         self.asked.append(disks.phi)
         if len(self.asked) == self.lost:
             raise ConvergenceError("lost")
-        return {}, disks, disks.phi >= self.phi_J
+        return disks, MinimumState(0.0, 0.0, 0.0, disks.phi >= self.phi_J, 0.0)
 
 
 @pytest.mark.parametrize("phi_J", [0.8, 0.84321, 0.9])
@@ -237,8 +241,8 @@ def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
 
     def search(**more):
         quench = Densities(phi_J, **more)
-        monkeypatch.setattr(jamming, "_quenched", quench)
-        return *jamming.jamming_density(disks, phi_J <= 0.85, None, 1e-6), quench.asked
+        monkeypatch.setattr(jamming_density, "quench", quench)
+        return *find_jamming_density(disks, phi_J <= 0.85, None, 1e-6), quench.asked
 
     found, loosest, asked = search()
     assert abs(found - phi_J) <= 1e-5 and phi_J <= loosest.phi <= phi_J + 1.01e-5
@@ -252,11 +256,15 @@ def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
 
 def test_the_search_for_a_jamming_density_ends(monkeypatch):
     quench = Densities(2.0)
-    monkeypatch.setattr(jamming, "_quenched", quench)
+    monkeypatch.setattr(jamming_density, "quench", quench)
     disks = random_disks(16, 0.95)
     with pytest.raises(ConvergenceError, match="no jammed state"):
-        jamming.jamming_density(disks, False, None, 1e-6)
-    assert jamming.MAX_SEARCH_PHI - jamming.STEP < quench.asked[-1] <= jamming.MAX_SEARCH_PHI + 1e-12
+        find_jamming_density(disks, False, None, 1e-6)
+    assert (
+        jamming_density.MAX_SEARCH_PHI - jamming_density.PHI_STEP
+        < quench.asked[-1]
+        <= jamming_density.MAX_SEARCH_PHI + 1e-12
+    )
 
 
 def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):
@@ -265,12 +273,12 @@ def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):
     def lost(*_, **__):
         raise ConvergenceError("no minimum")
 
-    for name in ("minimise", "SlowShear"):
-        monkeypatch.setattr(jamming, name, lost)
-    hot = jamming.Protocol("compress", temperature=1e-3, cooling_rate=2.0, sweeps=1)
-    slow = jamming.Protocol("shear", step=0.01, strain=0.05, discard=0.01, every=0.01)
-    for protocol, count in ((jamming.Protocol(), 1), (hot, 1), (slow, 4)):
-        rows = jamming.samples(protocol, radii_of("bidisperse", 16), 0.7, 5, POTENTIAL, None, 1e-6)
+    for name in ("quench", "QuasistaticShear"):
+        monkeypatch.setattr(samples, name, lost)
+    hot = SampleProtocol("compress", temperature=1e-3, cooling_rate=2.0, sweeps=1)
+    slow = SampleProtocol("shear", step=0.01, strain=0.05, discard=0.01, every=0.01)
+    for protocol, count in ((SampleProtocol(), 1), (hot, 1), (slow, 4)):
+        rows = sample_seed(protocol, radii_of("bidisperse", 16), 0.7, 5, POTENTIAL, None, 1e-6)
         assert len(rows) == count
         for row in rows:
             assert (row.pop("phi"), row.pop("seed")) == (0.7, 5)
@@ -284,7 +292,7 @@ def test_neighbours_are_a_fifth_of_a_diameter_apart_at_most(gap, found):
     apart = np.array([1.0, 0.8]) + gap * 0.9
     places = [[0.0, 0.0], [apart[0], 0.0], [5.0, 0.0], [5.0 + apart[1], 0.0]]
     disks = Packing.from_positions(places, [0.5, 0.5, 0.4, 0.4], 12 * np.eye(2))
-    assert jamming.segregation(disks) == pytest.approx(found, nan_ok=True)
+    assert jamming_density.segregation(disks) == pytest.approx(found, nan_ok=True)
 
 
 def test_assortativity_of_a_star():

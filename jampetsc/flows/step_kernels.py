@@ -16,8 +16,8 @@ TALLY += ("iterations", "steps")
 SUMMED = 8
 ITERATIONS, STEPS = (TALLY.index(name) for name in ("iterations", "steps"))
 DONE, STALE, BLOWN_UP, UNSOLVED = range(4)
-JUMP = 0.5  # in units of σ_max, longest move of a stable step
-UNSET_PATH = 1e300  # as path since near pairs were chosen: there are none yet
+MAX_MOVE_RATIO = 0.5  # in units of σ_max, longest move of a stable step
+UNSET_PATH = 1e300  # as path since the inner list was made: there is none yet
 
 
 class StepConstants(NamedTuple):
@@ -27,22 +27,22 @@ class StepConstants(NamedTuple):
     weights: tuple  # (c_∥, c_⊥, c_s) of contacts
     drag: float  # of a disk, force over velocity
     mass: float
-    strongest: float  # force of two disks at the same place
+    largest_force: float  # force of two disks at the same place
     rate: float
     background: float  # η_F kτ₁ V, viscosity of the fluid
-    held: int  # number of disks, the first ones, that keep u = 0
-    listed: tuple  # (σ_max, skin of the list, that of the near pairs)
+    wall_disks: int  # number of disks, the first ones, that keep u = 0
+    list_widths: tuple  # (σ_max, skin of the list, that of the inner list)
     step: float  # Δt
     heun: bool
     tolerance: float  # of velocities
-    since: int  # steps from the list to the first of these
+    list_age: int  # steps from the list to the first of these
 
 
 class StepArrays(NamedTuple):
     """Arrays that time steps read and write, shared by all threads."""
 
-    listed: Domains
-    near: Domains  # pairs within a thinner skin
+    pairs: Domains  # of the neighbour list
+    inner_pairs: Domains  # of the inner list
     o: np.ndarray  # (N, 2) offsets
     ahead: np.ndarray  # (N, 2) offsets after the step, of the predictor or of the whole
     u: np.ndarray  # (N, 2) non-affine velocities
@@ -92,13 +92,13 @@ def drift(o, forces, mobility, g, dt, u, out):
 
 
 @compiled(NUMBERS, forceinline=True)
-def kick(o, forces, predicted, task, g, u, after, out):
+def kick(o, forces, predicted, constants, g, u, after, out):
     """Move u from half a step before to half a step after now, out = o moved by it, (n, 2) each.
 
     forces: of bonds, turned into accelerations; `predicted`: velocities now; `after`: those predicted for the next
     step. Returns the same as `drift`, with the sums of the velocities now.
     """
-    drag, mass, rate, dt = task.drag, task.mass, task.rate, task.step
+    drag, mass, rate, dt = constants.drag, constants.mass, constants.rate, constants.step
     far = longest = xy = squares = total = 0.0
     for a in range(len(o)):
         px, py = predicted[a, 0], predicted[a, 1]
@@ -130,71 +130,71 @@ def squares_of(u):
 
 
 @compiled(FAST, forceinline=True)
-def write_terms(task, bonds, xy, squares, row):
+def write_terms(constants, bonds, xy, squares, row):
     """The terms of TALLY of one domain into `row`; bonds: Sums of its forces; xy, squares: see `squares_of`."""
-    alpha = 2.5 if task.law[1] else 2.0
+    alpha = 2.5 if constants.law[1] else 2.0
     row[0] = bonds.elastic_xy
     row[1] = bonds.elastic_xx + bonds.elastic_yy
     row[2] = bonds.viscous_xy
     row[3] = bonds.viscous_xx + bonds.viscous_yy
-    row[4] = task.mass * xy
-    row[5] = task.mass * squares
-    row[6] = bonds.energy / alpha + 0.5 * task.mass * squares
-    row[7] = bonds.dissipation + task.drag * squares
+    row[4] = constants.mass * xy
+    row[5] = constants.mass * squares
+    row[6] = bonds.energy / alpha + 0.5 * constants.mass * squares
+    row[7] = bonds.dissipation + constants.drag * squares
 
 
 @compiled(False)
-def add_terms(task, sums, tally):
+def add_terms(constants, sums, tally):
     """Add a time step to `tally` (TALLY,): terms of all domains, sums (D, SUMMED + 2), and of the background fluid."""
-    fluid = task.background * task.rate
+    fluid = constants.background * constants.rate
     for s in range(SUMMED):
         total = 0.0
         for d in range(len(sums)):
             total += sums[d, s]
         tally[s] += total
     tally[2] -= fluid
-    tally[7] += fluid * task.rate
+    tally[7] += fluid * constants.rate
     tally[STEPS] += 1.0
 
 
 @compiled(False)
-def status_of(far, longest, g, listed):
-    """BLOWN_UP, STALE or DONE after a move; far = max |o|, listed = (σ_max, skin of the list, skin of near pairs)."""
-    if not longest <= JUMP * listed[0]:
+def status_of(far, longest, g, list_widths):
+    """BLOWN_UP, STALE or DONE after a move; far = max |o|; list_widths of `StepConstants`."""
+    if not longest <= MAX_MOVE_RATIO * list_widths[0]:
         return BLOWN_UP
-    return STALE if is_stale(far, 0.0, g, listed[0], listed[1]) else DONE
+    return STALE if is_stale(far, 0.0, g, list_widths[0], list_widths[1]) else DONE
 
 
 @compiled(False)
-def joint_status(task, sums, g):
+def joint_status(constants, sums, g):
     """(`status_of` the moves of all domains, longest move), from sums (D, SUMMED + 2)."""
     far = longest = 0.0
     for d in range(len(sums)):
         far = max(far, sums[d, SUMMED])
         move = sums[d, SUMMED + 1]
         longest = longest if move <= longest or longest != longest else move  # NaN stays
-    return status_of(far, longest, g, task.listed), longest
+    return status_of(far, longest, g, constants.list_widths), longest
 
 
 @compiled(False)
-def own_domains(me, threads, space):
+def find_own_domains(me, threads, arrays):
     """(first, last + 1) of the domains of thread `me`, and of their disks."""
-    disks = space.listed.disks
+    disks = arrays.pairs.disks
     number = len(disks) - 1
     first, last = me * number // threads, (me + 1) * number // threads
     return first, last, disks[first], disks[last]
 
 
 @compiled(False)
-def renew_near_pairs(space, task, mine, o, g, moved, then):
-    """Choose near pairs again if the present ones may miss a contact at offsets o and shear g.
+def update_inner_list(arrays, constants, domains, o, g, path, list_shear):
+    """Make the inner list again if the present one may miss a contact at offsets o and shear g.
 
-    moved: path of the disks since they were chosen, FAR before the first time; then: shear at which they were. Returns
-    (moved, then) of the pairs that serve now; see `packing.pairs.are_worn`.
+    path: of the disks since it was made, UNSET_PATH before the first time; list_shear: shear at which it was made.
+    Returns (path, list_shear) of the inner list that serves now; see `packing.pairs.are_worn`.
     """
-    largest, _, skin = task.listed
-    if not are_worn(moved, g, then, largest, skin):
-        return moved, then
-    for d in mine:
-        choose_near(space.listed, d, o, g, skin, space.near)
+    largest, _, skin = constants.list_widths
+    if not are_worn(path, g, list_shear, largest, skin):
+        return path, list_shear
+    for d in domains:
+        choose_near(arrays.pairs, d, o, g, skin, arrays.inner_pairs)
     return 0.0, g

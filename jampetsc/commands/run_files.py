@@ -1,0 +1,63 @@
+"""What flow, shear and jam write: checkpoints of rows, results over strain, attributes of a run."""
+
+import json
+
+from jampetsc.io.checkpoint import Checkpoint
+from jampetsc.io.provenance import provenance
+from jampetsc.petsc import session
+
+STATE = "state/"  # prefix of the arrays from which a run is continued
+
+
+def run_provenance(seconds: float, running=None, ranks: int = 1, law=None) -> dict:
+    """Attributes of how a run was made; running: the session whose solvers it used, None if it used none."""
+    return provenance(
+        versions=session.versions(),
+        scalar_type=running and running.scalar_type,
+        petsc_options=running and running.options_told(),
+        ranks=ranks,
+        packing=(None, None),
+        law=law or {},
+        wall_seconds=seconds,
+    )
+
+
+def potential_facts(disks) -> dict:
+    """Attributes of the potential of the disks."""
+    potential = disks.potential
+    return {"potential": potential.kind, "stiffness": potential.stiffness, "k": float(potential.k)}
+
+
+def write_series(writer, arrays: dict, state: dict, settings: dict, facts: dict) -> None:
+    """Write a finished result: arrays, the state at the end, settings, and the attributes `facts`.
+
+    Collective if the writer is. Raises the errors of ResultWriter.
+    """
+    with writer:
+        for name, array in arrays.items():
+            writer.dataset(name, array)
+        for name, value in state.items():
+            writer.dataset(f"{STATE}{name}", value)
+        writer.attributes(settings=json.dumps(settings), **facts)
+
+
+def save_rows(checkpoint: Checkpoint, arrays: dict, state: dict) -> None:
+    """Put the rows so far on disk, complete or not at all; nothing where the checkpoint is in memory."""
+    if checkpoint.journal is not None:
+        checkpoint.save(0, {}, arrays | {f"{STATE}{name}": value for name, value in state.items()})
+
+
+def saved_rows(checkpoint: Checkpoint):
+    """(arrays, state) that `save_rows` has put on disk; None if there are none."""
+    return split_state(checkpoint.fields(0)) if checkpoint.done else None
+
+
+def split_state(arrays) -> tuple[dict, dict]:
+    """(arrays, state) of a mapping that has both."""
+    state = {name.removeprefix(STATE): arrays[name] for name in arrays if name.startswith(STATE)}
+    return {name: arrays[name] for name in arrays if not name.startswith(STATE)}, state
+
+
+def sample_sizes(shear_stress, pressure) -> str:
+    """Effective sample sizes of two averages, in words."""
+    return f"effective sample size {shear_stress.samples:.0f} (sigma), {pressure.samples:.0f} (p)"

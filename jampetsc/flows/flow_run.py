@@ -1,0 +1,206 @@
+"""A run of steady shear in memory: what determines it, and its way from a start to the last row."""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.flows.means import Means, discarded_strain
+from jampetsc.flows.schedule import Schedule
+from jampetsc.flows.steady_shear import SteadyShear
+from jampetsc.flows.step_kernels import TALLY
+from jampetsc.flows.trajectory import Trajectory
+from jampetsc.flows.walls import phi_between, wall_columns
+from jampetsc.laws.damping import WEIGHTS, Law
+from jampetsc.laws.flow_models import Model, Scheme, scheme_for
+from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.threads import Team
+
+MAX_START_OVERLAP = 0.5  # of two disks of a start, in units of σ
+MIN_PRESSURE = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
+SAVE_INTERVAL = 10.0  # seconds between two calls of `save`
+# most time steps of one call, and that times disks, some seconds: Ctrl-C is raised between calls
+MAX_CALL_STEPS, MAX_CALL_DISK_STEPS = 20_000, 2e8
+LAW_SETTINGS = ("label", *WEIGHTS, "tau1")  # what a run's settings have of its damping law
+
+
+@dataclass(frozen=True, eq=False)
+class FlowRun:
+    """What determines a run of steady shear."""
+
+    disks: Packing  # at the start
+    model: Model
+    rate: float
+    scheme: Scheme
+    schedule: Schedule
+    wall_disks: int = 0  # the first ones, which make up walls
+    earlier: tuple | None = None  # (Trajectory, state) of the run that it continues
+
+    @property
+    def phi(self) -> float:
+        """Packing fraction of the disks that move."""
+        return phi_between(self.disks, self.wall_disks)
+
+    @property
+    def first_averaged_row(self) -> int:
+        """Number of rows before the means."""
+        return self.schedule.first_averaged_row(self.rate * self.scheme.step)
+
+    @property
+    def settings(self) -> dict:
+        """Everything that determines the result, as plain values."""
+        return {
+            "model": asdict(self.model)
+            | {"law": {name: getattr(self.model.law, name) for name in LAW_SETTINGS}},
+            "rate": self.rate,
+            "scheme": asdict(self.scheme),
+            "plan": asdict(self.schedule),
+            "start": self.disks.fingerprint,
+            "walls": self.wall_disks,
+            "done": len(self.earlier[0]) if self.earlier else 0,
+        }
+
+    @classmethod
+    def of_settings(cls, settings: dict, disks: Packing) -> "FlowRun":
+        """The run of `disks` with these `settings`."""
+        model = settings["model"] | {"law": Law(**settings["model"]["law"])}
+        scheme, schedule = Scheme(**settings["scheme"]), Schedule(**settings["plan"])
+        return cls(disks, Model(**model), settings["rate"], scheme, schedule, settings["walls"])
+
+    def extended(self, trajectory: Trajectory, state: dict, strain: float) -> "FlowRun":
+        """The run that continues this one by `strain`; raises InputError as `Schedule.of`.
+
+        trajectory, state   of its result
+        """
+        schedule = self.schedule.extended(strain, self.rate, self.scheme.step)
+        return replace(self, schedule=schedule, earlier=(trajectory, state))
+
+
+@dataclass(frozen=True, eq=False)
+class FlowResult:
+    """Result of a run of steady shear."""
+
+    disks: Packing  # the packing at the end
+    trajectory: Trajectory
+    means: Means
+    state: dict  # arrays and numbers from which the run can be continued, see `SteadyShear.state`
+
+
+def define_flow(
+    disks, model, rate, strain, *, wall_disks=0, discard=None, step=None, tolerance=1e-4, **snapshots
+) -> FlowRun:
+    """A new run; `snapshots`, `every` and `spacing` as for `Schedule.of`.
+
+    Raises InputError for overlaps beyond MAX_START_OVERLAP, and as `Schedule.of`.
+    """
+    contacts = find_contacts(disks)
+    overlap = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
+    if overlap > MAX_START_OVERLAP:
+        raise InputError(
+            f"overlap of {100 * overlap:.0f} % of the distance of two disks at contact: no state of soft disks; "
+            f"quench it first: pack with {named('from_')}"
+        )
+    scheme = scheme_for(model, disks, rate, step, tolerance)
+    schedule = Schedule.of(rate, scheme.step, strain, discarded_strain(strain, discard), **snapshots)
+    return FlowRun(disks, model, rate, scheme, schedule, wall_disks)
+
+
+def run_flow(
+    run: FlowRun,
+    *,
+    team: Team | None = None,
+    resume: tuple[Trajectory, dict] | None = None,
+    save: Callable[[Trajectory, dict], None] | None = None,
+    report: Callable[[float, Means | None, float], None] | None = None,
+) -> FlowResult:
+    """Shear until the last row of the run.
+
+    team    threads that take the time steps
+    resume  trajectory and state as given to `save`, from which an interrupted run continues
+    save    called with trajectory and state after a row, every SAVE_INTERVAL seconds
+    report  called at every check of the energy balance with the strain, the means so far (None before there are any)
+            and the seconds left
+
+    Raises ConvergenceError where the time step is too long: a disk jumps, or the energy balance is off by more than
+    5 % in the mean; and where disks never touch.
+    """
+    shear = SteadyShear(run.disks, run.model, run.rate, run.scheme, team, run.wall_disks)
+    trajectory, state = resume or run.earlier or (Trajectory(run.wall_disks > 0), None)
+    trajectory = trajectory.copy()
+    if state is not None:
+        shear.restore(state)
+    _take_rows(run, shear, trajectory, save, report)
+    means = check_balance(trajectory, run.schedule.discard, shear)
+    if means is None or means.pressure.mean < MIN_PRESSURE * run.rate * shear.damping_unit:
+        raise ConvergenceError(
+            f"phi = {run.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
+            f"choose a larger {named('phi')}, or a longer {named('strain')}"
+        )
+    return FlowResult(shear.disks, trajectory, means, shear.state())
+
+
+def _take_rows(run, shear, trajectory, save, report):
+    """Add rows and snapshots to the trajectory until the last row."""
+    schedule, first, began = run.schedule, len(trajectory), time.monotonic()
+    snapshot_rows = schedule.snapshot_rows(run.first_averaged_row)
+    saved, is_first = began, True
+    if not len(trajectory) and 0 in snapshot_rows:
+        _add_snapshot(trajectory, shear)
+    while len(trajectory) < schedule.rows:
+        _add_row(trajectory, shear, schedule.steps)
+        rows = len(trajectory)
+        if rows in snapshot_rows:
+            _add_snapshot(trajectory, shear)
+        if save is not None and time.monotonic() - saved > SAVE_INTERVAL:
+            save(trajectory, shear.state())
+            saved = time.monotonic()
+        if schedule.count_checks(rows) > schedule.count_checks(rows - 1):
+            means = check_balance(trajectory, schedule.discard, shear)
+            if report is not None:
+                report(
+                    shear.strain, means, (time.monotonic() - began) / (rows - first) * (schedule.rows - rows)
+                )
+        if is_first:  # it may have compiled the loops, which the others need not
+            first, began, is_first = rows, time.monotonic(), False
+
+
+def _add_snapshot(trajectory, shear):
+    trajectory.add_snapshot(
+        shear.strain, shear.disks, shear.nonaffine_velocities(), shear.angular_velocities()
+    )
+
+
+def _add_row(trajectory, shear, steps):
+    """Add a row to the trajectory: means over `steps` time steps, and a survey at their end."""
+    shear.tally[:] = 0.0
+    batch = max(1, min(MAX_CALL_STEPS, int(MAX_CALL_DISK_STEPS / shear.reference.n)))
+    while steps > 0:
+        shear.advance(min(steps, batch))
+        steps -= batch
+    terms = dict(zip(TALLY, shear.tally / shear.tally[TALLY.index("steps")], strict=True))
+    area = shear.reference.area
+    walls = wall_columns(shear) if shear.wall_disks else {}
+    trajectory.add(
+        strain=shear.strain,
+        time=shear.strain / shear.rate,
+        shear_stress=[-terms[f"{part}_xy"] / area for part in ("elastic", "viscous", "kinetic")],
+        pressure=[terms[part] / (2.0 * area) for part in ("elastic", "viscous", "kinetic")],
+        energy=terms["energy"],
+        dissipation=terms["dissipation"],
+        **shear.survey(),
+        **walls,
+    )
+
+
+def check_balance(trajectory: Trajectory, discard: float, shear: SteadyShear) -> Means | None:
+    """Means so far. Raises ConvergenceError where work and dissipation do not balance."""
+    means = Means.of(trajectory, discard, shear.rate, shear.reference.area)
+    if means is not None and not means.is_balanced:
+        raise ConvergenceError(
+            f"strain {shear.strain:.4g}: work and dissipation differ by {100 * means.mismatch:.0f} % in the mean with "
+            f"time steps of {shear.scheme.step:.3g}: give a smaller {named('step')}"
+        )
+    return means

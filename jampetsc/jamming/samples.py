@@ -1,0 +1,139 @@
+"""Samples of disks at packing fractions, jammed or not, each at a minimum of the energy: see `sample_protocol`."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.jamming.jamming_density import find_jamming_density, segregation
+from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum, quench
+from jampetsc.jamming.sample_protocol import SampleProtocol
+from jampetsc.minimise.minimise import settle
+from jampetsc.minimise.protocols import random_start
+from jampetsc.minimise.thermal import annealed
+from jampetsc.packing.potentials import Potential
+
+RELAXED_FORCE = 1e-4  # max |F| in k_e/d to which a random start is relaxed before it is minimised
+PHI_ROUNDING = 1e-12  # packing fractions that differ by less have the same samples
+BATCH_SIZE = {"random": 20, "shear": 1, "compress": 2}  # starts of a rank between two calls of `save`
+_THERMAL = 1  # appended to the seeds of the random start, seeds the generator of its thermal moves
+
+
+def make_samples(
+    protocol: SampleProtocol,
+    radii,
+    phis,
+    seeds,
+    potential: Potential,
+    solver,
+    tolerance: float,
+    comm,
+    *,
+    resume: dict | None = None,
+    save: Callable[[dict], None] | None = None,
+    report: Callable[[int, float], None] | None = None,
+) -> dict:
+    """Samples of every seed at every φ, divided among the ranks: {column: (n,) array}, by φ and seed. Collective.
+
+    radii       (N,) of the disks
+    phis, seeds of the samples
+    solver      this rank's `petsc.hessian_solver.HessianSolver`
+    tolerance   max |F| / (p d) of a minimum
+    resume      columns as given to `save`, from which an interrupted run continues
+    save        called on every rank with all columns so far after each batch
+    report      called on every rank with the number of samples so far and their last φ after each batch
+    """
+    columns = {name: list(resume[name]) if resume else [] for name in protocol.columns}
+    starts = [(phi, seed) for phi in phis for seed in seeds]
+    size = batch_size(protocol, comm.size)
+    finished = len(columns["phi"]) // protocol.rows
+    while finished < len(starts):
+        batch = starts[finished : finished + size]
+        local = [
+            sample_seed(protocol, radii, phi, seed, potential, solver, tolerance)
+            for phi, seed in batch[comm.rank :: comm.size]
+        ]
+        samples = [None] * len(batch)
+        for rank, rank_samples in enumerate(comm.allgather(local)):
+            samples[rank :: comm.size] = rank_samples
+        for name, values in columns.items():
+            values.extend(row[name] for rows in samples for row in rows)
+        finished += len(batch)
+        if save is not None:
+            save(_as_arrays(columns))
+        if report is not None:
+            report(finished * protocol.rows, batch[-1][0])
+    return _as_arrays(columns)
+
+
+def batch_size(protocol: SampleProtocol, ranks: int) -> int:
+    """Starts of all ranks between two calls of `save`."""
+    return BATCH_SIZE[protocol.name] * ranks
+
+
+def _as_arrays(columns):
+    return {name: np.array(values, float) for name, values in columns.items()}
+
+
+def sample_seed(
+    protocol: SampleProtocol, radii, phi: float, seed: int, potential: Potential, solver, tolerance: float
+) -> list[dict]:
+    """The samples of one seed at φ, of disks of these radii (N,): `protocol.rows` rows, nan where no minimum is found.
+
+    The seed and φ determine the random start and the thermal moves: from the same places, samples at neighbouring φ
+    would jam together, and fits to several φ take them as independent.
+    """
+    seeds = [seed, round(phi / PHI_ROUNDING)]
+    start = settle(random_start(radii, phi, seeds, potential, protocol.separated), RELAXED_FORCE)
+    rows = []
+    try:
+        if protocol.name == "shear":
+            for row in _shear(protocol, start, solver, tolerance):
+                rows.append(row)
+        elif protocol.name == "compress":
+            rows.append(_compress(protocol, start, seeds, solver, tolerance))
+        else:
+            rows.append(_minimum_row(quench(start, solver, tolerance)[1], start.n))
+    except ConvergenceError:
+        pass
+    blank = dict.fromkeys(protocol.columns, np.nan) | {"phi": phi, "seed": seed}
+    return [blank | row for row in rows + [{}] * (protocol.rows - len(rows))]
+
+
+def _minimum_row(minimum, n):
+    """Columns of a `MinimumState` of n disks, its energy per disk."""
+    return {
+        "energy": minimum.energy / n,
+        "jammed": float(minimum.jammed),
+        "pressure": minimum.pressure,
+        "coordination": minimum.coordination,
+    }
+
+
+def _shear(protocol, start, solver, tolerance):
+    """Generates the rows of samples along quasistatic shear."""
+    shear = QuasistaticShear(start, protocol.step, solver, tolerance)
+    steps = round(protocol.discard / protocol.step)
+    for _ in range(protocol.rows):
+        steps += max(1, round(protocol.every / protocol.step))
+        while shear.steps < steps:
+            shear.advance()
+        yield {"strain": shear.strain, **_minimum_row(measure_minimum(shear.disks), shear.disks.n)}
+
+
+def _compress(protocol, start, seeds, solver, tolerance):
+    """Row of the minimum that a cooled liquid is quenched to, with φ_J and segregation."""
+    generator = np.random.Generator(np.random.PCG64(np.random.SeedSequence([*seeds, _THERMAL])))
+    temperature = protocol.temperature * start.potential.k
+    cold = annealed(start, temperature, protocol.cooling_rate, protocol.sweeps, generator)
+    disks, minimum = quench(cold, solver, tolerance)
+    if protocol.strain:
+        shear = QuasistaticShear(disks, protocol.step, solver, tolerance)
+        for _ in range(round(protocol.strain / protocol.step)):
+            shear.advance()
+        disks, minimum = shear.disks, shear.minimum
+    try:
+        phi_J = find_jamming_density(disks, minimum.jammed, solver, tolerance)[0]
+    except ConvergenceError:
+        phi_J = np.nan
+    return _minimum_row(minimum, disks.n) | {"phi_J": phi_J, "segregation": segregation(disks)}
