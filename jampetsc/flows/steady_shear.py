@@ -356,9 +356,10 @@ class SteadyShear(ListedDisks):
     def restore(self, state: dict) -> None:
         """Return to the state that `state` gave."""
         self.skin = float(state["skin"])
+        disks = self.disks  # in the order of the input, by the present `order`
         self.order, self._sorted_at = np.asarray(state["order"], int), float(state["sorted_at"])
         places = {name: np.asarray(state[name], float) for name in PLACES}
-        self.list(self.disks.replace(images=state["images"], **places).reordered(self.order))
+        self.list(disks.replace(images=state["images"], **places).reordered(self.order))
         self.inertia = 0.5 * self.model.mass * self.reference.radii**2
         for name in self.ARRAYS:
             setattr(self, name, np.array(state[name], float)[self.order])

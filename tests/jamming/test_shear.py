@@ -9,8 +9,10 @@ from sheared import stop_after
 import jampetsc
 from jampetsc import main as cli
 from jampetsc.errors import InputError
-from jampetsc.jamming import quasistatic_shear
+from jampetsc.flows.trajectory import StrainSeries
+from jampetsc.jamming import quasistatic_shear, shear_path
 from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, QuasistaticShear, measure_minimum
+from jampetsc.jamming.shear_path import PATH_COLUMNS, shear_quasistatically
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
@@ -274,3 +276,20 @@ def test_one_run_is_one_process(session, shared_path):
         with pytest.raises(InputError, match=f"^shear on {session.size} ranks: one run is one process"):
             cli.dispatch(line)
         assert not out.exists()
+
+
+def test_a_path_of_minima_is_resumed_from_what_it_saves(jammed, monkeypatch):
+    monkeypatch.setattr(shear_path, "SAVE_INTERVAL", -1.0)  # after every step
+    disks, solver = jammed
+    saved = []
+    whole = shear_quasistatically(
+        disks, 1e-3, 4, solver, 1e-7, save=lambda series, state: saved.append((series.arrays(), state))
+    )
+    assert [len(arrays["strain"]) for arrays, _ in saved] == [1, 2, 3, 4]
+    series = StrainSeries(PATH_COLUMNS)
+    series.restore(saved[1][0])
+    parts = shear_quasistatically(disks, 1e-3, 4, solver, 1e-7, resume=(series, saved[1][1]))
+    assert len(series) == 2 and parts.disks.fingerprint == whole.disks.fingerprint
+    for name, values in whole.series.arrays().items():
+        assert np.array_equal(parts.series.column(name), values), name
+    assert parts.averages["pressure"].mean == whole.averages["pressure"].mean

@@ -22,6 +22,9 @@ WITHOUT_PETSC = ("ground", "packing", "laws", "analysis", "io", "minimise", "plo
 PETSC = ("petsc4py", "slepc4py", "mpi4py")
 # main only to end a job that fails before the session has begun
 DOORS = ("petsc.session", "petsc.builds", "main")
+# rooms that take packings, laws and numbers, and return results in memory
+COMPUTING = "packing laws analysis minimise petsc network response flows jamming oscillation".split()
+FILES = "checkpoint hdf5 outlet outputs packing_file reader request result_file results".split()
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -111,21 +114,19 @@ def test_jobs_that_load_compiled_code():
     assert jobs & JOBS.keys() == {"pack", "flow", "shear", "jam", "oscillate", "modes"}
 
 
-COMPUTING = "packing laws analysis minimise petsc network response oscillation".split()
+@pytest.mark.parametrize("room", COMPUTING)
+def test_only_commands_know_jobs_and_files(room):
+    """A function that computes takes a packing or network, a law and numbers, and returns a result in memory.
 
-
-def test_only_commands_know_jobs_and_outlets():
-    """A function that computes takes a packing or network, a law and numbers, and returns a result in memory."""
-    wrong = [
-        f"{name(path)}.{node.name}: {argument.arg}"
-        for path in MODULES
-        if room_of(path.relative_to(PACKAGE).with_suffix("").parts) in COMPUTING
-        for node in nodes(path)
-        if isinstance(node, ast.FunctionDef)
-        for argument in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
-        if argument.arg in ("job", "to")
-    ]
-    assert not wrong, wrong
+    A long one knows of checkpoints what `save=` and `resume=` tell it.
+    """
+    wrong = []
+    for path in (PACKAGE / room).glob("*.py"):
+        parameters = {node.arg for node in nodes(path) if isinstance(node, ast.arg)}
+        wrong += [f"{name(path)}: parameter {parameter}" for parameter in parameters & {"job", "to"}]
+        files = {words[2] for words in imported(path) if words[:2] == ("jampetsc", "io")}
+        wrong += [f"{name(path)} imports io.{module}" for module in files & set(FILES)]
+    assert not wrong, "\n".join(wrong)
 
 
 def test_one_door_to_petsc():
