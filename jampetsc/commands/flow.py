@@ -81,25 +81,28 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
         self.check_discard()
         every, spacing = named("snapshot_every"), named("snapshot_spacing")
         if self.snapshot_every is not None and (self.snapshots is not None or self.snapshot_spacing == "log"):
-            raise InputError(f"{every}: leave out {named('snapshots')} and {spacing} log")
+            raise InputError(f"{every}: excludes {named('snapshots')} and {spacing} log. Leave them out.")
         if self.snapshot_spacing is not None and not self.snapshots:
-            raise InputError(f"{spacing}: how many? give {named('snapshots')}")
+            raise InputError(f"{spacing}: requires a number of snapshots. Give {named('snapshots')}.")
         earlier = self._in_memory
         if earlier is not None:
             if earlier.format != self.FORMAT:
-                raise InputError(f"{earlier.path}: is no flow: give a packing, or a flow to go on from")
+                raise InputError(
+                    f"{earlier.path}: a {earlier.format}, not a flow. To start a new flow give a packing; to continue "
+                    "one, give its result."
+                )
             self._refuse_settings(earlier.path)
         elif self.start is None or self._own_settings:
             super().check()
             if self.rate is None:
-                raise InputError(f"{named('rate')}: must be given: how fast to shear?{self._hint}")
+                raise InputError(f"{named('rate')}: missing. Give the shear rate, such as 1e-3.{self._hint}")
             if self.model is None:
-                known = f"{', '.join(MODELS)}, or {named('law')} with its options"
-                raise InputError(f"{named('model')}: must be given: {known}{self._hint}")
+                names = f"{', '.join(MODELS)}, or {named('law')} with its options"
+                raise InputError(f"{named('model')}: missing. Give {names}.{self._hint}")
             if self.step is not None and not self.rate * self.step <= self.strain * (1.0 + 1e-9):
                 raise InputError(
-                    f"{named('step')} {self.step:g}: is longer than the whole run, {self.strain / self.rate:g} for "
-                    f"{named('strain')} {self.strain:g}: give a shorter one"
+                    f"{named('step')} {self.step:g}: longer than the whole run ({self.strain / self.rate:g} for "
+                    f"{named('strain')} {self.strain:g}). Give a shorter one."
                 )
 
     @property
@@ -110,9 +113,9 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
     @property
     def _hint(self):
         """End of a message where a START is given, in case it was meant to be continued."""
-        return (
-            "" if self.start is None else f"; a flow goes on as it was begun, given {named('strain')} alone"
-        )
+        if self.start is None:
+            return ""
+        return f" To continue a flow give only {named('strain')}; its other settings are kept."
 
     @property
     def _own_settings(self):
@@ -122,13 +125,15 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
     def _refuse_settings(self, path):
         """Raise InputError for settings that belong to the flow at `path`, which is continued."""
         for name in self._own_settings:
-            raise InputError(f"{named(name)}: {path} goes on as it was begun; leave it out (or start anew)")
+            raise InputError(
+                f"{named(name)}: belongs to the flow {path}, which is continued. Leave it out, or start a new flow."
+            )
 
     @property
     def place(self):
         """The flow file that is continued, which the result replaces."""
         if not self._continues:
-            raise InputError(f"{named('out')}: must be given: where to write the result?")
+            raise InputError(f"{named('out')}: missing. Give the file of the result.")
         return self.start
 
     @property
@@ -206,7 +211,8 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
 
         if not self._own_settings:
             raise InputError(
-                f"{input_name(self.start)}: is no flow to go on from: give {named('model')} and {named('rate')}"
+                f"{input_name(self.start)}: a packing, not a flow. To start a new flow give {named('model')} and "
+                f"{named('rate')}; to continue one, give its file."
             )
         disks, origin = self.disks()
         run = define_flow(

@@ -234,7 +234,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def work(self, to):
         """Make the packings that are missing, spread over the ranks. Collective."""
-        from jampetsc.commands.packings import from_packing, make, raise_failures, summary
+        from jampetsc.commands.packings import (
+            make_packings,
+            raise_failures,
+            start_from_packing,
+            summarise_packings,
+        )
         from jampetsc.packing.threads import Team
 
         running = session.current()
@@ -246,7 +251,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         def beginning(i):
             if not tasks[i].rung:
                 return begin
-            return from_packing(tasks[i - 1].path or found[i - 1][0], self._how)
+            return start_from_packing(tasks[i - 1].path or found[i - 1][0], self._how)
 
         def missing(numbers):
             return [i for i in numbers if overwrite or not tasks[i].is_finished()]
@@ -261,7 +266,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             left = on_root(comm, partial(missing, [i for i in numbers if i not in lost]))
             mine = left[running.rank :: running.size]
             team = Team(self.threads or own_cores(comm, bool(mine)))
-            made = make([(i, tasks[i], beginning(i)) for i in mine], team, running.rank)
+            made = make_packings([(i, tasks[i], beginning(i)) for i in mine], team, running.rank)
             found |= lost | dict(pair for some in comm.allgather(made) for pair in some.items())
         found = dict(sorted(found.items()))
         failures = {i: one for i, one in found.items() if isinstance(one, JampetscError)}
@@ -272,7 +277,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             to.packings(made if self.several else made[0])
         elif self.several:
             to.packings([task.path for task in tasks])
-        return summary(tasks, {i: line for i, (_, line) in found.items()}, running.size)
+        return summarise_packings(tasks, {i: line for i, (_, line) in found.items()}, running.size)
 
     @property
     def _how(self):
@@ -280,17 +285,17 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         return {"stabilise": self.stabilise, "tolerance": self.tolerance}
 
     def _begin(self, comm):
-        """What packings start from, a `packings.Beginning`, but for the later ones of a ladder. Collective."""
-        from jampetsc.commands.packings import at_random, from_packing
+        """What packings start from, a `packings.PackingStart`, but for the later ones of a ladder. Collective."""
+        from jampetsc.commands.packings import start_at_random, start_from_packing
 
         if self.from_ is None:  # of one rank for all: the file may have been replaced
             radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
             potential = Potential(self.potential or "harmonic", self.stiffness or "constant")
             settings = {"sizes": sizes_text(self.sizes, self.radii), "requested_n": self.n or 0}
-            return at_random(radii, potential, self._how | settings)
-        begin, name = from_packing(self.from_, self._how, comm), source_name(self.from_)
+            return start_at_random(radii, potential, self._how | settings)
+        begin, name = start_from_packing(self.from_, self._how, comm), source_name(self.from_)
         with about(name):
-            n = begin.disks(self.tasks(None)[0]).n
+            n = begin.disks_of(self.tasks(None)[0]).n
         if self.n not in (None, n):
             raise InputError(
                 f"{named('n')} {self.n}: {name} has {n} disks; leave it out with {named('from_')}"

@@ -1,4 +1,4 @@
-"""The packings that a `pack.Pack` asks for, made one after another by one rank, and their lines in the summary."""
+"""The packings of a `pack.Pack`, made one after another by one rank, and their lines in the summary."""
 
 import time
 from collections.abc import Callable
@@ -33,7 +33,7 @@ class PackingTask:
 
     @property
     def request(self) -> Request:
-        """What its file records as asked for; the files that it reads must be there."""
+        """What its file records as requested; the files that it reads must be there."""
         request = Request(self.job)
         request.read(self.job.paths)
         return request
@@ -43,7 +43,7 @@ class PackingTask:
         return self.path is not None and is_finished(self.path, self.request)
 
     @property
-    def asked(self) -> dict:
+    def requested(self) -> dict:
         """Entries of its record for its own settings: the target, and the seed."""
         name = "phi" if self.target.phi else "pressure"
         seed = {} if self.seed is None else {"seed": self.seed}
@@ -51,60 +51,60 @@ class PackingTask:
 
 
 @dataclass(frozen=True)
-class Beginning:
+class PackingStart:
     """What packings start from."""
 
     record: dict  # entries of the record of each packing
-    disks: Callable  # task -> the disks from which it starts
+    disks_of: Callable  # task -> the disks from which it starts
     k: float = 1.0  # their stiffness, the unit of the pressures
 
 
-def at_random(radii, potential: Potential, how: dict) -> Beginning:
-    """Disks of radii (N,) at random places; how: entries of the record."""
+def start_at_random(radii, potential: Potential, record: dict) -> PackingStart:
+    """Disks of radii (N,) at random places; record: entries of the record."""
 
-    def disks(task):
+    def disks_of(task):
         phi = task.target.phi or start_phi(task.target.pressure)
         return random_start(radii, phi, task.seed, potential)
 
     kind = {"requested_potential": potential.kind, "requested_stiffness": potential.stiffness}
-    return Beginning(how | kind, disks)
+    return PackingStart(record | kind, disks_of)
 
 
-def from_packing(source, how: dict, comm=None) -> Beginning:
-    """Another packing, a file or a Packing; how: entries of the record. Collective over comm."""
+def start_from_packing(source, record: dict, comm=None) -> PackingStart:
+    """Another packing, a file or a Packing; record: entries of the record. Collective over comm."""
     disks, identity = read_identified(source, comm)
-    record = how | dict(zip(("source", "source_sha256"), identity, strict=True))
-    return Beginning(record, lambda task: changed(disks, task.target), disks.potential.k)
+    record = record | dict(zip(("source", "source_sha256"), identity, strict=True))
+    return PackingStart(record, lambda task: changed(disks, task.target), disks.potential.k)
 
 
-def make(tasks, team, rank) -> dict:
-    """Make the packings of tasks [(number, task, beginning)]: {number: (disks, line of the summary) or JampetscError}.
+def make_packings(tasks, team, rank) -> dict:
+    """Make the packings of tasks [(number, task, start)]: {number: (disks, line of the summary) or JampetscError}.
 
-    beginning   `Beginning`; disks are None where they were written to a file
+    start   `PackingStart`; disks are None where they were written to a file
     """
-    solver, found = HessianSolver(), {}
+    solver, outcomes = HessianSolver(), {}
     with Progress(len(tasks), "packings", rank) as progress:
-        for number, task, beginning in tasks:
+        for number, task, start in tasks:
             began = time.perf_counter()
             effort = Effort(report=lambda e: progress.show(f"{e.stage}, max|F|/p = {e.residual:.0e}"))
             try:
-                start, fresh = beginning.disks(task), task.seed is not None
-                disks = make_packing(start, task.target, solver, fresh=fresh, team=team, effort=effort)
-                disks = disks.with_record(**beginning.record, **task.asked)
+                disks, fresh = start.disks_of(task), task.seed is not None
+                disks = make_packing(disks, task.target, solver, fresh=fresh, team=team, effort=effort)
+                disks = disks.with_record(**start.record, **task.requested)
                 if task.path is not None:
                     write_packing(task.path, disks, task.request)
             except ConvergenceError as error:
                 remedy = f"use another {named('seed')}, or a larger {named('tolerance')}"
-                found[number] = ConvergenceError(f"{error.args[0]}: {remedy}")
+                outcomes[number] = ConvergenceError(f"{error.args[0]}: {remedy}")
                 continue
             except JampetscError as error:
-                found[number] = error
+                outcomes[number] = error
                 continue
             line = _line(task.path or "in memory", disks, time.perf_counter() - began)
-            found[number] = (disks if task.path is None else None), line
+            outcomes[number] = (disks if task.path is None else None), line
             if len(tasks) > 1:
                 progress.step(line)
-    return found
+    return outcomes
 
 
 def raise_failures(failures, tasks) -> None:
@@ -116,22 +116,25 @@ def raise_failures(failures, tasks) -> None:
     raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{others}: {'; '.join(reasons)}")
 
 
-def summary(tasks, made, ranks) -> str:
-    """The summary: the packings made, and how many existed already or ranks had nothing to do."""
+def summarise_packings(tasks, task_lines, ranks) -> str:
+    """The summary: a line of each packing that was made, how many existed already, how many ranks had no work.
+
+    task_lines  {number of a task: its line}
+    """
     lines = []
-    if len(made) < len(tasks):
-        lines.append(f"{len(tasks) - len(made)} of {len(tasks)} packings are there already")
-    if 0 < len(made) < ranks:
-        idle = ranks - len(made)
+    if len(task_lines) < len(tasks):
+        lines.append(f"{len(tasks) - len(task_lines)} of {len(tasks)} packings are there already")
+    if 0 < len(task_lines) < ranks:
+        idle = ranks - len(task_lines)
         lines.append(f"one rank makes a packing: {idle} of {ranks} ranks had nothing to do")
-    return "\n".join([*lines, *made.values()])
+    return "\n".join([*lines, *task_lines.values()])
 
 
 def _line(name, disks, seconds) -> str:
     """A line about a packing, and one more where rounding leaves forces above its tolerance."""
     record = disks.record
     residual = record["max_force"] / (record["pressure"] * 2.0 * float(disks.radii.mean()))
-    note = f"\n  max|F|/(p d) = {residual:.1e} is what rounding leaves, more than the tolerance {record['tolerance']:g}"
+    note = f"\n  max|F|/(p d) = {residual:.1e} is limited by rounding, above the tolerance {record['tolerance']:g}"
     return (
         f"{name}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
         f"Z = {record['coordination']:.4f}, "

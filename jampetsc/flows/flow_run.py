@@ -100,8 +100,8 @@ def define_flow(
     overlap = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
     if overlap > MAX_START_OVERLAP:
         raise InputError(
-            f"overlap of {100 * overlap:.0f} % of the distance of two disks at contact: no state of soft disks; "
-            f"quench it first: pack with {named('from_')}"
+            f"start: two disks overlap by {100 * overlap:.3g} % of their distance at contact (at most "
+            f"{100 * MAX_START_OVERLAP:.0f} %). Quench it first: pack with {named('from_')}."
         )
     scheme = scheme_for(model, disks, rate, step, tolerance)
     schedule = Schedule.of(rate, scheme.step, strain, discarded_strain(strain, discard), **snapshots)

@@ -247,10 +247,10 @@ def test_bad_starts(tmp_path, capsys):
     write_packing(packing, Packing.from_positions(positions, np.full(16, 0.5), np.eye(2) * 4.0))
     rest = ["--model", "RD0", "--rate", "0.01", "--strain", "1"]
     for words, message in [
-        ((packing, *rest, "--out", out), "no state of soft disks"),
+        ((packing, *rest, "--out", out), "two disks overlap by"),
         ((packing, *rest, "--out", packing), "is the input"),
         ((tmp_path / "none.h5", *rest, "--out", out), "no such file"),
-        (("--n", 64, "--phi", 0.8, *rest), "--out: must be given"),
+        (("--n", 64, "--phi", 0.8, *rest), "--out: missing"),
     ]:
         assert flow("flow", *words) == 2
         assert message in capsys.readouterr().err

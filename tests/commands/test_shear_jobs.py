@@ -219,7 +219,7 @@ def test_a_result_in_memory_leaves_no_files(tmp_path, monkeypatch):
         assert np.array_equal(farther[name], from_file[name])
     assert farther.last.fingerprint == from_file.last.fingerprint
     for other in (farther, jampetsc.load("one.h5")):
-        with pytest.raises(InputError, match="goes on as it was begun; leave it out"):
+        with pytest.raises(InputError, match=r"which is continued\. Leave it out"):
             jampetsc.flow(other, "RD0", strain=0.1, rate=0.1)
     with pytest.raises(InputError, match=r"one\.h5: is a jampetsc-flow file"):
         jampetsc.shear("one.h5", step=0.1, strain=0.1)
@@ -245,7 +245,7 @@ def test_a_continued_flow_keeps_its_settings(more):
         with pytest.raises(InputError, match=f"{next(iter(more))}: belongs to f.h5"):
             Flow(**asked)
     else:
-        with pytest.raises(InputError, match="goes on as it was begun; leave it out"):
+        with pytest.raises(InputError, match=r"which is continued\. Leave it out"):
             Flow(**asked)._refuse_settings("f.h5")
     Flow("f.h5", strain=1.0, last="p.h5")._refuse_settings("f.h5")
 
@@ -312,5 +312,5 @@ def test_a_summary_has_jammed_fraction_pressure_and_lost_samples(lost):
 
 
 def test_a_message_names_a_refused_start_without_its_arrays():
-    with pytest.raises(InputError, match="<16 disks>: is no flow"):
+    with pytest.raises(InputError, match="<16 disks>: a packing, not a flow"):
         jampetsc.flow(crowd(16), strain=1.0)

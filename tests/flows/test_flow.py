@@ -300,7 +300,9 @@ def test_starts_of_soft_disks_overlap_by_half_at_most():
         if share <= 0.5:
             assert define_flow(disks, sheared.model("RD0"), 1e-2, 0.5).disks is disks
             continue
-        with pytest.raises(InputError, match="overlap of 50 % of the distance of two disks at contact"):
+        with pytest.raises(
+            InputError, match=r"two disks overlap by 50\.1 % of their distance at contact \(at most 50 %\)"
+        ):
             define_flow(disks, sheared.model("RD0"), 1e-2, 0.5)
 
 

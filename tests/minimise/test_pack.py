@@ -326,7 +326,7 @@ def test_a_packing_tells_when_rounding_forbids_its_tolerance(factor, note):
     text = packings._line("p.h5", disks.with_record(**known, tolerance=1e-10, evaluations=7), 1.234)
     said = f"p.h5: N = {disks.n}, p = 0.001, phi = 0.840000, Z = 4.0000, 1 rattlers, max|F|/p = "
     assert text.startswith(said)
-    assert "7 force evaluations, 1.23 s" in text and ("is what rounding leaves" in text) == note
+    assert "7 force evaluations, 1.23 s" in text and ("is limited by rounding" in text) == note
 
 
 GOOD = {"--n": "64", "--pressure": "1e-3", "--out": "a.h5"}
