@@ -29,11 +29,13 @@ def moduli_and_packing(page, folder):
     """G' and G'' with slopes ½ and 1; inset: a part of the first packing."""
     sweeps = results(folder, command="sweep")
     ax = page.panels(1, 1, 5.2, 4.2)
-    plot_moduli(sweeps, ax=ax, statistic="median")
+    several = len(sweeps) > 1
+    plot_moduli(sweeps, ax=ax, **({"statistic": "median"} if several else {}))
     (curve,), *_ = average_files(sweeps, "median")
     draw_guide(ax, curve.omega, curve.G.imag, 0.5, r"\omega", True)
     n, p = (sweeps[0].attributes[name] for name in ("particle_count", "pressure"))
-    title = rf"$N={n}$, $p/k={power_or_number(p)}$, $\beta=1$, {len(sweeps)} packings"
+    packings = f"{len(sweeps)} packings" if several else "one packing"
+    title = rf"$N={n}$, $p/k={power_or_number(p)}$, $\beta=1$, {packings}"
     ax.set_title(title, loc="right", pad=3)
     _part(ax.inset_axes(INSET), packing_of(sweeps[0]))
 

@@ -11,8 +11,10 @@ T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayle
 184 (1946)), freed of its bias (Marriott & Pope, Biometrika 41, 390 (1954)). τ alone would let pass the series in which
 it is underestimated.
 
-Both assume a single correlation time. A slow part beside a fast one, or a drift, shows in the means of the ten tenths
-of the series, if they scatter by more than the error allows.
+Both assume a single correlation time. Stress and pressure of massive disks have a fast part, of collisions, and a slow
+one, of density fluctuations, which the window leaves out: the same estimate from the means of blocks of 4τ contains it,
+and the larger error counts. Slower changes, or a drift, show in the means of the ten tenths of the series, if they
+scatter by more than the error allows.
 
 pyerrors has this estimator, but brings autograd, matplotlib and seconds of start-up for the thirty lines here;
 emcee and pymbar correct no bias.
@@ -28,6 +30,8 @@ from jampetsc.analysis.statistics import half_width, mean_with_error
 DECAY_FACTOR = 2.0  # S: correlations are taken to decay over Sτ
 MIN_EFFECTIVE_SAMPLES = 20.0  # independent samples below which an error is rough
 SAMPLES_PER_DEGREE = 6.0  # independent samples per degree of freedom of the variance: benchmarks/coverage.py
+BLOCK_TIMES = 4.0  # τ in a block whose mean forgets the fast part of a series
+MIN_BLOCKS = 20  # fewest blocks from which an error is taken
 BLOCK_COUNT = 10  # parts of a series whose means are compared
 MAX_SCATTER_RATIO = 2.4  # of their variance to what the error allows; 1 % of long series exceed it by chance
 
@@ -57,18 +61,32 @@ class Average:
         count = len(x)
         if count < 2 or np.ptp(x) == 0.0:
             return cls(float(x.mean()), 0.0 if count > 1 else math.nan, 0.5, 1.0, False)
-        gamma = _covariance(x)
-        time, variance = _correlation(gamma, count)
-        plain = math.sqrt(2.0 * time * variance / count)
+        time, plain, samples = _mean_error(x)
         scatter = 0.0
         if count >= 2 * BLOCK_COUNT:
             scatter = float(
                 mean_with_error(x[: count - count % BLOCK_COUNT].reshape(BLOCK_COUNT, -1).mean(1))[1]
             )
         drifts = (scatter / half_width(BLOCK_COUNT - 1)) ** 2 > MAX_SCATTER_RATIO * plain**2
-        samples = max(1.0, min(0.5 * count / time, _independent(gamma / gamma[0], count)))
-        error = plain * _widening(samples)
+        excess = max(1.0, _error_of_blocks(x, math.ceil(BLOCK_TIMES * time)) / plain) ** 2
+        time, samples = time * excess, max(1.0, samples / excess)
+        error = plain * math.sqrt(excess) * _widening(samples)
         return cls(float(x.mean()), max(error, scatter) if drifts else error, time, samples, bool(drifts))
+
+
+def _mean_error(x):
+    """(τ, standard error of the mean, number of independent samples) of a series (T,), T ≥ 2, for one memory."""
+    count = len(x)
+    gamma = _covariance(x)
+    time, variance = _correlation(gamma, count)
+    samples = max(1.0, min(0.5 * count / time, _independent(gamma / gamma[0], count)))
+    return time, math.sqrt(2.0 * time * variance / count), samples
+
+
+def _error_of_blocks(x, block):
+    """Standard error of the mean of a series (T,) from the means of its blocks; 0 where these are too few."""
+    means = x[: len(x) - len(x) % block].reshape(-1, block).mean(1)
+    return _mean_error(means)[1] if len(means) >= MIN_BLOCKS and np.ptp(means) > 0.0 else 0.0
 
 
 def _covariance(x):

@@ -86,17 +86,31 @@ def test_how_far_tenths_may_be_apart(step, told):
     x = np.tile([1.0, -1.0], 100) + np.repeat([0.0, step], 100)
     found = Average.of(x)
     variance = np.var(np.repeat([0.0, step], 5), ddof=1) / 10
-    plain = np.sqrt(2 * found.time * np.var(x, ddof=1) / 200) if told else found.error / half_width(200 / 6)
+    plain = np.sqrt(np.var(x, ddof=1) / 200)  # values in turn have no memory
     assert found.drifts == told == (variance > MAX_SCATTER_RATIO * plain**2)
     if told:
-        assert found.error == pytest.approx(np.sqrt(variance) * half_width(9))
+        assert found.error >= np.sqrt(variance) * half_width(9)
 
 
-def test_a_slow_part_beside_a_fast_one_is_seen_in_most_series():
-    """A tenth of the variance remembers forty values: 1 of 3 means would be within an error that does not see it."""
+def test_a_slow_part_beside_a_fast_one_is_covered():
+    """A tenth of the variance remembers forty values: 1 of 3 means would be within an error that does not see it, and
+    half of them are if the window alone decides."""
     slow = autoregressive(79 / 81, 1000, 300, 1) * np.sqrt(1 - (79 / 81) ** 2)
     one, two, _, _ = covered(np.sqrt(0.9) * autoregressive(0.0, 1000, 300, 2) + np.sqrt(0.1) * slow)
-    assert one > 0.42 and two > 0.72
+    assert one > 0.57 and two > 0.83
+
+
+def test_stress_of_colliding_disks_is_covered():
+    """Three memories as the pressure of 1024 disks of CDn has: ρ = .55, .28, .1, .04 after 1, 5, 20 and 100 values."""
+    parts = ((0.6, 1), (0.3, 10), (0.1, 60))
+    x = sum(
+        np.sqrt(share * (1 - memory**2)) * autoregressive(memory, 800, 300, seed)
+        for seed, (share, memory) in enumerate(
+            ((share, (2 * tau - 1) / (2 * tau + 1)) for share, tau in parts), 1
+        )
+    )
+    one, two, _, _ = covered(x)
+    assert one > 0.63 and two > 0.86
 
 
 def test_means_of_runs():
