@@ -75,7 +75,9 @@ examples:
     )
     range: tuple | None = optional_parameter(
         "packing fractions that are used (default: all)",
-        value_type=ValueType(_range, lambda ends: ":".join(map(repr, ends)), metavar="A:B"),
+        value_type=ValueType(
+            _range, lambda ends: ":".join(map(repr, ends)), metavar="A:B", python="(low, high)"
+        ),
     )
 
     def check(self):

@@ -84,7 +84,7 @@ class Correlate(Job):
     )
     lane: Numbers | None = optional_parameter(
         f"widths of a lane, the first for the summary (default {_lanes_text(LANES)}; flow: one, default 1)",
-        value_type=ValueType(_lanes, _lanes_text, metavar="w1,w2,…"),
+        value_type=ValueType(_lanes, _lanes_text, metavar="w1,w2,…", python="numbers"),
         unit="mean diameters",
     )
     bin: float | None = optional_parameter(

@@ -82,7 +82,7 @@ A killed run continues when the same command is given again."""
     cycles: int | None = optional_parameter(
         "with moving contacts: how many cycles to compute, first with half as many time steps each, then with all; "
         "auto (default): until one repeats the one before",
-        value_type=ValueType(_cycles, metavar="auto|N"),
+        value_type=ValueType(_cycles, metavar="auto|N", python='integer or "auto"'),
     )
     steps: int = parameter(64, "steps of a cycle, a multiple of 8", low=16, high=4096, metavar="N")
 

@@ -83,7 +83,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     pressure: float | Sequence[float] | None = packing_parameter(
         "pressure p = Σ f r / (2V)",
         value_type=ValueType(
-            _pressures, lambda pressures: pressures if isinstance(pressures, str) else ",".join(pressures)
+            _pressures,
+            lambda pressures: pressures if isinstance(pressures, str) else ",".join(pressures),
+            python="number or numbers",
         ),
         unit="k",
         metavar="P[,P…]",

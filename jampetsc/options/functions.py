@@ -93,15 +93,15 @@ def documentation_of(job) -> str:
         declared = fields(job)[field.name]
         if isinstance(declared, CompositeParameter):
             default = ", optional" if declared.optional else f", default {declared.make()!r}"
-            lines += [f"{field.name} : {declared.type.__name__}{default}", f"    {declared.help}"]
+            passed = declared.python or declared.type.__name__
+            lines += [f"{field.name} : {passed}{default}", f"    {declared.help}"]
             continue
-        kind = getattr(field.type, "__name__", str(field.type))
         default = "" if declared.required else f", default {format_value(declared.default)}"
         unit = f", in {declared.unit}" if declared.unit else ""
-        choices = f"; one of {', '.join(declared.choices)}" if declared.choices else ""
-        lines += [f"{field.name} : {kind}{default}", f"    {declared.help}{unit}{choices}"]
+        lines += [f"{field.name} : {declared.python}{default}", f"    {declared.help}{unit}"]
     for name, (default, help) in HOW.items():
-        lines += [f"{name} : default {default}", f"    {help}"]
+        passed = "bool" if isinstance(default, bool) else "name of a file"
+        lines += [f"{name} : {passed}, default {default}", f"    {help}"]
     lines += ["", "Returns", "-------", job.GIVES or f"what `load` gives for a {job.FORMAT} file"]
     lines += ["", "Raises", "------", "InputError", "    for values that cannot be used, naming them"]
     return "\n".join([*lines, "ConvergenceError", "    where a solver does not converge"])

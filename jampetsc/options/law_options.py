@@ -74,11 +74,15 @@ def law_code(**options) -> str:
     return f"jampetsc.{python_text((families or [DEFAULT])[0], options)}"
 
 
-LAW_HELP = (
-    f"damping law: {', '.join('jampetsc.' + family.python.format('…') for family in FAMILIES.values())}, or the name "
-    f"of a family ({', '.join(FAMILIES)})"
+LAW_IN_PYTHON = " or ".join(
+    [
+        ", ".join("jampetsc." + family.python.format("…") for family in FAMILIES.values()),
+        ", ".join(f'"{name}"' for name in FAMILIES),
+    ]
 )
-DAMPING = CompositeParameter(law_parameters(DEFAULT), damping_law, law_options, Law, LAW_HELP, law_code)
+DAMPING = CompositeParameter(
+    law_parameters(DEFAULT), damping_law, law_options, Law, "damping law", LAW_IN_PYTHON, law_code
+)
 PRESTRESS = parameter(
     True,
     "K keeps the f/r term of its contacts (BT: 'with pre-stress')",

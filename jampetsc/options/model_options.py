@@ -59,7 +59,15 @@ def model_code(**options) -> str:
     return f"jampetsc.models.CDn({', '.join(f'{name}={value!r}' for name, value in options.items())})"
 
 
-MODEL_HELP = f"a name ({', '.join(MODELS)}), jampetsc.models.CDn(mass=…), a damping law or a Model of it"
+MODEL_IN_PYTHON = "jampetsc.models.CDn(mass=…), a damping law, a Model of it or " + ", ".join(
+    f'"{name}"' for name in MODELS
+)
 MODEL = CompositeParameter(
-    (*OWN, *law_parameters(None)), build_model, model_options, Model, MODEL_HELP, model_code
+    (*OWN, *law_parameters(None)),
+    build_model,
+    model_options,
+    Model,
+    "model of the flow",
+    MODEL_IN_PYTHON,
+    model_code,
 )

@@ -40,11 +40,13 @@ class ValueType:
     read       value as the user writes it → value; raises ValueError that says what it must be
     serialise  value → what TOML, JSON and a command line can hold; `read` turns it back into the value
     metavar    its placeholder in the help
+    python     what python code passes, for the documentation of functions
     """
 
     read: Callable
     serialise: Callable = lambda value: value
     metavar: str = ""
+    python: str = "str"
 
 
 def _number(value):
@@ -79,11 +81,11 @@ def _path(value):
         raise ValueError("must be the name of a file") from None
 
 
-NUMBER = ValueType(_number)
-COUNT = ValueType(_count)
-SWITCH = ValueType(_switch)
+NUMBER = ValueType(_number, python="number")
+COUNT = ValueType(_count, python="integer")
+SWITCH = ValueType(_switch, python="bool")
 WORD = ValueType(str)
-PATH = ValueType(_path, str, metavar="FILE")
+PATH = ValueType(_path, str, metavar="FILE", python="name of a file")
 VALUE_TYPES = {float: NUMBER, int: COUNT, bool: SWITCH, str: WORD, Path: PATH}
 
 
@@ -127,6 +129,12 @@ class Parameter:
         """Its option on a command line; for a switch that is on by default, --no-NAME."""
         name = self.name.removesuffix("_").replace("_", "-")
         return f"--no-{name}" if self.default is True else f"--{name}"
+
+    @property
+    def python(self) -> str:
+        """What python code passes, in words: the allowed texts, or the kind of value."""
+        texts = [f'"{choice}"' for choice in self.choices]
+        return " or ".join([", ".join(texts[:-1]), texts[-1]]) if len(texts) > 1 else self.value_type.python
 
     def read(self, value):
         """The value, converted and checked. Raises InputError that names the parameter."""
@@ -174,7 +182,8 @@ class CompositeParameter:
     make         called with the options that the user gave, as keywords → the object; raises InputError
     serialise    the object → {option: value}; `make` turns it back into the object
     type         class of the object
-    help         what it is, in python
+    help         what it is
+    python       what python code passes, in words
     code         called with options → python text that makes the object, for messages
     optional     whether None is allowed
     """
@@ -184,6 +193,7 @@ class CompositeParameter:
     serialise: Callable
     type: type
     help: str = ""
+    python: str = ""
     code: Callable | None = None
     optional: bool = False
 

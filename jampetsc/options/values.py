@@ -39,7 +39,8 @@ def number_list(least, most, metavar="LIST", unit="", even=False) -> ValueType:
             given = f"lin:{given.removeprefix('lin:')}"
         return _numbers(given, least, most, unit)
 
-    return ValueType(read, partial(format_numbers, even=even), metavar=metavar)
+    python = 'numbers or "low:high:count"'
+    return ValueType(read, partial(format_numbers, even=even), metavar=metavar, python=python)
 
 
 def _numbers(given, least, most, unit):
@@ -193,16 +194,29 @@ def refuse_repeated(sources) -> None:
         seen[one] = told
 
 
-PACKING = ValueType(_read_as(["Packing"], "a packing"), input_name, metavar="PACKING")  # Packing, or a path
+PACKING = ValueType(
+    _read_as(["Packing"], "a packing"),
+    input_name,
+    metavar="PACKING",
+    python="Packing or the name of its file",
+)
 RESULT = ValueType(
-    _read_as(["Result"], "a result"), input_name, metavar="FILE"
-)  # Result in memory, or a path
+    _read_as(["Result"], "a result"), input_name, metavar="FILE", python="result or the name of its file"
+)
 PACKING_OR_RESULT = ValueType(
-    _read_as(["Packing", "Result"], "a packing, a result"), input_name, metavar="FILE"
-)  # either
-INTEGERS = ValueType(_integers, lambda integers: ",".join(map(str, integers)))
-SEEDS = ValueType(read_seeds, _seeds_text, metavar="FIRST:LAST|LIST")
-RADII = ValueType(_radii, lambda radii: radii.path or radii.text, metavar="FILE")  # a `minimise.sizes.Radii`
+    _read_as(["Packing", "Result"], "a packing, a result"),
+    input_name,
+    metavar="FILE",
+    python="Packing, result or the name of its file",
+)
+INTEGERS = ValueType(_integers, lambda integers: ",".join(map(str, integers)), python="integers")
+SEEDS = ValueType(read_seeds, _seeds_text, metavar="FIRST:LAST|LIST", python='integers or "first:last"')
+RADII = ValueType(
+    _radii,
+    lambda radii: radii.path or radii.text,
+    metavar="FILE",
+    python="array (N,) or the name of a text file",
+)
 FREQUENCIES = number_list(
     MIN_OMEGA, MAX_OMEGA, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)"
 )

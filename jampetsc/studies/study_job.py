@@ -58,7 +58,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
 
     study: str | dict = parameter(
         help="what to do: a TOML file, in python also its tables by name",
-        value_type=ValueType(_description, metavar="STUDY"),
+        value_type=ValueType(_description, metavar="STUDY", python="dict or the name of a TOML file"),
         place=FILE,
     )
     dry_run: bool = parameter(False, "print the tasks without running them")

@@ -57,7 +57,9 @@ class Trade(PackingJob):
 Times are meaningful only on a machine without other load."""
 
     choices: tuple = parameter(
-        ",".join(GROUPS), "what to vary", value_type=ValueType(_groups, ",".join, metavar="LIST")
+        ",".join(GROUPS),
+        "what to vary",
+        value_type=ValueType(_groups, ",".join, metavar="LIST", python="texts"),
     )
     ensemble: bool = parameter(
         False, "also: one big packing against 4 of N/4 and 16 of N/16 disks, which are made for it"
@@ -69,7 +71,7 @@ Times are meaningful only on a machine without other load."""
     options_files: tuple | None = parameter(
         None,
         "options files for method direct (default: iterative, superlu_dist, low_memory of jampetsc)",
-        value_type=ValueType(_files, ",".join, metavar="FILE[,FILE…]"),
+        value_type=ValueType(_files, ",".join, metavar="FILE[,FILE…]", python="names of files"),
     )
 
     @property

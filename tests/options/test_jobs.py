@@ -135,8 +135,8 @@ def test_a_keyword_that_a_function_does_not_have_is_answered_with_what_to_write(
     for name in ("sweep", "quasistatic", "flow"):
         assert "by the options" not in getattr(jampetsc, name).__doc__
     assert (
-        "\nlaw : Law, default ContactDamping()\n    damping law: jampetsc.ContactDamping(…)"
-        in jampetsc.sweep.__doc__
+        '\nlaw : jampetsc.ContactDamping(…), jampetsc.StokesDrag(…), jampetsc.Law("custom", …) or "contact", "stokes", '
+        '"custom", default ContactDamping()\n    damping law\n' in jampetsc.sweep.__doc__
     )
 
 

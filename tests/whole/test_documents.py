@@ -11,6 +11,8 @@ import pytest
 
 import jampetsc
 from jampetsc import main as cli
+from jampetsc.commands import JOBS, job_class
+from jampetsc.options.parameters import OPTION, parameters
 
 SMALL = {  # option -> its value here
     **{"--n": "32", "--count": "5", "--seeds": "1:2", "--strain": "0.05", "--snapshots": "2"},
@@ -116,9 +118,16 @@ def test_the_site_has_every_page_and_every_name(tmp_path):
     text = (launch.ROOT / "mkdocs.yml").read_text()
     listed, docs = re.findall(r"[:-] ([\w/]+\.md)$", text, re.MULTILINE), launch.ROOT / "docs"
     assert sorted(listed) == sorted(str(path.relative_to(docs)) for path in docs.rglob("*.md"))
-    entries = runpy.run_path(str(launch.ROOT / "run" / "reference.py"))["reference"]()
+    generated = runpy.run_path(str(launch.ROOT / "run" / "reference.py"))
+    entries, commands = generated["reference"](), generated["command_reference"]()
     for name in {*jampetsc.__all__, "models.CD0"} - {"__version__", "models"}:
-        assert f"\n## jampetsc.{name}\n\n```text\n" in entries
+        assert f"\n## jampetsc.{name}\n\n" in entries
+    assert "`law` | jampetsc.ContactDamping(…), jampetsc.StokesDrag(…)" in entries
+    for name in JOBS:
+        entry = commands.partition(f"\n## {name}\n\n")[2].partition("\n## ")[0]
+        assert all(
+            option.word in entry for option in parameters(job_class(name)).values() if option.place == OPTION
+        )
     cells = runpy.run_path(str(launch.ROOT / "run" / "notebook.py"))["cells"]
     for name in pages("tutorials/*.md"):
         pieces = [text.strip("\n") for text in blocks(name, "python")]
