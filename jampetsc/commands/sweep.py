@@ -194,18 +194,30 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
         with session.current().stage("assembly"):
             pencil = assemble(source.network, self.law)
-        asked = pencil, frequencies.solved, self.accuracy, frequencies.of_fields
+        wanted = {
+            "omega": frequencies.solved,
+            "accuracy": self.accuracy,
+            "field_omega": frequencies.of_fields,
+        }
         if checkpoint.done and session.current().rank == 0:
             what = "shifts" if method == "rational" else "frequencies"
             note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} {what} are finished")
         if method == "rational":
             resume = {step: (record, checkpoint.fields(step)) for step, record in checkpoint.done.items()}
-            return sweep_rationally(*asked, self.parallel or "auto", resume, checkpoint.save)
+            return sweep_rationally(
+                pencil, **wanted, parallel=self.parallel or "auto", resume=resume, save=checkpoint.save
+            )
         resume = {
             step: (record, checkpoint.fields(step) if "field_bound" in record else None)
             for step, record in checkpoint.done.items()
         }
-        return sweep_directly(*asked, minimum.negative_modes == 0, resume, checkpoint.save)
+        return sweep_directly(
+            pencil,
+            **wanted,
+            positive_semidefinite=minimum.negative_modes == 0,
+            resume=resume,
+            save=checkpoint.save,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,8 +241,9 @@ def _write(writer, frequencies, found, particles, is_power_law) -> None:
     writer.dataset("G", found.G)
     for name, bound in zip(BOUNDS, found.bounds.T, strict=True):
         writer.dataset(name, bound)
-    for name, values in found.reduced.items():
-        writer.dataset(f"reduced/{name}", values)
+    if found.spectrum is not None:
+        for name in ("G0", "eta_inf", "rates", "weights"):
+            writer.dataset(f"reduced/{name}", getattr(found.spectrum, name))
     if not found.fields:
         return
     writer.dataset("fields/omega", frequencies.asked([field.omega for field in found.fields]))

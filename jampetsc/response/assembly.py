@@ -1,7 +1,8 @@
-"""Hessian K, damping matrix B and the γ border of a contact network, as distributed PETSc matrices.
+"""Hessian K, damping matrix B and their border, the load, of a contact network, as distributed PETSc matrices.
 
-Unknowns are the non-affine displacements ũ = u − γ y x̂ and, where the law couples to them, the angles θ,
-interleaved (x, y, θ) per disk. A contact contributes weighted squares of its relative motions (`laws.relative_motion`):
+Unknowns are the non-affine displacements ũ = u − ε E x of a load E (`laws.loads`; at first simple shear, γ y x̂) and,
+where the law couples to them, the angles θ, interleaved (x, y, θ) per disk. A contact contributes weighted squares of
+its relative motions (`laws.relative_motion`):
 
     K:  k (a∥)² − (f/r) (a⊥)²           (BT eqs. 4, 11)
     B:  kτ₁ × the weights of the law on (a∥)², (a⊥)², (a⊥ᶜ)², |ũ_i|² and V γ²   (see `laws.damping`)
@@ -14,6 +15,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from jampetsc.laws.damping import Law
+from jampetsc.laws.loads import Load, simple_shear
 from jampetsc.laws.relative_motion import squares
 from jampetsc.network.contact_network import Network, Pieces, find_pieces
 from jampetsc.petsc.session import current
@@ -25,7 +27,7 @@ ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unkno
 
 @dataclass(frozen=True, eq=False)
 class Pencil:
-    """K + sB and its border for one law on one network. Matrices and vectors are distributed alike.
+    """K + sB and its border for one law and load on one network. Matrices and vectors are distributed alike.
 
     Zero modes of K and B (translations of each connected piece, unless there is drag, and gear modes where disks roll)
     are removed by pinning one unknown each: its row and column are those of the identity (times k) in K and zero in B,
@@ -43,6 +45,24 @@ class Pencil:
     k_gg: float  # k_γγ
     b_gg: float  # b_γγ
     pins: np.ndarray  # pinned unknowns, global numbers
+    load: Load = simple_shear()
+
+    def under(self, load: Load) -> "Pencil":
+        """The same K and B with the border of another load. Collective."""
+        if load == self.load:
+            return self
+        c = self.compatibility.under(load)
+        forces = [c.forces(w * c.g) for w in (c.w_K, c.w_B)]
+        corner = self.network.sum(np.array([c.w_K @ c.g**2, c.w_B @ c.g**2]))
+        border = (_vector(self.network.comm, force) for force in forces)
+        k_gamma, b_gamma = border
+        k_gg, b_gg = corner + np.array([0.0, c.drag_gg])
+        pencil = replace(
+            self, load=load, k_gamma=k_gamma, b_gamma=b_gamma, k_gg=float(k_gg), b_gg=float(b_gg)
+        )
+        # What does not depend on the load is not computed again.
+        vars(pencil).update(compatibility=c, diagonals=self.diagonals)
+        return pencil
 
     @property
     def unknowns(self) -> int:
@@ -87,7 +107,7 @@ class Pencil:
             self.law, self.pieces,
             *(matrix.getRedundantMatrix(comm.size) for matrix in (self.K, self.B)),
             *(PETSc.Vec().createWithArray(values, comm=PETSc.COMM_SELF) for values in border),
-            self.k_gg, self.b_gg, self.pins,
+            self.k_gg, self.b_gg, self.pins, self.load,
         )  # fmt: skip
 
     def split(self, x):

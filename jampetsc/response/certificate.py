@@ -134,28 +134,17 @@ class Functional:
         return float(ROUNDING * np.sqrt(ROW * stretch * (of_sums + of_motions) + of_drag))
 
     def certify(self, trial: Trial, lower: SingularBound) -> Certified:
-        """G* of a trial at strain 1, with its bound."""
-        c, network, omega = self.compatibility, self.network, trial.omega
-        a, field = trial.motions, trial.x
-        parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
-        squares = field.real**2, field.imag**2, field.real * field.imag
-        drag, reach_K, reach_B = np.array([c.drag, c.reach_K, c.reach_B]) @ np.transpose(squares)
-        local = parts @ c.w_K, parts @ c.w_B + drag, parts @ c.size_K, np.append(reach_K[:2], reach_B[:2])
-        (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), (abs_rr, abs_ii, _), reach = map(network.sum, local)
-        B_rr += c.drag_gg
+        """G* of a trial at amplitude 1, with its bound."""
+        omega = trial.omega
+        (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), sizes, noise = self._sums(trial)
         elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
-        # Evaluating a is off by 2ε|C||x|, see `Compatibility.reach`. The coefficients are off by a few ε; they
-        # multiply relative motions, and g. The rest is Cauchy and Schwarz. Real and imaginary parts are kept
-        # apart: at low frequency they differ by many decades.
-        noise = e_Kr, e_Ki, e_Br, e_Bi = np.sqrt([abs_rr, abs_ii, B_rr, B_ii])
-        noise = 7.0 * noise + 2.0 * np.sqrt(ROW * reach)
-        noise[::2] += 4.0 * self.affine
-        d_Kr, d_Ki, d_Br, d_Bi = noise
+        # Real and imaginary parts are kept apart: at low frequency they differ by many decades.
+        (e_Kr, e_Ki, e_Br, e_Bi), (d_Kr, d_Ki, d_Br, d_Bi) = sizes, noise
         storage = e_Kr * (e_Kr + d_Kr) + e_Ki * (e_Ki + d_Ki)
         storage += omega * (2.0 * e_Br * e_Bi + e_Br * d_Bi + e_Bi * d_Br)
         loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr
         loss += omega * (e_Br * (e_Br + d_Br) + e_Bi * (e_Bi + d_Bi))
-        volume = network.area
+        volume = self.network.area
         left = self.norm(trial.left, lower.diagonal) + self.rounding(trial, lower.omega, lower.diagonal)
         return Certified(
             omega=float(omega),
@@ -164,10 +153,62 @@ class Functional:
             rounding=2.0 * EPSILON * np.array((storage, loss)) / volume,
         )
 
+    def _sums(self, trial):
+        """Σ w a² of the real, imaginary and mixed parts of a trial in K and in B, their sizes and their noise.
+
+        sizes   (4,) roots of the sums of sizes, in K of the real and imaginary parts, then in B
+        noise   (4,) root of the sum of squares of what rounding can do to the motions in them, in 2ε
+        """
+        c = self.compatibility
+        a, field = trial.motions, trial.x
+        parts = np.array([a.real**2, a.imag**2, a.real * a.imag])
+        squares = field.real**2, field.imag**2, field.real * field.imag
+        drag, reach_K, reach_B = np.array([c.drag, c.reach_K, c.reach_B]) @ np.transpose(squares)
+        local = parts @ c.w_K, parts @ c.w_B + drag, parts @ c.size_K, np.append(reach_K[:2], reach_B[:2])
+        of_K, of_B, (abs_rr, abs_ii, _), reach = map(self.network.sum, local)
+        of_B[0] += c.drag_gg
+        # Evaluating a is off by 2ε|C||x|, see `Compatibility.reach`. The coefficients are off by a few ε; they
+        # multiply relative motions, and g. The rest is Cauchy and Schwarz.
+        sizes = np.sqrt([abs_rr, abs_ii, of_B[0], of_B[1]])
+        noise = 7.0 * sizes + 2.0 * np.sqrt(ROW * reach)
+        noise[::2] += 4.0 * self.affine
+        return of_K, of_B, sizes, noise
+
     def field_bound(self, found: Certified, x) -> float:
         """Bound on the error of the field x that was certified, see `field_bound`: an estimate where K is not ≥ 0."""
         squared = 2.0 * np.sqrt(2.0) * found.error * self.network.area  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
         return field_bound(self.pencil, found.omega, x, squared)
+
+
+def tensor_at(functionals, trials, results) -> tuple:
+    """C (L, L), complex, and bounds on |ΔC|, (L, L), of trials of several loads at one frequency. Collective.
+
+    With any trial fields the bilinear form C_EE′ V = Σ w a_E a_E′ is off by r_EᵀA⁻¹r_E′, exactly; by Cauchy and Schwarz
+    that is at most the root of the product of both bounds on r_EᵀA⁻¹r_E.
+
+    functionals, trials, results   one for each load: `Functional`, `Trial` and `Certified`
+    """
+    first, omega, volume = functionals[0], trials[0].omega, functionals[0].network.area
+    c = first.compatibility
+    weights = c.w_K + 1j * omega * c.w_B
+    motions, fields = (np.array([getattr(trial, name) for trial in trials]) for name in ("motions", "x"))
+    C = (motions * weights) @ motions.T + 1j * omega * (fields * c.drag) @ fields.T
+    loads = [functional.pencil.load for functional in functionals]
+    fluid = np.array([[c.fluid_gg(one, other) for other in loads] for one in loads])
+    C = (first.network.sum(C) + 1j * omega * fluid) / volume
+    sums = [functional._sums(trial)[2:] for functional, trial in zip(functionals, trials, strict=True)]
+    # of the complex motions, in K (0) and in B (1)
+    sizes, noise = (np.array([np.hypot(one[part][::2], one[part][1::2]) for one in sums]) for part in (0, 1))
+    rounding = 0.0
+    for part, weight in ((0, 1.0), (1, omega)):
+        e, d = sizes[:, part], noise[:, part]
+        rounding = rounding + weight * (np.outer(e, e) + 0.5 * (np.outer(e, d) + np.outer(d, e)))
+    errors = np.sqrt([result.error for result in results])
+    bounds = np.outer(errors, errors) + 4.0 * EPSILON * rounding / volume
+    diagonal = np.arange(len(loads))
+    C[diagonal, diagonal] = [result.G for result in results]
+    bounds[diagonal, diagonal] = [result.bounds[0] for result in results]
+    return C, bounds
 
 
 def field_bound(pencil: Pencil, omega: float, x, squared: float, size: float = 0.0) -> float:

@@ -1,21 +1,22 @@
 """Compatibility matrix C: the relative motions of the contacts for given displacements; K and B as sums of squares.
 
-A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, g holds what a unit
-shear strain adds:
+A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, g holds what a load of unit
+amplitude adds (`laws.loads`), the part of E r along the motion's axis:
 
-    a = C x + γ g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ drag 1 on displacements, not on angles).
+    a = C x + ε g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ drag 1 on displacements, not on angles).
 
 Sums over contacts of W a² keep digits that products with the assembled matrices lose: at low pressure the relative
 motions are far smaller than the displacements, and here their difference is taken once per contact.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from jampetsc.laws.damping import Law
+from jampetsc.laws.loads import Load, fluid_dissipation
 from jampetsc.laws.relative_motion import linear_forms
 from jampetsc.network.contact_network import Network
 from jampetsc.petsc.sparse_matrices import distributed_matrix
@@ -28,14 +29,28 @@ class Compatibility:
     network: Network
     C: object  # PETSc.Mat, one row per form and contact
     forms: int  # rows per contact: a∥, a⊥ and, where disks roll, a⊥ᶜ
-    g: np.ndarray  # (rows,) local, per unit strain
+    g: np.ndarray  # (rows,) local, of a unit amplitude of the load
     w_K: np.ndarray  # (rows,) local weights of a² in K
     w_B: np.ndarray  # (rows,) local weights of a² in B
     size_K: np.ndarray  # (rows,) |w_K| and what rounding may do to it, in ε: an overlap is off by ε σ
     reach_K: np.ndarray  # (n_local,) Σ |w_K| C² over the contacts of each unknown,
     reach_B: np.ndarray  # and Σ w_B C² + drag; see `reach`
     drag: np.ndarray  # (n_local,) kτ₁ times the drag, 0 for angles: the part of B not from contacts
-    drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V
+    drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V 2 s′:s″
+    viscosity: float  # kτ₁ η_F
+
+    def under(self, load: Load) -> "Compatibility":
+        """The same under another load; C is shared."""
+        contacts = self.network.contacts
+        once = contacts[contacts.i < contacts.j]
+        imposed = load.imposed(once.r)
+        motions = [np.sum(axis * imposed, axis=1) for axis in (once.normal, once.transverse)]
+        g = np.stack([*motions, motions[1]][: self.forms], axis=1).ravel()
+        return replace(self, g=g, drag_gg=self.fluid_gg(load, load))
+
+    def fluid_gg(self, one: Load, other: Load) -> float:
+        """The part of b_EE′ of two loads that the fluid adds."""
+        return self.viscosity * self.network.area * fluid_dissipation(one, other)
 
     def dissipation(self, motions, field) -> float:
         """aᵀ W_B a + xᵀ drag x of real motions a (rows,) and their field x (n_local,): this rank's part of the sum."""
@@ -128,5 +143,5 @@ def build_compatibility(network: Network, law: Law, pins) -> Compatibility:
     C = distributed_matrix(network.comm, local, local.data, (network.last - network.first) * d)
     return Compatibility(
         network, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real, reach.imag,
-        drag.ravel(), damping * law.eta_f * network.area,
+        drag.ravel(), damping * law.eta_f * network.area, damping * law.eta_f,
     )  # fmt: skip

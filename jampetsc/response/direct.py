@@ -36,36 +36,50 @@ class FrequencySolver:
     """K + iωB for one frequency after another. Every method is collective.
 
     positive_semidefinite   whether K is known to be: a `SingularBound` then also serves at other frequencies
-    x                       complex (n_local,), the field of the last `solve`
+    loads                   whose responses are solved with one factor; the load of the pencil if not given
+    trials                  a `Trial` for each load, of the last `solve`
     """
 
-    def __init__(self, pencil: Pencil, positive_semidefinite: bool = False):
+    def __init__(self, pencil: Pencil, positive_semidefinite: bool = False, loads=None):
         self.pencil, self.positive_semidefinite = pencil, positive_semidefinite
-        self.functional = Functional(pencil)
+        self.functionals = [Functional(pencil.under(load)) for load in loads or [pencil.load]]
+        self.functional = self.functionals[0]
         self.form = ComplexForm(pencil.K, pencil.B)
         session = current()
         self.ksp = mumps.make_ksp(session.comm, PREFIX, DEFAULTS)
         self.ksp.setOperators(self.form.A)
         # whether the factor of an earlier frequency serves until it no longer converges
         self.reuse = session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)
-        self.singular_bound = self.x = None
+        self.singular_bound, self.trials = None, []
         self.iterations = 0
         self.factorisations = 0
 
-    def solve(self, omega: float, accuracy: float) -> Certified:
-        """G* at ω with its bound; the field stays in `x`.
+    @property
+    def x(self):
+        """The field of the first load in the last `solve`, complex (n_local,)."""
+        return self.trials[0].x if self.trials else None
 
-        Raises ConvergenceError with the solver's reason where the bound is not ≤ accuracy for each of G' and
-        G''.
+    def solve(self, omega: float, accuracy: float) -> Certified:
+        """G* of the first load at ω with its bound, see `solve_loads`."""
+        return self.solve_loads(omega, accuracy)[0]
+
+    def solve_loads(self, omega: float, accuracy: float) -> list[Certified]:
+        """G* of each load at ω with its bound; the fields stay in `trials`.
+
+        Raises ConvergenceError with the solver's reason where a bound is not ≤ accuracy for each of G' and G''.
         """
         self.iterations = 0
         if self.reuse and self.factorisations:
             self.form.set(omega)
             self.form.scale(self.scale)  # as the matrix of the factor was
             with contextlib.suppress(ConvergenceError):
-                return self._refine(omega, accuracy)
+                return self._solve_each(omega, accuracy)
         self._factorise(omega)
-        return self._refine(omega, accuracy)
+        return self._solve_each(omega, accuracy)
+
+    def _solve_each(self, omega, accuracy):
+        self.trials = []
+        return [self._refine(omega, accuracy, functional) for functional in self.functionals]
 
     def _factorise(self, omega):
         """A ← D (K + iωB) D with a unit diagonal, and its factor."""
@@ -87,9 +101,8 @@ class FrequencySolver:
         self.pencil.project(solution)
         return solution
 
-    def _refine(self, omega, accuracy):
+    def _refine(self, omega, accuracy, functional):
         """x ← x − A⁻¹(c + A x) from x = 0, until the bound is met or what is left does not shrink any more."""
-        functional = self.functional
         if self.singular_bound is None or not self.positive_semidefinite:
             self.singular_bound = self._find_singular_bound(omega)
         x = np.zeros(self.pencil.K.getLocalSize()[0], complex)
@@ -105,9 +118,9 @@ class FrequencySolver:
         if not result.error <= enough and self.singular_bound.omega != omega:
             self.singular_bound = self._find_singular_bound(omega)
             result = functional.certify(trial, self.singular_bound)
-        self.x = x
+        self.trials.append(trial)
         if not result.within(accuracy).all():
-            affine = self.functional.affine_modulus(omega)
+            affine = functional.affine_modulus(omega)
             if abs(result.G) + result.error < ZERO_MODULUS_RATIO * affine:
                 raise ConvergenceError(
                     f"ω = {omega:g}: G* is zero but for rounding, where affine motion would have {affine:.2g}: the "

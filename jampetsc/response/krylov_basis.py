@@ -179,7 +179,7 @@ class RationalBasis:
 def field_at(pencil, factor, s: float):
     """x(s) = −(K + sB)⁻¹(k_γ + s b_γ), (n_local,), with the factor of K + sB. Collective.
 
-    pencil   an object with K, B, k_gamma and b_gamma
+    pencil   an object with k_gamma and b_gamma
     """
     x = pencil.k_gamma.duplicate()
     pencil.k_gamma.copy(x)

@@ -1,23 +1,26 @@
-"""A sweep G*(ω) of a pencil by either method: steps that can be resumed, failures, fields.
+"""A sweep G*(ω) or C*(ω) of a pencil by either method: steps that can be resumed, failures, fields.
 
 A finished step is a record, numbers that all ranks have, and arrays, this rank's rows. `save(step, record, arrays)`
 takes each; `resume` gives those of an earlier run, {step: (record, arrays or None)}, which are not repeated.
 """
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
+from jampetsc.analysis.elasticity import dimension_of, shear_modulus, shear_weights
+from jampetsc.analysis.reduced_tensor import ReducedTensor
+from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
 from jampetsc.response.assembly import Pencil
-from jampetsc.response.certificate import Certified
+from jampetsc.response.certificate import Certified, tensor_at
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.response.minimum_check import floppy_modes
 from jampetsc.response.rational import RationalSweep
+from jampetsc.response.tensor import TensorProjection
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +34,17 @@ class DisplacementField:
 
 
 @dataclass(frozen=True, eq=False)
+class TensorModuli:
+    """Elastic constants C* of L loads at M frequencies."""
+
+    C: np.ndarray  # (M, L, L) complex
+    bounds: np.ndarray  # (M, L, L) on |ΔC|
+    reduced: ReducedTensor | None = None  # of the rational method: C at any frequency
+
+
+@dataclass(frozen=True, eq=False)
 class ModulusSweep:
-    """G* of one pencil at M frequencies, the same on all ranks."""
+    """G* of one pencil at M frequencies, the same on all ranks; of a tensor the shear modulus of all directions."""
 
     omega: np.ndarray  # (M,) those that were solved
     G: np.ndarray  # (M,) complex
@@ -41,13 +53,15 @@ class ModulusSweep:
     failures: dict  # {ω: ConvergenceError}, of the direct method
     factorisations: int
     vectors: int | None = None  # of the rational method: size of the reduced space
-    reduced: dict = dataclasses.field(default_factory=dict)  # of the same: G0, eta_inf, rates and weights
+    spectrum: RelaxationSpectrum | None = None  # of the same, of one load
+    tensor: TensorModuli | None = None  # of the loads of a tensor
 
 
 def sweep_rationally(
     pencil: Pencil,
     omega,
     accuracy: float,
+    loads=None,
     field_omega=(),
     parallel: str = "auto",
     resume: dict | None = None,
@@ -56,45 +70,66 @@ def sweep_rationally(
     """The whole spectrum from a few factorisations, see `rational`. Collective; needs the real build.
 
     omega         (M,) increasing, in 1/time
-    accuracy      relative, allowed in G' and in G'' each
-    field_omega   those of omega at which fields are wanted
+    accuracy      relative, allowed in G' and in G'' of each load
+    loads         one or, for the tensor, those of `symmetric_loads`; that of the pencil if not given
+    field_omega   those of omega at which fields are wanted, of a single load
     parallel      what ranks share: "shifts", "matrix" or "auto"
 
     Raises InputError where a factorisation shows that K has negative modes, ConvergenceError where the accuracy cannot
     be certified.
     """
-    session = current()
-    with session.stage("assembly"):
-        sweep = RationalSweep(pencil, omega, accuracy, parallel)
-    with _FloppyModesExplained(pencil), Progress(None, "sweep", session.rank) as progress:
+    loads, steps, sweeps = list(loads or [pencil.load]), dict(resume or {}), []
+    with _FloppyModesExplained(pencil), Progress(None, "sweep", current().rank) as progress:
         try:
-            _grow(sweep, dict(resume or {}), save, progress)
+            for number, load in enumerate(loads):
+                factors = sweeps[0].factors if sweeps else None
+                with current().stage("assembly"):
+                    sweeps.append(RationalSweep(pencil.under(load), omega, accuracy, parallel, factors))
+                _grow(sweeps[-1], number, steps, save, progress)
         except NotPositiveDefinite as error:
             raise InputError(f"{error.message(named)}; use {named('method')} direct") from None
-    galerkin, certificate = sweep.galerkin, sweep.certificate
+    galerkins, certificates = (
+        [getattr(sweep, name) for sweep in sweeps] for name in ("galerkin", "certificate")
+    )
+    work = {"factorisations": sweeps[0].factorisations, "vectors": sum(sweep.basis.size for sweep in sweeps)}
+    first = sweeps[0]
+    if len(loads) > 1:
+        del sweeps
+        with current().stage("projection"):
+            projection = TensorProjection(galerkins)
+            tensor = TensorModuli(*projection.certify(certificates), projection.reduced)
+        return ModulusSweep(first.omega, *_mean_shear(tensor), [], {}, **work, tensor=tensor)
+    galerkin, certificate = first.galerkin, first.certificate
     fields = [
-        DisplacementField(at, *pencil.split(galerkin.field(at)), galerkin.field_bound(at, sweep.error_at(at)))
+        DisplacementField(at, *pencil.split(galerkin.field(at)), galerkin.field_bound(at, first.error_at(at)))
         for at in field_omega
     ]
-    reduced = {name: getattr(galerkin.spectrum, name) for name in ("G0", "eta_inf", "rates", "weights")}
     return ModulusSweep(
-        sweep.omega, certificate.G, certificate.bounds, fields, {},
-        sweep.factorisations, sweep.basis.size, reduced,
-    )  # fmt: skip
+        first.omega, certificate.G, certificate.bounds, fields, {}, **work, spectrum=galerkin.spectrum
+    )
 
 
-def _grow(sweep, steps, save, progress):
-    """Extend the basis shift by shift until all is certified."""
-    if steps:
-        _restore(sweep, steps)
-    step = len(steps)
+def _mean_shear(tensor):
+    """(G (M,), bounds (M, 3)) of the shear modulus averaged over all directions."""
+    weights = np.abs(shear_weights(dimension_of(tensor.C)))
+    bound = np.sum(weights * tensor.bounds, axis=(-2, -1))
+    return shear_modulus(tensor.C), np.repeat(bound[:, None], 3, axis=1)
+
+
+def _grow(sweep, number, steps, save, progress):
+    """Extend the basis of load `number` shift by shift until all is certified; `steps` are those finished, of all."""
+    own = {step: arrays for step, arrays in steps.items() if arrays[0]["load"] == number}
+    if own:
+        _restore(sweep, own)
     while shifts := sweep.next_shifts():
         before = sweep.basis.size if sweep.basis else 0
         with current().stage("shift"):
             sweep.add_shifts(shifts)
+        step = max(steps, default=-1) + 1
+        record, arrays = _rational_step(sweep, before)
+        steps[step] = record | {"load": number}, arrays
         if save is not None:
-            save(step, *_rational_step(sweep, before))
-        step += 1
+            save(step, *steps[step])
         listed = ", ".join(f"{shift:.2e}" for shift in shifts)
         progress.step(
             f"shift {listed}  vectors {sweep.basis.size}  worst bound / allowed {sweep.worst():.1e}"
@@ -114,7 +149,7 @@ def _restore(sweep, steps):
     records, arrays = zip(*(steps[number] for number in sorted(steps)), strict=True)
     vectors = np.concatenate([array["vectors"] for array in arrays])
     shifts = np.concatenate([record["shifts"] for record in records])
-    last = {field.name: arrays[-1].get(field.name) for field in dataclasses.fields(Certified)}
+    last = {field.name: arrays[-1].get(field.name) for field in fields(Certified)}
     certificate = None if last["G"] is None else Certified(**last)
     owner = dict(records[-1]["owner"])
     sweep.restore(records[0]["first"], arrays[0]["x0"], vectors, shifts, owner, certificate)
@@ -124,6 +159,7 @@ def sweep_directly(
     pencil: Pencil,
     omega,
     accuracy: float,
+    loads=None,
     field_omega=(),
     positive_semidefinite: bool = False,
     resume: dict | None = None,
@@ -131,14 +167,14 @@ def sweep_directly(
 ) -> ModulusSweep:
     """One complex solve per frequency, see `direct`; steps are the numbers of frequencies. Collective.
 
-    omega, accuracy, field_omega   as for `sweep_rationally`
-    positive_semidefinite          whether K is known to be
+    omega, accuracy, loads, field_omega   as for `sweep_rationally`
+    positive_semidefinite                 whether K is known to be
 
     Raises ConvergenceError if all frequencies fail.
     """
     session, steps, failures, factorisations = current(), dict(resume or {}), {}, 0
     with session.stage("assembly"):
-        solver = FrequencySolver(pencil, positive_semidefinite=positive_semidefinite)
+        solver = FrequencySolver(pencil, positive_semidefinite=positive_semidefinite, loads=loads)
     missing = [index for index in range(len(omega)) if index not in steps]
     with (
         _FloppyModesExplained(pencil),
@@ -150,15 +186,16 @@ def sweep_directly(
             at, before = float(omega[index]), solver.factorisations
             try:
                 with session.stage("frequency"):
-                    result = solver.solve(at, accuracy)
+                    results = solver.solve_loads(at, accuracy)
             except ConvergenceError as error:
                 failures[at] = error
                 factorisations += solver.factorisations - before
                 progress.step(f"failed: {error}")
                 continue
-            steps[index] = _direct_step(solver, result, solver.factorisations - before, at in field_omega)
+            steps[index] = _direct_step(solver, results, solver.factorisations - before, at in field_omega)
             if save is not None:
                 save(index, *steps[index])
+            result = results[0]
             progress.step(
                 f"omega {at:.3e}  G' {result.G.real:.6e}  G'' {result.G.imag:.6e}  bound {result.bounds[0]:.1e}  "
                 f"iterations {solver.iterations}"
@@ -174,22 +211,27 @@ def sweep_directly(
         for index, (record, arrays) in sorted(steps.items())
         if omega[index] in field_omega
     ]
-    return ModulusSweep(
+    omega, factorisations = (
         np.asarray(omega)[solved],
-        *(np.array([record[name] for record in records]) for name in ("G", "bounds")),
-        fields,
-        failures,
         factorisations + sum(record["factorisations"] for record in records),
     )
+    if "C" in records[0]:
+        tensor = TensorModuli(*(np.array([record[name] for record in records]) for name in ("C", "C_bounds")))
+        return ModulusSweep(omega, *_mean_shear(tensor), fields, failures, factorisations, tensor=tensor)
+    moduli = (np.array([record[name] for record in records]) for name in ("G", "bounds"))
+    return ModulusSweep(omega, *moduli, fields, failures, factorisations)
 
 
-def _direct_step(solver, result, factorisations, has_field):
+def _direct_step(solver, results, factorisations, has_field):
     """(record, arrays) of one frequency."""
-    bound = solver.singular_bound
+    result, bound = results[0], solver.singular_bound
     record = {
         "G": result.G, "bounds": result.bounds, "singular_bound": (bound.omega, bound.least),
         "factorisations": factorisations,
     }  # fmt: skip
+    if len(results) > 1:
+        C, bounds = tensor_at(solver.functionals, solver.trials, results)
+        return record | {"C": C, "C_bounds": bounds}, None
     if not has_field:
         return record, None
     displacement, rotation = solver.pencil.split(solver.x)

@@ -40,10 +40,13 @@ class RationalSweep:
 
     When no shifts are left, `certificate` has what was found.
 
-    omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each; parallel as for `Factors`.
+    omega (M,) increasing; accuracy: relative, allowed in G' and in G'' each; parallel as for `Factors`; factors: of the
+    same K and B, made for another load, which this sweep uses and adds to.
     """
 
-    def __init__(self, pencil: Pencil, omega, accuracy: float, parallel: str = "auto"):
+    def __init__(
+        self, pencil: Pencil, omega, accuracy: float, parallel: str = "auto", factors: Factors | None = None
+    ):
         self.pencil, self.accuracy = pencil, accuracy
         self.comm = pencil.network.comm
         self.omega = self.comm.bcast(np.asarray(omega, float))
@@ -52,7 +55,7 @@ class RationalSweep:
         if not np.isfinite(self.rate):
             of_K, of_B = pencil.largest
             self.rate = of_K / of_B
-        self.factors = Factors(pencil, parallel)
+        self.factors = factors or Factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
         self.certificate: Certified | None = None  # the last of so many, of the solution `galerkin`:
@@ -163,7 +166,7 @@ class RationalSweep:
         if self.basis is None:
             first, x0 = np.inf, np.zeros(self.pencil.K.getLocalSize()[0])  # where only a fluid dissipates
             if self.pencil.law.damps_contacts:
-                first, x0 = self.factors.field(shifts[0])
+                first, x0 = self.factors.field(self.pencil, shifts[0])
             self._set_basis(RationalBasis(self.pencil, first, x0))
         self.factors.extend(self.basis, shifts, VECTORS)
         self._renew_estimate()

@@ -5,6 +5,7 @@ side by side  every rank holds all of K + sB and factorises a shift of its own: 
 """
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -119,11 +120,23 @@ class Factors:
             for s in filter(self._is_mine, new):
                 self._factor(s)
 
-    def field(self, s: float):
-        """(shift, x): the field x (n_local,) at the shift next to s that there is a factor of, see `field_at`."""
+    def field(self, pencil: Pencil, s: float):
+        """(shift, x): the field x (n_local,) at the shift next to s that there is a factor of, see `field_at`.
+
+        pencil   with the load; its K and B are those of the factors
+        """
         s = closest(self.owner, s)
-        x = self._by_owner(s, lambda factor: field_at(self.whole, factor, s))
+        border = SimpleNamespace(k_gamma=self._border(pencil.k_gamma), b_gamma=self._border(pencil.b_gamma))
+        x = self._by_owner(s, lambda factor: field_at(border, factor, s))
         return s, self._scatter(x, self.owner[s])
+
+    def _border(self, vector):
+        """All entries of a border vector, as the factors have them."""
+        if not self._alone:
+            return vector
+        whole = self.whole.K.createVecRight()
+        whole.setArray(self._gather(vector.getArray()))
+        return whole
 
     def extend(self, basis: RationalBasis, shifts, count: int) -> None:
         """Add `count` vectors at each shift; side by side their chains grow at the same time."""

@@ -1,0 +1,57 @@
+"""Moduli that do not depend on axes, from elastic constants C in the order xx, yy, (zz, yz, xz,) xy.
+
+C (…, L, L), real or complex, with L = D(D + 1)/2, are those of the energy along F = 1 + εE, shears with
+E = ½(x̂ŷ + ŷx̂).
+"""
+
+import numpy as np
+
+
+def dimension_of(C) -> int:
+    """D of elastic constants (…, L, L)."""
+    return {3: 2, 6: 3}[np.shape(C)[-1]]
+
+
+def modulus_along(C, gradient):
+    """E:C:E of a symmetric gradient E (D, D), (…)."""
+    D = len(gradient)
+    shears = [(1, 2), (0, 2), (0, 1)][3 - D * (D - 1) // 2 :]
+    amplitudes = [*np.diag(gradient), *(2.0 * gradient[a][b] for a, b in shears)]
+    return np.einsum("a,...ab,b->...", amplitudes, C, amplitudes)
+
+
+def bulk_modulus(C, pressure: float):
+    """−V dp/dV = M(1/D) + p (D − 1)/D, (…); M(1/D) is the mean of the constants among xx, yy, (zz)."""
+    D = dimension_of(C)
+    return np.mean(np.asarray(C)[..., :D, :D], axis=(-2, -1)) + pressure * (D - 1) / D
+
+
+def shear_weights(dimension: int):
+    """Weights (L, L) of the constants in the shear modulus averaged over all directions."""
+    D = dimension
+    shears = D * (D - 1) // 2
+    weights = np.zeros((D + shears, D + shears))
+    weights[:D, :D] = (np.eye(D) * D - 1.0) / D
+    weights[range(D, D + shears), range(D, D + shears)] = 2.0
+    return weights / ((D - 1) * (D + 2))
+
+
+def shear_modulus(C):
+    """The shear modulus averaged over all directions, (…): in 2D the mean of pure shear and of symmetric shear xy."""
+    return np.einsum("ab,...ab->...", shear_weights(dimension_of(C)), C)
+
+
+def anisotropy(C):
+    """|C − C_iso|/|C|, (…): how far C is from its isotropic part, in the norm Σ |C_ijkl|²; 0 if it is isotropic."""
+    C, D = np.asarray(C), dimension_of(C)
+    scale = np.array([1.0] * D + [np.sqrt(2.0)] * (C.shape[-1] - D))  # a shear stands for xy and yx
+    weighted = C * np.outer(scale, scale)
+    volume = np.zeros(C.shape[-1:])
+    volume[:D] = 1.0 / np.sqrt(D)
+    volumetric = np.outer(volume, volume)
+    deviatoric = np.eye(C.shape[-1]) - volumetric
+    dilation = np.einsum("ab,...ab->...", volumetric, weighted)
+    shear = 2.0 * shear_modulus(C)
+    isotropic = dilation[..., None, None] * volumetric + shear[..., None, None] * deviatoric
+    size = np.linalg.norm(weighted, axis=(-2, -1))
+    return np.linalg.norm(weighted - isotropic, axis=(-2, -1)) / size

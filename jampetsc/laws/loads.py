@@ -1,0 +1,167 @@
+"""Loads: displacement gradients E (D, D) that strain a packing, u_i = ũ_i + ε E x_i with the amplitude ε.
+
+The modulus of a load is that of the energy along F = 1 + εE, M_E = V⁻¹ d²U/dε², and its viscous part. For E with the
+symmetric part s, elastic constants C of symmetric loads and the stress σ (compression negative), exactly
+
+    M_E = s:C:s + σ : (EᵀE − s²) ,      so for E = x̂ŷ      G = C_xyxy + (3σ_yy − σ_xx)/4 .
+
+Coefficients of the Cauchy stress against strain (Barron & Klein, Proc. Phys. Soc. 85, 523 (1965)) differ from C by
+terms of the order of σ.
+
+    xy, yx, …       simple shear E = x̂ŷ, u_x = ε y
+    pure-xy, …      pure shear along the axes, E = ½(x̂x̂ − ŷŷ)
+    compression     E = 1/D, amplitude: change of the volume, relative
+    xx, yy, …       one axis, E = x̂x̂
+    D² numbers      the rows of E
+    tensor          all symmetric loads xx, yy, (zz, yz, xz,) xy in this order, shears with E = ½(x̂ŷ + ŷx̂)
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.errors import InputError, named
+
+AXES = "xyz"
+TENSOR = "tensor"
+DEFAULT = "xy"
+DIMENSIONS = (2, 3)
+STRESS_MEASURE = "energy along F = 1 + eps E"  # of moduli, as files say it
+
+
+@dataclass(frozen=True)
+class Load:
+    """A displacement gradient with a name.
+
+    name    as `load` takes it
+    rows    rows of E, D tuples of D numbers
+    """
+
+    name: str
+    rows: tuple
+
+    @property
+    def gradient(self):
+        """E (D, D)."""
+        return np.array(self.rows, float)
+
+    @property
+    def dimension(self) -> int:
+        """D."""
+        return len(self.rows)
+
+    @property
+    def deviator(self):
+        """Traceless symmetric part of E, (D, D)."""
+        symmetric = 0.5 * (self.gradient + self.gradient.T)
+        return symmetric - np.trace(symmetric) / self.dimension * np.eye(self.dimension)
+
+    def imposed(self, bonds):
+        """E r of bonds r (M, D): how far a unit amplitude moves their ends apart, (M, D)."""
+        return bonds @ self.gradient.T
+
+
+def fluid_dissipation(one: Load, other: Load) -> float:
+    """2 s′:s″ of the deviators of two loads: an incompressible fluid of viscosity 1 dissipates as much per volume."""
+    return 2.0 * float(np.sum(one.deviator * other.deviator))
+
+
+def _load(name, gradient) -> Load:
+    return Load(name, tuple(map(tuple, np.asarray(gradient, float).tolist())))
+
+
+def _dyad(first, second, dimension):
+    gradient = np.zeros((dimension, dimension))
+    gradient[AXES.index(first), AXES.index(second)] = 1.0
+    return gradient
+
+
+def simple_shear(dimension: int = 2, plane: str = "xy") -> Load:
+    """u_x = ε y in the plane xy: E = x̂ŷ."""
+    return _load(plane, _dyad(*plane, dimension))
+
+
+def pure_shear(dimension: int = 2, plane: str = "xy") -> Load:
+    """Shear along the axes of a plane: E = ½(x̂x̂ − ŷŷ)."""
+    first, second = plane
+    return _load(f"pure-{plane}", 0.5 * (_dyad(first, first, dimension) - _dyad(second, second, dimension)))
+
+
+def compression(dimension: int = 2) -> Load:
+    """The same change of length along all axes: E = 1/D, amplitude: relative change of the volume."""
+    return _load("compression", np.eye(dimension) / dimension)
+
+
+def uniaxial(dimension: int = 2, axis: str = "x") -> Load:
+    """Change of length along one axis: E = x̂x̂."""
+    return _load(2 * axis, _dyad(axis, axis, dimension))
+
+
+def symmetric_loads(dimension: int = 2) -> tuple[Load, ...]:
+    """The D(D + 1)/2 loads of the elastic tensor: xx, yy, (zz, yz, xz,) xy, shears with E = ½(x̂ŷ + ŷx̂)."""
+    axes = AXES[:dimension]
+    shears = [pair for pair in ("yz", "xz", "xy") if set(pair) <= set(axes)]
+    loads = [uniaxial(dimension, axis) for axis in axes]
+    for first, second in shears:
+        gradient = 0.5 * (_dyad(first, second, dimension) + _dyad(second, first, dimension))
+        loads.append(_load(f"symmetric-{first}{second}", gradient))
+    return tuple(loads)
+
+
+def named_loads(dimension: int) -> dict[str, Load]:
+    """{name: Load} of all single loads with a name."""
+    axes = AXES[:dimension]
+    loads = [simple_shear(dimension, a + b) for a, b in itertools.permutations(axes, 2)]
+    loads += [pure_shear(dimension, a + b) for a, b in itertools.combinations(axes, 2)]
+    loads += [uniaxial(dimension, axis) for axis in axes]
+    return {load.name: load for load in (*loads, compression(dimension))}
+
+
+def load_text(value) -> str:
+    """A load as text: its name, "tensor", or D² numbers with commas; from text, a `Load` or an array (D, D).
+
+    Raises InputError for a name that is not in the list above, and for numbers that are no displacement gradient.
+    """
+    if isinstance(value, Load):
+        known = named_loads(value.dimension).get(value.name)
+        return value.name if known == value else _numbers_text(np.ravel(value.rows))
+    if isinstance(value, str):
+        names = {TENSOR, *(name for dimension in DIMENSIONS for name in named_loads(dimension))}
+        if value in names:
+            return value
+    words = value.split(",") if isinstance(value, str) else np.ravel(np.asarray(value, object)).tolist()
+    try:
+        return _numbers_text([float(word) for word in words])
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{named('load')} {value}: no load of this name. Give {', '.join(named_loads(2))}, {TENSOR}, or "
+            "the D² numbers of a displacement gradient, row by row."
+        ) from None
+
+
+def _numbers_text(numbers):
+    numbers = np.asarray(numbers, float)
+    if len(numbers) not in [dimension**2 for dimension in DIMENSIONS]:
+        raise InputError(
+            f"{named('load')}: {len(numbers)} numbers. Give D² of them, 4 in two dimensions, row by row."
+        )
+    if not np.isfinite(numbers).all() or not numbers.any():
+        raise InputError(f"{named('load')}: numbers must be finite, and not all zero. Give another gradient.")
+    return ",".join(repr(float(number)) for number in numbers)
+
+
+def loads_of(text: str, dimension: int) -> tuple[Load, ...]:
+    """The loads that a text of `load_text` stands for: one, or those of the tensor.
+
+    Raises InputError for a load of another dimension.
+    """
+    if text == TENSOR:
+        return symmetric_loads(dimension)
+    known = named_loads(dimension)
+    if text in known:
+        return (known[text],)
+    numbers = None if text[:1].isalpha() else np.array(text.split(","), float)
+    if numbers is None or len(numbers) != dimension**2:
+        raise InputError(f"{named('load')} {text}: not a load in {dimension} dimensions. Give another one.")
+    return (_load(text, numbers.reshape(dimension, dimension)),)
