@@ -27,7 +27,10 @@ _HOMES = {  # name -> module, of the names that are not jobs
     "load": "jampetsc.io.reader",
     "plot": "jampetsc.plots.draw",
 }
-_MODULES = {"models": "jampetsc.laws.flow_models"}  # models.CD0() and others, of flow
+_MODULES = {
+    "loads": "jampetsc.laws.loads",  # loads.compression() and others, of sweep, quasistatic, modes and assemble
+    "models": "jampetsc.laws.flow_models",  # models.CD0() and others, of flow
+}
 _FUNCTIONS = [name for name in JOBS if name != "import"]  # a keyword of python: import_packing instead
 
 __all__ = ["__version__", *_HOMES, *_MODULES, *_FUNCTIONS]

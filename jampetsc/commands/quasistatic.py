@@ -6,10 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from jampetsc.analysis.elasticity import anisotropy, shear_modulus
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
 from jampetsc.options.law_options import PackingJob
+from jampetsc.options.load_options import load_parameter
 from jampetsc.options.parameters import optional_parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import Numbers, number_list
@@ -22,10 +25,13 @@ SCAN = ("beta", "eta0", "no_prestress_eta0", "eta_inf")  # columns of `Quasistat
 
 @dataclass(frozen=True, eq=False)
 class Quasistatic(PackingJob):
-    """Fields, moduli and viscosities of the limit of slow shear.
+    """Fields, moduli and viscosities of the limit of slow shear, or of another slow load.
 
     The motion of touching disks relative to each other, Δu∥ and Δu⊥, and the non-affine displacement of every disk, per
     unit strain, with medians, means, rms and histograms; G₀, bulk modulus, η₀ = lim G''/ω and η_∞ (BT eqs. 18–24).
+    Moduli are those of the energy along F = 1 + εE, for the displacement gradient E of the load; the bulk modulus is
+    −V dp/dV. With load tensor the fields are those of simple shear xy, and the constants C₀, η₀ and η_∞ between the
+    symmetric loads xx, yy, xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added.
     Numbers whose names have no_prestress are those without the pre-stress of K.
     """
 
@@ -33,11 +39,13 @@ class Quasistatic(PackingJob):
     EPILOG: ClassVar = """examples:
   jampetsc quasistatic p.h5 --out slow.h5
   jampetsc quasistatic p.h5 --betas 1e-4,1e-2,1 --out betas.h5
+  jampetsc quasistatic p.h5 --load tensor --out C.h5
 
 PETSc options: -shift_… for the factorisations."""
 
     SOLVERS: ClassVar = ("shift_", "inertia_")
 
+    load: str = load_parameter("also the elastic constants and viscosities between all symmetric loads")
     betas: Numbers | None = optional_parameter(
         "also η₀ and η_∞ at these β, from the same fields (contact law)",
         value_type=number_list(0.0, MAX_WEIGHT, "b1,b2,…"),
@@ -62,14 +70,20 @@ PETSc options: -shift_… for the factorisations."""
         started, session = time.perf_counter(), current()
         source = read_network(self.packing, self.prestress, to, started)
         with about(source.name):
-            found = solve_quasistatic(
-                source.network, self.law, () if self.betas is None else self.betas.tolist()
-            )
-        notes = unstable_to_shear(found.responses[""].G0, "G0")
+            betas, dimension = () if self.betas is None else self.betas.tolist(), len(source.disks.cell)
+            (load,) = loads_of(DEFAULT if self.load == TENSOR else self.load, dimension)
+            tensor = loads_of(TENSOR, dimension) if self.load == TENSOR else ()
+            found = solve_quasistatic(source.network, self.law, betas, load, tensor)
+        notes = unstable_to_shear(found.responses[""].G0, "G0") if load.is_shear else []
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
             _write(writer, found)
-            writer.attributes(**source.record(self.physics.parameters), notes=noted(notes))
-        return "\n".join([_summary(to, self.physics, found), *note_lines(notes)])
+            writer.attributes(
+                **source.record(self.physics.parameters),
+                load=self.load,
+                stress_measure=STRESS_MEASURE,
+                notes=noted(notes),
+            )
+        return "\n".join([_summary(to, self.physics, found, self.load), *note_lines(notes)])
 
 
 def _write(writer, found):
@@ -97,13 +111,20 @@ def _write(writer, found):
             }
         writer.attributes(**{f"{prefix}{key}": value for key, value in values.items()})
     writer.attributes(eta_inf=found.eta_inf)
+    for name, tensor in found.tensors.items():
+        group, prefix = (f"{name}/", f"{name}_") if name else ("", "")
+        for key in ("C0", "eta0") if name else ("C0", "eta0", "eta_inf"):
+            writer.dataset(f"{group}{key}", getattr(tensor, key))
+        shear, deviation = shear_modulus(tensor.C0), anisotropy(tensor.C0)
+        writer.attributes(**{f"{prefix}shear_modulus": shear, f"{prefix}anisotropy": deviation})
     for name, column in zip(SCAN, found.scan.T, strict=True) if len(found.scan) else ():
         writer.dataset(f"beta_scan/{name}", column)
 
 
-def _summary(to, physics, outcome) -> str:
+def _summary(to, physics, outcome, load=DEFAULT) -> str:
     """The summary."""
-    lines = [f"{to}: {physics}, eta_inf = {outcome.eta_inf:.6g}"]
+    of_load = "" if load == DEFAULT else f", load {load}"
+    lines = [f"{to}: {physics}{of_load}, eta_inf = {outcome.eta_inf:.6g}"]
     for name, response in outcome.responses.items():
         found = outcome.distributions[name]
         stress = "pre-stress" if response.network.prestress else "no pre-stress"
@@ -119,4 +140,10 @@ def _summary(to, physics, outcome) -> str:
             )
             + f"; identity kept to {response.identity_difference:.0e}",
         ]
+        if name in outcome.tensors:
+            tensor = outcome.tensors[name]
+            lines.append(
+                f"    shear modulus averaged over all directions {shear_modulus(tensor.C0):.6g}, anisotropy "
+                f"{anisotropy(tensor.C0):.2g}"
+            )
     return "\n".join(lines)

@@ -7,12 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 
+from jampetsc.analysis.elasticity import anisotropy, bulk_modulus
 from jampetsc.analysis.statistics import relative_bound
 from jampetsc.errors import ConvergenceError, InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.laws.equivalent_damping import EquivalentDamping
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
 from jampetsc.options.law_options import PackingJob
+from jampetsc.options.load_options import is_shear, load_parameter
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import FREQUENCIES, Numbers
@@ -30,7 +33,11 @@ of_power_law = partial(optional_parameter, group=POWER_LAW)
 
 @dataclass(frozen=True, eq=False)
 class Sweep(PackingJob):
-    """Complex modulus G*(ω) of a packing under oscillatory shear.
+    """Complex modulus G*(ω) of a packing under oscillatory shear or another load.
+
+    A modulus is that of the energy along F = 1 + εE, for the displacement gradient E of the load. With load tensor all
+    elastic constants C*(ω) of the symmetric loads xx, yy, xy, whose shears are E = ½(x̂ŷ + ŷx̂), from the same
+    factorisations, and the bulk modulus −V dp/dV and the shear modulus averaged over all directions.
 
     Each value comes with a bound on its error (BT eqs. 10–15; docs/theory/linear_response.md). Method `rational` gets
     the whole spectrum from a few real factorisations, `direct` solves K + iωB at every frequency.
@@ -52,6 +59,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         "rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency",
         choices=("rational", "direct"),
     )
+    load: str = load_parameter("all elastic constants C*(ω)")
     accuracy: float = parameter(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
     parallel: str | None = optional_parameter(
         "rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
@@ -74,6 +82,15 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             raise InputError(
                 f"{named('parallel')} {self.parallel}: belongs to {named('method')} rational; with direct all ranks "
                 "share each solve"
+            )
+        if self.fields is not None and self.load == TENSOR:
+            raise InputError(
+                f"{named('fields')}: not stored with {named('load')} {TENSOR}. Give a single {named('load')}, or leave "
+                f"{named('fields')} out."
+            )
+        if self.alpha is not None and self.load != DEFAULT:
+            raise InputError(
+                f"{named('load')} {self.load}: power-law damping is for simple shear xy. Leave {named('alpha')} out."
             )
         if self.alpha is None and self.stress is not None:
             raise InputError(
@@ -140,6 +157,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             "method": method,
             "accuracy": self.accuracy,
             "fields": frequencies.of_fields,
+            "load": self.load,
             "ranks": ranks if len(frequencies.of_fields) or method == "rational" else None,
         }
 
@@ -166,9 +184,11 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             found = self._solve(source, frequencies, method, minimum, checkpoint)
         notes = notes_of(self, source.disks, frequencies.asked(found.omega), found)
         with to.writer(self.FORMAT, session.current().comm) as writer:
-            _write(writer, frequencies, found, source.network.particles, self.damping is not None)
+            _write_moduli(writer, frequencies, found, source, self.damping is not None)
             writer.attributes(
                 **source.record(self.parameters),
+                load=self.load,
+                stress_measure=STRESS_MEASURE,
                 method=method,
                 accuracy=self.accuracy,
                 positive_semidefinite=minimum.description,
@@ -198,6 +218,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             "omega": frequencies.solved,
             "accuracy": self.accuracy,
             "field_omega": frequencies.of_fields,
+            "loads": loads_of(self.load, source.disks.cell.shape[0]),
         }
         if checkpoint.done and session.current().rank == 0:
             what = "shifts" if method == "rational" else "frequencies"
@@ -233,8 +254,8 @@ class SweepFrequencies:
         return self.experiment[np.searchsorted(self.solved, omega)]
 
 
-def _write(writer, frequencies, found, particles, is_power_law) -> None:
-    """Put the arrays of a `ModulusSweep` of these disks (n_local,) into a result. Collective."""
+def _write_moduli(writer, frequencies, found, source, is_power_law) -> None:
+    """Put the arrays of a `ModulusSweep` of a `PackingNetwork` into a result. Collective."""
     writer.dataset("omega", frequencies.asked(found.omega))
     if is_power_law:
         writer.dataset("equivalent_omega", found.omega)
@@ -244,10 +265,12 @@ def _write(writer, frequencies, found, particles, is_power_law) -> None:
     if found.spectrum is not None:
         for name in ("G0", "eta_inf", "rates", "weights"):
             writer.dataset(f"reduced/{name}", getattr(found.spectrum, name))
+    if found.tensor is not None:
+        _write_tensor(writer, found.tensor, source.network)
     if not found.fields:
         return
     writer.dataset("fields/omega", frequencies.asked([field.omega for field in found.fields]))
-    writer.distributed("particles", particles)
+    writer.distributed("particles", source.network.particles)
     for field in found.fields:
         writer.append("fields/displacement", field.displacement)
         if field.rotation is not None:
@@ -255,10 +278,22 @@ def _write(writer, frequencies, found, particles, is_power_law) -> None:
     writer.dataset("fields/error_bound", np.array([field.error_bound for field in found.fields]))
 
 
+def _write_tensor(writer, tensor, network) -> None:
+    """Put `TensorModuli` of a network into a result. Collective."""
+    pressure = network.pressure if network.prestress else 0.0
+    writer.dataset("C", tensor.C)
+    writer.dataset("C_error_bound", tensor.bounds)
+    writer.dataset("bulk_modulus", bulk_modulus(tensor.C, pressure))
+    writer.dataset("anisotropy", anisotropy(tensor.C))
+    if tensor.reduced is not None:
+        for name, values in vars(tensor.reduced).items():
+            writer.dataset(f"reduced_tensor/{name}", values)
+
+
 def notes_of(job, disks, omega, found) -> list[str]:
     """Notes on a `ModulusSweep` of disks at frequencies omega (M,) of the experiment, see `io.results`."""
     notes, G, highest = [], found.G, found.G.real + found.bounds[:, 1]
-    if highest.min() < 0.0:  # by more than its bound
+    if highest.min() < 0.0 and is_shear(job.load):  # by more than its bound
         worst = int(np.argmin(highest))
         notes += unstable_to_shear(G.real[worst], f"G' at omega {omega[worst]:.3g}")
     if job.damping is not None:
@@ -280,13 +315,19 @@ def _summary(job, to, frequencies, found, certified) -> str:
         relative_bound(bound, part).max() for bound, part in ((bounds[:, 1], G.real), (bounds[:, 2], G.imag))
     )
     lines = [
-        f"{to}: {job.physics}, {len(omega)} frequencies, "
+        f"{to}: {job.physics}{'' if job.load == DEFAULT else f', load {job.load}'}, {len(omega)} frequencies, "
         f"{'certified' if certified else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''"
     ]
     lines += [
         f"  omega {omega[end]:.3g}: G' = {G[end].real:.6g}, G'' = {G[end].imag:.6g}"
         for end in ((0, -1) if len(omega) > 1 else (0,))
     ]
+    if found.tensor is not None:
+        C = np.array2string(found.tensor.C[0].real, precision=6).replace("\n", "\n    ")
+        lines += [
+            "  G: shear modulus averaged over all directions",
+            f"  C' at omega {omega[0]:.3g}:\n    {C}",
+        ]
     return "\n".join(lines + (_damping_lines(job.damping, frequencies, G) if job.damping else []))
 
 

@@ -1,9 +1,11 @@
 """`load`: any jampetsc file as an object with numpy arrays. Needs neither PETSc nor MPI."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
+from jampetsc.analysis.reduced_tensor import ReducedTensor
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError, about, named
 from jampetsc.io import packing_file
@@ -14,6 +16,7 @@ from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
 from jampetsc.laws.equivalent_damping import EquivalentDamping
+from jampetsc.laws.loads import loads_of
 from jampetsc.packing.packing import PLACES, Packing, deformed
 from jampetsc.packing.potentials import Potential
 
@@ -49,6 +52,18 @@ class SweepResult(Result):
         return self.G.imag
 
     @property
+    def shear_modulus(self):
+        """Shear modulus (M,), complex; of a tensor averaged over all directions. Raises InputError for other loads."""
+        if not ("C" in self or all(load.is_shear for load in loads_of(self.load, 2))):
+            raise InputError(f"{self.path}: load {self.load} is no shear. Give a sweep of load xy or tensor.")
+        return self.G
+
+    @property
+    def load(self) -> str:
+        """The load as text, see `jampetsc.loads`."""
+        return str(self.attributes.get("load", "xy"))
+
+    @property
     def fields(self) -> Fields:
         """The stored displacement fields. Raises InputError if the sweep was run without --fields."""
         if "fields/omega" not in self:
@@ -56,7 +71,7 @@ class SweepResult(Result):
         return Fields(self)
 
     def modulus(self, omega):
-        """G*(ω), complex, in the shape of `omega`: the stored value where there is one.
+        """G*(ω), complex, in the shape of `omega`: the stored value where there is one; of a tensor C*(ω), (…, L, L).
 
         Elsewhere from the relaxation spectrum that a rational sweep stores in the group `reduced`, under
         power-law damping at the equivalent frequency; beyond the swept range without a certificate.
@@ -66,10 +81,10 @@ class SweepResult(Result):
         if not np.isfinite(frequencies).all():
             raise InputError(f"omega = {frequencies[~np.isfinite(frequencies)][0]:g}: must be finite")
         nearest = np.abs(frequencies[..., None] - self.omega).argmin(axis=-1)
-        values = self.G[nearest]
+        values = self["C"][nearest] if "C" in self else self.G[nearest]
         elsewhere = np.abs(self.omega[nearest] - frequencies) > _FREQUENCY_TOLERANCE * np.abs(frequencies)
         if elsewhere.any():
-            if "reduced/rates" not in self:
+            if not {"reduced/rates", "reduced_tensor/rates"} & set(self):
                 raise InputError(
                     f"{self.path}: omega = {frequencies[elsewhere][0]:g} is not one of its {len(self.omega)} "
                     f"frequencies, {self.omega.min():g} to {self.omega.max():g}: {named('method')} rational gives any"
@@ -78,8 +93,13 @@ class SweepResult(Result):
             if not np.isfinite(linear).all():
                 far = frequencies[elsewhere][~np.isfinite(linear)][0]
                 raise InputError(f"omega = {far:g}: its equivalent frequency is more than a double holds")
-            values[elsewhere] = self.spectrum.modulus(linear)
-        return values.reshape(np.shape(omega))[()]
+            reduced = self._reduced_tensor if "C" in self else self.spectrum
+            values[elsewhere] = reduced.modulus(linear)
+        return values.reshape(*np.shape(omega), *values.shape[frequencies.ndim :])[()]
+
+    @property
+    def _reduced_tensor(self) -> ReducedTensor:
+        return ReducedTensor(*(self[f"reduced_tensor/{field.name}"] for field in fields(ReducedTensor)))
 
     @property
     def damping(self) -> EquivalentDamping | None:

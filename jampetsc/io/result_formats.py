@@ -20,8 +20,21 @@ reduced/G0 | scalar | float? | k | of the rational method: G₀, so that
 reduced/eta_inf | scalar | float? | kτ₁ | η_∞
 reduced/rates | (m,) | float? | 1/time | λ_m
 reduced/weights | (m,) | float? | k | g_m
+C | (M, L, L) | complex? | k | with `--load tensor`: elastic constants of the energy along F = 1 + εE, symmetric loads
+  in the order xx, yy, xy, shears with E = ½(x̂ŷ + ŷx̂); `G` is then the shear modulus averaged over all directions
+C_error_bound | (M, L, L) | float? | k | bound on \|ΔC\|
+bulk_modulus | (M,) | complex? | k | −V dp/dV = mean of C among xx, yy, plus p/2 (only with pre-stress)
+anisotropy | (M,) | float? | | \|C − C_iso\|/\|C\|, C_iso the isotropic part of C
+reduced_tensor/K | (c, c) | float? | k | of the rational method: K between the columns of all loads, over V, so that
+  C = w(ω)ᵀ(K + iωB)w(ω) at any ω, w = 1 for a quasistatic field and −iωh/(λ + iω) for a mode, 0 for other loads
+reduced_tensor/B | (c, c) | float? | kτ₁ | B between them
+reduced_tensor/rates | (c,) | float? | 1/time | λ; inf for quasistatic fields
+reduced_tensor/forces | (c,) | float? | | h
+reduced_tensor/loads | (c,) | int? | | number of the load of each column
 """,
     attributes=r"""
+load | text? | | the displacement gradient E: a name, its numbers, or `tensor`; missing: simple shear `xy`
+stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε² and its viscous part
 method | text | | rational or direct
 accuracy | float | | relative error asked for
 positive_semidefinite | text | | whether K has no negative modes, and how that is known
@@ -48,6 +61,11 @@ histogram/*/counts | (B,) | int | | numbers in them
 beta_scan/beta | (b,) | float? | | with `--betas`: β
 beta_scan/eta0, beta_scan/eta_inf | (b,) | float? | kτ₁ | η₀ and η_∞ there
 beta_scan/no_prestress_eta0 | (b,) | float? | kτ₁ | η₀ of K without pre-stress
+C0 | (L, L) | float? | k | with `--load tensor`: elastic constants of the energy along F = 1 + εE, symmetric loads in
+  the order xx, yy, xy, shears with E = ½(x̂ŷ + ŷx̂)
+eta0, eta_inf | (L, L) | float? | kτ₁ | likewise η₀ and η_∞ between the loads
+no_prestress/C0 | (L, L) | float? | k | likewise
+no_prestress/eta0 | (L, L) | float? | kτ₁ | likewise
 no_prestress/nonaffine | (n, 2) | float? | length | as the same datasets above, of K without pre-stress
 no_prestress/rotation | (n,) | float? | | likewise
 no_prestress/contacts/* | (c,) | float? | length | likewise
@@ -55,7 +73,12 @@ no_prestress/histogram/*/edges | (B + 1,) | float? | length | likewise
 no_prestress/histogram/*/counts | (B,) | int? | | likewise
 """,
     attributes=r"""
-G0, G_affine, bulk_modulus | float | k | moduli
+G0, G_affine, bulk_modulus | float | k | moduli: of the load and of its affine motion, of the energy along F = 1 + εE;
+  −V dp/dV
+load | text? | | the displacement gradient E: a name, its numbers, or `tensor`; missing: simple shear `xy`, of which the
+  fields of `tensor` are too
+stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε²
+shear_modulus, anisotropy | float? | | of `tensor`: averaged over all directions, k; \|C − C_iso\|/\|C\|
 eta0, eta_inf | float | kτ₁ | viscosities η₀ and η_∞
 eta0_* | float? | kτ₁ | the part of each term of the dissipation in η₀
 omega_star | float | 1/time | G₀/η₀

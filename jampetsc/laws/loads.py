@@ -52,6 +52,11 @@ class Load:
         return len(self.rows)
 
     @property
+    def is_shear(self) -> bool:
+        """Whether it leaves the volume as it is, to first order."""
+        return float(np.trace(self.gradient)) == 0.0
+
+    @property
     def deviator(self):
         """Traceless symmetric part of E, (D, D)."""
         symmetric = 0.5 * (self.gradient + self.gradient.T)

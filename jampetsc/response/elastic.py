@@ -15,6 +15,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.laws.damping import UNDAMPED
+from jampetsc.laws.loads import Load
 from jampetsc.network.contact_network import Network
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.shifted import ShiftedFactor
@@ -106,6 +107,12 @@ class ElasticResponse:
     def shear(self) -> Relaxed:
         """Response to a unit simple shear u_x = γ y: motions a∥, a⊥ per contact; value = G₀ V."""
         return self._respond(self.pencil.compatibility.g, "response to shear")
+
+    def respond(self, load: Load) -> Relaxed:
+        """Response to a unit amplitude of a load: motions a∥, a⊥ per contact; value = M_E(0) V."""
+        if load == self.pencil.load:
+            return self.shear()
+        return self._respond(self.pencil.compatibility.under(load).g, f"response to {load.name}")
 
     def compression(self) -> Relaxed:
         """Response to a unit isotropic expansion u = ε r: motions a∥, a⊥ per contact; value = d²U/dε²."""

@@ -18,19 +18,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.laws.damping import Law
+from jampetsc.laws.loads import simple_shear
 from jampetsc.network.contact_network import Network
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.contributions import distributions
 from jampetsc.response.elastic import ElasticResponse, Relaxed
-from jampetsc.response.viscosity import ViscousResponse, infinite_viscosity, quasistatic_flow
+from jampetsc.response.viscosity import (
+    ViscousResponse,
+    dissipation_between,
+    infinite_viscosities,
+    infinite_viscosity,
+    quasistatic_flow,
+)
 
 BARE = "no_prestress"  # name of the results for K without pre-stress, where K has it
 
 
 @dataclass(frozen=True, eq=False)
 class SlowResponse:
-    """Quasistatic response of one network under one law. Arrays hold this rank's part, per unit strain."""
+    """Quasistatic response of one network under one law and load. Arrays hold this rank's part, per unit amplitude."""
 
     network: Network
     nonaffine: np.ndarray  # (n_local, 2) u_na, without the mean of each connected piece
@@ -38,7 +45,7 @@ class SlowResponse:
     normal: np.ndarray  # (contacts_local,) Δu∥
     transverse: np.ndarray  # (contacts_local,) Δu⊥
     flow: ViscousResponse  # η₀ and the rotations
-    G0: float  # in k
+    G0: float  # M_E of the load, in k
     G_affine: float  # modulus if nothing relaxed
     bulk_modulus: float  # −V dp/dV, in k
     identity_difference: float  # relative difference of G₀V and kΣ(Δu∥)² (with pre-stress −Σ(f/r)(Δu⊥)²)
@@ -56,37 +63,65 @@ class SlowResponse:
 
 
 def solve(network: Network, pencil: Pencil) -> SlowResponse:
-    """The quasistatic response of a network, and its dissipation under the law of `pencil`. Collective.
+    """The quasistatic response of a network to the load of `pencil`, and its dissipation under its law. Collective.
 
     Raises InputError where K is not positive definite (its negative or floppy modes are counted),
     ConvergenceError where a solve is not accurate.
     """
-    shear, compression, nonaffine, affine = _elastic(network)
-    field = nonaffine if pencil.law.holds_translations else shear.x.reshape(-1, 2)
+    response, compression, nonaffine, affine = _elastic(network, pencil.load)
+    field = nonaffine if pencil.law.holds_translations else response.x.reshape(-1, 2)
     return SlowResponse(
         network,
         nonaffine,
         field,
-        *shear.motions.T,
+        *response.motions.T,
         quasistatic_flow(pencil, field),
-        G0=shear.value / network.area,
+        G0=response.value / network.area,
         G_affine=affine / network.area,
         bulk_modulus=_bulk_modulus(network, compression),
-        identity_difference=shear.defect,
-        field_error=max(shear.error, compression.error),
+        identity_difference=response.defect,
+        field_error=max(response.error, compression.error),
     )
 
 
-def _elastic(network):
-    """Responses to shear and compression, u_na and k_γγ, without the factor they were found with."""
+def _elastic(network, load):
+    """Responses to a load and to compression, u_na and k_EE, without the factor they were found with."""
     elastic = ElasticResponse(network)
-    shear, compression = elastic.shear(), elastic.compression()
-    return shear, compression, elastic.pencil.split(shear.x)[0], elastic.pencil.k_gg
+    response, compression = elastic.respond(load), elastic.compression()
+    affine = elastic.pencil.under(load).k_gg
+    return response, compression, elastic.pencil.split(response.x)[0], affine
 
 
 def _bulk_modulus(network, compression: Relaxed):
     """−V dp/dV = (d²U/dε²)/(4V) + p/2 for the linear strain ε; p = 0 without pre-stress."""
     return compression.value / (4.0 * network.area) + (0.5 * network.pressure if network.prestress else 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class QuasistaticTensor:
+    """Elastic constants and viscosities between L loads, (L, L) each, in k and kτ₁."""
+
+    C0: np.ndarray
+    eta0: np.ndarray
+    eta_inf: np.ndarray
+
+
+def solve_tensor(network: Network, pencil: Pencil, loads) -> QuasistaticTensor:
+    """Constants between loads: K of a network, dissipation under the law of `pencil`. Collective. Raises as `solve`."""
+    elastic = ElasticResponse(network)
+    responses = [elastic.respond(load) for load in loads]
+    motions = np.array([response.motions.ravel() for response in responses])
+    C0 = network.sum((motions * elastic.pencil.compatibility.w_K) @ motions.T) / network.area
+    flows = []
+    for load, response in zip(loads, responses, strict=True):
+        field = response.x.reshape(-1, 2)
+        if pencil.law.holds_translations:
+            field = elastic.pencil.split(response.x)[0]
+        flows.append(quasistatic_flow(pencil.under(load), field))
+    eta0 = dissipation_between(
+        pencil, loads, [flow.motions for flow in flows], [flow.field for flow in flows]
+    )
+    return QuasistaticTensor(C0, eta0, infinite_viscosities(pencil, loads))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,23 +133,28 @@ class QuasistaticResult:
     distributions: dict  # the same names → {"normal": Distribution, …}
     eta_inf: float
     scan: np.ndarray  # (b, 4): β, η₀, η₀ without pre-stress, η_∞
+    tensors: dict  # the same names → QuasistaticTensor, if loads of a tensor were given
 
 
-def solve_quasistatic(network: Network, law: Law, betas=()) -> QuasistaticResult:
+def solve_quasistatic(network: Network, law: Law, betas=(), load=None, tensor=()) -> QuasistaticResult:
     """The quasistatic response of a network under a law, and η₀, η_∞ at other β. Collective; needs the real build.
+
+    load     whose fields and moduli are found; simple shear if not given
+    tensor   loads between which elastic constants and viscosities are found, see `symmetric_loads`
 
     Raises as `solve`.
     """
     session = current()
     networks = {"": network} | ({BARE: network.unstressed()} if network.prestress else {})
-    pencil = assemble(network, law)
+    pencil = assemble(network, law).under(load or simple_shear())
     with session.stage("quasistatic"):
         responses = {name: solve(one, pencil) for name, one in networks.items()}
+        tensors = {name: solve_tensor(one, pencil, tensor) for name, one in networks.items() if tensor}
     with session.stage("eta_inf"):
         eta_inf = infinite_viscosity(pencil)
     del pencil  # the matrices of other laws take its place
     with session.stage("beta"):
-        scan = [(beta, *_viscosities(network, law.altered(beta=beta), responses)) for beta in betas]
+        scan = [(beta, *_viscosities(network, law.altered(beta=beta), responses, load)) for beta in betas]
     return QuasistaticResult(
         network,
         responses,
@@ -124,11 +164,12 @@ def solve_quasistatic(network: Network, law: Law, betas=()) -> QuasistaticResult
         },
         eta_inf,
         np.array(scan).reshape(-1, 4),
+        tensors,
     )
 
 
-def _viscosities(network, law, responses):
+def _viscosities(network, law, responses, load):
     """(η₀, η₀ without pre-stress, η_∞) of another law: the quasistatic fields do not depend on it."""
-    pencil = assemble(network, law)
+    pencil = assemble(network, law).under(load or simple_shear())
     eta0 = [quasistatic_flow(pencil, response.field).eta0 for response in responses.values()]
     return eta0[0], eta0[-1], infinite_viscosity(pencil)

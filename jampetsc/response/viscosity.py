@@ -30,6 +30,8 @@ class ViscousResponse:
     parts: dict  # "normal" and "transverse" of contacts, "drag" and "fluid": those that the law has
     rotation: np.ndarray | None  # (n_local,) θ per unit strain where disks roll
     sliding: np.ndarray | None  # (contacts_local,) a⊥ᶜ where disks roll
+    motions: np.ndarray  # (rows_local,) of the contacts
+    field: np.ndarray  # (unknowns_local,)
 
     @property
     def eta0(self) -> float:
@@ -50,10 +52,11 @@ def quasistatic_flow(pencil: Pencil, displacement) -> ViscousResponse:
         drag = network.sum(float(c.drag @ start.ravel() ** 2))
         parts = {"drag": drag / network.area, "fluid": c.drag_gg / network.area}
     if not law.damps_contacts:
-        return ViscousResponse(parts, None, None)
+        return ViscousResponse(parts, None, None, c.motions(start.ravel()) + c.g, start.ravel())
+    field = start.ravel()
     if law.couples_rotations:
         flow = relax(c, c.w_B, _turns(pencil), c.g, "rotations of the quasistatic flow", start.ravel())
-        motions, rotation = flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
+        field, motions, rotation = flow.x, flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
     else:
         motions, rotation = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None
     costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.area
@@ -61,6 +64,8 @@ def quasistatic_flow(pencil: Pencil, displacement) -> ViscousResponse:
         {"normal": float(costs[0]), "transverse": float(costs[1:].sum()), **parts},
         rotation,
         None if rotation is None else motions[:, -1].copy(),
+        motions.ravel(),
+        field,
     )
 
 
@@ -84,18 +89,40 @@ def _turns(pencil):
 
 
 def infinite_viscosity(pencil: Pencil) -> float:
-    """η_∞ under the law of a pencil, in kτ₁. Collective.
+    """η_∞ under law and load of a pencil, in kτ₁, as `infinite_viscosities`. Collective."""
+    return float(infinite_viscosities(pencil, [pencil.load])[0, 0])
+
+
+def infinite_viscosities(pencil: Pencil, loads):
+    """η_∞ between loads under the law of a pencil, (L, L) in kτ₁. Collective.
 
     Raises InputError where B has zero modes besides translations and gears.
     """
-    network, law, c = pencil.network, pencil.law, pencil.compatibility
+    law, c = pencil.law, pencil.compatibility
     if not law.damps_contacts:  # disks that follow the affine flow dissipate nothing but η_F
-        return c.drag_gg / network.area
+        zero = np.zeros((len(loads), len(c.g))), np.zeros((len(loads), len(c.drag)))
+        return dissipation_between(pencil, loads, *zero)
     block = pencil.B.copy()
-    set_diagonal(block, pencil.pins, network.damping(law))
+    set_diagonal(block, pencil.pins, pencil.network.damping(law))
     factor = _factor(block, law)
-    relaxed = relax(c, c.w_B, factor.solve, c.g, "flow of least dissipation", drag=c.drag)
-    return (relaxed.value + c.drag_gg) / network.area
+    relaxed = [
+        relax(c, c.w_B, factor.solve, c.under(load).g, "flow of least dissipation", drag=c.drag)
+        for load in loads
+    ]
+    return dissipation_between(
+        pencil, loads, [one.motions.ravel() for one in relaxed], [one.x for one in relaxed]
+    )
+
+
+def dissipation_between(pencil: Pencil, loads, motions, fields):
+    """(aᵀ W_B a′ + xᵀ drag x′ + what the fluid adds)/V of pairs of loads, (L, L). Collective.
+
+    motions, fields   a (rows_local,) and x (unknowns_local,) for each load
+    """
+    c, motions, fields = pencil.compatibility, np.asarray(motions), np.asarray(fields)
+    value = pencil.network.sum((motions * c.w_B) @ motions.T + (fields * c.drag) @ fields.T)
+    fluid = [[c.fluid_gg(one, other) for other in loads] for one in loads]
+    return (value + fluid) / pencil.network.area
 
 
 def _factor(block, law):

@@ -18,13 +18,13 @@ DISKS = SimpleNamespace(record={"pressure": 2e-3}, potential=SimpleNamespace(k=2
 
 
 def summary_of_sweep(omega, G, bounds, certified=True, damping=None):
-    job = SimpleNamespace(physics=PHYSICS, damping=damping)
+    job = SimpleNamespace(physics=PHYSICS, damping=damping, load="xy")
     frequencies = sweep.SweepFrequencies(omega, omega + 3.0, omega[:0])
     return sweep._summary(job, "s.h5", frequencies, modulus_sweep(omega + 3.0, G, bounds), certified)
 
 
 def modulus_sweep(omega, G, bounds):
-    return SimpleNamespace(omega=omega, G=G, bounds=bounds)
+    return SimpleNamespace(omega=omega, G=G, bounds=bounds, tensor=None)
 
 
 def test_a_sweep_tells_its_ends_and_its_worst_errors():
@@ -47,7 +47,7 @@ def test_a_strain_that_would_change_contacts(stress, told):
     G, bounds = np.array([4.0 + 0j, 2.0j]), np.ones((2, 3))
     said = summary_of_sweep(omega, G, bounds, damping=damping)
     assert "equivalent linear frequencies 4 to 5; the stored" in said
-    job = SimpleNamespace(damping=damping)
+    job = SimpleNamespace(damping=damping, load="xy")
     notes = sweep.notes_of(job, DISKS, omega, modulus_sweep(omega, G, bounds))
     assert [f"strain amplitude up to {stress:.1e}, more than p/k = 1.0e-03" in note for note in notes] == [
         True
@@ -55,7 +55,11 @@ def test_a_strain_that_would_change_contacts(stress, told):
 
 
 def test_a_modulus_below_its_bound_below_zero_is_noted():
-    omega, bounds, job = np.array([1e-3, 1.0]), np.full((2, 3), 0.01), SimpleNamespace(damping=None)
+    omega, bounds, job = (
+        np.array([1e-3, 1.0]),
+        np.full((2, 3), 0.01),
+        SimpleNamespace(damping=None, load="xy"),
+    )
     found = [modulus_sweep(omega, np.array([real + 1j, 1.0]), bounds) for real in (-0.02, -0.005)]
     (note,) = sweep.notes_of(job, DISKS, omega, found[0])
     assert note.startswith("unstable to shear: G' at omega 0.001 = -0.02. ") and "--stabilise shear" in note
@@ -128,7 +132,7 @@ def test_a_quasistatic_response_tells_its_parts():
     found = {key: SimpleNamespace(median=value) for key, value in medians.items()}
     numbers = {"G0": 0.5, "bulk_modulus": 4.0, "omega_star": 0.1, "identity_difference": 1e-12}
     response = SimpleNamespace(network=SimpleNamespace(prestress=True), flow=flow, **numbers)
-    outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": found})
+    outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": found}, tensors={})
     assert quasistatic._summary("q.h5", PHYSICS, outcome).split("\n") == [
         "q.h5: contact damping, beta = 1, eta_inf = 0.5",
         "  pre-stress: G0 = 0.5, bulk modulus 4, eta0 = 0.75 (contacts 0.25, fluid 0.5), omega* = 0.1",

@@ -53,7 +53,9 @@ def test_a_strain_that_would_change_contacts_is_told_in_units_of_k():
     stiff = samples.published().replace(potential=Potential(k=4.0)).with_record(pressure=4e-4)
     job = samples.sweep_of(stiff, Physics(damping_law()), [1.0], alpha=0.5, stress=1e-3)
     frequencies = job.frequencies
-    found = SimpleNamespace(omega=frequencies.solved, G=np.array([8.0 + 0j]), bounds=np.full((1, 3), 1e-9))
+    found = SimpleNamespace(
+        omega=frequencies.solved, G=np.array([8.0 + 0j]), bounds=np.full((1, 3), 1e-9), tensor=None
+    )
     said = sweep_job._summary(job, "s.h5", frequencies, found, True)
     assert "alpha 0.5, stress 0.001 k: equivalent linear frequencies" in said
     (note,) = sweep_job.notes_of(job, stiff, [1.0], found)

@@ -8,6 +8,7 @@ from dense import Reference
 from samples import DATA, LAWS, physics, polydisperse, published
 from samples import network_of as build
 
+import jampetsc as jp
 from jampetsc.analysis.elasticity import anisotropy, bulk_modulus, modulus_along, shear_modulus
 from jampetsc.errors import InputError
 from jampetsc.laws.damping import Law, Physics
@@ -26,6 +27,7 @@ from jampetsc.laws.loads import (
 from jampetsc.packing.contacts import measure
 from jampetsc.response.assembly import assemble
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+from jampetsc.response.slow_response import solve_quasistatic
 
 ((TABLE,),) = [rows for rows in json.loads((DATA / "tensor.json").read_text()).values() if rows[0]["D"] == 2]
 WEIGHTS = {
@@ -190,3 +192,130 @@ def test_averages_over_directions(dimension):
     assert shear_modulus(isotropic) == pytest.approx(0.3, rel=1e-12)
     assert bulk_modulus(isotropic, 0.0) == pytest.approx(2.0, rel=1e-12)
     assert anisotropy(isotropic) < 1e-14 < anisotropy(C)
+
+
+LIMITS = {
+    "C0": lambda reference, load: reference.quasistatic(load)[1],
+    "eta0": lambda reference, load: reference.eta0(load),
+    "eta_inf": lambda reference, load: reference.eta_infinity(load),
+}
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("name", WEIGHTS)
+def test_the_quasistatic_tensor(session, name):
+    """C₀, η₀ and η_∞ against the limits of the dense reference: diagonal by its energies, pairs by polarisation."""
+    law, loads = law_of(name), symmetric_loads(2)
+    found = solve_quasistatic(build(published(), law, session.comm), law.law, tensor=loads).tensors[""]
+    for a in range(3):
+        for b in range(a, 3):
+            pair = [loads[a].gradient + sign * loads[b].gradient for sign in (1, -1)]
+            reference = Reference(published(), law, pair)
+            for quantity, limit in LIMITS.items():
+                values = getattr(found, quantity)
+                expected = (
+                    limit(reference, 0) - limit(reference, 1) if a != b else limit(reference, 0)
+                ) / 4.0
+                assert values[a, b] == pytest.approx(expected, abs=1e-9 * np.abs(values).max())
+                assert values[b, a] == pytest.approx(values[a, b], abs=1e-12 * np.abs(values).max())
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("index", range(10))
+def test_elastic_constants_that_jax_md_published(session, index):
+    """Six of each packing, in the order of its file."""
+    disks, record = polydisperse(index)
+    law = physics()
+    C = solve_quasistatic(build(disks, law, session.comm), law.law, tensor=symmetric_loads(2)).tensors[""].C0
+    order = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]  # xxxx, yyyy, xyxy, xxyy, xxxy, yyxy
+    published_constants = np.asarray(record["Cijkl"])
+    assert [C[pair] for pair in order] == pytest.approx(published_constants, abs=1e-9)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_the_bulk_modulus_is_that_of_deformed_packings(session):
+    """−V dp/dV by differences of the pressure of packings that are minimised again after a change of volume."""
+    disks, law = polydisperse(2)[0].minimise(tolerance=1e-12), physics()
+    found = solve_quasistatic(build(disks, law, session.comm), law.law, tensor=symmetric_loads(2))
+    bulk, step = bulk_modulus(found.tensors[""].C0, disks.pressure), 1e-6
+    assert bulk == pytest.approx(found.responses[""].bulk_modulus, rel=1e-10)
+    pressures = []
+    for strain in (step, -step):  # linear
+        changed = type(disks).from_positions(
+            disks.positions * (1 + strain), disks.radii, disks.cell * (1 + strain), disks.potential
+        )
+        pressures.append(changed.minimise(tolerance=1e-12).pressure)
+    assert bulk == pytest.approx((pressures[1] - pressures[0]) / (4.0 * step), rel=1e-4)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_a_result_of_the_tensor(session):
+    """C at any frequency, the moduli of all directions, and the same numbers by both methods."""
+    disks, omega = published(), [1e-3, 1e-2, 1.0]
+    rational, direct = (
+        jp.sweep(disks, jp.ContactDamping(0.3), omega=omega, load="tensor", method=method)
+        for method in ("rational", "direct")
+    )
+    assert (
+        rational.attributes["load"] == "tensor" and "F = 1 + eps E" in rational.attributes["stress_measure"]
+    )
+    np.testing.assert_allclose(rational["C"], direct["C"], rtol=0, atol=2e-6)
+    np.testing.assert_allclose(rational.modulus(omega), rational["C"], rtol=0, atol=1e-12)
+    assert rational.modulus(0.1).shape == (3, 3) and direct.modulus([1.0]).shape == (1, 3, 3)
+    single = jp.sweep(
+        disks, jp.ContactDamping(0.3), omega=[0.1], load=[[0.0, 0.5], [0.5, 0.0]], method="direct"
+    )
+    assert rational.modulus(0.1)[2, 2] == pytest.approx(single.G[0], rel=1e-5)
+    np.testing.assert_allclose(rational.shear_modulus, shear_modulus(rational["C"]), rtol=1e-12)
+    pressure = rational.attributes["pressure"]
+    np.testing.assert_allclose(rational["bulk_modulus"], bulk_modulus(rational["C"], pressure), rtol=1e-12)
+    squeezed = jp.sweep(disks, jp.ContactDamping(0.3), omega=omega, load=jp.loads.compression(2))
+    assert squeezed.load == "compression"
+    np.testing.assert_allclose(squeezed.G + pressure / 2.0, rational["bulk_modulus"], rtol=1e-5)
+    with pytest.raises(InputError, match="load compression is no shear"):
+        squeezed.shear_modulus  # noqa: B018
+    with pytest.raises(InputError, match="method rational gives any"):
+        direct.modulus(0.5)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_quasistatic_result_of_any_load(session):
+    disks = published()
+    tensor, squeezed, plain = (jp.quasistatic(disks, load=load) for load in ("tensor", "compression", "xy"))
+    C0, pressure = tensor["C0"], plain.attributes["pressure"]
+    for result in (tensor, plain):
+        bulk = result.attributes["bulk_modulus"]
+        assert bulk == pytest.approx(squeezed.attributes["G0"] + pressure / 2.0, rel=1e-10)
+    assert bulk_modulus(C0, pressure) == pytest.approx(tensor.attributes["bulk_modulus"], rel=1e-10)
+    assert bulk_modulus(tensor["no_prestress/C0"], 0.0) == pytest.approx(
+        tensor.attributes["no_prestress_bulk_modulus"], rel=1e-10
+    )
+    assert tensor.attributes["shear_modulus"] == pytest.approx(shear_modulus(C0))
+    for name in ("G0", "eta0", "eta_inf"):  # of simple shear
+        assert tensor.attributes[name] == plain.attributes[name]
+    stress = measure(disks).stress
+    relation = C0[2, 2] + (3.0 * stress[1, 1] - stress[0, 0]) / 4.0
+    assert plain.attributes["G0"] == pytest.approx(relation, rel=1e-9)
+    i, j = squeezed["contacts/pairs"].T
+    u, r = squeezed["nonaffine"], squeezed["contacts/bonds"]
+    motion = np.sum((u[j] - u[i] + r / 2.0) * r, axis=1) / np.hypot(*r.T)
+    np.testing.assert_allclose(motion, squeezed["contacts/normal"], atol=1e-10)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"load": "tensor", "fields": [1.0]}, "fields: not stored with load tensor"),
+        ({"load": "xx", "alpha": 0.5, "stress": 1e-5}, "load xx: power-law damping is for simple shear"),
+        ({"load": "sideways"}, "load sideways: no load of this name. Give xy, yx"),
+    ],
+)
+def test_loads_that_do_not_fit(session, options, message):
+    with pytest.raises(InputError, match=message):
+        jp.sweep(published(), omega=[1.0], **options)
