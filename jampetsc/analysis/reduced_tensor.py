@@ -38,4 +38,4 @@ class ReducedTensor:
         w = self.weights(flat)
         value = w @ self.K @ w.transpose(0, 2, 1)
         value = value + 1j * flat[:, None, None] * (w @ self.B @ w.transpose(0, 2, 1))
-        return value.reshape(*np.shape(omega), *value.shape[1:])
+        return value.reshape((*np.shape(omega), *value.shape[1:]))

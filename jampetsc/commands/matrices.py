@@ -5,8 +5,10 @@ from typing import ClassVar
 
 from jampetsc.errors import about
 from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.laws import loads
 from jampetsc.laws.damping import DEFAULT
 from jampetsc.options.law_options import PackingJob
+from jampetsc.options.load_options import load_parameter
 from jampetsc.petsc import session
 
 
@@ -27,6 +29,8 @@ class Matrices(PackingJob):
     GIVES: ClassVar = "the names of the files, a list of Path"
     EPILOG: ClassVar = "examples:\n  jampetsc matrices p.h5 --beta 0.1 --out K.npz"
 
+    load: str = load_parameter("borders (u, L) and corners (L, L) of all symmetric loads")
+
     def check_outputs(self, to):
         """Refuse an unknown ending, and outputs that may not be replaced."""
         from jampetsc.commands.matrix_files import files_of
@@ -44,7 +48,7 @@ class Matrices(PackingJob):
         disks, _ = read_identified(self.packing, comm)
         with about(source_name(self.packing)):
             network = build_network(disks, comm, self.prestress)
-        matrices = build_matrices(network, self.law)
+        matrices = build_matrices(network, self.law, loads.loads_of(self.load, len(disks.cell)))
         write_matrices(to.path, matrices)
         names = ", ".join(map(str, files_of(to.path).values()))
         unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)
@@ -57,12 +61,14 @@ class Matrices(PackingJob):
         return list(files_of(to.path).values())
 
 
-def assemble(packing, law=DEFAULT, *, prestress=True):
-    """The Hessian K in k, the damping matrix B in kτ₁ and their columns of the strain γ (BT eqs. 10, 11). Collective.
+def assemble(packing, law=DEFAULT, *, prestress=True, load=loads.DEFAULT):
+    """The Hessian K in k, the damping matrix B in kτ₁ and their columns of the load γ (BT eqs. 10, 11). Collective.
 
     packing     a Packing, or the name of a file
     law         a damping law, or the name of a family of them
     prestress   whether K keeps the f/r term of its contacts (BT eq. 4)
+    load        "xy" (simple shear) or another name, a displacement gradient (2, 2) or of `jampetsc.loads`, or "tensor":
+                the columns of all symmetric loads side by side
 
     Returns an `assembled_matrices.PackingMatrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a
     packing that is not rigid, and for an unknown law.
@@ -70,6 +76,7 @@ def assemble(packing, law=DEFAULT, *, prestress=True):
     from jampetsc.network.contact_network import build_network
     from jampetsc.response.assembled_matrices import build_matrices
 
-    job, comm = Matrices(packing, law, prestress=prestress), session.start("real").comm
+    job, comm = Matrices(packing, law, prestress=prestress, load=load), session.start("real").comm
     packing, _ = read_identified(job.packing, comm)
-    return build_matrices(build_network(packing, comm, job.prestress), job.law)
+    network = build_network(packing, comm, job.prestress)
+    return build_matrices(network, job.law, loads.loads_of(job.load, len(packing.cell)))

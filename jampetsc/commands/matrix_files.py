@@ -56,11 +56,19 @@ def _write_mtx(files, whole):
 
 
 def _write_petsc(comm, path, matrices):
-    """PETSc binary, one after another: Mat K, B, Vec k_γ, b_γ, Vec (k_γγ, b_γγ, V), IS of disk numbers, IS of pins."""
+    """PETSc binary, one after another: Mat K, B, Vec k_γ, b_γ, Vec (k_γγ, b_γγ, V), IS of disk numbers, IS of pins.
+
+    Of a tensor of L loads L Vec k and L Vec b, and the rows of k and b of the loads in the last Vec.
+    """
     PETSc, first = current().PETSc, comm.rank == 0
-    numbers = PETSc.Vec().createMPI((3 if first else 0, 3), comm=comm)
+    values = np.concatenate([np.ravel(getattr(matrices, name)) for name in NUMBERS])
+    numbers = PETSc.Vec().createMPI((len(values) if first else 0, len(values)), comm=comm)
     if first:
-        numbers.getArray()[:] = [getattr(matrices, name) for name in NUMBERS]
+        numbers.getArray()[:] = values
+    borders = [getattr(matrices, name) for name in VECTORS]
+    vectors = [
+        vector for border in borders for vector in (border if isinstance(border, tuple) else (border,))
+    ]
     sets = [
         PETSc.IS().createGeneral((rows if first else rows[:0]).astype(PETSc.IntType), comm=comm)
         for rows in (matrices.particles, matrices.pins)
@@ -68,7 +76,7 @@ def _write_petsc(comm, path, matrices):
     with tempfile.TemporaryDirectory() as folder:
         file = Path(comm.bcast(folder)) / "matrices"
         viewer = PETSc.Viewer().createBinary(str(file), "w", comm=comm)  # rank 0 writes
-        for item in (*(getattr(matrices, name) for name in (*SPARSE, *VECTORS)), numbers, *sets):
+        for item in (*(getattr(matrices, name) for name in SPARSE), *vectors, numbers, *sets):
             item.view(viewer)
         viewer.destroy()  # it writes the last of it
         on_root(comm, lambda: write_whole(path, file.read_bytes()))

@@ -7,8 +7,10 @@ from typing import ClassVar
 import numpy as np
 
 from jampetsc.errors import InputError, about, named
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
 from jampetsc.options.job import Job
 from jampetsc.options.law_options import PRESTRESS
+from jampetsc.options.load_options import load_parameter
 from jampetsc.options.parameters import FILE, optional_parameter, parameter
 from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import PACKING
@@ -22,10 +24,10 @@ ATTRIBUTES = "inertia_count inertia_shift complete method restarts".split()  # o
 
 @dataclass(frozen=True, eq=False)
 class Modes(Job):
-    """Lowest vibrational modes of a packing, how floppy they are, and their share of the response to shear.
+    """Lowest vibrational modes of a packing, how floppy they are, and their share of the response to a load.
 
     Eigenvectors of the Hessian K without its translations. Disks have mass one: frequencies are the square roots of
-    the eigenvalues. Each mode has its floppiness, participation ratio and share of the response to shear. That none
+    the eigenvalues. Each mode has its floppiness, participation ratio and share of the response to a load. That none
     was missed is proved by the inertia of K.
     """
 
@@ -50,6 +52,7 @@ of them, are found by LAPACK, which takes no options."""
         False, "all modes, by LAPACK on one rank: up to 4096 disks, 8 (2N)² bytes in the file"
     )
     prestress: bool = PRESTRESS
+    load: str = load_parameter("simple shear xy, and the shares of the moduli of all symmetric loads")
 
     def check(self):
         """Refuse two ways to choose modes, and a limit too low to tell modes from translations."""
@@ -73,10 +76,15 @@ of them, are found by LAPACK, which takes no options."""
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
         source = read_network(self.packing, self.prestress, to, started)
         with about(source.name), session.stage("modes"):
-            modes = lowest_modes(source.network, count, self.below, source.proved)
+            dimension = len(source.disks.cell)
+            (load,) = loads_of(DEFAULT if self.load == TENSOR else self.load, dimension)
+            tensor = loads_of(TENSOR, dimension) if self.load == TENSOR else ()
+            modes = lowest_modes(source.network, count, self.below, source.proved, load, tensor)
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
             _write(writer, modes)
-            writer.attributes(**source.record({"prestress": self.prestress}))
+            writer.attributes(
+                **source.record({"prestress": self.prestress}), load=self.load, stress_measure=STRESS_MEASURE
+            )
         return _summary(to, modes)
 
 
@@ -92,6 +100,8 @@ def _write(writer, modes):
         per_mode |= {"lowest/count": contributions.count}
         per_mode |= {f"lowest/{name}_median": median for name, median in contributions.median.items()}
         writer.attributes(**{f"{name}_median": median for name, median in contributions.whole.items()})
+    if modes.tensor is not None:
+        per_mode |= {"tensor/force": modes.tensor.force, "tensor/modulus": modes.tensor.modulus}
     for name, values in per_mode.items():
         writer.dataset(name, values)
     attributes = {name: getattr(modes, name) for name in ATTRIBUTES}
@@ -114,7 +124,7 @@ def _summary(to, modes) -> str:
     ]
     if modes.contributions is None:
         lines.append(
-            "  the response to shear is affine, or not unique because of zero modes: no shares of it"
+            "  the response to the load is affine, or not unique because of zero modes: no shares of it"
         )
     else:
         names = {"nonaffine": "|u_na|²", "transverse": "Δu⊥²", "normal": "Δu∥²", "modulus": "G_affine − G0"}

@@ -95,7 +95,7 @@ class SweepResult(Result):
                 raise InputError(f"omega = {far:g}: its equivalent frequency is more than a double holds")
             reduced = self._reduced_tensor if "C" in self else self.spectrum
             values[elsewhere] = reduced.modulus(linear)
-        return values.reshape(*np.shape(omega), *values.shape[frequencies.ndim :])[()]
+        return values.reshape((*np.shape(omega), *values.shape[frequencies.ndim :]))[()]
 
     @property
     def _reduced_tensor(self) -> ReducedTensor:

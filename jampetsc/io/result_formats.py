@@ -99,12 +99,16 @@ residuals | (M,) | float | k | \|Kφ − λφ\|
 normal, transverse | (M,) | float | | mean over contacts of (Δu∥)², (Δu⊥)²
 floppiness | (M,) | float | | rms Δu⊥/rms Δu∥
 participation_ratio | (M,) | float | | (Σ\|φ_i\|²)²/(n Σ\|φ_i\|⁴), 1 if all disks move alike
-shear_force | (M,) | float | | force of an affine shear on the mode, per unit strain
+shear_force | (M,) | float | | force of the affine motion of the load on the mode, per unit amplitude
 share/nonaffine, share/normal, share/transverse, share/modulus | (M,) | float? | | of \|u_na\|², of (Δu∥)² and (Δu⊥)²
   without their affine parts (projections), of G_affine − G₀; missing, like all below, where the response is affine or
   not unique
 cumulative/nonaffine, cumulative/normal, cumulative/transverse, cumulative/modulus | (M,) | float? | | their sums up to
   each mode
+tensor/force | (M, L) | float? | | with `--load tensor`: such forces of the symmetric loads xx, yy, xy, shears with
+  E = ½(x̂ŷ + ŷx̂); the datasets above are then those of simple shear
+tensor/modulus | (M, L) | float? | | shares of the non-affine part of the modulus of each, of the energy along
+  F = 1 + εE; nan where that is zero or not unique
 lowest/count | (q,) | int? | | 10, 50 and 200, if they do not exceed M
 lowest/normal_median, lowest/transverse_median, lowest/nonaffine_median | (q,) | float? | length | medians of \|Δu∥\|,
   \|Δu⊥\|, \|u_na\| per unit strain of the response of only that many lowest modes, without affine part
@@ -114,6 +118,8 @@ inertia_count, inertia_shift | int, float? | | number of eigenvalues below the s
   was missed
 complete, contacts, method | bool, int, text | | whether the file has all modes; number of contacts; solver
 restarts | int? | | of the solver
+load | text? | | the displacement gradient E: a name, its numbers, or `tensor`; missing: simple shear `xy`
+stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε²
 normal_median, transverse_median, nonaffine_median | float? | length | medians of \|Δu∥\|, \|Δu⊥\|, \|u_na\| of the
   whole response, affine part included, per unit strain
 """,

@@ -1,6 +1,7 @@
-"""K, B and the γ border of a packing for other programs: as PETSc has them, or gathered for scipy and pymor.
+"""K, B and the border, the load, of a packing for other programs: as PETSc has them, or gathered for scipy and pymor.
 
-With unknowns x and a strain γ of amplitude 1 at frequency ω (BT eqs. 10–14)
+With unknowns x and a load of amplitude γ = 1 at frequency ω (BT eqs. 10–14; `laws.loads`: G* is the modulus of the
+energy along F = 1 + γE)
 
     (K + iωB) x = −(k_γ + iω b_γ) ,     G* = [k_γγ + iω b_γγ + (k_γ + iω b_γ)ᵀ x] / V ,
 
@@ -12,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from jampetsc.errors import MissingPackage
+from jampetsc.errors import InputError, MissingPackage, named
 from jampetsc.laws.damping import Law
 from jampetsc.network.contact_network import Network
 from jampetsc.petsc.sparse_matrices import whole_matrix
 from jampetsc.response.assembly import assemble, pins_of
 
-SPARSE, VECTORS, NUMBERS = ("K", "B"), ("k_gamma", "b_gamma"), ("k_gg", "b_gg", "area")
+SPARSE, VECTORS, CORNERS = ("K", "B"), ("k_gamma", "b_gamma"), ("k_gg", "b_gg")
+NUMBERS = (*CORNERS, "area")
 ROWS = ("particles", "dofs", "pins")
 NAMES = (*SPARSE, *VECTORS, *NUMBERS, *ROWS)
 
@@ -29,10 +31,10 @@ class PackingMatrices:
 
     K: object  # (u, u) PETSc.Mat, or scipy's csr_array; k
     B: object  # (u, u) the same; kτ₁
-    k_gamma: object  # (u,) PETSc.Vec, or numpy: derivative of the energy by an unknown and by γ
-    b_gamma: object  # (u,)
-    k_gg: float  # k_γγ = V G_A, G_A the modulus of affine motion
-    b_gg: float  # b_γγ = V η_∞ of affine motion
+    k_gamma: object  # (u,) PETSc.Vec, or numpy: derivative of the energy by an unknown and γ; of a tensor L Vec, (u, L)
+    b_gamma: object  # (u,) the same
+    k_gg: object  # k_γγ = V G_A, G_A the modulus of affine motion; of a tensor (L, L)
+    b_gg: object  # b_γγ = V η_∞ of affine motion; the same
     area: float  # V
     particles: np.ndarray  # (n,) numbers of the disks in the packing file
     dofs: np.ndarray  # (u, 2) of every unknown: number of its disk in the packing file; 0 x, 1 y, 2 θ
@@ -45,7 +47,7 @@ class PackingMatrices:
         comm = self.K.getComm().tompi4py()
         return PackingMatrices(
             *(whole_matrix(getattr(self, name)) for name in SPARSE),
-            *(np.concatenate(comm.allgather(getattr(self, name).getArray().real)) for name in VECTORS),
+            *(_whole_border(comm, getattr(self, name)) for name in VECTORS),
             *(getattr(self, name) for name in (*NUMBERS, *ROWS)),
         )
 
@@ -56,8 +58,10 @@ class PackingMatrices:
 
             ẋ = v ,   0 = −K x − B v − k_γ γ − b_γ γ̇ ,   γ̇ = u ,   σ = (k_γᵀ x + b_γᵀ v + k_γγ γ + b_γγ γ̇)/V ,
 
-        2 (unknowns) + 1 states (x, v, γ). Raises InputError where pymor is not installed.
+        2 (unknowns) + 1 states (x, v, γ). Raises InputError for a tensor, and where pymor is not installed.
         """
+        if isinstance(self.k_gamma, tuple) or np.ndim(self.k_gg):
+            raise InputError(f"to_pymor: matrices of a tensor. Assemble those of a single {named('load')}.")
         try:
             from pymor.models.iosys import LTIModel
         except ImportError:
@@ -80,18 +84,42 @@ class PackingMatrices:
     def destroy(self):
         """Free the PETSc objects. Collective."""
         for name in (*SPARSE, *VECTORS):
-            getattr(self, name).destroy()
+            value = getattr(self, name)
+            for item in value if isinstance(value, tuple) else (value,):
+                item.destroy()
 
 
-def build_matrices(network: Network, law: Law) -> PackingMatrices:
-    """The matrices of a network under a law. Collective."""
+def _whole_border(comm, vectors):
+    """A border vector (u,), or those of a tensor (u, L), on every rank. Collective."""
+    if isinstance(vectors, tuple):
+        return np.column_stack([_whole_border(comm, vector) for vector in vectors])
+    return np.concatenate(comm.allgather(vectors.getArray().real))
+
+
+def build_matrices(network: Network, law: Law, loads=None) -> PackingMatrices:
+    """The matrices of a network under a law. Collective.
+
+    loads   one, simple shear if not given, or several, whose borders stand side by side
+    """
     comm, pencil = network.comm, assemble(network, law, pinned=False)
+    pencils = [pencil.under(load) for load in loads or [pencil.load]]
+    border = [getattr(pencils[0], name) for name in (*VECTORS, *CORNERS)]
+    if len(pencils) > 1:
+        border = [tuple(getattr(one, name) for one in pencils) for name in VECTORS] + _corners(pencils)
     particles = np.concatenate(comm.allgather(network.particles))
     component = np.tile(np.arange(law.dofs), len(particles))
     return PackingMatrices(
-        *(getattr(pencil, name) for name in (*SPARSE, *VECTORS, "k_gg", "b_gg")),
+        pencil.K, pencil.B, *border,
         area=network.area,
         particles=particles,
         dofs=np.column_stack((np.repeat(particles, law.dofs), component)),
         pins=pins_of(law, pencil.pieces),
-    )
+    )  # fmt: skip
+
+
+def _corners(pencils):
+    """[k, b] (L, L) between the loads of pencils that differ in the load alone. Collective."""
+    c, network = pencils[0].compatibility, pencils[0].network
+    g = np.array([one.compatibility.g for one in pencils])
+    fluid = np.array([[c.fluid_gg(one.load, other.load) for other in pencils] for one in pencils])
+    return [network.sum((g * c.w_K) @ g.T), network.sum((g * c.w_B) @ g.T) + fluid]

@@ -1,6 +1,6 @@
-"""Contribution of each mode to the quasistatic response to shear, and the motion in the lowest modes alone.
+"""Contribution of each mode to the quasistatic response to a load, and the motion in the lowest modes alone.
 
-With F = k_γ·φ, the force of a unit shear on a mode φ of eigenvalue λ, the non-affine response and the moduli are
+With F = k_E·φ, the force of a unit load E on a mode φ of eigenvalue λ, the non-affine response and the moduli are
 
     ũ = −Σ (F/λ) φ ,     (G_affine − G₀) V = Σ F²/λ .
 
@@ -36,8 +36,8 @@ class Contributions:
 
 
 def contributions_of(pencil: Pencil, values, vectors, force) -> Contributions | None:
-    """Contributions of modes to the response of their network; None where zero modes leave it undetermined, and where
-    it is affine, as in a crystal. Collective.
+    """Contributions of modes to the response of their network to the load of the pencil; None where zero modes leave it
+    undetermined, and where it is affine, as in a crystal. Collective.
 
     values (m,) λ > 0 in k, increasing; vectors (m, n_local, 2) φ of unit length; force (m,) F, the same on all ranks
     """
@@ -45,10 +45,10 @@ def contributions_of(pencil: Pencil, values, vectors, force) -> Contributions | 
     if values[0] <= SHIFT:
         return None
     elastic = ElasticResponse(network)
-    shear = elastic.shear()
+    shear = elastic.respond(pencil.load)
     field, _ = elastic.pencil.split(shear.x)
-    imposed = elastic.pencil.compatibility.g.reshape(-1, 2)
-    affine = elastic.pencil.k_gg
+    loaded = elastic.pencil.under(pencil.load)
+    imposed, affine = loaded.compatibility.g.reshape(-1, 2), loaded.k_gg
     if affine - shear.value <= AFFINE * abs(affine):
         return None
     comm, motions = network.comm, shear.motions - imposed
@@ -74,6 +74,29 @@ def contributions_of(pencil: Pencil, values, vectors, force) -> Contributions | 
     }
     whole = distributions(comm, *shear.motions.T, field)
     return Contributions(share, count, median, {name: found.median for name, found in whole.items()})
+
+
+@dataclass(frozen=True, eq=False)
+class LoadContributions:
+    """Contributions of m modes to the quasistatic moduli of L loads."""
+
+    force: np.ndarray  # (m, L) F of a unit amplitude of each load
+    modulus: np.ndarray  # (m, L) share of M_affine − M_E(0); nan where that is zero, or not unique
+
+
+def load_contributions_of(pencil: Pencil, values, vectors, loads) -> LoadContributions:
+    """Contributions of modes to the moduli of loads. Collective. Arguments as for `contributions_of`."""
+    network, pencils = pencil.network, [pencil.under(load) for load in loads]
+    push = np.array([one.k_gamma.getArray() for one in pencils])
+    force = network.sum(vectors.reshape(len(values), -1) @ push.T)
+    share = np.full(force.shape, np.nan)
+    if values[0] > SHIFT:
+        elastic = ElasticResponse(network)
+        for number, one in enumerate(pencils):
+            relaxed = one.k_gg - elastic.respond(one.load).value
+            if relaxed > AFFINE * abs(one.k_gg):
+                share[:, number] = force[:, number] ** 2 / values / relaxed
+    return LoadContributions(force, share)
 
 
 def distributions(comm, *parts) -> dict:

@@ -1,4 +1,4 @@
-"""Low modes of K: their floppiness, their contribution to the response to shear, and proof that none was missed.
+"""Low modes of K: their floppiness, their contribution to the response to a load, and proof that none was missed.
 
 A mode φ of eigenvalue λ moves the contacts by a∥, a⊥ (BT eq. 4): λ = Σ_c [k a∥² − (f/r) a⊥²] with |φ| = 1.
 Floppy modes slide, a⊥ ≫ a∥. Their contribution to the response to shear is in `contributions`.
@@ -13,11 +13,17 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import UNDAMPED
+from jampetsc.laws.loads import Load
 from jampetsc.network.contact_network import Network
 from jampetsc.petsc.eigen import lowest
 from jampetsc.petsc.inertia import SHIFT, count_below
 from jampetsc.response.assembly import Pencil, assemble
-from jampetsc.response.contributions import Contributions, contributions_of
+from jampetsc.response.contributions import (
+    Contributions,
+    LoadContributions,
+    contributions_of,
+    load_contributions_of,
+)
 from jampetsc.response.minimum_check import require_minimum
 
 GAP = 1e-7  # eigenvalues closer than this, relatively, form a cluster: a count cannot separate them
@@ -38,8 +44,11 @@ class VibrationalModes:
     normal: np.ndarray  # (m,) mean over contacts of a∥²
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
     participation_ratio: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
-    shear_force: np.ndarray  # (m,) F = k_γ·φ per unit strain
-    contributions: Contributions | None  # of the response to shear; None if that is not unique, or affine
+    shear_force: (
+        np.ndarray
+    )  # (m,) F = k_E·φ per unit amplitude of the load, simple shear unless another is given
+    contributions: Contributions | None  # to the response to the load; None if that is not unique, or affine
+    tensor: LoadContributions | None  # to the responses to the loads of a tensor
     inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m
     inertia_shift: float  # μ, in k
     complete: bool  # these are all modes of K
@@ -54,13 +63,19 @@ class VibrationalModes:
 
 
 def lowest_modes(
-    network: Network, count: int | None = None, below: float | None = None, proved: bool = False
+    network: Network,
+    count: int | None = None,
+    below: float | None = None,
+    proved: bool = False,
+    load: Load | None = None,
+    tensor: tuple = (),
 ) -> VibrationalModes:
     """The lowest `count` modes, or all `below` an eigenvalue (in k), or all there are if both are None.
     Collective.
 
     Where the last one is in a cluster of equal eigenvalues, the whole cluster is returned. Unless it is `proved`
-    that K has no negative modes, this is checked. Needs the real build.
+    that K has no negative modes, this is checked. Contributions are to the response to `load`, simple shear if not
+    given, and to those of `tensor`, several loads. Needs the real build.
 
     Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
     ConvergenceError when they are not found or their number does not agree with inertia.
@@ -78,7 +93,7 @@ def lowest_modes(
     there = pencil.unknowns - pencil.pieces.translations
     wanted = there if count is None else count
     pairs, kept, shift = _certified(pencil, wanted, there, stiffness)
-    return _describe(pencil, pairs[:kept], shift, kept == there)
+    return _describe(pencil.under(load or pencil.load), pairs[:kept], shift, kept == there, tensor)
 
 
 def _certified(pencil, count, there, stiffness):
@@ -152,7 +167,7 @@ def _cut(values, count, there, stiffness):
     return (there, float(values[-1])) if len(values) == there else (None, None)
 
 
-def _describe(pencil: Pencil, pairs, shift, complete):
+def _describe(pencil: Pencil, pairs, shift, complete, loads):
     network, m = pencil.network, len(pairs.values)
     sums = np.empty((m, 4))
     push = pencil.k_gamma.getArray()
@@ -168,6 +183,7 @@ def _describe(pencil: Pencil, pairs, shift, complete):
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
         participation_ratio=1.0 / (network.n * sums[:, 2]),
         shear_force=force, contributions=contributions_of(pencil, pairs.values, fields, force),
+        tensor=load_contributions_of(pencil, pairs.values, pairs.vectors, loads) if loads else None,
         inertia_count=m, inertia_shift=shift, complete=complete,
         method=pairs.method, restarts=pairs.iterations,
     )  # fmt: skip

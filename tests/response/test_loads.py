@@ -7,6 +7,7 @@ import pytest
 from dense import Reference
 from samples import DATA, LAWS, physics, polydisperse, published
 from samples import network_of as build
+from scipy.io import mmread
 
 import jampetsc as jp
 from jampetsc.analysis.elasticity import anisotropy, bulk_modulus, modulus_along, shear_modulus
@@ -28,6 +29,7 @@ from jampetsc.packing.contacts import measure
 from jampetsc.response.assembly import assemble
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
 from jampetsc.response.slow_response import solve_quasistatic
+from jampetsc.response.vibrations import lowest_modes
 
 ((TABLE,),) = [rows for rows in json.loads((DATA / "tensor.json").read_text()).values() if rows[0]["D"] == 2]
 WEIGHTS = {
@@ -319,3 +321,64 @@ def test_a_quasistatic_result_of_any_load(session):
 def test_loads_that_do_not_fit(session, options, message):
     with pytest.raises(InputError, match=message):
         jp.sweep(published(), omega=[1.0], **options)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_all_modes_together_make_up_the_response_to_each_load(session):
+    """Σ F²/λ = (M_affine − M) V: the shares of every load add up to one."""
+    network, law = build(polydisperse(1)[0], physics(), session.comm), physics().law
+    modes = lowest_modes(network, load=compression(), tensor=symmetric_loads(2))
+    np.testing.assert_allclose(modes.tensor.modulus.sum(axis=0), 1.0, rtol=1e-9)
+    for name in ("modulus", "nonaffine", "transverse"):
+        assert modes.contributions.share[name].sum() == pytest.approx(1.0, rel=1e-9)
+    slow = solve_quasistatic(network, law, load=compression()).responses[""]
+    relaxed = (slow.G_affine - slow.G0) * network.area
+    assert np.sum(modes.shear_force**2 / modes.eigenvalues) == pytest.approx(relaxed, rel=1e-9)
+    trace = modes.tensor.force[:, 0] + modes.tensor.force[:, 1]
+    np.testing.assert_allclose(trace / 2.0, modes.shear_force, atol=1e-12)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_the_tensor_follows_from_the_matrices(session):
+    """C = V⁻¹ (z_EE′ − z_Eᵀ Z⁻¹ z_E′) with what `assemble` gives."""
+    disks, law, s = published(), physics(beta=0.5), 0.1j
+    whole = jp.assemble(disks, law.law, load="tensor").to_scipy()
+    kept = np.setdiff1d(np.arange(len(whole.dofs)), whole.pins)
+    Z = (whole.K + s * whole.B)[kept][:, kept].toarray()
+    z, corner = (whole.k_gamma + s * whole.b_gamma)[kept], whole.k_gg + s * whole.b_gg
+    C = (corner - z.T @ np.linalg.solve(Z, z)) / whole.area
+    reference = Reference(disks, law, [load.gradient for load in symmetric_loads(2)])
+    np.testing.assert_allclose(C, reference.tensor(0.1).astype(complex), rtol=0, atol=1e-11)
+    single = jp.assemble(disks, law.law, load="yy").to_scipy()
+    np.testing.assert_allclose(single.k_gamma, whole.k_gamma[:, 1], rtol=0, atol=1e-15)
+    assert single.b_gg == pytest.approx(whole.b_gg[1, 1], rel=1e-13)
+    with pytest.raises(InputError, match="to_pymor: matrices of a tensor"):
+        whole.to_pymor()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("ending", ["npz", "petsc", "mtx"])
+def test_files_of_the_matrices_of_a_tensor(session, shared_path, ending):
+    whole = jp.assemble(published(), load="tensor").to_scipy()
+    files = jp.matrices(published(), load="tensor", out=shared_path / f"K.{ending}")
+    if ending == "npz":
+        with np.load(files[0]) as stored:
+            np.testing.assert_array_equal(stored["k_gamma"], whole.k_gamma)
+            np.testing.assert_array_equal(stored["k_gg"], whole.k_gg)
+    elif ending == "mtx":
+        (file,) = [file for file in files if file.name == "K-b_gamma.mtx"]
+        np.testing.assert_array_equal(mmread(file), whole.b_gamma)
+    else:
+        PETSc = session.PETSc
+        viewer = PETSc.Viewer().createBinary(str(files[0]), "r", comm=session.comm)
+        for _ in range(2):
+            PETSc.Mat().load(viewer)
+        vectors = [PETSc.Vec().load(viewer).getArray().real.copy() for _ in range(7)]
+        np.testing.assert_array_equal(np.column_stack(vectors[:3]), whole.k_gamma)
+        np.testing.assert_array_equal(np.column_stack(vectors[3:6]), whole.b_gamma)
+        np.testing.assert_array_equal(
+            vectors[6], np.concatenate((np.ravel(whole.k_gg), np.ravel(whole.b_gg), [whole.area]))
+        )

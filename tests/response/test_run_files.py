@@ -158,7 +158,9 @@ def test_sweeps_under_power_law_damping(session, path, method, monkeypatch):
     monkeypatch.setattr(Functional, "field_bound", lambda *words: certain.append(real(*words)) or certain[-1])
     sweeps, name = [], "sweep_rationally" if method == "rational" else "sweep_directly"
     solve = getattr(modulus_sweep, name)
-    monkeypatch.setattr(modulus_sweep, name, lambda *words: sweeps.append(solve(*words)) or sweeps[-1])
+    monkeypatch.setattr(
+        modulus_sweep, name, lambda *words, **how: sweeps.append(solve(*words, **how)) or sweeps[-1]
+    )
     job.work(Outlet(out, out))
     session.comm.barrier()
     solved, G, bounds = sweeps[0].omega, sweeps[0].G, sweeps[0].bounds

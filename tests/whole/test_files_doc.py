@@ -40,6 +40,7 @@ modes p.h5 --out modes.h5 --count 3
 spectrum sweep.h5 --out spectrum.h5
 sweep p.h5 --omega 1e-2,1 --load tensor --out constants.h5
 quasistatic p.h5 --load tensor --out slow-constants.h5
+modes p.h5 --count 10 --load tensor --out shares.h5
 correlate sweep.h5 --out correlation.h5
 oscillate p.h5 --out oscillate.h5 --omega 1e-3 --stress 1e-9 --steps 16
 oscillate p.h5 --out moving.h5 --contacts moving --omega 1e-2 --strain 1e-9 --steps 16
