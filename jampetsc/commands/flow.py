@@ -126,7 +126,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
         """Raise InputError for settings that belong to the flow at `path`, which is continued."""
         for name in self._own_settings:
             raise InputError(
-                f"{named(name)}: belongs to the flow {path}, which is continued. Leave it out, or start a new flow."
+                f"{named(name)}: a setting of the flow {path}, which is continued. Leave it out, or start a new flow."
             )
 
     @property

@@ -112,8 +112,8 @@ def raise_failures(failures, tasks) -> None:
     if len(tasks) == 1:
         raise failures[0]
     reasons = [f"{tasks[i].path or f'packing {i + 1}'}: {error.args[0]}" for i, error in failures.items()]
-    others = ", the others are on disk" if tasks[0].path else ""
-    raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{others}: {'; '.join(reasons)}")
+    written = ", the others are on disk" if tasks[0].path else ""
+    raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{written}: {'; '.join(reasons)}")
 
 
 def summarise_packings(tasks, task_lines, ranks) -> str:

@@ -18,7 +18,7 @@ class Schedule:
 
     After what is discarded there is a snapshot every `every` rows, or, with a `factor`, at once and after 1,
     factor, factor², … rows. A continued run keeps this rule. If nothing is discarded, the start is also a snapshot,
-    unless one alone is asked for: `start` is False.
+    unless one alone is requested: `start` is False.
     """
 
     steps: int
@@ -34,7 +34,7 @@ class Schedule:
     ) -> "Schedule":
         """The schedule that covers `strain`.
 
-        steps       to a row, if an earlier part of the run has set it; else a row is no longer than `every`
+        steps       to a row, if an earlier part of the run has set it; else a row is at most `every` long
         snapshots   how many: with `spacing` "even" the last one at the end, "log" at strains since `discard` that grow
                     by a factor
         every       instead: strain from one to the next
@@ -108,6 +108,6 @@ class Schedule:
         return rows * min(MAX_CHECKS, self.rows) // self.rows
 
     def extended(self, strain: float, rate: float, step: float) -> "Schedule":
-        """The schedule of a run that goes on by `strain`; raises InputError as `of`."""
+        """The schedule of a run continued by `strain`; raises InputError as `of`."""
         extension = Schedule.of(rate, step, strain, 0.0, steps=self.steps)
         return replace(self, rows=self.rows + extension.rows)

@@ -44,7 +44,7 @@ class SteadyShear(ListedDisks):
     """N disks that `advance` shears at a rate γ̇ under Lees–Edwards conditions, on the threads of `team`.
 
     The packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`. `tally` has sums over time
-    steps (see `step_kernels.TALLY`). The first `wall_disks` disks are those of walls, which move with the affine flow
+    steps (see `step_kernels.TALLY`). The first `wall_disks` disks make up walls, which move with the affine flow
     (see `walls`). The number of threads does not change the result.
 
     Internally many disks are sorted by place: disk a of all arrays is disk order[a] of those given.
@@ -204,8 +204,8 @@ class SteadyShear(ListedDisks):
     def sorted_velocities(self) -> np.ndarray:
         """Non-affine velocities (N, 2) at the present positions, in the order of `sorted_disks`.
 
-        They are those of which the next step computes its stresses and dissipation. With contact damping or backward
-        Euler they are solved for here, as those of the last step belong to the contacts before it.
+        The next step computes its stresses and dissipation of them. With contact damping or backward Euler they are
+        solved for here, as the velocities of the last step belong to the contacts before it.
         """
         if self.scheme.method == "verlet":  # half a step on
             return self.velocities + 0.5 * self.scheme.step * self.accelerations

@@ -37,33 +37,33 @@ class SampleProtocol:
 
     @classmethod
     def of(cls, name: str, *, separated=False, **options) -> "SampleProtocol":
-        """The protocol of PROTOCOLS with these options; an option that is None has its default.
+        """The protocol of PROTOCOLS with these options; defaults stand for None.
 
         Raises InputError for options of another protocol and for those that do not go together.
         """
-        given = {option: value for option, value in options.items() if value is not None}
-        for option, value in given.items():
+        options = {option: value for option, value in options.items() if value is not None}
+        for option, value in options.items():
             if option not in PROTOCOLS[name]:
-                owners = " or ".join(other for other, known in PROTOCOLS.items() if option in known)
+                owners = " or ".join(owner for owner, defaults in PROTOCOLS.items() if option in defaults)
                 raise InputError(
-                    f"{named(option)} {value:g}: belongs to {named('protocol')} {owners}, not {name}; leave it out"
+                    f"{named(option)} {value:g}: an option of {named('protocol')} {owners}, not {name}. Leave it out."
                 )
-        values = PROTOCOLS[name] | given
-        if name == "compress" and given.keys() & {"step", "strain"}:
+        values = PROTOCOLS[name] | options
+        if name == "compress" and options.keys() & {"step", "strain"}:
             values["step"] = values["step"] or PROTOCOLS["shear"]["step"]
             if not values["strain"] or values["strain"] < values["step"]:
                 raise InputError(
-                    f"{named('step')} {values['step']:g}: give a {named('strain')} of that or more, too"
+                    f"{named('step')} {values['step']:g}: requires a strain of at least that. Give {named('strain')}."
                 )
         protocol = cls(name, **values, separated=separated)
         if name == "shear" and not protocol.step <= protocol.every * (1 + 1e-9):
             raise InputError(
-                f"{named('every')} {protocol.every:g}: must be a {named('step')} of {protocol.step:g} or more"
+                f"{named('every')} {protocol.every:g}: less than a {named('step')} ({protocol.step:g}). Give more."
             )
         if protocol.rows < 1:
             raise InputError(
-                f"{named('strain')} {protocol.strain:g}: no sample before it: {named('discard')} "
-                f"{protocol.discard:g}, then {named('every')} {protocol.every:g}"
+                f"{named('strain')} {protocol.strain:g}: ends before the first sample ({named('discard')} "
+                f"{protocol.discard:g} and {named('every')} {protocol.every:g}). Give a longer one."
             )
         return protocol
 
@@ -77,10 +77,10 @@ class SampleProtocol:
     @property
     def facts(self) -> dict:
         """Its options that are set, by name."""
-        known = {
-            name: value for name, value in vars(self).items() if value is not None and value is not False
+        options = {option: value for option, value in vars(self).items() if option != "name"}
+        return {
+            option: value for option, value in options.items() if value is not None and value is not False
         }
-        return {name: value for name, value in known.items() if name != "name"}
 
     @property
     def columns(self) -> tuple:
