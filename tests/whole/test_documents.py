@@ -21,7 +21,13 @@ SMALL = {  # option -> its value here
 KEPT = ("pack", "import")  # whose φ and seeds are those of files that later lines read
 HERE = {("oscillate", "--omega"): "1e-6", ("oscillate", "--strain"): "1e-6"}  # each point takes a while
 SMALL_PYTHON = {  # python in a document -> here
-    **{"n=256": "n=32", "n = 256": "n = 64", "range(1, 7)": "range(1, 3)", "range(1, 61)": "range(1, 3)"},
+    **{
+        "n=256": "n=32",
+        "n = 256": "n = 64",
+        "n = 320": "n = 32",
+        "range(1, 7)": "range(1, 3)",
+        "range(1, 61)": "range(1, 3)",
+    },
     **{'"1:16"': '"1:2"', "1e-1, 1e-5, 9": "1e-1, 1e-3, 9", "strain=6.0": "strain=1.2"},
     **{"strain=6\n": "strain=1.2, discard=0.2\n", "strain=6,": "strain=1.2, discard=0.2,"},
     **{"step=2e-4": "step=1e-3", "strain=3\n": "strain=1.2, discard=0.2\n", "discard=1.0": "discard=0.2"},
@@ -89,7 +95,10 @@ def test_what_the_documents_say_runs(tmp_path):
         (tmp_path / name).symlink_to(launch.ROOT / name)
     write_studies(INDEX, tmp_path)
     names = ["README.md", INDEX]
-    commands, python = commands_to_run(names), python_blocks([*names, "docs/reference/python.md"])
+    commands, python = (
+        commands_to_run(names),
+        python_blocks([*names, "docs/index.md", "docs/reference/python.md"]),
+    )
     assert len(commands) > 20 and len(python) > 3
     launch.run_lines(tmp_path, commands + python)
     for path in re.findall(r"--out (\S+)", (launch.ROOT / INDEX).read_text()):
