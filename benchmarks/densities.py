@@ -211,7 +211,7 @@ def _draw_rates(ax, cold):
 
 
 def _draw_distributions(ax, cold):
-    """The share of samples with less φ_J: those cooled most quasistatic_shear, and those that were sheared."""
+    """The share of samples with less φ_J: those cooled most slowly, and those that were sheared."""
     chosen = {(one.start, one.strain): one for one in reversed(cold)}
     for one in chosen.values():
         values, look = np.sort(one.phi_J), _look(one)

@@ -262,7 +262,7 @@ def finite_size(table):
             float(np.hypot(ours.inflated, other.inflated)),
             float(np.hypot(ours.systematic, other.systematic)),
         )
-        note = f"QS {ours}, RAND {other}; larger N would decide"
+        note = f"QS {ours}, RAND {other}"
         yield Row("y of QS less y of RAND", "exponents differ: > 0", change, between(low=0.0), note, size)
 
 

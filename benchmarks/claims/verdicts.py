@@ -92,7 +92,7 @@ def distance_from(estimate: Estimate, target: Target) -> float:
 
 def mean_estimate(estimates) -> Estimate:
     """Mean of independent estimates of one number, with the χ² of their being one; systematic errors add up."""
-    weights = [estimate.inflated**-2.0 for estimate in estimates]
+    weights = [max(estimate.inflated, 1e-150) ** -2.0 for estimate in estimates]
     total = math.fsum(weights)
 
     def averaged(values):
