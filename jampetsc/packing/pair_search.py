@@ -194,11 +194,11 @@ def listed(disks, skin, borders, team):
     sigma: domain by domain, first the pairs within it. The arrays are longer than the list.
     """
     n, number, borders = disks.n, len(borders) - 1, np.minimum(borders, disks.n)
-    cell, turns = upright(disks.cell)
+    cell, numbers = upright(disks.cell)
     shape = grid_shape(cell, n, 2.0 * float(disks.radii.max()) + skin)
     arguments = disks.positions, disks.radii, cell, skin, *shape
     cells = np.ascontiguousarray(disks.cell_base), np.ascontiguousarray(disks.cell_offset)
-    exact = disks.base, disks.offset, *cells, turns
+    exact = disks.base, disks.offset, *cells, -int(numbers[1, 0])
     counts, wanted, room = np.empty((number, 2), np.int64), 1, 0
     while wanted > room:
         room = max(FIRST_PAIRS_PER_DISK * n, wanted)
