@@ -28,6 +28,7 @@ from jampetsc.options.parameters import (
 )
 from jampetsc.response.assembled_matrices import PackingMatrices
 
+LOADS = ("simple_shear", "pure_shear", "compression", "uniaxial")  # functions that make a Load
 RETURNED = (
     *(Result, SweepResult, FlowResult, SpectrumResult, Snapshot),
     *(Ensemble, Averages, AverageCurve, PackingMatrices),
@@ -49,6 +50,7 @@ def reference() -> str:
         f"jampetsc.{name}": getattr(jampetsc, name) for name in jampetsc.__all__ if name != "__version__"
     }
     public |= {f"jampetsc.models.{name}": getattr(jampetsc.models, name) for name in MODELS}
+    public |= {f"jampetsc.loads.{name}": getattr(jampetsc.loads, name) for name in LOADS}
     objects = {
         name: value for name, value in public.items() if inspect.isroutine(value) or inspect.isclass(value)
     }
