@@ -56,6 +56,7 @@ class RationalBasis:
         self.K = np.empty((0, 0))  # Vᵀ K V
         self.t = np.empty(0)  # Vᵀ g
         self.shifts = []  # one per vector
+        self._rates = np.empty(0)
 
     @property
     def size(self) -> int:
@@ -138,7 +139,9 @@ class RationalBasis:
     @property
     def rates(self):
         """Ritz values λ (m,) ≥ 0."""
-        return np.maximum(np.linalg.eigvalsh(self.K), 0.0)
+        if len(self._rates) != self.size:
+            self._rates = np.maximum(np.linalg.eigvalsh(self.K), 0.0)
+        return self._rates
 
     def residual(self):
         """(q, more): the fixed direction of Galerkin's residual, (n_local,), up to its sign. Collective.

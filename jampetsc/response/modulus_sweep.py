@@ -122,6 +122,8 @@ def _grow(sweep, number, steps, save, progress):
     if own:
         _restore(sweep, own)
     while shifts := sweep.next_shifts():
+        if sweep.basis is None and sweep.factors.shifts:  # of another load, which has needed all of them
+            shifts = sweep.factors.shifts
         before = sweep.basis.size if sweep.basis else 0
         with current().stage("shift"):
             sweep.add_shifts(shifts)

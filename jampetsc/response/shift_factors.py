@@ -70,6 +70,7 @@ class Factors:
         self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
         self.whole = pencil.gathered() if self._alone else pencil  # what is factorised
         self.owner: dict[float, int] = {}  # rank that has the factor of a shift; 0 if all share it
+        self._least: dict[float, float] = {}  # least eigenvalues, which do not depend on the load
         self._held: dict[float, ShiftedFactor] = {}  # in this rank's memory, the one used last at the end
         self._most = np.inf if self._alone else most_held(pencil)
 
@@ -203,5 +204,7 @@ class Factors:
 
     def least_eigenvalue(self, s: float) -> float:
         """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s one of `shifts`."""
-        found = self._by_owner(s, lambda factor: factor.least_eigenvalue())
-        return self.comm.bcast(found, root=self.owner[s])
+        if s not in self._least:
+            least = self._by_owner(s, lambda factor: factor.least_eigenvalue())
+            self._least[s] = self.comm.bcast(least, root=self.owner[s])
+        return self._least[s]

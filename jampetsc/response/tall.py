@@ -16,10 +16,11 @@ def rotate(columns, rotation) -> None:
         columns[rows] = columns[rows] @ rotation
 
 
-def gram(columns, weights):
-    """Σ_i w_i a_ij a_ik, (m, m), of columns a (n, m) and weights w (n,)."""
-    parts = ((columns[rows], weights[rows, None]) for rows in blocks(len(columns)))
-    return sum(part.T @ (weight * part) for part, weight in parts)
+def gram(columns, weights, others=None):
+    """Σ_i w_i a_ij b_ik, (m, k), of columns a (n, m), weights w (n,) and other columns b (n, k), a if not given."""
+    others = columns if others is None else others
+    parts = ((columns[rows], weights[rows, None], others[rows]) for rows in blocks(len(columns)))
+    return sum(part.T @ (weight * other) for part, weight, other in parts)
 
 
 def squares(columns, weights):

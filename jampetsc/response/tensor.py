@@ -22,39 +22,32 @@ class TensorProjection:
     """
 
     def __init__(self, galerkins: list[Galerkin]):
-        c, network = galerkins[0].pencil.compatibility, galerkins[0].network
-        sizes = [1 + galerkin.modes.shape[1] for galerkin in galerkins]
-        ends = np.cumsum([0, *sizes])
-        columns = [slice(*pair) for pair in itertools.pairwise(ends)]
-        motions, fields = np.empty((len(c.g), ends[-1])), np.empty((len(galerkins[0].quasistatic), ends[-1]))
-        rates, forces = np.full(ends[-1], np.inf), np.zeros(ends[-1])
-        for own, galerkin in zip(columns, galerkins, strict=True):
-            fields[:, own] = np.column_stack((galerkin.quasistatic, galerkin.modes))
-            for number in range(own.start, own.stop):
-                motions[:, number] = c.motions(fields[:, number])
-            motions[:, own.start] += galerkin.pencil.compatibility.g
-            rates[own.start + 1 : own.stop] = galerkin.spectrum.rates
-            forces[own.start + 1 : own.stop] = galerkin.loads
-        K = network.sum(tall.gram(motions, c.w_K))
-        B = network.sum(tall.gram(motions, c.w_B) + tall.gram(fields, c.drag))
-        for one, first in zip(columns, galerkins, strict=True):
-            for other, second in zip(columns, galerkins, strict=True):
-                B[one.start, other.start] += c.fluid_gg(first.pencil.load, second.pencil.load)
-        numbers = np.repeat(np.arange(len(sizes)), sizes)
-        self.reduced = ReducedTensor(rates, forces, numbers, K / network.area, B / network.area)
-        self._noise = self._noise_of(c, network, motions, fields, galerkins, ends[:-1])
-
-    @staticmethod
-    def _noise_of(c, network, motions, fields, galerkins, starts):
-        """(sizes, reach), each (2, c): roots of Σ w a² in K and in B over V, and of the terms of the motions a."""
-        sizes = network.sum(tall.squares(motions, np.array([c.size_K, c.w_B])))
-        sizes[1] += network.sum(tall.squares(fields, c.drag[None])[0])
-        reach = ROW * network.sum(tall.squares(fields, np.array([c.reach_K, c.reach_B])))
-        for start, galerkin in zip(starts, galerkins, strict=True):
-            own = galerkin.pencil.compatibility
-            sizes[1, start] += own.drag_gg
-            reach[:, start] += network.sum(np.array([c.size_K @ own.g**2, c.w_B @ own.g**2]))
-        return np.sqrt(sizes / network.area), np.sqrt(reach / network.area)
+        solutions = [_Columns(galerkin) for galerkin in galerkins]
+        network = galerkins[0].network
+        local = [_between(*pair) for pair in itertools.combinations(solutions, 2)]
+        between = [[network.sum(matrix) for matrix in pair] for pair in local]
+        sizes = [len(one.rates) for one in solutions]
+        K, B = ([[None] * len(sizes) for _ in sizes] for _ in range(2))
+        for number, one in enumerate(solutions):
+            K[number][number], B[number][number] = one.own
+        numbers = itertools.combinations(range(len(sizes)), 2)
+        for (first, second), blocks in zip(numbers, between, strict=True):
+            loads = (galerkins[number].pencil.load for number in (first, second))
+            blocks[1][0, 0] += galerkins[0].pencil.compatibility.fluid_gg(*loads)
+            for matrix, block in zip((K, B), blocks, strict=True):
+                matrix[first][second], matrix[second][first] = block, block.T
+        self.reduced = ReducedTensor(
+            np.concatenate([one.rates for one in solutions]),
+            np.concatenate([one.forces for one in solutions]),
+            np.repeat(np.arange(len(sizes)), sizes),
+            np.block(K) / network.area,
+            np.block(B) / network.area,
+        )
+        # (2, c) in K and in B: roots of Σ w a² over V, and of the terms of the motions a
+        self._noise = [
+            np.concatenate([getattr(one, name) for one in solutions], axis=1) / np.sqrt(network.area)
+            for name in ("sizes", "reach")
+        ]
 
     def certify(self, certificates: list[Certified]):
         """C (M, L, L), complex, and bounds on |ΔC|, (M, L, L), at the frequencies of the certificates of all loads."""
@@ -71,3 +64,36 @@ class TensorProjection:
             C[:, number, number] = certificate.G
             bounds[:, number, number] = certificate.bounds[:, 0]
         return C, bounds
+
+
+class _Columns:
+    """The fields of one load, the quasistatic one and its modes, with their motions. Collective."""
+
+    def __init__(self, galerkin: Galerkin):
+        c, network, spectrum = galerkin.pencil.compatibility, galerkin.network, galerkin.spectrum
+        self.compatibility, h = c, galerkin.loads
+        self.fields = np.column_stack((galerkin.quasistatic, galerkin.modes))
+        self.motions = np.empty((len(c.g), self.fields.shape[1]))
+        for motion, field in zip(self.motions.T, self.fields.T, strict=True):
+            motion[:] = c.motions(field)
+        self.motions[:, 0] += c.g
+        self.rates, self.forces = np.append(np.inf, spectrum.rates), np.append(0.0, h)
+        # Modes are orthonormal in B, their rates are K; the quasistatic field has no force in K on them, h in B.
+        volume = network.area
+        K, B = np.diag(np.append(spectrum.G0 * volume, spectrum.rates)), np.eye(len(self.rates))
+        B[0, 0] = spectrum.eta_inf * volume + h @ h
+        B[0, 1:] = B[1:, 0] = h
+        self.own = K, B
+        sizes = network.sum(tall.squares(self.motions, np.array([c.size_K, c.w_B])))
+        sizes[1] += network.sum(tall.squares(self.fields, c.drag[None])[0])
+        sizes[1, 0] += c.drag_gg
+        reach = ROW * network.sum(tall.squares(self.fields, np.array([c.reach_K, c.reach_B])))
+        reach[:, 0] += network.sum(np.array([c.size_K @ c.g**2, c.w_B @ c.g**2]))
+        self.sizes, self.reach = np.sqrt(sizes), np.sqrt(reach)
+
+
+def _between(first, second):
+    """This rank's part of K and of B between the columns of two loads, what the fluid adds left out."""
+    c = first.compatibility
+    K, B = (tall.gram(first.motions, w, second.motions) for w in (c.w_K, c.w_B))
+    return K, B + tall.gram(first.fields, c.drag, second.fields) if c.drag.any() else B

@@ -284,6 +284,30 @@ def test_a_result_of_the_tensor(session):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize("sweep", [sweep_rationally, sweep_directly])
+def test_a_tensor_continues_from_any_step(session, sweep):
+    """Steps that are finished are not repeated, whichever load they belong to."""
+    pencil, omega, steps = (
+        pencil_of(polydisperse(3)[0], physics(), session.comm),
+        np.geomspace(1e-4, 1.0, 4),
+        {},
+    )
+    options = {"accuracy": 1e-8, "loads": symmetric_loads(2)}
+    whole = sweep(pencil, omega, **options, save=lambda step, *found: steps.update({step: found}))
+    assert len(steps) > 3
+    for number in range(1, len(steps) + 1):
+        more = []
+        resume = {step: steps[step] for step in range(number)}
+        found = sweep(
+            pencil, omega, **options, resume=resume, save=lambda step, *_, more=more: more.append(step)
+        )
+        assert more == list(range(number, len(steps)))
+        np.testing.assert_allclose(found.tensor.C, whole.tensor.C, rtol=0, atol=1e-12)
+        assert found.factorisations == whole.factorisations
+
+
+@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 def test_a_quasistatic_result_of_any_load(session):
     disks = published()
