@@ -3,6 +3,7 @@
     import jampetsc as jp
     packing = jp.pack(n=1024, pressure=1e-3, seed=1)               # in memory
     packing = jp.Packing(positions, radii, (Lx, Ly, xy))           # or of one's own arrays
+    network = jp.Network(positions, bonds, (Lx, Ly))               # springs instead of disks
     sweep = jp.sweep(packing, jp.ContactDamping(beta=0.1))
     sweep.modulus(omega)
     sweep.save("sweep.h5")
@@ -20,9 +21,11 @@ from jampetsc.version import VERSION as __version__
 _HOMES = {  # name -> module, of the names that are not jobs
     "ContactDamping": "jampetsc.laws.damping",
     "Law": "jampetsc.laws.damping",
+    "Network": "jampetsc.packing.spring_network",
     "Packing": "jampetsc.packing.packing",
     "StokesDrag": "jampetsc.laws.damping",
     "assemble": "jampetsc.commands.matrices",
+    "import_network": "jampetsc.io.network_importers",
     "import_packing": "jampetsc.io.importers",
     "load": "jampetsc.io.reader",
     "plot": "jampetsc.plots.draw",

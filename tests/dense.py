@@ -335,3 +335,30 @@ class Reference:
         moves = self.free_moves()
         travels = np.abs(moves.reshape(self.n, self.dofs, -1)[:, : self.dimension]).max(axis=(0, 1)) > 0
         return moves[:, ~travels] if self.law.drag else moves
+
+
+class NetworkReference(Reference):
+    """K, B and G* of a network of springs for `physics`, of its arrays alone; nodes without bonds left out."""
+
+    def __init__(self, network, physics):
+        self.law, self.prestress = physics.law, physics.prestress
+        self.k, cell = LONG(network.k), np.array(network.cell, LONG)
+        self.dimension = D = len(cell)
+        self.loads = np.zeros((1, D, D), LONG)
+        self.loads[0, :2, :2] = SIMPLE_SHEAR
+        self.area = np.prod(np.diag(cell))
+        self.disks = sorted({node for bond in network.bonds.tolist() for node in bond})
+        self.number = {node: row for row, node in enumerate(self.disks)}
+        self.i, self.j = ([self.number[node] for node in end] for end in network.bonds.T.tolist())
+        places = np.array(network.positions, LONG)[self.disks]
+        self.r = places[self.j] - places[self.i] + np.array(network.images, LONG) @ cell
+        self.distance = np.sqrt((self.r**2).sum(axis=1))
+        self.force, self.stiffness = (np.array(a, LONG) for a in (network.tension, network.stiffness))
+        radii = (
+            np.zeros(network.n) if network.radii is None else network.radii
+        )  # those of nodes that do not roll
+        self.radii = np.array(radii, LONG)[self.disks]
+        self.n, self.contacts = len(self.disks), len(self.i)
+        self.spins = spin_bases(D) if self.law.sliding > 0 else np.zeros((0, D, D), LONG)
+        self.dofs = D + len(self.spins)
+        self.K, self.B = self._matrices()

@@ -9,6 +9,7 @@ import importlib
 JOBS = {
     "pack": "pack:Pack",
     "import": "importing:Import",
+    "springs": "springs:Springs",
     "export": "export:Export",
     "matrices": "matrices:Matrices",
     "merge": "merge:Merge",

@@ -186,8 +186,8 @@ def _moduli(sweep):
     return rows
 
 
-def matrices(disks, network, physics, facts, ranks) -> str:
-    """Sizes, symmetry and inertia of K and B, and whether the packing is a minimum."""
+def matrices(network, is_packing, physics, facts, ranks) -> str:
+    """Sizes, symmetry and inertia of K and B, and whether the packing, or the network, is a minimum."""
     from jampetsc.petsc.inertia import SHIFT
 
     contacts = facts.contacts
@@ -196,12 +196,18 @@ def matrices(disks, network, physics, facts, ranks) -> str:
         (f"K and B for {physics}, on {ranks} rank{'s' * (ranks > 1)}",),
         (
             "unknowns",
-            f"{facts.unknowns}, {facts.dofs} for each of {network.n} disks; "
-            f"{network.rattlers} rattlers left out",
+            f"{facts.unknowns}, {facts.dofs} for each of {network.n} {'disks' if is_packing else 'nodes'}; "
+            f"{network.rattlers} {'rattlers' if is_packing else 'nodes without bonds'} left out",
         ),
         ("nonzeros", f"{facts.nonzeros} in each of K and B, one pattern"),
-        ("contacts", f"{contacts}, Z = {number(2.0 * contacts / network.n)}"),
-        ("Maxwell's count", f"{contacts} contacts − (2·{network.n} − 2) = {excess} in excess"),
+        *(
+            (
+                ("contacts", f"{contacts}, Z = {number(2.0 * contacts / network.n)}"),
+                ("Maxwell's count", f"{contacts} contacts − (2·{network.n} − 2) = {excess} in excess"),
+            )
+            if is_packing
+            else [("bonds", str(contacts))]
+        ),
         ("pieces", f"{facts.pieces} connected, {facts.gears} of them bipartite (gears)"),
         ("pinned unknowns", _pins(facts)),
         ("asymmetry", f"|K − Kᵀ|/|K| = {facts.asymmetry_K:.1e}, |B − Bᵀ|/|B| = {facts.asymmetry_B:.1e}"),
@@ -210,12 +216,13 @@ def matrices(disks, network, physics, facts, ranks) -> str:
         _inertia("K, no pre-stress", facts.without_prestress, "displacements, nothing pinned"),
         _inertia("B", facts.damping, "without the pinned unknowns"),
     ]
+    head = len(rows) - 4
     return "\n".join(
         [
-            table(rows[:8]),
-            table(rows[8:]),
+            table(rows[:head]),
+            table(rows[head:]),
             f"  inertia of L D Lᵀ; zero: within {SHIFT:.0e} of it, the matrix scaled to a unit diagonal",
-            *verdict(facts, imbalance(disks, measure(disks)) <= BALANCED),
+            *verdict(facts, network.imbalance <= BALANCED),
         ]
     )
 

@@ -6,11 +6,14 @@ from typing import ClassVar
 from jampetsc.errors import InputError, named
 from jampetsc.io import frames
 from jampetsc.io.exporters import check_format, write_frames
+from jampetsc.io.network_exporters import write_network_export
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, optional_parameter, parameter
-from jampetsc.options.values import PACKING, PACKING_OR_RESULT, input_name, load_source
+from jampetsc.options.values import PACKING, PACKING_NETWORK_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
 
+KINDS = {Packing: "packing", Network: "network"}  # of what has no format of a result
 OWNERS = {"mode": ("modes",), "field": ("sweep",), "packing": ("modes", "sweep", "quasistatic")}
 
 
@@ -20,8 +23,8 @@ class Export(Job):
 
     Of a packing: radius, coordination, rattlers and stress of every disk and, in data, vtp, npz and gsd, its contacts
     with force and overlap. Of modes, a sweep's fields or slow shear: the motion as vectors on the packing. Of a flow:
-    the snapshots with their velocities, as frames of one file (xyz, dump, gsd). The ending of the name chooses the
-    format.
+    the snapshots with their velocities, as frames of one file (xyz, dump, gsd). Of a network: nodes and bonds (data,
+    vtp, npz). The ending of the name chooses the format.
     """
 
     scalar: ClassVar = None
@@ -35,9 +38,9 @@ class Export(Job):
   jampetsc export rd0.h5 --out rd0.xyz                  # the snapshots of a flow"""
 
     file: Packing = parameter(
-        help="packing, modes, sweep with fields, quasistatic or flow file",
+        help="packing, network, modes, sweep with fields, quasistatic or flow file",
         place=FILE,
-        value_type=PACKING_OR_RESULT,
+        value_type=PACKING_NETWORK_OR_RESULT,
     )
     mode: int | None = optional_parameter("of a modes file: which mode, from 1 (default 1)", metavar="I")
     field: float | None = optional_parameter(
@@ -54,21 +57,29 @@ class Export(Job):
         super().check_outputs(to)
 
     def work(self, to):
-        count = write_frames(to.path, self._frames())
+        loaded = load_source(self.file)
+        kind = KINDS.get(type(loaded)) or loaded.format.removeprefix("jampetsc-")
+        self._check_options(kind)
+        if isinstance(loaded, Network):
+            write_network_export(to.path, loaded)
+            return f"{to}: {len(loaded.bonds)} bonds of {input_name(self.file)}"
+        count = write_frames(to.path, self._frames(loaded, kind))
         return f"{to}: {count} frame{'s' * (count != 1)} of {input_name(self.file)}"
 
     def answer(self, to, summary):
         return to.path
 
-    def _frames(self):
-        """The frames to export. Raises InputError for a file that has none, and for options of other kinds of files."""
-        loaded, name = load_source(self.file), input_name(self.file)
-        kind = "packing" if isinstance(loaded, Packing) else loaded.format.removeprefix("jampetsc-")
+    def _check_options(self, kind):
+        """Raise InputError for options of other kinds of files."""
         for option, owners in OWNERS.items():
             if getattr(self, option) is not None and kind not in owners:
                 raise InputError(
-                    f"{named(option)}: is of {' or '.join(owners)} files, and {name} is a {kind} file"
+                    f"{named(option)}: is of {' or '.join(owners)} files, and {input_name(self.file)} is a {kind} file"
                 )
+
+    def _frames(self, loaded, kind):
+        """The frames to export. Raises InputError for a file that has none."""
+        name = input_name(self.file)
         match kind:
             case "packing":
                 return [frames.packing_frame(loaded)]
@@ -83,4 +94,6 @@ class Export(Job):
                     frequencies = ", ".join(f"{omega:g}" for omega in loaded.fields.omega)
                     raise InputError(f"{name}: give {named('field')}: it has fields at omega = {frequencies}")
                 return [frames.field_frame(loaded, self.field, self.packing)]
-        raise InputError(f"{name}: is a {kind} file: export packing, modes, sweep, quasistatic or flow files")
+        raise InputError(
+            f"{name}: is a {kind} file: export packing, network, modes, sweep, quasistatic or flow files"
+        )

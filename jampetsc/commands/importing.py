@@ -1,4 +1,4 @@
-"""A packing of another program as a packing file."""
+"""A packing or a network of another program as a file."""
 
 import shlex
 from dataclasses import dataclass
@@ -7,10 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from jampetsc.commands import describe_network
 from jampetsc.commands.pack import PHIS
-from jampetsc.errors import option
+from jampetsc.errors import InputError, named, option
+from jampetsc.io import network_file
 from jampetsc.io.exchange import READERS
 from jampetsc.io.importers import import_packing
+from jampetsc.io.network_importers import import_network
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
@@ -33,13 +36,15 @@ def _box_text(box) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Import(Job):
-    """Turn a packing of another program into a packing file.
+    """Turn a packing or a network of another program into a file.
 
     Reads LAMMPS data and dump, extended XYZ, GSD (needs the package gsd), lines x y r with a line 'box Lx Ly xy', and
     npz with positions, radii or diameters, and box. Disks lie in one plane, periodic in x and y; lengths keep their
     unit. The potential is the one in FILE, as in those of `jampetsc export`, or the one of the options. Also the
     published packings of jamBashbulk (text; U = ½ δ², k = 1) and jax-md (netCDF4; U = ½ (1 − r/σ)²), whose pressure and
-    energy must be those stored in FILE.
+    energy must be those stored in FILE. With bonds FILE is a network of springs: its nodes need no radii, and bonds are
+    those of LAMMPS data (Bonds, and Bond Coeffs of style harmonic), of npz (bonds, and stiffness, tension, images), or
+    lines of a text.
     """
 
     scalar: ClassVar = None
@@ -48,13 +53,20 @@ class Import(Job):
   jampetsc import dump.lammpstrj --frame 1 --out dump.h5
   jampetsc import types.lammpstrj --radius 1=0.5,2=0.7 --k 2 --out types.h5    # columns id type x y; harmonic/cut K = 1
   jampetsc import disks.txt --box 7.5,7 --potential hertzian --out own.h5      # lines x y r without a box
+  jampetsc import gel.data --bonds gel.data --out gel.h5                       # a network with its own bonds
+  jampetsc import nodes.txt --bonds bonds.txt --box 20 --out net.h5            # lines x y, and lines i j k
 
 A packing that is not at rest, to its minimum: jampetsc pack --from dump.h5 --phi 0.86 --out rest.h5"""
-    OUT_HELP: ClassVar = "packing file to write"
+    OUT_HELP: ClassVar = "packing or network file to write"
 
     file: Path = parameter(help="file of the other program", place=FILE, value_type=PATH)
     format: str | None = optional_parameter("(default: by the content of FILE)", choices=READERS)
     index: int = parameter(0, "which packing of FILE, from 0", low=0, metavar="I", also="--frame")
+    bonds: Path | None = optional_parameter(
+        "file of bonds, which makes a network: FILE itself, or lines i j, i j k or i j k f of nodes from 0, stiffness "
+        "and force (positive where it pushes)",
+        value_type=PATH,
+    )
     radius: str | None = optional_parameter(
         "column or array of radii, or of diameters if it is called so (default radius or diameter); or a radius for "
         "each type",
@@ -74,7 +86,27 @@ A packing that is not at rest, to its minimum: jampetsc pack --from dump.h5 --ph
         "contact stiffness, in units of FILE (default: what FILE says, or 1); LAMMPS' harmonic/cut K means k = 2K"
     )
 
+    def check(self):
+        """Refuse the potential of overlaps for a network."""
+        for name in ("potential", "stiffness"):
+            if self.bonds is not None and getattr(self, name) is not None:
+                raise InputError(f"{named(name)}: belongs to packings. Leave it out with {named('bonds')}.")
+
+    @property
+    def paths(self):
+        """Files that it reads."""
+        return [str(path) for path in (self.file, self.bonds) if path is not None]
+
+    def check_outputs(self, to):
+        """Refuse files that may not be replaced."""
+        to.check(self.FORMAT if self.bonds is None else network_file.FORMAT, self.paths)
+
     def work(self, to):
+        if self.bonds is not None:
+            options = {name: getattr(self, name) for name in ("format", "radius", "box", "k")}
+            network = import_network(self.file, self.bonds, self.index, **options)
+            to.network(network)
+            return describe_network.network(to, network)
         how = ("format", "radius", "box", "potential", "stiffness", "k")
         disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in how})
         to.packing(disks)

@@ -4,17 +4,20 @@ import os
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.commands import describe
+from jampetsc.commands import describe, describe_network
 from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import Ensemble
-from jampetsc.io.packing_file import read_identified
+from jampetsc.io.network_file import read_identified_source
 from jampetsc.laws.damping import Law, Physics, damping_law
 from jampetsc.options.job import Job
 from jampetsc.options.law_options import DAMPING, PRESTRESS
 from jampetsc.options.parameters import FILE, composite_parameter, parameter
-from jampetsc.options.values import PACKING_OR_RESULT, input_name, load_source
+from jampetsc.options.values import PACKING_NETWORK_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
 from jampetsc.petsc import session
+
+DESCRIBE = {Packing: describe.packing, Network: describe_network.network, Ensemble: describe.study}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,9 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
     SOLVERS: ClassVar = ("inertia_",)
 
     file: Packing = parameter(
-        help="packing file, result file or folder of a study", place=FILE, value_type=PACKING_OR_RESULT
+        help="packing, network or result file, or folder of a study",
+        place=FILE,
+        value_type=PACKING_NETWORK_OR_RESULT,
     )
     matrices: bool = parameter(False, "assemble K and B and count their eigenvalues")
     law: Law = composite_parameter(DAMPING)
@@ -53,7 +58,7 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
             raise InputError(
                 f"{self.physics}: only the matrices depend on a damping law; add {named('matrices')}"
             )
-        if self.matrices and not isinstance(self.file, str | Packing):
+        if self.matrices and not isinstance(self.file, str | Packing | Network):
             raise InputError(f"{named('matrices')}: needs a packing, not {input_name(self.file)}")
 
     @property
@@ -72,18 +77,15 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         if self.matrices:
             return self._with_matrices(name)
         loaded = load_source(self.file)
-        describe_one = {Packing: describe.packing, Ensemble: describe.study}.get(
-            type(loaded), describe.result
-        )
-        return describe_one(name, loaded)
+        return DESCRIBE.get(type(loaded), describe.result)(name, loaded)
 
     def _with_matrices(self, name):
         from jampetsc.network.contact_network import build_network
         from jampetsc.response.minimum_check import examine
 
         running = session.current()
-        disks, _ = read_identified(self.file, running.comm)
-        network = build_network(disks, running.comm, self.prestress)
+        source, _ = read_identified_source(self.file, running.comm)
+        network = build_network(source, running.comm, self.prestress)
         facts = examine(network, self.law)
-        counts = describe.matrices(disks, network, self.physics, facts, running.size)
-        return f"{describe.packing(name, disks)}\n\n{counts}"
+        counts = describe.matrices(network, isinstance(source, Packing), self.physics, facts, running.size)
+        return f"{DESCRIBE[type(source)](name, source)}\n\n{counts}"

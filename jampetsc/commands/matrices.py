@@ -4,17 +4,18 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.errors import about
-from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.io.network_file import read_identified_source
+from jampetsc.io.packing_file import source_name
 from jampetsc.laws import loads
 from jampetsc.laws.damping import DEFAULT
-from jampetsc.options.law_options import PackingJob
+from jampetsc.options.law_options import NetworkJob
 from jampetsc.options.load_options import load_parameter
 from jampetsc.petsc import session
 
 
 @dataclass(frozen=True, eq=False)
-class Matrices(PackingJob):
-    """Write K, B and the border of a packing for scipy, Matrix Market or PETSc.
+class Matrices(NetworkJob):
+    """Write K, B and the border of a packing or a network for scipy, Matrix Market or PETSc.
 
     The matrices of docs/theory/linear_response.md, not scaled and without constraints. With them come their border
     k_gamma, b_gamma, k_gg, b_gg, the area, the disk and the component of every unknown, and the unknowns to leave out
@@ -45,7 +46,7 @@ class Matrices(PackingJob):
         from jampetsc.response.assembled_matrices import build_matrices
 
         comm = session.current().comm
-        disks, _ = read_identified(self.packing, comm)
+        disks, _ = read_identified_source(self.packing, comm)
         with about(source_name(self.packing)):
             network = build_network(disks, comm, self.prestress)
         matrices = build_matrices(network, self.law, loads.loads_of(self.load, len(disks.cell)))
@@ -64,7 +65,7 @@ class Matrices(PackingJob):
 def assemble(packing, law=DEFAULT, *, prestress=True, load=loads.DEFAULT):
     """The Hessian K in k, the damping matrix B in kτ₁ and their columns of the load γ (BT eqs. 10, 11). Collective.
 
-    packing     a Packing, or the name of a file
+    packing     a Packing or a Network, or the name of a file
     law         a damping law, or the name of a family of them
     prestress   whether K keeps the f/r term of its contacts (BT eq. 4)
     load        "xy" (simple shear) or another name, a displacement gradient (2, 2) or of `jampetsc.loads`, or "tensor":
@@ -77,6 +78,6 @@ def assemble(packing, law=DEFAULT, *, prestress=True, load=loads.DEFAULT):
     from jampetsc.response.assembled_matrices import build_matrices
 
     job, comm = Matrices(packing, law, prestress=prestress, load=load), session.start("real").comm
-    packing, _ = read_identified(job.packing, comm)
+    packing, _ = read_identified_source(job.packing, comm)
     network = build_network(packing, comm, job.prestress)
     return build_matrices(network, job.law, loads.loads_of(job.load, len(packing.cell)))

@@ -12,8 +12,8 @@ from jampetsc.options.job import Job
 from jampetsc.options.law_options import PRESTRESS
 from jampetsc.options.load_options import load_parameter
 from jampetsc.options.parameters import FILE, optional_parameter, parameter
-from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
-from jampetsc.options.values import PACKING
+from jampetsc.options.task_inputs import NETWORKS, ONE_PACKING, TaskInputs
+from jampetsc.options.values import PACKING_OR_NETWORK
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc.session import current
 
@@ -31,7 +31,7 @@ class Modes(Job):
     was missed is proved by the inertia of K.
     """
 
-    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
+    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING, NETWORKS)
     EPILOG: ClassVar = """examples:
   jampetsc modes p.h5 --count 20 --out modes.h5
   jampetsc modes p.h5 --below 0.01 --out below.h5 -options_file jampetsc:modes_many       # hundreds of modes
@@ -41,7 +41,7 @@ of them, are found by LAPACK, which takes no options."""
 
     SOLVERS: ClassVar = ("modes_", "shift_", "inertia_")
 
-    packing: Packing = parameter(help="packing", value_type=PACKING, place=FILE)
+    packing: Packing = parameter(help="packing or network", value_type=PACKING_OR_NETWORK, place=FILE)
     count: int | None = optional_parameter(
         f"number of modes (default {COUNT}); more where the last eigenvalues are equal", low=1, metavar="M"
     )
@@ -76,7 +76,7 @@ of them, are found by LAPACK, which takes no options."""
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
         source = read_network(self.packing, self.prestress, to, started)
         with about(source.name), session.stage("modes"):
-            dimension = len(source.disks.cell)
+            dimension = len(source.source.cell)
             (load,) = loads_of(DEFAULT if self.load == TENSOR else self.load, dimension)
             tensor = loads_of(TENSOR, dimension) if self.load == TENSOR else ()
             modes = lowest_modes(source.network, count, self.below, source.proved, load, tensor)

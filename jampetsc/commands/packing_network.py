@@ -1,33 +1,43 @@
-"""The packing of a run with its contact network: read, searched for contacts and examined once."""
+"""The packing or network of a run, spread over the ranks: read, searched for contacts and examined once."""
 
 import time
 from dataclasses import dataclass
 
 from jampetsc.errors import about
-from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.io.network_file import read_identified_source
+from jampetsc.io.packing_file import source_name
 from jampetsc.io.provenance import provenance
-from jampetsc.network.contact_network import Network, build_network
+from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.packing.contacts import BALANCED
 from jampetsc.packing.minimum_proof import proved_minimum
 from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
 from jampetsc.petsc import session
 from jampetsc.progress import warn
+
+WARNING = {
+    Packing: "the packing is not a minimum of its energy: quench it (pack from it); the response is that of its "
+    "contacts",
+    Network: "the network is not at rest: leave out its forces (no prestress); the response is that of its bonds",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class PackingNetwork:
-    """A packing and its contact network."""
+    """A packing or a network, and its bonds over the ranks."""
 
     name: str  # in messages
-    disks: Packing
-    identity: tuple  # name of the file and sha256 of the packing
-    network: Network
+    source: Packing | Network
+    identity: tuple  # name of its file and sha256
+    network: DistributedNetwork
     started: float  # time.perf_counter() at the start of the run
 
     @property
     def proved(self) -> bool:
         """Whether K of the network is known to have no negative modes."""
-        return not self.network.prestress or proved_minimum(self.disks)
+        return not self.network.prestress or (
+            isinstance(self.source, Packing) and proved_minimum(self.source)
+        )
 
     def record(self, law: dict) -> dict:
         """Attributes of every result of a packing, for `ResultWriter.attributes(**…)`. Collective.
@@ -46,30 +56,39 @@ class PackingNetwork:
                 wall_seconds=time.perf_counter() - self.started,
             ),
             "pressure": network.pressure,
-            "phi": self.disks.phi,
             "k": network.k,
-            "particle_count": self.disks.n,
+            "particle_count": self.source.n,
+            "seed": self.source.record.get("seed"),
+            **self._counts(),
+        }
+
+    def _counts(self):
+        network = self.network
+        if isinstance(self.source, Network):
+            return {"bond_count": network.contact_count, "keep": self.source.record.get("keep")}
+        return {
+            "phi": self.source.phi,
             "rattlers": network.rattlers,
             "coordination": network.coordination,
             "force_threshold": network.threshold,
-            "seed": self.disks.record.get("seed"),
         }
 
 
-def read_network(packing, prestress: bool, to, started: float) -> PackingNetwork:
-    """The network of a packing, in memory or a file, from which the result in the outlet `to` is made. Collective.
+def read_network(packing, prestress: bool, to, started: float, read=read_identified_source) -> PackingNetwork:
+    """The bonds of a packing or a network, in memory or a file, from which the result in `to` is made. Collective.
 
-    Warns where forces are not balanced. Raises InputError, naming the packing, where it is not rigid.
+    read   `packing_file.read_identified` for a command that takes packings alone
+
+    Warns where forces are not balanced. Raises InputError, naming a packing, where it is not rigid.
     """
     comm, name = session.current().comm, source_name(packing)
-    disks, identity = read_identified(packing, comm)
-    to.made_from(disks)
+    source, identity = read(packing, comm)
+    to.made_from(source)
     with session.current().stage("assembly"), about(name):
-        network = build_network(disks, comm, prestress)
+        network = build_network(source, comm, prestress)
     # The response of the contacts as they are is still defined, but the packing would not stay in that state.
     if not network.imbalance <= BALANCED and comm.rank == 0:
         warn(
-            f"{name}: forces are not balanced, max|F|/(p d) = {network.imbalance:.1e}, so the packing is not a minimum "
-            "of its energy: quench it (pack from it); the response is that of its contacts as they are"
+            f"{name}: forces are not balanced, {network.imbalance_text}, so {WARNING[type(source)]} as they are"
         )
-    return PackingNetwork(name, disks, identity, network, started)
+    return PackingNetwork(name, source, identity, network, started)

@@ -17,7 +17,7 @@ from jampetsc.options.parameters import (
     optional_parameter,
     parameter,
 )
-from jampetsc.options.values import PACKING_OR_RESULT, split_list
+from jampetsc.options.values import PACKING_NETWORK_OR_RESULT, split_list
 
 
 def _given(**options) -> dict:
@@ -75,10 +75,10 @@ class Plot(Job):
     """Draw sweeps, packings, flows and whatever else a file holds.
 
     G' and G'' of sweeps and oscillations, the scaling collapse of sweeps, relaxation spectra with stress relaxation
-    and creep, correlations of displacements and their length, a packing with its contacts and forces, displacement
-    fields of a sweep, quasistatic responses, modes, or steady shear: series of one rate, flow curves of several,
-    snapshots, velocities and their correlation; quasistatic shear along the strain; the share of samples that jam,
-    f(phi), and their pressures, P(p). Frequencies are shown in 1/τ₁, moduli and pressures in k.
+    and creep, correlations of displacements and their length, a packing with its contacts and forces, a network,
+    displacement fields of a sweep, quasistatic responses, modes, or steady shear: series of one rate, flow curves of
+    several, snapshots, velocities and their correlation; quasistatic shear along the strain; the share of samples that
+    jam, f(phi), and their pressures, P(p). Frequencies are shown in 1/τ₁, moduli and pressures in k.
     """
 
     FORMAT: ClassVar = "picture"
@@ -89,6 +89,7 @@ class Plot(Job):
   jampetsc plot s1e-2.h5 s1e-3.h5 s1e-4.h5 --out moduli.png           # G' and G'' of three sweeps
   jampetsc plot s1e-2.h5 s1e-3.h5 s1e-4.h5 --kind collapse --out collapse.pdf
   jampetsc plot p.h5 --out packing.svg
+  jampetsc plot net.h5 --out network.pdf                              # bonds of a network
   jampetsc plot sweep.h5 --kind fields --omega 1e-3 --total --out fields.png
   jampetsc plot modes.h5 --mode 1,2,5 --out modes.png                 # on the packing
   jampetsc plot q-p*.h5 --kind medians --out medians.png              # of quasistatic files
@@ -103,7 +104,7 @@ Every result is drawn without --kind."""
 
     files: tuple = parameter(
         help="files of results or packings, or the folder of a study",
-        value_type=PACKING_OR_RESULT,
+        value_type=PACKING_NETWORK_OR_RESULT,
         place=FILES,
     )
     where: str | None = WHERE

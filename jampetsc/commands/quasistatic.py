@@ -1,4 +1,4 @@
-"""Response of a packing to slow shear."""
+"""Response of a packing or a network to slow shear."""
 
 import time
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
 from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
-from jampetsc.options.law_options import PackingJob
+from jampetsc.options.law_options import NetworkJob
 from jampetsc.options.load_options import load_parameter
 from jampetsc.options.parameters import optional_parameter
-from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
+from jampetsc.options.task_inputs import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.values import Numbers, number_list
 from jampetsc.petsc.session import current
 
@@ -24,7 +24,7 @@ SCAN = ("beta", "eta0", "no_prestress_eta0", "eta_inf")  # columns of `Quasistat
 
 
 @dataclass(frozen=True, eq=False)
-class Quasistatic(PackingJob):
+class Quasistatic(NetworkJob):
     """Fields, moduli and viscosities of the limit of slow shear, or of another slow load.
 
     The motion of touching disks relative to each other, Δu∥ and Δu⊥, and the non-affine displacement of every disk, per
@@ -35,7 +35,7 @@ class Quasistatic(PackingJob):
     Numbers whose names have no_prestress are those without the pre-stress of K.
     """
 
-    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
+    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING, NETWORKS)
     EPILOG: ClassVar = """examples:
   jampetsc quasistatic p.h5 --out slow.h5
   jampetsc quasistatic p.h5 --betas 1e-4,1e-2,1 --out betas.h5
@@ -70,7 +70,7 @@ PETSc options: -shift_… for the factorisations."""
         started, session = time.perf_counter(), current()
         source = read_network(self.packing, self.prestress, to, started)
         with about(source.name):
-            betas, dimension = () if self.betas is None else self.betas.tolist(), len(source.disks.cell)
+            betas, dimension = () if self.betas is None else self.betas.tolist(), len(source.source.cell)
             (load,) = loads_of(DEFAULT if self.load == TENSOR else self.load, dimension)
             tensor = loads_of(TENSOR, dimension) if self.load == TENSOR else ()
             found = solve_quasistatic(source.network, self.law, betas, load, tensor)

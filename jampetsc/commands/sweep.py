@@ -1,4 +1,4 @@
-"""G*(ω) of a packing."""
+"""G*(ω) of a packing or a network."""
 
 import time
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
-from jampetsc.options.law_options import PackingJob
+from jampetsc.options.law_options import NetworkJob
 from jampetsc.options.load_options import is_shear, load_parameter
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
+from jampetsc.options.task_inputs import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.values import FREQUENCIES, Numbers
 from jampetsc.petsc import builds, session
 from jampetsc.progress import note, warn
@@ -32,8 +32,8 @@ of_power_law = partial(optional_parameter, group=POWER_LAW)
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep(PackingJob):
-    """Complex modulus G*(ω) of a packing under oscillatory shear or another load.
+class Sweep(NetworkJob):
+    """Complex modulus G*(ω) of a packing or a network under shear or another load.
 
     A modulus is that of the energy along F = 1 + εE, for the displacement gradient E of the load. With load tensor all
     elastic constants C*(ω) of the symmetric loads xx, yy, xy, whose shears are E = ½(x̂ŷ + ŷx̂), from the same
@@ -43,9 +43,10 @@ class Sweep(PackingJob):
     the whole spectrum from a few real factorisations, `direct` solves K + iωB at every frequency.
     """
 
-    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
+    STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING, NETWORKS)
     EPILOG: ClassVar = """examples:
   jampetsc sweep p.h5 --beta 0.1 --omega 1e-6:1e2:81 --fields 1e-3,1 --out sweep.h5
+  jampetsc sweep net.h5 --law stokes --eta-f 0 --omega 1e-4:1e2:31 --out net-sweep.h5     # a network of springs
   jampetsc sweep p.h5 --method direct --omega 1e-3,1 --out direct.h5 -options_file jampetsc:iterative
 
 PETSc options: -shift_… and -inertia_… for the factorisations of the rational method, -freq_… for the solver of
@@ -172,7 +173,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         method = "direct" if minimum.negative_modes else self.method
         if method != self.method and session.current().rank == 0:
             warn(
-                f"{source.name}: K has {minimum.negative_modes} negative modes, so the packing is not a minimum of its "
+                f"{source.name}: K has {minimum.negative_modes} negative modes, so it is not a minimum of its "
                 "energy: solving every frequency by method direct"
             )
         checkpoint = to.checkpoint(
@@ -182,7 +183,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         )
         with about(source.name):
             found = self._solve(source, frequencies, method, minimum, checkpoint)
-        notes = notes_of(self, source.disks, frequencies.asked(found.omega), found)
+        notes = notes_of(self, source.network, frequencies.asked(found.omega), found)
         with to.writer(self.FORMAT, session.current().comm) as writer:
             _write_moduli(writer, frequencies, found, source, self.damping is not None)
             writer.attributes(
@@ -218,7 +219,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             "omega": frequencies.solved,
             "accuracy": self.accuracy,
             "field_omega": frequencies.of_fields,
-            "loads": loads_of(self.load, source.disks.cell.shape[0]),
+            "loads": loads_of(self.load, source.source.cell.shape[0]),
         }
         if checkpoint.done and session.current().rank == 0:
             what = "shifts" if method == "rational" else "frequencies"
@@ -290,16 +291,16 @@ def _write_tensor(writer, tensor, network) -> None:
             writer.dataset(f"reduced_tensor/{name}", values)
 
 
-def notes_of(job, disks, omega, found) -> list[str]:
-    """Notes on a `ModulusSweep` of disks at frequencies omega (M,) of the experiment, see `io.results`."""
+def notes_of(job, network, omega, found) -> list[str]:
+    """Notes on a `ModulusSweep` of a network at frequencies omega (M,) of the experiment, see `io.results`."""
     notes, G, highest = [], found.G, found.G.real + found.bounds[:, 1]
     if highest.min() < 0.0 and is_shear(job.load):  # by more than its bound
         worst = int(np.argmin(highest))
         notes += unstable_to_shear(G.real[worst], f"G' at omega {omega[worst]:.3g}")
     if job.damping is not None:
-        k = disks.potential.k
+        k = network.k
         strain = job.damping.stress * k / abs(G).min()
-        pressure = disks.record.get("pressure", np.inf) / k
+        pressure = network.pressure / k
         if strain > pressure:
             notes.append(
                 f"contacts would change, which is left out: strain amplitude up to {strain:.1e}, more than p/k = "

@@ -32,6 +32,10 @@ def packing_of(result, packing=None) -> Packing:
     """
     name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
     if packing is None and result.packing is not None:
+        if not isinstance(result.packing, Packing):
+            raise InputError(
+                f"{result.path}: of a network. Motion is drawn, exported and correlated on packings."
+            )
         return result.packing
     if isinstance(packing, Packing):
         facts = [result.attributes.get(key) for key in ("particle_count", "phi")]

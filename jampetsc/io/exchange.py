@@ -202,10 +202,11 @@ def read_extxyz(content, index):
 
 
 def read_xyr(content, index):
-    """Lines x y r; a line `box L`, `box Lx Ly` or `box Lx Ly xy`, which may be a comment (#), if there is one."""
+    """Lines x y r, of nodes x y; a line `box L`, `box Lx Ly` or `box Lx Ly xy`, which may be a comment (#), if any."""
     check_index(index, 1)
     rows, box = _xyr(content.decode())
-    columns = _columns(("x", "y", "radius"), rows)
+    width = 2 if all(len(row) == 2 for row in rows) else 3
+    columns = _columns(("x", "y", "radius")[:width], rows)
     return DiskTable(columns, _places(columns), None if box is None else to_numbers(box[1].split()))
 
 
@@ -282,7 +283,9 @@ def format_of(content) -> str | None:
     format = next((name for name, look in looks.items() if re.match(look, text)), None)
     first = _xyr(text)[0][:1]
     return (
-        "xyr" if format is None and first and len(first[0]) == 3 and all(map(is_number, first[0])) else format
+        "xyr"
+        if format is None and first and len(first[0]) in (2, 3) and all(map(is_number, first[0]))
+        else format
     )
 
 

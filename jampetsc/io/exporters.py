@@ -52,7 +52,7 @@ def types_of(radii):
     return type + 1 if len(sizes) <= MAX_SIZE_TYPES else np.ones(len(radii), int)
 
 
-def _lines(columns, start="") -> str:
+def format_rows(columns, start="") -> str:
     """Rows of columns (N,) and (N, d) as lines of text, which begin with `start`; numbers to the last bit."""
     parts = [part for values in columns for part in (values.T if values.ndim == 2 else [values])]
     rows = zip(*(part.tolist() for part in parts), strict=True)
@@ -93,7 +93,7 @@ def _xyz(frame: Frame, number) -> bytes:
         f'{frame.disks.n}\nLattice="{ax!r} 0 0 {bx!r} {by!r} 0 0 0 {_thickness(frame)!r}" '
         f'Properties={properties} pbc="T T F" {_words({"frame": number} | frame.law | frame.facts)}\n'
     )
-    return (head + _lines(columns.values(), "X ")).encode()
+    return (head + format_rows(columns.values(), "X ")).encode()
 
 
 def _dump(frame: Frame, number) -> bytes:
@@ -113,7 +113,7 @@ def _dump(frame: Frame, number) -> bytes:
         f"{min(0.0, bx)!r} {ax + max(0.0, bx)!r} {bx!r}\n0.0 {by!r} 0.0\n{-half!r} {half!r} 0.0\n"
         f"ITEM: ATOMS {names}\n"
     )
-    return (head + _lines(columns.values())).encode()
+    return (head + format_rows(columns.values())).encode()
 
 
 def _data(frame: Frame, number) -> bytes:
@@ -136,29 +136,35 @@ def _data(frame: Frame, number) -> bytes:
         f"LAMMPS data file of jampetsc, bonds are contacts: # force overlap; units = lj, {_words(frame.law)}\n\n"
         f"{disks.n} atoms\n{len(c)} bonds\n{types.max()} atom types\n1 bond types\n\n"
         f"0.0 {ax!r} xlo xhi\n0.0 {by!r} ylo yhi\n{-half!r} {half!r} zlo zhi\n{bx!r} 0.0 0.0 xy xz yz\n\n"
-        f"Atoms # bpm/sphere\n\n{_lines(atoms)}" + (f"\nBonds\n\n{bonds}" if bonds else "")
+        f"Atoms # bpm/sphere\n\n{format_rows(atoms)}" + (f"\nBonds\n\n{bonds}" if bonds else "")
     ).encode()
 
 
 def _vtp(frame: Frame, number) -> bytes:
-    """VTK XML PolyData: a point per disk, a line per contact.
+    """VTK XML PolyData: a point per disk, a line per contact."""
+    disks, c = frame.disks, frame.contacts
+    bonds = {"force": c.force, "overlap": c.overlap, "bearing": frame.bearing.astype(int)}
+    return poly_data(disks.positions, disks.cell, c, frame.columns, bonds, frame.law | frame.facts)
+
+
+def poly_data(positions, cell, c, columns, bonds, facts) -> bytes:
+    """VTK XML PolyData of N points, with columns {name: (N, …)}, and M bonds c, with values {name: (M,)}.
 
     A line that leaves the cell ends on an image of its disk, a point of its own behind the N disks (`image` is 1).
     """
-    disks, c = frame.disks, frame.contacts
-    end = disks.positions[c.i] + c.r
-    across = np.hypot(*(end - disks.positions[c.j]).T) > 0.5 * disks.radii.min()
+    n = len(positions)
+    end = positions[c.i] + c.r
+    across = np.hypot(*(end - positions[c.j]).T) > 0.5 * min(cell[0, 0], cell[1, 1])
     point = c.j.copy()
-    point[across] = disks.n + np.arange(np.count_nonzero(across))
-    disk = np.r_[np.arange(disks.n), c.j[across]]
-    points = np.vstack((disks.positions, end[across]))
-    columns = {"disk": disk, "image": (np.arange(len(disk)) >= disks.n).astype(int)}
-    columns |= {name: values[disk] for name, values in frame.columns.items()}
-    bonds = {"force": c.force, "overlap": c.overlap, "bearing": frame.bearing.astype(int)}
+    point[across] = n + np.arange(np.count_nonzero(across))
+    disk = np.r_[np.arange(n), c.j[across]]
+    points = np.vstack((positions, end[across]))
+    columns = {name: values[disk] for name, values in columns.items()}
+    columns = {"disk": disk, "image": (np.arange(len(disk)) >= n).astype(int)} | columns
     lines = {"connectivity": np.column_stack((c.i, point)).ravel(), "offsets": 2 * np.arange(1, len(c) + 1)}
     return (
         '<?xml version="1.0"?>\n<VTKFile type="PolyData" version="0.1" byte_order="LittleEndian">\n<PolyData>\n'
-        f"<FieldData>\n{_array('cell', _spatial(disks.cell), tuples=True)}{_field_data(frame.law | frame.facts)}"
+        f"<FieldData>\n{_array('cell', _spatial(cell), tuples=True)}{_field_data(facts)}"
         "</FieldData>\n"
         f'<Piece NumberOfPoints="{len(points)}" NumberOfVerts="0" NumberOfLines="{len(c)}" NumberOfStrips="0" '
         f'NumberOfPolys="0">\n<Points>\n{_array("points", _spatial(points))}</Points>\n'
@@ -178,7 +184,7 @@ def _field_data(entries):
         if isinstance(value, str):
             codes = np.array([*value.encode(), 0])
             head = f'<DataArray type="String" Name="{name}" NumberOfTuples="1" format="ascii">'
-            arrays.append(f"{head}\n{_lines([codes])}</DataArray>\n")
+            arrays.append(f"{head}\n{format_rows([codes])}</DataArray>\n")
         else:
             arrays.append(_array(name, np.array([value]), tuples=True))
     return "".join(arrays)
@@ -189,7 +195,9 @@ def _array(name, values, tuples=False):
     kind = "Int64" if values.dtype.kind == "i" else "Float64"
     size = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
     size += f' NumberOfTuples="{len(values)}"' if tuples else ""
-    return f'<DataArray type="{kind}" Name="{name}"{size} format="ascii">\n{_lines([values])}</DataArray>\n'
+    return (
+        f'<DataArray type="{kind}" Name="{name}"{size} format="ascii">\n{format_rows([values])}</DataArray>\n'
+    )
 
 
 def _npz(frame: Frame, number) -> bytes:

@@ -55,6 +55,30 @@ walls | int? | | of snapshots of a flow with `--walls`: number of disks of the w
 """,
 )
 
+NETWORK = Format(
+    datasets=r"""
+positions | (N, 2) | float | length | of the nodes
+bonds | (M, 2) | int | | numbers of the two nodes of each bond, from 0
+images | (M, 2) | int | | cell vectors in r = x_j − x_i + image · cell
+cell | (2, 2) | float | length | rows a₁ = (L, 0) and a₂ of the periodic cell
+stiffness | (M,) | float | force/length | k = d²V/dr² of each bond
+tension | (M,) | float | force | f = −dV/dr of each bond: positive where it pushes (compression), negative where it
+  pulls
+radii | (N,) | float? | length | of the nodes, for laws under which they roll
+""",
+    attributes=r"""
+format, format_version | text | | `jampetsc-network`, and the version of its layout; readers refuse a newer major
+  version
+k | float > 0 | force/length | unit of stiffness: weights of a damping law count in k τ₁
+protocol | text | | how it was made
+keep, seed | float, int? | | share of the bonds that were kept, and the seed of the choice
+source, source_sha256 | text? | | of a diluted packing or network: name of its file and hash
+imported_from, imported_bonds, imported_index, assumed | text, text, int, text? | | of imports: the file, the file of
+  the bonds, the number of the frame, and which of stiffness and tension it did not give
+request | text? | | as in every result
+""",
+)
+
 PART_GROUP = "part_files"
 PARTS = Format(  # of a joint file, beside what its format has
     datasets="""
@@ -66,6 +90,7 @@ part_files/seals | (P,) | text | | the hash in its line of checksums
 )
 FORMATS = {
     "jampetsc-packing": PACKING,
+    "jampetsc-network": NETWORK,
     "jampetsc-sweep": SWEEP,
     "jampetsc-quasistatic": QUASISTATIC,
     "jampetsc-modes": MODES,

@@ -55,15 +55,7 @@ def import_packing(
     Raises InputError for an unknown format, a compressed or damaged file, a wrong index, a packing that is
     three-dimensional or not periodic, or whose pressure or energy is not the one in the file.
     """
-    try:
-        with open_regular(path) as file:
-            content = file.read(len(SIGNATURE))
-            if format or content != SIGNATURE:
-                content += file.read(_MAX_TEXT_BYTES)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(content) > _MAX_TEXT_BYTES:
-        raise InputError(f"{path}: more than {_MAX_TEXT_BYTES >> 20} MB: cut the packing out of it")
+    content = read_content(path, whole=format is not None)
     law = {"potential": potential, "stiffness": stiffness, "k": k}
     law = {name: value for name, value in law.items() if value is not None}
     format = format or format_of(content)
@@ -81,22 +73,47 @@ def import_packing(
     return disks.with_record(imported_from=Path(path).name, imported_index=index)
 
 
-def _read_exchanged(content, index, format, radius, box, law):
+def read_content(path, whole=True) -> bytes:
+    """The bytes of a file of another program; of HDF5 only its signature unless `whole`. Raises InputError."""
     try:
-        table = READERS[format](content, index)
+        with open_regular(path) as file:
+            content = file.read(len(SIGNATURE))
+            if whole or content != SIGNATURE:
+                content += file.read(_MAX_TEXT_BYTES)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    if len(content) > _MAX_TEXT_BYTES:
+        raise InputError(f"{path}: more than {_MAX_TEXT_BYTES >> 20} MB: cut the packing out of it")
+    return content
+
+
+def read_table(content, index, format):
+    """The `DiskTable` of a file in a format of READERS. Raises InputError."""
+    try:
+        return READERS[format](content, index)
     except UnicodeDecodeError:
         raise InputError(f"{format}: is not text") from None
+
+
+def _read_exchanged(content, index, format, radius, box, law):
+    table = read_table(content, index, format)
+    box = box_of(table, box)
+    radii, law = radii_in(table.columns, radius), table.law | law
+    record = {"protocol": format} | ({"units": law.pop("units")} if "units" in law else {})
+    assumed = ", ".join(name for name in LAW if name not in law)
+    disks = Packing(table.positions, radii, box, **law)
+    return disks.with_record(**record, **({"assumed": assumed} if assumed else {}))
+
+
+def box_of(table, box):
+    """The box of a file, or the one given for a file without. Raises InputError where both or none is there."""
     if (table.box is None) == (box is None):
         raise InputError(
             f"has no box: give {named('box')}, L, Lx,Ly or Lx,Ly,xy"
             if box is None
             else f"has a box: leave out {named('box')}"
         )
-    radii, law = radii_in(table.columns, radius), table.law | law
-    record = {"protocol": format} | ({"units": law.pop("units")} if "units" in law else {})
-    assumed = ", ".join(name for name in LAW if name not in law)
-    disks = Packing(table.positions, radii, table.box if box is None else box, **law)
-    return disks.with_record(**record, **({"assumed": assumed} if assumed else {}))
+    return table.box if box is None else box
 
 
 def _checked(disks):

@@ -84,6 +84,14 @@ class Outlet:
         if self.path is not None:
             write_packing(self.path, disks, self.request)
 
+    def network(self, network) -> None:
+        """Take a network that was made. Not collective."""
+        from jampetsc.io.network_file import write_network
+
+        self._found = network
+        if self.path is not None:
+            write_network(self.path, network, self.request)
+
     def packings(self, found) -> None:
         """Take several packings instead of one file: a Packing, or a list of them or of their files, on every rank."""
         self._found = found
@@ -122,10 +130,11 @@ class Outlet:
         from jampetsc.io.reader import collected, load
         from jampetsc.io.results import Result
         from jampetsc.packing.packing import Packing
+        from jampetsc.packing.spring_network import Network
 
         if isinstance(self._found, list):
             return [one if isinstance(one, Packing) else load(one) for one in self._found]
-        if self.path is None and isinstance(self._found, Packing):
+        if self.path is None and isinstance(self._found, Packing | Network):
             return self._found
         found = collected(self._found) if self.path is None else load(self.path)
         if isinstance(found, Result):

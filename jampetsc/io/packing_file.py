@@ -5,6 +5,7 @@ Datasets `positions` (N, 2), `radii` (N,), `cell` (2, 2) rows a1, a2, and the pa
 `potential`, `stiffness`, `k` (1 if missing), then the record: pressure, phi, energy, max_force, seed, …
 """
 
+import os
 from pathlib import Path
 
 from jampetsc.collective import on_root
@@ -58,7 +59,7 @@ def read_packing(path) -> Packing:
 
 def source_name(source) -> str:
     """Name of a packing in messages: its file, or "the packing" for one in memory."""
-    return "the packing" if isinstance(source, Packing) else str(source)
+    return str(source) if isinstance(source, str | os.PathLike) else "the packing"
 
 
 def read_identified(path, comm=None) -> tuple[Packing, tuple[str, str]]:

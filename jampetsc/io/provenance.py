@@ -32,8 +32,8 @@ git_commit | text? | | of the program, if it ran from a checkout
 *_version | text | | versions of the program and of PETSc, SLEPc, MUMPS, MPI, numpy, h5py, python if they were used
 scalar_type, petsc_options, ranks | text, text, int? | | if PETSc was used: real or complex; all options in force,
   given or set by the program; number of ranks
-packing, packing_sha256 | text? | | name of the packing file it was made from, and hash of its disks: coordinates to
-  the last bit, radii, cell, potential (`packing.fingerprint`)
+packing, packing_sha256 | text? | | name of the packing or network file it was made from, and hash of its disks:
+  coordinates to the last bit, radii, cell, potential (`packing.fingerprint`), or of all of a network
 sources, source_runs | text? | | of spectrum, correlation and collapse: names of the files and their `run_id`
 law, normal, beta, rotations, eta_f, tau1 | text, float, float, bool, float, float > 0? | | damping law, and those of
   these parameters that it has
@@ -43,6 +43,7 @@ prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
 alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress in units of k
 k, pressure, phi, particle_count, rattlers, coordination | float > 0, float, float, int > 0, int, float? | | of the
   packing: k, p, φ, N, disks without rigid contacts, Z without them
+bond_count, keep | int, float? | | of a network: number of bonds; share of those of the lattice or packing
 force_threshold | float? | | contacts with a smaller force are left out
 seed | int? | | of the packing, if it was made from a random start
 """,

@@ -8,7 +8,7 @@ import numpy as np
 from jampetsc.analysis.reduced_tensor import ReducedTensor
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError, about, named
-from jampetsc.io import packing_file
+from jampetsc.io import network_file, packing_file
 from jampetsc.io.disk_motion import snapshot
 from jampetsc.io.ensemble import load_ensemble
 from jampetsc.io.hdf5 import attributes, check_format, open_file, retry_if_replaced
@@ -219,8 +219,9 @@ def load(path):
 
     path   of a file, or of the folder of a study
 
-    Returns a Packing for a packing, SweepResult for a sweep, FlowResult for a flow, Result for other files, and an
-    `ensemble.Ensemble`, its table as arrays with averages over packings, for a study. Not collective.
+    Returns a Packing for a packing, a Network for a network, SweepResult for a sweep, FlowResult for a flow, Result for
+    other files, and an `ensemble.Ensemble`, its table as arrays with averages over packings, for a study. Not
+    collective.
 
     Raises InputError with the file, what is wrong with it and the remedy.
     """
@@ -232,8 +233,10 @@ def load(path):
             raise InputError(f"{path}: is one rank's part: open the joint file beside its folder")
         if name == packing_file.FORMAT:
             return packing_file.packing_from(h5, path)
+        if name == network_file.FORMAT:
+            return network_file.network_from(h5, path)
         if name not in RESULTS:
-            formats = ", ".join((packing_file.FORMAT, *RESULTS))
+            formats = ", ".join((packing_file.FORMAT, network_file.FORMAT, *RESULTS))
             raise InputError(f"{path}: format {name}: this jampetsc reads {formats}; use a newer one")
         result = RESULTS[name].read(h5, path)
         PartList(h5, path).check()

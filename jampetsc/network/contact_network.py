@@ -1,8 +1,8 @@
-"""The contact network of a packing, spread over the ranks by ranges of disks along a space-filling curve.
+"""A network, or the contacts of a packing, spread over the ranks by ranges of disks along a space-filling curve.
 
 Every rank knows the coordinates of all disks (a few MB at N = 1e5), but looks for and keeps only the contacts of the
 disks in its own range. A contact between disks of two ranks is kept by both, each seeing it from its own end, so that
-matrices assemble without communication.
+matrices assemble without communication. Nodes and bonds of a `Network` are disks and contacts here.
 """
 
 from dataclasses import dataclass, replace
@@ -14,15 +14,25 @@ from scipy.sparse.csgraph import connected_components
 
 from jampetsc.errors import InputError
 from jampetsc.laws.damping import Law
-from jampetsc.packing.contacts import Contacts, find_contacts, find_rattlers, force_threshold, virial_pressure
+from jampetsc.packing.contacts import (
+    both_ends,
+    find_contacts,
+    find_rattlers,
+    force_threshold,
+    virial_pressure,
+)
+from jampetsc.packing.linear_bonds import LinearBonds
 from jampetsc.packing.neighbours import spatial_order
 from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
+
+FLOPPY_REMEDY = "add bonds, or sweep under a law with drag, which resists every motion"  # of a `Network`
 
 
 @dataclass(frozen=True, eq=False)
-class Network:
-    """Load-bearing contacts between n disks (rattlers left out), those of this rank.
+class DistributedNetwork:
+    """Load-bearing contacts between n disks (rattlers left out), or bonds of a network, those of this rank.
 
     Disks are renumbered 0 … n−1 along the curve; this rank owns first … last−1. `contacts` has an entry for
     each contact of an owned disk, seen from that disk (its i is owned), ordered by i.
@@ -33,19 +43,33 @@ class Network:
     first: int
     last: int
     particles: np.ndarray  # (last − first,) numbers of the owned disks in the packing file
-    contacts: Contacts
-    radii: np.ndarray  # (n,) of all disks, in the new numbering
+    contacts: LinearBonds  # `Contacts` of a packing
+    radii: np.ndarray | None  # (n,) of all disks, in the new numbering; None: of nodes that cannot roll
     area: float  # V
-    k: float  # contact stiffness constant of the potential
+    k: float  # contact stiffness constant of the potential, or unit of stiffness of a network
     pressure: float  # p = Σ f r / (2V) over all overlaps
     rattlers: int  # number of disks left out
     threshold: float  # force above which a contact counts
     imbalance: float  # max |F|/(p d) of the disks that bear load, d the mean diameter; infinite at p = 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
+    imbalance_measure: str = "max|F|/(p d)"  # of a `Network`: max|F|/mean|f|
+    remedy: str = "raise the pressure or finish the quench"  # of floppy modes, in words
 
-    def unstressed(self) -> "Network":
+    def unstressed(self) -> "DistributedNetwork":
         """The same contacts as springs at rest: K without pre-stress."""
         return replace(self, prestress=False)
+
+    @property
+    def imbalance_text(self) -> str:
+        """`imbalance` with its measure."""
+        return f"{self.imbalance_measure} = {self.imbalance:.1e}"
+
+    @property
+    def sum_of_squares(self) -> str:
+        """Why K has no negative modes whatever the forces, in words; empty where it may have some. Collective."""
+        if not self.prestress:
+            return "no pre-stress"
+        return "" if self.max(np.maximum(self.contacts.force, 0.0)) else "no bond pushes"
 
     def damping(self, law: Law) -> float:
         """kτ₁, the unit of a law's weights: one number for all contacts, whatever the stiffness convention."""
@@ -70,46 +94,101 @@ class Network:
         return 2.0 * self.contact_count / self.n if self.n else 0.0
 
 
-def build_network(disks: Packing, comm, prestress: bool = True) -> Network:
-    """The network of a packing that every rank has read, linearised with pre-stress or without. Collective.
+def build_network(source: Packing | Network, comm, prestress: bool = True) -> DistributedNetwork:
+    """The contacts of a packing or the bonds of a network, linearised with pre-stress or without. Collective.
 
-    Raises InputError for two disks at one place, and when too few contacts are left to be rigid: n disks in a
-    periodic cell need at least 2n − 2 (Maxwell's count), and each missing one leaves a floppy mode.
+    source   on every rank
+
+    Raises InputError for two disks at one place, and for a packing with too few contacts to be rigid: n disks in a
+    periodic cell need at least 2n − 2 (Maxwell's count), and each missing one leaves a floppy mode. A network may be
+    floppy.
     """
-    order = spatial_order(disks.positions, disks.cell)
-    disks = disks.reordered(order)
-    rows = tuple((comm.rank + end) * disks.n // comm.size for end in (0, 1))
-    every = find_contacts(disks, rows)
+    if isinstance(source, Network):
+        return _spread_network(source, comm, prestress)
+    network = _spread_packing(source, comm, prestress)
+    _require_rigid(network, source.n)
+    return network
+
+
+def _spread_packing(packing, comm, prestress):
+    order = spatial_order(packing.positions, packing.cell)
+    packing = packing.reordered(order)
+    rows = _rows_of(packing.n, comm)
+    every = find_contacts(packing, rows)
     _require_directions(every, order, comm)
-    pressure = comm.allreduce(virial_pressure(every.force, every.distance, disks.area)) / 2.0  # two ends each
-    threshold = force_threshold(disks, pressure)
+    virial = virial_pressure(every.force, every.distance, packing.area)
+    pressure = comm.allreduce(virial) / 2.0  # two ends each
+    threshold = force_threshold(packing, pressure)
     loaded = every[every.force > threshold]
-    rattler = find_rattlers(
-        disks.n, loaded.i, loaded.j, lambda loose: np.concatenate(comm.allgather(loose[slice(*rows)]))
+    rattlers = find_rattlers(
+        packing.n, loaded.i, loaded.j, lambda loose: np.concatenate(comm.allgather(loose[slice(*rows)]))
+    )
+    contacts = loaded[~(rattlers[loaded.i] | rattlers[loaded.j])]
+    return _without(
+        rattlers,
+        contacts,
+        packing.radii,
+        order,
+        comm,
+        area=packing.area,
+        k=packing.potential.k,
+        pressure=pressure,
+        threshold=threshold,
+        imbalance=_imbalance(packing, every, rows, rattlers, pressure, comm),
+        prestress=prestress,
     )
 
-    contacts = loaded[~(rattler[loaded.i] | rattler[loaded.j])]
-    number = np.cumsum(~rattler) - 1
-    owned = ~rattler[slice(*rows)]
-    before = int(np.count_nonzero(~rattler[: rows[0]]))
-    network = Network(
+
+def _spread_network(source, comm, prestress):
+    order = spatial_order(source.positions, source.cell)
+    number, every = np.argsort(order), source.linear_bonds
+    i, j = both_ends(number[every.i], number[every.j])
+    first, last = _rows_of(source.n, comm)
+    rows = np.flatnonzero((i >= first) & (i < last))
+    rows = rows[np.lexsort((j[rows], i[rows]))]
+    sign = np.where(rows < len(every), 1.0, -1.0)  # the second half sees bonds from their other end
+    bonds = every[rows % len(every)]
+    bonds = replace(bonds, i=i[rows], j=j[rows], r=sign[:, None] * bonds.r)
+    radii = None if source.radii is None else source.radii[order]
+    return _without(
+        source.isolated[order],
+        bonds,
+        radii,
+        order,
+        comm,
+        area=source.area,
+        k=source.k,
+        pressure=source.pressure,
+        threshold=0.0,
+        imbalance=source.imbalance if prestress else 0.0,
+        imbalance_measure="max|F|/mean|f|",
+        remedy=FLOPPY_REMEDY,
+        prestress=prestress,
+    )
+
+
+def _rows_of(n, comm):
+    """First and one past the last of the disks of this rank, all n in the order of the curve."""
+    return tuple((comm.rank + end) * n // comm.size for end in (0, 1))
+
+
+def _without(left_out, contacts, radii, order, comm, **units):
+    """The network without the disks of the mask `left_out`, which have no contacts."""
+    first, last = _rows_of(len(order), comm)
+    number = np.cumsum(~left_out) - 1
+    owned = ~left_out[first:last]
+    before = int(np.count_nonzero(~left_out[:first]))
+    return DistributedNetwork(
         comm=comm,
         n=int(number[-1]) + 1,
         first=before,
         last=before + int(np.count_nonzero(owned)),
-        particles=order[slice(*rows)][owned],
+        particles=order[first:last][owned],
         contacts=replace(contacts, i=number[contacts.i], j=number[contacts.j]),
-        radii=disks.radii[~rattler],
-        area=disks.area,
-        k=disks.potential.k,
-        pressure=pressure,
-        rattlers=int(np.count_nonzero(rattler)),
-        threshold=threshold,
-        imbalance=_imbalance(disks, every, rows, rattler, pressure, comm),
-        prestress=prestress,
+        radii=None if radii is None else radii[~left_out],
+        rattlers=int(np.count_nonzero(left_out)),
+        **units,
     )
-    _require_rigid(network, disks.n)
-    return network
 
 
 def _require_directions(every, order, comm):
@@ -166,7 +245,7 @@ class Pieces:
         """(n,) number 0, 1, … of the piece of each disk."""
         return np.unique(self.label, return_inverse=True)[1]
 
-    def mean(self, network: Network, values):
+    def mean(self, network: DistributedNetwork, values):
         """Mean over its piece of what each owned disk has: values and result (last − first, c). Collective."""
         mine = self.index[network.first : network.last]
         total = np.zeros((self.index.max() + 1, values.shape[1]), values.dtype)
@@ -174,7 +253,7 @@ class Pieces:
         return (network.sum(total) / np.bincount(self.index)[:, None])[mine]
 
 
-def find_pieces(network: Network) -> Pieces:
+def find_pieces(network: DistributedNetwork) -> Pieces:
     """Connected pieces and whether each is bipartite. Collective.
 
     Uses the double cover, two copies v⁺ and v⁻ of each disk with edges i⁺j⁻ and i⁻j⁺: a piece is bipartite

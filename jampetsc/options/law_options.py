@@ -25,7 +25,7 @@ from jampetsc.options.parameters import (
     composite_parameter,
     parameter,
 )
-from jampetsc.options.values import PACKING
+from jampetsc.options.values import PACKING, PACKING_OR_NETWORK
 from jampetsc.packing.packing import Packing
 
 GROUP = "damping law"
@@ -102,3 +102,10 @@ class PackingJob(Job):
     def physics(self) -> Physics:
         """Law and pre-stress."""
         return Physics(self.law, self.prestress)
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkJob(PackingJob):
+    """Base of jobs on the matrices of a packing or a network of springs."""
+
+    packing: Packing = parameter(help="packing or network", value_type=PACKING_OR_NETWORK, place=FILE)

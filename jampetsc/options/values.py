@@ -145,15 +145,16 @@ def _radii(given):
 def _read_as(names, what):
     """The `read` of a Kind for a packing or a result: the name of its file, or the object if it is in memory only.
 
-    names   classes of objects in memory that are accepted, of "Packing" and "Result"
+    names   classes of objects in memory that are accepted, of "Packing", "Network" and "Result"
     what    describes them in messages
     """
 
     def read(given):
         from jampetsc.io.results import Result
         from jampetsc.packing.packing import Packing
+        from jampetsc.packing.spring_network import Network
 
-        classes = tuple({"Packing": Packing, "Result": Result}[name] for name in names)
+        classes = tuple({"Packing": Packing, "Network": Network, "Result": Result}[name] for name in names)
         if isinstance(given, Result):
             if isinstance(given, classes) and (given.file is None or given.packing is not None):
                 return given  # also one that was saved, for the packing that it knows
@@ -179,6 +180,8 @@ def load_source(source):
 
 def input_name(source) -> str:
     """A packing or a result in messages: the name of its file, or a description if it is in memory."""
+    if hasattr(source, "bonds"):
+        return f"<network of {source.n} nodes>"
     return f"<{source.n} disks>" if hasattr(source, "potential") else str(getattr(source, "path", source))
 
 
@@ -202,6 +205,18 @@ PACKING = ValueType(
 )
 RESULT = ValueType(
     _read_as(["Result"], "a result"), input_name, metavar="FILE", python="result or the name of its file"
+)
+PACKING_OR_NETWORK = ValueType(
+    _read_as(["Packing", "Network"], "a packing, a network"),
+    input_name,
+    metavar="PACKING",
+    python="Packing, Network or the name of its file",
+)
+PACKING_NETWORK_OR_RESULT = ValueType(
+    _read_as(["Packing", "Network", "Result"], "a packing, a network, a result"),
+    input_name,
+    metavar="FILE",
+    python="Packing, Network, result or the name of its file",
 )
 PACKING_OR_RESULT = ValueType(
     _read_as(["Packing", "Result"], "a packing, a result"),

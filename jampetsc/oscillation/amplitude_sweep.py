@@ -8,7 +8,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import Law
-from jampetsc.network.contact_network import Network, build_network
+from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.oscillation.drive import HARMONICS, Drive, OscillationResult
 from jampetsc.oscillation.power_law import LINEAR_BELOW, relative_softening
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
@@ -33,7 +33,7 @@ class AmplitudeSweep:
 
 def sweep_amplitudes(
     disks: Packing,
-    network: Network,
+    network: DistributedNetwork,
     law: Law,
     omega,
     amplitudes,
@@ -68,7 +68,7 @@ def sweep_amplitudes(
     return AmplitudeSweep(arrays, failures, solver.name, solver.regularisation)
 
 
-def require_stability(network: Network, control: str) -> None:
+def require_stability(network: DistributedNetwork, control: str) -> None:
     """Raise InputError for a packing that is unstable under this control, "stress" or "strain". Collective.
 
     An imposed strain fixes the shape of the cell. Under a stress the cell shears, so that a negative shear modulus is

@@ -14,7 +14,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.laws.damping import Law
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.network.contact_network import Network
+from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.oscillation.cycle_equations import ContactMotions, Cycle, Equations
 from jampetsc.oscillation.cycle_solver import solve_cycle
 from jampetsc.oscillation.drive import HARMONICS, MIN_FIXED_ALPHA, Drive, OscillationResult
@@ -38,7 +38,7 @@ class Start:
     speed: float  # root mean square of |z| over contacts and time, see `power_law`
 
     @classmethod
-    def of(cls, network: Network, drive: Drive, motion, velocity, *scalars: float) -> "Start":
+    def of(cls, network: DistributedNetwork, drive: Drive, motion, velocity, *scalars: float) -> "Start":
         """From arrays of a network's n disks: displacements (and rotations) `motion` (n, ≥ 2), velocities (n, dofs).
 
         scalars: gamma, rate, strain, modulus, speed
@@ -89,7 +89,9 @@ class SteadyOscillation:
     rho0: mean diameter, the length in the power law
     """
 
-    def __init__(self, network: Network, law: Law, rho0: float, steps: int, stiffest: float = STIFFEST):
+    def __init__(
+        self, network: DistributedNetwork, law: Law, rho0: float, steps: int, stiffest: float = STIFFEST
+    ):
         self.law, self.network = law, network
         self.contacts = ContactMotions(assemble(network, law))
         self.steps, self.stiffest, self.rho0 = steps, stiffest, rho0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jampetsc.errors import InputError
+from jampetsc.packing.linear_bonds import LinearBonds
 from jampetsc.packing.neighbours import neighbour_pairs, vectors
 
 if TYPE_CHECKING:
@@ -22,40 +23,24 @@ RIGID = 3  # fewer contacts than this cannot hold a disk in two dimensions
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
-    """M contacts, structure of arrays. Bond vectors point from i to j: r = x_j − x_i + image · cell."""
+class Contacts(LinearBonds):
+    """M contacts: bonds of overlapping disks."""
 
-    i: np.ndarray  # (M,)
-    j: np.ndarray  # (M,)
-    r: np.ndarray  # (M, 2) bond vector
-    distance: np.ndarray  # (M,) |r|
     overlap: np.ndarray  # (M,) δ = ρ_i + ρ_j − |r| > 0
     sigma: np.ndarray  # (M,) ρ_i + ρ_j
-    force: np.ndarray  # (M,) f = −dV/dr
-    stiffness: np.ndarray  # (M,) d²V/dr², the k of BT eq. 4
-
-    def __len__(self):
-        return len(self.i)
-
-    def __getitem__(self, selection) -> Contacts:
-        """The contacts of a mask or an index array."""
-        return Contacts(*(getattr(self, f.name)[selection] for f in fields(self)))
-
-    @property
-    def tension(self):
-        """f/r, (M,): what pre-stress takes from the stiffness across a bond (BT eq. 4)."""
-        return self.force / self.distance
-
-    @property
-    def normal(self):
-        """n = r/|r|, (M, 2)."""
-        return self.r / self.distance[:, None]
 
     @property
     def transverse(self):
         """t = ẑ × n, (M, 2)."""
         n = self.normal
         return np.column_stack((-n[:, 1], n[:, 0]))
+
+    @property
+    def weight_rounding(self):
+        """What rounding may do to k and to f/r, in units of ε, (M, 2): an overlap is off by ε σ."""
+        excess = self.stiffness * self.overlap / self.force - 1.0  # α − 2
+        along = self.stiffness * np.abs(excess) * self.sigma / self.overlap
+        return np.column_stack((along, self.stiffness * self.sigma / self.distance))
 
 
 def bond_vectors(disks: Packing, i, j, image):
@@ -78,7 +63,7 @@ def find_contacts(disks: Packing, rows=None) -> Contacts:
     i, j, r, distance, sigma, overlap = (a[touching] for a in (i, j, r, distance, sigma, overlap))
     law = disks.potential
     return Contacts(
-        i, j, r, distance, overlap, sigma, law.force(overlap, sigma), law.contact_stiffness(overlap, sigma)
+        i, j, r, distance, law.force(overlap, sigma), law.contact_stiffness(overlap, sigma), overlap, sigma
     )
 
 
@@ -100,7 +85,7 @@ def virial_pressure(force, distance, area: float) -> float:
 def stress_tensor(contacts: Contacts, area: float):
     """σ_ab = −Σ f r_a r_b / (|r| V), (2, 2): compression is negative, p = −tr σ / 2."""
     x, y = contacts.r.T
-    xx, xy, yy = (float(np.sum(contacts.tension * a * b)) for a, b in ((x, x), (x, y), (y, y)))
+    xx, xy, yy = (float(np.sum(contacts.force_per_length * a * b)) for a, b in ((x, x), (x, y), (y, y)))
     return -np.array([[xx, xy], [xy, yy]]) / area
 
 
@@ -114,7 +99,7 @@ def disk_stresses(disks: Packing, contacts: Contacts):
 
     Each of its two disks has half of a contact's virial: Σ A_i σ_i = σ V with σ of `stress_tensor`, exactly.
     """
-    virial = contacts.tension[:, None, None] * contacts.r[:, :, None] * contacts.r[:, None, :] / 2.0
+    virial = contacts.force_per_length[:, None, None] * contacts.r[:, :, None] * contacts.r[:, None, :] / 2.0
     total = np.zeros((disks.n, 2, 2))
     for end in (contacts.i, contacts.j):
         np.add.at(total, end, virial)

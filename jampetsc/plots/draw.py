@@ -12,6 +12,7 @@ from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.reader import load
 from jampetsc.options.values import refuse_repeated
 from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
 from jampetsc.plots import picture_table
 from jampetsc.plots.page import Page
 from jampetsc.plots.picture import PICTURES, Picture, drawing_errors
@@ -19,7 +20,7 @@ from jampetsc.plots.style import FORMATS, save
 
 MODULES = (  # with pictures; without a kind the first picture that suits files and options is drawn
     "moduli_plots", "spectrum_plots", "correlation_plots", "quasistatic_plots", "exponent_plots", "mode_plots",
-    "flow_plots", "jamming_plots", "scaling_plots", "field_plots", "packing_plots",
+    "flow_plots", "jamming_plots", "scaling_plots", "field_plots", "packing_plots", "network_plots",
 )  # fmt: skip
 COMMANDS = {  # format -> its command, if that has another name
     "correlation": "correlate",
@@ -154,7 +155,7 @@ def choose_kind(kinds, items, names) -> str:
     Raises InputError if no kind shows this mixture of files, files of this format, or this number of them.
     """
     formats = [_format(item) for item in items]
-    names = [name or "a packing" for name in names]
+    names = [name or _with_article(of) for name, of in zip(names, formats, strict=True)]
     different = next((n for n, file_format in enumerate(formats) if file_format != formats[0]), None)
     if different is not None:
         kinds = [kind for kind in kinds if PICTURES[kind].mixed and set(formats) <= set(PICTURES[kind].of)]
@@ -175,6 +176,8 @@ def choose_kind(kinds, items, names) -> str:
 def _format(item):
     if isinstance(item, Packing):
         return "packing"
+    if isinstance(item, Network):
+        return "network"
     if not hasattr(item, "format"):
         raise InputError(f"{item!r}: neither a file nor a result of jampetsc.load. Give one of them.")
     return item.format.removeprefix("jampetsc-")
@@ -186,7 +189,9 @@ def _needed_files(kinds):
 
 
 def _plural(word):
-    return {"packing": "a packing", "spectrum": "spectra"}.get(word, f"{_file_noun(word)}s")
+    return {"packing": "a packing", "network": "a network", "spectrum": "spectra"}.get(
+        word, f"{_file_noun(word)}s"
+    )
 
 
 def _with_article(*words):
@@ -195,4 +200,4 @@ def _with_article(*words):
 
 
 def _file_noun(word):
-    return word if word in ("packing", "sweep", "spectrum", "correlation") else f"{word} file"
+    return word if word in ("packing", "network", "sweep", "spectrum", "correlation") else f"{word} file"

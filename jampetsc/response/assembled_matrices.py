@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 
 from jampetsc.errors import InputError, MissingPackage, named
 from jampetsc.laws.damping import Law
-from jampetsc.network.contact_network import Network
+from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.sparse_matrices import whole_matrix
 from jampetsc.response.assembly import assemble, pins_of
 
@@ -96,7 +96,7 @@ def _whole_border(comm, vectors):
     return np.concatenate(comm.allgather(vectors.getArray().real))
 
 
-def build_matrices(network: Network, law: Law, loads=None) -> PackingMatrices:
+def build_matrices(network: DistributedNetwork, law: Law, loads=None) -> PackingMatrices:
     """The matrices of a network under a law. Collective.
 
     loads   one, simple shear if not given, or several, whose borders stand side by side

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load, simple_shear
 from jampetsc.laws.relative_motion import squares
-from jampetsc.network.contact_network import Network, Pieces, find_pieces
+from jampetsc.network.contact_network import DistributedNetwork, Pieces, find_pieces
 from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import diagonal_of, distributed_matrix
 from jampetsc.response.compatibility import Compatibility, build_compatibility, forms_of, weights
@@ -35,7 +35,7 @@ class Pencil:
     these modes. Under drag translations dissipate, and `project` removes them instead.
     """
 
-    network: Network
+    network: DistributedNetwork
     law: Law
     pieces: Pieces
     K: object  # PETSc.Mat
@@ -120,7 +120,7 @@ class Pencil:
         return displacement, values[:, 2].copy() if self.law.couples_rotations else None
 
 
-def assemble(network: Network, law: Law, pinned: bool = True) -> Pencil:
+def assemble(network: DistributedNetwork, law: Law, pinned: bool = True) -> Pencil:
     """K, B and the border, in the scalar type of the running PETSc. Collective.
 
     pinned   whether zero modes are pinned, see `Pencil`; False leaves K + sB singular on them

@@ -15,10 +15,11 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
+from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load, fluid_dissipation
 from jampetsc.laws.relative_motion import linear_forms
-from jampetsc.network.contact_network import Network
+from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.sparse_matrices import distributed_matrix
 
 
@@ -26,7 +27,7 @@ from jampetsc.petsc.sparse_matrices import distributed_matrix
 class Compatibility:
     """C, g and the weights. Rows are distributed with the contacts, each contact once, with its lower-numbered disk."""
 
-    network: Network
+    network: DistributedNetwork
     C: object  # PETSc.Mat, one row per form and contact
     forms: int  # rows per contact: a∥, a⊥ and, where disks roll, a⊥ᶜ
     g: np.ndarray  # (rows,) local, of a unit amplitude of the load
@@ -86,20 +87,25 @@ class Compatibility:
         return once(values) if np.iscomplexobj(values) else once(values).real
 
 
-def forms_of(network: Network, dofs: int):
+def forms_of(network: DistributedNetwork, dofs: int):
     """`linear_forms` of the network's contacts, with angles where a disk has three unknowns."""
     c = network.contacts
+    if dofs == 3 and network.radii is None:
+        raise InputError(
+            "network without radii: its nodes roll under this damping law. Give radii, or take a law without rotations "
+            f"({named('rotations')})."
+        )
     rims = (network.radii[c.i], network.radii[c.j]) if dofs == 3 else None
     return linear_forms(c.normal, c.r[:, 1], rims)
 
 
-def weights(network: Network, law: Law):
+def weights(network: DistributedNetwork, law: Law):
     """Weights of the squares of `forms_of`, per contact, complex (M, forms): real part for K, imaginary for B."""
     c = network.contacts
     w = np.zeros((len(c), 3), complex)
     w[:, 0] = c.stiffness
     if network.prestress:
-        w[:, 1] = -c.tension
+        w[:, 1] = -c.force_per_length
     w += 1j * network.damping(law) * np.array(law.on_contacts)
     return w[:, : law.dofs]
 
@@ -110,18 +116,16 @@ def stacked(forms):
     return rows, np.stack([on_gamma for *_, on_gamma in forms], axis=1)
 
 
-def build_compatibility(network: Network, law: Law, pins) -> Compatibility:
+def build_compatibility(network: DistributedNetwork, law: Law, pins) -> Compatibility:
     """C of a network under a law, with zero columns for pinned unknowns. Collective."""
     once = network.contacts.i < network.contacts.j
     i, j = network.contacts.i[once], network.contacts.j[once]
     forms, w = forms_of(network, law.dofs), weights(network, law)
     m, f, d = len(i), len(forms), law.dofs
     size_K = np.abs(w[once].real)
-    contacts = network.contacts[once]
-    excess = contacts.stiffness * contacts.overlap / contacts.force - 1.0  # α − 2
-    size_K[:, 0] += contacts.stiffness * np.abs(excess) * contacts.sigma / contacts.overlap
-    if network.prestress:
-        size_K[:, 1] += contacts.stiffness * contacts.sigma / contacts.distance
+    rounding = network.contacts[once].weight_rounding
+    rounding[:, 1] *= network.prestress
+    size_K[:, :2] += rounding
     rows, g = stacked(forms)
     # contacts are seen from both ends, in the order of their disks
     at = (np.abs(w.real) + 1j * w.imag)[:, None, :] @ rows[..., :d] ** 2

@@ -16,7 +16,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.laws.damping import UNDAMPED
 from jampetsc.laws.loads import Load
-from jampetsc.network.contact_network import Network
+from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.shifted import ShiftedFactor
 from jampetsc.response.assembly import assemble
@@ -93,7 +93,7 @@ class ElasticResponse:
     Raises InputError, with their number, where K has negative modes, or zero modes other than translations.
     """
 
-    def __init__(self, network: Network):
+    def __init__(self, network: DistributedNetwork):
         self.network = network
         self.pencil = assemble(network, UNDAMPED)
         try:

@@ -18,6 +18,10 @@ from jampetsc.response.certificate import EPSILON, ROUNDING, field_bound
 from jampetsc.response.krylov_basis import RationalBasis
 from jampetsc.response.residual import GalerkinResidual
 
+MAX_RATE_ROUNDING = (
+    1e-6  # relative rounding of a rate above which its vector counts as floppy; usual are 1e-13
+)
+
 
 class Galerkin:
     """The best approximation of the response in the space of a basis. Collective.
@@ -42,10 +46,12 @@ class Galerkin:
         motions[:, 0] += compatibility.g
         if basis.size:
             K, B = self._projected(fields[:, 1:], motions[:, 1:])
-            rates, rotation = on_root(comm, lambda: _graded_eigen(K, B))
+            slack = self._slack(fields[:, 1:], motions[:, 1:])
+            rates, rotation, is_floppy = on_root(comm, lambda: _graded_eigen(K, B, slack))
             for columns in (fields, motions):
                 tall.rotate(columns[:, 1:], rotation)
             still = -self.network.sum(motions[:, 1:].T @ (compatibility.w_K * motions[:, 0])) / rates
+            still[is_floppy] = 0.0  # their elastic load is rounding, as K does not resist them
             fields[:, 0] += fields[:, 1:] @ still
             motions[:, 0] += motions[:, 1:] @ still
         self.quasistatic, self.modes = fields[:, 0], fields[:, 1:]
@@ -65,6 +71,15 @@ class Galerkin:
         return self.network.sum(K), self.network.sum(
             B + tall.gram(fields, c.drag) if self.pencil.law.drag else B
         )
+
+    def _slack(self, fields, motions):
+        """What rounding may change in the diagonal of Vᵀ K V, (m,)."""
+        c = self.pencil.compatibility
+        local = np.array(
+            [tall.squares(motions, np.abs(c.w_K)[None])[0], tall.squares(fields, c.reach_K[None])[0]]
+        )
+        sizes, reach = self.network.sum(local)
+        return _rounding(sizes, np.sqrt(ROW * reach))
 
     def _finish(self, motions, rates):
         c, volume = self.pencil.compatibility, self.network.area
@@ -134,10 +149,16 @@ def _rounding(size, reach):
     return ROUNDING * np.sqrt(size) * (np.sqrt(size) + reach) + (ROUNDING * reach) ** 2
 
 
-def _graded_eigen(K, B):
-    """Rates and B-orthonormal vectors of a small pencil with K graded and B the identity but for rounding."""
+def _graded_eigen(K, B, slack):
+    """(rates, B-orthonormal vectors, mask of floppy ones) of a small pencil, K graded, B the identity but for rounding.
+
+    slack   (m,) rounding of the diagonal of K: a vector near it is floppy, and is not mixed with others
+    """
     lower = np.linalg.cholesky(B)
     H = solve_triangular(lower, solve_triangular(lower, K, lower=True).T, lower=True)
+    floppy = np.flatnonzero(slack > MAX_RATE_ROUNDING * np.diag(K))
+    H[floppy] = H[:, floppy] = 0.0
+    H[floppy, floppy] = np.maximum(np.diag(K), slack)[floppy]
     try:
         R = np.linalg.cholesky(0.5 * (H + H.T))
     except np.linalg.LinAlgError:
@@ -148,4 +169,5 @@ def _graded_eigen(K, B):
     if info != 0:
         raise ConvergenceError(f"one-sided Jacobi did not converge (info {info})")
     rates = (values * scaling[1] / scaling[0]) ** 2
-    return rates, solve_triangular(lower.T, vectors, lower=False)
+    is_floppy = np.abs(vectors[floppy]).max(axis=0, initial=0.0) > 0.5
+    return rates, solve_triangular(lower.T, vectors, lower=False), is_floppy

@@ -1,7 +1,7 @@
 """Whether a packing is a minimum of its energy: the negative and zero modes of K, and how they were counted.
 
-K is that of a `network.Network`, with or without pre-stress, on the displacements. For a proof that a packing's file
-records see `packing.minimum_proof`. `examine` has other facts of K and B: size, asymmetry, inertia.
+K is that of a `contact_network.DistributedNetwork`, with or without pre-stress, on the displacements. For a proof that
+a packing's file records see `packing.minimum_proof`. `examine` has other facts of K and B: size, asymmetry, inertia.
 """
 
 from dataclasses import dataclass, replace
@@ -10,13 +10,13 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import UNDAMPED, Law
-from jampetsc.network.contact_network import Network, find_pieces
+from jampetsc.network.contact_network import DistributedNetwork, find_pieces
 from jampetsc.packing.contacts import BALANCED
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.inertia import Inertia, count_eigenvalues
 from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor
-from jampetsc.response.assembly import assemble
+from jampetsc.response.assembly import Pencil, assemble
 
 BY_CHOLESKY = "Cholesky's factorisation of K"
 BY_INERTIA = "the inertia of K"
@@ -26,10 +26,11 @@ BY_INERTIA = "the inertia of K"
 class MinimumCheck:
     """What is known of K's negative modes and of the balance of forces, so whether error bounds are certified."""
 
-    prestress: bool  # whether K has it
+    construction: str  # why K is a sum of squares, if it is one: in words
     negative_modes: int | None  # None: not known
     counted_by: str  # how this run has counted them; empty if it has not
-    imbalance: float  # max |F|/(p d)
+    imbalance: float  # of forces, see `DistributedNetwork`
+    imbalance_text: str  # the same with its measure
 
     @property
     def certified(self) -> bool:
@@ -39,8 +40,8 @@ class MinimumCheck:
     @property
     def description(self) -> str:
         """Whether K has no negative modes, and how that is known, as text for a file."""
-        if not self.prestress:
-            status = "by construction (no pre-stress)"
+        if self.construction:
+            status = f"by construction ({self.construction})"
         elif self.negative_modes is None:
             status = "not shown: that of fields is a bound only if K has no negative modes"
         elif self.negative_modes:
@@ -49,10 +50,10 @@ class MinimumCheck:
             status = f"proved {f'by {self.counted_by}' if self.counted_by else 'when the packing was made'}"
         if self.imbalance <= BALANCED:
             return status
-        return f"{status}; but forces are not balanced: max|F|/(p d) = {self.imbalance:.1e}"
+        return f"{status}; but forces are not balanced: {self.imbalance_text}"
 
 
-def check_minimum(network: Network, proved: bool, count: bool = True) -> MinimumCheck:
+def check_minimum(network: DistributedNetwork, proved: bool, count: bool = True) -> MinimumCheck:
     """Whether a packing is a minimum. Collective; needs the real build where modes are counted.
 
     proved   whether it was proved before that K with pre-stress has no negative modes
@@ -60,13 +61,14 @@ def check_minimum(network: Network, proved: bool, count: bool = True) -> Minimum
 
     Raises as `count_modes`.
     """
-    negative, how = (0, "") if proved or not network.prestress else (None, "")
+    construction = network.sum_of_squares
+    negative, how = (0, "") if proved or construction else (None, "")
     if negative is None and count:
         negative, how = negative_modes(network)
-    return MinimumCheck(network.prestress, negative, how, network.imbalance)
+    return MinimumCheck(construction, negative, how, network.imbalance, network.imbalance_text)
 
 
-def count_modes(network: Network) -> Inertia:
+def count_modes(network: DistributedNetwork) -> Inertia:
     """Inertia of K, nothing pinned: two zeros for each piece are its translations. Collective; needs the real build.
 
     Raises as `count_eigenvalues`.
@@ -75,7 +77,7 @@ def count_modes(network: Network) -> Inertia:
     return count_eigenvalues(K, f"K {'with' if network.prestress else 'without'} pre-stress")
 
 
-def negative_modes(network: Network) -> tuple[int, str]:
+def negative_modes(network: DistributedNetwork) -> tuple[int, str]:
     """(number of negative eigenvalues of K, how it is known). Collective; needs the real build.
 
     It is 0 if the Cholesky factorisation of K succeeds and proves it; otherwise they are counted by inertia. Raises as
@@ -88,12 +90,12 @@ def negative_modes(network: Network) -> tuple[int, str]:
     return (0, BY_CHOLESKY) if proved else (count_modes(network).negative, BY_INERTIA)
 
 
-def require_minimum(network: Network) -> None:
+def require_minimum(network: DistributedNetwork) -> None:
     """Raise InputError, with their number, where K has negative modes. Collective."""
     _refuse_negative(negative_modes(network)[0])
 
 
-def require_unique_response(network: Network) -> None:
+def require_unique_response(network: DistributedNetwork) -> None:
     """Raise InputError, with their number, for negative modes and for zero modes besides translations. Collective."""
     inertia = count_modes(network)
     _refuse_negative(inertia.negative)
@@ -101,7 +103,7 @@ def require_unique_response(network: Network) -> None:
         raise InputError(reason)
 
 
-def floppy_modes(network: Network) -> str:
+def floppy_modes(network: DistributedNetwork) -> str:
     """The reason that floppy modes give where a response cannot be solved for; empty without them. Collective.
 
     Also empty where they cannot be counted: with complex scalars, or by factorisations that fail.
@@ -114,13 +116,36 @@ def floppy_modes(network: Network) -> str:
         return ""
 
 
+def shared_zero_modes(pencil: Pencil) -> str:
+    """The reason that moves which K and B both let pass give where K + sB is singular; empty without them. Collective.
+
+    Empty where they cannot be counted, as for `floppy_modes`.
+    """
+    if current().scalar_type != "real":
+        return ""
+    of_K, of_B = pencil.largest
+    both = pencil.K.copy()
+    both.axpy(of_K / of_B, pencil.B)
+    try:
+        count = count_eigenvalues(both, "K + sB", pencil.pins).zero
+    except (ConvergenceError, InputError):
+        return ""
+    if not count:
+        return ""
+    moves, cost = ("moves", "cost") if count > 1 else ("move", "costs")
+    return (
+        f"{count} {moves} besides translations {cost} neither energy nor dissipation under {pencil.law}. The response "
+        "is not unique. Take a law with drag, which resists every motion"
+    )
+
+
 def _floppy_modes(network, inertia):
     floppy = inertia.zero - find_pieces(network).translations
     if floppy <= 0:
         return ""
     return (
         f"K has {floppy} floppy mode{'s' * (floppy > 1)} besides its translations: the response to strain is not "
-        "unique; raise the pressure or finish the quench"
+        f"unique; {network.remedy}"
     )
 
 
@@ -165,7 +190,7 @@ def asymmetry(matrix) -> float:
     return float(result)
 
 
-def examine(network: Network, law: Law) -> Examination:
+def examine(network: DistributedNetwork, law: Law) -> Examination:
     """Assemble K and B of `law` and examine them. Collective; needs the real build of PETSc.
 
     Raises ConvergenceError if a factorisation fails.

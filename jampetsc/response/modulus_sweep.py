@@ -18,7 +18,7 @@ from jampetsc.progress import Progress
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.certificate import Certified, tensor_at
 from jampetsc.response.direct import FrequencySolver
-from jampetsc.response.minimum_check import floppy_modes
+from jampetsc.response.minimum_check import floppy_modes, shared_zero_modes
 from jampetsc.response.rational import RationalSweep
 from jampetsc.response.tensor import TensorProjection
 
@@ -242,17 +242,21 @@ def _direct_step(solver, results, factorisations, has_field):
 
 
 class _FloppyModesExplained:
-    """Context: errors raised inside also name floppy modes of the network, which can be their reason.
+    """Context: errors raised inside name the zero modes that K and B share, or floppy modes, which can be their reason.
 
     It is a class for the same reason as `errors.about`.
     """
 
     def __init__(self, pencil):
-        self.network = pencil.network
+        self.pencil = pencil
 
     def __enter__(self):
         return self
 
     def __exit__(self, kind, error, trace):
-        if isinstance(error, ConvergenceError | InputError) and (reason := floppy_modes(self.network)):
+        if not isinstance(error, ConvergenceError | InputError):
+            return
+        if shared := shared_zero_modes(self.pencil):
+            error.args = (shared,)
+        elif reason := floppy_modes(self.pencil.network):
             error.args = (f"{error.args[0]}; {reason}",)

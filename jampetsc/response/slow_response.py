@@ -19,7 +19,7 @@ import numpy as np
 
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import simple_shear
-from jampetsc.network.contact_network import Network
+from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.contributions import distributions
@@ -39,7 +39,7 @@ BARE = "no_prestress"  # name of the results for K without pre-stress, where K h
 class SlowResponse:
     """Quasistatic response of one network under one law and load. Arrays hold this rank's part, per unit amplitude."""
 
-    network: Network
+    network: DistributedNetwork
     nonaffine: np.ndarray  # (n_local, 2) u_na, without the mean of each connected piece
     field: np.ndarray  # (n_local, 2) the same as `quasistatic_flow` takes it
     normal: np.ndarray  # (contacts_local,) Δu∥
@@ -62,7 +62,7 @@ class SlowResponse:
         return self.G0 / self.eta0
 
 
-def solve(network: Network, pencil: Pencil) -> SlowResponse:
+def solve(network: DistributedNetwork, pencil: Pencil) -> SlowResponse:
     """The quasistatic response of a network to the load of `pencil`, and its dissipation under its law. Collective.
 
     Raises InputError where K is not positive definite (its negative or floppy modes are counted),
@@ -106,7 +106,7 @@ class QuasistaticTensor:
     eta_inf: np.ndarray
 
 
-def solve_tensor(network: Network, pencil: Pencil, loads) -> QuasistaticTensor:
+def solve_tensor(network: DistributedNetwork, pencil: Pencil, loads) -> QuasistaticTensor:
     """Constants between loads: K of a network, dissipation under the law of `pencil`. Collective. Raises as `solve`."""
     elastic = ElasticResponse(network)
     responses = [elastic.respond(load) for load in loads]
@@ -128,7 +128,7 @@ def solve_tensor(network: Network, pencil: Pencil, loads) -> QuasistaticTensor:
 class QuasistaticResult:
     """The responses of one network with its pre-stress and without, and viscosities of other laws."""
 
-    network: Network
+    network: DistributedNetwork
     responses: dict  # "" and, where K has pre-stress, "no_prestress" → SlowResponse
     distributions: dict  # the same names → {"normal": Distribution, …}
     eta_inf: float
@@ -136,7 +136,9 @@ class QuasistaticResult:
     tensors: dict  # the same names → QuasistaticTensor, if loads of a tensor were given
 
 
-def solve_quasistatic(network: Network, law: Law, betas=(), load=None, tensor=()) -> QuasistaticResult:
+def solve_quasistatic(
+    network: DistributedNetwork, law: Law, betas=(), load=None, tensor=()
+) -> QuasistaticResult:
     """The quasistatic response of a network under a law, and η₀, η_∞ at other β. Collective; needs the real build.
 
     load     whose fields and moduli are found; simple shear if not given

@@ -14,7 +14,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import UNDAMPED
 from jampetsc.laws.loads import Load
-from jampetsc.network.contact_network import Network
+from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.eigen import lowest
 from jampetsc.petsc.inertia import SHIFT, count_below
 from jampetsc.response.assembly import Pencil, assemble
@@ -37,7 +37,7 @@ ALIKE = 1e-6  # largest |φ_i·φ_j − δ_ij| accepted: a mode found twice must
 class VibrationalModes:
     """m modes of one network, eigenvalues increasing, translations left out."""
 
-    network: Network
+    network: DistributedNetwork
     eigenvalues: np.ndarray  # (m,) λ, in k
     vectors: np.ndarray  # (m, n_local, 2) φ, |φ| = 1
     residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, in k
@@ -63,7 +63,7 @@ class VibrationalModes:
 
 
 def lowest_modes(
-    network: Network,
+    network: DistributedNetwork,
     count: int | None = None,
     below: float | None = None,
     proved: bool = False,

@@ -143,11 +143,12 @@ def _tables(path, content):
 def _starts(task_inputs, planned, where):
     """The inputs of the tasks of a command, [(task, …)]. Raises InputError where there are none."""
     if task_inputs.reads in (ONE_PACKING, PACKING_OR_N):
-        if not planned["pack"]:
+        sources = [task for command in task_inputs.commands or ("pack",) for task in planned[command]]
+        if not sources:
             raise InputError(
                 f"{where}: needs packings: add a table [pack]{' or n' if task_inputs.reads is PACKING_OR_N else ''}"
             )
-        return [(packing,) for packing in planned["pack"]]
+        return [(source,) for source in sources]
     files = [
         task
         for command in task_inputs.commands

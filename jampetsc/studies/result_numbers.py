@@ -9,6 +9,7 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
 
 TEXT_ATTRIBUTES = ("law", "model", "method", "packing", "phase", "notes")  # text attributes that are columns
 # numbers that are no columns
@@ -23,10 +24,12 @@ EXCLUDED_ATTRIBUTES = (
 
 
 def numbers_of(path) -> dict:
-    """{column: value} of a packing or a result. Raises InputError where it cannot be read."""
+    """{column: value} of a packing, a network or a result. Raises InputError where it cannot be read."""
     loaded = load(path)
     if isinstance(loaded, Packing):
         return {**_scalars(loaded.record), "phi": loaded.phi, "n": loaded.n}
+    if isinstance(loaded, Network):
+        return {**_scalars(loaded.record), "n": loaded.n, "bond_count": len(loaded.bonds)}
     numbers = _scalars(loaded.attributes)
     numbers |= NUMBERS_OF_ARRAYS.get(loaded.format, lambda result: {})(loaded)
     if "particle_count" in numbers:

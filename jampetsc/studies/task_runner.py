@@ -16,6 +16,7 @@ from jampetsc.io.outlet import Outlet
 from jampetsc.io.outputs import is_finished
 from jampetsc.io.parts import parts_of
 from jampetsc.io.request import Request
+from jampetsc.options.task_inputs import NETWORKS
 from jampetsc.petsc import session
 from jampetsc.studies.result_numbers import numbers_of
 
@@ -149,7 +150,7 @@ def execute_here(job, out, argv, overwrite) -> None:
 def row_of(task, numbers) -> dict:
     """The row of a task: its command and file, its settings, and the `numbers` of its result."""
     settings = {name: value for name, value in task.columns.items() if not name.startswith("no_")}
-    packing = {"packing": task.file} if task.command == "pack" else {}
+    packing = {"packing": task.file} if task.command in NETWORKS else {}
     return {"command": task.command, "file": task.file} | {**numbers, **packing, **settings}
 
 

@@ -25,6 +25,7 @@ from jampetsc.io.result_file import merge
 COMMANDS = {  # words without --out -> the ending of what it writes
     "pack --from p.h5 --pressure 1e-4": ".h5",
     "import p.txt": ".h5",
+    "springs p.h5 --keep 0.5": ".h5",
     "sweep p.h5": ".h5",
     "sweep p.h5 --method direct": ".h5",
     "quasistatic p.h5": ".h5",

@@ -111,7 +111,7 @@ def stiffness_matrix(disks):
     """K (2N, 2N) with pre-stress of the load-bearing contacts, dense."""
     contacts, K = measure(disks).contacts, np.zeros((disks.n, 2, disks.n, 2))
     normal, across = (np.einsum("ma,mb->mab", a, a) for a in (contacts.normal, contacts.transverse))
-    blocks = contacts.stiffness[:, None, None] * normal - contacts.tension[:, None, None] * across
+    blocks = contacts.stiffness[:, None, None] * normal - contacts.force_per_length[:, None, None] * across
     for i, j, block in zip(contacts.i, contacts.j, blocks, strict=True):
         for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
             K[a, :, b] += sign * block

@@ -13,10 +13,12 @@ import jampetsc
 from jampetsc.commands import JOBS, job_class
 from jampetsc.io.formats import FORMATS
 from jampetsc.io.hdf5 import open_file
-from jampetsc.io.packing_file import ARRAYS, write_packing
+from jampetsc.io.packing_file import write_packing
 from jampetsc.io.provenance import PROVENANCE
 from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
 
+KINDS = {Packing: "jampetsc-packing", Network: "jampetsc-network"}
 RARE = {  # of runs that are not made here
     "": ("transverse", "sliding", "drag"),  # weights of a law that only python has
     "jampetsc-packing": ("source", "source_sha256", "requested_phi", "walls"),
@@ -32,6 +34,10 @@ RUNS = """\
 pack --n 16 --pressure 1e-2 --stabilise shear --out made.h5
 import JAMBASHBULK --out imported.h5
 import plain.xyr --out plain.h5
+import nodes.txt --bonds bonds.txt --out net.h5
+springs --lattice triangular --size 4 --keep 0.9 --out lattice.h5
+springs made.h5 --keep 0.9 --out cut.h5
+sweep lattice.h5 --law stokes --omega 1 --out springs.h5
 sweep made.h5 --out sweep.h5 --fields 1e-3,1
 sweep p.h5 --out alpha.h5 --alpha 0.5 --stress 1e-6 --omega 1e-3,1
 sweep p.h5 --out stokes.h5 --law stokes --method direct --omega 1e-3
@@ -69,9 +75,9 @@ def test_the_page_has_the_formats_as_they_are_declared():
 
 def names_of(loaded, path):
     """(datasets, attributes) of what `load` gives for a file, a packing's attributes as the file has them."""
-    if isinstance(loaded, Packing):
+    if isinstance(loaded, Packing | Network):
         with open_file(path) as h5:
-            return set(ARRAYS), set(h5.attrs)
+            return set(h5), set(h5.attrs)
     return set(loaded), set(loaded.attributes)
 
 
@@ -87,6 +93,8 @@ def test_files_hold_what_their_formats_say(session, shared_path, monkeypatch, ca
     monkeypatch.chdir(shared_path)
     write_packing("p.h5", isostatic())
     Path("plain.xyr").write_text("box 2\n0 0 0.55\n1 0 0.55\n0 1 0.55\n1 1 0.55\n")
+    Path("nodes.txt").write_text("box 3\n0 0\n1 0\n")
+    Path("bonds.txt").write_text("0 1\n")
     lines = RUNS.replace("\\\n", "").splitlines()
     for line in lines:
         launch.here(line.replace("JAMBASHBULK", str(JAMBASHBULK)))
@@ -95,7 +103,7 @@ def test_files_hold_what_their_formats_say(session, shared_path, monkeypatch, ca
     wrong, seen = [], {name: (set(), set()) for name in FORMATS}
     for path in sorted(shared_path.glob("*.h5")):
         loaded = jampetsc.load(path)
-        kind = "jampetsc-packing" if isinstance(loaded, Packing) else loaded.format
+        kind = KINDS.get(type(loaded)) or loaded.format
         declared, common = FORMATS[kind], FORMATS[kind].common
         tables = (declared.datasets, declared.attributes), ("dataset", "attribute")
         for names, table, what, found in zip(names_of(loaded, path), *tables, seen[kind], strict=True):

@@ -21,7 +21,7 @@ SMALL = {  # option -> {its value: that here}
     **{"--stress": {"1e-6,1e-5": "1e-5", "1e-5,1e-4": "1e-4"}, "--steps": {"256": "32"}},
 }
 SHEARED = ("flow", "shear", "jam")  # whose strain is that of a run
-FIRST = "pack sweep modes quasistatic flow shear jam study".split()  # make what the others read
+FIRST = "pack springs sweep modes quasistatic flow shear jam study".split()  # make what the others read
 LONG = ("trade", "--corrections")  # have tests of their own
 MORE = """\
 pack --n 16 --pressure 1e-2 --stabilise shear --out p.h5
@@ -35,7 +35,9 @@ sweep p2.h5 --law stokes --fields 1e-3 --out stokes-2.h5
 quasistatic p1e-3.h5 --out q-p1e-3.h5
 quasistatic p1e-4.h5 --out q-p1e-4.h5
 flow p.h5 --model RD0 --rate 1e-2 --strain 0.05 --out rd0-1e-2.h5
-flow p.h5 --model RD0 --rate 2e-2 --strain 0.05 --out rd0-2e-2.h5"""
+flow p.h5 --model RD0 --rate 2e-2 --strain 0.05 --out rd0-2e-2.h5
+springs --lattice square --size 4 --out plain.h5
+export plain.h5 --out gel.data"""
 
 
 def small(words, folder):
@@ -102,6 +104,8 @@ def ran(tmp_path_factory):
     (folder / "types.lammpstrj").write_text(text)
     rows = text.partition("ITEM: ATOMS")[2].splitlines()[1:]
     np.savetxt(folder / "disks.txt", np.loadtxt(rows, usecols=(2, 3, 5)))
+    (folder / "nodes.txt").write_text("0 0\n1 0\n1 1\n")
+    (folder / "bonds.txt").write_text("0 1 1.0\n1 2 2.0\n")
     rest = [small(words, folder) for words in order if words[0] != "pack"]
     pictures = [words for words in rest if words[0] == "plot"]
     launch.run_lines(folder, [words for words in rest if words not in pictures])

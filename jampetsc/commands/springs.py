@@ -1,0 +1,84 @@
+"""Networks of springs: lattices, and the contacts of a packing or a network with a share of its bonds left out."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jampetsc.commands import describe_network
+from jampetsc.errors import InputError, named
+from jampetsc.io.network_file import FORMAT, read_identified_source
+from jampetsc.options.job import Job
+from jampetsc.options.parameters import FILE, ValueType, optional_parameter, parameter
+from jampetsc.options.task_inputs import NO_FILE, TaskInputs
+from jampetsc.options.values import MAX_SEED, PACKING_OR_NETWORK, split_list
+from jampetsc.packing.lattices import LATTICES, build_lattice
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
+
+
+def _size(given):
+    """(columns, rows) of unit cells; one number is both."""
+    try:
+        sides = [int(word) for word in split_list(given)]
+    except (TypeError, ValueError):
+        raise ValueError("must be a whole number, or columns,rows such as 64,32") from None
+    if len(sides) not in (1, 2):
+        raise ValueError("must be a whole number, or columns,rows such as 64,32")
+    return (*sides, *sides) if len(sides) == 1 else tuple(sides)
+
+
+SIZE = ValueType(
+    _size, lambda size: ",".join(map(str, size)), metavar="N|NX,NY", python="integer or (NX, NY)"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Springs(Job):
+    """Make a network of springs: a lattice, or the contacts of a packing, with a share of its bonds.
+
+    Springs of a lattice have k = 1, length 1 and no force. Bonds of a packing have the stiffness and force of its
+    contacts. Bonds that are left out are chosen at random; of one seed, a lower share keeps bonds of a higher one.
+    """
+
+    FORMAT: ClassVar = FORMAT
+    scalar: ClassVar = None
+    OUT_HELP: ClassVar = "network file to write"
+    EPILOG: ClassVar = """examples:
+  jampetsc springs --lattice triangular --size 32 --keep 0.7 --seed 1 --out net.h5
+  jampetsc springs p.h5 --keep 0.95 --seed 1 --out cut.h5     # contacts of a packing without 5 % of them"""
+    STUDY_INPUTS: ClassVar = TaskInputs(NO_FILE)
+
+    source: Packing | None = optional_parameter(
+        "packing or network, instead of a lattice", value_type=PACKING_OR_NETWORK, place=FILE, metavar="FILE"
+    )
+    lattice: str | None = optional_parameter("kind of lattice", choices=tuple(LATTICES))
+    size: tuple | None = optional_parameter(
+        "unit cells along x, or along x and y (default 32); triangular and square have one node each, kagome three",
+        value_type=ValueType(
+            _size, lambda size: ",".join(map(str, size)), metavar="N|NX,NY", python="integer or (NX, NY)"
+        ),
+    )
+    keep: float = parameter(
+        1.0, "share of the bonds that stay, chosen at random", above=0.0, high=1.0, metavar="P"
+    )
+    seed: int = parameter(1, "of the choice of bonds", low=0, high=MAX_SEED, metavar="S")
+
+    def check(self):
+        """Refuse a lattice beside a file, and neither of them."""
+        if (self.source is None) == (self.lattice is None):
+            raise InputError(
+                f"{named('lattice')}: give a kind of lattice, or a packing or network, one of them."
+            )
+        if self.source is not None and self.size is not None:
+            raise InputError(f"{named('size')}: belongs to {named('lattice')}. Leave it out.")
+
+    def work(self, to):
+        network = build_lattice(self.lattice, self.size or (32, 32)) if self.lattice else self._of_source()
+        if self.keep < 1.0:
+            network = network.diluted(self.keep, self.seed).with_record(keep=self.keep, seed=self.seed)
+        to.network(network)
+        return describe_network.network(to, network)
+
+    def _of_source(self):
+        source, (name, digest) = read_identified_source(self.source)
+        network = source if isinstance(source, Network) else Network.of_packing(source)
+        return network.with_record(source=name, source_sha256=digest)

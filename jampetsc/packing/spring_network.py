@@ -1,0 +1,321 @@
+"""A network of bonds as data: all that the linear response needs, of a lattice, of another program, of a packing."""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from jampetsc.errors import InputError
+from jampetsc.packing.cell import cell_of, read_numbers
+from jampetsc.packing.contacts import measure, net_forces, stress_tensor, virial_pressure
+from jampetsc.packing.linear_bonds import LinearBonds
+from jampetsc.packing.neighbours import fractional, vectors
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.potentials import MAX_STIFFNESS
+
+NEAREST_TIE = 1e-9  # relative difference of two distances below which the nearest image is not unique
+MAX_COORDINATE = 2.0**28  # units of length, as of a packing
+_SHIFTS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Network:
+    """N nodes and M bonds in a periodic cell, for every function that takes a packing's linear response.
+
+    positions   (N, 2) places of the nodes, in the cell or out of it
+    bonds       (M, 2) numbers of the two nodes of each bond, from 0
+    cell        L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy Ly, Ly), rows a₁ = (Lx, 0) and a₂ (2, 2), as of `Packing`
+    stiffness   k of each bond, d²V/dr² > 0, one number or (M,)
+    tension     f = −dV/dr of each bond, one number or (M,): positive where the bond pushes (compression), as the
+                force of a contact, negative where it pulls
+    images      (M, 2) whole numbers of cell vectors: r = x_j − x_i + image · cell; None: the nearest image
+    radii       (N,) of the nodes, only for damping laws under which they roll
+    k           unit of stiffness: weights of a damping law count in k τ₁
+
+    A bond adds k a∥² − (f/r) |a⊥|² to K (BT eq. 4). Nodes without bonds do not count. Lengths are in any unit.
+    Arrays are never changed in place. Raises InputError for wrong shapes, values not finite, bonds of a node to
+    itself, of no length or given twice, stiffness ≤ 0, and a nearest image that is not unique.
+    """
+
+    positions: np.ndarray  # (N, 2)
+    bonds: np.ndarray  # (M, 2) int64
+    images: np.ndarray  # (M, 2) int64
+    cell: np.ndarray  # (2, 2) rows a₁, a₂
+    stiffness: np.ndarray  # (M,)
+    tension: np.ndarray  # (M,)
+    radii: np.ndarray | None  # (N,)
+    k: float
+    record: dict  # how it was made
+
+    def __init__(
+        self, positions, bonds, cell, stiffness=1.0, tension=0.0, images=None, radii=None, k=1.0, record=None
+    ):
+        positions, cell = _positions(positions), _cell(cell)
+        bonds = _bonds(bonds, len(positions))
+        if images is None:
+            images = nearest_images(positions, bonds, cell)
+        else:
+            images = _whole_numbers("images", images)
+            if images.shape != bonds.shape:
+                raise InputError(
+                    f"images: shape {images.shape}, must be {bonds.shape}, one row for each bond."
+                )
+        _check_repeated(bonds, images)
+        values = {
+            "stiffness": _of_bonds("stiffness", stiffness, len(bonds)),
+            "tension": _of_bonds("tension", tension, len(bonds)),
+        }
+        _check_stiffness("stiffness", values["stiffness"])
+        k = _of_bonds("k", k, 1)
+        _check_stiffness("k", k)
+        self.__dict__.update(
+            positions=positions,
+            bonds=bonds,
+            images=images,
+            cell=cell,
+            **values,
+            radii=None if radii is None else _radii(radii, len(positions)),
+            k=float(k[0]),
+            record=dict(record or {}),
+        )
+        short = np.flatnonzero(~(self.linear_bonds.distance > 0.0))
+        if len(short):
+            raise InputError(
+                f"{_bond(bonds, short[0])}: has no length. Move one of its nodes, or leave the bond out."
+            )
+
+    @classmethod
+    def of_packing(cls, packing: Packing) -> "Network":
+        """The contacts of a packing that bear load, with their stiffness, force and radii; rattlers have no bonds."""
+        contacts = measure(packing).contacts
+        gap = contacts.r - (packing.positions[contacts.j] - packing.positions[contacts.i])
+        return cls(
+            packing.positions,
+            np.column_stack((contacts.i, contacts.j)),
+            packing.cell,
+            contacts.stiffness,
+            contacts.force,
+            np.rint(fractional(gap, packing.cell)),
+            packing.radii,
+            packing.potential.k,
+            {"protocol": "contacts of a packing"},
+        )
+
+    def __repr__(self):
+        return f"<network of {self.n} nodes and {len(self.bonds)} bonds>"
+
+    @property
+    def n(self) -> int:
+        """Number of nodes N."""
+        return len(self.positions)
+
+    @property
+    def area(self) -> float:
+        """V = Lx Ly."""
+        return float(self.cell[0, 0] * self.cell[1, 1])
+
+    @cached_property
+    def linear_bonds(self) -> LinearBonds:
+        """Its bonds with vectors r, lengths, forces and stiffnesses."""
+        i, j = self.bonds.T
+        r = (self.positions[j] - self.positions[i]) + vectors(self.images, self.cell)
+        return LinearBonds(i, j, r, np.hypot(*r.T), self.tension, self.stiffness)
+
+    @property
+    def isolated(self):
+        """Mask (N,) of the nodes without bonds."""
+        return np.bincount(self.bonds.ravel(), minlength=self.n) == 0
+
+    @property
+    def pressure(self) -> float:
+        """p = Σ f r/(2V)."""
+        bonds = self.linear_bonds
+        return virial_pressure(bonds.force, bonds.distance, self.area)
+
+    @property
+    def stress(self):
+        """σ = −Σ f r r/(|r| V), (2, 2): compression is negative, p = −tr σ/2."""
+        return stress_tensor(self.linear_bonds, self.area)
+
+    @property
+    def imbalance(self) -> float:
+        """Largest net force on a node over the mean |f| of the bonds; 0 without forces."""
+        mean = float(np.mean(np.abs(self.tension)))
+        return float(np.hypot(*net_forces(self.n, self.linear_bonds).T).max()) / mean if mean else 0.0
+
+    @property
+    def is_stable_by_construction(self) -> bool:
+        """Whether no bond pushes, so that K is a sum of squares: it has no negative modes."""
+        return bool((self.tension <= 0.0).all())
+
+    @property
+    def fingerprint(self) -> str:
+        """sha256 of all that determines the response: nodes, bonds, cell, stiffness, forces, radii and k."""
+        digest = hashlib.sha256(f"network {self.n} {len(self.bonds)} {self.k.hex()}".encode())
+        for array in (self.bonds, self.images):
+            digest.update(np.ascontiguousarray(array, "<i8"))
+        for array in (self.positions, self.cell, self.stiffness, self.tension, self.radii):
+            if array is not None:
+                digest.update(np.ascontiguousarray(array + 0.0, "<f8"))  # + 0.0: -0 and 0 are one number
+        return digest.hexdigest()
+
+    def with_record(self, **entries) -> "Network":
+        """The same network with `entries` added to the record."""
+        return self._with(record={**self.record, **entries})
+
+    def diluted(self, keep: float, seed: int) -> "Network":
+        """The network with the share `keep` of its bonds, chosen at random: round(keep M) of them, in their order.
+
+        Of one seed, the bonds of a lower share are among those of a higher one. Raises InputError for a share out of
+        (0, 1], and where no bond is left.
+        """
+        if not 0.0 < keep <= 1.0:
+            raise InputError(f"keep: {keep:g}, must lie in (0, 1]. Give the share of bonds that stay.")
+        count = round(keep * len(self.bonds))
+        if not count:
+            raise InputError(f"keep: {keep:g} leaves none of {len(self.bonds)} bonds. Raise it.")
+        rows = np.sort(np.random.default_rng(seed).permutation(len(self.bonds))[:count])
+        per_bond = {name: getattr(self, name)[rows] for name in ("bonds", "images", "stiffness", "tension")}
+        return self._with(**per_bond)
+
+    def _with(self, **changes):
+        network = object.__new__(Network)
+        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        network.__dict__.update(values | changes)
+        return network
+
+
+def nearest_images(positions, bonds, cell):
+    """Whole numbers of cell vectors (M, 2) with which each bond is shortest. Raises InputError where two are equal.
+
+    The nearest image lies among nine in a reduced cell, with the shortest vectors of its lattice.
+    """
+    basis = _reduced_basis(cell)
+    reduced = basis @ cell
+    gap = positions[bonds[:, 1]] - positions[bonds[:, 0]]
+    centre = -np.rint(gap @ np.linalg.inv(reduced))
+    shifts = centre[:, None, :] + _SHIFTS
+    lengths = np.linalg.norm(gap[:, None, :] + shifts @ reduced, axis=2)
+    order = np.argsort(lengths, axis=1)
+    first, second = np.take_along_axis(lengths, order[:, :2], axis=1).T
+    ties = np.flatnonzero(second - first <= NEAREST_TIE * second)
+    if len(ties):
+        raise InputError(
+            f"{_bond(bonds, ties[0])}: two images are equally near ({first[ties[0]]:g}). Give images, or a larger cell."
+        )
+    nearest = np.take_along_axis(shifts, order[:, :1, None], axis=1)[:, 0]
+    return np.rint(nearest @ basis).astype(np.int64)
+
+
+def _reduced_basis(cell):
+    """Whole numbers (2, 2) of cell vectors in the two shortest vectors of the lattice (Lagrange's reduction)."""
+    basis = np.eye(2)
+    while True:
+        basis = basis[np.argsort(np.linalg.norm(basis @ cell, axis=1), kind="stable")]
+        short, long = basis @ cell
+        turns = np.rint(short @ long / (short @ short))
+        if not turns:
+            return basis
+        basis[1] -= turns * basis[0]
+
+
+def _bond(bonds, row):
+    return f"bond {row}, of nodes {bonds[row, 0]} and {bonds[row, 1]}"
+
+
+def _check_finite(name, values):
+    if not np.isfinite(values).all():
+        row = np.argwhere(~np.isfinite(values))[0]
+        raise InputError(f"{name}[{', '.join(map(str, row))}]: {values[tuple(row)]}, must be finite.")
+
+
+def _positions(given):
+    positions = read_numbers("positions", given)
+    if positions.ndim == 2 and positions.shape[1] == 3:
+        raise InputError(
+            f"positions: shape {positions.shape}, but networks are two-dimensional here. Give x and y."
+        )
+    if positions.ndim != 2 or positions.shape[1] != 2 or not len(positions):
+        raise InputError(f"positions: shape {positions.shape}, must be (N, 2).")
+    _check_finite("positions", positions)
+    if np.abs(positions).max() > MAX_COORDINATE:
+        raise InputError("positions: beyond 2^28 units of length. Scale them to bonds of length about one.")
+    return positions
+
+
+def _cell(given):
+    cell = cell_of(given)
+    _check_finite("cell", cell)
+    if cell[0, 1] != 0 or cell[0, 0] <= 0 or cell[1, 1] <= 0:
+        raise InputError(f"cell: {cell.tolist()}, must be rows (Lx, 0) and (γ Ly, Ly) with Lx, Ly > 0.")
+    if np.abs(cell).max() > MAX_COORDINATE:
+        raise InputError("cell: beyond 2^28 units of length. Scale it to bonds of length about one.")
+    return cell
+
+
+def _whole_numbers(name, given):
+    numbers = read_numbers(name, given)
+    _check_finite(name, numbers)
+    if (numbers != np.rint(numbers)).any() or np.abs(numbers).max(initial=0.0) > 2.0**53:
+        raise InputError(f"{name}: must be whole numbers.")
+    return numbers.astype(np.int64)
+
+
+def _bonds(given, n):
+    bonds = _whole_numbers("bonds", given)
+    if bonds.ndim != 2 or bonds.shape[1] != 2 or not len(bonds):
+        raise InputError(
+            f"bonds: shape {bonds.shape}, must be (M, 2) with at least one bond: two nodes of each."
+        )
+    wrong = np.flatnonzero(((bonds < 0) | (bonds >= n)).any(axis=1))
+    if len(wrong):
+        raise InputError(
+            f"{_bond(bonds, wrong[0])}: nodes are numbered from 0 to {n - 1}. Correct the number."
+        )
+    alone = np.flatnonzero(bonds[:, 0] == bonds[:, 1])
+    if len(alone):
+        raise InputError(
+            f"{_bond(bonds, alone[0])}: joins a node to itself or to its image. Leave it out, or take a larger cell."
+        )
+    return bonds
+
+
+def _check_repeated(bonds, images):
+    """Raise InputError where a bond is listed twice, from the same or from its other end."""
+    turned = bonds[:, 0] > bonds[:, 1]
+    keys = np.where(turned[:, None], np.hstack((bonds[:, ::-1], -images)), np.hstack((bonds, images)))
+    order = np.lexsort(keys.T)
+    same = np.flatnonzero((keys[order][1:] == keys[order][:-1]).all(axis=1))
+    if len(same):
+        first, second = sorted(order[same[0] : same[0] + 2])
+        raise InputError(f"{_bond(bonds, second)}: is bond {first} again. Give each bond once.")
+
+
+def _of_bonds(name, given, count):
+    values = read_numbers(name, given)
+    if values.shape not in ((), (count,)):
+        wanted = f"one number or ({count},), one for each bond" if count > 1 else "one number"
+        raise InputError(f"{name}: shape {values.shape}, must be {wanted}.")
+    _check_finite(name, np.atleast_1d(values))
+    return np.broadcast_to(values, (count,)).copy()
+
+
+def _check_stiffness(name, values):
+    wrong = np.flatnonzero(~((values >= 1.0 / MAX_STIFFNESS) & (values <= MAX_STIFFNESS)))
+    if len(wrong):
+        raise InputError(
+            f"{name}[{wrong[0]}]: {values[wrong[0]]:g}, must be positive, from {1.0 / MAX_STIFFNESS:g} to "
+            f"{MAX_STIFFNESS:g}."
+        )
+
+
+def _radii(given, n):
+    radii = read_numbers("radii", given)
+    if radii.shape != (n,):
+        raise InputError(f"radii: shape {radii.shape}, must be ({n},), one for each node.")
+    _check_finite("radii", radii)
+    if (radii <= 0).any():
+        row = int(np.argmax(radii <= 0))
+        raise InputError(f"radii[{row}]: {radii[row]:g}, must be positive.")
+    return radii
