@@ -59,16 +59,9 @@ prefix -newton_."""
         return f"quasistatic shear, steps of {attributes['step']:g}"
 
     def work(self, to):
-        from jampetsc.commands.run_files import (
-            potential_facts,
-            run_provenance,
-            save_rows,
-            saved_rows,
-            write_series,
-        )
-        from jampetsc.flows.means import average_facts, discarded_strain, short_run_warnings
+        from jampetsc.commands.run_files import run_provenance, save_rows, saved_rows, write_series
+        from jampetsc.flows.means import discarded_strain
         from jampetsc.flows.trajectory import StrainSeries
-        from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, PLASTIC_RATIO
         from jampetsc.jamming.shear_path import PATH_COLUMNS, shear_quasistatically
         from jampetsc.minimise.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
@@ -113,30 +106,41 @@ prefix -newton_."""
                 save=lambda series, state: save_rows(checkpoint, series.arrays(), state),
                 report=report,
             )
-        stress, pressure = path.averages["shear_stress"], path.averages["pressure"]
-        notes = short_run_warnings(self.strain - discard, self.step, stress, pressure)
-        facts = {
-            **run_provenance(time.perf_counter() - began, running),
-            **origin,
-            "step": self.step,
-            "phi": disks.phi,
-            "particle_count": disks.n,
-            **potential_facts(disks),
-            "tolerance": self.tolerance,
-            "discard": discard,
-            "energy_cut": ENERGY_CUT,
-            "plastic_share": PLASTIC_RATIO,
-            "newton_steps": path.effort.newton_steps,
-            "saddles": path.effort.saddles,
-            **average_facts(**path.averages),
-            "notes": noted(notes),
-        }
+        notes = self._notes(path)
+        facts = run_provenance(time.perf_counter() - began, running) | origin | self._facts(disks, path)
+        facts["notes"] = noted(notes)
         if self.last is not None:
             self.write_last(proved(path.disks.replace(record={}), solver), facts, to)
         minimum = {name: getattr(path.disks, name) for name in (*PLACES, "radii")}
         write_series(to.writer(self.FORMAT), path.series.arrays(), minimum, settings, facts)
         checkpoint.remove()
         return "\n".join([_summary(self, to, disks.phi, path), *note_lines(notes)])
+
+    def _notes(self, path) -> list[str]:
+        from jampetsc.flows.means import short_run_warnings
+
+        stress, pressure = path.averages["shear_stress"], path.averages["pressure"]
+        return short_run_warnings(self.strain - path.discard, self.step, stress, pressure)
+
+    def _facts(self, disks, path) -> dict:
+        """Attributes of the file, without provenance and origin of the disks."""
+        from jampetsc.commands.run_files import potential_facts
+        from jampetsc.flows.means import average_facts
+        from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, PLASTIC_RATIO
+
+        return {
+            "step": self.step,
+            "phi": disks.phi,
+            "particle_count": disks.n,
+            **potential_facts(disks),
+            "tolerance": self.tolerance,
+            "discard": path.discard,
+            "energy_cut": ENERGY_CUT,
+            "plastic_share": PLASTIC_RATIO,
+            "newton_steps": path.effort.newton_steps,
+            "saddles": path.effort.saddles,
+            **average_facts(**path.averages),
+        }
 
 
 def _summary(job, to, phi, path) -> str:
