@@ -51,9 +51,7 @@ def reference() -> str:
     }
     public |= {f"jampetsc.models.{name}": getattr(jampetsc.models, name) for name in MODELS}
     public |= {f"jampetsc.loads.{name}": getattr(jampetsc.loads, name) for name in LOADS}
-    objects = {
-        name: value for name, value in public.items() if inspect.isroutine(value) or inspect.isclass(value)
-    }
+    objects = {name: value for name, value in public.items() if inspect.getdoc(value)}
     returned = {f"{value.__module__}.{value.__name__}": value for value in RETURNED}
     return "".join(_entry(name, value) for name, value in (objects | returned).items())
 
@@ -83,7 +81,7 @@ def _described(name, value):
     if not inspect.getdoc(value):
         raise ValueError(f"{name} has no docstring")
     head = ""
-    if not isinstance(value, property) and not issubclass(type(value), type):
+    if inspect.isroutine(value):
         head = _call(name.rpartition(".")[2], value) + "\n"
     return head + prose(inspect.getdoc(value))
 
