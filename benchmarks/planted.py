@@ -4,7 +4,7 @@ import numpy as np
 
 from jampetsc.analysis.collapse_errors import estimate
 from jampetsc.analysis.scaling_collapse import Form, Points, scaled
-from jampetsc.commands.scaling import UNLIKELY
+from jampetsc.commands.scaling import MIN_PROBABILITY
 
 PHIS = (0.835, 0.838, 0.84, 0.842, 0.8433, 0.845, 0.848, 0.85)
 RATES = np.geomspace(1e-6, 1e-3, 6)
@@ -66,7 +66,7 @@ def collapse():
 
 def facts(fit, found, phi, name, truth):
     """(deviation, error, whether the ends of 2σ hold the truth, whether the command writes it without a note)."""
-    one, sound = found[name], fit.probability >= UNLIKELY
+    one, sound = found[name], fit.probability >= MIN_PROBABILITY
     told = all(other.decided for other in found.values())  # else a note is on all of them
     plain = sound and told and not one.uneven and not one.left_to_degree
     inside = name != "phi_J" or phi.min() < one.value < phi.max()

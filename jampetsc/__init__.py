@@ -41,16 +41,16 @@ __all__ = ["__version__", *_HOMES, *_MODULES, *_FUNCTIONS]
 
 def __getattr__(name):  # PEP 562: numpy, h5py and PETSc are imported when something that needs them is used
     if name in _HOMES:
-        found = getattr(import_module(_HOMES[name]), name)
+        value = getattr(import_module(_HOMES[name]), name)
     elif name in _MODULES:
-        found = import_module(_MODULES[name])
+        value = import_module(_MODULES[name])
     elif name in _FUNCTIONS:
         from jampetsc.options.functions import make_function
 
-        found = make_function(job_class(name))
+        value = make_function(job_class(name))
     else:
         raise AttributeError(f"module 'jampetsc' has no attribute {name!r}")
-    return globals().setdefault(name, found)
+    return globals().setdefault(name, value)
 
 
 def __dir__():

@@ -1,4 +1,4 @@
-"""What all ranks do together: an error of one rank is raised on all, and what rank 0 finds is sent to all."""
+"""What all ranks do together: an error of one rank is raised on all, and what rank 0 computes is sent to all."""
 
 import os
 import socket
@@ -29,11 +29,11 @@ def on_root(comm, action):
 
     For what is to happen once, such as reading a file. `comm` as in `agreed`.
     """
-    found = None
+    result = None
     with agreed(comm):
         if comm is None or comm.rank == 0:
-            found = action()
-    return found if comm is None else comm.bcast(found)
+            result = action()
+    return result if comm is None else comm.bcast(result)
 
 
 def own_cores(comm, working: bool = True) -> int:
@@ -42,7 +42,7 @@ def own_cores(comm, working: bool = True) -> int:
 
     A rank may run on the cores of its affinity mask: those that the batch job or mpirun bound it to.
     """
-    mine = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
-    ranks = comm.allgather((socket.gethostname(), mine if working else set()))
-    others = [cores for host, cores in ranks if host == socket.gethostname()]
-    return max(1, int(sum(1.0 / max(1, sum(core in cores for cores in others)) for core in mine) + 1e-9))
+    own = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+    ranks = comm.allgather((socket.gethostname(), own if working else set()))
+    node = [cores for host, cores in ranks if host == socket.gethostname()]
+    return max(1, int(sum(1.0 / max(1, sum(core in cores for cores in node)) for core in own) + 1e-9))

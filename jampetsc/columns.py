@@ -15,17 +15,17 @@ def aligned(rows, last: bool = True) -> list[list[str]]:
         for column in range(max(map(len, padded), default=0))
     ]
     return [
-        [word.ljust(width) for word, width in zip(some, widths, strict=False)] + list(row[len(some) :])
-        for row, some in zip(rows, padded, strict=True)
+        [word.ljust(width) for word, width in zip(start, widths, strict=False)] + list(row[len(start) :])
+        for row, start in zip(rows, padded, strict=True)
     ]
 
 
-FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # how a cell begins that a spreadsheet computes
-QUOTE = "'"  # before text that begins so, and before text that begins with this
+FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # first characters of a cell that a spreadsheet computes
+QUOTE = "'"  # put before such text, and before text that begins with it
 
 
 def comma_separated(names, rows) -> str:
-    """Rows {name: cell} below a line of names; a row leaves out what it has not. Text is quoted, see `unquoted`."""
+    """Rows {name: cell} below a line of names; a row may lack some. Text is quoted, see `unquoted`."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(map(_harmless, names))
@@ -46,4 +46,4 @@ def _harmless(cell):
 
 def unquoted(cell: str) -> str:
     """The text of a cell without the quote that `comma_separated` has put before it."""
-    return cell[1:] if cell.startswith(tuple(QUOTE + one for one in (*FORMULAS, QUOTE))) else cell
+    return cell[1:] if cell.startswith(tuple(QUOTE + sign for sign in (*FORMULAS, QUOTE))) else cell

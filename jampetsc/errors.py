@@ -19,14 +19,14 @@ def named(parameter: str) -> str:
     return f"\ue000{parameter}\ue001"
 
 
-def option(parameter: str) -> str:
+def option_word(parameter: str) -> str:
     """The option of the command line for a parameter: --eta-f for eta_f."""
     return f"--{parameter.removesuffix('_').replace('_', '-')}"
 
 
 def in_words(text: str, how) -> str:
     """A text with each parameter's name that `named` has marked replaced by `how(name)`."""
-    return _NAMED.sub(lambda found: how(found[1]), text)
+    return _NAMED.sub(lambda match: how(match[1]), text)
 
 
 def as_float(value) -> float:
@@ -66,7 +66,7 @@ class MissingPackage(InputError):
 
 
 class ConvergenceError(JampetscError, RuntimeError):
-    """A quench, a factorisation or a solve that did not converge to what was asked for."""
+    """A quench, a factorisation or a solve that did not converge to the requested accuracy."""
 
     exit_code = 3
 

@@ -22,8 +22,8 @@ from jampetsc.options.parser import add_job, parse_job, run_job
 from jampetsc.petsc import launcher, session, solver_options
 from jampetsc.version import VERSION
 
-REMEDIES = {errno.ENOSPC: ": free some space, or write elsewhere", errno.EACCES: ": check its permissions"}
-MORE_MEMORY = "use more nodes, or a smaller packing"
+REMEDIES = {errno.ENOSPC: ". Free some space, or write elsewhere.", errno.EACCES: ". Check its permissions."}
+MORE_MEMORY = "Use more nodes, or a smaller packing."
 OWN = ("-h", "-q", "-v")  # short options of the program's own
 PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
 
@@ -42,7 +42,8 @@ def main(argv=None):
     except JampetscError as error:
         return _fail(str(error), error.exit_code)
     except MemoryError as error:
-        return _fail(": ".join(filter(None, ["out of memory", _one_line(error), MORE_MEMORY])), 1)
+        details = f" ({_one_line(error)})" if str(error) else ""
+        return _fail(f"out of memory{details}. {MORE_MEMORY}", 1)
     except BrokenPipeError:
         streams.flush_or_drop(sys.stdout)
         return 141
@@ -75,12 +76,12 @@ def dispatch(argv):
         if "required" not in str(error):
             raise
         chosen = commands.choices.get(words[0])
-        known = chosen._option_string_actions if chosen else words
+        options = chosen._option_string_actions if chosen else words
         for word in words:  # a required option may be missing because it was misspelt
-            if word.startswith("--") and word.partition("=")[0] not in known:
+            if word.startswith("--") and word.partition("=")[0] not in options:
                 raise InputError(_unknown(word, chosen)) from None
         taken = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
-        hint = f"; PETSc's options took {', '.join(taken)}: put them last" if taken else ""
+        hint = f". Options of PETSc took {', '.join(taken)}: put these last" if taken else ""
         raise InputError(f"{error}{hint}") from None
     if rest:
         raise InputError(_unknown(rest[0], commands.choices[args.command]))
@@ -88,8 +89,8 @@ def dispatch(argv):
     takes_petsc = job.scalar is not None
     if petsc_argv and not takes_petsc:
         raise InputError(
-            f"{args.command} {petsc_argv[0]}: single-dash options are PETSc's, which has nothing to do here; "
-            "the program's own begin with --"
+            f"{args.command} {petsc_argv[0]}: an option of PETSc, which this command does not use. Leave it out; "
+            "options of jampetsc begin with --."
         )
     if petsc_argv:
         solver_options.check(args.command, {name: job_class(name).SOLVERS for name in JOBS}, petsc_argv)
@@ -138,11 +139,9 @@ def command_parser(words):
         prog="jampetsc",
         description="How jammed packings of soft disks respond to slow and fast shear.",
         epilog="examples:\n"
-        "  jampetsc pack --n 1024 --pressure 1e-3 --out p.h5\n"
-        "  jampetsc sweep p.h5 --out sweep.h5\n"
-        "  jampetsc plot sweep.h5 --out moduli.png\n\n"
-        "jampetsc COMMAND --help says more. Options with a single dash are PETSc's and go last,\n"
-        "for example -options_file FILE or -log_view. In parallel: mpirun -n RANKS jampetsc …",
+        "  jampetsc pack --n 1024 --pressure 1e-3 --out p.h5\n  jampetsc sweep p.h5 --out sweep.h5\n  jampetsc plot "
+        "sweep.h5 --out moduli.png\n\njampetsc COMMAND --help says more. Options with a single dash are PETSc's and "
+        "go last,\nfor example -options_file FILE or -log_view. In parallel: mpirun -n RANKS jampetsc …",
     )
     parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
@@ -180,12 +179,12 @@ def _chosen(request):
     `request` is the command line. If mpirun started several ranks, MPI is started to compare them and then ended, so
     that nobody waits for the rank that works. An MPI that was running before is left running.
     """
-    before, MPI = "mpi4py.MPI" in sys.modules, _mpi()
+    was_loaded, MPI = "mpi4py.MPI" in sys.modules, _mpi()
     if not MPI:
         return True
     requests = MPI.COMM_WORLD.allgather((request, os.getcwd()))
     chosen = requests.index(requests[MPI.COMM_WORLD.rank]) == MPI.COMM_WORLD.rank
-    if not before:
+    if not was_loaded:
         MPI.Finalize()
     return chosen
 

@@ -18,8 +18,10 @@ def located(word: str) -> str:
     """
     if not word.startswith(PREFIX):
         return word
-    known = {path.stem: str(path) for path in sorted((FOLDER / "options").glob("*.opts"))}
+    paths = {path.stem: str(path) for path in sorted((FOLDER / "options").glob("*.opts"))}
     name = word.removeprefix(PREFIX)
-    if name not in known:
-        raise InputError(f"{word}: no such options file; there are {', '.join(map(PREFIX.__add__, known))}")
-    return known[name]
+    if name not in paths:
+        raise InputError(
+            f"{word}: no such options file. Choose one of {', '.join(map(PREFIX.__add__, paths))}."
+        )
+    return paths[name]

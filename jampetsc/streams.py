@@ -11,8 +11,8 @@ _CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u206
 
 
 def visible(text: str, keep: str = "") -> str:
-    """Text for a terminal: control characters but those of `keep` as escapes such as \\x1b."""
-    return _CONTROLS.sub(lambda found: found[0] if found[0] in keep else ascii(found[0])[1:-1], text)
+    """Text for a terminal: control characters, except those in `keep`, as escapes such as \\x1b."""
+    return _CONTROLS.sub(lambda match: match[0] if match[0] in keep else ascii(match[0])[1:-1], text)
 
 
 def prepare() -> None:

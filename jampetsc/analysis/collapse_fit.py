@@ -31,12 +31,12 @@ def find_minima(points: Points, form: Form) -> list[Fit]:
     points.check()
     if len(points) <= form.unknowns:
         raise InputError(
-            f"{len(points)} points for {form.unknowns} unknowns: give more points, or a lower {named('degree')}"
+            f"{len(points)} points for {form.unknowns} unknowns. Give more points, or a lower {named('degree')}."
         )
     positive = int(np.count_nonzero(points.value > 0))
     if positive <= form.plain.unknowns:
         raise InputError(
-            f"{positive} values above zero for {form.plain.unknowns} unknowns: give denser disks"
+            f"{positive} values above zero for {form.plain.unknowns} unknowns. Give denser packings."
         )
     plain = _sorted(fit_from(points, form.plain, start) for start in _starts(points, form.plain))
     if not form.corrections:

@@ -60,7 +60,7 @@ def retardation(spectrum: RelaxationSpectrum) -> RetardationSpectrum:
     G0, eta_inf = spectrum.G0, spectrum.eta_inf
     if eta_inf <= 0 and spectrum.G_inf <= 0:
         raise InputError(
-            f"G_inf = {spectrum.G_inf:g} without viscosity: no stress can be held, not even for an instant"
+            f"G_inf = {spectrum.G_inf:g} without viscosity: no creep compliance. Give a packing with contacts."
         )
     poles, weights = spectrum.rates[::-1], spectrum.weights[::-1]
     if G0 > 0:

@@ -58,9 +58,11 @@ def lane_sums(positions, cell, fields, width: float, cells: int) -> LaneSums:
     positions, cell, fields = (np.asarray(a, float) for a in (positions, cell, fields))
     length, height = cell[0, 0], cell[1, 1]
     if not 0 < width <= height:
-        raise InputError(f"lane width {width:g}: must be positive and at most the cell's height, {height:g}")
+        raise InputError(
+            f"lane width {width:g}: must be positive and at most the height of the cell, {height:g}"
+        )
     if not len(positions):
-        raise InputError("no disks to correlate: every one is a rattler")
+        raise InputError("no disks to correlate, as all are rattlers. Give a jammed packing.")
     lanes = max(1, round(height / width))
     reduced = (positions @ np.linalg.inv(cell)) % 1.0
     lane = np.minimum((reduced[:, 1] * lanes).astype(int), lanes - 1)
@@ -124,7 +126,7 @@ def correlate_displacements(packings) -> Correlation:
     packings = list(packings)
     units = _resampled_units(packings)
     if not units.pairs.sum():
-        raise InputError(f"lanes of width {packings[0].width:g} hold no two disks: use wider lanes")
+        raise InputError(f"lanes of width {packings[0].width:g} without pairs of disks. Use wider lanes.")
     count = len(units.disks)
     with np.errstate(invalid="ignore"):
         separation = np.r_[0.0, units.separations.sum(axis=0) / units.pairs.sum(axis=0)]
@@ -199,7 +201,7 @@ def stokes_collapse(omega, length, pressure, exponent=LOG_EXPONENT):
     grow as p falls at equal ω/p^½ and collapse with −0.65. Raises InputError unless 0 < p < 1.
     """
     if not 0 < pressure < 1:
-        raise InputError(f"pressure {pressure:g}: the collapse of lengths needs 0 < p < k")
+        raise InputError(f"pressure {pressure:g}: must lie between 0 and k for the collapse of lengths")
     return np.asarray(omega) / np.sqrt(pressure), np.asarray(length) * (-np.log(pressure)) ** exponent
 
 

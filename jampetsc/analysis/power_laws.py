@@ -57,7 +57,7 @@ def low_frequency_limit(omega, G) -> Limit:
     change = (y[:, higher] - first) * t[0] / (t[higher] - t[0])
     if not len(higher) or not np.all(np.abs(change) <= EXTRAPOLATION_TOLERANCE * np.abs(first)):
         raise InputError(
-            f"G' and G''/omega still change at the lowest frequency, {omega[0]:g}: begin the sweep lower"
+            f"G' and G''/omega still change at the lowest frequency, {omega[0]:g}. Begin the sweep lower."
         )
     return Limit(*map(float, (first - change).ravel()))
 
@@ -65,7 +65,7 @@ def low_frequency_limit(omega, G) -> Limit:
 def collapse(omega, G, pressure, mu=MU, lam=LAMBDA):
     """(x, g) = (ω/p^λ, G*/p^μ), ω in 1/τ₁ and G*, p in k. Raises InputError for p ≤ 0."""
     if not (np.isfinite(pressure) and pressure > 0):
-        raise InputError(f"pressure {pressure:g}: must be positive to scale with it")
+        raise InputError(f"pressure {pressure:g}: must be positive")
     return np.asarray(omega) / pressure**lam, np.asarray(G) / pressure**mu
 
 
@@ -92,7 +92,7 @@ def collapse_spread(sweeps, mu=MU, lam=LAMBDA, end=CRITICAL_END) -> float:
         squares.append(np.nanvar(values[:, shared], axis=0, ddof=1))
     if not sum(len(s) for s in squares):
         raise InputError(
-            f"no two sweeps overlap in omega/p^{lam:g} below omega = {end:g}: sweep a wider range"
+            f"no two sweeps overlap in omega/p^{lam:g} below omega = {end:g}. Sweep a wider range."
         )
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
@@ -136,12 +136,10 @@ def fit_power_law(x, y, window=(0.0, np.inf)) -> PowerLawFit:
     between = f"between {window[0]:g} and {window[1]:g}"
     if len(np.unique(x)) < _MIN_POINTS:
         raise InputError(
-            f"{len(x)} points {between}: a slope and its error need at least {_MIN_POINTS}; widen the window"
+            f"{len(x)} points {between}: too few for a slope (at least {_MIN_POINTS}). Widen the window."
         )
     if (y <= 0).any():
-        raise InputError(
-            f"value {y[y <= 0][0]:g} {between}: a power law needs positive values; narrow the window"
-        )
+        raise InputError(f"value {y[y <= 0][0]:g} {between}: not positive. Narrow the window.")
     (slope, intercept), covariance = np.polyfit(np.log(x), np.log(y), 1, cov=True)
     prefactor = np.exp(intercept)
     slope_error, intercept_error = np.sqrt(np.diag(covariance))
@@ -155,6 +153,8 @@ def _finite(omega, G):
     finite = np.isfinite(G)
     omega, G = omega[finite], G[finite]
     if len(omega) < 2:
-        raise InputError(f"{len(omega)} frequencies with a modulus: at least two are needed")
+        raise InputError(
+            f"{len(omega)} frequencies with a modulus: too few (at least 2). Sweep more frequencies."
+        )
     order = np.argsort(omega)
     return omega[order], G[order]

@@ -92,7 +92,7 @@ class RelaxationSpectrum:
         flanks are the window's. Raises InputError for a width that is not within 0.01 and 1.5 decades.
         """
         if not 0.01 <= width <= MAX_WINDOW:
-            raise InputError(f"width {width:g}: a window for H(tau) has 0.01 to {MAX_WINDOW:g} decades")
+            raise InputError(f"width {width:g}: must lie between 0.01 and {MAX_WINDOW:g} decades")
         tau = np.asarray(tau, float)
         angle = np.arccos(2.0 - np.cosh(0.5 * width * np.log(10.0)))
         y = np.log(tau[..., None] * self.rates)

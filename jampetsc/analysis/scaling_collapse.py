@@ -70,14 +70,14 @@ class Points:
         wrong = np.flatnonzero(~(np.isfinite(self.error) & (self.error > 0)))
         if len(wrong):
             raise InputError(
-                f"error {self.error[wrong[0]]:g} at phi = {self.phi[wrong[0]]:g}: must be positive: run longer"
+                f"error {self.error[wrong[0]]:g} at phi = {self.phi[wrong[0]]:g}: not positive. Run longer."
             )
         for count, least, name in (
             (len(np.unique(self.scale)), MIN_SCALES, "rates or sizes"),
             (len(np.unique(self.phi)), MIN_PHIS, "packing fractions"),
         ):
             if count < least:
-                raise InputError(f"{count} different {name}: a collapse needs at least {least}")
+                raise InputError(f"{count} different {name}: too few for a collapse. Give at least {least}.")
 
 
 @dataclass(frozen=True)
@@ -130,22 +130,24 @@ def form_named(fit, finite_size=False, corrections=False, degree=5, spline=False
         if name not in names or name in seen:
             what = "named twice" if name in seen else f"must be one of {', '.join(names)}"
             if name not in names and name in words_of(not finite_size).values():
-                what += f"; {'without' if finite_size else 'with'} {named('finite_size')} it is one of them"
+                what += f" (valid {'without' if finite_size else 'with'} {named('finite_size')})"
             raise InputError(f"{here}: {name or 'a name that is missing'} {what}")
         seen.add(name)
         if equals:
             fixed[names[name]] = _fixed_value(f"{here}: {word}", value, names[name])
     if corrections != ("omega" in seen):
         remedy = (
-            "omega missing. Name it" if corrections else f"leave omega out, or give {named('corrections')}"
+            "omega missing. Name it."
+            if corrections
+            else f"omega without {named('corrections')}. Leave one out, or give both."
         )
         raise InputError(f"{here}: {remedy}")
     missing = [name for name in names if name not in seen and name != "omega"]
     if missing:
-        raise InputError(f"{here}: {missing[0]} missing. Name it, or fix it by {missing[0]}=VALUE")
+        raise InputError(f"{here}: {missing[0]} missing. Name it, or fix it by {missing[0]}=VALUE.")
     form = Form(fixed, corrections, degree, spline)
     if not form.free:
-        raise InputError(f"{here}: nothing is free: leave a value out")
+        raise InputError(f"{here}: no free parameter. Leave a value out.")
     return form
 
 
@@ -157,7 +159,7 @@ def _fixed_value(here, value, name):
     except ValueError:
         number = math.nan
     if not low <= number <= high:
-        raise InputError(f"{here}: write a number between {low:g} and {high:g}")
+        raise InputError(f"{here}: must be a number between {low:g} and {high:g}")
     return number
 
 

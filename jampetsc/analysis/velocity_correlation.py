@@ -126,8 +126,8 @@ def correlate_velocities(
     square, counts = float(np.mean(squares)), pairs.sum(0)
     if not square > (ROUNDING_LIMIT * rate * diameter) ** 2:
         raise InputError(
-            f"|u_y| is rounding, at most {ROUNDING_LIMIT:g} mean diameters per strain, as in a perfect "
-            "crystal: nothing to correlate"
+            f"|u_y| is rounding, as in a perfect crystal (at most {ROUNDING_LIMIT:g} mean diameters per strain). "
+            "Give another flow."
         )
     squares = np.array(squares)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -146,12 +146,12 @@ def _bin_edges(cell, diameter, lane, width):
     step, half, height = width * diameter, 0.5 * cell[0, 0], cell[1, 1]
     if not 2.0 * (0.5 * lane * diameter) < height:
         raise InputError(
-            f"{named('lane')} {lane:g}: must be less than the cell's height, "
+            f"{named('lane')} {lane:g}: must be less than the height of the cell, "
             f"{height / diameter:.4g} mean diameters"
         )
     if not step <= half:
         raise InputError(
-            f"{named('bin')} {width:g}: must be at most half of the cell's width, "
+            f"{named('bin')} {width:g}: must be at most half the width of the cell, "
             f"{half / diameter:.4g} mean diameters"
         )
     return step * np.arange(int(half / step + 1e-9) + 1)

@@ -15,16 +15,16 @@ from jampetsc.options.parameters import FILES, ValueType, optional_parameter, pa
 from jampetsc.options.values import RESULT, load_source, refuse_repeated, split_list
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
-DRAWN = 200  # places along x at which f₀ and f₁ are kept
-SHARED = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
+CURVE_POINTS = 200  # points along x at which f₀ and f₁ are stored
+COMMON_ATTRIBUTES = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
 
 
-def _range(given):
+def _range(limits):
     """Two packing fractions, or words A:B."""
     try:
-        low, high = (as_float(one) for one in (given.split(":") if isinstance(given, str) else given))
+        low, high = (as_float(limit) for limit in (limits.split(":") if isinstance(limits, str) else limits))
     except (TypeError, ValueError):
-        raise ValueError("write A:B, two packing fractions") from None
+        raise ValueError("must be two packing fractions, A:B") from None
     if not 0 < low < high:
         raise ValueError("must be A:B with 0 < A < B")
     return low, high
@@ -42,14 +42,14 @@ class Collapse(Job):
 
       O = L^(-y/nu) [f0(x) + L^(-omega) f1(x)],          x = (phi - phi_J) L^(1/nu)
 
-    f0 and |f1| are exponentials of polynomials or splines; f1 is there with corrections. Weighted least squares; errors
-    from the profile of chi^2 and from fits of higher degrees; the same fit with the largest rates, or smallest N, left
-    out one by one.
+    f0 and |f1| are exponentials of polynomials or splines; f1 is fitted with corrections. The fit is weighted least
+    squares; errors come from the profile of chi^2 and from fits of higher degrees. The fit is repeated with the largest
+    rates, or smallest N, left out one by one.
     """
 
     scalar: ClassVar = None
-    EPILOG: ClassVar = """The name omega stands for omega/z with rates. A small probability of chi^2 says that
-the form is wrong, or the errors are.
+    EPILOG: ClassVar = """With rates the parameter omega is omega/z. A small probability of chi^2 means that the form
+is wrong, or the errors are.
 
 examples:
   jampetsc collapse flows --observable pressure --fit phi_J,y,znu --out scaling.h5       # the folder of a study
@@ -60,21 +60,21 @@ examples:
     results: Sequence = parameter(
         help="flows, or jam and shear results, or the folder of a study", value_type=RESULT, place=FILES
     )
-    observable: str = parameter(help="what is scaled", choices=OBSERVABLES)
+    observable: str = parameter(help="observable to scale", choices=OBSERVABLES)
     fit: str = parameter(
-        help="phi_J,y,znu[,omega]; nu for znu with finite_size; y=1 fixes y",
-        value_type=ValueType(lambda given: ",".join(map(str, split_list(given))), metavar="NAMES"),
+        help="names of the parameters to fit: phi_J,y,znu[,omega] (nu for znu with finite_size); y=1 fixes y",
+        value_type=ValueType(lambda names: ",".join(map(str, split_list(names))), metavar="NAMES"),
     )
     finite_size: bool = parameter(False, "scale with L = sqrt(N) instead of the rate")
-    corrections: bool = parameter(False, "with f1, which needs omega in fit")
-    degree: int = parameter(5, "of the polynomial ln f0", low=1, high=12, metavar="D")
-    spline: bool = parameter(False, "a cubic spline over degree intervals instead")
+    corrections: bool = parameter(False, "also fit f1, which needs omega in fit")
+    degree: int = parameter(5, "degree of the polynomial ln f0", low=1, high=12, metavar="D")
+    spline: bool = parameter(False, "cubic spline over degree intervals instead of a polynomial")
     where: str | None = WHERE
     cut: float | None = optional_parameter(
-        "largest rate, or smallest N, that is used", above=0.0, high=1e300, metavar="R"
+        "largest rate, or smallest N, in the fit (default: all)", above=0.0, high=1e300, metavar="R"
     )
     range: tuple | None = optional_parameter(
-        "packing fractions that are used (default: all)",
+        "range of packing fractions in the fit (default: all)",
         value_type=ValueType(
             _range, lambda ends: ":".join(map(repr, ends)), metavar="A:B", python="(low, high)"
         ),
@@ -89,38 +89,40 @@ examples:
         """The `analysis.scaling_collapse.Form` to fit. Raises InputError."""
         return form_named(self.fit, self.finite_size, self.corrections, self.degree, self.spline)
 
-    def _named(self) -> list:
-        """The inputs: files, for the folder of a study those of its rows, and results in memory."""
+    def _sources(self) -> list:
+        """The inputs: files, of a study the files of its rows, and results in memory."""
         from jampetsc.commands.scaling import files_of
 
-        found = []
-        for one in rows_named(self.results, self.where):
-            several = isinstance(one, Ensemble)
-            found += files_of(one, self.finite_size, self.where) if several else [one]
-        return found
+        sources = []
+        for item in rows_named(self.results, self.where):
+            is_study = isinstance(item, Ensemble)
+            sources += files_of(item, self.finite_size, self.where) if is_study else [item]
+        return sources
 
     def check_outputs(self, to):
         """Refuse a result given twice, and an output that may not be replaced."""
-        sources = self._named()
+        sources = self._sources()
         refuse_repeated(sources)
-        to.check(self.FORMAT, [one for one in sources if isinstance(one, str)])
+        to.check(self.FORMAT, [source for source in sources if isinstance(source, str)])
 
     def work(self, to):
         from jampetsc.analysis.collapse_errors import drift
         from jampetsc.commands import scaling
 
         began, form = time.perf_counter(), self.form
-        results = [load_source(one) for one in self._named()]
+        results = [load_source(source) for source in self._sources()]
         points = scaling.read_points(results, self.observable, self.finite_size)
         low, high = self.range or (0.0, math.inf)
         largest = math.inf if self.cut is None else self.cut**-0.5 if self.finite_size else self.cut
         points = points[points.within(low, high, largest)]
         if not len(points):
-            raise InputError(f"{results[0].path}: no points are left by {named('cut')} and {named('range')}")
+            raise InputError(
+                f"{results[0].path}: no points within {named('cut')} and {named('range')}. Give wider limits."
+            )
         cuts = drift(points, form)
-        _, fit, found = cuts[0]
-        notes = scaling.notes_of(points, fit, found, self.finite_size)
-        arrays, facts = self._arrays(points, fit, cuts), self._attributes(results[0], fit, found, notes)
+        _, fit, estimates = cuts[0]
+        notes = scaling.notes_of(points, fit, estimates, self.finite_size)
+        arrays, facts = self._arrays(points, fit, cuts), self._attributes(results[0], fit, estimates, notes)
         write_derived(to, self.FORMAT, results, began, arrays, **facts)
         return _summary(to, self, points, cuts, notes)
 
@@ -129,7 +131,7 @@ examples:
         import numpy as np
 
         x, free = fit.x(points), fit.form.free
-        along = np.linspace(x.min(), x.max(), DRAWN)
+        along = np.linspace(x.min(), x.max(), CURVE_POINTS)
         return {
             "N": points.size,
             "runs": points.runs,
@@ -141,16 +143,16 @@ examples:
             **dict(zip(("leading", "correction"), fit.terms(points), strict=True)),
             "curve/x": along,
             **dict(zip(("curve/f0", "curve/f1"), fit.functions(along), strict=True)),
-            "drift/cut": _shown(np.array([cut for cut, _, _ in cuts]), self.finite_size),
-            "drift/parameters": np.array([[one.parameters[name] for name in free] for _, one, _ in cuts]),
-            "drift/errors": np.array([[some[name].error for name in free] for _, _, some in cuts]),
-            "drift/chi2_per_dof": np.array([one.chi2 / one.dof for _, one, _ in cuts]),
+            "drift/cut": _in_user_units(np.array([cut for cut, _, _ in cuts]), self.finite_size),
+            "drift/parameters": np.array([[fit.parameters[name] for name in free] for _, fit, _ in cuts]),
+            "drift/errors": np.array([[estimates[name].error for name in free] for _, _, estimates in cuts]),
+            "drift/chi2_per_dof": np.array([fit.chi2 / fit.dof for _, fit, _ in cuts]),
         }
 
-    def _attributes(self, first, fit, found, notes):
+    def _attributes(self, first, fit, estimates, notes):
         symbols = words_of(self.finite_size)
         return {
-            **{name: first.attributes.get(name) for name in SHARED},
+            **{name: first.attributes.get(name) for name in COMMON_ATTRIBUTES},
             "observable": self.observable,
             "scaling": "size" if self.finite_size else "rate",
             "fitted": ",".join(symbols[name] for name in fit.form.free),
@@ -162,15 +164,15 @@ examples:
             "common_share": fit.common,
             **{symbols[name]: value for name, value in fit.parameters.items()},
             **{
-                f"{symbols[name]}_{what}": getattr(one, what)
-                for name, one in found.items()
+                f"{symbols[name]}_{what}": getattr(estimate, what)
+                for name, estimate in estimates.items()
                 for what in ("error", "low", "high", "shift")
             },
             "notes": "; ".join(notes),
         }
 
 
-def _shown(scale, finite_size):
+def _in_user_units(scale, finite_size):
     """A cut in the user's terms: a rate, or N."""
     return scale**-2 if finite_size else scale
 
@@ -179,15 +181,16 @@ def _summary(to, job, points, cuts, notes) -> str:
     """The summary."""
     from jampetsc.commands.scaling import text_of
 
-    (_, fit, found), *others = cuts
+    (_, fit, estimates), *further = cuts
     lines = [
-        f"{to}: {job.observable} at {len(points)} points, {text_of(fit.parameters, found, job.finite_size)}",
+        f"{to}: {job.observable} at {len(points)} points, {text_of(fit.parameters, estimates, job.finite_size)}",
         f"  chi2/dof = {fit.chi2 / fit.dof:.3g} with {fit.dof} degrees of freedom, probability {fit.probability:.2g}",
     ]
     what = "N >=" if job.finite_size else "rates <="
-    for cut, one, some in others:
+    for cut, other_fit, other_estimates in further:
         lines.append(
-            f"  {what} {_shown(cut, job.finite_size):.4g}: {text_of(one.parameters, some, job.finite_size)}, "
-            f"chi2/dof = {one.chi2 / one.dof:.3g}"
+            f"  {what} {_in_user_units(cut, job.finite_size):.4g}: "
+            f"{text_of(other_fit.parameters, other_estimates, job.finite_size)}, "
+            f"chi2/dof = {other_fit.chi2 / other_fit.dof:.3g}"
         )
     return "\n".join(lines + [f"  note: {note}" for note in notes])

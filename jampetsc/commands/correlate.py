@@ -25,21 +25,21 @@ from jampetsc.options.values import (
 )
 from jampetsc.packing.packing import Packing
 
-NARROWEST, WIDEST = 0.01, 1e6  # lanes
+MIN_LANE_WIDTH, MAX_LANE_WIDTH = 0.01, 1e6  # in mean diameters
 SWEEPS, FLOW, VELOCITIES = "jampetsc-sweep", "jampetsc-flow", "jampetsc-velocity-correlation"
 
 
-def _lanes(given):
+def _lanes(widths):
     """Widths of lanes in the order given: the summary shows the first."""
     try:
-        lanes = tuple(map(as_float, split_list(given)))
+        lanes = tuple(map(as_float, split_list(widths)))
     except (TypeError, ValueError):
         raise ValueError(f"must be widths in mean diameters, such as {_lanes_text(LANES)}") from None
     for width in lanes:
-        if not NARROWEST <= width <= WIDEST:
-            raise ValueError(f"{width:g} must lie between {NARROWEST:g} and {WIDEST:g}")
+        if not MIN_LANE_WIDTH <= width <= MAX_LANE_WIDTH:
+            raise ValueError(f"{width:g} must lie between {MIN_LANE_WIDTH:g} and {MAX_LANE_WIDTH:g}")
     if not lanes or len(set(lanes)) < len(lanes):
-        raise ValueError("must be at least one width, none of them twice")
+        raise ValueError("must be one or several different widths")
     return lanes
 
 
@@ -54,13 +54,12 @@ class Correlate(Job):
     """Correlation of displacements along the flow, and its length.
 
     C(δ) of the displacements u_y along x in narrow lanes (BT Fig. 7), real and imaginary part, of the fields that
-    sweeps hold, and the length l at its first root: by default in the phase of the stress, which is what BT impose.
+    sweeps hold, and the length l at its first root: by default in the phase of the stress, as BT impose it.
     Several sweeps of one kind (law, pressure, number of disks) are averaged. Of flows with snapshots: the correlation
-    g_y(x) of transverse velocities along the flow (Vågberg, eq. 4.23) of pairs in the lane around one of them, and
-    its minimum.
+    g_y(x) of transverse velocities along the flow (Vågberg, eq. 4.23) of pairs of disks in one lane, and its minimum.
 
-    Each packing is looked for beside its sweep. Errors come from resampling the packings, or strips of lanes where
-    there are fewer than five packings; those are lower bounds.
+    The packing of a sweep is read from the path that the sweep records, or beside it. Errors come from resampling the
+    packings; for fewer than five packings from strips of lanes, which gives lower bounds.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(
@@ -83,22 +82,26 @@ class Correlate(Job):
         help="sweeps with fields, or flows with snapshots, of one kind", value_type=RESULT, place=FILES
     )
     lane: Numbers | None = optional_parameter(
-        f"widths of a lane, the first for the summary (default {_lanes_text(LANES)}; flow: one, default 1)",
+        f"widths of a lane, the first for the summary (default {_lanes_text(LANES)}); for a flow one width (default 1)",
         value_type=ValueType(_lanes, _lanes_text, metavar="w1,w2,…", python="numbers"),
         unit="mean diameters",
     )
     bin: float | None = optional_parameter(
-        "flow: width of a bin of x (default 1)", above=0.0, high=WIDEST, unit="mean diameters", metavar="B"
+        "flow: width of the bins of x (default 1)",
+        above=0.0,
+        high=MAX_LANE_WIDTH,
+        unit="mean diameters",
+        metavar="B",
     )
     phase: str | None = optional_parameter(
-        "sweeps: real parts are in phase with the stress (default, as BT have it) or with the strain",
+        "sweep: phase of the real parts, that of the stress (default, BT) or of the strain",
         choices=PHASES,
     )
     omega: Numbers | None = optional_parameter(
-        "fields at these frequencies (default: all)", value_type=FREQUENCIES
+        "sweep: frequencies of the fields to correlate (default: all)", value_type=FREQUENCIES
     )
     packing: Packing | None = optional_parameter(
-        "packing of a single sweep, if it is not beside it", value_type=PACKING
+        "sweep: file of its packing (default: as the result records it)", value_type=PACKING
     )
 
     def check(self):
@@ -111,14 +114,15 @@ class Correlate(Job):
         to.check(VELOCITIES if flows else self.FORMAT, self.paths)
 
     def work(self, to):
-        opened_ = [load_source(source) for source in self.results]
-        kind = getattr(opened_[0], "format", "")
-        for source, result in zip(self.results, opened_, strict=True):
+        results = [load_source(source) for source in self.results]
+        kind = getattr(results[0], "format", "")
+        for source, result in zip(self.results, results, strict=True):
             if kind not in (SWEEPS, FLOW) or getattr(result, "format", "") != kind:
                 raise InputError(
-                    f"{source}: correlations are of sweeps with fields or of flows with snapshots: average one kind"
+                    f"{source}: not supported, or not of the kind of the first file. Give sweeps with fields, or "
+                    "flows with snapshots."
                 )
-        return (_of_flows if kind == FLOW else correlate_sweeps.run)(self, opened_, to)
+        return (_of_flows if kind == FLOW else correlate_sweeps.run)(self, results, to)
 
 
 def _of_flows(job, flows, to) -> str:
@@ -126,10 +130,14 @@ def _of_flows(job, flows, to) -> str:
     began = time.perf_counter()
     for name in ("omega", "packing", "phase"):
         if getattr(job, name) is not None:
-            raise InputError(f"{named(name)}: belongs to sweeps, not to {flows[0].path}; leave it out")
+            raise InputError(
+                f"{named(name)}: an option of sweeps, but {flows[0].path} is a flow. Leave it out."
+            )
     widths, bin_ = job.lane or (DEFAULT_LANE_WIDTH,), job.bin or DEFAULT_BIN_WIDTH
     if len(widths) > 1:
-        raise InputError(f"{named('lane')} {job.settings()['lane']}: flows are correlated at one width")
+        raise InputError(
+            f"{named('lane')} {job.settings()['lane']}: several widths (flows: one). Give one width."
+        )
     correlation = correlate_lanes(flows, widths[0], bin_)
     place, depth = correlation.minimum
     arrays = {

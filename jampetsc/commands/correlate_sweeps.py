@@ -24,38 +24,40 @@ from jampetsc.io.disk_motion import (
 )
 
 LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, by default
-SAME_PRESSURE = 0.01  # sweeps are averaged if their pressures differ by no more than this fraction
+PRESSURE_TOLERANCE = 0.01  # largest relative difference of pressures of sweeps to average
 
 
 def run(job, sweeps, to) -> str:
     """Correlate for a `correlate.Correlate` and write the result; returns the summary. Raises InputError."""
     began = time.perf_counter()
     if job.bin is not None:
-        raise InputError(f"{named('bin')} {job.bin:g}: belongs to flows; leave it out")
+        raise InputError(
+            f"{named('bin')} {job.bin:g}: an option of flows, but {sweeps[0].path} is a sweep. Leave it out."
+        )
     refuse_mixture(sweeps)
     if job.packing is not None and len(sweeps) > 1:
         raise InputError(
-            f"{named('packing')}: one packing for {len(sweeps)} sweeps: correlate them one by one"
+            f"{named('packing')}: one packing for {len(sweeps)} sweeps. Correlate each sweep alone."
         )
     phase, lanes = job.phase or PHASES[0], job.lane or LANES
     motions, frequencies = zip(*(_motion(job, sweep, phase) for sweep in sweeps), strict=True)
     for sweep, omega in zip(sweeps, frequencies, strict=True):
         if len(omega) != len(frequencies[0]) or not np.allclose(omega, frequencies[0], rtol=0.01, atol=0):
             raise InputError(
-                f"{sweep.path}: fields at other frequencies than in {sweeps[0].path.name}: choose common ones "
-                f"with {named('omega')}"
+                f"{sweep.path}: frequencies of its fields differ from those in {sweeps[0].path.name}. Choose common "
+                f"ones with {named('omega')}."
             )
     G = np.mean([sweep.modulus(omega) for sweep, omega in zip(sweeps, frequencies, strict=True)], axis=0)
     results, widths = _correlated(sweeps, motions, lanes)
     length, diameter = np.mean([(disks.cell[0, 0], _diameter(disks)) for disks, *_ in motions], axis=0)
     arrays = {"omega": frequencies[0], "G": G, "lane_width": widths}
-    arrays |= {"delta": length * np.array([one.separation for one in results])}
+    arrays |= {"delta": length * np.array([correlation.separation for correlation in results])}
     for name, what, unit in (
         ("C", "values", 1.0), ("C_error", "errors", 1.0), ("length", "root", length),
         ("length_error", "root_error", length), ("minimum", "minimum", length),
         ("minimum_error", "minimum_error", length),
     ):  # fmt: skip
-        values = np.array([getattr(one, what) for one in results])
+        values = np.array([getattr(correlation, what) for correlation in results])
         arrays[name] = unit * values.reshape(
             len(results), -1, 2, *values.shape[2:]
         )  # Re and Im of each field
@@ -66,13 +68,13 @@ def run(job, sweeps, to) -> str:
         packings=len(sweeps),
         L=length,
         mean_diameter=diameter,
-        pairs=[one.pairs for one in results],
+        pairs=[correlation.pairs for correlation in results],
     )
     return _summary(to, len(sweeps), frequencies[0], phase, lanes, results, length / diameter)
 
 
 def _diameter(disks):
-    """The mean one."""
+    """Mean diameter of the disks."""
     return 2.0 * float(disks.radii.mean())
 
 
@@ -84,12 +86,12 @@ def _correlated(sweeps, motions, lanes):
     first, sums = motions[0][0], [[] for _ in lanes]
     cells = grid_cells(first.cell[0, 0], _diameter(first))
     for sweep, (disks, particles, fields) in zip(sweeps, motions, strict=True):
-        for width, found in zip(lanes, sums, strict=True):
+        for width, rows in zip(lanes, sums, strict=True):
             interrupts.check()
             with about(sweep.path):
                 places = disks.positions[particles]
-                found.append(lane_sums(places, disks.cell, fields, width * _diameter(disks), cells))
-    return [correlate_displacements(found) for found in sums], np.array([found[0].width for found in sums])
+                rows.append(lane_sums(places, disks.cell, fields, width * _diameter(disks), cells))
+    return [correlate_displacements(rows) for rows in sums], np.array([rows[0].width for rows in sums])
 
 
 def _motion(job, sweep, phase):
@@ -100,14 +102,16 @@ def _motion(job, sweep, phase):
     particles = particle_rows(sweep, disks)
     transverse = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, 1] for row in rows]
     parts = [part for u in transverse for part in (u.real, u.imag)]
-    known = np.array([_rms(part) > ROUNDING_LIMIT * _diameter(disks) for part in parts]).reshape(-1, 2)
-    if not known.any(axis=1).all():
-        at = stored[rows][np.argmin(known.any(axis=1))]
+    is_motion = np.array([_rms(part) > ROUNDING_LIMIT * _diameter(disks) for part in parts]).reshape(-1, 2)
+    if not is_motion.any(axis=1).all():
+        at = stored[rows][np.argmin(is_motion.any(axis=1))]
         raise InputError(
-            f"{sweep.path}: omega = {at:g}: |u_y| is rounding, at most {ROUNDING_LIMIT:g} mean diameters per strain, "
-            f"as in a perfect crystal: nothing to correlate; choose other frequencies by {named('omega')}"
+            f"{sweep.path}: |u_y| at omega = {at:g} is rounding, as in a perfect crystal (at most {ROUNDING_LIMIT:g} "
+            f"mean diameters per strain). Choose other frequencies with {named('omega')}."
         )
-    parts = [part if some else np.zeros_like(part) for part, some in zip(parts, known.flat, strict=True)]
+    parts = [
+        part if moves else np.zeros_like(part) for part, moves in zip(parts, is_motion.flat, strict=True)
+    ]
     return (disks, particles, parts), stored[rows]
 
 
@@ -115,25 +119,25 @@ def refuse_mixture(sweeps):
     """Raise InputError unless sweeps are of different packings, all of one law, pressure and number of disks."""
     first, of_packing = sweeps[0], {}
     for sweep in sweeps:
-        for what, mine, other in (
+        for what, value, other in (
             ("law", _words(sweep.law), _words(first.law)),
             ("number of disks", *(s.attributes.get("particle_count") for s in (sweep, first))),
         ):
-            if mine != other:
+            if value != other:
                 raise InputError(
-                    f"{sweep.path}: {what} {mine}, but {first.path.name} has {other}: average sweeps of one kind"
+                    f"{sweep.path}: {what} {value}, but {first.path.name} has {other}. Average sweeps of one kind."
                 )
         pressure, other = (float(s.attributes.get("pressure", 0.0)) for s in (sweep, first))
-        if abs(pressure - other) > SAME_PRESSURE * abs(other):
+        if abs(pressure - other) > PRESSURE_TOLERANCE * abs(other):
             raise InputError(
-                f"{sweep.path}: pressure {pressure:g}, but {first.path.name} has {other:g}: average those of one"
+                f"{sweep.path}: pressure {pressure:g}, but {first.path.name} has {other:g}. Average sweeps of one "
+                "pressure."
             )
         sha256 = sweep.attributes.get("packing_sha256")
         same = of_packing.setdefault(sha256, sweep)
         if sha256 is not None and same is not sweep:
             raise InputError(
-                f"{sweep.path}: comes from the same packing as {same.path.name} (sha256 {sha256[:12]}…): "
-                "an average takes each packing once"
+                f"{sweep.path}: the packing of {same.path.name} (sha256 {sha256[:12]}…). Give each packing once."
             )
 
 
@@ -142,8 +146,8 @@ def _words(law):
 
 
 def _mean_pressure(sweeps):
-    known = [float(sweep.attributes["pressure"]) for sweep in sweeps if "pressure" in sweep.attributes]
-    return {"pressure": sum(known) / len(known)} if known else {}
+    pressures = [float(sweep.attributes["pressure"]) for sweep in sweeps if "pressure" in sweep.attributes]
+    return {"pressure": sum(pressures) / len(pressures)} if pressures else {}
 
 
 def _summary(to, packings, omega, phase, lanes, results, size) -> str:
@@ -162,15 +166,15 @@ def _summary(to, packings, omega, phase, lanes, results, size) -> str:
     for width, other in zip(lanes[1:], results[1:], strict=True):
         change = _rms((other.values - first.values)[:, 1:])  # beyond δ = 0, where C is 1
         error = math.hypot(_rms(first.errors[:, 1:]), _rms(other.errors[:, 1:]))
-        known = f"differs by {change:.2g} (rms), with errors of {error:.2g}"
-        lines.append(f"  lanes of {width:g} d: C {known if change == change else 'is not known'}")
+        difference = f"differs by {change:.2g} (rms), with errors of {error:.2g}"
+        lines.append(f"  lanes of {width:g} d: C {difference if change == change else 'cannot be compared'}")
     return "\n".join(lines)
 
 
 def _rms(values):
-    """Root mean square of the finite ones of values; nan if none is."""
-    known = values[np.isfinite(values)]
-    return np.sqrt(np.mean(known**2)) if len(known) else np.nan
+    """Root mean square of the finite values; nan without any."""
+    finite = values[np.isfinite(values)]
+    return np.sqrt(np.mean(finite**2)) if len(finite) else np.nan
 
 
 def _with_error(value, error):

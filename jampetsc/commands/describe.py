@@ -11,8 +11,8 @@ from jampetsc.packing.minimum_proof import ENTRIES, proved_minimum
 from jampetsc.streams import visible
 
 DIGITS = 10  # of numbers, enough to compare them with published ones
-SHOWN = 6  # most values of a choice that are listed one by one
-DIFFERS = 1e-6  # relative difference from the recorded value from which a note is printed
+MAX_LISTED_VALUES = 6  # of a setting
+RECORD_TOLERANCE = 1e-6  # largest relative difference from a recorded value without a note
 
 
 def table(rows) -> str:
@@ -45,21 +45,23 @@ def study(path, ensemble) -> str:
             value for value in np.unique(ensemble.get(name, [])).tolist() if value == value and value != ""
         ]
         if values:
-            shown = values if len(values) <= SHOWN else [*values[:2], "…", values[-1]]
-            text = ", ".join(one if isinstance(one, str) else f"{one:.6g}" for one in shown)
-            rows.append((name, text + (f"  ({len(values)} values)" if len(values) > SHOWN else "")))
+            shown = values if len(values) <= MAX_LISTED_VALUES else [*values[:2], "…", values[-1]]
+            text = ", ".join(value if isinstance(value, str) else f"{value:.6g}" for value in shown)
+            rows.append(
+                (name, text + (f"  ({len(values)} values)" if len(values) > MAX_LISTED_VALUES else ""))
+            )
     failed = zip(*(ensemble.failed[column] for column in ("file", "state")), strict=True)
     reasons = [visible(f"  {name}: {why}") for name, why in failed]
     return "\n".join([table(rows), *reasons])
 
 
 def packing(path, disks) -> str:
-    """Geometry, state and record of a packing; published values stand beside ours."""
+    """Geometry, state and record of a packing; published values stand beside the computed ones."""
     state, record = measure(disks), dict(disks.record)
     cell, radii, law = disks.cell, disks.radii, disks.potential
     diameter = 2.0 * float(radii.mean())
     rattlers = int(np.count_nonzero(state.rattlers))
-    ours = {
+    computed = {
         "pressure": ("pressure p", state.pressure),
         "phi": ("packing fraction φ", disks.phi),
         "energy": ("energy U", state.energy),
@@ -78,14 +80,14 @@ def packing(path, disks) -> str:
         ),
     ]
     notes = []
-    for name, (label, value) in ours.items():
+    for name, (label, value) in computed.items():
         published = record.pop(f"published_{name}", None)
         rows.append(
             (label, number(value), *([] if published is None else [f"published {number(published)}"]))
         )
         recorded = record.pop(name, None)
-        if isinstance(recorded, float) and abs(recorded - value) > DIFFERS * abs(value):
-            notes.append(f"the file records {name} = {number(recorded)}: its positions were changed")
+        if isinstance(recorded, float) and abs(recorded - value) > RECORD_TOLERANCE * abs(value):
+            notes.append(f"the file records {name} = {number(recorded)}: its positions have changed since")
     record.pop("published_stress_yx", None)
     rows += [
         ("contacts", f"{len(state.contacts)} that carry more than {state.threshold:.3g}"),
@@ -97,9 +99,7 @@ def packing(path, disks) -> str:
     if proved_minimum(disks):
         rows.append(("minimum", f"proved when it was made: {record['negative_modes_counted_by']}"))
     elif stated is not None:
-        notes.append(
-            f"the file records negative_modes = {stated}, but not of these disks: it counts for nothing"
-        )
+        notes.append(f"the file records negative_modes = {stated}, but for other coordinates; ignored")
     for name in ("max_force", "coordination", "rattlers", *ENTRIES):  # measured above
         record.pop(name, None)
     if record:
@@ -126,7 +126,7 @@ def _origin(a):
         return str(a["packing"])
     if "sources" in a:
         return str(a["sources"])
-    return f"{a['particle_count']} disks that it made" if "particle_count" in a else "an unknown packing"
+    return f"{a['particle_count']} random disks" if "particle_count" in a else "an unknown packing"
 
 
 def result(path, loaded) -> str:
@@ -155,8 +155,8 @@ def result(path, loaded) -> str:
     ]
     if "G" in loaded:
         rows += _moduli(loaded)
-    known = {*HEADER, *HOW, *loaded.law, *(f"{name}_version" for name in LIBRARIES)}
-    rest = {name: value for name, value in a.items() if name not in known}
+    listed = {*HEADER, *HOW, *loaded.law, *(f"{name}_version" for name in LIBRARIES)}
+    rest = {name: value for name, value in a.items() if name not in listed}
     if rest:
         rows.append(("attributes",))
         rows += [(name, number(value)) for name, value in sorted(rest.items())]
@@ -168,7 +168,7 @@ def result(path, loaded) -> str:
 
 
 def _files(parts):
-    return f"joint file and {parts} parts, all there" if parts else "one, complete"
+    return f"joint file and {parts} parts, complete" if parts else "one, complete"
 
 
 def _moduli(sweep):
@@ -208,7 +208,7 @@ def matrices(network, is_packing, physics, facts, ranks) -> str:
             if is_packing
             else [("bonds", str(contacts))]
         ),
-        ("pieces", f"{facts.pieces} connected, {facts.gears} of them bipartite (gears)"),
+        ("components", f"{facts.pieces} connected, {facts.gears} of them bipartite (gears)"),
         ("pinned unknowns", _pins(facts)),
         ("asymmetry", f"|K − Kᵀ|/|K| = {facts.asymmetry_K:.1e}, |B − Bᵀ|/|B| = {facts.asymmetry_B:.1e}"),
         ("eigenvalues", "negative", "zero", "positive", ""),
@@ -245,9 +245,9 @@ def verdict(facts, at_rest) -> list[str]:
     floppy = free.zero - facts.translations
     if K.negative:
         lines.append(
-            f"not a minimum: K has {K.negative} negative eigenvalue{'s' * (K.negative > 1)}; "
-            "error bounds of a sweep do not hold; "
-            "`sweep --method direct` solves all the same, --no-prestress leaves out what makes them negative"
+            f"not a minimum: K has {K.negative} negative eigenvalue{'s' * (K.negative > 1)}; error bounds of a sweep "
+            "do not hold; `sweep --method direct` solves all the same, --no-prestress leaves out what makes them "
+            "negative"
         )
     elif not at_rest:
         lines.append(

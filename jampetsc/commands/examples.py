@@ -26,12 +26,12 @@ class Examples(Job):
     GIVES: ClassVar = "str, the files"
     EPILOG: ClassVar = "examples:\n  jampetsc examples --copy mine"
 
-    copy: Path = parameter(help="folder to make; it must not be there yet", metavar="DIR")
+    copy: Path = parameter(help="new folder to copy into", metavar="DIR")
 
     def check_outputs(self, to):
         """Refuse a folder that exists."""
         if self.copy.exists():
-            raise InputError(f"{named('copy')} {self.copy}: is there already: name a new folder")
+            raise InputError(f"{named('copy')} {self.copy}: exists. Give the name of a new folder.")
 
     def work(self, to):
         shutil.copytree(FOLDER, self.copy, ignore=shutil.ignore_patterns("__pycache__"))

@@ -42,12 +42,12 @@ class Export(Job):
         place=FILE,
         value_type=PACKING_NETWORK_OR_RESULT,
     )
-    mode: int | None = optional_parameter("of a modes file: which mode, from 1 (default 1)", metavar="I")
+    mode: int | None = optional_parameter("modes file: number of the mode, from 1 (default 1)", metavar="I")
     field: float | None = optional_parameter(
-        "of a sweep: frequency of the field", above=0.0, high=1e300, metavar="OMEGA"
+        "sweep: frequency of the field", above=0.0, high=1e300, metavar="OMEGA"
     )
     packing: Packing | None = optional_parameter(
-        "packing of a result, if it is not beside it", value_type=PACKING
+        "file of the packing of a result (default: as the result records it)", value_type=PACKING
     )
 
     def check_outputs(self, to):
@@ -74,7 +74,9 @@ class Export(Job):
         for option, owners in OWNERS.items():
             if getattr(self, option) is not None and kind not in owners:
                 raise InputError(
-                    f"{named(option)}: is of {' or '.join(owners)} files, and {input_name(self.file)} is a {kind} file"
+                    f"{named(option)}: an option of {' or '.join(owners)} files, but {input_name(self.file)} is a "
+                    f"{kind} "
+                    "file. Leave it out."
                 )
 
     def _frames(self, loaded, kind):
@@ -92,8 +94,11 @@ class Export(Job):
             case "sweep":
                 if self.field is None:
                     frequencies = ", ".join(f"{omega:g}" for omega in loaded.fields.omega)
-                    raise InputError(f"{name}: give {named('field')}: it has fields at omega = {frequencies}")
+                    raise InputError(
+                        f"{named('field')}: missing. Give a frequency of the fields in {name}: {frequencies}."
+                    )
                 return [frames.field_frame(loaded, self.field, self.packing)]
         raise InputError(
-            f"{name}: is a {kind} file: export packing, network, modes, sweep, quasistatic or flow files"
+            f"{name}: export of a {kind} file is not supported. Give a packing, network, modes, sweep, quasistatic or "
+            "flow file."
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from jampetsc.commands import describe_network
 from jampetsc.commands.pack import PHIS
-from jampetsc.errors import InputError, named, option
+from jampetsc.errors import InputError, named, option_word
 from jampetsc.io import network_file
 from jampetsc.io.exchange import READERS
 from jampetsc.io.importers import import_packing
@@ -20,18 +20,18 @@ from jampetsc.packing.contacts import BALANCED, imbalance, measure
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 
 
-def _box(given):
+def _box(value):
     """A cell of `Packing`; in words L, Lx,Ly or Lx,Ly,xy."""
-    if not isinstance(given, str):
-        return given
+    if not isinstance(value, str):
+        return value
     try:
-        return tuple(float(word) for word in given.split(","))
+        return tuple(float(word) for word in value.split(","))
     except ValueError:
         raise ValueError("must be L, Lx,Ly or Lx,Ly,xy") from None
 
 
 def _box_text(box) -> str:
-    return ",".join(repr(float(one)) for one in np.ravel(box))
+    return ",".join(repr(float(length)) for length in np.ravel(box))
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Import(Job):
 
     Reads LAMMPS data and dump, extended XYZ, GSD (needs the package gsd), lines x y r with a line 'box Lx Ly xy', and
     npz with positions, radii or diameters, and box. Disks lie in one plane, periodic in x and y; lengths keep their
-    unit. The potential is the one in FILE, as in those of `jampetsc export`, or the one of the options. Also the
+    unit. The potential is the one in FILE, as `jampetsc export` writes it, or that of the options. Also the
     published packings of jamBashbulk (text; U = ½ δ², k = 1) and jax-md (netCDF4; U = ½ (1 − r/σ)²), whose pressure and
     energy must be those stored in FILE. With bonds FILE is a network of springs: its nodes need no radii, and bonds are
     those of LAMMPS data (Bonds, and Bond Coeffs of style harmonic), of npz (bonds, and stiffness, tension, images), or
@@ -56,34 +56,33 @@ class Import(Job):
   jampetsc import gel.data --bonds gel.data --out gel.h5                       # a network with its own bonds
   jampetsc import nodes.txt --bonds bonds.txt --box 20 --out net.h5            # lines x y, and lines i j k
 
-A packing that is not at rest, to its minimum: jampetsc pack --from dump.h5 --phi 0.86 --out rest.h5"""
+To minimise the energy of a packing that is not at rest: jampetsc pack --from dump.h5 --phi 0.86 --out rest.h5"""
     OUT_HELP: ClassVar = "packing or network file to write"
 
     file: Path = parameter(help="file of the other program", place=FILE, value_type=PATH)
-    format: str | None = optional_parameter("(default: by the content of FILE)", choices=READERS)
-    index: int = parameter(0, "which packing of FILE, from 0", low=0, metavar="I", also="--frame")
+    format: str | None = optional_parameter("format of FILE (default: by its content)", choices=READERS)
+    index: int = parameter(0, "number of the packing in FILE, from 0", low=0, metavar="I", also="--frame")
     bonds: Path | None = optional_parameter(
         "file of bonds, which makes a network: FILE itself, or lines i j, i j k or i j k f of nodes from 0, stiffness "
         "and force (positive where it pushes)",
         value_type=PATH,
     )
     radius: str | None = optional_parameter(
-        "column or array of radii, or of diameters if it is called so (default radius or diameter); or a radius for "
-        "each type",
+        "name of the column or array of radii or diameters (default radius or diameter), or a radius for each type",
         metavar="COLUMN|TYPE=R,…",
     )
     box: tuple | None = optional_parameter(
-        "of a file that has none; a₂ = (xy Ly, Ly): xy is a number",
+        "cell of a file without one; a₂ = (xy Ly, Ly) with a number xy",
         value_type=ValueType(_box, _box_text, metavar="L|Lx,Ly[,xy]"),
     )
     potential: str | None = optional_parameter(
-        "energy of an overlap (default: what FILE says, or harmonic)", choices=EXPONENTS
+        "energy of an overlap (default: as FILE says, or harmonic)", choices=EXPONENTS
     )
     stiffness: str | None = optional_parameter(
-        "convention of the contact stiffness (default: what FILE says, or constant)", choices=STIFFNESSES
+        "convention of the contact stiffness (default: as FILE says, or constant)", choices=STIFFNESSES
     )
     k: float | None = optional_parameter(
-        "contact stiffness, in units of FILE (default: what FILE says, or 1); LAMMPS' harmonic/cut K means k = 2K"
+        "contact stiffness, in units of FILE (default: as FILE says, or 1); LAMMPS' harmonic/cut K means k = 2K"
     )
 
     def check(self):
@@ -133,14 +132,14 @@ def _summary(to, file, disks) -> str:
     lines.append(f"  contacts  {len(state.contacts)}, Z = {state.coordination:.6g}, rattlers {rattlers}")
     assumed = disks.record.get("assumed")
     if assumed:
-        options = ", ".join(map(option, assumed.split(", ")))
+        options = ", ".join(map(option_word, assumed.split(", ")))
         lammps = "; LAMMPS' harmonic/cut K means k = 2K" if "lammps" in disks.record["protocol"] else ""
         lines.append(f"  assumed   {assumed}: not in {file}. If they differ, give {options}{lammps}")
     rest = imbalance(disks, state)
     if len(state.contacts) and not rest <= BALANCED:
         lines.append(
-            f"  forces    are not balanced, max|F|/(p d) = {rest:.1e}: other radii or another potential than assumed, "
-            f"too few digits, or no minimum. To make it one: {_command_to_minimise(to.path, disks)}"
+            f"  forces    not balanced, max|F|/(p d) = {rest:.1e}: other radii or another potential than assumed, "
+            f"too few digits, or no minimum. To minimise the energy: {_command_to_minimise(to.path, disks)}"
         )
     return "\n".join(lines)
 

@@ -56,10 +56,12 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         """Refuse a law where there are no matrices, and matrices of a result."""
         if not self.matrices and self.physics != Physics(damping_law()):
             raise InputError(
-                f"{self.physics}: only the matrices depend on a damping law; add {named('matrices')}"
+                f"{self.physics}: a damping law without {named('matrices')}. Leave it out, or add {named('matrices')}."
             )
         if self.matrices and not isinstance(self.file, str | Packing | Network):
-            raise InputError(f"{named('matrices')}: needs a packing, not {input_name(self.file)}")
+            raise InputError(
+                f"{named('matrices')}: {input_name(self.file)} is not a packing. Give a packing."
+            )
 
     @property
     def scalar(self):
@@ -69,7 +71,7 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
     def check_outputs(self, to):
         """Nothing is written; the folder of a study is refused before PETSc starts."""
         if self.matrices and isinstance(self.file, str) and os.path.isdir(self.file):
-            raise InputError(f"{self.file}: is the folder of a study: {named('matrices')} needs a packing")
+            raise InputError(f"{named('matrices')}: {self.file} is the folder of a study. Give a packing.")
 
     def work(self, to):
         """The description. Collective with matrices."""

@@ -16,13 +16,13 @@ from jampetsc.options.parameters import FILE, PATH, parameter
 class Merge(Job):
     """Make one plain file of a result written by many ranks.
 
-    Without another name the file takes the place of the result, and its parts are removed.
+    The new file replaces the result and its parts, unless out names another file.
     """
 
     FORMAT: ClassVar = "that of the result"
     scalar: ClassVar = None
     OUT: ClassVar = "optional"
-    OUT_HELP: ClassVar = "write there and leave FILE and its parts as they are"
+    OUT_HELP: ClassVar = "other file to write; FILE and its parts stay (default: replace FILE)"
     GIVES: ClassVar = "the result, loaded"
     EPILOG: ClassVar = "examples:\n  jampetsc merge sweep.h5 --out one.h5"
 

@@ -13,20 +13,20 @@ from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
 from jampetsc.options.values import Numbers, number_list
 from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
 
-DOUBLES = 1e-300, 1e300  # what ω and ωτ₁ may be
+OMEGA_RANGE = 1e-300, 1e300  # of ω and ωτ₁
 MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-30, 1.0  # amplitudes
-LEAST_MOVING = 1e-9  # strain, or stress, whose forces rounding leaves some digits of
-FEWEST_CYCLES, MOST_CYCLES = 3, 100_000
+MIN_MOVING_AMPLITUDE = 1e-9  # smaller strains or stresses give forces of few correct digits
+MIN_CYCLES, MAX_CYCLES = 3, 100_000
 
 
-def _cycles(given):
+def _cycles(value):
     """A number of cycles; None: until they repeat."""
     try:
-        number = None if given == "auto" else int(str(given))
+        number = None if value == "auto" else int(str(value))
     except ValueError:
         number = 0
-    if number is not None and not FEWEST_CYCLES <= number <= MOST_CYCLES:
-        raise ValueError(f"must be auto or a number from {FEWEST_CYCLES} to {MOST_CYCLES}")
+    if number is not None and not MIN_CYCLES <= number <= MAX_CYCLES:
+        raise ValueError(f"must be auto or a number from {MIN_CYCLES} to {MAX_CYCLES}")
     return number
 
 
@@ -37,7 +37,7 @@ class Oscillate(PackingJob):
     Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^alpha (BT eq. 9): G*(ω) of the first
     harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. With fixed contacts the
     equations are solved for a whole cycle at once, for alpha of at least 0.45; with moving contacts, which open and
-    close, cycles are integrated in time until they repeat.
+    close, cycles are integrated in time until G* repeats.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
@@ -56,46 +56,47 @@ A killed run continues when the same command is given again."""
 
     omega: Numbers = parameter(
         help="frequencies ω",
-        value_type=number_list(*DOUBLES, "LOW:HIGH:COUNT|LIST"),
+        value_type=number_list(*OMEGA_RANGE, "LOW:HIGH:COUNT|LIST"),
         unit="1/τ₁ (with τ₁ = 1)",
     )
     stress: Numbers | None = optional_parameter(
-        "impose a shear stress of these amplitudes",
+        "amplitudes of an imposed shear stress",
         value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE),
         unit="k",
     )
     strain: Numbers | None = optional_parameter(
-        "impose a shear strain of these amplitudes", value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE)
+        "amplitudes of an imposed shear strain", value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE)
     )
     alpha: float = parameter(
         1.0,
-        "exponent of the damping force; 1: linear, 0 would be dry friction",
+        "exponent of the damping force, from 0 (dry friction) to 2; 1 is linear",
         above=0.0,
         high=2.0,
         metavar="A",
     )
     contacts: str = parameter(
         "fixed",
-        "fixed: the contacts of the packing stay as they are; moving: they open and close",
+        "contacts: fixed, those of the packing, or moving, which open and close",
         choices=("fixed", "moving"),
     )
     cycles: int | None = optional_parameter(
-        "with moving contacts: how many cycles to compute, first with half as many time steps each, then with all; "
-        "auto (default): until one repeats the one before",
+        "number of cycles with moving contacts, computed with half the steps and then with all; auto (default): "
+        "until G* repeats from cycle to cycle",
         value_type=ValueType(_cycles, metavar="auto|N", python='integer or "auto"'),
     )
-    steps: int = parameter(64, "steps of a cycle, a multiple of 8", low=16, high=4096, metavar="N")
+    steps: int = parameter(64, "time steps per cycle, a multiple of 8", low=16, high=4096, metavar="N")
 
     def check(self):
         if (self.stress is None) == (self.strain is None):
-            raise InputError(f"{named('stress')}, {named('strain')}: give one of them")
+            state = "missing" if self.stress is None else "both given"
+            raise InputError(f"{named('stress')}, {named('strain')}: {state}. Give one of them.")
         if self.steps % 8:
             raise InputError(f"{named('steps')} {self.steps}: must be a multiple of 8")
         if not self.law.is_of_contacts:
-            what = "the fluid dissipates, too" if self.law.damps_contacts else "no contact dissipates"
+            reason = "the fluid dissipates as well" if self.law.damps_contacts else "no contact dissipates"
             raise InputError(
-                f"{named('law')} {self.law.family or self.law}: {what}: take one of contacts; a sweep solves linear "
-                "damping of any kind"
+                f"{named('law')} {self.law.family or self.law}: not supported, {reason}. Give a law of contacts, or "
+                "use sweep, which takes any linear law."
             )
         self._check_contacts()
         self._check_frequencies()
@@ -109,24 +110,23 @@ A killed run continues when the same command is given again."""
                 )
             if self.cycles is not None:
                 raise InputError(
-                    f"{named('cycles')} {self.cycles}: belongs to {named('contacts')} moving; fixed contacts are "
-                    "solved for a steady cycle"
+                    f"{named('cycles')} {self.cycles}: an option of {named('contacts')} moving. Leave it out for fixed "
+                    "contacts, whose steady cycle is solved directly."
                 )
             return
         if not self.prestress:
             raise InputError(
-                f"{named('prestress')}: contacts that open and close have their forces: leave it out, or "
-                f"{named('contacts')} moving"
+                f"{named('prestress')}: not supported with {named('contacts')} moving. Leave out one of them."
             )
-        if self.amplitude[0] < LEAST_MOVING:
+        if self.amplitude[0] < MIN_MOVING_AMPLITUDE:
             raise InputError(
-                f"{named(self.control)} {self.amplitude[0]:g}: must be at least {LEAST_MOVING:g} with "
+                f"{named(self.control)} {self.amplitude[0]:g}: must be at least {MIN_MOVING_AMPLITUDE:g} with "
                 f"{named('contacts')} moving"
             )
 
     def _check_frequencies(self):
         """Refuse frequencies out of range: a power law depends on ω^α, which has the range of ω for linear damping."""
-        (low, high), widened, tau1 = DOUBLES, 1.0 / min(self.alpha, 1.0), self.law.tau1
+        (low, high), widened, tau1 = OMEGA_RANGE, 1.0 / min(self.alpha, 1.0), self.law.tau1
         least = max(low, MIN_OMEGA**widened)
         most = MAX_OMEGA**widened if widened * math.log(MAX_OMEGA) < math.log(high) else high
         for end in self.omega[[0, -1]]:

@@ -23,28 +23,28 @@ from jampetsc.petsc import session
 PRESSURES = (1e-8, 1.0)
 PHIS = (0.8, 1.5)
 TOLERANCES = (1e-13, 1e-4)
-WHAT, HOW = "what", "from where, and how"
+WHAT, HOW = "packing", "start and run"
 packing_parameter = partial(optional_parameter, group=WHAT)
 making_parameter = partial(optional_parameter, group=HOW)
-ONE_OF = (("pressure", "phi"), ("seed", "seeds", "from_"))  # of each at most one is given
-OF_DISKS = ("potential", "stiffness", "sizes", "radii")  # what a packing to start from has already
+ALTERNATIVES = (("pressure", "phi"), ("seed", "seeds", "from_"))  # at most one of each is allowed
+DISK_PARAMETERS = ("potential", "stiffness", "sizes", "radii")  # fixed by a packing to start from
 
 
-def _pressures(given):
-    """A pressure as the user wrote it, since it becomes part of file names; several as a tuple."""
-    written, found = isinstance(given, str), []
-    for one in split_list(given):
+def _pressures(value):
+    """A pressure as the user wrote it, as it becomes part of file names; several as a tuple."""
+    is_text, texts = isinstance(value, str), []
+    for item in split_list(value):
         try:
-            value = as_float(one)
+            number = as_float(item)
         except (TypeError, ValueError):
-            raise ValueError("must be a number, or several with commas between") from None
-        found.append(one if written else repr(value))
-        if not PRESSURES[0] <= value <= PRESSURES[1]:
-            raise ValueError(f"{format_value(one)} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
-    if not found:
+            raise ValueError("must be a number, or several separated by commas") from None
+        texts.append(item if is_text else repr(number))
+        if not PRESSURES[0] <= number <= PRESSURES[1]:
+            raise ValueError(f"{format_value(item)} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
+    if not texts:
         raise ValueError("must be at least one number")
-    several = len(found) > 1 or isinstance(given, list | tuple) or getattr(given, "ndim", 0)
-    return tuple(found) if several else found[0]
+    several = len(texts) > 1 or isinstance(value, list | tuple) or getattr(value, "ndim", 0)
+    return tuple(texts) if several else texts[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +53,12 @@ class Pack(Job):
 
     A packing of soft disks at rest: a minimum of the enthalpy at a given pressure, or of the energy at a given packing
     fraction. A list of pressures or seeds gives a list of packings: for each seed, the pressures in the given order,
-    each from random disks, or with `ladder` from the packing at the pressure before it.
+    each from random disks, or with `ladder` from the packing at the preceding pressure.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(NO_FILE, one_rank=True)
     FORMAT: ClassVar = "jampetsc-packing"
-    OUT_HELP: ClassVar = "packing file; {seed} and {pressure} are replaced"
+    OUT_HELP: ClassVar = "packing file; {seed} and {pressure} in its name are replaced by their values"
     GIVES: ClassVar = "a Packing, or a list of them"
     EPILOG: ClassVar = """examples:
   jampetsc pack --n 1024 --pressure 1e-3 --seed 1 --out p1e-3.h5
@@ -67,11 +67,11 @@ class Pack(Job):
   mpirun -n 4 jampetsc pack --n 1024 --pressure 1e-2,1e-3 --seeds 1:20 --out "p{pressure}-{seed}.h5"
   jampetsc pack --n 1024 --pressure 1e-3,1e-4 --ladder --seeds 1:20 --out "down-{pressure}-{seed}.h5"
 
-One packing is made by one rank with several threads; several packings are shared among the ranks.
+One rank makes one packing, on several threads; several packings are shared among the ranks.
 
 The same seed gives the same packing to the last bit on any number of threads and ranks and on every x86 processor with
 AVX2 and FMA (x86-64-v3: Intel since 2013, AMD since 2017), with one version of jampetsc and of its libraries.
-Above 32768 disks, and with options -newton_, last digits depend on BLAS; the minimum reached may then be another one.
+Above 32768 disks, and with options -newton_, last digits depend on BLAS, and another minimum may be reached.
 On other processors (arm64), and with JAMPETSC_CPU=native in the environment, a seed gives another packing of the same
 ensemble. The attribute instruction_set of the file says which processors it was compiled for.
 
@@ -91,10 +91,10 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         metavar="P[,P…]",
     )
     phi: float | None = packing_parameter(
-        "packing fraction, instead of a pressure; disks jam near 0.84",
+        "packing fraction, instead of a pressure (disks jam near 0.84)",
         low=PHIS[0],
         high=PHIS[1],
-        remedy="Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears disks below it",
+        remedy="Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears disks below it.",
     )
     potential: str | None = packing_parameter("energy of an overlap (default harmonic)", choices=EXPONENTS)
     stiffness: str | None = packing_parameter(
@@ -110,20 +110,27 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
     stabilise: str = parameter(
         "volume",
-        "shear: the shape of the cell also relaxes, at the given p or φ, so that σ_xy = 0 and G₀ > 0",
+        "relaxed shape of the cell: volume alone, or shear as well, so that σ_xy = 0 and G₀ > 0",
         choices=("volume", "shear"),
         group=WHAT,
     )
     tolerance: float = parameter(
-        1e-10, "max|F|/(p d) and |Δp|/p", low=TOLERANCES[0], high=TOLERANCES[1], metavar="T", group=WHAT
+        1e-10,
+        "largest max|F|/(p d) and |Δp|/p of a packing",
+        low=TOLERANCES[0],
+        high=TOLERANCES[1],
+        metavar="T",
+        group=WHAT,
     )
-    seed: int | None = making_parameter("of the random start (default 1)", low=0, high=MAX_SEED, metavar="S")
+    seed: int | None = making_parameter(
+        "seed of the random start (default 1)", low=0, high=MAX_SEED, metavar="S"
+    )
     seeds: Sequence[int] | None = making_parameter(
-        "a packing for each seed, both ends included", value_type=SEEDS
+        "seeds of several packings, both ends included", value_type=SEEDS
     )
-    from_: Packing | None = making_parameter("packing to start from, in its cell", value_type=PACKING)
+    from_: Packing | None = making_parameter("packing to start from, with its cell", value_type=PACKING)
     ladder: bool = parameter(
-        False, "each pressure starts from the packing at the one before it, not from random disks", group=HOW
+        False, "start each pressure from the packing at the preceding one, not from random disks", group=HOW
     )
     threads: int | None = making_parameter(
         "threads of a rank (default: its share of the cores of the node)",
@@ -133,21 +140,23 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
 
     def check(self):
-        for names in ONE_OF:
-            given = [named(name) for name in names if getattr(self, name) is not None]
-            if len(given) > 1:
-                raise InputError(f"{given[1]}: not together with {given[0]}; leave one out")
+        for names in ALTERNATIVES:
+            present = [named(name) for name in names if getattr(self, name) is not None]
+            if len(present) > 1:
+                raise InputError(f"{present[1]}, {present[0]}: both given. Give one of them.")
         if self.pressure is None and self.phi is None:
-            raise InputError(f"{named('pressure')} is missing: give it, or {named('phi')}")
+            raise InputError(
+                f"{named('pressure')}, {named('phi')}: missing. Give one of them, e.g. {named('pressure')} 1e-3."
+            )
         if self.ladder and self.pressure is None:
-            raise InputError(f"{named('ladder')}: needs {named('pressure')}")
+            raise InputError(f"{named('ladder')}: a ladder without pressures. Give {named('pressure')}.")
         if self.from_ is None:
             radii_asked(self.n, self.sizes, self.radii)
             return
-        for name in OF_DISKS:
+        for name in DISK_PARAMETERS:
             if getattr(self, name) is not None:
                 source = PACKING.serialise(self.from_)
-                raise InputError(f"{named(name)}: belongs to the packing {source}; leave it out")
+                raise InputError(f"{named(name)}: fixed by the packing {source}. Leave it out.")
 
     @property
     def several(self) -> bool:
@@ -156,7 +165,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def rung(self, above) -> "Pack":
         """The job that makes the same packing from the one at the pressure above it in a ladder."""
-        return replace(self, **dict.fromkeys(("n", "seed", *OF_DISKS)), from_=above, ladder=False)
+        return replace(self, **dict.fromkeys(("n", "seed", *DISK_PARAMETERS)), from_=above, ladder=False)
 
     def tasks(self, out, k=1.0) -> list:
         """Packings to make, each a `PackingTask`; out: their files, None in memory; k: of the packing to start from.
@@ -174,36 +183,36 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         seeds = [None] if self.from_ is not None else self.seeds or [1 if self.seed is None else self.seed]
         if out is not None:
             self._check_name(out, {"{seed}": len(seeds), "{pressure}": len(targets)})
-        found = []
+        tasks = []
         for seed in seeds:
             for step, (word, target) in enumerate(targets.items()):
                 path = job = None
                 rung = step if self.ladder else 0
                 if out is not None:
                     path = Path(out.replace("{seed}", str(seed)).replace("{pressure}", word))
-                    job = self._alone(word, seed, found[-1].path if rung else None)
-                found.append(PackingTask(path, None if rung else seed, target, rung, job))
-        return found
+                    job = self._alone(word, seed, tasks[-1].path if rung else None)
+                tasks.append(PackingTask(path, None if rung else seed, target, rung, job))
+        return tasks
 
     def _alone(self, pressure, seed, above) -> "Pack":
         """The job that makes one of the packings, the same one for every way to request it; above: of a ladder."""
-        one = replace(
+        single = replace(
             self, pressure=float(pressure) if pressure else None, seeds=None, seed=seed, ladder=False
         )
         if above is not None:
-            return one.rung(above)
+            return single.rung(above)
         if self.from_ is not None:  # whose disks it has
-            return replace(one, n=None)
+            return replace(single, n=None)
         defaults = {"potential": "harmonic", "stiffness": "constant"} | (
             {} if self.radii else {"sizes": SIZES[0]}
         )
-        return replace(one, **{name: getattr(one, name) or usual for name, usual in defaults.items()})
+        return replace(single, **{name: getattr(single, name) or value for name, value in defaults.items()})
 
     def _check_name(self, out, counts):
         """Raise InputError for a name that is the same for several packings, or has braces that mean nothing."""
         for field, count in counts.items():
             if count > 1 and field not in out:
-                raise InputError(f"{named('out')} {out}: one name for {count} packings: put {field} into it")
+                raise InputError(f"{named('out')} {out}: one name for {count} packings. Put {field} into it.")
         meaningless = {
             "{seed}": "from_" if self.from_ is not None else "",
             "{pressure}": "phi" if self.pressure is None else "",
@@ -211,11 +220,11 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         for field in re.findall(r"\{[^{}]*\}?|\}", out):
             if field not in meaningless:
                 raise InputError(
-                    f"{named('out')} {out}: {field} stands for nothing: only {{seed}} and {{pressure}} do"
+                    f"{named('out')} {out}: unknown field {field}. Use {{seed}} and {{pressure}} only."
                 )
             if meaningless[field]:
                 raise InputError(
-                    f"{named('out')} {out}: {field} has no meaning with {named(meaningless[field])}"
+                    f"{named('out')} {out}: {field} is not defined with {named(meaningless[field])}. Leave it out."
                 )
 
     def check_outputs(self, to):
@@ -231,8 +240,8 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         """See `Job`; packings that are finished stay."""
         if to.path is None or not self.several:
             return super().kept(to)
-        there = [task.path.exists() for task in self.tasks(str(to.path))]
-        return f"{sum(there)} of {len(there)} packings are finished. The same command continues."
+        finished = [task.path.exists() for task in self.tasks(str(to.path))]
+        return f"{sum(finished)} of {len(finished)} packings are finished. The same command resumes."
 
     def work(self, to):
         """Make the packings that are missing, spread over the ranks. Collective."""
@@ -246,40 +255,40 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
         running = session.current()
         comm, overwrite = running.comm, to.request.overwrite
-        begin = self._begin(comm)
-        tasks = self.tasks(None if to.path is None else str(to.path), begin.k)
-        found = {}
+        start = self._begin(comm)
+        tasks = self.tasks(None if to.path is None else str(to.path), start.k)
+        outcomes = {}
 
         def beginning(i):
             if not tasks[i].rung:
-                return begin
-            return start_from_packing(tasks[i - 1].path or found[i - 1][0], self._how)
+                return start
+            return start_from_packing(tasks[i - 1].path or outcomes[i - 1][0], self._how)
 
         def missing(numbers):
             return [i for i in numbers if overwrite or not tasks[i].is_finished()]
 
         for rung in range(1 + max(task.rung for task in tasks)):
             numbers = [i for i, task in enumerate(tasks) if task.rung == rung]
-            lost = {
-                i: ConvergenceError(f"{tasks[i - 1].name}, which it starts from, failed")
+            blocked = {
+                i: ConvergenceError(f"{tasks[i - 1].name}, from which it starts, failed")
                 for i in numbers
-                if rung and isinstance(found.get(i - 1), JampetscError)
+                if rung and isinstance(outcomes.get(i - 1), JampetscError)
             }
-            left = on_root(comm, partial(missing, [i for i in numbers if i not in lost]))
-            mine = left[running.rank :: running.size]
-            team = Team(self.threads or own_cores(comm, bool(mine)))
-            made = make_packings([(i, tasks[i], beginning(i)) for i in mine], team, running.rank)
-            found |= lost | dict(pair for some in comm.allgather(made) for pair in some.items())
-        found = dict(sorted(found.items()))
-        failures = {i: one for i, one in found.items() if isinstance(one, JampetscError)}
+            unfinished = on_root(comm, partial(missing, [i for i in numbers if i not in blocked]))
+            own = unfinished[running.rank :: running.size]
+            team = Team(self.threads or own_cores(comm, bool(own)))
+            results = make_packings([(i, tasks[i], beginning(i)) for i in own], team, running.rank)
+            outcomes |= blocked | dict(pair for rank in comm.allgather(results) for pair in rank.items())
+        outcomes = dict(sorted(outcomes.items()))
+        failures = {i: error for i, error in outcomes.items() if isinstance(error, JampetscError)}
         if failures:
             raise_failures(failures, tasks)
         if to.path is None:
-            made = [disks for disks, _ in found.values()]
-            to.packings(made if self.several else made[0])
+            packings = [disks for disks, _ in outcomes.values()]
+            to.packings(packings if self.several else packings[0])
         elif self.several:
             to.packings([task.path for task in tasks])
-        return summarise_packings(tasks, {i: line for i, (_, line) in found.items()}, running.size)
+        return summarise_packings(tasks, {i: line for i, (_, line) in outcomes.items()}, running.size)
 
     @property
     def _how(self):
@@ -300,6 +309,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             n = begin.disks_of(self.tasks(None)[0]).n
         if self.n not in (None, n):
             raise InputError(
-                f"{named('n')} {self.n}: {name} has {n} disks; leave it out with {named('from_')}"
+                f"{named('n')} {self.n}: {name} has {n} disks. Leave it out with {named('from_')}."
             )
         return begin

@@ -46,7 +46,7 @@ def _size(text):
     try:
         width, height = map(as_float, split_list(text))
     except (TypeError, ValueError):
-        raise ValueError("write the width and the height in inches, such as 3.4,2.9") from None
+        raise ValueError("must be the width and height in inches, e.g. 3.4,2.9") from None
     if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
         raise ValueError("must be from 0.5 to 100 inches")
     return width, height
@@ -60,19 +60,19 @@ def _limits(text):
     except (AttributeError, ValueError):
         pairs = [()]
     if not all(pair is None or (len(pair) == 2 and pair[0] < pair[1]) for pair in pairs):
-        raise ValueError("write low:high, such as 1e-6:1; with commas for each panel")
+        raise ValueError("must be LOW:HIGH, e.g. 1e-6:1, or one for each panel with commas")
     return pairs[0] if len(pairs) == 1 else pairs
 
 
 LIMITS = ValueType(_limits, str, metavar="LOW:HIGH")
 LIMITS_HELP = (
-    "limits of {} in all panels, or of each panel with commas (default, and where empty: by the data)"
+    "limits of {} in all panels, or in each panel with commas (default, and where empty: by the data)"
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Plot(Job):
-    """Draw sweeps, packings, flows and whatever else a file holds.
+    """Draw sweeps, packings, flows and all other results.
 
     G' and G'' of sweeps and oscillations, the scaling collapse of sweeps, relaxation spectra with stress relaxation
     and creep, correlations of displacements and their length, a packing with its contacts and forces, a network,
@@ -100,7 +100,7 @@ class Plot(Job):
   jampetsc plot f64.h5 f256.h5 --out f.png                            # of jam files: f(phi) with errors
   jampetsc plot f64.h5 qs.h5 --kind pressures --out pressures.png     # P(p), with quasistatic shear
 
-Every result is drawn without --kind."""
+Without --kind each result is drawn in the way that suits it."""
 
     files: tuple = parameter(
         help="files of results or packings, or the folder of a study",
@@ -108,7 +108,7 @@ Every result is drawn without --kind."""
         place=FILES,
     )
     where: str | None = WHERE
-    csv: str | None = optional_parameter("table of the drawn numbers: .csv", metavar="FILE")
+    csv: str | None = optional_parameter("table of the drawn numbers to write, .csv", metavar="FILE")
     size: tuple | None = optional_parameter(
         "width and height of the figure in inches (default: by kind)",
         value_type=ValueType(_size, metavar="W,H"),
@@ -116,11 +116,11 @@ Every result is drawn without --kind."""
     xlim: tuple | None = optional_parameter(LIMITS_HELP.format("x"), value_type=LIMITS)
     ylim: tuple | None = optional_parameter(LIMITS_HELP.format("y"), value_type=LIMITS)
     label: tuple | None = optional_parameter(
-        "words that replace entries of the legend, in its order",
+        "texts that replace the entries of the legend, in its order",
         value_type=ValueType(split_list, ",".join, metavar="TEXT,…"),
     )
     style: str | None = optional_parameter(
-        "style file of matplotlib (.mplstyle), applied on top of the style of the program", metavar="FILE"
+        "style file of matplotlib (.mplstyle), applied after the style of jampetsc", metavar="FILE"
     )
     options: dict = composite_parameter(CompositeParameter(_options, _given, dict, dict))
 

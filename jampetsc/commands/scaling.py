@@ -12,12 +12,12 @@ from jampetsc.analysis.scaling_collapse import PARAMETERS, Points, words_of
 from jampetsc.errors import InputError, named
 
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
-ALIKE = (
+COMMON_ATTRIBUTES = (
     "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units", "k", "tau1"
 )  # fmt: skip
-SAME_PHI = 6  # decimals
-UNLIKELY = (
-    0.01  # probability of χ² below which the form is wrong, or errors are too small; too large above 1 − this
+PHI_DECIMALS = 6  # of packing fractions that count as equal
+MIN_PROBABILITY = (
+    0.01  # of χ²; below, the form or the errors are wrong, above 1 − this the errors are too large
 )
 
 
@@ -30,10 +30,11 @@ def read_points(results, observable: str, finite_size: bool) -> Points:
     for result in results:
         _check(result, results[0], finite_size)
         for phi, scale, origin, values in _rows(result, observable, finite_size):
-            key = round(phi, SAME_PHI), scale
+            key = round(phi, PHI_DECIMALS), scale
             if (*key, origin) in seen:
                 raise InputError(
-                    f"{result.path}: phi = {phi:g} from {origin} is in {seen[*key, origin]} too: each counts once"
+                    f"{result.path}: phi = {phi:g} from {origin} is in {seen[*key, origin]} as well. Give each run "
+                    "once."
                 )
             seen[*key, origin] = result.path.name
             groups.setdefault((*key, int(result.attributes["particle_count"])), []).append(values)
@@ -45,7 +46,8 @@ def read_points(results, observable: str, finite_size: bool) -> Points:
     phi, scale, size, value, error, count = np.array(rows, float).reshape(-1, 6).T
     if not finite_size and len(set(size)) > 1:
         raise InputError(
-            f"{results[0].path}: N = {min(size):g}, others up to {max(size):g}: rates are scaled at one N; choose files"
+            f"{results[0].path}: N = {min(size):g}, other files up to {max(size):g}. Give files of one N to scale "
+            "with rates."
         )
     return Points(phi, scale, value, error, size, count)
 
@@ -53,18 +55,18 @@ def read_points(results, observable: str, finite_size: bool) -> Points:
 def _check(result, first, finite_size):
     """Raise InputError unless a file is of a kind that is scaled, and has the same settings as the first."""
     if getattr(result, "format", "") not in FORMATS[finite_size]:
-        wanted = (
+        supported = (
             "jam and shear files"
             if finite_size
-            else f"flow files; with {named('finite_size')} those of jam and shear"
+            else f"flow files, or add {named('finite_size')} for jam and shear files"
         )
         name = getattr(result, "path", "a packing")
-        raise InputError(f"{name}: is none of the files that are scaled: give {wanted}")
-    for name in ALIKE:
-        mine, other = result.attributes.get(name), first.attributes.get(name)
-        if mine != other and not (name == "protocol" and result.format != first.format):
+        raise InputError(f"{name}: not supported. Give {supported}.")
+    for name in COMMON_ATTRIBUTES:
+        value, expected = result.attributes.get(name), first.attributes.get(name)
+        if value != expected and not (name == "protocol" and result.format != first.format):
             raise InputError(
-                f"{result.path}: {name} {mine}, but {first.path.name} has {other}: scale one kind"
+                f"{result.path}: {name} {value}, but {first.path.name} has {expected}. Give files of one kind."
             )
 
 
@@ -79,17 +81,19 @@ def _rows(result, observable, finite_size):
     origin = f"seed {a['seed']}" if "seed" in a else str(a.get("packing", "a packing"))
     if finite_size:
         if observable not in result:
-            raise InputError(f"{result.path}: holds no {observable}: choose pressure or jammed")
-        values, many = result[observable].astype(float), "seed" in result
+            raise InputError(f"{result.path}: no dataset {observable}. Choose pressure or jammed.")
+        values, has_seeds = result[observable].astype(float), "seed" in result
         values[result["jammed"] == 0] = 0.0
-        known = ((*run, rows[np.isfinite(values[rows])]) for *run, rows in runs_of(result))
+        finite_runs = ((*run, rows[np.isfinite(values[rows])]) for *run, rows in runs_of(result))
         return [
-            (phi, scale, f"seed {seed:g}" if many else origin, values[rows])
-            for phi, seed, rows in known
+            (phi, scale, f"seed {seed:g}" if has_seeds else origin, values[rows])
+            for phi, seed, rows in finite_runs
             if len(rows)
         ]
     if observable == "jammed":
-        raise InputError(f"{result.path}: {named('observable')} jammed goes with {named('finite_size')}")
+        raise InputError(
+            f"{result.path}: {named('observable')} jammed without {named('finite_size')}. Add {named('finite_size')}."
+        )
     mean = tuple(a[f"{observable}_{part}"] for part in ("mean", "error", "samples"))
     return [(float(a["phi"]), scale, origin, mean)]
 
@@ -111,62 +115,68 @@ def files_of(rows, finite_size, where) -> list[str]:
     if not done.rows:
         here = f" where {where}" if where else ""
         raise InputError(
-            f"{rows.path}: a study without {' or '.join(commands)} that is done{here}: nothing to scale"
+            f"{rows.path}: no finished {' or '.join(commands)} task{here}. Run such tasks in the study first."
         )
     return [str(rows.path / name) for name in done["file"].tolist()]
 
 
-def text_of(parameters, found, finite_size) -> str:
-    """phi_J = 0.8433 ± 0.0002, znu > 2.7, … of {parameter: value} and {parameter: Estimate}; held ones have none."""
-    words = words_of(finite_size)
-    shown = [name for name in PARAMETERS if name in parameters]
-    return ", ".join(f"{words[name]} {_with_error(parameters[name], found.get(name))}" for name in shown)
+def text_of(parameters, estimates, finite_size) -> str:
+    """phi_J = 0.8433 ± 0.0002, znu > 2.7, … of {parameter: value}, and {parameter: Estimate} of those fitted."""
+    symbols = words_of(finite_size)
+    names = [name for name in PARAMETERS if name in parameters]
+    return ", ".join(
+        f"{symbols[name]} {_with_error(parameters[name], estimates.get(name))}" for name in names
+    )
 
 
-def _with_error(value, one):
-    if one is None:
-        return f"= {value:.6g} held"
-    if one.decided and one.uneven:
-        return f"= {value:.5g} (2 sigma: {one.low:.5g} to {one.high:.5g})"
-    if one.decided:
-        return f"= {value:.5g} ± {one.error:.2g}"
-    if math.isfinite(one.low):
-        return f"> {one.low:.5g}"
-    return f"< {one.high:.5g}" if math.isfinite(one.high) else "undecided"
+def _with_error(value, estimate):
+    if estimate is None:
+        return f"= {value:.6g} fixed"
+    if estimate.decided and estimate.uneven:
+        return f"= {value:.5g} (2 sigma: {estimate.low:.5g} to {estimate.high:.5g})"
+    if estimate.decided:
+        return f"= {value:.5g} ± {estimate.error:.2g}"
+    if math.isfinite(estimate.low):
+        return f"> {estimate.low:.5g}"
+    return f"< {estimate.high:.5g}" if math.isfinite(estimate.high) else "undecided"
 
 
-def notes_of(points: Points, fit, found, finite_size) -> list[str]:
+def notes_of(points: Points, fit, estimates, finite_size) -> list[str]:
     """Warnings about the numbers of a fit."""
-    words = words_of(finite_size)
+    symbols = words_of(finite_size)
     lowest, highest = points.phi.min(), points.phi.max()
     degrees = degrees_above(points, fit.form)
     notes = []
-    if fit.probability < UNLIKELY:
-        notes.append("the form does not describe the data within their errors: cut, or fit corrections")
-    if fit.common:
-        one = "size" if finite_size else "rate"
+    if fit.probability < MIN_PROBABILITY:
         notes.append(
-            f"points of one {one} scatter about their mean by {math.sqrt(1.0 - fit.common):.0%} of their errors: they "
-            f"are too large, or common to a {one}; {fit.common:.0%} of their squares are fitted as common"
+            "the form does not describe the data within their errors: cut the data, or fit corrections"
         )
-    if fit.probability > 1.0 - UNLIKELY:
+    if fit.common:
+        variable = "size" if finite_size else "rate"
+        notes.append(
+            f"points of one {variable} scatter about their mean by {math.sqrt(1.0 - fit.common):.0%} of their "
+            f"errors: they are too large, or common to a {variable}; {fit.common:.0%} of their squares are fitted as "
+            "common"
+        )
+    if fit.probability > 1.0 - MIN_PROBABILITY:
         notes.append("chi2 is far too small: the errors of the data are too large, and so are these")
-    if "phi_J" in found and not lowest < fit.parameters["phi_J"] < highest:
+    if "phi_J" in estimates and not lowest < fit.parameters["phi_J"] < highest:
         notes.append(f"phi_J = {fit.parameters['phi_J']:.5g} is outside the data, {lowest:g} to {highest:g}")
-    for name, one in found.items():
-        word = words[name]
-        if not one.decided:
+    for name, estimate in estimates.items():
+        symbol = symbols[name]
+        if not estimate.decided:
             low, high = parameter_ranges(points)[name]
             notes.append(
-                f"the data do not tell {word}: 2 sigma reach an end of its range, {low:.5g} to {high:.5g}"
+                f"the data do not determine {symbol}: its 2 sigma interval reaches an end of its range, {low:.5g} "
+                f"to {high:.5g}"
             )
-        elif one.uneven:
+        elif estimate.uneven:
             notes.append(
-                f"{word} has uneven errors: take its ends of 2 sigma, {one.low:.5g} to {one.high:.5g}"
+                f"{symbol} has uneven errors: use its 2 sigma interval, {estimate.low:.5g} to {estimate.high:.5g}"
             )
-        if one.left_to_degree:
+        if estimate.left_to_degree:
             notes.append(
-                f"{word} changes by {one.shift:.2g} with the degree, which is in its error: try a higher one"
+                f"{symbol} changes by {estimate.shift:.2g} with the degree, which is in its error: try a higher one"
             )
     if not degrees:
         notes.append("too few points for a higher degree: what it would change is not in the errors")

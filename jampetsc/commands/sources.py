@@ -11,7 +11,7 @@ from jampetsc.options.parameters import optional_parameter
 from jampetsc.options.values import input_name, load_source
 
 WHERE = optional_parameter(
-    "of the folder of a study: the files whose rows in its table have these values", metavar="COLUMN=VALUE,…"
+    "study: use only the files whose rows in its table have these values", metavar="COLUMN=VALUE,…"
 )
 
 FEW = 5  # values of a column that a message names
@@ -28,16 +28,16 @@ def rows_named(sources, where) -> list:
     studies = [isinstance(source, str) and (Path(source) / TABLE).exists() for source in sources]
     if conditions and not any(studies):
         load_source(sources[0])  # which may be missing, or the folder of a study that was stopped
-        raise InputError(
-            f"{named('where')} {where}: chooses rows of a study, but {input_name(sources[0])} is none: leave it out"
-        )
+        raise InputError(f"{named('where')} {where}: {input_name(sources[0])} is not a study. Leave it out.")
     results = [load(source) if study else source for source, study in zip(sources, studies, strict=True)]
     for place, study in enumerate(results):
         if conditions and studies[place]:
             results[place] = study.where(**conditions)
             if not results[place].rows:
                 available = "; ".join(f"{name} is {_values(study[name])}" for name in conditions)
-                raise InputError(f"{named('where')} {where}: no row of {study.table}: {available}")
+                raise InputError(
+                    f"{named('where')} {where}: no such row in {study.table}. Choose among: {available}."
+                )
     return results
 
 
@@ -55,7 +55,7 @@ def _wanted(where) -> dict:
     pairs = [word.partition("=") for word in where.split(",")] if where else []
     if not all(name and equals and value for name, equals, value in pairs):
         raise InputError(
-            f"{named('where')} {where}: write column=value, several with commas, such as law=stokes,beta=1"
+            f"{named('where')} {where}: not a list of conditions. Write column=value, e.g. law=stokes,beta=1."
         )
     return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
 

@@ -27,8 +27,7 @@ class Spectrum(Job):
     number of sweeps give a picture, where the name of the file ends in .png, .pdf or .svg.
 
     A packing has thousands of modes, the spectrum of a sweep a few tens: nodes of a quadrature that gives G* to the
-    accuracy of the sweep. H(τ) is therefore given as its mean between neighbouring nodes, and averaged over a window
-    that is twice as wide as the widest gap between nodes unless you choose.
+    accuracy of the sweep. H(τ) is therefore its mean between neighbouring nodes, averaged over a window.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(
@@ -47,7 +46,11 @@ class Spectrum(Job):
         help="sweeps by the rational method", value_type=RESULT, place=FILES, metavar="SWEEP"
     )
     window: float | None = optional_parameter(
-        "width of the average of H(τ)", low=0.01, high=1.5, unit="decades", metavar="DECADES"
+        "width of the average of H(τ) (default: twice the widest gap between nodes)",
+        low=0.01,
+        high=1.5,
+        unit="decades",
+        metavar="DECADES",
     )
 
     def check(self):
@@ -64,12 +67,13 @@ class Spectrum(Job):
             return
         if to.path is not None and suffix not in HDF5:
             raise InputError(
-                f"{named('out')} {to}: give it the ending {HDF5[0]} for a file, {', '.join(FORMATS)} for a picture"
+                f"{named('out')} {to}: unknown ending. Give it {HDF5[0]} for a result, {', '.join(FORMATS)} for a "
+                "picture."
             )
         if len(self.sweeps) > 1:
             raise InputError(
-                f"{named('out')} {to}: one spectrum in a result, not {len(self.sweeps)}: ask once for each, or for a "
-                "picture"
+                f"{named('out')} {to}: {len(self.sweeps)} spectra for one result. Give one sweep, or the name of a "
+                "picture."
             )
         super().check_outputs(to)
 
@@ -80,7 +84,7 @@ class Spectrum(Job):
         sweeps = [load_source(source) for source in self.sweeps]
         for source, sweep in zip(self.sweeps, sweeps, strict=True):
             if not isinstance(sweep, SweepResult):
-                raise InputError(f"{source}: is not a sweep: spectra come from sweeps")
+                raise InputError(f"{source}: not a sweep. Give sweeps by the rational method.")
         if to.path is not None and to.path.suffix.lower() in FORMATS:
             from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve
             from jampetsc.plots.style import save
@@ -95,19 +99,19 @@ def _write(sweep, to, window):
     """Write the result and return the summary."""
     began = time.perf_counter()
     slowest, fastest = sweep.frequency_range
-    found = transient(sweep.spectrum, slowest, fastest, window)
+    response = transient(sweep.spectrum, slowest, fastest, window)
     ends = {"slowest_omega": slowest, "fastest_omega": fastest}
-    write_derived(to, Spectrum.FORMAT, [sweep], began, found.arrays, **found.numbers | ends)
-    return _summary(to, sweep, found)
+    write_derived(to, Spectrum.FORMAT, [sweep], began, response.arrays, **response.numbers | ends)
+    return _summary(to, sweep, response)
 
 
-def _summary(to, sweep, found) -> str:
+def _summary(to, sweep, response) -> str:
     """The summary."""
-    spectrum, late = found.spectrum, found.retardation
+    spectrum, late = response.spectrum, response.retardation
     lines = [f"{to}: {len(spectrum.rates)} relaxation times"]
     if len(spectrum.rates):
         times = 1.0 / spectrum.rates
-        lines[0] += f" from {times[0]:.3g} to {times[-1]:.3g}, H averaged over {found.window:.2g} decades"
+        lines[0] += f" from {times[0]:.3g} to {times[-1]:.3g}, H averaged over {response.window:.2g} decades"
     lines.append(
         f"  G(0+) = {spectrum.G_inf:.6g} and {spectrum.eta_inf:.6g} delta(t), "
         f"G(t -> inf) = {spectrum.G0:.6g}, eta0 = {spectrum.eta0:.6g}"

@@ -24,7 +24,7 @@ _FILE_TYPES = {  # type of a file -> in words
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-_READING_REMEDIES = ("give the file in it", "give a regular file, such as a copy of what comes out of it")
+_READING_REMEDIES = ("Give the file in it.", "Give a regular file, such as a copy of its output.")
 
 
 def open_regular(path):
@@ -42,7 +42,7 @@ def require_regular(path, folder, other) -> None:
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode):
         kind = _FILE_TYPES.get(stat.S_IFMT(mode), "a special file")
-        raise InputError(f"{path}: is {kind}: {folder if kind == 'a folder' else other}")
+        raise InputError(f"{path}: {kind}. {folder if kind == 'a folder' else other}")
 
 
 _FULL = {
@@ -75,7 +75,7 @@ def refuse_links(*paths) -> None:
 
 
 def _link_error(path):
-    return InputError(f"{path}: is a symbolic link, by which files elsewhere would change. Remove it.")
+    return InputError(f"{path}: a symbolic link, by which files elsewhere would change. Remove it.")
 
 
 def write_error(path, error: OSError) -> JampetscError:
@@ -83,12 +83,14 @@ def write_error(path, error: OSError) -> JampetscError:
     if error.errno == errno.ELOOP:
         return _link_error(path)
     if error.errno in _FULL:
-        return JampetscError(f"{path}: {_FULL[error.errno]}: make room, then run the same command again")
+        return JampetscError(f"{path}: {_FULL[error.errno]}. Make room, then run the same command again.")
     if error.errno in _REFUSED:
         return InputError(
-            f"{path}: cannot be written ({os.strerror(error.errno)}): choose another {named('out')}"
+            f"{path}: not writable ({os.strerror(error.errno)}). Choose another {named('out')}."
         )
-    return JampetscError(f"{path}: writing failed: {' '.join(str(error.strerror or error).split())}")
+    return JampetscError(
+        f"{path}: writing failed ({' '.join(str(error.strerror or error).split())}). Run the same command again."
+    )
 
 
 @contextmanager
@@ -106,9 +108,9 @@ def check_writable(path) -> None:
         path = follow(path)
         _require_regular(path)
         if not path.parent.is_dir():
-            raise InputError(f"{path}: folder {path.parent} does not exist: create it first")
+            raise InputError(f"{path}: no folder {path.parent}. Create it first.")
         if path.exists() and not os.access(path, os.W_OK):
-            raise InputError(f"{path}: exists and is write-protected: choose another {named('out')}")
+            raise InputError(f"{path}: write-protected. Choose another {named('out')}.")
         remove_abandoned(path.parent, glob.escape(path.name))
         NewFile(path).discard()
 
@@ -117,7 +119,7 @@ def _require_regular(path):
     """Raise InputError if there is something other than a regular file at `path`, links followed."""
     if os.path.exists(path):
         out = named("out")
-        require_regular(path, f"give a file name with {out}", f"give another file with {out}")
+        require_regular(path, f"Give a file name with {out}.", f"Give another file with {out}.")
 
 
 def sync_folder(folder) -> None:

@@ -138,8 +138,8 @@ class Checkpoint:
             lock = locked(self.journal / "lock")
             if lock is None:
                 raise InputError(
-                    f"{self.journal.with_suffix('')}: another run is writing it (and {self.journal.name}): wait "
-                    "for it, or choose another file"
+                    f"{self.journal.with_suffix('')}: another run writes it and {self.journal.name}. Wait "
+                    "for it, or choose another file."
                 )
             self._lock = _locks[str(self.journal)] = lock
 
@@ -198,7 +198,7 @@ class Checkpoint:
             content = read_entry(self._file(index))
             if content is None or content[2] != self._hashes[index][self.rank]:
                 raise JampetscError(
-                    f"{self._file(index)}: changed during the run: run the same command again"
+                    f"{self._file(index)}: changed during the run. Run the same command again."
                 )
         with np.load(io.BytesIO(content[1])) as stored:
             return {name: stored[name] for name in stored.files}

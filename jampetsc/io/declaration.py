@@ -170,9 +170,7 @@ def contents(h5, path) -> dict:
                 limit = (
                     f"{MAX_DEPTH} groups inside each other" if depth > MAX_DEPTH else f"{MAX_OBJECTS} objects"
                 )
-                raise InputError(
-                    f"{path}: holds more than {limit}, as no file of jampetsc. Make the file again."
-                )
+                raise InputError(f"{path}: too large (more than {limit}). Make the file again.")
             item = group[name]
             if isinstance(item, h5py.Dataset | h5py.Group):
                 items[f"{prefix}{name}"] = item

@@ -40,17 +40,19 @@ def packing_of(result, packing=None) -> Packing:
     if isinstance(packing, Packing):
         facts = [result.attributes.get(key) for key in ("particle_count", "phi")]
         if packing.fingerprint != recorded and facts != [packing.n, packing.phi]:
-            raise InputError(f"{named('packing')}: is not the packing that {result.path.name} was made from")
+            raise InputError(
+                f"{named('packing')}: not the packing that {result.path.name} was made from. Give that packing."
+            )
         return packing
     path = Path(packing) if packing else result.path.parent / str(name)
     if not packing and (name is None or not path.is_file()):
         what = f"packing {name} is not beside it" if name else "packing was in memory"
-        raise InputError(f"{result.path}: its {what}: give it with {named('packing')}")
+        raise InputError(f"{result.path}: its {what}. Give it with {named('packing')}.")
     disks = read_packing(path)
     if recorded not in (None, disks.fingerprint):
         raise InputError(
-            f"{path}: is not the packing that {result.path.name} was made from (sha256 {disks.fingerprint[:12]}… "
-            f"instead of {recorded[:12]}…): give that one with {named('packing')}"
+            f"{path}: not the packing that {result.path.name} was made from (sha256 {disks.fingerprint[:12]}… "
+            f"instead of {recorded[:12]}…). Give that packing with {named('packing')}."
         )
     return disks
 
@@ -65,8 +67,8 @@ def field_at(result, row):
     for array in arrays:
         if array is not None and not (np.abs(array) < _MAX_DISPLACEMENT).all():  # nan too
             raise InputError(
-                f"{result.path}: its field at omega = {fields.omega[int(row)]:g} holds values that are no "
-                "numbers or beyond all measure: run the sweep again"
+                f"{result.path}: its field at omega = {fields.omega[int(row)]:g} holds NaN, Inf or "
+                "absurdly large values. Run the sweep again."
             )
     return tuple(arrays)
 
@@ -83,11 +85,12 @@ def phase_factor(result, omega, phase):
         G = result.modulus(omega)
     except InputError as error:
         raise InputError(
-            f"{error.message(named)}; without G* the phase of the stress is not known: use {named('phase')} strain"
+            f"{error.message(named)} Or use {named('phase')} strain, which does not need G*."
         ) from None
     if not abs(G) > 0:  # nan too
         raise InputError(
-            f"{result.path}: no modulus at omega = {omega:g}, so no phase of the stress: use {named('phase')} strain"
+            f"{result.path}: no modulus at omega = {omega:g}, hence no phase of the stress. Use {named('phase')} "
+            "strain."
         )
     return np.conj(G) / abs(G)
 
@@ -106,11 +109,11 @@ def particle_rows(result, disks):
     """Rows (n,) of the packing that the fields of a sweep belong to. Raises InputError if the numbers do not fit."""
     count, rows = result.fields.displacement.shape[1], disk_rows(result, disks)
     if not count:
-        raise InputError(f"{result.path}: its fields have no disks, every one is a rattler")
+        raise InputError(f"{result.path}: fields without disks, as all are rattlers. Sweep a jammed packing.")
     if len(rows) != count:
         raise InputError(
-            f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing: "
-            "run the sweep again"
+            f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing. "
+            "Run the sweep again."
         )
     return rows
 
@@ -122,7 +125,7 @@ def chosen_frequencies(result, frequencies=None):
     """
     stored = result.fields.omega
     if not len(stored):
-        raise InputError(f"{result.path}: holds no fields: ask the sweep for {named('fields')}")
+        raise InputError(f"{result.path}: no fields. Run the sweep with {named('fields')}.")
     if frequencies is None:
         order = np.argsort(stored)
         return order[np.unique(np.linspace(0, len(order) - 1, min(len(order), 4)).round().astype(int))]
@@ -133,8 +136,8 @@ def chosen_frequencies(result, frequencies=None):
         if not distance[nearest] <= _FREQUENCY_TOLERANCE:
             nearest_stored = ", ".join(f"{w:g}" for w in sorted(stored[np.argsort(distance)[:3]]))
             raise InputError(
-                f"{result.path}: no fields at omega = {omega:g}: nearest are {nearest_stored}; "
-                f"or sweep with {named('fields')}"
+                f"{result.path}: no fields at omega = {omega:g} (nearest {nearest_stored}). Choose one of these, or "
+                f"run the sweep with {named('fields')}."
             )
         rows.append(nearest)
     return np.array(rows)
@@ -157,10 +160,10 @@ def snapshot(result, row=-1) -> Snapshot:
     Raises InputError where the file has no such snapshot.
     """
     if "snapshots/positions" not in result:
-        raise InputError(f"{result.path}: holds no snapshots: run a flow with {named('snapshots')}")
+        raise InputError(f"{result.path}: no snapshots. Run the flow with {named('snapshots')}.")
     count = len(result.stored("snapshots/positions"))
     if not -count <= row < count:
-        raise InputError(f"{result.path}: snapshot {row}: it holds {count}, from 0")
+        raise InputError(f"{result.path}: no snapshot {row} ({count}, numbered from 0). Choose another.")
     a = result.attributes
     potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
     names = ("positions", "cell", "velocities", "strain", "images", "spins")
@@ -175,7 +178,7 @@ def snapshot(result, row=-1) -> Snapshot:
 def check_snapshots(result) -> None:
     """Raise InputError where a flow has no snapshots, or these have positions or cells that no disks have."""
     if "snapshots/positions" not in result:
-        raise InputError(f"{result.path}: holds no snapshots: run the flow with {named('snapshots')}")
+        raise InputError(f"{result.path}: no snapshots. Run the flow with {named('snapshots')}.")
     radii = result["snapshots/radii"]
     for positions, cell in zip(result["snapshots/positions"], result["snapshots/cell"], strict=True):
         with about(result.path):
@@ -202,11 +205,13 @@ def velocity_profiles(results, low: float, high: float) -> list:
     profiles = []
     for result in results:
         if "velocity_profile" not in result:
-            raise InputError(f"{result.path}: holds no velocity profiles: run the flow with {named('walls')}")
+            raise InputError(f"{result.path}: no velocity profiles. Run the flow with {named('walls')}.")
         strain = result["strain"]
         rows = result["velocity_profile"][(strain > low * (1 + 1e-9)) & (strain <= high * (1 + 1e-9))]
         if not len(rows):
-            raise InputError(f"{result.path}: has no row between strain {low:g} and {high:g}")
+            raise InputError(
+                f"{result.path}: no row between strain {low:g} and {high:g}. Choose other strains."
+            )
         profiles.append(rows)
     return profiles
 
@@ -235,16 +240,16 @@ def correlate_lanes(results, lane: float, width: float) -> LaneCorrelation:
 def _require_one_kind(result, first) -> None:
     """Raise InputError unless a flow can be averaged with the first."""
     if "snapshots/velocities" not in result:
-        raise InputError(f"{result.path}: holds no snapshots: run the flow with {named('snapshots')}")
+        raise InputError(f"{result.path}: no snapshots. Run the flow with {named('snapshots')}.")
     if "walls" in result.attributes:
         raise InputError(
-            f"{result.path}: a flow between walls is not homogeneous: g_y(x) is of flow without them"
+            f"{result.path}: a flow between walls, which is not homogeneous. Give flows without walls."
         )
     for name in FLOW_KIND:
         value, other = result.attributes.get(name), first.attributes.get(name)
         if value != other:
             raise InputError(
-                f"{result.path}: {name} {value}, but {first.path.name} has {other}: average one kind"
+                f"{result.path}: {name} {value}, but {first.path.name} has {other}. Average flows of one kind."
             )
     if abs(result.attributes["phi"] - first.attributes["phi"]) > PHI_TOLERANCE:
-        raise InputError(f"{result.path}: another phi than {first.path.name}: average one kind")
+        raise InputError(f"{result.path}: another phi than {first.path.name}. Average flows of one phi.")

@@ -123,7 +123,9 @@ class Ensemble(Named):
             if isinstance(first, Mapping) and all(name in first for name in names):
                 commands.append(command)
         if not commands:
-            raise InputError(f"{self.table}: no file of these rows holds {' and '.join(names)}")
+            raise InputError(
+                f"{self.table}: no dataset {' and '.join(names)} in the files of these rows. Choose another name."
+            )
         return done.where(command=commands)
 
     def _curves(self, name, by, over, statistic):
@@ -136,7 +138,7 @@ class Ensemble(Named):
                 has_shape = result[over].shape == x.shape
                 if not (has_shape and np.allclose(result[over], x, rtol=RELATIVE_TOLERANCE, atol=0.0)):
                     raise InputError(
-                        f"{result.path}: other {over} than {results[0].path}: an average needs the same"
+                        f"{result.path}: other {over} than {results[0].path}. Average results of equal {over}."
                     )
             value, error = complex_statistic([result[name] for result in results], statistic)
             curves.append(AverageCurve(key, x, value, error, len(results)))
@@ -199,7 +201,9 @@ class Averages(Mapping):
     def _average(self, key, rows, name):
         column = rows[name]
         if column.dtype.kind not in "if":
-            raise InputError(f"{rows.table}: column {name} holds words, which have no {self.statistic}")
+            raise InputError(
+                f"{rows.table}: column {name} holds text, which has no {self.statistic}. Choose a column of numbers."
+            )
         finite = np.isfinite(column)
         require_independent(key, rows.taken(finite), name)
         values = column[finite]
@@ -233,7 +237,7 @@ def load_ensemble(folder, load) -> Ensemble:
     path = Path(folder) / TABLE
     if not path.exists():
         raise InputError(
-            f"{folder}: is a folder without {TABLE}: give the file in it; a study that was stopped, run again"
+            f"{folder}: a folder without {TABLE}. Give the file in it; run a study that was stopped again."
         )
     try:
         with open_regular(path) as file:
@@ -242,9 +246,9 @@ def load_ensemble(folder, load) -> Ensemble:
         if not {"command", "state", "file"} <= set(header) or any(len(row) != len(header) for row in rows):
             raise ValueError
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        raise InputError(f"{path}: not readable ({error.strerror}). Check its permissions.") from None
     except (UnicodeDecodeError, csv.Error, ValueError):
-        raise InputError(f"{path}: is not the table of a study: run `jampetsc study` again") from None
+        raise InputError(f"{path}: not the table of a study. Run `jampetsc study` again.") from None
     columns = {name: _column([row[n] for row in rows]) for n, name in enumerate(header)}
     return Ensemble(folder, columns, load)
 
@@ -276,8 +280,8 @@ def require_independent(key, rows, name) -> None:
     ]
     where = ", ".join(f"{column} {value}" for column, value in key.items()) or "all rows"
     raise InputError(
-        f"{rows.table}: {name} of {where}: {rows['file'][first]} and {rows['file'][other]} are of one packing: "
-        f"choose rows with where(…) or name what differs in by= ({', '.join(differ) or 'see the table'})"
+        f"{rows.table}: {name} of {where}: {rows['file'][first]} and {rows['file'][other]} are of one packing. "
+        f"Choose rows with where(…), or name in by= what differs ({', '.join(differ) or 'see the table'})."
     )
 
 

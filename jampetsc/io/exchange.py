@@ -67,7 +67,7 @@ def to_numbers(words):
         return np.asarray(words, float)
     except (TypeError, ValueError):
         shown = " ".join(map(str, list(words)[:5]))
-        raise InputError(f"{shown}{' …' if len(words) > 5 else ''}: not numbers") from None
+        raise InputError(f"{shown}{' …' if len(words) > 5 else ''}: not numbers. Correct the file.") from None
 
 
 def is_number(word):
@@ -90,7 +90,9 @@ def check_uncompressed(content, path):
 def check_index(index, count):
     """`index`, if it is less than the number of packings. Raises InputError."""
     if not 0 <= index < count:
-        raise InputError(f"{named('index')} {index}: it holds {count}, numbered from 0")
+        raise InputError(
+            f"{named('index')} {index}: no such packing ({count}, numbered from 0). Choose another."
+        )
     return index
 
 
@@ -106,7 +108,7 @@ def read_lammps_dump(content, index):
     end = ends[check_index(index, len(ends))]
     sections = {title.split()[0]: (title.split(), body) for title, _, body in items[: end + 1]}
     if not {"NUMBER", "BOX"} <= set(sections):
-        raise InputError("ITEM: NUMBER OF ATOMS or BOX BOUNDS is missing: truncated or edited")
+        raise InputError("ITEM: NUMBER OF ATOMS or BOX BOUNDS missing: truncated or edited. Get it again.")
     words, body = sections["BOX"]
     general, tilted = "abc" in words, "xy" in words
     if any(flag != "pp" for flag in words[4 if general else 5 if tilted else 2 :][:2]):
@@ -126,7 +128,9 @@ def read_lammps_dump(content, index):
         if {f"x{kind}", f"y{kind}"} <= columns.keys():
             break
     else:
-        raise InputError(f"no coordinates x y, xu yu, xs ys or xsu ysu among {', '.join(columns)}")
+        raise InputError(
+            f"no coordinates x y, xu yu, xs ys or xsu ysu among {', '.join(columns)}. Write them to the dump."
+        )
     place = _places(columns, [axis + kind for axis in "xyz"])
     if "s" in kind:
         axes = place.shape[1]
@@ -152,7 +156,7 @@ def read_lammps_data(content, index):
     def header_words(what, count, default=None):
         match = re.search(rf"(?m)^[ \t]*((?:\S+[ \t]+){{{count}}}){what}\b", header)
         if match is None and default is None:
-            raise InputError(f"no {what} in the header: truncated or edited")
+            raise InputError(f"no {what} in the header: truncated or edited. Get it again.")
         return default if match is None else match[1].split()
 
     if re.search(r"\bavec\b", header):  # cell vectors, as OVITO writes them
@@ -179,7 +183,7 @@ def read_extxyz(content, index):
     try:
         words = shlex.split(lines[first + 1])
     except (IndexError, ValueError):
-        raise InputError(f"line {first + 2}: not key=value of extended XYZ") from None
+        raise InputError(f"line {first + 2}: not key=value of extended XYZ. Correct the file.") from None
     entries = {key: value for key, _, value in (word.partition("=") for word in words)}
     names = []
     properties = entries.get("Properties", "species:S:1:pos:R:3").split(":")
@@ -189,13 +193,13 @@ def read_extxyz(content, index):
     count = _count(lines[first])
     columns = _columns(names, _rows("\n".join(lines[first + 2 : first + 2 + count]), count))
     if not {"x", "y"} <= set(columns):
-        raise InputError(f"no pos among the Properties {', '.join(properties[::3])}")
+        raise InputError(f"no pos among the Properties {', '.join(properties[::3])}. Add it to the file.")
     law, place = force_law_of(entries), _places(columns)
     if "Lattice" not in entries:
         return DiskTable(columns, place, None, law)
     lattice = to_numbers(entries["Lattice"].split())
     if lattice.shape != (9,) or lattice[[2, 5, 6, 7]].any():
-        raise InputError(f'Lattice="{entries["Lattice"]}": need a₁ and a₂ in the plane, a₃ across it')
+        raise InputError(f'Lattice="{entries["Lattice"]}": a₁ and a₂ must lie in the plane, a₃ across it')
     if any(flag[0] not in "Tt1" for flag in entries.get("pbc", "T T").split()[:2]):
         raise InputError(f'pbc="{entries["pbc"]}": must be periodic in x and y')
     return DiskTable(columns, place, lattice.reshape(3, 3)[:2, :2], law)
@@ -225,9 +229,9 @@ def read_npz(content, index):
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = dict(file)
     except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"not arrays of numpy.savez, or damaged ({error})") from None
+        raise InputError(f"not arrays of numpy.savez, or damaged ({error}). Get it again.") from None
     if "positions" not in arrays:
-        raise InputError(f"no array positions among {', '.join(arrays)}")
+        raise InputError(f"no array positions among {', '.join(arrays)}. Add it to the file.")
     law = {name: arrays.pop(name).item() for name in (*LAW, "units") if np.ndim(arrays.get(name, [])) == 0}
     return DiskTable(arrays, arrays["positions"], arrays.get("box", arrays.get("cell")), law)
 
@@ -245,7 +249,7 @@ def read_gsd(content, index):
     except InputError:
         raise
     except (OSError, RuntimeError, LookupError, ValueError) as error:
-        raise InputError(f"not a file of GSD, or damaged ({error or 'truncated'})") from None
+        raise InputError(f"not a file of GSD, or damaged ({error or 'truncated'}). Get it again.") from None
     box = np.asarray(frame.configuration.box, float)
     logged = frame.log.get("configuration/box", box)  # the same in double precision, in exports of jampetsc
     Lx, Ly, _, xy, xz, yz = logged if np.array_equal(np.asarray(logged, np.float32), box) else box
@@ -293,17 +297,17 @@ def _rows(body, count):
     """The words of the first `count` lines that are not empty. Raises InputError where there are fewer."""
     rows = [line.split() for line in body.splitlines() if line.strip()][:count]
     if len(rows) != count:
-        raise InputError(f"{len(rows)} lines for {count} disks: truncated or edited; get it again")
+        raise InputError(f"{len(rows)} lines for {count} disks: truncated or edited. Get it again.")
     return rows
 
 
 def _columns(names, rows):
     """{name: words of the column}, by `id` where there is one; further columns are left out. Raises InputError."""
     if not rows:
-        raise InputError("holds no disks")
+        raise InputError("no disks. Give a file with disks.")
     for row in rows:
         if len(row) < len(names):
-            raise InputError(f"line {' '.join(row)!r}: need {' '.join(names)}")
+            raise InputError(f"line {' '.join(row)!r}: not {' '.join(names)}. Correct the file.")
     columns = dict(zip(names, zip(*rows, strict=False), strict=False))
     if "id" in columns:
         order = np.argsort(to_numbers(columns["id"]), kind="stable")
@@ -314,11 +318,11 @@ def _columns(names, rows):
 def _table(body, rows, columns):
     table = [to_numbers(row) for row in _rows(body, rows)]
     if any(len(row) != columns for row in table):
-        raise InputError(f"{body.strip()!r}: need {rows} lines of {columns} numbers")
+        raise InputError(f"{body.strip()!r}: not {rows} lines of {columns} numbers. Correct the file.")
     return np.array(table)
 
 
 def _count(word):
     if not re.fullmatch(r"\s*\d+\s*", word):
-        raise InputError(f"{word.strip()!r}: need a number of disks")
+        raise InputError(f"{word.strip()!r}: not a number of disks. Correct the file.")
     return int(word)

@@ -23,7 +23,7 @@ def check_format(out) -> str:
     """The ending of `out`. Raises InputError for one of no format, and for GSD without its package."""
     ending = Path(out).suffix.lower()
     if ending not in (*_FORMATS, ".gsd"):
-        raise InputError(f"{named('out')} {out}: choose the ending of a format: .gsd, {', '.join(_FORMATS)}")
+        raise InputError(f"{named('out')} {out}: unknown ending. Give it one of .gsd, {', '.join(_FORMATS)}.")
     if ending == ".gsd":
         _gsd()
     return ending
@@ -41,7 +41,9 @@ def write_frames(out, frames) -> int:
         for frame in frames:
             count += 1
             if count > 1 and ending not in SERIES:
-                raise InputError(f"{out}: holds one frame, and there are more: use {', '.join(SERIES)}")
+                raise InputError(
+                    f"{out}: several frames, but this format holds one. Use {', '.join(SERIES)}."
+                )
             file.stream.write(_FORMATS[ending](frame, count - 1))
     return count
 

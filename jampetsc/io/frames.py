@@ -80,7 +80,7 @@ def mode_frame(result, number: int, packing=None) -> Frame:
     """Mode `number`, from 1, of a modes file on its packing: `mode`, Σ|mode|² = 1. Raises InputError."""
     count = result.stored("modes").shape[0]
     if not 1 <= number <= count:
-        raise InputError(f"{named('mode')} {number}: {result.path.name} holds modes 1 to {count}")
+        raise InputError(f"{named('mode')} {number}: not in {result.path.name}. Give one from 1 to {count}.")
     vectors = {"mode": result.stored("modes")[number - 1]}
     disks = packing_of(result, packing)
     return _on_packing(result, disks, vectors, eigenvalue=float(result["eigenvalues"][number - 1]))

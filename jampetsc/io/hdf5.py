@@ -120,19 +120,19 @@ def opening(path):
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except PermissionError:
-        raise InputError(f"{path}: no permission to read it") from None
+        raise InputError(f"{path}: no permission to read it. Change its permissions.") from None
     except OSError as error:
         raise InputError(f"{path}: {_explain(error)}") from None
 
 
 def _explain(error) -> str:
     if isinstance(error, Damaged):
-        return f"damaged ({error}): copy or make it again"
+        return f"damaged ({error}). Copy or make it again."
     if "truncated file" in str(error):
-        return "truncated: it was not written or copied completely; copy or make it again"
+        return "truncated, not written or copied completely. Copy or make it again."
     if "signature not found" in str(error):
-        return "not an HDF5 file: jampetsc reads its own files; `jampetsc import` reads packings of other programs"
-    return f"cannot be read as HDF5 ({' '.join(str(error).split())}): copy or make it again"
+        return "not an HDF5 file. Give a file of jampetsc, or read packings of other programs by `jampetsc import`."
+    return f"not readable as HDF5 ({' '.join(str(error).split())}). Copy or make it again."
 
 
 @contextmanager
@@ -143,10 +143,12 @@ def reading(path):
     except InputError:
         raise
     except MemoryError as error:
-        raise InputError(f"{path}: holds or claims more than there is memory for ({error})") from None
+        raise InputError(
+            f"{path}: larger than the memory ({error}). Use more nodes, or make the file again."
+        ) from None
     except _DAMAGE_ERRORS as error:
         text = " ".join(str(error).strip("'\"").split())
-        raise InputError(f"{path}: damaged ({text}): copy or make it again") from None
+        raise InputError(f"{path}: damaged ({text}). Copy or make it again.") from None
 
 
 def retry_if_replaced(action):
@@ -216,10 +218,11 @@ def check_format(path, attrs: dict, expected: str | None = None) -> str:
     name = attrs.get("format")
     if not isinstance(name, str) or not name.startswith("jampetsc-"):
         raise InputError(
-            f"{path}: attribute format = {name!r}: not a jampetsc file; other packings: `jampetsc import`"
+            f"{path}: attribute format = {name!r}: not a jampetsc file. Read packings of other programs by "
+            "`jampetsc import`."
         )
     if expected is not None and name != expected:
-        raise InputError(f"{path}: is a {name} file: a {expected} file is needed here")
+        raise InputError(f"{path}: a {name} file. Give a {expected} file.")
     version = str(attrs.get("format_version", MAJOR_VERSION))
     if not version.split(".")[0].isdigit():
         raise InputError(
@@ -227,8 +230,8 @@ def check_format(path, attrs: dict, expected: str | None = None) -> str:
         )
     if int(version.split(".")[0]) > MAJOR_VERSION:
         writer = attrs.get("jampetsc_version")
-        remedy = f"use jampetsc {writer} or newer" if writer else "use a newer jampetsc"
+        remedy = f"Use jampetsc {writer} or newer." if writer else "Use a newer jampetsc."
         raise InputError(
-            f"{path}: format_version {version}, but this jampetsc reads up to {MAJOR_VERSION}.x: {remedy}"
+            f"{path}: format_version {version}, but this jampetsc reads up to {MAJOR_VERSION}.x. {remedy}"
         )
     return name

@@ -64,7 +64,9 @@ def import_packing(
         if format:
             disks = _read_exchanged(content, index, format, radius, box, law)
         elif law or radius or box is not None:
-            raise InputError("its program sets radii, box and potential: leave out the options for them")
+            raise InputError(
+                "radii, box and potential are fixed by its program. Leave out the options for them."
+            )
         elif content != SIGNATURE:
             disks = _checked(_read_jambashbulk(content.decode(errors="replace"), index))
     if not format and content == SIGNATURE:
@@ -81,9 +83,13 @@ def read_content(path, whole=True) -> bytes:
             if whole or content != SIGNATURE:
                 content += file.read(_MAX_TEXT_BYTES)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        raise InputError(
+            f"{path}: not readable ({error.strerror}). Check its name and permissions."
+        ) from None
     if len(content) > _MAX_TEXT_BYTES:
-        raise InputError(f"{path}: more than {_MAX_TEXT_BYTES >> 20} MB: cut the packing out of it")
+        raise InputError(
+            f"{path}: too large (at most {_MAX_TEXT_BYTES >> 20} MB). Cut the packing out of it."
+        )
     return content
 
 
@@ -92,7 +98,7 @@ def read_table(content, index, format):
     try:
         return READERS[format](content, index)
     except UnicodeDecodeError:
-        raise InputError(f"{format}: is not text") from None
+        raise InputError(f"{format}: not a text file. Give another {named('format')}.") from None
 
 
 def _read_exchanged(content, index, format, radius, box, law):
@@ -106,12 +112,12 @@ def _read_exchanged(content, index, format, radius, box, law):
 
 
 def box_of(table, box):
-    """The box of a file, or the one given for a file without. Raises InputError where both or none is there."""
+    """The box of a file, or the one given for a file without. Raises InputError for both or none."""
     if (table.box is None) == (box is None):
         raise InputError(
-            f"has no box: give {named('box')}, L, Lx,Ly or Lx,Ly,xy"
+            f"no box. Give {named('box')}, as L, Lx,Ly or Lx,Ly,xy."
             if box is None
-            else f"has a box: leave out {named('box')}"
+            else f"a box in the file. Leave out {named('box')}."
         )
     return table.box if box is None else box
 
@@ -124,7 +130,7 @@ def _checked(disks):
         if published is not None and not abs(value - published) <= _PUBLISHED_TOLERANCE * abs(published):
             raise InputError(
                 f"{name} is {value:.9g} with these positions but stored as {published:.9g}: "
-                "another potential or unit than assumed, or a damaged file"
+                "another potential or unit than assumed, or a damaged file. Get it again."
             )
     return disks
 
@@ -132,13 +138,13 @@ def _checked(disks):
 def _read_jambashbulk(text, index):
     packings = re.split(r"(?m)^(?=[ \t]*N\s*=)", re.sub(r"(?m)^\s*#.*$", "", text))[1:]
     if not packings or "L1" not in packings[0]:
-        raise InputError(f"none of {', '.join(READERS)}, jamBashbulk, jax-md: {named('format')} says which")
+        raise InputError(f"none of {', '.join(READERS)}, jamBashbulk, jax-md. Give its {named('format')}.")
     packing = packings[check_index(index, len(packings))]
 
     def header_numbers(name, pattern=_NUMBER):
         match = re.search(rf"\b{name}\s*=\s*{pattern}", packing)
         if match is None:
-            raise InputError(f"no {name} = … in the header: truncated or edited; get it again")
+            raise InputError(f"no {name} = … in the header: truncated or edited. Get it again.")
         return to_numbers(match.groups())
 
     cell = [header_numbers(name, rf"\{{\s*{_NUMBER}\s*,\s*{_NUMBER}\s*\}}") for name in ("L1", "L2")]
@@ -146,7 +152,7 @@ def _read_jambashbulk(text, index):
     body = re.search(r"\{([^{}]*)(\}?)\s*\Z", packing)
     rows = re.findall(rf"{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}", body[1]) if body else []
     if len(rows) != n or not body[2]:
-        raise InputError(f"{len(rows)} lines x, y, r for N = {n:g} disks: truncated or edited; get it again")
+        raise InputError(f"{len(rows)} lines x, y, r for N = {n:g} disks: truncated or edited. Get it again.")
     table = np.array([to_numbers(row) for row in rows])
     return Packing.from_positions(
         table[:, :2],
@@ -159,15 +165,19 @@ def _read_jambashbulk(text, index):
 
 def _read_jaxmd(h5, index):
     if str(h5.attrs.get("format", "")).startswith("jampetsc"):
-        raise InputError(f"is a {h5.attrs['format']} file already: nothing to import")
+        raise InputError(f"already a {h5.attrs['format']} file. Use it without import.")
     missing = [name for name in ("pos", "rad", "box") if name not in h5]
     if missing:
-        raise InputError(f"no variable {', '.join(missing)}: not a packing file of jax-md")
+        raise InputError(
+            f"no variable {', '.join(missing)}, hence not a packing of jax-md. Give another file."
+        )
     check_index(index, len(h5["pos"]))
     names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
     data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
     if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
-        raise InputError(f"{data['pos'].size} coordinates for {data['rad'].size} disks: two-dimensional only")
+        raise InputError(
+            f"{data['pos'].size} coordinates for {data['rad'].size} disks: not two-dimensional. Give disks in a plane."
+        )
     cell = data["box"].reshape(2, 2).T  # jax-md maps a fraction s to box · s: cell vectors are its columns
     published = {"published_energy": float(data["Energy"])} if "Energy" in data else {}
     if "Stress" in data:
@@ -218,19 +228,19 @@ def _radii_by_type(columns, radii):
     for type, radius in radii.items():
         if not (is_number(radius) and float(radius) > 0.0):
             raise InputError(
-                f"{named('radius')} {type}={radius}: must be positive. Give TYPE=R, e.g. 1=0.5,2=0.7"
+                f"{named('radius')} {type}={radius}: must be positive. Give TYPE=R, e.g. 1=0.5,2=0.7."
             )
     types = _types(columns)
     if not types:
         raise InputError(
             f"no column {' or '.join(TYPES)} among {', '.join(columns)}. Name the column of the radii by "
-            f"{named('radius')}"
+            f"{named('radius')}."
         )
     missing = [type for type in types if type not in radii]
     if missing:
         raise InputError(
             f"no radius for type {', '.join(missing[:5])}. Give one for each type by {named('radius')}, "
-            f"which has {', '.join(radii)}"
+            f"which has {', '.join(radii)}."
         )
     return np.array([float(radii[str(type)]) for type in _type_column(columns)])
 

@@ -20,12 +20,12 @@ class Outlet:
     request, status, finished = None, 0, False
 
     def __init__(self, path=None, checkpoint=None):
-        for name, given in (("out", path), ("checkpoint", checkpoint)):
-            if isinstance(given, str) and not given:
-                raise InputError(f"{named(name)}: is empty: give the name of a file")
+        for name, value in (("out", path), ("checkpoint", checkpoint)):
+            if isinstance(value, str) and not value:
+                raise InputError(f"{named(name)}: empty. Give the name of a file.")
         self.path = None if path is None else Path(path)
         self.kept = checkpoint
-        self._found = self._packing = self._checkpoint = None
+        self._result = self._packing = self._checkpoint = None
         self._ranks = 1  # that have written the file
 
     def __str__(self):
@@ -49,7 +49,7 @@ class Outlet:
     def must_be_file(self) -> None:
         """Raise InputError where a result that is for other programs has no file to go to."""
         if self.path is None:
-            raise InputError(f"{named('out')}: must be given: the file to write")
+            raise InputError(f"{named('out')}: missing. Give the file to write.")
 
     def check(self, kind, inputs=(), path=None, beside=()) -> bool:
         """Refuse what may not be replaced; whether the file is finished, see `outputs.check_output`.
@@ -61,9 +61,9 @@ class Outlet:
         if not (path or self.path):
             return False
         request = self.request if kind.startswith("jampetsc-") else None
-        found = check_output(path or self.path, kind, inputs, beside, request)
-        self.finished = self.finished if path else found
-        return found
+        is_finished = check_output(path or self.path, kind, inputs, beside, request)
+        self.finished = self.finished if path else is_finished
+        return is_finished
 
     def writer(self, format, comm=None):
         """A `ResultWriter`. Collective over comm."""
@@ -71,7 +71,7 @@ class Outlet:
 
         writer = ResultWriter(self.path, format, comm, self.request)
         if self.path is None:  # what is in a file is read from there
-            self._found = writer
+            self._result = writer
         elif comm is not None:
             self._ranks = comm.size
         return writer
@@ -80,7 +80,7 @@ class Outlet:
         """Take a packing that was made. Not collective."""
         from jampetsc.io.packing_file import write_packing
 
-        self._found = disks
+        self._result = disks
         if self.path is not None:
             write_packing(self.path, disks, self.request)
 
@@ -88,13 +88,13 @@ class Outlet:
         """Take a network that was made. Not collective."""
         from jampetsc.io.network_file import write_network
 
-        self._found = network
+        self._result = network
         if self.path is not None:
             write_network(self.path, network, self.request)
 
-    def packings(self, found) -> None:
+    def packings(self, packings) -> None:
         """Take several packings instead of one file: a Packing, or a list of them or of their files, on every rank."""
-        self._found = found
+        self._result = packings
 
     def made_from(self, disks) -> None:
         """Take the packing that the result was made from, to be its `Result.packing`."""
@@ -117,12 +117,12 @@ class Outlet:
         return has_steps(self.kept) if self._checkpoint is None else bool(self._checkpoint.done)
 
     def share(self, comm) -> None:
-        """Give every rank what rank 0 has found in memory. Collective."""
+        """Give every rank what rank 0 has in memory. Collective."""
         from jampetsc.io.result_file import ResultWriter
 
-        self._found = comm.bcast(self._found)
-        if isinstance(self._found, ResultWriter):
-            self._found.comm = comm  # so that all ranks save it together
+        self._result = comm.bcast(self._result)
+        if isinstance(self._result, ResultWriter):
+            self._result.comm = comm  # so that all ranks save it together
 
     @property
     def result(self):
@@ -132,11 +132,11 @@ class Outlet:
         from jampetsc.packing.packing import Packing
         from jampetsc.packing.spring_network import Network
 
-        if isinstance(self._found, list):
-            return [one if isinstance(one, Packing) else load(one) for one in self._found]
-        if self.path is None and isinstance(self._found, Packing | Network):
-            return self._found
-        found = collected(self._found) if self.path is None else load(self.path)
-        if isinstance(found, Result):
-            found.packing = self._packing
-        return found
+        if isinstance(self._result, list):
+            return [item if isinstance(item, Packing) else load(item) for item in self._result]
+        if self.path is None and isinstance(self._result, Packing | Network):
+            return self._result
+        result = collected(self._result) if self.path is None else load(self.path)
+        if isinstance(result, Result):
+            result.packing = self._packing
+        return result

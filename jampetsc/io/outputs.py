@@ -43,14 +43,12 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> bool:
     for other in beside:
         if is_same(out, other) or os.path.realpath(out) == os.path.realpath(other):
             raise InputError(
-                f"{out}: is another file that this run writes: choose another name for one of them"
+                f"{out}: another file that this run writes. Choose another name for one of them."
             )
     for source in inputs:
         if is_same(out, source):
             alias = "" if str(out) == str(source) else f" {source}"
-            raise InputError(
-                f"{out}: is the input{alias}, which would be lost: choose another {named('out')}"
-            )
+            raise InputError(f"{out}: the input{alias}, which would be lost. Choose another {named('out')}.")
     check_place(out, kind)
     if request is None:
         return False
@@ -61,7 +59,9 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> bool:
 def check_place(out, kind) -> None:
     """Raise InputError unless a `kind` of file may be put at `out`, whatever its settings are."""
     if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
-        raise InputError(f"{named('out')} {out}: would be an HDF5 file by that name: give it the ending .h5")
+        raise InputError(
+            f"{named('out')} {out}: an HDF5 file with the ending of another format. Give it the ending .h5."
+        )
     check_writable(out)
     check_replaced(out, _exported(out) if kind == EXPORTED else kind)
 
@@ -75,8 +75,7 @@ def is_finished(path, request) -> bool:
         return False
     if why := _unlike(path, request):
         raise InputError(
-            f"{path}: is there already and {why}: choose another {named('out')}, "
-            f"or give {named('overwrite')} to replace it"
+            f"{path}: exists and {why}. Choose another {named('out')}, or give {named('overwrite')} to replace it."
         )
     return True
 
@@ -86,7 +85,7 @@ def _unlike(path, request) -> str:
     with open_file(path) as h5:
         recorded, parts = attributes(h5).get("request"), PartList(h5, path)
     if recorded is None:
-        return "does not say with which settings"
+        return "does not record its settings"
     if why := request.differences(recorded):
         return f"has {why}"
     try:
@@ -102,8 +101,8 @@ def check_replaced(out, kind) -> None:
     present = _kind_at(out)
     if present not in (None, kind):
         raise InputError(
-            f"{out}: is there already and is {_article(present)}, not {_article(kind)}: "
-            f"choose another {named('out')}, or remove it first"
+            f"{out}: exists and is {_article(present)}, not {_article(kind)}. Choose another {named('out')}, or "
+            "remove it first."
         )
 
 

@@ -90,7 +90,9 @@ def packing_from(h5, path) -> Packing:
     _, attrs, datasets = check_file(h5, path, FORMAT)
     for name in ("positions", "radii", "cell"):
         if name not in datasets:
-            raise InputError(f"{path}: dataset {name} is missing: a packing needs positions, radii and cell")
+            raise InputError(
+                f"{path}: dataset {name}: missing. Give a packing with positions, radii and cell."
+            )
     arrays = {name: values(datasets[name]).astype(float) for name in ARRAYS if name in datasets}
     record = {name: value for name, value in attrs.items() if name not in _FILE_ATTRIBUTES}
     with about(path):

@@ -45,7 +45,7 @@ class PartList:
         for name in names:
             if not (_PART_NAME.fullmatch(name) and Path(name).name.startswith(f"{self.run_id}-")):
                 raise InputError(
-                    f"{path}: part {name!r} cannot be a part of run {self.run_id}: damaged, make it again"
+                    f"{path}: part {name!r} not a part of run {self.run_id}. Make the file again."
                 )
         self.sizes = dict(zip(names, sizes, strict=True))
         self._seals = dict(zip(names, (seal.decode() for seal in seals), strict=True))
@@ -60,13 +60,13 @@ class PartList:
                 size_found = (self.path.parent / name).stat().st_size
             except (FileNotFoundError, NotADirectoryError):
                 raise InputError(
-                    f"{self.shown}: part {name} is missing: keep the folder {Path(name).parent} beside "
-                    "the file (`jampetsc merge` makes one file of them)"
+                    f"{self.shown}: part {name}: missing. Keep the folder {Path(name).parent} beside "
+                    "the file, or make one file of both by `jampetsc merge`."
                 ) from None
             if size_found != size:
                 raise InputError(
-                    f"{self.shown}: part {name} has {size_found} bytes instead of {size}: "
-                    "truncated or not copied completely; copy it again"
+                    f"{self.shown}: part {name} has {size_found} bytes instead of {size}, "
+                    "truncated or not copied completely. Copy it again."
                 )
         for rank, name in enumerate(self.sizes):
             path = self.path.parent / name
@@ -78,10 +78,10 @@ class PartList:
             if (run_id, part_rank) != (self.run_id, rank):
                 raise InputError(
                     f"{self.shown}: part {name} is rank {part_rank} of run {run_id}, not rank {rank} of run "
-                    f"{self.run_id}: put the right one back"
+                    f"{self.run_id}. Put the right one back."
                 )
             raise InputError(
-                f"{self.shown}: part {name} is damaged: not the one that was written; copy it again or run again"
+                f"{self.shown}: part {name} damaged, not as it was written. Copy it again, or run again."
             )
 
     def verify(self) -> None:
@@ -106,7 +106,9 @@ class PartList:
         shapes = [tuple(b - a + 1 for a, b in zip(first, last, strict=True)) for first, last, *_ in boxes]
         listed = all(part in self.sizes for *_, part, _ in boxes)
         if not listed or sum(map(math.prod, shapes)) != data.size:
-            raise InputError(f"{self.shown}: {data.name}: its parts do not make up the whole: damaged")
+            raise InputError(
+                f"{self.shown}: {data.name}: its parts do not make up the whole. Copy or make it again."
+            )
         ends = zip(boxes[0][0], boxes[-1][0], strict=True)
         axis = next((n for n, (first, last) in enumerate(ends) if first < last), -1)  # -1: of a single part
         lead, rest = _split(selection, data.shape) if axis else (slice(None), selection)
@@ -114,7 +116,7 @@ class PartList:
         for shape, (*_, part, name) in zip(shapes, boxes, strict=True):
             with open_file(self.path.parent / part, self._seals[part]) as h5:
                 if h5[name].shape != shape or h5[name].dtype != data.dtype:
-                    raise InputError(f"{self.shown}: part {part} holds other rows: damaged")
+                    raise InputError(f"{self.shown}: part {part} holds other rows. Copy or make it again.")
                 pieces.append(values(h5[name], lead))
         return np.concatenate(pieces, axis)[rest]
 

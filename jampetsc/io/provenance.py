@@ -81,15 +81,15 @@ def derived_from(sweeps, wall_seconds) -> dict:
     `sources` and `source_runs` name the files and their run_id, separated by blanks.
     """
     shared = ("packing", "packing_sha256", "law", *LAW_PARAMETERS, "pressure", "phi", "k", "particle_count")
-    known = [sweep.attributes for sweep in sweeps]
+    attributes = [sweep.attributes for sweep in sweeps]
     return {
         **_run(wall_seconds),
         "sources": shortened(shlex.join(sweep.path.name for sweep in sweeps)),
-        "source_runs": shortened(" ".join(str(attributes.get("run_id", "?")) for attributes in known)),
+        "source_runs": shortened(" ".join(str(entries.get("run_id", "?")) for entries in attributes)),
         **{
-            name: known[0][name]
+            name: attributes[0][name]
             for name in shared
-            if len({str(a.get(name)) for a in known}) == 1 and name in known[0]
+            if len({str(a.get(name)) for a in attributes}) == 1 and name in attributes[0]
         },
     }
 
@@ -134,7 +134,7 @@ def git_commit(root=None) -> str | None:
         if (common / name).is_file():
             return (common / name).read_text().strip()
         packed = (common / "packed-refs").read_text()
-        found = re.search(rf"^([0-9a-f]{{40,64}}) {re.escape(name)}$", packed, re.MULTILINE)
-        return found and found[1]
+        match = re.search(rf"^([0-9a-f]{{40,64}}) {re.escape(name)}$", packed, re.MULTILINE)
+        return match and match[1]
     except (OSError, UnicodeDecodeError):
         return None

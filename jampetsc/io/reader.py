@@ -67,7 +67,7 @@ class SweepResult(Result):
     def fields(self) -> Fields:
         """The stored displacement fields. Raises InputError if the sweep was run without --fields."""
         if "fields/omega" not in self:
-            raise InputError(f"{self.path}: holds no fields: ask the sweep for {named('fields')}")
+            raise InputError(f"{self.path}: no fields. Run the sweep with {named('fields')}.")
         return Fields(self)
 
     def modulus(self, omega):
@@ -87,12 +87,15 @@ class SweepResult(Result):
             if not {"reduced/rates", "reduced_tensor/rates"} & set(self):
                 raise InputError(
                     f"{self.path}: omega = {frequencies[elsewhere][0]:g} is not one of its {len(self.omega)} "
-                    f"frequencies, {self.omega.min():g} to {self.omega.max():g}: {named('method')} rational gives any"
+                    f"frequencies, {self.omega.min():g} to {self.omega.max():g}. Choose one of them, or run the sweep "
+                    f"with {named('method')} rational."
                 )
             linear = self._linear(frequencies[elsewhere])
             if not np.isfinite(linear).all():
                 far = frequencies[elsewhere][~np.isfinite(linear)][0]
-                raise InputError(f"omega = {far:g}: its equivalent frequency is more than a double holds")
+                raise InputError(
+                    f"omega = {far:g}: its equivalent frequency overflows. Choose another frequency."
+                )
             reduced = self._reduced_tensor if "C" in self else self.spectrum
             values[elsewhere] = reduced.modulus(linear)
         return values.reshape((*np.shape(omega), *values.shape[frequencies.ndim :]))[()]
@@ -119,7 +122,7 @@ class SweepResult(Result):
     def spectrum(self) -> RelaxationSpectrum:
         """Relaxation spectrum of a rational sweep, linear damping. Raises InputError for a sweep without one."""
         if "reduced/rates" not in self:
-            raise InputError(f"{self.path}: holds no spectrum: run the sweep with {named('method')} rational")
+            raise InputError(f"{self.path}: no spectrum. Run the sweep with {named('method')} rational.")
         return _sound_spectrum(
             self.path, *(self[f"reduced/{name}"] for name in ("G0", "eta_inf", "rates", "weights"))
         )
@@ -186,7 +189,9 @@ def _sound_spectrum(path, G0, eta_inf, rates, weights):
         or rates.shape != weights.shape
         or not ((rates > _MIN_RATE) & (rates < 1 / _MIN_RATE)).all()
     ):
-        raise InputError(f"{path}: its spectrum holds values that no packing has: run the sweep again")
+        raise InputError(
+            f"{path}: impossible values in its spectrum (rates must be finite and positive). Run the sweep again."
+        )
     return spectrum
 
 
@@ -230,14 +235,14 @@ def load(path):
     with open_file(path) as h5:
         name = check_format(path, attributes(h5))
         if name == "jampetsc-part":
-            raise InputError(f"{path}: is one rank's part: open the joint file beside its folder")
+            raise InputError(f"{path}: the part of one rank. Open the joint file beside its folder.")
         if name == packing_file.FORMAT:
             return packing_file.packing_from(h5, path)
         if name == network_file.FORMAT:
             return network_file.network_from(h5, path)
         if name not in RESULTS:
             formats = ", ".join((packing_file.FORMAT, network_file.FORMAT, *RESULTS))
-            raise InputError(f"{path}: format {name}: this jampetsc reads {formats}; use a newer one")
+            raise InputError(f"{path}: format {name}: not one of {formats}. Use a newer jampetsc.")
         result = RESULTS[name].read(h5, path)
         PartList(h5, path).check()
         return result

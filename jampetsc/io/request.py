@@ -6,9 +6,9 @@ import shlex
 
 from jampetsc.io.checksums import identity_of
 
-NO_SETTINGS = ("last", "threads")  # which change no number of a result
-LONGEST = 200  # characters of a value; of a longer one its hash is kept
-LONGEST_LINE = 10_000  # characters of a command line or a list of files: an HDF5 attribute holds 64 kB
+NO_SETTINGS = ("last", "threads")  # parameters that change no number of a result
+MAX_VALUE_LENGTH = 200  # characters of a value; a longer one is replaced by its hash
+MAX_LINE_LENGTH = 10_000  # characters of a command line or a list of files: an HDF5 attribute holds 64 kB
 
 
 class Request:
@@ -31,19 +31,19 @@ class Request:
         for name, value in self.options.items():
             if not names.issuperset(map(str, value if isinstance(value, list) else [value])):
                 self.settings[name] = _short(value)
-        held = sorted([*self.job.input_hashes, *(str(identity_of(path)) for path in inputs)])
-        self.settings |= {"inputs": _short(held)} if held else {}
+        digests = sorted([*self.job.input_hashes, *(str(identity_of(path)) for path in inputs)])
+        self.settings |= {"inputs": _short(digests)} if digests else {}
 
     def differences(self, text: str) -> str:
-        """How the recorded request `text` differs from this one, in words; empty where it is the same."""
-        found = json.loads(text)
+        """How the recorded request `text` differs from this one, in words; empty for the same settings."""
+        recorded = json.loads(text)
         changed = [
             name
-            for name in {**self.settings, **found}
-            if found.get(name) != self.settings.get(name)
-            and not self.job.same(name, found.get(name), self.settings.get(name))
+            for name in {**self.settings, **recorded}
+            if recorded.get(name) != self.settings.get(name)
+            and not self.job.same(name, recorded.get(name), self.settings.get(name))
         ]
-        return "; ".join(_difference(name, found.get(name), self.settings.get(name)) for name in changed)
+        return "; ".join(_difference(name, recorded.get(name), self.settings.get(name)) for name in changed)
 
     @property
     def text(self) -> str:
@@ -58,12 +58,14 @@ class Request:
 
 def shortened(text: str) -> str:
     """`text`, cut off where it is too long for an attribute, as of a large ensemble."""
-    return text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]} …"
+    return text if len(text) <= MAX_LINE_LENGTH else f"{text[:MAX_LINE_LENGTH]} …"
 
 
 def _short(value):
     text = value if isinstance(value, str) else json.dumps(value, default=str)
-    return text if len(text) <= LONGEST else f"sha256 {hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    return (
+        text if len(text) <= MAX_VALUE_LENGTH else f"sha256 {hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    )
 
 
 def _difference(name, old, new):

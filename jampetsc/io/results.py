@@ -43,10 +43,10 @@ class StoredArray(ResultArray):
         with open_file(path) as h5:
             parts = PartList(h5, path)
             if parts.run_id != self._run_id:
-                raise InputError(f"{path}: was replaced by another run since it was loaded: load it again")
+                raise InputError(f"{path}: replaced by another run since it was loaded. Load it again.")
             data = h5[self._name]
             if data.shape != self.shape:
-                raise InputError(f"{path}: {self._name}: was changed since it was loaded: load it again")
+                raise InputError(f"{path}: {self._name} changed since it was loaded. Load it again.")
             return np.asarray(parts.read(data, selection), self.dtype)[()]
 
     def __repr__(self):
@@ -62,8 +62,8 @@ class Attributes(dict):
 
     def __missing__(self, name):
         near = difflib.get_close_matches(name, self, n=1, cutoff=0.8)
-        remedy = f"did you mean {near[0]}?" if near else "make the file again"
-        raise InputError(f"{self.path}: attribute {name} is missing: {remedy}")
+        remedy = f"Did you mean {near[0]}?" if near else "Make the file again."
+        raise InputError(f"{self.path}: attribute {name}: missing. {remedy}")
 
 
 class Named(Mapping):
@@ -76,8 +76,10 @@ class Named(Mapping):
         """The array of this name. Raises InputError, "`place`: no `kind` `name`", for a missing one."""
         if name not in self._arrays:
             near = difflib.get_close_matches(name, self._arrays, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"it holds {', '.join(self._arrays) or 'none'}"
-            raise InputError(f"{place}: no {kind} {name}: {hint}")
+            hint = (
+                f"Did you mean {near[0]}?" if near else f"Choose among: {', '.join(self._arrays) or 'none'}."
+            )
+            raise InputError(f"{place}: no {kind} {name}. {hint}")
         return self._arrays[name]
 
     def get(self, name, default=None):
@@ -142,7 +144,9 @@ class Result(Named):
         """What copies have, in other processes too: without ranks, so that of several all rows must be gathered."""
         if self._comm is not None and self._comm.size > 1:
             if any(array.axis is not None for array in self._arrays.values()):
-                raise InputError(f"{self.path}: lies on {self._comm.size} ranks: copy what gathered() gives")
+                raise InputError(
+                    f"{self.path}: distributed over {self._comm.size} ranks. Copy the result of gathered()."
+                )
         return vars(self) | {"_comm": None}
 
     def save(self, path) -> None:

@@ -217,7 +217,7 @@ def damping_law(law: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0,
     if motions of disks dissipate nothing.
     """
     if law not in FAMILIES:
-        raise InputError(f"{named('law')} {law}: choose one of {', '.join(FAMILIES)}")
+        raise InputError(f"{named('law')} {law}: not supported. Choose one of {', '.join(FAMILIES)}.")
     family = FAMILIES[law]
     for option in options:
         if option not in family.options:

@@ -102,7 +102,7 @@ class Model:
 def model_of(name: str, *, mass=None, quality=None, background_drag=0.0, tau1=1.0) -> Model:
     """The model of this name, see `Model`. Raises InputError for a name not in MODELS and as `Model`."""
     if name not in MODELS:
-        raise InputError(f"{named('model')} {name}: choose one of {', '.join(MODELS)}")
+        raise InputError(f"{named('model')} {name}: not supported. Choose one of {', '.join(MODELS)}.")
     law, massive = MODELS[name]
     if massive and not mass and quality is None:
         limit = (

@@ -14,7 +14,7 @@ SIZES = ("bidisperse", "monodisperse")
 RATIO = 1.4  # of the two radii
 MIN_RADIUS, MAX_RADIUS = 1e-6, 1e6  # radius
 MIN_DISKS, MAX_DISKS = 16, 10_000_000  # disks
-OTHER_SIZES = f"For other sizes give one radius per line in a file: {named('radii')} FILE"
+OTHER_SIZES = f"For other sizes give one radius per line in a file: {named('radii')} FILE."
 
 
 def radii_of(sizes: str, n: int):
@@ -47,16 +47,16 @@ class Radii:
         try:
             values = np.array(self.values, float)
         except (TypeError, ValueError, OverflowError):
-            raise InputError(f"{self}: must be numbers") from None
+            raise InputError(f"{self}: not numbers. Give one number per disk.") from None
         object.__setattr__(self, "values", values)
         if values.ndim != 1 or not (np.isfinite(values).all() and (values > 0).all()):
-            raise InputError(f"{self}: must be positive numbers, one for each disk")
+            raise InputError(f"{self}: not positive numbers. Give one for each disk.")
         if not MIN_DISKS <= len(values) <= MAX_DISKS:
-            raise InputError(f"{self}: {len(values)} disks: must lie in [{MIN_DISKS}, {MAX_DISKS}]")
+            raise InputError(f"{self}: {len(values)} disks: not supported. Give {MIN_DISKS} to {MAX_DISKS}.")
         if not MIN_RADIUS <= values.min() <= values.max() <= MAX_RADIUS:
             raise InputError(
-                f"{self}: radii from {values.min():g} to {values.max():g}: must lie in "
-                f"[{MIN_RADIUS:g}, {MAX_RADIUS:g}]; choose another unit of length"
+                f"{self}: radii from {values.min():g} to {values.max():g}: outside "
+                f"[{MIN_RADIUS:g}, {MAX_RADIUS:g}]. Choose another unit of length."
             )
 
     @classmethod
@@ -70,7 +70,7 @@ class Radii:
             raise
         except (OSError, ValueError) as error:
             raise InputError(
-                f"{path}: cannot be read as radii ({' '.join(str(error).split())}): give one number per line"
+                f"{path}: not a list of radii ({' '.join(str(error).split())}). Write one number per line."
             ) from None
         return cls(values, str(path))
 
@@ -89,11 +89,11 @@ def radii_asked(n: int | None, sizes: str | None, radii: Radii | None):
     """Radii (N,) of one's own, or of n disks of one of SIZES. Raises InputError for both and for neither."""
     if radii is None:
         if n is None:
-            raise InputError(f"{named('n')} is missing: how many disks? (or give their {named('radii')})")
+            raise InputError(f"{named('n')}: missing. Give the number of disks, or their {named('radii')}.")
         return radii_of(sizes or SIZES[0], n)
     for name, value in (("n", n), ("sizes", sizes)):
         if value is not None:
-            raise InputError(f"{named(name)}: {radii} gives number and sizes of the disks; leave it out")
+            raise InputError(f"{named(name)}: fixed by {radii}. Leave it out.")
     return radii.values
 
 

@@ -10,17 +10,17 @@ from jampetsc.io.outlet import Outlet
 from jampetsc.options.parameters import FILES, OPTION, CompositeParameter, fields, format_value, suggest_name
 
 HOW = {  # parameters of every function, beside those of its job
-    "out": (None, "file of the result; without one it stays in memory, see `Result.save`"),
+    "out": (None, "file of the result (default: in memory; see `Result.save`)"),
     "checkpoint": (
         None,
-        "file beside which a long run saves finished steps, to continue from them (default: out)",
+        "file beside which a long run saves its finished steps, to resume from them (default: out)",
     ),
     "overwrite": (
         False,
-        "compute again and replace a finished result at out; otherwise one of the same settings and inputs is "
-        "returned, and another one is an error",
+        "compute again and replace a finished result at out; otherwise a finished result of the same settings and "
+        "inputs is returned, and one of other settings raises InputError",
     ),
-    "progress": (False, "report progress on stderr"),
+    "progress": (False, "whether to report progress on stderr"),
 }
 
 
@@ -59,8 +59,8 @@ def _refuse_unknown(job, signature, options):
         if isinstance(declaration, CompositeParameter) and declaration.code:
             names = [option.name for option in declaration.parameters if option.name in unknown]
             if names:
-                remedy = f"give {field}={declaration.code(**{name: options[name] for name in names})}"
-                raise TypeError(f"{job.NAME}() has no keyword {', '.join(names)}: {remedy}")
+                remedy = f"Give {field}={declaration.code(**{name: options[name] for name in names})}"
+                raise TypeError(f"{job.NAME}() has no keyword {', '.join(names)}. {remedy}.")
     raise TypeError(
         f"{job.NAME}() has no keyword {unknown[0]}{suggest_name(unknown[0], signature.parameters)} "
         f"(see help(jampetsc.{job.NAME}))"

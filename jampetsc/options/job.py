@@ -59,8 +59,8 @@ class Job:
         if isinstance(value, composite.type) or (value is None and composite.optional):
             return value
         if not isinstance(value, str):
-            hint = f": call it, {value.__name__}(…)" if isinstance(value, types.FunctionType) else ""
-            raise InputError(f"{named(name)} {value!r}: must be a {composite.type.__name__}{hint}")
+            hint = f" Call it: {value.__name__}(…)." if isinstance(value, types.FunctionType) else ""
+            raise InputError(f"{named(name)} {value!r}: must be a {composite.type.__name__}.{hint}")
         return composite.make(**{composite.parameters[0].name: value})
 
     def _read(self, name, parameter, value):
@@ -69,7 +69,7 @@ class Job:
         if isinstance(value, str | Path) or not hasattr(value, "__iter__"):
             value = (value,)
         if not value:
-            raise InputError(f"{named(name)}: must be given")
+            raise InputError(f"{named(name)}: missing. Give at least one.")
         return tuple(parameter.read(item) for item in value)
 
     def check(self) -> None:
@@ -185,7 +185,7 @@ class Job:
     def kept(self, to: Outlet) -> str:
         """What an interrupted run leaves on disk, in words."""
         if to.has_checkpoint:
-            return f"finished steps are kept beside {to.kept}. The same command continues."
+            return f"finished steps are kept beside {to.kept}. The same command resumes."
         return "nothing is kept."
 
     def _perform(self, to, petsc_argv, argv, overwrite, alone):
@@ -197,7 +197,7 @@ class Job:
         if on_root(comm, lambda: self._is_finished(to)):
             to.finished = True
             on_root(comm, lambda: self.complete(to))
-            return f"{to}: there already, by the same settings and inputs; {named('overwrite')} repeats it"
+            return f"{to}: finished earlier with the same settings and inputs. {named('overwrite')} computes it again."
         if self.scalar is not None:
             running = session.current() if comm else self._start(petsc_argv)
             running.forget_defaults()

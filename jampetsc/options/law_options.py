@@ -58,8 +58,8 @@ def _belonging(name, owners):
 def law_options(law: Law) -> dict:
     """{name: value} of the options that describe a law, without defaults; python text where no options do."""
     if law.family:
-        usual = {name: option.default for name, option in FAMILIES[law.family].options.items()}
-        changed = {name: value for name, value in law.options if value != usual[name]}
+        defaults = {name: option.default for name, option in FAMILIES[law.family].options.items()}
+        changed = {name: value for name, value in law.options if value != defaults[name]}
         return {"law": law.family, "tau1": law.tau1, **changed}
     if law.exponent != 1.0:
         return {"law": repr(law), "tau1": law.tau1}

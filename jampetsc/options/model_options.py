@@ -6,10 +6,10 @@ from jampetsc.laws.flow_models import MODELS, Model, model_of
 from jampetsc.options.law_options import law_code, law_options, law_parameters
 from jampetsc.options.parameters import NUMBER, WORD, CompositeParameter, Parameter
 
-WHAT = "drag (RD) or contact damping (CD, of normal or tangential motion only CDn, CDt); 0: overdamped"
+WHAT = "model: drag (RD) or contact damping (CD; CDn normal, CDt tangential only); overdamped where the name ends in 0"
 MOTION = {  # parameter -> what it is, and its range
     "mass": ("mass of every disk", {"above": 0.0, "metavar": "M"}),
-    "quality": ("Q = √(m k)/(k τ₁), instead of a mass", {"above": 0.0, "metavar": "Q"}),
+    "quality": ("quality factor Q = √(m k)/(k τ₁), instead of a mass", {"above": 0.0, "metavar": "Q"}),
     "background_drag": (
         "drag δ of the fluid beside contact damping (default: the limit δ → 0)",
         {"low": 0.0, "metavar": "D"},
@@ -30,14 +30,14 @@ def build_model(**options) -> Model:
     if "model" in options:
         if law:
             raise InputError(
-                f"{named('model')} {options['model']} and {named(next(iter(law)))}: give one of them"
+                f"{named('model')} {options['model']} and {named(next(iter(law)))}: both given. Give one of them."
             )
         return model_of(
             options["model"], **{name: value for name, value in options.items() if name != "model"}
         )
     if "law" not in options:
         raise InputError(
-            f"{named('model')}: must be given: {', '.join(MODELS)}, or {named('law')} with its options"
+            f"{named('model')}: missing. Give one of {', '.join(MODELS)}, or {named('law')} with its options."
         )
     motion = {name: options[name] for name in MOTION if name in options}
     return Model(damping_law(**{name: options[name] for name in options if name not in motion}), **motion)

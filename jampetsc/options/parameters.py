@@ -143,7 +143,7 @@ class Parameter:
         try:
             value = self.value_type.read(value)
             if self.choices and value not in self.choices:
-                raise ValueError(f"choose one of {', '.join(self.choices)}{self._remedy}")
+                raise ValueError(f"not supported. Choose one of {', '.join(self.choices)}.{self._remedy}")
             if isinstance(value, int | float) and not isinstance(value, bool):
                 self._check_range(value)
             return value
@@ -157,7 +157,7 @@ class Parameter:
 
     @property
     def _remedy(self):
-        return f". {self.remedy}" if self.remedy else ""
+        return f" {self.remedy}" if self.remedy else ""
 
     def _check_range(self, value):
         low, high, above = self.low, self.high, self.above
@@ -165,7 +165,7 @@ class Parameter:
         if inside and (above is None or value > above) and value == value:  # nan is not
             return
         if low is not None and high is not None:
-            raise ValueError(f"must lie in [{low:g}, {high:g}]{self._remedy}")
+            raise ValueError(f"must lie in [{low:g}, {high:g}]{self._remedy and '.'}{self._remedy}")
         limits = [
             *(["positive" if above == 0 else f"above {above:g}"] if above is not None else []),
             *([f"at least {low:g}"] if low is not None else []),
@@ -273,7 +273,7 @@ def build_job(job, values: dict):
         if changed:
             values[field] = declaration.make(**changed)
     if missing:
-        raise InputError(f"{', '.join(missing)}: must be given")
+        raise InputError(f"{', '.join(missing)}: missing. Give {'it' if len(missing) == 1 else 'them'}.")
     return job(**values)
 
 

@@ -3,7 +3,7 @@
 import textwrap
 
 from jampetsc import streams
-from jampetsc.errors import InputError, JampetscError, in_words, option
+from jampetsc.errors import InputError, JampetscError, in_words, option_word
 from jampetsc.io.outlet import Outlet
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILES, OPTION, build_job, format_value, parameters
@@ -11,7 +11,7 @@ from jampetsc.petsc import session
 
 
 def add_job(job, subparsers, whole=True) -> None:
-    """Add the command of a class of jobs to argparse's subparsers; whole: with its options, not its help line alone."""
+    """Add the command of a class of jobs to argparse's subparsers; whole: with all its options."""
     first, _, rest = job.__doc__.strip().partition("\n")
     parser = subparsers.add_parser(
         job.NAME,
@@ -35,7 +35,7 @@ def add_job(job, subparsers, whole=True) -> None:
     volume.add_argument("-v", "--verbose", action="store_true", default=None, help="print more about the run")
     if job.OUT and not job.AGAIN:
         overwrite = (
-            "compute again and replace a finished result, otherwise one of the same settings and inputs stays"
+            "compute again and replace a finished result (default: keep one of the same settings and inputs)"
         )
         parser.add_argument("--overwrite", action="store_true", default=None, help=overwrite)
     parser.set_defaults(job=job)
@@ -91,8 +91,8 @@ def parse_job(args) -> Job:
 
 def option_words(job):
     """A function (name of a parameter) -> the option of the job's command, for messages."""
-    known = parameters(job)
-    return lambda name: known[name].word if name in known else option(name)
+    declared = parameters(job)
+    return lambda name: declared[name].word if name in declared else option_word(name)
 
 
 def run_job(job, args, petsc_argv=()) -> int:

@@ -27,7 +27,7 @@ PHI_RANGE = (0.1, 1.0)
 RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
-GROUP = "random disks, without START; smallest diameter 1, k_e = k_d = 1"
+GROUP = "random disks instead of START; smallest diameter 1, k_e = k_d = 1"
 random_disks_parameter = partial(optional_parameter, group=GROUP)
 run_parameter = partial(optional_parameter, group="run")
 
@@ -41,10 +41,10 @@ class ShearJob(Job):
     )
     n: int | None = random_disks_parameter("number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
     phi: float | None = random_disks_parameter(
-        "packing fraction; disks jam near 0.84", low=PHI_RANGE[0], high=PHI_RANGE[1], metavar="PHI"
+        "packing fraction (disks jam near 0.84)", low=PHI_RANGE[0], high=PHI_RANGE[1], metavar="PHI"
     )
     seed: int | None = random_disks_parameter(
-        "of the random start (default 1)", low=0, high=MAX_SEED, metavar="S"
+        "seed of the random start (default 1)", low=0, high=MAX_SEED, metavar="S"
     )
     sizes: str | None = random_disks_parameter(
         f"disk sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default {SIZES[0]})",
@@ -59,11 +59,11 @@ class ShearJob(Job):
     )
 
     discard: float | None = run_parameter(
-        "strain left out of the means (default 1, at most half)", low=0.0, metavar="S"
+        "strain left out of the means (default 1, or half of the strain if less)", low=0.0, metavar="S"
     )
-    last: Path | None = run_parameter("write the last state as a packing, too", metavar="FILE")
+    last: Path | None = run_parameter("packing file of the last state to write", metavar="FILE")
     threads: int | None = run_parameter(
-        "at most so many threads (default: one for each core)", low=1, high=MAX_THREADS, metavar="T"
+        "maximal number of threads (default: one per core)", low=1, high=MAX_THREADS, metavar="T"
     )
 
     def check(self):
@@ -72,12 +72,12 @@ class ShearJob(Job):
         if self.start is not None:
             for name, declaration in parameters(type(self)).items():
                 if declaration.group == GROUP and getattr(self, name) not in (None, False):
-                    raise InputError(f"{named(name)}: belongs to {input_name(self.start)}; leave it out")
+                    raise InputError(f"{named(name)}: fixed by {input_name(self.start)}. Leave it out.")
             return
         for name in ("phi", "n"):
             if getattr(self, name) is None and not (name == "n" and self.radii is not None):
                 raise InputError(
-                    f"{named(name)}: must be given: {named('n')} and {named('phi')}, or a packing to start from"
+                    f"{named(name)}: missing. Give {named('n')} and {named('phi')}, or a packing to start from."
                 )
         radii_asked(self.n, self.sizes, self.radii)
 
@@ -85,7 +85,7 @@ class ShearJob(Job):
         """Refuse a strain left out of the means that is as long as the run."""
         if self.discard is not None and self.discard >= self.strain:
             raise InputError(
-                f"{named('discard')} {self.discard:g}: must lie in [0, {named('strain')}), below {self.strain:g}"
+                f"{named('discard')} {self.discard:g}: not below {named('strain')} {self.strain:g}. Give a smaller one."
             )
 
     def check_outputs(self, to):

@@ -20,55 +20,55 @@ MAX_SEEDS = 1_000_000
 MAX_THREADS = 256
 
 
-def split_list(given) -> tuple:
+def split_list(values) -> tuple:
     """A tuple of values: the words between commas of a string, the entries of a list or array, or a single value."""
-    if isinstance(given, str):
-        return tuple(given.split(","))
-    return tuple(given) if getattr(given, "ndim", 1) and hasattr(given, "__iter__") else (given,)
+    if isinstance(values, str):
+        return tuple(values.split(","))
+    return tuple(values) if getattr(values, "ndim", 1) and hasattr(values, "__iter__") else (values,)
 
 
-def number_list(least, most, metavar="LIST", unit="", even=False) -> ValueType:
-    """Several numbers within [least, most], read as an array (M,), increasing and without repeats.
+def number_list(low, high, metavar="LIST", unit="", even=False) -> ValueType:
+    """Several numbers within [low, high], read as an array (M,), increasing and without repeats.
 
     unit   what follows the limits in a message
     even   whether low:high:count is an even grid, without lin:
     """
 
-    def read(given):
-        if even and isinstance(given, str) and ":" in given:
-            given = f"lin:{given.removeprefix('lin:')}"
-        return _numbers(given, least, most, unit)
+    def read(value):
+        if even and isinstance(value, str) and ":" in value:
+            value = f"lin:{value.removeprefix('lin:')}"
+        return _numbers(value, low, high, unit)
 
     python = 'numbers or "low:high:count"'
     return ValueType(read, partial(format_numbers, even=even), metavar=metavar, python=python)
 
 
-def _numbers(given, least, most, unit):
+def _numbers(value, low, high, unit):
     import numpy as np
 
-    if isinstance(given, str):
-        values = _written(given)
+    if isinstance(value, str):
+        numbers = _parse_grid(value)
     else:
         try:
-            values = np.unique(np.asarray(given, float).ravel())
+            numbers = np.unique(np.asarray(value, float).ravel())
         except (TypeError, ValueError, OverflowError):
             raise ValueError("must be numbers") from None
-    if not len(values):
+    if not len(numbers):
         raise ValueError("must be at least one number")
-    for value in values:
-        if not least <= value <= most:  # nan as well
-            raise ValueError(f"{format_value(float(value))} must lie between {least:g} and {most:g}{unit}")
-    return values
+    for number in numbers:
+        if not low <= number <= high:  # nan as well
+            raise ValueError(f"{format_value(float(number))} must lie between {low:g} and {high:g}{unit}")
+    return numbers
 
 
-def _integers(given):
+def _integers(value):
     try:
-        return [int(word) for word in split_list(given)]
+        return [int(word) for word in split_list(value)]
     except (TypeError, ValueError):
-        raise ValueError("write numbers with commas, such as 1,2,5") from None
+        raise ValueError("must be whole numbers with commas, e.g. 1,2,5") from None
 
 
-def _written(text):
+def _parse_grid(text):
     """Numbers of the grammar above."""
     import numpy as np
 
@@ -79,11 +79,13 @@ def _written(text):
         low, high, count = text.removeprefix("lin:").split(":")
         low, high, count = float(low), float(high), int(count)
     except ValueError:
-        raise ValueError("write low:high:count, such as 1e-3:1e2:51, lin:low:high:count, or a,b,…") from None
+        raise ValueError("must be low:high:count, e.g. 1e-3:1e2:51, lin:low:high:count, or a,b,…") from None
     if not (
         np.isfinite([low, high]).all() and low < high and 2 <= count <= MAX_GRID_SIZE and (even or low > 0)
     ):
-        raise ValueError(f"need {'' if even else '0 < '}low < high and a count from 2 to {MAX_GRID_SIZE}")
+        raise ValueError(
+            f"must have {'' if even else '0 < '}low < high and a count from 2 to {MAX_GRID_SIZE}"
+        )
     return (np.linspace if even else np.geomspace)(low, high, count)
 
 
@@ -97,33 +99,33 @@ def format_numbers(values, even=False) -> str:
     values = np.asarray(values, float)
     if len(values) > 2:
         ends = f"{float(values[0])!r}:{float(values[-1])!r}:{len(values)}"
-        if not even and values[0] > 0 and np.array_equal(_written(ends), values):
+        if not even and values[0] > 0 and np.array_equal(_parse_grid(ends), values):
             return ends
-        if np.array_equal(_written(f"lin:{ends}"), values):
+        if np.array_equal(_parse_grid(f"lin:{ends}"), values):
             return ends if even else f"lin:{ends}"
     return ",".join(repr(float(value)) for value in values)
 
 
-def read_seeds(given) -> Sequence[int]:
+def read_seeds(value) -> Sequence[int]:
     """The seeds that `FIRST:LAST`, both included, or `a,b,…` stands for; one or several whole numbers.
 
     Raises ValueError.
     """
     try:
-        if isinstance(given, str):
-            first, colon, last = given.partition(":")
-            given = range(int(first), int(last) + 1) if colon else tuple(map(int, given.split(",")))
-        elif not isinstance(given, Iterable):
-            given = (given,)
-        seeds = given if isinstance(given, range) else tuple(operator.index(one) for one in given)
+        if isinstance(value, str):
+            first, colon, last = value.partition(":")
+            value = range(int(first), int(last) + 1) if colon else tuple(map(int, value.split(",")))
+        elif not isinstance(value, Iterable):
+            value = (value,)
+        seeds = value if isinstance(value, range) else tuple(operator.index(seed) for seed in value)
     except (TypeError, ValueError):
-        raise ValueError("must be FIRST:LAST, for instance 1:20, or a,b,…") from None
+        raise ValueError("must be FIRST:LAST, e.g. 1:20, or a,b,…") from None
     if not seeds:
-        raise ValueError("the last must not be below the first")
-    if len(seeds[: MAX_SEEDS + 1]) > MAX_SEEDS:  # there are ranges longer than python can count
-        raise ValueError(f"more than {MAX_SEEDS} seeds at a time")
+        raise ValueError("must have a last seed that is not below the first")
+    if len(seeds[: MAX_SEEDS + 1]) > MAX_SEEDS:  # len() of a longer range may overflow
+        raise ValueError(f"must be at most {MAX_SEEDS} seeds")
     if not isinstance(seeds, range) and len(set(seeds)) < len(seeds):
-        raise ValueError("has a seed twice")
+        raise ValueError("must not have a seed twice")
     if not 0 <= min(seeds) <= max(seeds) <= MAX_SEED:
         raise ValueError(f"must lie in [0, {MAX_SEED}]")
     return seeds
@@ -134,12 +136,12 @@ def _seeds_text(seeds) -> str:
     return f"{first}:{last}" if list(seeds) == list(range(first, last + 1)) else ",".join(map(str, seeds))
 
 
-def _radii(given):
+def _radii(value):
     from jampetsc.minimise.sizes import Radii
 
-    if isinstance(given, Radii):
-        return given
-    return Radii.read(os.fspath(given)) if isinstance(given, str | os.PathLike) else Radii(given)
+    if isinstance(value, Radii):
+        return value
+    return Radii.read(os.fspath(value)) if isinstance(value, str | os.PathLike) else Radii(value)
 
 
 def _read_as(names, what):
@@ -149,20 +151,20 @@ def _read_as(names, what):
     what    describes them in messages
     """
 
-    def read(given):
+    def read(value):
         from jampetsc.io.results import Result
         from jampetsc.packing.packing import Packing
         from jampetsc.packing.spring_network import Network
 
         classes = tuple({"Packing": Packing, "Network": Network, "Result": Result}[name] for name in names)
-        if isinstance(given, Result):
-            if isinstance(given, classes) and (given.file is None or given.packing is not None):
-                return given  # also one that was saved, for the packing that it knows
-            place = given.file
-        elif isinstance(given, classes):
-            return given
+        if isinstance(value, Result):
+            if isinstance(value, classes) and (value.file is None or value.packing is not None):
+                return value  # also one that was saved, for the packing that it knows
+            place = value.file
+        elif isinstance(value, classes):
+            return value
         else:
-            place = getattr(given, "path", given)  # of a study's table
+            place = getattr(value, "path", value)  # of a study's table
         try:
             return os.fsdecode(place)
         except TypeError:
@@ -172,7 +174,7 @@ def _read_as(names, what):
 
 
 def load_source(source):
-    """A packing or a result that a job was given, loaded if it is the name of a file."""
+    """A packing or a result of a job's parameters, loaded if it is the name of a file."""
     from jampetsc.io.reader import load
 
     return load(source) if isinstance(source, str) else source
@@ -190,11 +192,11 @@ def refuse_repeated(sources) -> None:
     seen = {}
     for source in sources:
         file = source if isinstance(source, str | os.PathLike) else getattr(source, "file", None)
-        one, told = id(source) if file is None else os.path.realpath(file), input_name(source)
-        if one in seen:
-            again = f"is {seen[one]}, which" if told != seen[one] else "this file"
-            raise InputError(f"{told}: {again} is given already: name each file once")
-        seen[one] = told
+        key, name = id(source) if file is None else os.path.realpath(file), input_name(source)
+        if key in seen:
+            same = f"the same file as {seen[key]}" if name != seen[key] else "given twice"
+            raise InputError(f"{name}: {same}. Give each file once.")
+        seen[key] = name
 
 
 PACKING = ValueType(
@@ -232,6 +234,4 @@ RADII = ValueType(
     metavar="FILE",
     python="array (N,) or the name of a text file",
 )
-FREQUENCIES = number_list(
-    MIN_OMEGA, MAX_OMEGA, "LOW:HIGH:COUNT|LIST", " (for the limits ω → 0 and ∞: quasistatic)"
-)
+FREQUENCIES = number_list(MIN_OMEGA, MAX_OMEGA, "LOW:HIGH:COUNT|LIST", " (limits ω → 0 and ∞: quasistatic)")

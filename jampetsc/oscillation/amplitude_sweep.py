@@ -78,8 +78,8 @@ def require_stability(network: DistributedNetwork, control: str) -> None:
     modulus = elastic.shear().value / network.area if control == "stress" else np.inf
     if not modulus > 0.0:
         raise InputError(
-            f"its shear modulus is {modulus:.2g}: no stress can be imposed on such a packing; impose a "
-            f"{named('strain')}, or relax the shear of its cell (pack {named('stabilise')} shear)"
+            f"shear modulus {modulus:.2g}: too low to impose a stress. Impose a {named('strain')}, or relax the "
+            f"shear of its cell (pack {named('stabilise')} shear)."
         )
 
 

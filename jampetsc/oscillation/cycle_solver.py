@@ -83,8 +83,8 @@ class HarmonicPreconditioner:
         ends = np.cumsum([0, *(part.shape[1] for part in parts)])
         back = [(solved[:, a:b], solved[:, -1]) for a, b in itertools.pairwise(ends)]
         parts = comm.alltoall(back)
-        found, last = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return self._cycle.samples(found), self._cycle.samples(last)
+        unknowns, strain = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return self._cycle.samples(unknowns), self._cycle.samples(strain)
 
     def _solve(self, right):
         """Solve for this rank's harmonics: all unknowns and the strain, (harmonics, unknowns + 1)."""
@@ -93,7 +93,7 @@ class HarmonicPreconditioner:
         return u - y + 1j * y
 
     def _inverse(self, right):
-        solved = [factor.solve(one) for factor, one in zip(self._factor_of, right, strict=True)]
+        solved = [factor.solve(row) for factor, row in zip(self._factor_of, right, strict=True)]
         return np.array(solved).reshape(right.shape)
 
 
@@ -167,7 +167,7 @@ def solve_cycle(equations: Equations, values, tolerance: float):
     snes.setFromOptions()
     if snes.getType() not in NEWTON_TYPES:
         raise InputError(
-            f"-{NEWTON_PREFIX}snes_type {snes.getType()}: what is solved here needs one of {', '.join(NEWTON_TYPES)}"
+            f"-{NEWTON_PREFIX}snes_type {snes.getType()}: not supported. Use one of {', '.join(NEWTON_TYPES)}."
         )
     x.setArray(values)
     snes.setTolerances(atol=tolerance)
@@ -178,8 +178,8 @@ def solve_cycle(equations: Equations, values, tolerance: float):
     if not size <= tolerance:
         raise ConvergenceError(
             f"Newton's method stopped (SNES reason {snes.getConvergedReason()}) after {snes.getIterationNumber()} "
-            f"steps, {size / tolerance:.1e} times what is allowed is left; look with -osc_snes_monitor "
-            "-osc_ksp_converged_reason"
+            f"steps, its residual {size / tolerance:.1e} times the tolerance. Look with -osc_snes_monitor "
+            "-osc_ksp_converged_reason."
         )
     return x.getArray().copy(), snes.getIterationNumber(), snes.getLinearSolveIterations()
 

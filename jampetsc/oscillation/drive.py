@@ -89,6 +89,6 @@ class OscillationResult:
 
     def record(self) -> dict:
         """{dataset: value} for the file."""
-        found = {field.name: getattr(self, field.name) for field in fields(OscillationResult)}
-        found["harmonics"] = list(self.harmonics)
-        return {name: value for name, value in found.items() if value is not None}
+        values = {field.name: getattr(self, field.name) for field in fields(OscillationResult)}
+        values["harmonics"] = list(self.harmonics)
+        return {name: value for name, value in values.items() if value is not None}

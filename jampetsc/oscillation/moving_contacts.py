@@ -24,7 +24,7 @@ from jampetsc.packing.pairs import SKIN_START, ListedDisks, is_stale
 MAX_OVERLAP_MOVE = (
     3.0  # mean overlaps: no disk moves farther in one of Newton's steps, lest it reach another minimum
 )
-WIDEST = 2.0  # mean diameters: a step that needs a pair list with a larger skin is too long
+MAX_SKIN_RATIO = 2.0  # mean diameters: a step that needs a pair list with a larger skin is too long
 
 
 class MovingContacts(ListedDisks):
@@ -87,21 +87,21 @@ class MovingContacts(ListedDisks):
         Raises ConvergenceError if the step is too long.
         """
         while True:
-            found = self.stages.step(self, self.offsets, self.gamma, imposed, (self.u, self.rate))
-            if found is not None:
+            step = self.stages.step(self, self.offsets, self.gamma, imposed, (self.u, self.rate))
+            if step is not None:
                 break
             if not self._served:  # a new list is stale within one step
                 self.skin *= 2.0
-                if self.skin > WIDEST * self.diameter:
+                if self.skin > MAX_SKIN_RATIO * self.diameter:
                     self.skin = SKIN_START * self.diameter
                     self.fold()
-                    raise ConvergenceError(f"disks move too far in one step: give more {named('steps')}")
+                    raise ConvergenceError(f"disks move too far in one step. Give more {named('steps')}.")
             else:
                 self.tune(10 * self._served)
             self.fold()
         self._before = self.offsets, self.u, self.gamma, self.rate, self._served
         before = self._state
-        self.offsets, self.u, ends = found
+        self.offsets, self.u, ends = step
         self.gamma, self.rate, self._served = ends[1].gamma, ends[1].rate, self._served + 1
         self.gained = self.energy_change(before, self._state)
         return ends
@@ -171,5 +171,5 @@ class MovingContacts(ListedDisks):
         return bonds.on_disks(second, self.n), sheared
 
     def dashpots(self, state) -> Dashpots:
-        """See `time_step.Springs`: those of the pairs that touch."""
+        """See `time_step.Springs`: dashpots of touching pairs."""
         return Dashpots(state.bonds, self.rims, self._damping, self.dofs)

@@ -33,7 +33,7 @@ from jampetsc.packing.packing import Packing
 
 REPEATED = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
 SAME = 1e-7  # of |G*|: a change that counts as none
-MOST_CYCLES = 60
+MAX_REPEATED_CYCLES = 60
 START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
 LOST = 8.0  # error allowed in the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
@@ -51,7 +51,7 @@ def repeat_cycles(
 
     cycles   number of cycles of each run; None: until they repeat
 
-    Raises ConvergenceError if a step is too long, the packing flows, or cycles do not repeat within MOST_CYCLES.
+    Raises ConvergenceError if a step is too long, the packing flows, or MAX_REPEATED_CYCLES do not repeat.
     """
     start = start.near(disks)
     runs, strained, begin = [], 0.0, (start.displacement, start.velocity, start.gamma, start.rate)
@@ -100,9 +100,9 @@ def remaining_change(G) -> float:
 
 
 class Cycles:
-    """Cycles of so many steps of a packing at this strain.
+    """Cycles, each of a number of steps, of a packing at this strain.
 
-    done    what each of them was like
+    done    the `_Cycle` of each
     taken   number of accepted steps; of one that was halved, its parts
     """
 
@@ -120,15 +120,15 @@ class Cycles:
 
     def repeat(self, cycles):
         """Run this number of cycles or, for None, until they repeat."""
-        while len(self.done) < (cycles or MOST_CYCLES):
+        while len(self.done) < (cycles or MAX_REPEATED_CYCLES):
             self._cycle()
             if cycles is None and self.left <= REPEATED * abs(self.done[-1].G):
                 return
         if cycles is None:
             raise ConvergenceError(
-                f"cycles do not repeat: the last of {MOST_CYCLES} still changes G* by "
-                f"{100 * self.change / abs(self.done[-1].G):.2g} %; {named('cycles')} {MOST_CYCLES} keeps "
-                "what such a one gives"
+                f"G* does not repeat: the last of {MAX_REPEATED_CYCLES} cycles changes it by "
+                f"{100 * self.change / abs(self.done[-1].G):.2g} %. Give {named('cycles')} {MAX_REPEATED_CYCLES} to "
+                "keep its value."
             )
 
     @property
@@ -139,12 +139,12 @@ class Cycles:
     @property
     def left(self) -> float:
         """Estimate of how much later cycles would change G*."""
-        return remaining_change([one.G for one in self.done])
+        return remaining_change([cycle.G for cycle in self.done])
 
     @property
     def spread(self) -> float:
         """Largest |ΔG*| between the last cycle and any of the second half of all cycles."""
-        return max(abs(one.G - self.done[-1].G) for one in self.done[len(self.done) // 2 :])
+        return max(abs(cycle.G - self.done[-1].G) for cycle in self.done[len(self.done) // 2 :])
 
     def _cycle(self):
         motion, begin, rows, spent = self.motion, self.motion.gamma, [], 0.0
@@ -158,8 +158,8 @@ class Cycles:
                 spent += motion.gained
             if not abs(motion.gamma - begin) < FLOWING + self.drive.amplitude:
                 raise ConvergenceError(
-                    f"the packing flows: its strain has changed by {motion.gamma - begin:.2g} within a cycle: give "
-                    f"less {named('stress')}"
+                    f"the packing flows: its strain has changed by {motion.gamma - begin:.2g} within a cycle. Give "
+                    f"less {named('stress')}."
                 )
         drift, (times, weights, response) = motion.gamma - begin, np.array(rows).T
         moduli = self.drive.moduli(response, times / PERIOD, weights / PERIOD, drift if free else 0.0)
@@ -201,14 +201,14 @@ class Cycles:
         stages = [
             (time, weight * length, end) for time, weight, end in zip(times, WEIGHTS, ends, strict=True)
         ]
-        fed = sum(weight * (motion.area * one.stress * one.rate - one.power) for _, weight, one in stages)
+        fed = sum(weight * (motion.area * end.stress * end.rate - end.power) for _, weight, end in stages)
         off = max(abs(fed - motion.gained) - motion.rounding, 0.0)
         if off > allowed:
             if last:
-                remedy = f"less {named('stress')}" if imposed[-1].free else f"more {named('steps')}"
+                remedy = f"less {named('stress')}." if imposed[-1].free else f"more {named('steps')}"
                 raise ConvergenceError(
-                    f"energy is lost in the shortest step of a cycle, {off / allowed:.1e} times what one may, as where "
-                    f"nothing holds the packing: give {remedy}"
+                    f"energy error of the shortest step of a cycle {off / allowed:.1e} times the tolerance, as where "
+                    f"the packing is not rigid. Give {remedy}."
                 )
             motion.undo()
         return stages, off

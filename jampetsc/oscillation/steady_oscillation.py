@@ -52,15 +52,17 @@ class Start:
         return cls(drive, whole(motion[:, :2]), whole(velocity), *scalars)
 
     def near(self, disks: Packing) -> "Start":
-        """This start or, if its displacements open or close contacts of these disks, one undeformed and at rest.
+        """This start or, if its displacements open or close contacts of these disks, an undeformed start at rest.
 
         Forces of fixed contacts are wrong where contacts open or close: a disk with only one neighbour, such as a
         rattler that another disk hits, would roll off it at once, however short the steps are.
         """
         moved = deformed(disks, self.displacement, 0.0, self.gamma)
-        same = np.array_equal(*(_pairs(find_contacts(one), disks.n) for one in (disks, moved)))
-        still = {name: 0.0 * getattr(self, name) for name in ("displacement", "velocity", "gamma", "rate")}
-        return self if same else replace(self, **still)
+        has_same_contacts = np.array_equal(
+            *(_pairs(find_contacts(packing), disks.n) for packing in (disks, moved))
+        )
+        at_rest = {name: 0.0 * getattr(self, name) for name in ("displacement", "velocity", "gamma", "rate")}
+        return self if has_same_contacts else replace(self, **at_rest)
 
 
 def _pairs(contacts, n):
@@ -135,14 +137,14 @@ class SteadyOscillation:
         """
         network, length = self.network, self.contacts.length
         try:
-            found = self.solve(drive) if self.law.exponent >= MIN_FIXED_ALPHA else None
+            solution = self.solve(drive) if self.law.exponent >= MIN_FIXED_ALPHA else None
         except ConvergenceError:
-            found = None
-        if found is None:
+            solution = None
+        if solution is None:
             still, (strain, speed) = np.zeros((network.n, self.law.dofs)), self._scales(drive)
             return Start.of(network, drive, still, still, 0.0, 0.0, strain, network.k, speed / drive.omega)
         cycle = Cycle(self.steps, drive.omega)
-        waves = found.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the maximum
+        waves = solution.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the maximum
         motions = waves / (1j * cycle.frequencies[:, None]), waves / drive.omega
         (moved, gamma), (velocity, rate) = (
             (now[:-1].reshape(network.n, -1), float(now[-1]) / length)
@@ -150,11 +152,11 @@ class SteadyOscillation:
         )
         strain = drive.amplitude
         if drive.stress_controlled:
-            strain *= network.k / abs(found.G)
+            strain *= network.k / abs(solution.G)
         else:
             gamma = 0.0  # exactly
-        speed = found.speed / drive.omega
-        return Start.of(network, drive, moved, velocity, gamma, rate, strain, abs(found.G), speed)
+        speed = solution.speed / drive.omega
+        return Start.of(network, drive, moved, velocity, gamma, rate, strain, abs(solution.G), speed)
 
     def _scales(self, drive) -> tuple[float, float]:
         """Estimates of the amplitudes of strain and |z|: for springs alone or, if smaller, for dashpots alone."""

@@ -241,7 +241,7 @@ class Stages:
         self.unit = springs.stiffness * springs.largest  # of forces
         self.tolerance = max(TOLERANCE * scale, ROUNDED) * self.unit
         self.finest = max(self.tolerance, NOISE * self.unit)  # smallest force that counts
-        self.iterations, self._worn = 0, True  # there is no factor yet
+        self.iterations, self._worn = 0, True  # no factor yet
 
     def set_length(self, h: float):
         """Set the time of the next stages."""
@@ -259,11 +259,11 @@ class Stages:
         Raises ConvergenceError if the step is too long.
         """
         base, ends = places, []
-        for one in imposed:
-            found = self._stage(springs, base, gamma, one, last)
-            if found is None:
+        for condition in imposed:
+            stage = self._stage(springs, base, gamma, condition, last)
+            if stage is None:
                 return None
-            places, u, end = found
+            places, u, end = stage
             ends.append(end)
             last = u, end.rate
             base = base + (1.0 - STAGE) / STAGE * (places - base)
@@ -311,8 +311,8 @@ class Stages:
             if free:
                 remedy += f" or, if the packing flows, less {named('stress')}"
             raise ConvergenceError(
-                f"forces of a time step are not balanced after {ITERATIONS} of Newton's steps, "
-                f"{size / self.unit:.1e} of k d is left: give {remedy}"
+                f"forces of a time step not balanced after {ITERATIONS} Newton steps, "
+                f"max|F| = {size / self.unit:.1e} k d. Give {remedy}."
             )
         end = StageEnd(now.state.gamma, now.rate, now.virial / springs.area, float(np.sum(now.f * now.z)))
         return now.state.places, problem.split(q)[0] / self.h, end
@@ -327,14 +327,14 @@ class Stages:
         ahead = np.append(
             self.h * last[0], self.h * last[1] * problem.length if problem.imposed.free else 0.0
         )
-        found = []
+        candidates = []
         for place in (q, ahead):
             state = problem.state(place)
             if problem.springs.covers(state):
-                found.append((place, problem.springs.dashpots(state)))
-        if found[0][1] is found[-1][1]:
-            return found[0][1]
-        return min(found, key=lambda one: np.abs(problem.at(*one).left).max())[1]
+                candidates.append((place, problem.springs.dashpots(state)))
+        if candidates[0][1] is candidates[-1][1]:
+            return candidates[0][1]
+        return min(candidates, key=lambda candidate: np.abs(problem.at(*candidate).left).max())[1]
 
     def _search(self, problem, dashpots, q, step, curvature, left):
         """(q, _Trial) at a point of a curved step where the force along it is small."""
@@ -343,8 +343,8 @@ class Stages:
         length, lower, upper = min(1.0, longest), (0.0, 1.0), None
         for _ in range(MAX_LINE_SEARCH_POINTS):
             end = q + length * (step + length * curvature)
-            found = problem.at(end, dashpots)
-            now = np.vdot(step + 2.0 * length * curvature, found.left) / force
+            trial = problem.at(end, dashpots)
+            now = np.vdot(step + 2.0 * length * curvature, trial.left) / force
             if upper is None and now > MAX_SLOPE_RATIO and 2.0 * length <= longest:
                 lower, length = (length, now), 2.0 * length  # the force hardly falls: a disk slides off
                 continue
@@ -355,4 +355,4 @@ class Stages:
             else:
                 lower = length, now
             length = flat_between(lower, upper)
-        return end, found
+        return end, trial

@@ -38,9 +38,11 @@ class Potential:
 
     def __post_init__(self):
         if self.kind not in tuple(EXPONENTS):  # a tuple, as a kind of a wrong type may not be hashable
-            raise InputError(f"potential {self.kind!r}: choose one of {', '.join(EXPONENTS)}")
+            raise InputError(f"potential {self.kind!r}: not supported. Choose one of {', '.join(EXPONENTS)}.")
         if self.stiffness not in STIFFNESSES:
-            raise InputError(f"stiffness {self.stiffness!r}: choose one of {', '.join(STIFFNESSES)}")
+            raise InputError(
+                f"stiffness {self.stiffness!r}: not supported. Choose one of {', '.join(STIFFNESSES)}."
+            )
         if not 1.0 / MAX_STIFFNESS <= self.k <= MAX_STIFFNESS:
             raise InputError(
                 f"stiffness k = {self.k}: must be a positive number, from {1.0 / MAX_STIFFNESS:g} to {MAX_STIFFNESS:g}"

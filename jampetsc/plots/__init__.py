@@ -10,5 +10,5 @@ except ValueError:
     if "MPLBACKEND" not in os.environ:
         raise
     raise InputError(
-        f"MPLBACKEND={os.environ['MPLBACKEND']}: matplotlib knows no backend of this name: unset it"
+        f"MPLBACKEND={os.environ['MPLBACKEND']}: not a backend of matplotlib. Unset it."
     ) from None

@@ -142,7 +142,9 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
     drawn = [_curve(ax, g, curve, n, parts) for n, g in enumerate(groups) for curve in g.curves]
     if not any(drawn):
         positive = "neither G' nor G''" if parts == _BOTH else "no modulus"
-        raise InputError(f"{curves[0].name}: {positive} is positive anywhere: nothing to show on log axes")
+        raise InputError(
+            f"{curves[0].name}: {positive} is positive at any frequency. Draw other files on log axes."
+        )
     negative = sum(bool((curve.G.real <= 0).any()) for curve in curves)
     if negative and STORAGE in parts:  # unstable to shear, as small packings with pre-stress can be
         words = f"{STORAGE} < 0 (not shown) in {negative} of {len(curves)} sweeps"

@@ -45,9 +45,9 @@ class Lock:
             if not is_locked:
                 self._file.close()
             raise InputError(
-                f"{self.path.parent}: a study is running there (process {process or '?'} on "
-                f"{host or 'another machine'}): wait for it, or choose another folder"
-                + ("" if is_locked else f"; {self._end(age)}")
+                f"{self.path.parent}: a study runs there (process {process or '?'} on "
+                f"{host or 'another machine'}). Wait for it, or choose another folder."
+                + ("" if is_locked else f" {self._end(age)}")
             )
         self._file.truncate(0)
         self._file.write(f"{here} {os.getpid()}\n")
@@ -63,8 +63,8 @@ class Lock:
         """When a lock of another machine expires, in words; age: seconds since it was touched."""
         if age < -MAX_TOUCH_AGE:
             dated = time.strftime("%Y-%m-%d", time.localtime(os.lstat(self.path).st_mtime))
-            return f"its lock has a time in the future, {dated}: if no study runs there, remove {self.path}"
-        return f"if it is dead, its lock is void in {MAX_TOUCH_AGE - age:.0f} s"
+            return f"Its lock has a time in the future ({dated}); if no study runs there, remove {self.path}."
+        return f"If it is dead, its lock expires in {MAX_TOUCH_AGE - age:.0f} s."
 
     def _beat(self):
         while not self._over.wait(TOUCH_INTERVAL):

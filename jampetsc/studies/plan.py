@@ -73,7 +73,9 @@ def read(path) -> bytes:
         with open_regular(path) as file:
             return file.read()
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        raise InputError(
+            f"{path}: not readable ({error.strerror}). Check its name and permissions."
+        ) from None
 
 
 def plan(path, content: bytes | dict) -> list[StudyTask]:
@@ -99,7 +101,9 @@ def plan(path, content: bytes | dict) -> list[StudyTask]:
             count = len(starts) * math.prod(len(values) for _, values in lists)
             if len(tasks) + count > MAX_TASKS:
                 before = f" with the {len(tasks)} before them" if tasks else ""
-                raise InputError(f"{where}: {count} tasks{before}: at most {MAX_TASKS} in one study")
+                raise InputError(
+                    f"{where}: too many tasks, {count}{before} (at most {MAX_TASKS}). Divide the study."
+                )
             above = {}  # of each ladder: the task of its last pressure so far
             for settings in combinations_of(job_class(command), lists, where, begins):
                 for inputs in starts:
@@ -112,7 +116,7 @@ def plan(path, content: bytes | dict) -> list[StudyTask]:
                         tasks[task.name] = task
                         planned[command].append(task)
     if not tasks:
-        raise InputError(f"{path}: no table: a study needs [pack] and what to do with the packings")
+        raise InputError(f"{path}: no table. Add [pack] and tables of the commands to run on the packings.")
     return list(tasks.values())
 
 
@@ -121,9 +125,9 @@ def _tables(path, content):
     try:
         content = content if isinstance(content, dict) else tomllib.loads(content.decode())
     except ValueError as error:  # of TOML, of text, of a number with too many digits
-        raise InputError(f"{path}: is not TOML: {error}") from None
+        raise InputError(f"{path}: not TOML ({error}). Correct the file.") from None
     except RecursionError:
-        raise InputError(f"{path}: brackets within brackets, too deep for any table: remove them") from None
+        raise InputError(f"{path}: brackets nested too deeply. Remove them.") from None
     tables_of = {}
     for command, value in content.items():
         if command not in study_inputs():
@@ -131,7 +135,7 @@ def _tables(path, content):
             raise InputError(f"{path}: {command}: no table of a study has this name{hint}")
         tables = value if isinstance(value, list) else [value]
         if not tables or not all(isinstance(table, dict) for table in tables):
-            raise InputError(f"{path}: {command} = {value}: must be a table: write [{command}]")
+            raise InputError(f"{path}: {command} = {value}: not a table. Write [{command}].")
         several = len(tables) > 1
         tables_of[command] = [
             (f"{path}: [{command}]{f' number {number}' if several else ''}", table)
@@ -146,7 +150,7 @@ def _starts(task_inputs, planned, where):
         sources = [task for command in task_inputs.commands or ("pack",) for task in planned[command]]
         if not sources:
             raise InputError(
-                f"{where}: needs packings: add a table [pack]{' or n' if task_inputs.reads is PACKING_OR_N else ''}"
+                f"{where}: needs packings. Add a table [pack]{' or n' if task_inputs.reads is PACKING_OR_N else ''}."
             )
         return [(source,) for source in sources]
     files = [
@@ -157,7 +161,7 @@ def _starts(task_inputs, planned, where):
     ]
     if not files:
         tables = " or ".join(f"[{command}]" for command in task_inputs.commands)
-        raise InputError(f"{where}: needs {task_inputs.needs}: add a table {tables}")
+        raise InputError(f"{where}: needs {task_inputs.needs}. Add a table {tables}.")
     if task_inputs.reads is ONE_RESULT:
         return [(task,) for task in files]
     groups = {}
@@ -169,12 +173,14 @@ def _starts(task_inputs, planned, where):
 def _chosen(starts, conditions, where):
     """The inputs whose columns have values of the `conditions`. Raises InputError where none has."""
     if not isinstance(conditions, dict):
-        raise InputError(f"{where}: {WHERE} = {conditions!r}: write {WHERE} = {{pressure = 1e-4}}")
+        raise InputError(
+            f"{where}: {WHERE} = {conditions!r}: not a table. Write e.g. {WHERE} = {{pressure = 1e-4}}."
+        )
     for name, value in conditions.items():
         values = [number_of(item) for item in (value if isinstance(value, list) else [value])]
         matching = [inputs for inputs in starts if _shared(inputs).get(name) in values]
         if not matching:
-            raise InputError(f"{where}: {WHERE}: there is nothing with {name} = {value}")
+            raise InputError(f"{where}: {WHERE}: no task with {name} = {value}. Choose another value.")
         starts = matching
     return starts
 

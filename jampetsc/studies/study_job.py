@@ -31,12 +31,12 @@ class Study(Job):
 
     Runs every task of STUDY.toml that is not done yet. A table is a command and its keys are options; lists give a
     task for every combination of their values, and every response runs on every packing. Under mpirun each rank takes
-    the next task as soon as it is free. The same command continues a study that was stopped, on another number of
-    ranks too; a changed STUDY.toml adds tasks. FOLDER/table.csv has one row per task; jampetsc.load(FOLDER) reads it.
+    the next task as soon as it is free. The same command resumes a study that was stopped, on any number of ranks; a
+    changed STUDY.toml adds tasks. FOLDER/table.csv has one row per task; jampetsc.load(FOLDER) reads it.
     """
 
     FORMAT: ClassVar = "table"
-    OUT_HELP: ClassVar = "folder of all its files"
+    OUT_HELP: ClassVar = "folder of the files and of table.csv"
     AGAIN: ClassVar = True
     SOLVERS: ClassVar = tuple(SOLVERS)
     EPILOG: ClassVar = """STUDY.toml, for instance:
@@ -54,10 +54,10 @@ examples:
   jampetsc study STUDY.toml --out ensemble --dry-run        # the list of tasks
   mpirun -n 4 jampetsc study STUDY.toml --out ensemble
 
-A task that fails is a row with its reason and is tried again by the next run; the status is then 3."""
+A failed task is a row with its reason, and the next run tries it again; the exit status is then 3."""
 
     study: str | dict = parameter(
-        help="what to do: a TOML file, in python also its tables by name",
+        help="description of the study: a TOML file, in python also its tables by name",
         value_type=ValueType(_description, metavar="STUDY", python="dict or the name of a TOML file"),
         place=FILE,
     )
@@ -73,7 +73,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
         from jampetsc.studies.study_run import check_folder
 
         if to.path is None:
-            raise InputError(f"{named('out')}: must be given: the folder of the study")
+            raise InputError(f"{named('out')}: missing. Give the folder of the study.")
         check_folder(to.path, self._named)
 
     @property
@@ -90,9 +90,7 @@ A task that fails is a row with its reason and is tried again by the next run; t
         from jampetsc.studies.journal import records_of
 
         done = sum(record["state"] == "done" for record in records_of(to.path).values())
-        return (
-            f"{done} tasks are done in {to.path}. The same command continues." if done else super().kept(to)
-        )
+        return f"{done} tasks are done in {to.path}. The same command resumes." if done else super().kept(to)
 
     def work(self, to):
         from jampetsc.studies.plan import plan

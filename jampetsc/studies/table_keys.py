@@ -62,9 +62,9 @@ def values_of(job, table: dict, where: str) -> list:
     keys = [key.replace("_", "-") for key in table]
     for key, value in zip(keys, table.values(), strict=True):
         if keys.count(key) > 1:
-            raise InputError(f"{where}: {key}: is there twice: leave one out")
+            raise InputError(f"{where}: {key}: given twice. Leave one out.")
         if key in STUDY_KEYS:
-            raise InputError(f"{where}: {key}: the study itself gives it: leave it out")
+            raise InputError(f"{where}: {key}: set by the study. Leave it out.")
         if key not in options and not (key == "seeds" and "seed" in options):
             hint = suggest_name(key, set(options) - set(STUDY_KEYS))
             raise InputError(f"{where}: {key}: no such option{hint}")
@@ -94,7 +94,7 @@ def combinations_of(job, lists: list, where: str, begins: bool) -> list[TaskSett
             if task_job.several and isinstance(getattr(task_job, parameter.name), tuple):
                 key = keys[parameter.name]
                 raise InputError(
-                    f"{where}: {key} {value}: several in one string: write a list, {key} = [{value}]"
+                    f"{where}: {key} {value}: several values in one string. Write a list, {key} = [{value}]."
                 )
         changed = {
             parameter.name: values_by_name[parameter.name]
@@ -112,13 +112,13 @@ def _values(options, key, value, where):
         key, value = "seed", _seeds(value, where)
     parameter, values = options[key], value if isinstance(value, list | range) else [value]
     if not values:
-        raise InputError(f"{where}: {key} = []: give at least one value")
+        raise InputError(f"{where}: {key} = []: empty. Give at least one value.")
     for each in () if isinstance(values, range) else values:
         if _is_switch(parameter) and not isinstance(each, bool):
-            raise InputError(f"{where}: {key} = {each!r}: is a switch: write true or false")
+            raise InputError(f"{where}: {key} = {each!r}: a switch must be true or false")
         if not _is_switch(parameter) and (isinstance(each, bool) or not isinstance(each, int | float | str)):
             text = str(each).lower() if isinstance(each, bool) else str(each)
-            raise InputError(f"{where}: {key} = {text}: must be a number or a string, or a list of such")
+            raise InputError(f"{where}: {key} = {text}: must be a number, a string or a list of them")
     return parameter, values
 
 

@@ -58,15 +58,14 @@ Times are meaningful only on a machine without other load."""
 
     choices: tuple = parameter(
         ",".join(GROUPS),
-        "what to vary",
+        "groups of settings to vary",
         value_type=ValueType(_groups, ",".join, metavar="LIST", python="texts"),
     )
-    ensemble: bool = parameter(
-        False, "also: one big packing against 4 of N/4 and 16 of N/16 disks, which are made for it"
-    )
+    ensemble: bool = parameter(False, "also compare the packing with 4 new ones of N/4 and 16 of N/16 disks")
+    ensemble: bool = parameter(False, "also compare the packing with 4 new ones of N/4 and 16 of N/16 disks")
     omega: Numbers = parameter(OMEGA, "frequencies ω", value_type=FREQUENCIES, unit="1/τ₁")
     ranks: int | None = parameter(
-        None, "number of ranks of every run, under mpirun (default: without mpirun)", low=1, high=100_000
+        None, "ranks of each run under mpirun (default: without mpirun)", low=1, high=100_000
     )
     options_files: tuple | None = parameter(
         None,
@@ -82,7 +81,7 @@ Times are meaningful only on a machine without other load."""
     def check(self):
         """Refuse a packing in memory, which other processes cannot read."""
         if isinstance(self.packing, Packing):
-            raise InputError(f"{named('packing')}: must be a file, which the runs read")
+            raise InputError(f"{named('packing')}: in memory. Give its file, which the runs read.")
 
     def check_outputs(self, to):
         """Refuse other endings, files that may not be replaced, and launchers or packings with which no run starts."""
@@ -92,10 +91,11 @@ Times are meaningful only on a machine without other load."""
         from jampetsc.studies import trade_process
 
         if to.path is None or to.path.suffix.lower() != ".csv":
-            raise InputError(f"{named('out')} {to.path}: give it the ending .csv; the picture gets .png")
+            raise InputError(f"{named('out')} {to.path}: unknown ending. Give it the ending .csv.")
         if launcher.several():
             raise InputError(
-                f"trade starts its own processes: run it without mpirun and give {named('ranks')}"
+                "trade: started under mpirun, but it starts its own processes. Run it without mpirun, with "
+                f"{named('ranks')}."
             )
         trade_process.launcher(self.ranks)
         inputs = [self.packing, *(self.options_files or ())]

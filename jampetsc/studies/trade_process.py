@@ -34,7 +34,7 @@ def launcher(ranks: int | None) -> list[str]:
         return []
     program = next((path for name in _LAUNCHERS if (path := shutil.which(name))), None)
     if program is None:
-        raise InputError(f"{named('ranks')} {ranks}: neither mpirun nor mpiexec is in PATH: leave it out")
+        raise InputError(f"{named('ranks')} {ranks}: neither mpirun nor mpiexec in PATH. Leave it out.")
     about = subprocess.run([program, "--version"], capture_output=True, text=True).stdout
     # Open MPI would refuse more ranks than cores, and put two runs on the same ones; MPICH does neither
     freely = ["--oversubscribe", "--bind-to", "none"] if re.search(r"Open ?(MPI|RTE)", about) else []

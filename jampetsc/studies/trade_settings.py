@@ -102,7 +102,9 @@ class TradeRuns:
                 raise JampetscError(f"no reference: {outcome.error}")
             failed = self.failed("accuracy", name, outcome)
             rows += [failed] if accuracy in ACCURACIES else []
-        raise ConvergenceError(f"no reference, the rational sweep failed at every accuracy: {outcome.error}")
+        raise ConvergenceError(
+            f"no reference, as the rational sweep failed at every accuracy: {outcome.error}"
+        )
 
     def measure(self, choice: TradeSetting) -> TradeRow:
         """The row of a choice; that of a failed run has the reason."""

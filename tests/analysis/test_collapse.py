@@ -16,7 +16,7 @@ from jampetsc.analysis.collapse_fit import find_minima
 from jampetsc.analysis.correlated_series import Average, mean_of_averages
 from jampetsc.analysis.scaling_collapse import Form, Points, scaled
 from jampetsc.analysis.statistics import half_width, mean_with_error
-from jampetsc.commands.scaling import ALIKE, notes_of, read_points, text_of
+from jampetsc.commands.scaling import COMMON_ATTRIBUTES, notes_of, read_points, text_of
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.scaling_plots import plot_branches, plot_scaling
@@ -152,7 +152,7 @@ def test_a_search_with_corrections_begins_on_either_side_and_knows_its_slopes(sp
     ("name", "value", "message"),
     [
         *(("value", value, "must not be negative") for value in (-1e-9, np.inf, np.nan)),
-        *(("error", value, "must be positive: run longer") for value in (0.0, np.inf, -1.0, np.nan)),
+        *(("error", value, "not positive. Run longer") for value in (0.0, np.inf, -1.0, np.nan)),
     ],
 )
 def test_values_that_no_observable_has(name, value, message):
@@ -173,7 +173,7 @@ def test_a_collapse_needs_three_scales_and_three_packing_fractions_and_more_poin
         (points.phi, PHIS, "packing fractions"),
     ):
         points[values <= of[2]].check()
-        with pytest.raises(InputError, match=f"2 different {what}: a collapse needs at least 3"):
+        with pytest.raises(InputError, match=f"2 different {what}: too few for a collapse. Give at least 3"):
             fit_collapse(points[values <= of[1]], FREE)
     form = Form(ALL_BUT_PHI_J, degree=3)  # φ_J and four coefficients
     assert form.unknowns == 5 and CORRECTED.terms == (4, 3) and Form({}, True, 4, True).terms == (7, 3)
@@ -181,9 +181,9 @@ def test_a_collapse_needs_three_scales_and_three_packing_fractions_and_more_poin
     chosen = points[np.array([0, 1, 14, 15, 28, 29])]  # three φ, at scales of four kinds
     chosen = replace(chosen, scale=np.array([1e-6, 1e-5, 1e-4] * 2))
     assert fit_collapse(chosen, form).dof == 1
-    with pytest.raises(InputError, match="5 points for 5 unknowns: give more points, or a lower degree"):
+    with pytest.raises(InputError, match=r"5 points for 5 unknowns\. Give more points, or a lower degree"):
         fit_collapse(chosen[np.arange(6) < 5], form)
-    with pytest.raises(InputError, match="5 values above zero for 5 unknowns: give denser disks"):
+    with pytest.raises(InputError, match=r"5 values above zero for 5 unknowns\. Give denser packings"):
         fit_collapse(replace(chosen, value=chosen.value * (np.arange(6) > 0)), form)
 
 
@@ -254,7 +254,10 @@ def test_what_the_data_do_not_tell_has_no_number():
     notes, said = notes_of(points, fit, found, False), text_of(fit.parameters, found, False)
     assert "phi_J > 0.83" in said and "y undecided" in said
     assert "phi_J = 0.865 is outside the data, 0.835 to 0.85" in notes
-    assert "the data do not tell phi_J: 2 sigma reach an end of its range, 0.82 to 0.865" in notes
+    assert (
+        "the data do not determine phi_J: its 2 sigma interval reaches an end of its range, 0.82 to 0.865"
+        in notes
+    )
     points = planted(2, 0.2, scales=scales)
     fit, found = estimate(points, FREE)
     for name in ("phi_J", "kappa"):
@@ -303,7 +306,7 @@ def test_notes_of_a_fit():
     )
     outside = replace(fit, parameters={**fit.parameters, "phi_J": 0.86})
     assert notes(outside) == ["phi_J = 0.86 is outside the data, 0.835 to 0.85"]
-    uneven = "y has uneven errors: take its ends of 2 sigma, 0.9 to 1.5"
+    uneven = "y has uneven errors: use its 2 sigma interval, 0.9 to 1.5"
     assert notes(y=Estimate(1.1, 0.9, 1.5, 0.0)) == [uneven]
     assert "y changes by 0.09 with the degree" in notes(y=Estimate(1.1, 0.9, 1.3, 0.09))[0]
     assert "too few points for a higher degree" in notes(points=points[np.arange(48) % 6 == 0])[-1]
@@ -313,7 +316,7 @@ def test_notes_of_a_fit():
         (Estimate(3.5, -np.inf, np.inf, 0.0), "znu undecided"),
         (Estimate(3.5, 3.3, 5.0, 0.0), "znu = 3.5 (2 sigma: 3.3 to 5)"),
         (Estimate(3.5, 3.3, 3.7, 0.0), "znu = 3.5 ± 0.1"),
-        (None, "znu = 3.5 held"),
+        (None, "znu = 3.5 fixed"),
     ):
         assert text_of({"kappa": 3.5}, {"kappa": one} if one else {}, False) == said
 
@@ -396,7 +399,7 @@ def test_the_command_on_a_study(study, tmp_path, capsys):
     words = "--where model=RD0 --observable pressure --fit phi_J,y=1.1,znu --degree 3 --out".split()
     assert command(study, *words, out) == 0
     said = capsys.readouterr().out
-    assert "pressure at 25 points" in said and "y = 1.1 held" in said and "rates <= 6.31e-05" in said
+    assert "pressure at 25 points" in said and "y = 1.1 fixed" in said and "rates <= 6.31e-05" in said
     result = load(out)
     a = result.attributes
     assert a["fitted"] == "phi_J,znu" and a["scaling"] == "rate" and a["dof"] == 25 - 6
@@ -431,7 +434,7 @@ def test_flows_in_memory_are_scaled_as_their_files_are(study):
     assert one.file is None and set(one) == set(other)
     assert all(np.array_equal(one[name], other[name]) for name in one)
     assert one.attributes["source_runs"] == other.attributes["source_runs"]
-    with pytest.raises(InputError, match="is given already"):
+    with pytest.raises(InputError, match="given twice"):
         jampetsc.collapse(held[0], held[0], **how)
 
 
@@ -495,14 +498,16 @@ def test_flows_of_one_state_are_averaged_each_observable_with_its_own_error(tmp_
     assert points_of((0.84, more)).error == [1e-5]
 
 
-@pytest.mark.parametrize("name", ALIKE)
+@pytest.mark.parametrize("name", COMMON_ATTRIBUTES)
 def test_what_is_scaled_is_of_one_kind(tmp_path, name):
     one, two = (1.0, 2.0) if name in ("k", "mass", "tau1") else ("one", "two")
     first, other = (
         load(write_flow(tmp_path / f"{n}.h5", 0.84, 1e-3, seed=n, **{name: value}))
         for n, value in enumerate((one, two))
     )
-    with pytest.raises(InputError, match=rf"1\.h5: {name} {two}, but 0\.h5 has {one}: scale one kind"):
+    with pytest.raises(
+        InputError, match=rf"1\.h5: {name} {two}, but 0\.h5 has {one}\. Give files of one kind"
+    ):
         read_points([first, other], "pressure", False)
 
 
@@ -515,7 +520,9 @@ def test_samples_of_shear_may_stand_beside_those_of_a_protocol_but_each_counts_o
     with pytest.raises(InputError, match=r"b\.h5: protocol compress, but a\.h5 has random"):
         read_points([random, cooled], "jammed", True)
     again = write_jam(tmp_path / "c.h5", 64, np.ones((4, 1)), protocol="random")
-    with pytest.raises(InputError, match=r"c\.h5: phi = 0\.82 from seed 0 is in a\.h5 too: each counts once"):
+    with pytest.raises(
+        InputError, match=r"c\.h5: phi = 0\.82 from seed 0 is in a\.h5 as well\. Give each run once"
+    ):
         read_points([random, again], "jammed", True)
 
 
@@ -523,27 +530,27 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
     first = write_flow(tmp_path / "first.h5", 0.84, 1e-3)
     words = ("--observable", "pressure", "--fit", "phi_J,y,znu", "--out", tmp_path / "x.h5")
     for more, message in [
-        ({}, "seed 1 is in first.h5 too: each counts once"),
-        ({"n": 64, "seed": 2}, "rates are scaled at one N"),
+        ({}, "seed 1 is in first.h5 as well. Give each run once"),
+        ({"n": 64, "seed": 2}, "Give files of one N to scale with rates"),
     ]:
         other = write_flow(tmp_path / "other.h5", 0.84, 1e-3, **more)
         assert command(first, other, *words) == 2
         assert message in capsys.readouterr().err
     for more, message in [
-        ("--finite-size --fit phi_J,y,nu", "is none of the files that are scaled: give jam and shear files"),
-        ("--where model=RD0", "chooses rows of a study, but"),
-        ("--observable jammed", "--observable jammed goes with --finite-size"),
-        ("--observable energy", "choose one of pressure"),
+        ("--finite-size --fit phi_J,y,nu", "not supported. Give jam and shear files"),
+        ("--where model=RD0", "is not a study. Leave it out"),
+        ("--observable jammed", "--observable jammed without --finite-size. Add --finite-size"),
+        ("--observable energy", "not supported. Choose one of pressure"),
         ("--fit phi_J,y", "znu missing. Name it, or fix it by znu=VALUE"),
         ("--fit phi_J,y,y,znu", "y named twice"),
-        ("--fit phi_J,y,nu", "nu must be one of phi_J, y, znu, omega; with --finite-size it is one"),
-        ("--fit phi_J,y=a,znu", "write a number between"),
-        ("--fit phi_J=0.84,y=1,znu=3", "nothing is free"),
-        ("--fit phi_J,y,znu,omega", "leave omega out, or give --corrections"),
+        ("--fit phi_J,y,nu", "nu must be one of phi_J, y, znu, omega (valid with --finite-size)"),
+        ("--fit phi_J,y=a,znu", "must be a number between"),
+        ("--fit phi_J=0.84,y=1,znu=3", "no free parameter"),
+        ("--fit phi_J,y,znu,omega", "omega without --corrections. Leave one out"),
         ("--corrections", "omega missing. Name it"),
         ("--degree 0", "--degree 0: must lie in"),
         ("--cut -1", "--cut -1: must be positive"),
-        ("--cut 1e-9", "no points are left"),
+        ("--cut 1e-9", "no points within"),
         ("--range 0.9:0.8", "must be A:B"),
         ("--range a", "write A:B"),
     ]:
@@ -586,12 +593,12 @@ def test_a_file_of_sizes_holds_what_was_fitted_in_words_of_the_command(tmp_path,
     assert (found["curve/f1"] == 0).all()
     assert found["curve/x"][[0, -1]] == pytest.approx([found["x"].min(), found["x"].max()])
     said = capsys.readouterr().out.splitlines()
-    assert "jammed at 12 points, phi_J = " in said[0] and "nu = 1 held" in said[0]
+    assert "jammed at 12 points, phi_J = " in said[0] and "nu = 1 fixed" in said[0]
     assert [line[:9] for line in said[2:] if "note" not in line] == ["  N >= 14"]
     for more, message in (
-        ("--cut 200", "2 different rates or sizes: a collapse needs at least 3"),
-        ("--observable pressure", "holds no pressure"),
-        ("--observable shear_stress", "holds no shear_stress"),
+        ("--cut 200", "2 different rates or sizes: too few for a collapse. Give at least 3"),
+        ("--observable pressure", "no dataset pressure"),
+        ("--observable shear_stress", "no dataset shear_stress"),
     ):
         assert command(*files, *words.split(), *more.split(), "--out", tmp_path / "x.h5") == 2
         assert message in capsys.readouterr().err

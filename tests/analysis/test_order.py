@@ -49,5 +49,5 @@ def test_order_of_a_flow_is_that_of_the_disks_that_move_in_each_snapshot(walls):
     np.testing.assert_allclose(whole, np.abs(np.mean(psi, axis=1)))
     kept = Held(zip(STORED_ORDER, (local, whole), strict=True), flow.attributes)
     np.testing.assert_array_equal(six_fold_order(kept), (local, whole))
-    with pytest.raises(InputError, match=r"a\.h5: holds no snapshots: run the flow with"):
+    with pytest.raises(InputError, match=r"a\.h5: no snapshots\. Run the flow with"):
         six_fold_order(Held({}, {}))

@@ -151,7 +151,7 @@ def test_a_wide_window_is_the_loss_modulus_and_none_is_wider_than_a_decade_and_a
     expected = 2 / np.pi * (s.modulus(1 / tau).imag - s.eta_inf / tau)
     np.testing.assert_allclose(s.smoothed(tau, width), expected, rtol=1e-6)
     for width in (0.0, 1.6, np.nan):
-        with pytest.raises(InputError, match=r"width .*: a window for H\(tau\) has 0.01 to 1.5 decades"):
+        with pytest.raises(InputError, match=r"width .*: must lie between 0.01 and 1.5 decades"):
             s.smoothed(1.0, width)
 
 

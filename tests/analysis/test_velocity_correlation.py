@@ -75,7 +75,10 @@ def test_every_number_of_the_file_is_of_the_words(tmp_path, capsys):
             f"<u_y^2>/rate^2 = {exact.mean_square:.3g}\n"
         )
     bare = stored(tmp_path / "bare.h5", "flow", {}, **facts)
-    for words, message in (([bare], "holds no snapshots"), ([bare, "--out", bare], "is the input")):
+    for words, message in (
+        ([bare], "no snapshots. Run the flow"),
+        ([bare, "--out", bare], "the input, which would be lost"),
+    ):
         assert cli.main(["correlate", "--out", str(tmp_path / "bad.h5"), *map(str, words)]) == 2
         assert message in capsys.readouterr().err
     assert not (tmp_path / "bad.h5").exists()

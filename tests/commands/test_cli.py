@@ -63,8 +63,8 @@ def test_negative_numbers_are_values(value):
 @pytest.mark.parametrize(
     ("error", "message"),
     [
-        (OSError(errno.ENOSPC, "x", "a.h5"), "a.h5: No space left on device: free some space, or write elsewhere"),
-        (OSError(errno.EACCES, "x", "a.h5"), "a.h5: Permission denied: check its permissions"),
+        (OSError(errno.ENOSPC, "x", "a.h5"), "a.h5: No space left on device. Free some space, or write elsewhere."),
+        (OSError(errno.EACCES, "x", "a.h5"), "a.h5: Permission denied. Check its permissions."),
         (OSError(errno.EIO, "x"), "Input/output error"),
         (OSError("odd\n  words"), "odd words"),
     ],
@@ -91,9 +91,9 @@ def test_one_command_is_imported_unless_all_are_asked_for():
         ("sweep p.h5 --zzz --out", "argument --out: expected one argument (see jampetsc sweep --help)"),
         ("sweep p.h5 q.h5 --out s.h5", "q.h5: one argument too many (see jampetsc sweep --help)"),
         ("sweep --out s.h5 -log_view p.h5", "the following arguments are required: PACKING (see jampetsc sweep "
-         "--help); PETSc's options took p.h5: put them last"),
-        ("info p.h5 -log_view", "info -log_view: single-dash options are PETSc's, which has nothing to do here; "
-         "the program's own begin with --"),
+         "--help). Options of PETSc took p.h5: put these last"),
+        ("info p.h5 -log_view", "info -log_view: an option of PETSc, which this command does not use. Leave it out; "
+         "options of jampetsc begin with --."),
         ("sweep p.h5 --out s.h5 --beta x -log_view", "--beta x: must be a number"),
     ],
 )  # fmt: skip
@@ -175,7 +175,7 @@ def test_what_a_launcher_gives_is_left_out():
 @pytest.mark.parametrize(
     ("setting", "command", "message"),
     [  # of other programs
-        ("MPLBACKEND=nonsense", "plot s.h5 --out s.png", "matplotlib knows no backend of this name"),
+        ("MPLBACKEND=nonsense", "plot s.h5 --out s.png", "not a backend of matplotlib"),
         ("NUMBA_DISABLE_JIT=1", "pack --n 16 --phi 0.9 --out p.h5", "loops over contacts have to be compiled"),
     ],
 )  # fmt: skip
@@ -186,7 +186,7 @@ def test_settings_of_other_programs_are_one_line_or_nothing(tmp_path, setting, c
     settings = {"env": launch.environment() | {name: value}, "cwd": tmp_path}
     line = [sys.executable, "-m", "jampetsc", *command.split()]
     done = subprocess.run(line, capture_output=True, text=True, timeout=60, **settings)
-    assert (done.returncode, done.stderr) == (2, f"jampetsc: error: {setting}: {message}: unset it\n")
+    assert (done.returncode, done.stderr) == (2, f"jampetsc: error: {setting}: {message}. Unset it.\n")
 
 
 def processes_of(folder):
@@ -299,10 +299,10 @@ def failing(error):
         (InputError("one\ntwo\x1b"), 2, [r"one\ntwo\x1b"]),
         (ConvergenceError("no minimum"), 3, ["no minimum"]),
         (JampetscError("disk full"), 1, ["disk full"]),
-        (MemoryError(), 1, ["out of memory: use more nodes, or a smaller packing"]),
+        (MemoryError(), 1, ["out of memory. Use more nodes, or a smaller packing."]),
         (MemoryError("Unable to\n allocate 3 GB"), 1,
-         ["out of memory: Unable to allocate 3 GB: use more nodes, or a smaller packing"]),
-        (PermissionError(errno.EACCES, "x", "a.h5"), 1, ["a.h5: Permission denied: check its permissions"]),
+         ["out of memory (Unable to allocate 3 GB). Use more nodes, or a smaller packing."]),
+        (PermissionError(errno.EACCES, "x", "a.h5"), 1, ["a.h5: Permission denied. Check its permissions."]),
         (KeyboardInterrupt(), 130, ["interrupted: nothing is kept."]),
         (KeyboardInterrupt("interrupted: a"), 130, ["interrupted: a"]),
         (DeprecationWarning("path is old."), 1,
@@ -407,7 +407,7 @@ print(os.environ["OMP_NUM_THREADS"], len(os.listdir("/proc/self/task")))
 
 
 RADIUS = "f: radius -1: must be positive"
-FULL = "No space left on device: free some space, or write elsewhere"
+FULL = "No space left on device. Free some space, or write elsewhere."
 
 
 @pytest.mark.parametrize(

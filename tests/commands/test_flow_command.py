@@ -225,7 +225,7 @@ BAD = [  # (options, words of the message); ranges: test_flow_jobs
     ("--snapshot-spacing log", "--snapshot-spacing"),
     ("--strain 3e7 --rate 1 --snapshots 1000000000", "are free where"),
     ("--discard 0.6", "--discard 0.6: must lie"),
-    ("--walls --radii none.txt", "none.txt: cannot be read"),
+    ("--walls --radii none.txt", "none.txt: not "),
     ("--last out.h5", "another file that this run writes"),
 ]
 
@@ -248,7 +248,7 @@ def test_bad_starts(tmp_path, capsys):
     rest = ["--model", "RD0", "--rate", "0.01", "--strain", "1"]
     for words, message in [
         ((packing, *rest, "--out", out), "two disks overlap by"),
-        ((packing, *rest, "--out", packing), "is the input"),
+        ((packing, *rest, "--out", packing), "the input, which would be lost"),
         ((tmp_path / "none.h5", *rest, "--out", out), "no such file"),
         (("--n", 64, "--phi", 0.8, *rest), "--out: missing"),
     ]:

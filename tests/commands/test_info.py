@@ -60,7 +60,7 @@ def test_what_is_wrong_with_a_packing_is_said():
     disks = shaken(published(), {"pressure": 1e-3})
     state, lines = describe.measure(disks), describe.packing("p.h5", disks).splitlines()
     assert entries(lines)["max |F| / p"] == f"{state.max_force / state.pressure:.2e}: forces are not balanced"
-    assert lines[-1] == "note: the file records pressure = 0.001: its positions were changed"
+    assert lines[-1] == "note: the file records pressure = 0.001: its positions have changed since"
     loose = Packing.from_positions(disks.positions, 0.5 * disks.radii, disks.cell)
     told = entries(describe.packing("p.h5", loose).splitlines())
     assert told["max |F| / p"] == "no contacts: below jamming"
@@ -72,7 +72,7 @@ def test_a_record_that_is_not_of_these_positions(off, noted):
     recorded = describe.measure(disks).energy * (1 + off)
     text = describe.packing("p.h5", disks.with_record(energy=recorded, negative_modes=0))
     assert ("note: the file records energy = " in text) == noted
-    assert "note: the file records negative_modes = 0, but not of these disks: it counts for nothing" in text
+    assert "note: the file records negative_modes = 0, but for other coordinates; ignored" in text
 
 
 def test_disks_forces_and_stress_are_told_in_their_units():
@@ -132,7 +132,7 @@ def test_what_a_result_was_made_from(capsys, tmp_path):
     for attributes, told in (
         ({"packing": "p.h5", "packing_sha256": "ab"}, "p.h5"),
         ({"sources": "x.h5, y.h5", "particle_count": 64}, "x.h5, y.h5"),
-        ({"particle_count": 64}, "64 disks that it made"),
+        ({"particle_count": 64}, "64 random disks"),
         ({}, "an unknown packing"),
     ):
         path = stored(tmp_path / "a.h5", "modes", {"eigenvalues": [1.0]}, **attributes)
@@ -149,8 +149,11 @@ def test_refusals_are_one_line(capsys, tmp_path):
     for words, message in (
         ((tmp_path / "none.h5",), "none.h5: no such file"),
         ((JAXMD,), "not a jampetsc file"),
-        ((packing, "--beta", 2), "beta = 2: only the matrices depend on a damping law; add --matrices"),
-        ((modes, "--matrices"), "modes.h5: is a jampetsc-modes file"),
+        (
+            (packing, "--beta", 2),
+            "beta = 2: a damping law without --matrices. Leave it out, or add --matrices",
+        ),
+        ((modes, "--matrices"), "modes.h5: a jampetsc-modes file"),
     ):
         status, lines, (error,) = info(capsys, *words)
         assert (status, lines) == (2, []) and message in error
@@ -241,7 +244,7 @@ def test_numbers_as_one_reads_them():
     told = {1 / 3: "0.3333333333", 3: "3", "x": "x"}
     assert [describe.number(value) for value in told] == list(told.values())
     assert describe.number(np.array([0.5, 1.0])) == "0.5, 1"
-    assert describe._files(3) == "joint file and 3 parts, all there"
+    assert describe._files(3) == "joint file and 3 parts, complete"
     rows = [("head",), ("a", "1"), ("longer", "2", "x")]
     assert describe.table(rows) == "head\n  a       1\n  longer  2  x"
 

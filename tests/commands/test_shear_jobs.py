@@ -221,7 +221,7 @@ def test_a_result_in_memory_leaves_no_files(tmp_path, monkeypatch):
     for other in (farther, jampetsc.load("one.h5")):
         with pytest.raises(InputError, match=r"which is continued\. Leave it out"):
             jampetsc.flow(other, "RD0", strain=0.1, rate=0.1)
-    with pytest.raises(InputError, match=r"one\.h5: is a jampetsc-flow file"):
+    with pytest.raises(InputError, match=r"one\.h5: a jampetsc-flow file"):
         jampetsc.shear("one.h5", step=0.1, strain=0.1)
 
 
@@ -242,7 +242,7 @@ def test_the_last_state_of_a_result_is_where_the_disks_are_at_the_end(tmp_path):
 def test_a_continued_flow_keeps_its_settings(more):
     asked = {"start": "f.h5", "strain": 1.0, "model": "CD0", "rate": 0.1} | more
     if more.keys() & {"n", "seed", "walls"}:
-        with pytest.raises(InputError, match=f"{next(iter(more))}: belongs to f.h5"):
+        with pytest.raises(InputError, match=f"{next(iter(more))}: fixed by f.h5"):
             Flow(**asked)
     else:
         with pytest.raises(InputError, match=r"which is continued\. Leave it out"):

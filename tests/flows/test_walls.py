@@ -181,7 +181,7 @@ def test_the_command(tmp_path, capsys):
     assert run("correlate", out, "--out", tmp_path / "g.h5") == 2
     assert "not homogeneous" in capsys.readouterr().err
     assert run("flow", last, "--walls", *words[6:10], "--strain", 1, "--out", tmp_path / "x.h5") == 2
-    assert "--walls: belongs to" in capsys.readouterr().err
+    assert "--walls: fixed by" in capsys.readouterr().err
 
 
 def test_the_start_between_walls_does_not_depend_on_stiffness():

@@ -111,13 +111,13 @@ def test_a_folder_that_cannot_be_made_durable_will_do(tmp_path, monkeypatch):
 
 
 PLACES = {  # where no file can be -> what is said
-    "folder": "folder: is a folder: give a file name with out",
-    "pipe": "pipe: is a pipe: give another file with out",
-    "link": "pipe: is a pipe: give another",
-    "none/a.csv": "none does not exist: create it first|No such file",
-    "file/a.csv": "folder|cannot be written",
-    "lost": "none does not exist: create it first|No such file",
-    "n" * 300: "cannot be written .File name too long.: choose another out",
+    "folder": "folder: a folder. Give a file name with out",
+    "pipe": "pipe: a pipe. Give another file with out",
+    "link": "pipe: a pipe. Give another",
+    "none/a.csv": "no folder .*none. Create it first|No such file",
+    "file/a.csv": "folder|not writable",
+    "lost": "no folder .*none. Create it first|No such file",
+    "n" * 300: "not writable .File name too long.. Choose another out",
 }
 
 
@@ -141,14 +141,14 @@ def test_folders_and_files_without_permission_are_refused():
         folder, user = Path(name), os.getuid()
         (folder / "held.csv").touch(mode=0o444)
         for mode, file, message in (
-            (0o555, "a.csv", "cannot be written .Permission denied."),
-            (0o777, "held.csv", "exists and is write-protected"),
+            (0o555, "a.csv", "not writable .Permission denied."),
+            (0o777, "held.csv", "write-protected"),
             (0o777, "a.csv", None),
         ):
             folder.chmod(mode)
             os.setresuid(user or 65534, user or 65534, user)  # root may everything
             try:
-                refused = pytest.raises(InputError, match=rf"{folder / file}: {message}: choose another out")
+                refused = pytest.raises(InputError, match=rf"{folder / file}: {message}. Choose another out")
                 with refused if message else nullcontext():
                     check_writable(folder / file)
             finally:
@@ -159,14 +159,14 @@ def test_folders_and_files_without_permission_are_refused():
 @pytest.mark.parametrize(
     ("number", "kind", "message"),
     [
-        (errno.ENOSPC, JampetscError, "disk full: make room, then run the same command again"),
-        (errno.EDQUOT, JampetscError, "disk quota used up: make room"),
-        (errno.EFBIG, JampetscError, "file size limit reached: make room"),
-        (errno.EACCES, InputError, "cannot be written (Permission denied): choose another out"),
-        (errno.EROFS, InputError, "cannot be written (Read-only file system): choose another out"),
-        (errno.ENOTDIR, InputError, "cannot be written (Not a directory): choose another out"),
-        (errno.ENAMETOOLONG, InputError, "cannot be written (File name too long): choose another out"),
-        (errno.EIO, JampetscError, "writing failed: Input/output error"),
+        (errno.ENOSPC, JampetscError, "disk full. Make room, then run the same command again"),
+        (errno.EDQUOT, JampetscError, "disk quota used up. Make room"),
+        (errno.EFBIG, JampetscError, "file size limit reached. Make room"),
+        (errno.EACCES, InputError, "not writable (Permission denied). Choose another out"),
+        (errno.EROFS, InputError, "not writable (Read-only file system). Choose another out"),
+        (errno.ENOTDIR, InputError, "not writable (Not a directory). Choose another out"),
+        (errno.ENAMETOOLONG, InputError, "not writable (File name too long). Choose another out"),
+        (errno.EIO, JampetscError, "writing failed (Input/output error)"),
     ],
 )
 def test_what_a_failed_write_says(tmp_path, monkeypatch, number, kind, message):
@@ -177,7 +177,10 @@ def test_what_a_failed_write_says(tmp_path, monkeypatch, number, kind, message):
         raise OSError(number, os.strerror(number))
 
     assert type(write_error(path, OSError(number, os.strerror(number)))) is kind
-    assert str(write_error("a.h5", OSError("Can't\n  write"))) == "a.h5: writing failed: Can't write"
+    assert (
+        str(write_error("a.h5", OSError("Can't\n  write")))
+        == "a.h5: writing failed (Can't write). Run the same command again."
+    )
     for name in ("fsync", "replace"):
         with monkeypatch.context() as patch:
             patch.setattr(os, name, refuse)
@@ -206,7 +209,7 @@ def test_a_disk_that_is_full_at_any_moment(tmp_path, write):
     for size in np.linspace(0, len(before) - 1, 25).astype(int):
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(size), limits[1]))
         try:
-            with pytest.raises(JampetscError, match=r"s\.h5: file size limit reached: make room") as caught:
+            with pytest.raises(JampetscError, match=r"s\.h5: file size limit reached\. Make room") as caught:
                 write(path)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)

@@ -45,7 +45,7 @@ def test_rows_are_chosen_and_columns_are_arrays(folder):
     assert table.where(law="contact").rows == 12 and table.where(seed="one").rows == 0
     for some in ([1, 3], (1, 3), {1, 3}, np.array([1, 3])):
         assert table.where(seed=some).rows == 8 and set(table.where(seed=some)["seed"]) == {1, 3}
-    with pytest.raises(InputError, match=r"table.csv: no column presure: did you mean pressure\?"):
+    with pytest.raises(InputError, match=r"table.csv: no column presure\. Did you mean pressure\?"):
         table.where(presure=1)
     assert table.failed.results() == []
     with pytest.raises(InputError, match=r"q0\.0111\.0\.h5: no such file"):
@@ -65,7 +65,7 @@ def test_info_tells_what_a_study_holds(folder, capsys):
         assert re.search(line, text), line
     assert text.splitlines()[-1] == '  m.h5: failed: no, "not" there'
     assert cli.main(["info", str(folder), "--matrices"]) == 2
-    assert "is the folder of a study: --matrices needs a packing" in capsys.readouterr().err
+    assert "is the folder of a study. Give a packing" in capsys.readouterr().err
 
 
 def test_averages_keep_what_is_negative_and_report_it(folder):
@@ -131,7 +131,7 @@ def test_only_numbers_are_averaged_and_packings_that_have_one_counted(tmp_path):
     assert found == [[-2.0], [3], [2]]
     assert np.isnan(mean["none"]).all() and mean.count["none"].tolist() == [0]
     message = r"beta of all rows: 1\.h5 and 2\.h5 are of one packing: .* in by= \(beta\)"
-    for name, said in (("beta", message), ("packing", "column packing holds words, which have no mean")):
+    for name, said in (("beta", message), ("packing", "column packing holds text, which has no mean")):
         with pytest.raises(InputError, match=said):
             mean[name]
 
@@ -182,9 +182,9 @@ def test_columns_have_the_type_of_all_their_cells(tmp_path):
     b"command,state,file\npack,done,a.h5\npack,done,a.h5,1\n", b"\xff\xfe", None,
 ])  # fmt: skip
 def test_what_is_no_table_is_refused(tmp_path, text):
-    message = r"table\.csv: is not the table of a study: run `jampetsc study` again"
+    message = r"table\.csv: not the table of a study\. Run `jampetsc study` again"
     if text is None:
-        message = r"is a folder without table\.csv: give the file in it; a study that was stopped, run again"
+        message = r"a folder without table\.csv\. Give the file in it; run a study that was stopped again"
     else:
         (tmp_path / "table.csv").write_bytes(text)
     with pytest.raises(InputError, match=message):
@@ -250,7 +250,7 @@ def test_averages_of_curves_are_those_of_their_points(swept):
     assert real.value.dtype == float and real.key == {}
     with pytest.raises(InputError, match=r"G of pressure 0\.001: .* are of one packing"):
         jampetsc.load(swept).mean_curve("G", by="pressure")
-    with pytest.raises(InputError, match="no file of these rows holds G and times"):
+    with pytest.raises(InputError, match="no dataset G and times in the files of these rows"):
         table.mean_curve("G", over="times")
     with pytest.raises(InputError, match="other G than"):
         jampetsc.load(swept).where(beta=1.0).mean_curve(over="G")

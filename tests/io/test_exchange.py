@@ -227,12 +227,12 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "tilted in z": (TEXT.replace("-0.5 0.5 0\n", "-0.5 0.5 1\n"), {}, "tilted out of the plane"),
     "tilted data": (data(tilt="0 1 0 xy xz yz\n"), {}, "tilted out of the plane"),
     "leaning data": (vectors(data(), lean=1), {}, "tilted out of the plane"),
-    "tilted lattice": (extxyz(lattice="9 0 1 0 9 0 0 0 1"), {}, "need a₁ and a₂ in the plane"),
+    "tilted lattice": (extxyz(lattice="9 0 1 0 9 0 0 0 1"), {}, "a₁ and a₂ must lie in the plane"),
     "turned lattice": (extxyz(lattice="9 1 0 0 9 0 0 0 1"), {}, r"need rows \(Lx, 0\)"),
     "cell vector out of the plane": (general(TEXT, lean=1.0), {}, "tilted out of the plane"),
     "walls of cell vectors": (general(TEXT, flags="ff pp pp"), {}, r"must be periodic \(pp\) in x and y"),
     "cut off": (TEXT[:-300], {}, "lines for 16 disks: truncated"),
-    "line cut off": (TEXT[:-25], {}, "need id type x y radius"),
+    "line cut off": (TEXT[:-25], {}, "not id type x y radius"),
     "no radii": (
         TEXT.replace("radius", "q"),
         {},
@@ -259,7 +259,7 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "no types": (npz(positions=X, box=9.0), {"radius": "1=0.5"}, "no column type or .* among positions, box"),
     "no coordinates": (TEXT.replace("x y", "a b"), {}, "no coordinates x y, xu yu, xs ys or xsu ysu"),
     "no numbers": (TEXT.replace("x y radius", "x radius y").replace("9.", "z"), {}, "not numbers"),
-    "no frame": (TEXT, {"index": 1}, "index 1: it holds 1, numbered from 0"),
+    "no frame": (TEXT, {"index": 1}, r"index 1: no such packing \(1, numbered from 0\)"),
     "points": (data("atomic"), {}, r"no column radius or diameter among id, type, x, y, z\. Name"),
     "ellipses": (
         data("ellipsoid"),
@@ -269,9 +269,9 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "no hint": (data("").replace(" # ", ""), {}, r"\(no style\): must be one of sphere"),
     "no bounds": (data().replace("ylo yhi", ""), {}, "no ylo yhi in the header"),
     "short xyz": (extxyz()[:-60], {}, "lines for 16 disks|line 'A"),
-    "xyz of no count": (extxyz() + "x\n", {}, "'x': need a number of disks"),
-    "no box": (XYR, {}, "has no box: give box, L, Lx,Ly or Lx,Ly,xy"),
-    "two boxes": (TEXT, {"box": 10.0}, "has a box: leave out box"),
+    "xyz of no count": (extxyz() + "x\n", {}, "'x': not a number of disks"),
+    "no box": (XYR, {}, "no box. Give box, as L, Lx,Ly or Lx,Ly,xy"),
+    "two boxes": (TEXT, {"box": 10.0}, "a box in the file. Leave out box"),
     "box of words": (f"box a b\n{XYR}", {}, "a b: not numbers"),
     "negative": (f"box 9\n{XYR.replace(' 1.3', ' -1.3')}", {}, r"radii\[8\] = -1.4: must be positive"),
     "small box": (f"box 1.9\n{XYR}", {}, "a disk would touch its own image"),
@@ -279,9 +279,13 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "npz of others": (npz(x=X), {}, "no array positions among x|no radius"),
     "objects": (npz(positions=np.array([None])), {}, "not arrays of numpy.savez, or damaged"),
     "zip": (b"PK\x03\x04 and so on", {}, "not arrays of numpy.savez, or damaged"),
-    "not as told": (TEXT, {"format": "xyr"}, "line 'ITEM TIMESTEP': need x y radius"),
-    "no text": (b"\xff\xfe\xff" * 9, {"format": "extxyz"}, "extxyz: is not text"),
-    "potential": (TEXT, {"potential": "lj"}, "potential 'lj': choose one of harmonic, hertzian"),
+    "not as told": (TEXT, {"format": "xyr"}, "line 'ITEM TIMESTEP': not x y radius"),
+    "no text": (b"\xff\xfe\xff" * 9, {"format": "extxyz"}, "extxyz: not a text file"),
+    "potential": (
+        TEXT,
+        {"potential": "lj"},
+        "potential 'lj': not supported. Choose one of harmonic, hertzian",
+    ),
     **{
         program: (
             compress(TEXT.encode()),
@@ -386,7 +390,7 @@ def test_the_command_says_units_and_whether_forces_balance(tmp_path, capsys):
     law = ("--potential", "hertzian", "--stiffness", "inverse-square-diameter", "--k", "3")
     said = imported(*box, *law, "--format", "xyr", "--frame", "0")
     assert "U = (k/2.5) (δ/σ)^2.5, k = 3" in said and "assumed  " not in said
-    assert "forces    are not balanced, max|F|/(p d) = " in said
+    assert "forces    not balanced, max|F|/(p d) = " in said
     (tmp_path / "p.txt").write_text(TEXT)
     assert "give --potential, --stiffness, --k; LAMMPS' harmonic/cut K means k = 2K" in imported()
     (tmp_path / "p.txt").write_text(XYR)
@@ -401,7 +405,7 @@ def test_the_command_that_minimises_is_run_as_it_is_printed(session, tmp_path, m
     Path("moved.txt").write_text(f"box {LX} {LY} {TILT / LY}\n" + table(*X.T, 1.05 * R))
     assert cli.dispatch(["import", "moved.txt", "--out", "own packing.h5"]) == 0
     said = capsys.readouterr().out
-    command = said.partition("To make it one: jampetsc ")[2]
+    command = said.partition("To minimise the energy: jampetsc ")[2]
     assert "--out 'own packing-minimum.h5'" in command
     assert cli.dispatch(shlex.split(command)) == 0
     start, found = read_packing("own packing.h5"), read_packing("own packing-minimum.h5")

@@ -160,12 +160,12 @@ def test_motion_is_shown_on_the_packing(session, shared_path, monkeypatch):
         assert len(arrays[f"rotation_{part}"]) == len(arrays["points"])
     np.testing.assert_array_equal(np.load("slow.npz")["nonaffine"][slow["particles"]], slow["nonaffine"])
     for words, message in {
-        "modes.h5 --mode 4": "--mode 4: modes.h5 holds modes 1 to 3",
-        "modes.h5 --mode 0": "--mode 0: modes.h5 holds modes 1 to 3",
-        "s.h5": "s.h5: give --field: it has fields at omega = 0.001, 1",
+        "modes.h5 --mode 4": "--mode 4: not in modes.h5. Give one from 1 to 3",
+        "modes.h5 --mode 0": "--mode 0: not in modes.h5. Give one from 1 to 3",
+        "s.h5": "--field: missing. Give a frequency of the fields in s.h5: 0.001, 1",
         "s.h5 --field 0.1": "no fields at omega = 0.1",
         "s.h5 --field 0": "--field 0: must be positive",
-        "s.h5 --mode 1": "--mode: is of modes files, and s.h5 is a sweep file",
+        "s.h5 --mode 1": "--mode: an option of modes files, but s.h5 is a sweep file",
     }.items():
         with pytest.raises(InputError, match=re.escape(message)):
             export(f"{words} --out f.xyz")
@@ -178,7 +178,7 @@ def test_what_lies_in_memory_is_told_and_exported_as_its_file_is(session, shared
     disks = samples.isostatic()
     sweep = jampetsc.sweep(disks, omega=1.0, fields=[1.0])
     told = jampetsc.info(sweep).splitlines()
-    with pytest.raises(InputError, match=r"out: must be given"):
+    with pytest.raises(InputError, match=r"out: missing\. Give the file to write"):
         jampetsc.export(sweep, field=1.0)
     assert str(jampetsc.export(sweep, field=1.0, out="memory.dump")) == "memory.dump"
     sweep.save("s.h5")
@@ -230,10 +230,10 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
     np.testing.assert_allclose(tilts, np.round(tilts), atol=1e-9)
     assert snapshot(result, -3).strain == snapshot(result, 0).strain
     for row in (3, -4):
-        with pytest.raises(InputError, match=rf"f\.h5: snapshot {row}: it holds 3, from 0"):
+        with pytest.raises(InputError, match=rf"f\.h5: no snapshot {row} \(3, numbered from 0\)"):
             snapshot(result, row)
     with pytest.raises(
-        InputError, match=r"f\.npz: holds one frame, and there are more: use \.xyz, \.dump, \.gsd"
+        InputError, match=r"f\.npz: several frames, but this format holds one\. Use \.xyz, \.dump, \.gsd"
     ):
         export("f.h5 --out f.npz")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["f.dump", "f.h5", "f.xyz"]
@@ -267,8 +267,8 @@ def test_what_cannot_be_exported_is_one_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_packing("p.h5", samples.published())
     for words, message in {
-        "p.h5 --out p.pdb": "--out p.pdb: choose the ending of a format: .gsd, .npz, .xyz",
-        "p.h5 --mode 1 --out p.xyz": "--mode: is of modes files, and p.h5 is a packing file",
+        "p.h5 --out p.pdb": "--out p.pdb: unknown ending. Give it one of .gsd, .npz, .xyz",
+        "p.h5 --mode 1 --out p.xyz": "--mode: an option of modes files, but p.h5 is a packing file",
         "none.h5 --out p.xyz": "none.h5: ",
         **({} if find_spec("gsd") else {"p.h5 --out p.gsd": "requires the package gsd. Run: "}),
     }.items():

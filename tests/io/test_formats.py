@@ -119,7 +119,7 @@ def test_groups_within_groups_have_an_end(tmp_path, monkeypatch, capsys, deep, l
         if deep == "itself":
             group["g"] = group
     assert cli.main(line.format(path).split()) == 2
-    assert f"s.h5: holds more than {MAX_DEPTH} groups inside each other" in capsys.readouterr().err
+    assert f"s.h5: too large (more than {MAX_DEPTH} groups inside each other)" in capsys.readouterr().err
 
 
 def test_a_table_is_read_as_it_is_written():

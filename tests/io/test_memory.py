@@ -52,7 +52,9 @@ def test_any_rows_and_attributes(session, shared_path):
     assert found.file is None and expected.file == shared_path / "a.h5"
     assert found._repr_html_().count("<tr>") == len(found) + len(found.attributes)
     if session.size > 1:
-        with pytest.raises(InputError, match=rf"lies on {session.size} ranks: copy what gathered\(\) gives"):
+        with pytest.raises(
+            InputError, match=rf"distributed over {session.size} ranks\. Copy the result of gathered\(\)"
+        ):
             pickle.dumps(found)
     copied = pickle.loads(pickle.dumps(found.gathered()))
     assert_same(copied, expected)

@@ -121,11 +121,11 @@ def refused(capsys, *words):
 @pytest.mark.parametrize(
     ("nodes", "bonds", "more", "says"),
     [
-        ("0 0\n1 0\n1 1", "0 1\n1 2", (), "nodes.txt: has no box: give --box"),
+        ("0 0\n1 0\n1 1", "0 1\n1 2", (), "nodes.txt: no box. Give --box"),
         ("box 5\n0 0\n1 0", "0 1\n1 2", (), "bonds.txt: bond 1, of nodes 1 and 2: nodes are numbered from 0 to 1"),
         ("box 5\n0 0\n1 0", "0 1\n0 1 2", (), "bonds.txt: line '0 1 2': must have 2 numbers, as the first one."),
         ("box 5\n0 0\n1 0", "# none", (), "bonds.txt: holds no lines i j, i j k or i j k f of bonds"),
-        ("box 5\n0 0\n1 0", "0 1", ("--box", "5"), "nodes.txt: has a box: leave out --box"),
+        ("box 5\n0 0\n1 0", "0 1", ("--box", "5"), "nodes.txt: a box in the file. Leave out --box"),
         ("box 5\n0 0\n1 0", "0 x", (), "bonds.txt: 0 x: not numbers"),
         ("box 5\n0 0\n1 0", "0 1", ("--potential", "harmonic"), "--potential: belongs to packings. Leave it out"),
         ("box 5\n0 0\n1 0", None, (), "xyr: holds no bonds. Give --bonds a text file of lines i j"),
@@ -188,7 +188,7 @@ def test_commands_make_and_describe_networks(tmp_path, monkeypatch, capsys):
             "export n.h5 --out n.xyz",
             "--out n.xyz: not a format with bonds of a network. Choose the ending .data",
         ),
-        ("export n.h5 --mode 1 --out n.vtp", "--mode: is of modes files, and n.h5 is a network file"),
+        ("export n.h5 --mode 1 --out n.vtp", "--mode: an option of modes files, but n.h5 is a network file"),
         ("flow n.h5 --model RD0 --rate 1e-2 --strain 0.1 --out x.h5", "n.h5: is a jampetsc-network file"),
         ("oscillate n.h5 --omega 1 --strain 1e-6 --out x.h5", "n.h5: is a jampetsc-network file"),
         ("shear n.h5 --step 1e-3 --strain 1e-2 --out x.h5", "n.h5: is a jampetsc-network file"),

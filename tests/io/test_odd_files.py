@@ -45,23 +45,27 @@ def field(value):
     ("contents", "line", "message"),
     [
         ({"G": 0 * LINEAR}, "info s.h5", None),
-        ({"G": 0 * LINEAR}, "plot s.h5 --out s.svg", "nothing to show on log axes"),
+        ({"G": 0 * LINEAR}, "plot s.h5 --out s.svg", "Draw other files on log axes"),
         ({"G": np.nan * LINEAR}, "plot s.h5 --out s.svg", "no modulus at any frequency"),
         ({"G": 1e300 * LINEAR}, "plot s.h5 --out s.svg", "moduli beyond the range of a picture"),
         ({"bound": np.inf}, "plot s.h5 --out s.svg", None),
         ({"k": 0.0}, "plot s.h5 --out s.svg", "attribute k = 0.0: must be a positive number"),
         ({"pressure": np.nan}, "plot s.h5 --out s.svg", "attribute pressure = nan: not a number"),
         ({"tau1": "one"}, "plot s.h5 --out s.svg", "attribute tau1 = 'one': must be a real number"),
-        ({"spectrum": (np.nan, 0.1, RATES, RATES)}, "spectrum s.h5 --out o.h5", "values that no packing has"),
+        (
+            {"spectrum": (np.nan, 0.1, RATES, RATES)},
+            "spectrum s.h5 --out o.h5",
+            "impossible values in its spectrum",
+        ),
         ({"spectrum": (0.0, 0.0, RATES, RATES)}, "spectrum s.h5 --out o.h5", None),
-        ({"fields": field(0.0)}, "correlate s.h5 --lane 1,2 --out o.h5", "nothing to correlate"),
+        ({"fields": field(0.0)}, "correlate s.h5 --lane 1,2 --out o.h5", "Choose other frequencies"),
         ({"fields": field(0.0)}, "plot s.h5 --kind fields --out s.svg", None),
         (
             {"fields": field(np.nan)},
             "correlate s.h5 --out o.h5",
-            r"field at omega = 0\.0001 holds values that",
+            r"field at omega = 0\.0001 holds NaN, Inf or absurdly large values",
         ),
-        ({"fields": field(1e200)}, "plot s.h5 --kind fields --out s.svg", "no numbers or beyond all measure"),
+        ({"fields": field(1e200)}, "plot s.h5 --kind fields --out s.svg", "NaN, Inf or absurdly large"),
     ],
 )
 def test_odd_contents(contents, line, message, tmp_path, monkeypatch, capsys):

@@ -94,9 +94,9 @@ def test_no_command_replaces_an_input_another_kind_of_file_or_what_is_no_file(in
         write_packing("other" + ending, published())
     os.mkfifo("pipe" + ending)
     for name, message, remedy in (
-        ("input", ": is the input ", f"{source}, which would be lost: choose another --out"),
-        ("other", ": is there already and is a jampetsc-", "choose another --out, or remove it first"),
-        ("pipe", ": is a pipe: ", "give another file with --out"),
+        ("input", ": the input ", f"{source}, which would be lost. Choose another --out."),
+        ("other", ": exists and is a jampetsc-", "Choose another --out, or remove it first"),
+        ("pipe", ": a pipe. ", "Give another file with --out"),
     ):
         line = refused(capsys, words, name + ending)
         assert f"{name}{ending}{message}" in line and line.endswith(remedy)
@@ -151,13 +151,13 @@ def test_a_finished_result_stays_unless_it_is_to_be_replaced(
     said = (
         "there already"
         if words.startswith("pack")
-        else "r.h5: there already, by the same settings and inputs"
+        else "r.h5: finished earlier with the same settings and inputs"
     )
     assert said in capsys.readouterr().out or session.rank > 0
     made = jampetsc.load("r.h5")
     assert Path("r.h5").stat().st_mtime_ns == when
     session.comm.Barrier()
-    with pytest.raises(InputError, match=f"r.h5: is there already .*{re.escape(told)}.*--overwrite"):
+    with pytest.raises(InputError, match=f"r.h5: exists .*{re.escape(told)}.*--overwrite"):
         cli.dispatch([*line, *other.split()])
     assert Path("r.h5").read_bytes() == before
     session.comm.Barrier()
@@ -181,20 +181,20 @@ def test_what_is_there_already_is_the_result_of_these_inputs_undamaged(inputs, c
     Path("f.h5.resume").mkdir()  # of a run that was killed after it had written its result
     assert again() == (
         0,
-        "f.h5: there already, by the same settings and inputs; --overwrite repeats it\n",
+        "f.h5: finished earlier with the same settings and inputs. --overwrite computes it again.\n",
         False,
     )
     assert not Path("f.h5.resume").exists()
     assert again("--overwrite")[::2] == (0, False)
-    whole, refused = Path("f.h5").read_bytes(), "give --overwrite to replace it\n"
+    whole, refused = Path("f.h5").read_bytes(), "give --overwrite to replace it.\n"
     write_packing("p.h5", published("hertzian"))
     status, told, unchanged = again()
-    assert status == 2 and unchanged and "f.h5: is there already and has other inputs: " in told
+    assert status == 2 and unchanged and "f.h5: exists and has other inputs. " in told
     write_packing("p.h5", published())
     for place in (100, len(whole) // 2, len(whole) - 200):
         Path("f.h5").write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
         status, told, unchanged = again()
-        assert status == 2 and unchanged and "f.h5: is there already and is a damaged HDF5 file" in told
+        assert status == 2 and unchanged and "f.h5: exists and is a damaged HDF5 file" in told
     Path("f.h5").write_bytes(whole)
     with h5py.File("f.h5", "r+") as h5:
         h5["strain"][0] = 7.0
@@ -214,7 +214,10 @@ def test_options_of_petsc_are_no_settings(inputs):
     for options in ([], ["-shift_pc_type", "cholesky"]):
         done = subprocess.run([*words, *options], env=launch.environment(), capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
-    assert done.stdout == "o.h5: there already, by the same settings and inputs; --overwrite repeats it\n"
+    assert (
+        done.stdout
+        == "o.h5: finished earlier with the same settings and inputs. --overwrite computes it again.\n"
+    )
 
 
 def test_the_last_state_of_a_finished_run_can_still_be_asked_for(inputs, capsys):
@@ -222,7 +225,7 @@ def test_the_last_state_of_a_finished_run_can_still_be_asked_for(inputs, capsys)
         kind = words.split()[0]
         line = [*words.split(), "--out", f"{kind}.h5", "--last"]
         assert cli.main([*line, f"{kind}-last.h5"]) == 0
-        assert cli.main([*line, f"{kind}-more.h5"]) == 0 and "there already" in capsys.readouterr().out
+        assert cli.main([*line, f"{kind}-more.h5"]) == 0 and "finished earlier" in capsys.readouterr().out
         first, second = (jampetsc.load(f"{kind}-{name}.h5") for name in ("last", "more"))
         assert np.allclose(first.positions, second.positions, rtol=0, atol=1e-14)
         assert np.allclose(first.cell, second.cell, rtol=0, atol=1e-14)
@@ -241,9 +244,7 @@ def test_python_returns_the_result_that_is_there(session, shared_path, monkeypat
     other = jampetsc.quasistatic(published(), out="q.h5", overwrite=True)
     assert other.attributes["run_id"] != found[0].attributes["run_id"]
     session.comm.Barrier()
-    with pytest.raises(
-        InputError, match=r"q\.h5: is there already and has other inputs: .* or give overwrite to"
-    ):
+    with pytest.raises(InputError, match=r"q\.h5: exists and has other inputs\. .* or give overwrite to"):
         jampetsc.quasistatic(published("hertzian"), out="q.h5")
     if session.size == 2:
         session.comm.Barrier()
@@ -252,9 +253,7 @@ def test_python_returns_the_result_that_is_there(session, shared_path, monkeypat
             whole = part.read_bytes()
             part.write_bytes(whole[:200] + bytes([whole[200] ^ 1]) + whole[201:])
         session.comm.Barrier()
-        with pytest.raises(
-            InputError, match=r"q\.h5: is there already and is damaged .*q\.parts.*give overwrite"
-        ):
+        with pytest.raises(InputError, match=r"q\.h5: exists and is damaged .*q\.parts.*give overwrite"):
             jampetsc.quasistatic(published(), out="q.h5")
 
 
@@ -263,15 +262,15 @@ def test_what_has_no_input_or_writes_two_files_replaces_no_other(inputs, capsys)
     assert cli.main(words.split()) == 0
     capsys.readouterr()
     for words in ("flow f.h5 --strain 0.01", "jam --n 16 --phi 0.9 --seeds 1:2"):
-        assert "p.h5: is there already and is a jampetsc-packing file" in refused(capsys, words, "p.h5")
+        assert "p.h5: exists and is a jampetsc-packing file" in refused(capsys, words, "p.h5")
     for words in ("flow f.h5 --strain 0.01 --last", "shear p.h5 --step 1e-3 --strain 2e-3 --out q.h5 --last"):
         before = content(Path.cwd())
         assert cli.main([*words.split(), "s.h5"]) == 2
-        assert "s.h5: is there already and is a jampetsc-sweep file" in capsys.readouterr().err
+        assert "s.h5: exists and is a jampetsc-sweep file" in capsys.readouterr().err
         assert content(Path.cwd()) == before
     for words in ("flow p.h5 --model RD0 --rate 1e-2", "shear p.h5 --step 1e-3"):
         assert cli.main([*words.split(), "--strain", "0.1", "--out", "q.h5", "--last", "q.h5"]) == 2
-        assert "q.h5: is another file that this run writes" in capsys.readouterr().err
+        assert "q.h5: another file that this run writes" in capsys.readouterr().err
 
 
 LAST = {  # words of a command that keeps what it has computed -> what it writes last
@@ -308,7 +307,7 @@ def test_what_is_computed_outlives_a_last_write_that_fails(session, shared_path,
         replace(source, target)
 
     monkeypatch.setattr(os, "replace", replace_or_not)
-    with pytest.raises(JampetscError, match="cannot be written"):
+    with pytest.raises(JampetscError, match="not writable"):
         cli.dispatch(words.split())
     monkeypatch.setattr(os, "replace", replace)
     session.comm.Barrier()
@@ -333,10 +332,10 @@ def test_what_is_computed_outlives_a_last_write_that_fails(session, shared_path,
 def test_what_writes_asks_again(inputs):
     """For scripts, which do not go through the commands."""
     os.mkfifo("pipe")
-    for path, message in (("s.h5", "is a jampetsc-sweep file, not"), ("pipe", "pipe: is a pipe")):
+    for path, message in (("s.h5", "is a jampetsc-sweep file, not"), ("pipe", "pipe: a pipe")):
         with pytest.raises(InputError, match=message):
             write_packing(path, published())
-    for path, message in (("p.h5", "is a jampetsc-packing file, not"), ("pipe", "pipe: is a pipe")):
+    for path, message in (("p.h5", "is a jampetsc-packing file, not"), ("pipe", "pipe: a pipe")):
         with pytest.raises(InputError, match=message):
             stored(path, "sweep", SWEEP)
         with pytest.raises(InputError, match=message):
@@ -347,9 +346,9 @@ def test_what_writes_asks_again(inputs):
 def test_a_name_without_a_character_is_none(inputs, capsys):
     """As of a variable of the shell that is not set: the answer would stay in memory, and go."""
     assert cli.main(["quasistatic", "p.h5", "--out", ""]) == 2
-    assert capsys.readouterr().err.endswith("--out: is empty: give the name of a file\n")
+    assert capsys.readouterr().err.endswith("--out: empty. Give the name of a file.\n")
     for name in ("out", "checkpoint"):
-        with pytest.raises(InputError, match=f"^{name}: is empty: give the name of a file$"):
+        with pytest.raises(InputError, match=rf"^{name}: empty\. Give the name of a file\.$"):
             jampetsc.shear("p.h5", step=1e-3, strain=0.01, **{name: ""})
     assert str(InputError(Outlet().others)) == "give out to keep the others"
 
@@ -362,7 +361,7 @@ def test_what_is_no_regular_file_is_not_read(inputs, capsys):
         for words in ("info {}", "merge {}", "import {} --out q.h5", "plot {} --out q.png"):
             for kind in ("pipe", "socket"):
                 assert cli.main(words.format(f"{kind}.h5").split()) == 2
-                assert f"{kind}.h5: is a {kind}: give a regular file" in capsys.readouterr().err
+                assert f"{kind}.h5: a {kind}. Give a regular file" in capsys.readouterr().err
 
 
 # Of whatever command
@@ -390,9 +389,7 @@ def test_what_is_there_already(tmp_path, name, content):
         if allowed in (kind, "any kind"):
             check_output(tmp_path / name, kind)
         else:
-            with pytest.raises(
-                InputError, match=f"is there already and is {held}, not a.* {kind.split()[-1]}: choose"
-            ):
+            with pytest.raises(InputError, match=f"exists and is {held}, not a.* {kind.split()[-1]}. Choose"):
                 check_output(tmp_path / name, kind)
 
 
@@ -406,7 +403,9 @@ def test_hdf5_of_another_program_is_not_replaced(tmp_path, attrs):
 
 def test_endings_that_promise_something_else(tmp_path):
     for ending in (".png", ".PDF", ".svg", ".csv", ".Txt", ".opts", ".xyz"):
-        with pytest.raises(InputError, match=r"would be an HDF5 file by that name: give it the ending \.h5"):
+        with pytest.raises(
+            InputError, match=r"an HDF5 file with the ending of another format\. Give it the ending \.h5"
+        ):
             check_output(tmp_path / f"a{ending}", "jampetsc-sweep")
         check_output(tmp_path / f"a{ending}", PICTURE)
 
@@ -417,12 +416,12 @@ def test_neither_an_input_nor_another_output_may_be_the_output(inputs):
     Path("symbolic.h5").symlink_to("s.h5")
     Path("link").symlink_to(inputs)
     for out, other in (("s.h5", "hard.h5"), ("new.h5", "link/new.h5"), ("new.h5", "./new.h5")):
-        with pytest.raises(InputError, match="is another file that this run writes: choose another name for"):
+        with pytest.raises(InputError, match=r"another file that this run writes\. Choose another name for"):
             check_output(out, "jampetsc-sweep", beside=[other])
     for out in ("hard.h5", "symbolic.h5", "./s.h5", f"link/../{inputs.name}/s.h5", inputs / "s.h5"):
-        with pytest.raises(InputError, match=rf"{out}: is the input s\.h5, which would be lost"):
+        with pytest.raises(InputError, match=rf"{out}: the input s\.h5, which would be lost"):
             check_output(out, "jampetsc-sweep", ["none.h5", "s.h5"])
-    with pytest.raises(InputError, match=r"s\.h5: is the input, which would be lost"):
+    with pytest.raises(InputError, match=r"s\.h5: the input, which would be lost"):
         check_output("s.h5", "jampetsc-sweep", ["s.h5"])
     for out, kind in (("s.h5", "sweep"), ("p.h5", "packing"), ("new.h5", "sweep")):
         check_output(out, f"jampetsc-{kind}", ["none.h5"], ["t.h5", "none/c.h5"])

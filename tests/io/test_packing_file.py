@@ -100,7 +100,7 @@ DEFECTS = {
         lambda h5: put(h5, "radii", np.ones(59)),
         r"dataset radii: shape \(59,\), must be \(N,\) with N = 60",
     ),
-    "no radii": (lambda h5: h5.__delitem__("radii"), r"dataset radii is missing"),
+    "no radii": (lambda h5: h5.__delitem__("radii"), r"dataset radii: missing"),
     "group": (
         lambda h5: (h5.__delitem__("cell"), h5.create_group("cell")),
         r"dataset cell: is a group, must hold real numbers",
@@ -112,10 +112,16 @@ DEFECTS = {
     "complex": (lambda h5: put(h5, "radii", np.ones(60) * 1j), r"holds complex128, must hold real numbers"),
     "other format": (
         lambda h5: h5.attrs.update(format="jampetsc-sweep"),
-        r"is a jampetsc-sweep file: a jampetsc-packing file is needed here",
+        r"a jampetsc-sweep file\. Give a jampetsc-packing file",
     ),
-    "potential": (lambda h5: h5.attrs.update(potential="WCA"), r"potential 'WCA': choose one of harmonic"),
-    "no stiffness": (lambda h5: h5.attrs.__delitem__("stiffness"), r"stiffness None: choose one of constant"),
+    "potential": (
+        lambda h5: h5.attrs.update(potential="WCA"),
+        r"potential 'WCA': not supported. Choose one of harmonic",
+    ),
+    "no stiffness": (
+        lambda h5: h5.attrs.__delitem__("stiffness"),
+        r"stiffness None: not supported. Choose one of constant",
+    ),
     "negative k": (lambda h5: h5.attrs.update(k=-1.0), r"k = -1.0: must be a positive number"),
     "worded k": (lambda h5: h5.attrs.update(k="one"), r"attribute k = 'one': must be a real number"),
     "two k": (lambda h5: h5.attrs.update(k=[1.0, 2.0]), r"attribute k = .*: must be a real number"),
@@ -124,7 +130,7 @@ DEFECTS = {
         lambda h5: claim(h5, 10**9, ["radii"]),
         r"radii: shape \(1000000000,\), must be \(N,\)",
     ),
-    "too many": (lambda h5: claim(h5, 10**17), r"p.h5: holds or claims more than there is memory for"),
+    "too many": (lambda h5: claim(h5, 10**17), r"p.h5: larger than the memory"),
 }
 
 

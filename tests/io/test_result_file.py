@@ -206,28 +206,28 @@ def sized(path, change):
 
 
 SPOILED = {  # what happens to a joint file, its own parts and those of another run -> what is said
-    "missing": (lambda joint, own, _: own[1].unlink(), "part s.parts/.*1.h5 is missing: keep the folder s.parts"),
-    "no folder": (lambda joint, own, _: of_a_file(joint), "is missing: keep the folder s.parts"),
+    "missing": (lambda joint, own, _: own[1].unlink(), "part s.parts/.*1.h5: missing. Keep the folder s.parts"),
+    "no folder": (lambda joint, own, _: of_a_file(joint), "missing. Keep the folder s.parts"),
     "shorter": (lambda joint, own, _: sized(own[2], -1), "bytes instead of .*truncated"),
     "longer": (lambda joint, own, _: sized(own[2], 1), "bytes instead of .*truncated"),
-    "another run": (lambda _, own, other: shutil.copy(other[1], own[1]), "is rank 1 of run .*put the right one back"),
+    "another run": (lambda _, own, other: shutil.copy(other[1], own[1]), "is rank 1 of run .*Put the right one back"),
     "written anew": (
         lambda joint, own, _: edit(own[0], lambda h5: h5["particles"].__setitem__(0, 5)),
-        "is damaged: not the one that was written",
+        "damaged, not as it was written",
     ),
     "one bit": (lambda joint, own, _: flip(own[1]), "damaged .its bytes are not those that were written"),
     "changed places": (
         lambda joint, *_: edit(joint, lambda h5: [replaced(name, np.flip)(h5) for name in ("names", "sizes")]),
         "is rank 2 of run .*, not rank 0 of run",
     ),
-    "one forgotten": (lambda joint, *_: edit(joint, forget_last), "its parts do not make up the whole: damaged"),
+    "one forgotten": (lambda joint, *_: edit(joint, forget_last), "its parts do not make up the whole"),
     "a gap": (
         lambda joint, *_: edit(joint, shown((N, 2), slice(0, 6), (6, 2))),
-        "nonaffine: its parts do not make up the whole: damaged",
+        "nonaffine: its parts do not make up the whole",
     ),
-    "other rows": (lambda joint, *_: edit(joint, shown((9, 2), slice(0, 9), (9, 2))), "holds other rows: damaged"),
+    "other rows": (lambda joint, *_: edit(joint, shown((9, 2), slice(0, 9), (9, 2))), "holds other rows"),
 } | {
-    f"named {new}": (lambda joint, *_, put=(old, new): edit(joint, renamed(*put)), "cannot be a part of run")
+    f"named {new}": (lambda joint, *_, put=(old, new): edit(joint, renamed(*put)), "not a part of run")
     for old, new in [("s.parts/", "../s.parts/"), ("s.parts/", "a/s.parts/"), ("s.parts/", "s.other/"),
                      ("-rank-", "x-rank-"), (".h5", ".h5x"), ("-rank-", "-rank")]
 }  # fmt: skip
@@ -284,7 +284,7 @@ def test_a_rewrite_replaces_everything_but_a_renamed_result(joint):
         assert_holds(kept, 1)
         assert_holds(joint, 2)
         assert len(names(joint.parent)) == files
-    with pytest.raises(InputError, match="was replaced by another run since it was loaded: load it again"):
+    with pytest.raises(InputError, match=r"replaced by another run since it was loaded\. Load it again"):
         result["particles"]
 
 
@@ -317,7 +317,7 @@ def test_readers_never_see_a_mixture_of_runs(joint):
             try:
                 rotation = result["fields/rotation"]
             except InputError as error:
-                assert "was replaced by another run" in str(error)
+                assert "replaced by another run" in str(error)
                 continue
             assert np.array_equal(rotation, arrays(seed)[2]["fields/rotation"][0])
             seen.add(seed)
@@ -434,7 +434,7 @@ def test_a_disk_that_fails_at_any_moment_on_any_rank_leaves_what_was_there(
             outcomes = session.comm.allgather((told, left[0] < 0))
         holds = moment if told is None else 0
         assert len({told for told, _ in outcomes}) == 1, "one line, and the same on all ranks"
-        assert told is None or "disk full: make room" in told
+        assert told is None or "disk full. Make room" in told
         assert np.array_equal(load(path)["same"], np.full(9, holds))
         assert load(path).gathered()["rows"].shape == (2, 2 * max(1, session.size - 1), 3)
         assert len(names(shared_path)) == files + 1  # the link
@@ -462,8 +462,8 @@ def test_what_is_raised_between_or_refused_on_rank_0_leaves_what_was_there(sessi
     if session.rank == 0:
         (shared_path / "folder.h5").mkdir()
     for name, message in (
-        ("folder.h5", "is a folder"),
-        ("none/s.h5", "folder .*/none does not exist: create it"),
+        ("folder.h5", "a folder. Give"),
+        ("none/s.h5", r"no folder .*/none\. Create it"),
     ):
         with pytest.raises(InputError, match=f"h5: {message}"):
             put(name)

@@ -52,7 +52,7 @@ def test_every_option_of_a_family_does_something(name):
 @pytest.mark.parametrize(
     ("name", "options", "says"),
     [
-        ("glue", {}, "law glue: choose one of contact, stokes, custom"),
+        ("glue", {}, "law glue: not supported. Choose one of contact, stokes, custom"),
         ("stokes", {"beta": 1.0}, "beta: belongs to law contact, not to stokes"),
         ("contact", {"eta_f": 1.0}, "eta_f: belongs to law stokes or custom, not to contact"),
         ("stokes", {"rotations": False}, "rotations: belongs to law contact"),
@@ -101,7 +101,9 @@ def test_a_fluid_alone_does_not_damp_disks():
 def test_power_laws_are_refused_with_a_fluid(fluid):
     """The fluid's part is linear, and must not be left out silently."""
     law = Law("both", normal=1.0, **{fluid: 0.1})
-    with pytest.raises(InputError, match="law both: the fluid dissipates, too: take one of contacts"):
+    with pytest.raises(
+        InputError, match=r"law both: not supported, the fluid dissipates as well\. Give a law of contacts"
+    ):
         jampetsc.oscillate(published(), law, omega=1.0, strain=1e-6)
     with pytest.raises(
         InputError, match="alpha: power-law damping is of contacts alone, and both has a fluid"

@@ -146,7 +146,7 @@ def test_only_what_is_left_of_the_equations_counts(monkeypatch):
     oscillation = shaker(0.5, 16)
     contacts, law = oscillation.contacts, oscillation.power.softened(1e-8)
     equations = Equations(contacts, Cycle(16, OMEGA), law, Drive(OMEGA, STRESS, True), STRESS, 1.0)
-    with pytest.raises(ConvergenceError, match=r"SNES reason \d+\).* times what is allowed is left"):
+    with pytest.raises(ConvergenceError, match=r"SNES reason \d+\).* times the tolerance"):
         solve_cycle(equations, np.full(equations.size, 1e-9), 1e-9 * STRESS)
 
 

@@ -108,16 +108,20 @@ def test_some_rows_of_a_study_are_chosen_by_their_values(folder, tmp_path, capsy
     assert plot(folder, "--kind", "loss", "--where", "command=sweep,file=sweep-0.01-3.h5") == 0
     assert "G'' of 1 sweep," in capsys.readouterr().out
     for path, where, says in (
-        (folder, "command=sweeps", "no row of {folder}/table.csv: command is pack or jam or shear or sweep"),
+        (
+            folder,
+            "command=sweeps",
+            "no such row in {folder}/table.csv. Choose among: command is pack or jam or shear or sweep",
+        ),
         (folder, "state=failed", "state is done"),
         (folder, "beta=1", "no column beta"),
-        (folder, "file", "--where file: write column=value"),
-        (folder / "sweep-0.01-3.h5", "n=1", "--where n=1: chooses rows of a study"),
+        (folder, "file", "--where file: not a list of conditions. Write column=value"),
+        (folder / "sweep-0.01-3.h5", "n=1", "--where n=1: "),
         (folder / "none", "n=1", "none: no such file"),
         (
             tmp_path,
             "n=1",
-            "is a folder without table.csv: give the file in it; a study that was stopped, run",
+            "a folder without table.csv. Give the file in it; run a study that was stopped again",
         ),
     ):
         assert plot(path, "--where", where) == 2

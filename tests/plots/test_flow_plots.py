@@ -190,7 +190,7 @@ def test_the_last_snapshot_is_the_last_state(runs):
 @pytest.mark.parametrize(
     ("count", "kind", "says"),
     [
-        (1, "snapshot", "holds no snapshots"),
+        (1, "snapshot", "no snapshots. Run the flow"),
         (2, "velocities", "Plot them one by one"),
         (1, "moduli", "a flow file"),
         (4, "profile", "4 kinds of flow: one picture of profiles shows 3"),
@@ -278,7 +278,7 @@ def test_order_is_drawn_kind_by_kind_with_its_mean():
     later = seen(one_size, 3, **files[1] | {"snapshots/strain": strain + 1})
     for refused, says in (
         ([files[0], later], "snapshots at other strains than monodisperse-1.h5"),
-        ([seen(one_size, 1)], "holds no snapshots: run the flow with"),
+        ([seen(one_size, 1)], "no snapshots. Run the flow with"),
     ):
         with pytest.raises(InputError, match=says):
             plot_order(refused)
@@ -300,7 +300,7 @@ def test_profiles_are_means_of_windows_and_of_runs():
     assert sum("x_value" in row for row in table_rows(empty)) == 3 * 3
     steady = ax.containers[-1].lines[0]
     np.testing.assert_allclose(steady.get_data(), [1.05 * y, y])
-    with pytest.raises(InputError, match="holds no velocity profiles"):
+    with pytest.raises(InputError, match="no velocity profiles"):
         mean_profile(velocity_profiles([seen("bidisperse", 1, strain=strain)], 0, 1))
     with pytest.raises(InputError, match="has no row between strain 3 and 4"):
         mean_profile(velocity_profiles(files, 3.0, 4.0))

@@ -79,7 +79,7 @@ def test_size_limits_words_and_style_are_chosen(tmp_path):
         ({"nonsense": 1}, "nonsense: not an option of any picture"),
         ({"kind": "moduli", "mu": 1}, "mu 1: an option of collapse pictures, not of moduli"),
         ({"mu": 11}, r"mu 11: must lie in \[0, 10\]"),
-        ({"statistic": "mode"}, "statistic mode: choose one of mean, median"),
+        ({"statistic": "mode"}, "statistic mode: not supported. Choose one of mean, median"),
         ({"csv": "n.txt"}, "n.txt: unknown ending. Give it the ending .csv"),
         ({"csv": "nowhere/n.csv"}, "nowhere does not exist"),
         ({"ax": Figure().subplots(), "size": (2, 2)}, "size, ax: both given"),

@@ -84,7 +84,7 @@ def test_what_is_edited_has_no_proof(path, edit):
     disks = edited(path, EDITS[edit])
     assert not proved_minimum(disks)
     told = describe.packing(path, disks)
-    assert "it counts for nothing" in told and "proved" not in told
+    assert "for other coordinates; ignored" in told and "proved" not in told
 
 
 @pytest.mark.scalar("real")

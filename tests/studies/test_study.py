@@ -314,7 +314,7 @@ def test_a_claim_that_cannot_be_written_is_an_error_and_an_input_is_waited_for(t
     later.join()
     assert claims.tally() == (1, 0)
     claims.end()
-    with pytest.raises(InputError, match="b: cannot be written"):
+    with pytest.raises(InputError, match="b: not writable"):
         claims.take("b")
 
 

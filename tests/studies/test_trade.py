@@ -97,15 +97,15 @@ def with_record(path, n=64, **record):
     ("words", "message"),
     [
         ("none.h5 --out t.csv", "none.h5: no such file"),
-        ("--out t.txt", "--out t.txt: give it the ending .csv"),
+        ("--out t.txt", "--out t.txt: unknown ending. Give it the ending .csv"),
         ("--out t.csv --choices method,speed", "--choices method,speed: 'speed' is not in"),
         ("--out t.csv --options-files none.opts", "--options-files none.opts: no such file"),
         ("--out none/t.csv", "none/t.csv: folder none does not exist"),
-        ("--out t.csv --ranks 3", "--ranks 3: neither mpirun nor mpiexec is in PATH"),
-        ("--out t.csv --options-files t.csv", "t.csv: is the input"),
-        ("--out t.csv --options-files t.png", "t.png: is the input"),
-        ("--out p.h5.csv", "p.h5.csv: is there already and"),
-        ("--out other.csv", "other.png: is there already and"),
+        ("--out t.csv --ranks 3", "--ranks 3: neither mpirun nor mpiexec in PATH"),
+        ("--out t.csv --options-files t.csv", "t.csv: the input"),
+        ("--out t.csv --options-files t.png", "t.png: the input"),
+        ("--out p.h5.csv", "p.h5.csv: exists and"),
+        ("--out other.csv", "other.png: exists and"),
     ],
 )  # fmt: skip
 def test_what_can_be_known_to_be_wrong_is_said_before_anything_runs(tmp_path, monkeypatch, words, message):
@@ -122,7 +122,7 @@ def test_what_can_be_known_to_be_wrong_is_said_before_anything_runs(tmp_path, mo
     assert str(error.value).startswith(message) and "\n" not in str(error.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*held, "p.h5"])
     monkeypatch.setattr(launcher, "several", lambda: True)
-    with pytest.raises(InputError, match="run it without mpirun and give ranks"):
+    with pytest.raises(InputError, match="Run it without mpirun, with ranks"):
         good.check_outputs(Outlet("t.csv"))
 
 
@@ -290,7 +290,12 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, rep
     [
         (2, InputError, "^ended by 2$", 1),
         (1, JampetscError, "^no reference: ended by 1$", 1),
-        (3, ConvergenceError, "^no reference, the rational sweep failed at every accuracy: ended by 3$", 11),
+        (
+            3,
+            ConvergenceError,
+            "^no reference, as the rational sweep failed at every accuracy: ended by 3$",
+            11,
+        ),
     ],
 )
 def test_where_there_is_no_reference(told, status, kind, message, runs):

@@ -131,10 +131,12 @@ def test_the_demo_shows_means_and_powers_with_errors(tmp_path):
 
 def test_a_copy_goes_into_a_new_folder_and_names_of_files_are_told(tmp_path, capsys):
     assert cli.main(["examples", "--copy", str(tmp_path)]) == 2
-    assert f"--copy {tmp_path}: is there already: name a new folder" in capsys.readouterr().err
+    assert f"--copy {tmp_path}: exists. Give the name of a new folder" in capsys.readouterr().err
     assert os.listdir(tmp_path) == []
     assert cli.main(["trade", "p.h5", "--out", "t.csv", "--options-files", "jampetsc:mump"]) == 2
-    assert "jampetsc:mump: no such options file; there are jampetsc:iterative, " in capsys.readouterr().err
+    assert (
+        "jampetsc:mump: no such options file. Choose one of jampetsc:iterative, " in capsys.readouterr().err
+    )
 
 
 def test_what_a_job_of_slurm_leaves_is_a_study(tmp_path):
