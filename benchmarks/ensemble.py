@@ -19,7 +19,7 @@ from jampetsc.minimise import protocols
 from jampetsc.minimise.hessian import Bonds, Pattern, border
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.pairs import PairList
+from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.potentials import Potential
 from jampetsc.petsc import session as door
 from jampetsc.petsc.hessian_solver import HessianSolver
@@ -93,7 +93,7 @@ def of_packing(disks, pressure, solver):
 
 def unstressed_modulus(disks, state, solver):
     """G₀ of the load-bearing contacts without pre-stress: (c − bᵀ K⁻¹ b) / V."""
-    bonds = Bonds.of(PairList.build(disks, 1e-9), disks.potential)
+    bonds = Bonds.of(NeighbourList.build(disks, 1e-9), disks.potential)
     bearing = bonds.force > state.threshold
     bearing &= ~(state.rattlers[bonds.pairs.i] | state.rattlers[bonds.pairs.j])
     bonds = replace(bonds, force=np.zeros_like(bonds.force), stiffness=bonds.stiffness * bearing)

@@ -17,6 +17,7 @@ from jampetsc.minimise.descent import Descent, Goal
 from jampetsc.minimise.newton import DAMPING, Pattern, Point
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import UNSTRAINED
 from jampetsc.packing.threads import Team
 from jampetsc.petsc import session
 from jampetsc.petsc.local import NewtonSolver
@@ -56,7 +57,7 @@ def compare(n, pressure, seed, solver):
     pairs, law = descent.pairs, disks.potential.constants
     pattern = Pattern(pairs, n)
     values = pattern.fill(Point.of(descent).bonds, np.ones(n, bool), mu)
-    blocks, touching = warm_start.springs(pairs, np.zeros((n, 2)), 0.0, law, 0.0, 1.0)
+    blocks, touching = warm_start.springs(pairs, np.zeros((n, 2)), UNSTRAINED, law, 0.0, 1.0)
     order = partial(solver.order, n, pairs.i[touching], pairs.j[touching])
     matter = pairs.i, pairs.j, blocks, touching
     by_blocks = partial(ldl.factorise, order(), *matter, ldl.diagonal_of(*matter, np.full(n, mu)))

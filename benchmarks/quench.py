@@ -168,6 +168,7 @@ def step(args):
     from jampetsc.minimise.sizes import radii_of
     from jampetsc.packing.kernel import bond_forces
     from jampetsc.packing.potentials import Potential
+    from jampetsc.packing.strain import UNSTRAINED
     from jampetsc.packing.threads import Team
 
     pressure, steps, team = 1e-3, 30, Team(max(args.threads))
@@ -188,7 +189,7 @@ def step(args):
     for _ in range(100):
         began = time.perf_counter()
         for _ in range(10):
-            bond_forces(listed, moved, 0.0, 0.0, law, forces, None, None)
+            bond_forces(listed, moved, UNSTRAINED, law, forces, None, None)
         shortest["force"] = min(shortest["force"], (time.perf_counter() - began) / 10)
         for threads, descent in descents.items():
             began = time.perf_counter()
@@ -212,6 +213,7 @@ def ours(args):
     from jampetsc.minimise.sizes import radii_of
     from jampetsc.packing.packing import deformed
     from jampetsc.packing.potentials import Potential
+    from jampetsc.packing.strain import growth_and_shear
     from jampetsc.petsc import session
     from jampetsc.petsc.hessian_solver import HessianSolver
 
@@ -226,7 +228,7 @@ def ours(args):
         began = time.perf_counter()
         exact = protocols.make_packing(dense, protocols.Target(pressure), solver, fresh=False, effort=effort)
         at_pressure = time.perf_counter() - began
-        wide = deformed(dense, np.zeros((n, 2)), 0.5 * np.log(dense.phi / exact.phi), 0.0)
+        wide = deformed(dense, np.zeros((n, 2)), growth_and_shear(0.5 * np.log(dense.phi / exact.phi), 0.0))
         inside = protocols.Effort()
         began = time.perf_counter()
         minimise.relax(wide, Goal(), ACCURACY * pressure, effort=inside)

@@ -29,9 +29,10 @@ from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.compiled import FAST, compiled
 from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.neighbour_list import NeighbourList, is_stale
 from jampetsc.packing.packing import deformed
-from jampetsc.packing.pairs import PairList, is_stale
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import UNSTRAINED, simple_shear
 from jampetsc.packing.threads import Team
 from jampetsc.petsc import session
 from jampetsc.petsc.hessian_solver import HessianSolver
@@ -51,7 +52,7 @@ def conjugate_gradients(pairs, listed, law, o, f, d, state, goal, most):
     """
     n = len(o)
     trial, ahead = np.empty_like(o), np.empty_like(f)
-    bond_forces(pairs, o, 0.0, 0.0, law, f, None, None)
+    bond_forces(pairs, o, UNSTRAINED, law, f, None, None)
     evaluations = 1
     fresh = state[1] == 0.0
     while evaluations < most:
@@ -71,7 +72,7 @@ def conjugate_gradients(pairs, listed, law, o, f, d, state, goal, most):
         for k in range(n):
             for axis in range(2):
                 trial[k, axis] = o[k, axis] + length * d[k, axis]
-        bond_forces(pairs, trial, 0.0, 0.0, law, ahead, None, None)
+        bond_forces(pairs, trial, UNSTRAINED, law, ahead, None, None)
         evaluations += 1
         end = np.sum(ahead * d)
         if abs(end) > 0.1 * slope:  # to where the secant of the slope ends
@@ -79,7 +80,7 @@ def conjugate_gradients(pairs, listed, law, o, f, d, state, goal, most):
             for k in range(n):
                 for axis in range(2):
                     trial[k, axis] = o[k, axis] + better * d[k, axis]
-            bond_forces(pairs, trial, 0.0, 0.0, law, ahead, None, None)
+            bond_forces(pairs, trial, UNSTRAINED, law, ahead, None, None)
             evaluations += 1
             length = better
         state[2] = length
@@ -91,7 +92,7 @@ def conjugate_gradients(pairs, listed, law, o, f, d, state, goal, most):
                 f[k, axis] = ahead[k, axis]
                 d[k, axis] = f[k, axis] + turn * d[k, axis]
             far = max(far, o[k, 0] ** 2 + o[k, 1] ** 2)
-        if is_stale(np.sqrt(far), 0.0, 0.0, listed[0], listed[1]):
+        if is_stale(np.sqrt(far), UNSTRAINED, listed[0], listed[1]):
             break
     state[1] = 1.0
     return False, evaluations
@@ -107,12 +108,12 @@ def conjugate(disks, goal, most):
     widest, evaluations = 2.0 * float(disks.radii.max()), 0
     d, f, state = np.empty((disks.n, 2)), np.empty((disks.n, 2)), np.array([0.0, 0.0, 0.5])
     while evaluations < most:
-        pairs, o = PairList.build(disks, 0.4), np.zeros((disks.n, 2))
+        pairs, o = NeighbourList.build(disks, 0.4), np.zeros((disks.n, 2))
         there, more = conjugate_gradients(
             pairs, (widest, 0.4), disks.potential.constants, o, f, d, state, goal, most - evaluations
         )
         evaluations += more
-        disks = deformed(disks, o, 0.0, 0.0)
+        disks = deformed(disks, o, UNSTRAINED)
         if there:
             break
     return disks, evaluations
@@ -153,7 +154,7 @@ def run_of_conjugate_gradients(disks, step, steps):
     """As `run_of_jampetsc`; the residual is held against the pressure there is, which is looked at now and then."""
     diameter, n = 2.0 * float(np.mean(disks.radii)), disks.n
     for _ in range(steps):
-        disks, spent = deformed(disks, np.zeros((n, 2)), 0.0, step).folded(), 0
+        disks, spent = deformed(disks, np.zeros((n, 2)), simple_shear(step)).folded(), 0
         state = measure_minimum(disks)
         while state.jammed and spent < MOST:
             disks, evaluations = conjugate(disks, TOLERANCE * state.pressure * diameter, 300)
@@ -196,7 +197,7 @@ def measure(n, phi, step, steps):
     for _ in range(0, steps, BLOCK):
         starts = []
         for _ in range(BLOCK):
-            affine = deformed(slow.disks, np.zeros((n, 2)), 0.0, step).folded()
+            affine = deformed(slow.disks, np.zeros((n, 2)), simple_shear(step)).folded()
             seconds, done = processor(slow.advance)
             if slow.minimum.jammed:
                 cost["jampetsc"].append((seconds, done.evaluations))

@@ -6,6 +6,7 @@ Each domain finds the clusters of its own disks; then clusters that touch across
 import numpy as np
 
 from jampetsc.flows.resistance import WIDTH, find_contacts_of
+from jampetsc.packing.bond import bond_vector, simple_shear
 from jampetsc.packing.compiled import FAST, compiled
 
 NONE = np.uint32(2**32 - 1)
@@ -92,14 +93,14 @@ def centre_clusters_of(graph, d, u):
 def survey_of(domains, o, shear, graph):
     """(number of clusters, disks of the largest, largest δ/σ) at offsets o (N, 2) and `shear`; overwrites `graph`."""
     i, j, sigma, r0x, r0y = domains.i, domains.j, domains.sigma, domains.r0[0], domains.r0[1]
-    deepest = 0.0
+    strain, deepest = simple_shear(shear), 0.0
     for d in range(len(domains.begin)):
-        find_contacts_of(domains, d, o, shear, graph)
+        find_contacts_of(domains, d, o, strain, graph)
         find_clusters_of(graph, d, o)
         for c in range(domains.begin[d], graph.ends[d, 1]):
             p = graph.touching[c]
-            y = r0y[p] + (o[j[p], 1] - o[i[p], 1])
-            x = r0x[p] + (o[j[p], 0] - o[i[p], 0]) + shear * y
+            a, b = i[p], j[p]
+            x, y = bond_vector(strain, r0x[p], r0y[p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
             deepest = max(deepest, 1.0 - np.sqrt(x * x + y * y) / sigma[p])
     number, largest = unite_clusters(domains, graph)
     return number, largest, deepest

@@ -36,9 +36,9 @@ from jampetsc.flows.step_kernels import (
     update_inner_list,
     write_terms,
 )  # fmt: skip
+from jampetsc.packing.bond import simple_shear
 from jampetsc.packing.compiled import FAST, compiled
-from jampetsc.packing.domains import domain_forces
-from jampetsc.packing.kernel import block_room
+from jampetsc.packing.kernel import block_room, domain_forces
 from jampetsc.packing.threads import meet
 
 ROUNDING = 1e-15  # of a force, relative
@@ -69,7 +69,9 @@ def drag_steps(me, threads, counter, arrays, constants, steps):
             sums = arrays.sums[buffer]
             for d in domains:
                 rows = slice(disks[d], disks[d + 1])
-                bonds = domain_forces(pairs, d, place, 0.0, shear, constants.law, forces, None, None, room)
+                bonds = domain_forces(
+                    pairs, d, place, simple_shear(shear), constants.law, forces, None, None, room
+                )
                 forces[disks[d] : constants.wall_disks] = 0.0
                 if part == 0:
                     far, longest, xy, squares = drift(
@@ -106,7 +108,15 @@ def residual_at(pairs, d, o, g, constants, u, forces, rolling, room):
     Disks of walls have u̇ = 0. rolling: None, or (Ω, ρ, torques), each (N,); see `bond_forces`, whose Sums it returns.
     """
     sums = domain_forces(
-        pairs, d, o, 0.0, g, constants.law, forces, (u, constants.rate, constants.weights), rolling, room
+        pairs,
+        d,
+        o,
+        simple_shear(g),
+        constants.law,
+        forces,
+        (u, constants.rate, constants.weights),
+        rolling,
+        room,
     )
     begin = pairs.disks[d]
     for a in range(begin, pairs.disks[d + 1]):
@@ -131,7 +141,7 @@ def balance(me, threads, counter, arrays, constants, contacts, pairs, o, g, u, r
         # elastic forces follow from distances; squares of viscous ones are weights times dissipation
         elastic = (graph.disks[d + 1] - graph.disks[d]) * (ROUNDING * constants.largest_force) ** 2
         contacts.search.rounding[d] = elastic + ROUNDING**2 * max(constants.weights) * bonds.dissipation
-        find_contacts_of(pairs, d, o, g, graph)
+        find_contacts_of(pairs, d, o, simple_shear(g), graph)
     hold = constants.drag + constants.mass / constants.step
     iterations = solve(
         me,
@@ -216,8 +226,7 @@ def contact_steps(me, threads, counter, arrays, constants, contacts, steps):
                 arrays.inner_pairs,
                 d,
                 o,
-                0.0,
-                g,
+                simple_shear(g),
                 constants.law,
                 arrays.forces,
                 (u, constants.rate, constants.weights),
@@ -284,12 +293,12 @@ def massive_steps(me, threads, counter, arrays, constants, turning, steps):
             motion = predicted, constants.rate, constants.weights
             if turning is None:
                 bonds = domain_forces(
-                    arrays.inner_pairs, d, o, 0.0, g, constants.law, forces, motion, None, room
+                    arrays.inner_pairs, d, o, simple_shear(g), constants.law, forces, motion, None, room
                 )
             else:
                 rolling = current_spins, turning.radii, torques
                 bonds = domain_forces(
-                    arrays.inner_pairs, d, o, 0.0, g, constants.law, forces, motion, rolling, room
+                    arrays.inner_pairs, d, o, simple_shear(g), constants.law, forces, motion, rolling, room
                 )
             forces[disks[d] : constants.wall_disks] = 0.0
             far, longest, xy, squares = kick(

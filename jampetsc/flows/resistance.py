@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jampetsc.packing.bond import bond_vector
 from jampetsc.packing.compiled import FAST, compiled
 from jampetsc.packing.threads import meet
 
@@ -61,8 +62,8 @@ class Graph(NamedTuple):
 
 
 @compiled(FAST, nogil=True, forceinline=True)
-def find_contacts_of(domains, d, o, shear, graph):
-    """Write the contacts of domain d into `graph`, at offsets o (N, 2) and `shear`."""
+def find_contacts_of(domains, d, o, strain, graph):
+    """Write the contacts of domain d into `graph`, at offsets o (N, 2) and `strain`."""
     i, j, sigma = domains.i, domains.j, domains.sigma
     r0x, r0y = domains.r0[0], domains.r0[1]
     # taken out of their tuples, or their references would be counted at every access
@@ -73,8 +74,8 @@ def find_contacts_of(domains, d, o, shear, graph):
     for part in range(2):
         first = np.uint64(domains.begin[d] if part == 0 else domains.across[d])
         for p in range(first, np.uint64(domains.across[d] if part == 0 else domains.end[d])):
-            y = r0y[p] + (o[j[p], 1] - o[i[p], 1])
-            x = r0x[p] + (o[j[p], 0] - o[i[p], 0]) + shear * y
+            a, b = i[p], j[p]
+            x, y = bond_vector(strain, r0x[p], r0y[p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
             touching[count] = p
             count += np.uint64(x * x + y * y < sigma[p] * sigma[p])
         graph.ends[d, part] = count
@@ -92,8 +93,7 @@ def find_contacts_of(domains, d, o, shear, graph):
         p = touching[c]
         a, b = i[p], j[p]
         if len(normals):
-            ny = r0y[p] + (o[b, 1] - o[a, 1])
-            nx = r0x[p] + (o[b, 0] - o[a, 0]) + shear * ny
+            nx, ny = bond_vector(strain, r0x[p], r0y[p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
             unit = 1.0 / np.sqrt(nx * nx + ny * ny)
             nx *= unit
             ny *= unit

@@ -25,10 +25,12 @@ from jampetsc.flows.step_kernels import (
     StepConstants,
 )
 from jampetsc.laws.flow_models import Model, Scheme, stiffest
-from jampetsc.packing.domains import Domains, borders, domain_order
+from jampetsc.packing.domains import borders, domain_order
 from jampetsc.packing.kernel import block_room
+from jampetsc.packing.listed_packing import ListedPacking
+from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import PLACES, Packing, deformed
-from jampetsc.packing.pairs import ListedDisks
+from jampetsc.packing.strain import simple_shear
 from jampetsc.packing.threads import Team
 
 INNER_SKIN_RATIO = 0.2  # skin of the inner list, of which forces are computed, relative to that of the list
@@ -40,7 +42,7 @@ MIN_STEP_PART = 2.0**-30  # part of a time step; if a disk jumps in this one too
 REBUILD = 25.0  # cost of a list in force evaluations; high, as width costs only when the inner list is made
 
 
-class SteadyShear(ListedDisks):
+class SteadyShear(ListedPacking):
     """N disks that `advance` shears at a rate γ̇ under Lees–Edwards conditions, on the threads of `team`.
 
     The packing is `disks`, in a cell with tilt |γ| ≤ ½ Lx/Ly, at total strain `strain`. `tally` has sums over time
@@ -92,10 +94,10 @@ class SteadyShear(ListedDisks):
         )
 
     def list(self, disks):
-        """See `ListedDisks`; γ_ref is the strain now."""
+        """See `ListedPacking`; γ_ref is the strain now."""
         super().list(disks)
         self.list_age = 0
-        domains = Domains.build(disks, self.skin, self._borders, self.team)
+        domains = NeighbourList.build(disks, self.skin, self._borders, self.team)
         self.lists = domains, domains.room()
         if self.solves_velocities:
             weights, number = self.model.law.on_contacts, domains.number
@@ -104,7 +106,7 @@ class SteadyShear(ListedDisks):
             self._contact_solve = ContactSolve(graph, search)
 
     def fold(self):
-        """See `ListedDisks`."""
+        """See `ListedPacking`."""
         self.list(self._sorted(super().disks))
 
     def _sorted(self, disks):
@@ -130,9 +132,9 @@ class SteadyShear(ListedDisks):
         return self.scheme.method != "verlet" and bool(self.model.law.damps_contacts or self.model.mass)
 
     @property
-    def box(self):
-        """See `ListedDisks`."""
-        return 0.0, self.shear
+    def cell_strain(self):
+        """See `ListedPacking`."""
+        return simple_shear(self.shear)
 
     @property
     def strain(self) -> float:
@@ -276,7 +278,9 @@ class SteadyShear(ListedDisks):
                 sums += part * self.tally
                 completed += part
                 self.list(
-                    deformed(self.reference, self.offsets, 0.0, part * self.rate * self.scheme.step).folded()
+                    deformed(
+                        self.reference, self.offsets, simple_shear(part * self.rate * self.scheme.step)
+                    ).folded()
                 )
                 self.substeps += 1
                 self.rebuilds += 1

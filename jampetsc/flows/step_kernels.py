@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jampetsc.packing.bond import simple_shear
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled
-from jampetsc.packing.domains import Domains, choose_near
-from jampetsc.packing.pairs import are_worn, is_stale
+from jampetsc.packing.neighbour_list import NeighbourList, choose_inner_list, inner_list_is_stale, is_stale
 
 # Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², energy U + kinetic, dissipation,
 # iterations, steps
@@ -41,8 +41,8 @@ class StepConstants(NamedTuple):
 class StepArrays(NamedTuple):
     """Arrays that time steps read and write, shared by all threads."""
 
-    pairs: Domains  # of the neighbour list
-    inner_pairs: Domains  # of the inner list
+    pairs: NeighbourList  # of the neighbour list
+    inner_pairs: NeighbourList  # of the inner list
     o: np.ndarray  # (N, 2) offsets
     ahead: np.ndarray  # (N, 2) offsets after the step, of the predictor or of the whole
     u: np.ndarray  # (N, 2) non-affine velocities
@@ -162,7 +162,7 @@ def status_of(far, longest, g, list_widths):
     """BLOWN_UP, STALE or DONE after a move; far = max |o|; list_widths of `StepConstants`."""
     if not longest <= MAX_MOVE_RATIO * list_widths[0]:
         return BLOWN_UP
-    return STALE if is_stale(far, 0.0, g, list_widths[0], list_widths[1]) else DONE
+    return STALE if is_stale(far, simple_shear(g), list_widths[0], list_widths[1]) else DONE
 
 
 @compiled(False)
@@ -190,11 +190,11 @@ def update_inner_list(arrays, constants, domains, o, g, path, list_shear):
     """Make the inner list again if the present one may miss a contact at offsets o and shear g.
 
     path: of the disks since it was made, UNSET_PATH before the first time; list_shear: shear at which it was made.
-    Returns (path, list_shear) of the inner list that serves now; see `packing.pairs.are_worn`.
+    Returns (path, list_shear) of the inner list that serves now; see `inner_list_is_stale`.
     """
     largest, _, skin = constants.list_widths
-    if not are_worn(path, g, list_shear, largest, skin):
+    if not inner_list_is_stale(path, simple_shear(g), simple_shear(list_shear), largest, skin):
         return path, list_shear
     for d in domains:
-        choose_near(arrays.pairs, d, o, g, skin, arrays.inner_pairs)
+        choose_inner_list(arrays.pairs, d, o, simple_shear(g), skin, arrays.inner_pairs)
     return 0.0, g

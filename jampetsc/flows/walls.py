@@ -18,10 +18,11 @@ from jampetsc.errors import InputError, named
 from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.neighbours import spatial_order
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import simple_shear
 
 LAYERS = 20  # of equal height between walls
 GAP = 0.05  # between the disks of a row, in units of their diameters: they never touch
@@ -100,7 +101,7 @@ def velocity_profile(shear: SteadyShear, u) -> np.ndarray:
 
 def stress_on_walls(shear: SteadyShear, u) -> tuple[float, float]:
     """(σ_xy, pressure) that disks of non-affine velocities u (N, 2) exert on the walls, mean of both."""
-    i, j, r0, sigma = shear.pairs
+    *_, i, j, r0, sigma = shear.pairs
     lower = (i < shear.wall_disks) & (j >= shear.wall_disks)
     upper = (i >= shear.wall_disks) & (j < shear.wall_disks)
     # pairs whose moving disk is above the row, which it never crosses
@@ -112,9 +113,9 @@ def stress_on_walls(shear: SteadyShear, u) -> tuple[float, float]:
         rolling = shear.spins, shear.reference.radii, np.empty(len(shear.spins))
     total = np.zeros(2)
     for side, sign in ((above, 1.0), ((lower | upper) & ~above, -1.0)):
-        pairs = PairList(i[side], j[side], np.ascontiguousarray(r0[:, side]), sigma[side])
+        pairs = NeighbourList.of_pairs(len(u), i[side], j[side], r0[:, side], sigma[side])
         forces = np.empty_like(shear.offsets)
-        bond_forces(pairs, shear.offsets, 0.0, shear.shear, task.law, forces, motion, rolling)
+        bond_forces(pairs, shear.offsets, simple_shear(shear.shear), task.law, forces, motion, rolling)
         total += sign * forces[: shear.wall_disks].sum(0)
     width = 2.0 * shear.reference.cell[0, 0]
     return float(total[0] / width), float(-total[1] / width)

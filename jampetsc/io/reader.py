@@ -19,6 +19,7 @@ from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.laws.loads import loads_of
 from jampetsc.packing.packing import PLACES, Packing, deformed
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import simple_shear
 
 _MIN_RATE = 1e-100  # rates beyond this and its inverse are no rates of relaxation
 _FREQUENCY_TOLERANCE = 1e-12  # two frequencies that differ by less, relatively, are the same
@@ -162,7 +163,7 @@ class FlowResult(ShearedResult):
     def last(self) -> Packing:
         """The packing at the end."""
         shear = int(self["state/since"]) * self.attributes["rate"] * self.attributes["step"]
-        return deformed(self.listed, self["state/offsets"], 0.0, shear).folded()
+        return deformed(self.listed, self["state/offsets"], simple_shear(shear)).folded()
 
 
 class SpectrumResult(Result):

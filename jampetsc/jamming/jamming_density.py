@@ -9,6 +9,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.quasistatic_shear import quench
 from jampetsc.packing.neighbours import neighbour_pairs
 from jampetsc.packing.packing import Packing, deformed
+from jampetsc.packing.strain import growth_and_shear
 
 PHI_STEP = 2e-3  # of the search for φ_J before it is bracketed
 PHI_TOLERANCE = 1e-5  # largest final width of the bracket of φ_J
@@ -42,7 +43,7 @@ def find_jamming_density(disks: Packing, jammed: bool, solver, tolerance: float)
 
 def _rescale_cell(disks, phi):
     """The disks in a cell of packing fraction φ, all lengths but radii scaled."""
-    return deformed(disks, np.zeros((disks.n, 2)), 0.5 * math.log(disks.phi / phi), 0.0)
+    return deformed(disks, np.zeros((disks.n, 2)), growth_and_shear(0.5 * math.log(disks.phi / phi), 0.0))
 
 
 def segregation(disks: Packing) -> float:

@@ -14,9 +14,10 @@ from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise, stress_unit
 from jampetsc.minimise.newton import FORCE_FLOOR
 from jampetsc.packing.contacts import find_contacts, measure
+from jampetsc.packing.listed_packing import SKIN_RANGE, ListedPacking
 from jampetsc.packing.neighbours import fractional, vectors
 from jampetsc.packing.packing import PLACES, Packing
-from jampetsc.packing.pairs import SKIN_RANGE, ListedDisks
+from jampetsc.packing.strain import bond_vector, simple_shear
 from jampetsc.packing.threads import Team
 
 ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
@@ -89,7 +90,7 @@ def quench(disks: Packing, solver, tolerance: float) -> tuple[Packing, MinimumSt
     return minimum, measure_minimum(minimum)
 
 
-class QuasistaticShear(ListedDisks):
+class QuasistaticShear(ListedPacking):
     """Disks sheared step by step; `disks`: the last minimum, `minimum`: its state, `effort`: cost so far.
 
     team: the threads of quenches; their number does not change the result.
@@ -117,9 +118,9 @@ class QuasistaticShear(ListedDisks):
         return super().disks.folded()
 
     @property
-    def box(self):
-        """See `ListedDisks`."""
-        return 0.0, self.shear
+    def cell_strain(self):
+        """See `ListedPacking`."""
+        return simple_shear(self.shear)
 
     def _quench(self, disks) -> Packing:
         effort = Effort()
@@ -131,7 +132,7 @@ class QuasistaticShear(ListedDisks):
         return minimum.disks.folded()
 
     def list(self, disks):
-        """See `ListedDisks`; `shear` is zero then."""
+        """See `ListedPacking`; `shear` is zero then."""
         super().list(disks)
         self.shear, self.area = 0.0, disks.area
 
@@ -149,10 +150,10 @@ class QuasistaticShear(ListedDisks):
 
     def _find_order(self):
         """Find an order of elimination for the present positions."""
-        r = self.pairs.r0 + (self.offsets[self.pairs.j] - self.offsets[self.pairs.i]).T
-        r[0] += self.shear * r[1]
-        near = np.hypot(*r) < self.pairs.sigma + MAX_ORDER_GAP * self.diameter
-        self._order = self.solver.order(self.reference.n, self.pairs.i[near], self.pairs.j[near])
+        pairs, o = self.pairs, self.offsets
+        r = bond_vector(self.cell_strain, *pairs.r0, *(o[pairs.j] - o[pairs.i]).T)
+        near = np.hypot(*r) < pairs.sigma + MAX_ORDER_GAP * self.diameter
+        self._order = self.solver.order(self.reference.n, pairs.i[near], pairs.j[near])
         self._entries = 0
 
     def _factorise(self):

@@ -9,9 +9,11 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.minimise.lbfgs import CONVERGED, STALE, LbfgsProblem, descend
 from jampetsc.minimise.lbfgs_kernels import LbfgsArrays
-from jampetsc.packing.domains import Domains, borders, padded
+from jampetsc.packing.domains import borders, padded
+from jampetsc.packing.listed_packing import ListedPacking
+from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.pairs import ListedDisks
+from jampetsc.packing.strain import Strain, growth_and_shear
 from jampetsc.packing.threads import Team
 
 MEMORY = 5  # pairs (s, y) that are kept
@@ -46,7 +48,7 @@ class Effort:
     report: object = field(default=lambda effort: None, repr=False)
 
 
-class Descent(ListedDisks):
+class Descent(ListedPacking):
     """Disks as they were when their pairs were listed, and their moves since.
 
     `evaluations` counts those of forces, `effort` also those of descents before.
@@ -70,9 +72,9 @@ class Descent(ListedDisks):
         super().__init__(disks, team=team)
 
     def list(self, disks):
-        """See `ListedDisks`; the moves are those in `space`."""
+        """See `ListedPacking`; the moves are those in `space`."""
         super().list(disks)
-        self.domains = Domains.build(disks, self.skin, borders(disks.n), self.team)
+        self.domains = NeighbourList.build(disks, self.skin, borders(disks.n), self.team)
         self.space.offsets[:] = 0.0
         self.space.box[:] = 0.0
         self.offsets = self.space.offsets[: disks.n]
@@ -89,8 +91,13 @@ class Descent(ListedDisks):
 
     @property
     def box(self):
-        """See `ListedDisks`."""
+        """(ε, g) of the cell since the list was made, (2,)."""
         return self.space.box
+
+    @property
+    def cell_strain(self) -> Strain:
+        """See `ListedPacking`."""
+        return growth_and_shear(*self.box.tolist())
 
     @property
     def area(self) -> float:
@@ -99,7 +106,7 @@ class Descent(ListedDisks):
 
     def bonds(self) -> Bonds:
         """The bonds of the listed pairs in the present state."""
-        return Bonds.of(self.pairs, self.potential, self.offsets, *self.box)
+        return Bonds.of(self.pairs, self.potential, self.offsets, self.cell_strain)
 
     def move(self, moves, strain):
         """Move the disks by (N, 2), then deform the cell with them by a small strain (ε, g)."""
@@ -124,10 +131,10 @@ class Descent(ListedDisks):
 
     def stiffest(self):
         """Largest contact stiffness: of the present contacts, or of one of `usual_overlap`."""
-        pairs = self.domains.pairs
+        pairs = self.domains.trimmed()
         depth = np.full_like(pairs.sigma, self.usual_overlap())
         if self.potential.alpha > 2.0:
-            depth = np.maximum(depth, Bonds.of(pairs, self.potential, self.offsets, *self.box).overlap)
+            depth = np.maximum(depth, Bonds.of(pairs, self.potential, self.offsets, self.cell_strain).overlap)
         return np.max(self.potential.contact_stiffness(depth, pairs.sigma), initial=1e-300)
 
     def descend(self, force: float, box_force: float, evaluations: int) -> bool:

@@ -13,9 +13,9 @@ import numpy as np
 from jampetsc.minimise.descent import Descent
 from jampetsc.minimise.lbfgs import CONVERGED, MORE, STALE
 from jampetsc.packing.compiled import FAST, compiled
-from jampetsc.packing.domains import domain_forces
-from jampetsc.packing.kernel import block_room
-from jampetsc.packing.pairs import is_stale
+from jampetsc.packing.kernel import block_room, domain_forces
+from jampetsc.packing.neighbour_list import is_stale
+from jampetsc.packing.strain import UNSTRAINED
 from jampetsc.packing.threads import meet
 
 STEP = 0.5  # largest time step, in units of √(m/k): the stiffest mode, ω² ≈ 8–12 k/m, is stable up to 0.6
@@ -82,7 +82,7 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
     status, done, room = MORE, 0, block_room()
     while done < steps:
         for d in range(first, last):
-            domain_forces(domains, d, motion.offsets, 0.0, 0.0, law, motion.forces, None, None, room)
+            domain_forces(domains, d, motion.offsets, UNSTRAINED, law, motion.forces, None, None, room)
             here = slice(2 * domains.disks[d], 2 * domains.disks[d + 1])
             _sums(f[here], v[here], motion.sums[d])
         meet(counter, threads)
@@ -113,7 +113,7 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
         far = 0.0
         for d in range(number):
             far = max(far, motion.reaches[d])
-        if is_stale(np.sqrt(2.0) * far, 0.0, 0.0, 0.0, skin):
+        if is_stale(np.sqrt(2.0) * far, UNSTRAINED, 0.0, skin):
             status = STALE
             break
     return status, done, Clock(step, mixing, downhill)

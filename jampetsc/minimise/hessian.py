@@ -7,21 +7,21 @@ Bonds become e^ε [[1, g], [0, 1]] (r + o_j − o_i). With M = k n nᵀ − (f/r
     ∂²H/∂o∂g   Σ M s − f (0, n_x)            ∂²H/∂ε∂g  Σ (k r − f) n_x r_y
 """
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from jampetsc.laws.relative_motion import linear_forms, squares
 from jampetsc.packing.compiled import compiled
-from jampetsc.packing.pairs import PairList
+from jampetsc.packing.neighbour_list import NeighbourList
+from jampetsc.packing.strain import UNSTRAINED, Strain, bond_vector
 
 
 @dataclass(frozen=True, eq=False)
 class Bonds:
     """Forces and stiffnesses of all listed pairs, zero for those that do not touch."""
 
-    pairs: PairList
+    pairs: NeighbourList
     r: np.ndarray  # (2, M)
     normal: np.ndarray  # (2, M)
     distance: np.ndarray  # (M,)
@@ -30,14 +30,11 @@ class Bonds:
     stiffness: np.ndarray  # (M,)
 
     @classmethod
-    def of(cls, pairs: PairList, potential, offsets=None, strain: float = 0.0, shear: float = 0.0) -> "Bonds":
-        """State of the listed pairs after offsets (N, 2) and F = e^strain [[1, shear], [0, 1]] since the list."""
+    def of(cls, pairs: NeighbourList, potential, offsets=None, strain: Strain = UNSTRAINED) -> "Bonds":
+        """State of the listed pairs after offsets (N, 2) and a strain of the cell since the list."""
         r = pairs.r0
         if offsets is not None:
-            r = r + (offsets[pairs.j] - offsets[pairs.i]).T
-            # Only the change is rounded: an error of e^ε, the same in every bond, would show in the pressure.
-            sheared = math.exp(strain) * shear * np.stack((r[1], np.zeros_like(r[1])))
-            r = r + math.expm1(strain) * r + sheared
+            r = np.stack(bond_vector(strain, *r, *(offsets[pairs.j] - offsets[pairs.i]).T))
         distance = np.hypot(r[0], r[1])
         overlap = pairs.sigma - distance
         touching = overlap > 0

@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.minimise.lbfgs_kernels import LbfgsArrays, adjust, measure, step
+from jampetsc.packing.bond import growth_and_shear
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.kernel import block_room
-from jampetsc.packing.pairs import is_stale
+from jampetsc.packing.neighbour_list import is_stale
 from jampetsc.packing.threads import meet
 
 STRETCH = 0.01  # no side of the cell changes by more than this fraction in one step
@@ -215,7 +216,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
             far = 0.0
             for d in range(number):
                 far = max(far, space.reaches[d, 2])
-        if is_stale(np.sqrt(2.0) * far, box[0], box[1], task.widest, task.skin):
+        if is_stale(np.sqrt(2.0) * far, growth_and_shear(box[0], box[1]), task.widest, task.skin):
             _adjust_box(box, move, 0.0, task.scale)
             for d in range(first, last):
                 adjust(domains, d, own, 0.0, head)

@@ -11,8 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jampetsc.packing.bond import growth_and_shear
 from jampetsc.packing.compiled import FAST, compiled
-from jampetsc.packing.domains import GRAIN, domain_forces
+from jampetsc.packing.domains import GRAIN
+from jampetsc.packing.kernel import domain_forces
 
 CHUNK = 2 * GRAIN  # coordinates worked on at a time
 
@@ -117,12 +119,13 @@ def measure(domains, d, space, task, factors, now, slot, room):
 
     room: see `block_room`.
     """
-    strain, shear = space.box[0], space.box[1]
+    growth, shear = space.box[0], space.box[1]
+    strain = growth_and_shear(growth, shear)
     fresh = space.forces[now]
-    bonds = domain_forces(domains, d, space.offsets, strain, shear, task.law, fresh, None, None, room)
+    bonds = domain_forces(domains, d, space.offsets, strain, task.law, fresh, None, None, room)
     first, last = domains.disks[d], domains.disks[d + 1]
     if shear != 0.0:
-        _shear(fresh[first:last], np.exp(strain), shear)
+        _shear(fresh[first:last], np.exp(growth), shear)
     rows = len(space.box_pairs)
     new = fresh.reshape(-1)
     old = space.forces[1 - now].reshape(-1)

@@ -13,6 +13,7 @@ from jampetsc.packing.contacts import measure
 from jampetsc.packing.neighbours import spatial_order
 from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import growth_and_shear
 from jampetsc.packing.threads import Team
 
 FIRST = 1e-3  # pressure in units of k from which a random start is decompressed decade by decade
@@ -75,7 +76,9 @@ def changed(disks: Packing, target: Target) -> Packing:
                 "no disks touch, so there is no pressure to change: give a packing fraction, or use a random start"
             )
         return disks
-    return deformed(disks, np.zeros((disks.n, 2)), 0.5 * math.log(disks.phi / target.phi), 0.0)
+    return deformed(
+        disks, np.zeros((disks.n, 2)), growth_and_shear(0.5 * math.log(disks.phi / target.phi), 0.0)
+    )
 
 
 def make_packing(

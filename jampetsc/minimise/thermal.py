@@ -11,11 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc import interrupts
+from jampetsc.packing.bond import bond_vector, pair_energy
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.contacts import both_ends
-from jampetsc.packing.kernel import pair_energy
+from jampetsc.packing.listed_packing import ListedPacking
+from jampetsc.packing.neighbour_list import NeighbourList, is_stale
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.pairs import ListedDisks, PairList, is_stale
+from jampetsc.packing.strain import UNSTRAINED
 
 SKIN = 0.5  # of the pair list, in mean diameters
 LONGEST = 0.25  # reach, in skins: a move from a new list never makes it stale
@@ -24,7 +26,7 @@ COLD = 1e-8  # temperature in units of k at which cooling ends: overlaps are the
 
 
 class Around(NamedTuple):
-    """Every pair of a `PairList` from both its ends; those of disk a are start[a] … start[a + 1] − 1."""
+    """Every pair of a half list from both its ends; those of disk a are start[a] … start[a + 1] − 1."""
 
     start: np.ndarray  # (N + 1,)
     other: np.ndarray  # (2M,) the other disk
@@ -32,7 +34,7 @@ class Around(NamedTuple):
     sigma: np.ndarray  # (2M,)
 
     @classmethod
-    def of(cls, pairs: PairList, n: int) -> "Around":
+    def of(cls, pairs: NeighbourList, n: int) -> "Around":
         """For a list of the pairs of n disks."""
         near, other = both_ends(pairs.i, pairs.j)
         order = np.argsort(near, kind="stable")
@@ -47,8 +49,7 @@ def energy_of(a, x, y, around, o, law):
     energy = 0.0
     for q in range(around.start[a], around.start[a + 1]):
         b = around.other[q]
-        rx = around.bond[q, 0] + o[b, 0] - x
-        ry = around.bond[q, 1] + o[b, 1] - y
+        rx, ry = bond_vector(UNSTRAINED, around.bond[q, 0], around.bond[q, 1], o[b, 0] - x, o[b, 1] - y)
         energy += pair_energy(rx, ry, around.sigma[q], law)
     return energy
 
@@ -64,7 +65,7 @@ def _moves(around, law, o, temperature, reach, stale, draws):
         a = min(int(draws[m, 0] * len(o)), len(o) - 1)
         x = o[a, 0] + reach * (2.0 * draws[m, 1] - 1.0)
         y = o[a, 1] + reach * (2.0 * draws[m, 2] - 1.0)
-        if is_stale(np.sqrt(x * x + y * y), 0.0, 0.0, stale[0], stale[1]):
+        if is_stale(np.sqrt(x * x + y * y), UNSTRAINED, stale[0], stale[1]):
             return m, taken
         change = energy_of(a, x, y, around, o, law) - energy_of(a, o[a, 0], o[a, 1], around, o, law)
         if change <= 0.0 or draws[m, 3] < np.exp(-change / temperature):
@@ -73,7 +74,7 @@ def _moves(around, law, o, temperature, reach, stale, draws):
     return len(draws), taken
 
 
-class Thermal(ListedDisks):
+class Thermal(ListedPacking):
     """N disks in a fixed cell that make Monte Carlo moves, with random numbers from a generator.
 
     `reach` may be set; `sweep(…, tune=True)` keeps the acceptance rate near ACCEPTED.
@@ -85,7 +86,7 @@ class Thermal(ListedDisks):
         self.reach = LONGEST * self.skin
 
     def list(self, disks):
-        """See `ListedDisks`."""
+        """See `ListedPacking`."""
         super().list(disks.folded())
         self._around = Around.of(self.pairs, disks.n)
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from jampetsc.minimise.lbfgs_kernels import dot
 from jampetsc.minimise.ldl import diagonal_of, factorise, solve
+from jampetsc.packing.bond import bond_vector, secant, simple_shear
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled
-from jampetsc.packing.kernel import _secant, bond_forces
-from jampetsc.packing.pairs import is_stale
+from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.neighbour_list import is_stale
 
 MEMORY = 8  # pairs (s, y)
 OVERSHOT = 0.5  # a step is too long if the slope at its end is against it by more than this part of that at its start
@@ -30,25 +31,25 @@ def nothing_remembered(n: int):
 
 
 @compiled(FAST, forceinline=True)
-def springs(pairs, o, g, law, nearby, stress):
-    """(blocks k n nᵀ − (f/r) t tᵀ (M, 2, 2) of the pairs at offsets o and shear g, mask (M,) of those that count).
+def springs(pairs, o, strain, law, nearby, stress):
+    """(blocks k n nᵀ − (f/r) t tᵀ (M, 2, 2) of the pairs at offsets o and `strain`, mask (M,) of those that count).
 
     A pair with a gap below `nearby` counts with half the stiffness that it has at an overlap of `nearby`, so that a
     move that closes it has a cost. With stress = 0 the blocks are without f.
     """
-    i, j, r0, sigma = pairs
+    i, j, r0, sigma = pairs.i, pairs.j, pairs.r0, pairs.sigma
     alpha = 2.5 if law[1] else 2.0
     blocks, chosen = np.zeros((len(i), 2, 2)), np.zeros(len(i), np.bool_)
     for p in range(len(i)):
-        y = r0[1, p] + o[j[p], 1] - o[i[p], 1]
-        x = r0[0, p] + o[j[p], 0] - o[i[p], 0] + g * y
+        a, b = i[p], j[p]
+        x, y = bond_vector(strain, r0[0, p], r0[1, p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
         r = np.sqrt(x * x + y * y)
         d = sigma[p] - r
         if d <= -nearby:
             continue
         chosen[p] = True
-        f = stress * _secant(max(d, 0.0), sigma[p], law) * max(d, 0.0) / r
-        k = (alpha - 1.0) * _secant(d if d > 0.0 else nearby, sigma[p], law)
+        f = stress * secant(max(d, 0.0), sigma[p], law) * max(d, 0.0) / r
+        k = (alpha - 1.0) * secant(d if d > 0.0 else nearby, sigma[p], law)
         if d <= 0.0:
             k *= 0.5
         x, y = x / r, y / r
@@ -64,8 +65,8 @@ def held_by(pairs, chosen, n):
     number = np.zeros(n, np.int64)
     for p in range(len(chosen)):
         if chosen[p]:
-            number[pairs[0][p]] += 1
-            number[pairs[1][p]] += 1
+            number[pairs.i[p]] += 1
+            number[pairs.j[p]] += 1
     return number
 
 
@@ -74,12 +75,12 @@ def _factorised(order, pairs, o, g, law, nearby, stress, damping, stiffness):
     """(definite, factor) of the Hessian with `damping` on its diagonal, and `stiffness` for what few contacts hold."""
     n = len(o)
     shift = np.empty(n)
-    blocks, chosen = springs(pairs, o, g, law, nearby, stress)
+    blocks, chosen = springs(pairs, o, simple_shear(g), law, nearby, stress)
     number = held_by(pairs, chosen, n)
     for k in range(n):
         shift[k] = damping + (stiffness if number[k] < 3 else 0.0)
-    diagonal = diagonal_of(pairs[0], pairs[1], blocks, chosen, shift)
-    return factorise(order, pairs[0], pairs[1], blocks, chosen, diagonal)
+    diagonal = diagonal_of(pairs.i, pairs.j, blocks, chosen, shift)
+    return factorise(order, pairs.i, pairs.j, blocks, chosen, diagonal)
 
 
 @compiled(False)
@@ -142,18 +143,18 @@ def contacts_at(pairs, o, g, law):
     At offsets o and shear g. Without symmetry some 3 % of the contacts share a cell of overlaps with an earlier one; a
     symmetry, which maps contacts onto others, makes it half of them or more.
     """
-    i, j, r0, sigma = pairs
-    alpha = 2.5 if law[1] else 2.0
+    i, j, r0, sigma = pairs.i, pairs.j, pairs.r0, pairs.sigma
+    strain, alpha = simple_shear(g), 2.5 if law[1] else 2.0
     number, modulus = 0, 0.0
     overlaps = np.empty(len(i))
     for p in range(len(i)):
-        y = r0[1, p] + o[j[p], 1] - o[i[p], 1]
-        x = r0[0, p] + o[j[p], 0] - o[i[p], 0] + g * y
+        a, b = i[p], j[p]
+        x, y = bond_vector(strain, r0[0, p], r0[1, p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
         square = x * x + y * y
         if square < sigma[p] * sigma[p]:
             number += 1
             overlaps[number - 1] = sigma[p] - np.sqrt(square)
-            k = (alpha - 1.0) * _secant(overlaps[number - 1], sigma[p], law)
+            k = (alpha - 1.0) * secant(overlaps[number - 1], sigma[p], law)
             modulus += k * (x * y) ** 2 / square
     bins = CELLS * max(number, 1)
     taken, alike, total = np.zeros(bins, np.bool_), 0, np.sum(overlaps[:number])
@@ -219,7 +220,7 @@ def _longest(a):
 def follow(pairs, law, scalars, factor, memory, o, moved, forces):
     """Go down from offsets o (N, 2) at shear g of the list to the minimum; returns (status, evaluations, sums).
 
-    pairs     a `PairList`
+    pairs     a `NeighbourList` of one domain
     scalars   (σ_max, skin, V, g, max |F| / (p d) asked for, force that rounding leaves, pressure below which no disks
               touch, d, longest move of a disk in one step, 1 / stiffness of a contact, most evaluations)
     factor    of `factor_of`
@@ -236,7 +237,7 @@ def follow(pairs, law, scalars, factor, memory, o, moved, forces):
     evaluations = tries = 0
     slope = length = done = 0.0
     while True:
-        sums = bond_forces(pairs, o, 0.0, g, law, forces, None, None)
+        sums = bond_forces(pairs, o, simple_shear(g), law, forces, None, None)
         evaluations += 1
         if tries:
             end = dot(flat, d)
@@ -277,5 +278,5 @@ def follow(pairs, law, scalars, factor, memory, o, moved, forces):
         far = _go(o, moved, d.reshape(-1, 2), length - done, g)
         done = length
         tries += 1
-        if is_stale(far, 0.0, g, largest, skin):
+        if is_stale(far, simple_shear(g), largest, skin):
             return STALE, evaluations, sums

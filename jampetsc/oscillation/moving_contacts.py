@@ -1,6 +1,6 @@
 """Disks whose contacts open and close while their cell is sheared: implicit steps in time, without inertia.
 
-In the coordinates of a pair list (see `packing.pairs`) disks move by offsets o, and r = F (r0 + o_j − o_i) with
+In the coordinates of a list (see `packing.neighbour_list`) disks move by offsets o, and r = F (r0 + o_j − o_i) with
 F = [[1, g], [0, 1]]; their non-affine velocity in the laboratory is u = F ȯ. Forces balance at every instant,
 
     ∂R/∂u = f(o, γ) ,     ∂R/∂γ̇ = σV − ∂U/∂γ   where the stress σ is imposed and the strain free,
@@ -18,8 +18,10 @@ from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.power_law import ContactPowerLaw, Damping, Dashpots
 from jampetsc.oscillation.time_step import STAGE, DiskState, Stages, StepMatrix
 from jampetsc.packing.contacts import find_contacts
+from jampetsc.packing.listed_packing import SKIN_START, ListedPacking
+from jampetsc.packing.neighbour_list import is_stale
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.pairs import SKIN_START, ListedDisks, is_stale
+from jampetsc.packing.strain import bond_vector, displace, simple_shear
 
 MAX_OVERLAP_MOVE = (
     3.0  # mean overlaps: no disk moves farther in one of Newton's steps, lest it reach another minimum
@@ -27,7 +29,7 @@ MAX_OVERLAP_MOVE = (
 MAX_SKIN_RATIO = 2.0  # mean diameters: a step that needs a pair list with a larger skin is too long
 
 
-class MovingContacts(ListedDisks):
+class MovingContacts(ListedPacking):
     """A packing under an imposed strain or stress, the `time_step.Springs` of its own steps.
 
     disks: current state
@@ -55,15 +57,18 @@ class MovingContacts(ListedDisks):
         self.stages = Stages(self, self.matrix, STAGE * step, scale)
 
     def list(self, disks):
-        """See `ListedDisks`."""
+        """See `ListedPacking`."""
         super().list(disks.folded())
         self.listed = self.gamma  # strain at which the list was made
         self._served = 0  # steps made with the list
 
     @property
-    def box(self):
-        """See `ListedDisks`."""
-        return 0.0, self.gamma - self.listed
+    def cell_strain(self):
+        """See `ListedPacking`."""
+        return self._strain_at(self.gamma)
+
+    def _strain_at(self, gamma):
+        return simple_shear(gamma - self.listed)
 
     @property
     def velocities(self):
@@ -125,22 +130,24 @@ class MovingContacts(ListedDisks):
         moved[:, 0] -= (gamma - self.listed) * moved[:, 1]
         offsets = base + moved
         return DiskState(
-            offsets, gamma, Bonds.of(self.pairs, self._potential, offsets, 0.0, gamma - self.listed)
+            offsets, gamma, Bonds.of(self.pairs, self._potential, offsets, self._strain_at(gamma))
         )
 
     def covers(self, state) -> bool:
         """See `time_step.Springs`."""
         far = float(np.hypot(*state.places.T).max())
-        return not is_stale(far, 0.0, state.gamma - self.listed, self.largest, self.skin)
+        return not is_stale(far, self._strain_at(state.gamma), self.largest, self.skin)
 
     def energy_change(self, before: DiskState, after: DiskState) -> float:
         """U(after) − U(before) of two states of the same list, computed without subtracting energies."""
         pairs, potential = self.pairs, self._potential
         rx, ry = after.bonds.r + before.bonds.r
         drawn = after.places - before.places
-        dx, dy = (drawn[pairs.j] - drawn[pairs.i]).T
-        low = pairs.r0[1] + (after.places[pairs.j] - after.places[pairs.i])[:, 1]
-        dx = dx + (before.gamma - self.listed) * dy + (after.gamma - before.gamma) * low
+        # r − r of before = F (Δo_j − Δo_i) + ΔE (r0 + o_j − o_i)
+        dx, dy = bond_vector(self._strain_at(before.gamma), 0.0, 0.0, *(drawn[pairs.j] - drawn[pairs.i]).T)
+        bond = pairs.r0 + (after.places[pairs.j] - after.places[pairs.i]).T
+        sheared_x, sheared_y = displace(simple_shear(after.gamma - before.gamma), *bond)
+        dx, dy = dx + sheared_x, dy + sheared_y
         deeper = -(rx * dx + ry * dy) / (after.bonds.distance + before.bonds.distance)
         old, new = (np.maximum(state.bonds.overlap, 0.0) for state in (before, after))
         energy, little = potential.energy(old, pairs.sigma), np.abs(deeper) < 0.5 * old

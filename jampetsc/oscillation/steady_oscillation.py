@@ -21,6 +21,7 @@ from jampetsc.oscillation.drive import HARMONICS, MIN_FIXED_ALPHA, Drive, Oscill
 from jampetsc.oscillation.power_law import STIFFEST, ContactPowerLaw
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.packing import Packing, deformed
+from jampetsc.packing.strain import simple_shear
 from jampetsc.response.assembly import assemble
 
 
@@ -57,7 +58,7 @@ class Start:
         Forces of fixed contacts are wrong where contacts open or close: a disk with only one neighbour, such as a
         rattler that another disk hits, would roll off it at once, however short the steps are.
         """
-        moved = deformed(disks, self.displacement, 0.0, self.gamma)
+        moved = deformed(disks, self.displacement, simple_shear(self.gamma))
         has_same_contacts = np.array_equal(
             *(_pairs(find_contacts(packing), disks.n) for packing in (disks, moved))
         )

@@ -1,6 +1,6 @@
 """The bond kernel: forces, virial, energy and dissipation of all pairs of a list, in one compiled loop.
 
-A bond is r = F (r0 + o_j − o_i) (see `pairs`), n = r/|r|, t = ẑ × n. Where disks have velocities, u the
+A bond is r = F (r0 + o_j − o_i) (see `neighbour_list`), n = r/|r|, t = ẑ × n. Where disks have velocities, u the
 non-affine ones, and spins Ω, their contact moves by
 
     ṙ = u_j − u_i + γ̇ r_y x̂,    a∥ = n·ṙ,    a⊥ = t·ṙ,    a⊥ᶜ = a⊥ − ρ_i Ω_i − ρ_j Ω_j,
@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jampetsc.packing.bond import bond_vector, secant
 from jampetsc.packing.compiled import FAST, compiled
-from jampetsc.packing.potentials import secant_stiffness
 
 BLOCK = 1024  # pairs worked on at a time: their temporaries stay in the first-level cache
 # Rows of one array: with one array each, the compiler would have too many to prove that none overlaps another,
@@ -43,20 +43,8 @@ class Sums(NamedTuple):
     viscous_yy: float
 
 
-_secant = compiled(FAST, cache=False, forceinline=True)(secant_stiffness)
-
-
-@compiled(False)
-def pair_energy(rx, ry, sigma, law):
-    """V of one pair at distance |r|; law = `potential.constants`."""
-    overlap = sigma - np.sqrt(rx * rx + ry * ry)
-    if overlap <= 0.0:
-        return 0.0
-    return _secant(overlap, sigma, law) * overlap * overlap / (2.5 if law[1] else 2.0)
-
-
 @compiled(FAST, forceinline=True)
-def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, rolling):
+def _block_forces(r0x, r0y, sigma, bx, by, moving, strain, law, motion, rolling):
     """Turn o_j − o_i in (bx, by) into the forces on j, for one block of pairs: no branches, no indices.
 
     With motion (bx, by) include r0: two arrays fewer, within the compiler's limit for proofs that none overlap.
@@ -67,17 +55,14 @@ def _block_forces(r0x, r0y, sigma, bx, by, moving, scale, mix, law, motion, roll
     energy = wxx = wxy = wyy = 0.0
     dissipation = vxx = vxy = vyy = 0.0
     for q in range(len(sigma)):
-        dx = bx[q]
-        dy = by[q]
         if motion is None:
-            dx += r0x[q]
-            dy += r0y[q]
-        rx = scale * dx + mix * dy
-        ry = scale * dy
+            rx, ry = bond_vector(strain, r0x[q], r0y[q], bx[q], by[q])
+        else:
+            rx, ry = bond_vector(strain, 0.0, 0.0, bx[q], by[q])
         r = np.sqrt(rx * rx + ry * ry)
         d = sigma[q] - r
         d = d if d > 0.0 else 0.0
-        f = _secant(d, sigma[q], law) * d
+        f = secant(d, sigma[q], law) * d
         energy += f * d
         w = f / r
         wx = w * rx
@@ -126,15 +111,13 @@ def block_room():
 
 
 @compiled(FAST, forceinline=True)
-def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion, rolling, room):
+def add_forces(pairs, first, middle, last, o, strain, law, forces, motion, rolling, room):
     """Add the forces of pairs first … last − 1 to `forces` (N, 2), from `middle` on only those on i; returns the Sums.
 
-    A pair that acts on i only is listed again from its other side, and counts half. Arguments as for `bond_forces`;
-    room: see `block_room`.
+    A pair that acts on i only is listed again from its other side, and counts half. Arguments as for
+    `domain_forces`.
     """
     i, j, r0, sigma = pairs
-    scale = np.exp(strain)
-    mix = scale * shear
     r0x, r0y = r0[0], r0[1]
     bx, by, moving = room
     k, hertzian, scaled = law
@@ -169,9 +152,9 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
         arrays = r0x[block], r0y[block], sigma[block], bx[inside], by[inside], moving
         # With a flag that is no constant the compiler computes the root of a Hertzian law for every law.
         if hertzian:
-            sums = _block_forces(*arrays, scale, mix, (k, True, scaled), motion, rolling)
+            sums = _block_forces(*arrays, strain, (k, True, scaled), motion, rolling)
         else:
-            sums = _block_forces(*arrays, scale, mix, (k, False, scaled), motion, rolling)
+            sums = _block_forces(*arrays, strain, (k, False, scaled), motion, rolling)
         energy += weight * sums[0]
         wxx += weight * sums[1]
         wxy += weight * sums[2]
@@ -206,16 +189,26 @@ def add_forces(pairs, first, middle, last, o, strain, shear, law, forces, motion
 
 
 @compiled(FAST, forceinline=True)
-def bond_forces(pairs, o, strain, shear, law, forces, motion, rolling):
-    """Net forces of all bonds into `forces` (N, 2); returns their Sums.
+def domain_forces(domains, d, o, strain, law, forces, motion, rolling, room):
+    """Net forces on the disks of domain d of a `NeighbourList` into their rows of `forces`; returns the domain's Sums.
 
-    pairs = (i, j, r0, sigma) of a PairList; o (N, 2) offsets; law = `potential.constants`
+    o         (N, 2) offsets
+    strain    `Strain` of the cell since the list
+    law       `potential.constants`
     motion    None, or (u (N, 2), γ̇, (c_∥, c_⊥, c_s)): damped contacts
     rolling   None, or (Ω (N,), ρ (N,), torques (N,)): with spins; torques are overwritten
+    room      see `block_room`
     """
-    forces[:] = 0.0
+    own = slice(domains.disks[d], domains.disks[d + 1])
+    forces[own] = 0.0
     if rolling is not None:
-        rolling[2][:] = 0.0
-    # a literal 0 has a type of its own, for which add_forces would be compiled once more
-    ends = (np.int64(0), len(pairs[1]), len(pairs[1]))
-    return add_forces(pairs, *ends, o, strain, shear, law, forces, motion, rolling, block_room())
+        rolling[2][own] = 0.0
+    pairs = domains.i, domains.j, domains.r0, domains.sigma
+    ends = domains.begin[d], domains.across[d], domains.end[d]
+    return add_forces(pairs, *ends, o, strain, law, forces, motion, rolling, room)
+
+
+@compiled(FAST, forceinline=True)
+def bond_forces(pairs, o, strain, law, forces, motion, rolling):
+    """Net forces of a `NeighbourList` of one domain into `forces` (N, 2); returns their Sums. See `domain_forces`."""
+    return domain_forces(pairs, np.int64(0), o, strain, law, forces, motion, rolling, block_room())

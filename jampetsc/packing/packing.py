@@ -7,7 +7,6 @@ offset: `base` is a multiple of GRID, so that differences of bases and cell vect
 """
 
 import hashlib
-import math
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -17,6 +16,7 @@ from jampetsc.errors import InputError
 from jampetsc.packing.cell import cell_of, read_numbers
 from jampetsc.packing.neighbours import fractional, vectors
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import Strain, displace
 
 PLANE_TOLERANCE = 1e-8  # largest radii: spread of z within which centres lie in one plane
 GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved to 3e-24
@@ -297,25 +297,22 @@ class Packing:
         return self.replace(**{name: a[order] for name, a in arrays.items() if isinstance(a, np.ndarray)})
 
 
-def deformed(packing: Packing, offsets, strain, shear) -> Packing:
-    """The packing at F (x + o), with F = e^strain [[1, shear], [0, 1]].
+def deformed(packing: Packing, offsets, strain: Strain) -> Packing:
+    """The packing at F (x + o), F = 1 + E of `strain`.
 
-    Only the change is rounded, never the coordinates: base + (offset + o) + (F − 1)(x + o).
+    Only the change is rounded, never the coordinates: base + (offset + o) + E (x + o).
     """
-    growth, mixing = math.expm1(strain), math.exp(strain) * shear
-    base, offset = _deformed(packing.base, packing.offset, offsets, growth, mixing)
-    cell_base, cell_offset = _deformed(
-        packing.cell_base, packing.cell_offset, np.zeros((2, 2)), growth, mixing
-    )
+    base, offset = _deformed(packing.base, packing.offset, offsets, strain)
+    cell_base, cell_offset = _deformed(packing.cell_base, packing.cell_offset, np.zeros((2, 2)), strain)
     places = {"base": base, "offset": offset, "cell_base": cell_base, "cell_offset": cell_offset}
     # not `replace`: velocities of a snapshot are not those of the deformed packing
     return Packing._of_fields(**{one.name: getattr(packing, one.name) for one in fields(Packing)} | places)
 
 
-def _deformed(base, offset, moves, growth, mixing):
-    """(base, offset) of x + o + (F − 1)(x + o), all (N, 2), with F − 1 = [[growth, mixing], [0, growth]]."""
+def _deformed(base, offset, moves, strain):
+    """(base, offset) of x + o + E (x + o), all (N, 2)."""
     low = offset + moves
     x, y = (base + low).T
-    low += np.column_stack((growth * x + mixing * y, growth * y))
+    low += np.column_stack(displace(strain, x, y))
     carry = GRID * np.rint(low / GRID)
     return base + carry, low - carry

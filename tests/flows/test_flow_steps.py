@@ -15,6 +15,7 @@ from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import UNSTRAINED, simple_shear
 from jampetsc.packing.threads import Team
 
 LAWS = ROWS | {"across": (Law("across", normal=0.3, transverse=1.0), 0.0)}
@@ -71,7 +72,7 @@ class Numpy:
     def moved(self, u):
         """The disks a step later, by u, with the affine flow at the middle of the way."""
         half = 0.5 * self.step * u
-        return deformed(deformed(self.disks, half, 0.0, SHEARED), half, 0.0, 0.0)
+        return deformed(deformed(self.disks, half, simple_shear(SHEARED)), half, UNSTRAINED)
 
     def add_terms(self, u, spin):
         contacts, law, mass = find_contacts(self.disks), self.model.law, self.model.mass
@@ -121,7 +122,7 @@ def test_energy_is_balanced_at_every_instant(name):
     terms, (force, torques) = plain.tally, plain.forces(disks, u, spin)
 
     def energy(h):
-        contacts = find_contacts(deformed(disks, h * u, 0.0, h * plain.rate))
+        contacts = find_contacts(deformed(disks, h * u, simple_shear(h * plain.rate)))
         return disks.potential.energy(contacts.overlap, contacts.sigma).sum()
 
     change = (energy(h) - energy(-h)) / (2 * h) + (np.sum(u * force) + spin @ torques if mass else 0.0)

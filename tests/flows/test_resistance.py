@@ -8,8 +8,9 @@ from sheared import crowd
 
 from jampetsc.flows import clusters, resistance
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.domains import Domains
+from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import deformed
+from jampetsc.packing.strain import simple_shear
 
 
 def dense(disks, weights, hold, held=0):
@@ -35,8 +36,8 @@ def placed(request):
     disks = disks.replace(radii=disks.radii * np.where(np.arange(24) == 9, giant, 1.0))
     shear = 0.08
     offsets = np.random.default_rng(1).normal(0, 0.03, (24, 2))
-    domains = Domains.build(disks, 0.5, 24 * np.arange(number + 1) // number)
-    return deformed(disks, offsets, 0.0, shear), offsets, shear, domains
+    domains = NeighbourList.build(disks, 0.5, 24 * np.arange(number + 1) // number)
+    return deformed(disks, offsets, simple_shear(shear)), offsets, shear, domains
 
 
 def graph_of(placed, weights, held=0):
@@ -44,7 +45,7 @@ def graph_of(placed, weights, held=0):
     disks, offsets, shear, domains = placed
     graph = resistance.Graph.room(domains, disks.n, held, weights[0] != weights[1])
     for d in range(domains.number):
-        resistance.find_contacts_of(domains, d, offsets, shear, graph)
+        resistance.find_contacts_of(domains, d, offsets, simple_shear(shear), graph)
     return graph
 
 

@@ -25,6 +25,7 @@ from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import simple_shear
 
 SOFT = Potential("harmonic", "inverse-square-diameter")
 
@@ -83,7 +84,13 @@ def test_forces_on_the_walls_balance_those_between_them(channel, name):
         rolling = run.spins, run.reference.radii, np.empty(len(run.spins))
     task = run.step_constants()
     sums = bond_forces(
-        run.pairs, run.offsets, 0.0, run.shear, task.law, forces, (u, task.rate, task.weights), rolling
+        run.pairs,
+        run.offsets,
+        simple_shear(run.shear),
+        task.law,
+        forces,
+        (u, task.rate, task.weights),
+        rolling,
     )
     disks = run.disks
     y = (disks.positions[:, 1] - 0.5 * disks.cell[1, 1])[held:]

@@ -21,6 +21,7 @@ from jampetsc.packing.contacts import measure
 from jampetsc.packing.minimum_proof import proved_minimum
 from jampetsc.packing.packing import deformed
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import simple_shear
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process
 
@@ -95,7 +96,7 @@ def test_the_descent_finds_the_minimum_of_a_quench(jammed):
     cost, same = Effort(), 0
     evaluations = 0
     for _ in range(20):
-        affine = deformed(slow.disks, np.zeros((48, 2)), 0.0, 5e-4)
+        affine = deformed(slow.disks, np.zeros((48, 2)), simple_shear(5e-4))
         evaluations += slow.advance().evaluations
         quenched = measure_minimum(minimise(affine, Goal(), solver, tolerance=1e-9, effort=cost).disks)
         same += slow.minimum.energy == pytest.approx(quenched.energy, rel=1e-9)

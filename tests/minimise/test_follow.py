@@ -9,14 +9,15 @@ from jampetsc.minimise import warm_start as compiled
 from jampetsc.minimise.hessian import Bonds, Pattern
 from jampetsc.minimise.ldl import blocks_of, diagonal_of, factorise, solve
 from jampetsc.minimise.minimise import settle
-from jampetsc.packing.pairs import PairList
+from jampetsc.packing.neighbour_list import NeighbourList
+from jampetsc.packing.strain import UNSTRAINED, simple_shear
 
 
 @pytest.fixture(scope="module", params=["harmonic", "hertzian"])
 def listed(request):
     """Disks in a cell so small that some touch through two images, their pairs, and any order of elimination."""
     disks = settle(crowd(n=40, phi=0.9, kind=request.param), 1e-5)
-    pairs = PairList.build(disks, 0.3)
+    pairs = NeighbourList.build(disks, 0.3)
     return disks, pairs, np.random.default_rng(4).permutation(disks.n).astype(np.uint32)
 
 
@@ -33,11 +34,11 @@ def test_the_factor_is_that_of_the_hessian(listed):
     disks, pairs, order = listed
     n, shift = disks.n, np.random.default_rng(1).uniform(0.1, 0.2, disks.n)
     offsets = np.random.default_rng(2).normal(0, 0.01, (n, 2))
-    bonds = Bonds.of(pairs, disks.potential, offsets, 0.0, 0.02)
+    bonds = Bonds.of(pairs, disks.potential, offsets, simple_shear(0.02))
     exact, *_ = bonds.squares()
-    blocks, chosen = compiled.springs(pairs, offsets, 0.02, disks.potential.constants, 0.0, 1.0)
+    blocks, chosen = compiled.springs(pairs, offsets, simple_shear(0.02), disks.potential.constants, 0.0, 1.0)
     assert np.abs(blocks - exact).max() < 1e-14 and np.array_equal(chosen, bonds.overlap > 0)
-    matter = *pairs[:2], blocks, chosen
+    matter = pairs.i, pairs.j, blocks, chosen
     definite, factor = factorise(order, *matter, diagonal_of(*matter, shift))
     matrix = dense(pairs, n, exact, shift)
     assert definite and np.linalg.eigvalsh(matrix)[0] > 0
@@ -76,7 +77,7 @@ def test_the_blocks_of_a_matrix_are_those_it_was_filled_with(listed):
 def test_a_saddle_is_told_from_a_minimum_and_a_symmetry_from_disorder():
     """A square lattice has negative modes with pre-stress, a triangular one has none; of both contacts are alike."""
     for sample, expected in ((samples.lattice(), False), (samples.crystal(), True)):
-        pairs, still = PairList.build(sample, 0.3), np.zeros((sample.n, 2))
+        pairs, still = NeighbourList.build(sample, 0.3), np.zeros((sample.n, 2))
         order, law = np.arange(sample.n, dtype=np.uint32), sample.potential.constants
         assert compiled.is_minimum(order, pairs, still, 0.0, law, 1.0) == expected
         assert compiled.contacts_at(pairs, still, 0.0, law)[2] > 0.8
@@ -88,7 +89,7 @@ def test_a_saddle_is_told_from_a_minimum_and_a_symmetry_from_disorder():
 def test_pairs_that_are_nearly_closed_are_half_as_stiff(listed):
     disks, pairs, _ = listed
     law, still = disks.potential.constants, np.zeros((disks.n, 2))
-    blocks, chosen = compiled.springs(pairs, still, 0.0, law, 0.1, 0.0)
+    blocks, chosen = compiled.springs(pairs, still, UNSTRAINED, law, 0.1, 0.0)
     overlap = Bonds.of(pairs, disks.potential, still).overlap
     near = (overlap > -0.1) & (overlap <= 0)
     assert near.sum() > 3 and np.array_equal(chosen, overlap > -0.1)
@@ -99,7 +100,7 @@ def test_pairs_that_are_nearly_closed_are_half_as_stiff(listed):
 def followed(listed, skin=2.0, **changes):
     """Status of `follow` from the disks as they are; changes: entries of its aim."""
     disks, _, order = listed
-    pairs = PairList.build(disks, 2.0)
+    pairs = NeighbourList.build(disks, 2.0)
     law, still = disks.potential.constants, np.zeros((disks.n, 2))
     aim = {"share": 1e-8, "floor": 0.0, "apart": 1e-12, "diameter": 1.2, "reach": 0.1}
     aim |= {"soft": 0.5, "most": 2000}
@@ -160,7 +161,7 @@ def test_loose_disks_are_held_and_what_is_indefinite_is_taken_without_stress(lis
         np.add.at(held, np.concatenate((pairs.i[chosen], pairs.j[chosen])), 1)
         shift = damping + np.where(held < 3, 0.7, 0.0)
         matrices = [
-            dense(pairs, n, compiled.springs(arrays, still, 0.0, law, nearby, stress)[0], shift)
+            dense(pairs, n, compiled.springs(arrays, still, UNSTRAINED, law, nearby, stress)[0], shift)
             for stress in (1.0, 0.0)
         ]
         definite = np.linalg.eigvalsh(matrices[0])[0] > 0
@@ -179,9 +180,9 @@ def test_what_is_no_number_is_lost_and_no_minimum(listed, where):
     bad[where] = np.nan
     assert np.isnan(compiled._longest(bad.ravel()))
     still = np.zeros_like(bad)
-    blocks, chosen = compiled.springs(pairs, still, 0.0, disks.potential.constants, 0.0, 1.0)
+    blocks, chosen = compiled.springs(pairs, still, UNSTRAINED, disks.potential.constants, 0.0, 1.0)
     shift = np.full(disks.n, 0.1)
-    matter = *pairs[:2], blocks, chosen
+    matter = pairs.i, pairs.j, blocks, chosen
     assert factorise(order, *matter, diagonal_of(*matter, shift))[0]
     shift[where[0]] = np.nan
     assert not factorise(order, *matter, diagonal_of(*matter, shift))[0]

@@ -14,9 +14,11 @@ from jampetsc.minimise.newton import Point
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, net_forces
+from jampetsc.packing.listed_packing import tuned_skin
+from jampetsc.packing.neighbour_list import NeighbourList, is_stale
 from jampetsc.packing.packing import deformed
-from jampetsc.packing.pairs import PairList, is_stale, tuned_skin
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import growth_and_shear, simple_shear
 from jampetsc.packing.threads import Team
 
 
@@ -49,7 +51,7 @@ class Numpy:
 
     def now(self):
         offsets, box = self.parts(self.x)
-        return deformed(self.disks, offsets, *box)
+        return deformed(self.disks, offsets, growth_and_shear(*box))
 
     def gradient(self):
         """∂H/∂x, from contacts of the disks as they are."""
@@ -113,7 +115,7 @@ class Numpy:
             self.x = here + length * d
             offsets, box = self.parts(self.x)
             far = np.sqrt(2.0) * np.abs(offsets).max()
-            if is_stale(far, *box, 2.0 * self.disks.radii.max(), self.skin):
+            if is_stale(far, growth_and_shear(*box), 2.0 * self.disks.radii.max(), self.skin):
                 self.x = here
                 self.forget_oldest()
                 return done, True
@@ -216,7 +218,9 @@ class Following:
         self.kept, self.events = [], Counter()
 
     def forces(self):
-        return net_forces(self.disks.n, find_contacts(deformed(self.disks, self.o, 0.0, self.shear))).ravel()
+        return net_forces(
+            self.disks.n, find_contacts(deformed(self.disks, self.o, simple_shear(self.shear)))
+        ).ravel()
 
     def go(self, d, length):
         step = length * d.reshape(-1, 2)
@@ -267,7 +271,7 @@ class Following:
 )
 def test_a_minimum_is_followed_as_the_equations_say(factored, seed, reach, misled, happens):
     disks, shear, n = crowd(n=16, phi=0.95, seed=seed), 0.1, 16
-    pairs, law, still = PairList.build(disks, 3.0), disks.potential.constants, np.zeros((16, 2))
+    pairs, law, still = NeighbourList.build(disks, 3.0), disks.potential.constants, np.zeros((16, 2))
     factor, inverse = compiled.NO_FACTOR, None
     if factored:
         order = np.arange(n, dtype=np.uint32)

@@ -22,9 +22,10 @@ from jampetsc.packing import contacts as state
 from jampetsc.packing import domains
 from jampetsc.packing.contacts import find_contacts, measure
 from jampetsc.packing.minimum_proof import proved_minimum
+from jampetsc.packing.neighbour_list import NeighbourList, is_stale
 from jampetsc.packing.packing import Packing, deformed
-from jampetsc.packing.pairs import is_stale
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import UNSTRAINED, growth_and_shear
 from jampetsc.packing.threads import Team
 from jampetsc.petsc.local import NewtonSolver
 
@@ -58,7 +59,9 @@ def test_a_point_is_driven_down_the_enthalpy(law):
     point, here = Point.of(descent), descent.disks
     moves, still = np.random.default_rng(2).normal(size=(here.n, 2)), np.zeros((here.n, 2))
     for move, strain in [(moves, np.zeros(2)), *((still, e) for e in np.eye(2))]:
-        ahead, behind = (enthalpy(deformed(here, s * move, *(s * strain)), pressure) for s in (h, -h))
+        ahead, behind = (
+            enthalpy(deformed(here, s * move, growth_and_shear(*(s * strain))), pressure) for s in (h, -h)
+        )
         wanted = (ahead - behind) / (2 * h)
         assert -point.along((move, strain)) == pytest.approx(wanted, rel=1e-5, abs=1e-5)
 
@@ -67,7 +70,7 @@ def test_a_move_is_one_of_the_disks_where_they_are():
     descent = displaced(Potential(), 0.05)
     here = descent.disks
     moves, strain = np.random.default_rng(5).normal(0, 1e-3, (here.n, 2)), np.array([1e-3, -2e-3])
-    wanted = deformed(here, moves, *strain)
+    wanted = deformed(here, moves, growth_and_shear(*strain))
     for _ in range(2):  # within the list, and with a new one
         descent.move(moves, strain)
         assert np.abs(descent.disks.positions - wanted.positions).max() < 1e-14
@@ -75,13 +78,13 @@ def test_a_move_is_one_of_the_disks_where_they_are():
         descent.move(-moves, -strain)
         descent.fold()
         here = descent.disks
-        wanted = deformed(here, moves, *strain)
+        wanted = deformed(here, moves, growth_and_shear(*strain))
 
 
 def test_domains_are_of_one_type_however_many():
     """Numba would compile the descent, ten seconds of it, once more for the first large packing."""
     one, several = (
-        typeof(domains.Domains.build(random_disks(n, 0.3), 0.1, domains.borders(n))) for n in (16, 4100)
+        typeof(NeighbourList.build(random_disks(n, 0.3), 0.1, domains.borders(n))) for n in (16, 4100)
     )
     assert one == several
 
@@ -111,7 +114,7 @@ def test_no_touching_pair_is_ever_unlisted(goal, monkeypatch):
         else:
             descent.descend(0.0, 0.0, steps)
         far = np.hypot(*descent.offsets.T).max()
-        assert not is_stale(far, *descent.box, widest, descent.skin)
+        assert not is_stale(far, growth_and_shear(*descent.box), widest, descent.skin)
         used.append(2.0 * far / descent.skin)
         listed = set(zip(descent.pairs.i.tolist(), descent.pairs.j.tolist(), strict=True))
         contacts = find_contacts(descent.disks)
@@ -407,7 +410,7 @@ def fallen(disks, steps):
             step, mixing, downhill = max(0.5 * step, 0.02 * longest), 0.1, 0
             v = step * f
         move = step * v - (back * old if back else 0.0)
-        disks = deformed(disks, move, 0.0, 0.0)
+        disks = deformed(disks, move, UNSTRAINED)
     return disks.positions, uphill
 
 

@@ -13,6 +13,7 @@ from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import deformed
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.strain import simple_shear
 from jampetsc.petsc.local import NewtonSolver
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a packing is one rank's own
@@ -62,7 +63,7 @@ def test_shear_stabilised(n, pressure, seed):
 
 def sheared(disks, strain):
     """The disks, moved with their cell by a small shear strain."""
-    return deformed(disks, np.zeros((disks.n, 2)), 0.0, strain)
+    return deformed(disks, np.zeros((disks.n, 2)), simple_shear(strain))
 
 
 @pytest.mark.parametrize(("law", "n", "phi", "seed"), [

@@ -13,9 +13,10 @@ from jampetsc.minimise.minimise import _down_to_fraction, minimise, relax, settl
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, measure, net_forces
 from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.packing.strain import growth_and_shear
 from jampetsc.packing.threads import Team
 from jampetsc.petsc.local import NewtonSolver
 
@@ -51,10 +52,11 @@ def hessian_of(descent, every=False):
 
 def evaluate(disks, offsets, strain=0.0, shear=0.0):
     """(U, forces, (Σ (f/r) r_x r_x, r_x r_y, r_y r_y)) from the compiled loop."""
-    pairs = PairList.build(disks, 0.4)
+    pairs = NeighbourList.build(disks, 0.4)
     forces = np.empty((disks.n, 2))
     law = disks.potential.constants
-    energy, *virial = bond_forces(pairs, offsets, strain, shear, law, forces, None, None)[:4]
+    box = growth_and_shear(strain, shear)
+    energy, *virial = bond_forces(pairs, offsets, box, law, forces, None, None)[:4]
     return energy / disks.potential.alpha, forces, virial
 
 
@@ -62,7 +64,7 @@ def evaluate(disks, offsets, strain=0.0, shear=0.0):
 def test_hessian_and_border_are_derivatives_of_the_forces(law):
     disks, step, pressure = crowd(law), 1e-6, 0.05
     n = disks.n
-    pairs = PairList.build(disks, 0.4)
+    pairs = NeighbourList.build(disks, 0.4)
     bonds = Bonds.of(pairs, law)
     pattern = Pattern(pairs, n)
     free = np.ones(n, bool)
@@ -344,7 +346,7 @@ def test_a_negative_mode_is_nearly_the_most_negative(goal):
 
 def test_held_disks_have_unit_rows():
     disks = crowd()
-    pairs = PairList.build(disks, 0.4)
+    pairs = NeighbourList.build(disks, 0.4)
     free = np.arange(disks.n) % 3 > 0
     pattern = Pattern(pairs, disks.n)
     values = pattern.fill(Bonds.of(pairs, disks.potential), free)

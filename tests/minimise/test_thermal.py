@@ -7,8 +7,8 @@ from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.minimise.thermal import ACCEPTED, COLD, Around, Thermal, annealed, energy_of
 from jampetsc.packing.contacts import measure
+from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import Potential
 
 POTENTIALS = [Potential("harmonic", "inverse-square-diameter", 2.0), Potential("hertzian", "constant", 1.5)]
@@ -53,7 +53,7 @@ def test_two_disks_are_distributed_as_boltzmann_says(potential):
 def test_energy_of_a_disk_and_of_all():
     potential = POTENTIALS[0]
     disks = random_start(radii_of("bidisperse", 40), 0.9, 1, potential)
-    around, still = Around.of(PairList.build(disks, 0.3), 40), np.zeros((40, 2))
+    around, still = Around.of(NeighbourList.build(disks, 0.3), 40), np.zeros((40, 2))
     alone = [energy_of(a, 0.0, 0.0, around, still, potential.constants) for a in range(40)]
     assert np.sum(alone) / 2 == pytest.approx(measure(disks).energy)
     moved = still.copy()

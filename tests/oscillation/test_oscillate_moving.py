@@ -20,6 +20,7 @@ from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
 from jampetsc.oscillation.steady_oscillation import SteadyOscillation
 from jampetsc.oscillation.time_step import STAGE
 from jampetsc.packing.contacts import find_contacts, measure
+from jampetsc.packing.strain import simple_shear
 from jampetsc.petsc.local import NewtonSolver
 from jampetsc.petsc.session import current
 
@@ -170,7 +171,7 @@ def test_no_contact_is_missed():
     """Lists are made anew in time: after a long shear all contacts are seen, and the cell is where it should be."""
     motion = sheared(moving(20.0, 1e-3), 0.6, 60)
     listed = motion.listed
-    r = Bonds.of(motion.pairs, motion.disks.potential, motion.offsets, 0.0, motion.gamma - listed)
+    r = Bonds.of(motion.pairs, motion.disks.potential, motion.offsets, simple_shear(motion.gamma - listed))
     assert listed > 0.2  # not the first list
     assert np.count_nonzero(r.overlap > 0.0) == len(find_contacts(motion.disks))
     before, after = published().cell, motion.disks.cell

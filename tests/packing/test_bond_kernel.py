@@ -7,9 +7,10 @@ import sheared
 from jampetsc.laws.damping import Law
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import deformed
-from jampetsc.packing.pairs import PairList
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.packing.strain import growth_and_shear
 
 WEIGHTS = {
     "CD": (1, 1, 0),
@@ -38,13 +39,13 @@ def test_against_sums_over_contacts(crowd, name, spinning, kind, stiffness):
     offsets, u, spin = (rng.normal(0, s, (disks.n, 2)) for s in (0.02, 1.0, 1.0))
     spin = spin[:, 0].copy()
     strain, shear, rate = 0.01, -0.03, 0.3
-    pairs, forces, torques = PairList.build(disks, 0.3), np.empty((disks.n, 2)), np.empty(disks.n)
+    pairs, forces, torques = NeighbourList.build(disks, 0.3), np.empty((disks.n, 2)), np.empty(disks.n)
     assert len(pairs.i) > 1024
     sums = bond_forces(
-        pairs, offsets, strain, shear, potential.constants, forces,
+        pairs, offsets, growth_and_shear(strain, shear), potential.constants, forces,
         (u, rate, weights), (spin, disks.radii, torques) if spinning else None,
     )  # fmt: skip
-    moved = deformed(disks, offsets, strain, shear)
+    moved = deformed(disks, offsets, growth_and_shear(strain, shear))
     law = Law(name, *weights, tau1=1.0 / potential.k)  # weights count kτ₁
     springs, viscous, turned, virial, work = sheared.forces(moved, law, rate, u, spin)
     c, wanted = find_contacts(moved), springs + viscous

@@ -8,7 +8,7 @@ from sheared import crowd
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.minimise import ldl
 from jampetsc.network.contact_network import build_network
-from jampetsc.packing.pairs import PairList
+from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.petsc import blocks, eigen
 from jampetsc.response.assembly import assemble
 from jampetsc.response.vibrations import lowest_modes
@@ -44,7 +44,7 @@ def test_an_order_of_elimination_fills_little(session, ordering, monkeypatch):
     links = chain[:-1], chain[1:]
     assert entries(blocks.elimination_order(30, *links), 30, *links) == 29
     disks = crowd(n=400, phi=0.9)
-    pairs = PairList.build(disks, 0.3)
+    pairs = NeighbourList.build(disks, 0.3)
     near = np.hypot(*pairs.r0) < pairs.sigma
     i, j = pairs.i[near], pairs.j[near]
     found = blocks.elimination_order(400, i, j)

@@ -7,18 +7,12 @@ import pytest
 
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import bond_vectors, find_contacts, measure
-from jampetsc.packing.domains import EDGE, Domains, borders, choose_near, domain_order
+from jampetsc.packing.domains import EDGE, borders, domain_order
+from jampetsc.packing.listed_packing import REBUILD, SKIN_RANGE, WIDTH, tuned_skin
+from jampetsc.packing.neighbour_list import NeighbourList, choose_inner_list, inner_list_is_stale, is_stale
 from jampetsc.packing.neighbours import neighbour_pairs
 from jampetsc.packing.packing import GRID, Packing, deformed
-from jampetsc.packing.pairs import (
-    REBUILD,
-    SKIN_RANGE,
-    WIDTH,
-    PairList,
-    are_worn,
-    is_stale,
-    tuned_skin,
-)
+from jampetsc.packing.strain import UNSTRAINED, growth_and_shear, simple_shear
 from jampetsc.packing.threads import Team
 
 
@@ -51,7 +45,7 @@ def far_off(n=40):
 
 def test_bonds_of_a_list_are_rounded_once():
     disks = far_off()
-    pairs = PairList.build(disks, 0.3)
+    pairs = NeighbourList.build(disks, 0.3)
     i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin=0.3)
     assert len(i) > disks.n and np.abs(image).max() >= 3
     exact = bond_vectors(disks, i, j, image)
@@ -64,7 +58,7 @@ def test_only_the_change_is_rounded(strain, shear):
     """x → F (x + o) and the rows of the cell likewise, in exact arithmetic; bases stay on their grid."""
     disks = far_off(12)
     o = np.random.default_rng(1).uniform(-0.1, 0.1, (12, 2))
-    new = deformed(disks, o, strain, shear)
+    new = deformed(disks, o, growth_and_shear(strain, shear))
     growth, mixing = Fraction(np.expm1(strain)), Fraction(np.exp(strain) * shear)
 
     def exact(base, offset, more):
@@ -91,7 +85,7 @@ def test_no_touching_pair_is_missing_until_the_list_is_stale(kind):
     for seed in range(60):
         rng = np.random.default_rng(seed)
         disks, skin = crowd(seed), rng.uniform(0.05, 0.5)
-        pairs, largest = PairList.build(disks, skin), 2 * disks.radii.max()
+        pairs, largest = NeighbourList.build(disks, skin), 2 * disks.radii.max()
         known, first = listed(pairs), touching(disks)
         offsets, strain, shear = np.zeros((disks.n, 2)), 0.0, 0.0
         drift = rng.normal(0, 0.02, (disks.n, 2))
@@ -104,8 +98,8 @@ def test_no_touching_pair_is_missing_until_the_list_is_stale(kind):
             if kind in ("shear", "all"):
                 shear += turn
             far = np.hypot(*offsets.T).max()
-            moved = deformed(disks, offsets, strain, shear)
-            if is_stale(far, strain, shear, largest, skin):
+            moved = deformed(disks, offsets, growth_and_shear(strain, shear))
+            if is_stale(far, growth_and_shear(strain, shear), largest, skin):
                 break
             now = touching(moved)
             assert now <= known
@@ -116,8 +110,9 @@ def test_no_touching_pair_is_missing_until_the_list_is_stale(kind):
 @pytest.mark.parametrize("skin", [0.0, 0.3, 4.0])
 def test_domains_list_each_pair_where_its_disks_are(skin):
     """Once within a domain, in both domains across a border; on any number of threads the same to the last bit."""
-    disks, borders = deformed(crowd(3, phi=0.6), np.zeros((60, 2)), 0.0, 0.7), np.array([0, 11, 12, 40, 64])
-    half, home = PairList.build(disks, skin), np.searchsorted(borders, np.arange(60), "right")
+    disks = deformed(crowd(3, phi=0.6), np.zeros((60, 2)), simple_shear(0.7))
+    borders = np.array([0, 11, 12, 40, 64])
+    half, home = NeighbourList.build(disks, skin), np.searchsorted(borders, np.arange(60), "right")
     wanted = {}
     for i, j, x, y, sigma in zip(*(a.tolist() for a in (half.i, half.j, *half.r0, half.sigma)), strict=True):
         assert i < j and sigma == disks.radii[i] + disks.radii[j]
@@ -126,7 +121,7 @@ def test_domains_list_each_pair_where_its_disks_are(skin):
             wanted[j, i, -x, -y] = False
     assert len(half.i) == len(neighbour_pairs(disks.positions, disks.radii, disks.cell, skin)[0])
     teams = Team(2), Team(3)  # the first run is one thread's
-    found = [Domains.build(disks, skin, borders, team) for team in teams for _ in range(3)]
+    found = [NeighbourList.build(disks, skin, borders, team) for team in teams for _ in range(3)]
     for one in found[1:]:
         last = one.end[-1]
         assert all(np.array_equal(a[..., :last], b[..., :last]) for a, b in zip(found[0], one, strict=True))
@@ -147,7 +142,7 @@ def test_the_disks_at_the_border_of_a_domain_are_its_first(held):
     disks, ends = crowd(4, n=6200, phi=0.8), borders(6200)
     order = domain_order(disks, held)
     assert np.array_equal(np.sort(order), np.arange(6200)) and np.array_equal(order[:held], np.arange(held))
-    domains = Domains.build(disks.reordered(order), EDGE * disks.radii.mean(), ends)
+    domains = NeighbourList.build(disks.reordered(order), EDGE * disks.radii.mean(), ends)
     assert domains.number == 3
     for first, last, *part in zip(ends, ends[1:], domains.across, domains.end, strict=False):
         across = np.unique(domains.i[slice(*part)])
@@ -157,20 +152,21 @@ def test_the_disks_at_the_border_of_a_domain_are_its_first(held):
 
 
 @pytest.mark.parametrize("borders", [(0, 60), (0, 23, 60)], ids=["one domain", "two domains"])
-def test_near_pairs_serve_until_they_are_worn(borders):
+def test_an_inner_list_serves_until_it_is_stale(borders):
     """Disks move on straight lines under shear: every touching pair is among the near ones until then."""
     newcomers = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
         disks, skin = crowd(seed, phi=0.6), 0.1
-        pairs, largest = PairList.build(disks, 1.5), 2 * disks.radii.max()
-        domains = Domains.build(disks, 1.5, np.array(borders))
+        pairs, largest = NeighbourList.build(disks, 1.5), 2 * disks.radii.max()
+        domains = NeighbourList.build(disks, 1.5, np.array(borders))
         near = domains.room()
         offsets, then, moved = rng.normal(0, 0.1, (disks.n, 2)), rng.choice([-0.4, 0.4]), 0.0
-        assert are_worn(1e300, then, 0.0, largest, skin)
+        assert inner_list_is_stale(1e300, simple_shear(then), UNSTRAINED, largest, skin)
         for d in range(domains.number):
-            choose_near(domains, d, offsets, then, skin, near)
-        began, turn, shear = touching(deformed(disks, offsets, 0.0, then)), rng.choice([-1e-3, 1e-3]), then
+            choose_inner_list(domains, d, offsets, simple_shear(then), skin, near)
+        began = touching(deformed(disks, offsets, simple_shear(then)))
+        turn, shear = rng.choice([-1e-3, 1e-3]), then
         known = {
             (min(i, j), max(i, j))
             for first, last in zip(near.begin, near.end, strict=True)
@@ -186,9 +182,9 @@ def test_near_pairs_serve_until_they_are_worn(borders):
         while True:
             offsets = offsets + speed * np.column_stack((np.cos(angle), np.sin(angle)))
             shear, moved = shear + turn, moved + speed
-            if are_worn(moved, shear, then, largest, skin):
+            if inner_list_is_stale(moved, simple_shear(shear), simple_shear(then), largest, skin):
                 break
-            found = touching(deformed(disks, offsets, 0.0, shear))
+            found = touching(deformed(disks, offsets, simple_shear(shear)))
             assert found <= known
             newcomers += len(found - began)
     assert newcomers > 30
@@ -200,7 +196,7 @@ def test_near_pairs_count_moves_and_shear_in_the_frame_they_were_chosen_in():
     growth = np.linalg.norm(now @ np.linalg.inv(later), 2)
     far = (skin - (growth - 1.0) * sigma) / 2 / np.linalg.norm(now, 2)
     for moved, worn in ((far * (1 - 1e-9), False), (far * (1 + 1e-9), True)):
-        assert are_worn(moved, shear, then, sigma, skin) == worn
+        assert inner_list_is_stale(moved, simple_shear(shear), simple_shear(then), sigma, skin) == worn
 
 
 def test_the_worst_case_is_just_covered():
@@ -212,12 +208,13 @@ def test_the_worst_case_is_just_covered():
         apart = stretch[0] * largest  # |r0| of a pair where it is squeezed most, touching at o = 0
         far = (largest + skin - apart) / 2
         assert far > 0
-        assert not is_stale(far - 1e-9, strain, shear, largest, skin)
-        assert is_stale(far + 1e-9, strain, shear, largest, skin)
+        assert not is_stale(far - 1e-9, growth_and_shear(strain, shear), largest, skin)
+        assert is_stale(far + 1e-9, growth_and_shear(strain, shear), largest, skin)
         meets = deform @ outward[:, 0] * apart  # the bond after the deformation
         assert abs(np.hypot(*meets) - largest) < 1e-12
-    assert not is_stale(0.0, 0.5, 0.0, 1.4, 0.02)  # a cell that grows never makes a list stale
-    assert is_stale(0.0, -0.5, 0.0, 1.4, 0.02)
+    # a cell that grows never makes a list stale
+    assert not is_stale(0.0, growth_and_shear(0.5, 0.0), 1.4, 0.02)
+    assert is_stale(0.0, growth_and_shear(-0.5, 0.0), 1.4, 0.02)
 
 
 def test_skin_follows_how_long_lists_serve():
