@@ -5,6 +5,7 @@ command have the same parameters, and both pages show them as tables.
 """
 
 import dataclasses
+import functools
 import inspect
 import re
 import textwrap
@@ -34,6 +35,7 @@ RETURNED = (
     *(Ensemble, Averages, AverageCurve, PackingMatrices),
     *(errors.InputError, errors.ConvergenceError),
 )
+PROPERTIES = (property, functools.cached_property)
 MAX_SIGNATURE = 74  # characters in a line of the page
 _DEFINITION = re.compile(r"(\S.*?)\s{2,}(\S.*)")
 
@@ -70,7 +72,7 @@ def _entry(name, value):
         return text
     for member, attribute in vars(value).items():
         attribute = getattr(attribute, "__func__", attribute)  # of a classmethod
-        is_documented = inspect.isroutine(attribute) or isinstance(attribute, property)
+        is_documented = inspect.isroutine(attribute) or isinstance(attribute, PROPERTIES)
         if is_documented and not member.startswith("_") and inspect.getdoc(attribute):
             text += f"\n### {short}.{member}\n\n{_described(member, attribute)}"
     return text
@@ -81,7 +83,7 @@ def _described(name, value):
     if not inspect.getdoc(value):
         raise ValueError(f"{name} has no docstring")
     head = ""
-    if inspect.isroutine(value):
+    if callable(value) and not inspect.isclass(value):
         head = _call(name.rpartition(".")[2], value) + "\n"
     return head + prose(inspect.getdoc(value))
 

@@ -30,12 +30,6 @@ class Contacts(LinearBonds):
     sigma: np.ndarray  # (M,) ρ_i + ρ_j
 
     @property
-    def transverse(self):
-        """t = ẑ × n, (M, 2)."""
-        n = self.normal
-        return np.column_stack((-n[:, 1], n[:, 0]))
-
-    @property
     def weight_rounding(self):
         """What rounding may do to k and to f/r, in units of ε, (M, 2): an overlap is off by ε σ."""
         excess = self.stiffness * self.overlap / self.force - 1.0  # α − 2

@@ -201,3 +201,15 @@ def test_nodes_without_radii_do_not_roll(session):
     ):
         assemble(network, damping_law())
     assemble(network, damping_law(rotations=False))
+
+
+@pytest.mark.scalar("real", "complex")
+@pytest.mark.most_ranks(2)
+def test_elastic_constants_of_the_triangular_lattice(session):
+    """C_xxxx = C_yyyy = 3√3/4, C_xxyy = C_xyxy = √3/4 of springs of k = 1: isotropic, of Poisson ratio 1/3."""
+    lattice = build_lattice("triangular", (6, 6))
+    found = jampetsc.quasistatic(lattice, jampetsc.ContactDamping(rotations=False), load="tensor")
+    expected = np.sqrt(3.0) / 4.0 * np.array([[3.0, 1.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(found["C0"], expected, rtol=0, atol=1e-12)
+    assert found.attributes["bulk_modulus"] == pytest.approx(np.sqrt(3.0) / 2.0, rel=1e-12)
+    assert found.attributes["shear_modulus"] == pytest.approx(np.sqrt(3.0) / 4.0, rel=1e-12)
