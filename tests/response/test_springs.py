@@ -203,7 +203,7 @@ def test_nodes_without_radii_do_not_roll(session):
     assemble(network, damping_law(rotations=False))
 
 
-@pytest.mark.scalar("real", "complex")
+@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 def test_elastic_constants_of_the_triangular_lattice(session):
     """C_xxxx = C_yyyy = 3√3/4, C_xxyy = C_xyxy = √3/4 of springs of k = 1: isotropic, of Poisson ratio 1/3."""
