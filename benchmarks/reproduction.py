@@ -1,4 +1,4 @@
-"""The claims of the two works beside our results: prints the tables of docs/reproduction.md and writes claims.csv.
+"""The claims of the two works beside our results: prints the tables of docs/papers/claims.md and writes claims.csv.
 
     .venv/bin/python benchmarks/reproduction.py                   # from docs/kept; the csv goes to docs/kept/claims.csv
     .venv/bin/python benchmarks/reproduction.py figures quick     # from what run/figures/NAME left, or paper

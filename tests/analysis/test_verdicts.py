@@ -108,7 +108,9 @@ def test_the_page_of_claims_has_the_verdicts_of_the_table():
         for entry in table_of_claims()
         if entry["on_page"] == "yes"
     )
-    lines = (launch.ROOT / "docs" / "reproduction.md").read_text().partition("## Verdicts")[2].splitlines()
+    lines = (
+        (launch.ROOT / "docs" / "papers" / "claims.md").read_text().partition("## Verdicts")[2].splitlines()
+    )
     rows = [
         [cell.strip().replace(r"\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines
     ]

@@ -205,7 +205,9 @@ def test_figures_are_made(tmp_path):
 
 
 def test_the_gallery_has_the_pictures_that_its_page_shows_and_figures_make():
-    shown_there = set(re.findall(r"\(gallery/(\S+)\.png\)", (GALLERY.parent / "gallery.md").read_text()))
+    shown_there = set(
+        re.findall(r"\(\.\./gallery/(\S+)\.png\)", (GALLERY.parent / "papers" / "gallery.md").read_text())
+    )
     files = {path.stem: path.stat().st_size for path in GALLERY.iterdir()}
     assert shown_there == set(files) == {name for some in SHOWN.values() for name in some.values()}
     assert max(files.values()) < 2.5e5
