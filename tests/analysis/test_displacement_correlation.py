@@ -288,7 +288,7 @@ def folder(tmp_path_factory):
             "crystal.h5",
             r"crystal\.h5: \|u_y\| at omega = 0\.0001 is rounding, .*at most 1e-12 mean diameters per strain",
         ),
-        ("flow.h5 --lane 0.5,1", "--lane 0.5,1: several widths (flows: one). Give one width"),
+        ("flow.h5 --lane 0.5,1", r"--lane 0.5,1: several widths \(flows: one\)\. Give one width"),
         ("flow.h5 s.h5", r"s\.h5: not supported, or not of the kind of the first file. Give sweeps"),
         ("s.h5 flow.h5", r"flow\.h5: not supported, or not of the kind of the first file. Give sweeps"),
         ("flow.h5 --omega 1", "--omega: an option of sweeps, but"),
@@ -433,7 +433,7 @@ def test_every_array_of_a_file_of_correlations(tmp_path, capsys, phase):
 def test_sweeps_are_of_one_pressure_within_a_per_cent(tmp_path, off, same):
     paths = [write_sweep(tmp_path, f"s{k}", k, n=16, pressure=p) for k, p in enumerate((1e-3, off * 1e-3))]
     sweeps = [load(path) for path in paths]
-    refused = pytest.raises(InputError, match=r"s1\.h5: pressure .*, but .*s0\.h5 has 0\.001: average")
+    refused = pytest.raises(InputError, match=r"s1\.h5: pressure .*, but .*s0\.h5 has 0\.001\. Average")
     with nullcontext() if same else refused:
         refuse_mixture(sweeps)
 

@@ -87,7 +87,9 @@ def test_averages_keep_what_is_negative_and_report_it(folder):
 def test_one_packing_counts_once(folder, tmp_path):
     """Whatever tells two of its rows apart is named."""
     mean = jampetsc.load(folder).mean(by="pressure")
-    with pytest.raises(InputError, match=r"G0 of pressure 0.001: .* are of one packing: .* in by= \(beta\)"):
+    with pytest.raises(
+        InputError, match=r"G0 of pressure 0.001: .* are of one packing\. .* in by= what differs \(beta\)"
+    ):
         mean["G0"]
     assert jampetsc.load(folder).mean(by=["pressure", "beta"]).count["G0"].tolist() == [3] * 4
     for name in set(DISTINGUISHING_COLUMNS) - {"command"}:
@@ -130,7 +132,7 @@ def test_only_numbers_are_averaged_and_packings_that_have_one_counted(tmp_path):
     found = [one["G0"].tolist() for one in (mean, mean.count, mean.below_zero)]
     assert found == [[-2.0], [3], [2]]
     assert np.isnan(mean["none"]).all() and mean.count["none"].tolist() == [0]
-    message = r"beta of all rows: 1\.h5 and 2\.h5 are of one packing: .* in by= \(beta\)"
+    message = r"beta of all rows: 1\.h5 and 2\.h5 are of one packing\. .* in by= what differs \(beta\)"
     for name, said in (("beta", message), ("packing", "column packing holds text, which has no mean")):
         with pytest.raises(InputError, match=said):
             mean[name]

@@ -95,8 +95,8 @@ def test_no_command_replaces_an_input_another_kind_of_file_or_what_is_no_file(in
     os.mkfifo("pipe" + ending)
     for name, message, remedy in (
         ("input", ": the input ", f"{source}, which would be lost. Choose another --out."),
-        ("other", ": exists and is a jampetsc-", "Choose another --out, or remove it first"),
-        ("pipe", ": a pipe. ", "Give another file with --out"),
+        ("other", ": exists and is a jampetsc-", "Choose another --out, or remove it first."),
+        ("pipe", ": a pipe. ", "Give another file with --out."),
     ):
         line = refused(capsys, words, name + ending)
         assert f"{name}{ending}{message}" in line and line.endswith(remedy)

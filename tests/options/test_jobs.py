@@ -314,7 +314,7 @@ def test_files_there_must_be():
 
 def test_what_the_package_gives_by_name():
     assert {name for name in JOBS if name != "import"} | {"load", "import_packing"} < set(jampetsc.__all__)
-    names = set(jampetsc.__all__) - {"models", "__version__"}
+    names = set(jampetsc.__all__) - {"models", "loads", "__version__"}
     assert all(callable(getattr(jampetsc, name)) for name in names)
     with pytest.raises(AttributeError, match="has no attribute 'swep'"):
         jampetsc.swep  # noqa: B018
