@@ -9,7 +9,8 @@ same run:
   pyMOR    IRKA of order 24 on the same pencil, where pyMOR is installed (pip install pymor)
 The sweep's times are the best of three runs. The first two peers are timed on `--sample` frequencies spread over the
 range and scaled to 141: each costs the same. The true error is that against MUMPS at those frequencies.
-"factorisations" is the sweep's processor time in units of one real Cholesky factorisation. `--against` has another tree
+"factorisations" is the sweep's processor time in units of one real Cholesky factorisation; "tensor" the processor time
+of all constants of `--load tensor`, in units of the sweep's. `--against` has another tree
 of jampetsc, with an environment of its own, do the same sweep in turn with this one, and leaves out the peers.
 """
 
@@ -72,6 +73,27 @@ def rational(path, chosen):
         )
 
 
+def tensor(path):
+    """Processor seconds of a sweep and of the tensor of all symmetric loads, the best of three runs in turn."""
+    from jampetsc.io.packing_file import read_packing
+    from jampetsc.laws.damping import damping_law
+    from jampetsc.laws.loads import symmetric_loads
+    from jampetsc.network.contact_network import build_network
+    from jampetsc.petsc import session
+    from jampetsc.response.assembly import assemble
+    from jampetsc.response.modulus_sweep import sweep_rationally
+
+    running, disks = session.start("real"), read_packing(path)
+
+    def seconds(loads):
+        start = time.process_time()
+        sweep_rationally(assemble(build_network(disks, running.comm), damping_law()), OMEGA, 1e-6, loads)
+        return time.process_time() - start
+
+    single, several = zip(*((seconds(None), seconds(symmetric_loads(2))) for _ in range(4)), strict=True)
+    report(single=min(single[1:]), tensor=min(several[1:]))  # the first compiles, or loads, the pair search
+
+
 def irka(path, chosen):
     """IRKA on x' E = A x + g u, y = gᵀx with E = B, A = −K, after the same shift of origin as ours."""
     from direct import matrices
@@ -131,6 +153,7 @@ def main():
         kind, path = args.worker
         run = {
             "rational": lambda: rational(path, chosen),
+            "tensor": lambda: tensor(path),
             "MUMPS": lambda: ours(path, OMEGA[chosen]),
             "SuperLU": lambda: superlu(path, OMEGA[chosen]),
             "pyMOR": lambda: irka(path, chosen),
@@ -166,6 +189,10 @@ def main():
             f"{mine['certified']:.1e}, memory {mine['memory']:.2f} GB\n    on 2 ranks, shifts side by side: "
             f"{two['seconds']:.2f} s, {mine['seconds'] / two['seconds']:.2f} times faster, {two['factorisations']} "
             "factorisations"
+        )
+        loads = figures("tensor")
+        print(
+            f"    tensor: {loads['tensor'] / loads['single']:.2f} sweeps ({loads['tensor']:.2f} s of processor time)"
         )
         for kind in peers:
             peer = reference if kind == "MUMPS" else figures(kind)

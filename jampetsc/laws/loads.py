@@ -5,8 +5,9 @@ symmetric part s, elastic constants C of symmetric loads and the stress σ (comp
 
     M_E = s:C:s + σ : (EᵀE − s²) ,      so for E = x̂ŷ      G = C_xyxy + (3σ_yy − σ_xx)/4 .
 
-Coefficients of the Cauchy stress against strain (Barron & Klein, Proc. Phys. Soc. 85, 523 (1965)) differ from C by
-terms of the order of σ.
+That holds for the elastic part, and for all of M_E where a rotation of the whole dissipates nothing; contacts whose
+transverse motion is damped resist it. Coefficients of the Cauchy stress against strain (Barron & Klein, Proc. Phys.
+Soc. 85, 523 (1965)) differ from C by terms of the order of σ.
 
     xy, yx, …       simple shear E = x̂ŷ, u_x = ε y
     pure-xy, …      pure shear along the axes, E = ½(x̂x̂ − ŷŷ)

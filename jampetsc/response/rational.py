@@ -160,15 +160,18 @@ class RationalSweep:
     def _clip(self, omega):
         return np.clip(omega, SMALLEST_SHIFT * self.rate, min(self.largest_rate, LARGEST_SHIFT * self.rate))
 
-    def add_shifts(self, shifts) -> None:
-        """Factorise K + sB at each shift, or use a factor close to it, extend the basis and renew the estimate."""
+    def add_shifts(self, shifts, fewer: int = 0) -> None:
+        """Factorise K + sB at each shift, or use a factor close to it, extend the basis and renew the estimate.
+
+        fewer   vectors at each shift than VECTORS
+        """
         self.factors.factorise(shifts)
         if self.basis is None:
             first, x0 = np.inf, np.zeros(self.pencil.K.getLocalSize()[0])  # where only a fluid dissipates
             if self.pencil.law.damps_contacts:
                 first, x0 = self.factors.field(self.pencil, shifts[0])
             self._set_basis(RationalBasis(self.pencil, first, x0))
-        self.factors.extend(self.basis, shifts, VECTORS)
+        self.factors.extend(self.basis, shifts, VECTORS - fewer)
         self._renew_estimate()
 
     def _renew_estimate(self):
