@@ -13,7 +13,7 @@ velocities; the means are subtracted afterwards (see `clusters`), so s needs no 
 The first `held` disks, those of walls, keep u = 0: their rows are left out, and a cluster that touches one has no free
 translation.
 
-Threads share the work by domains (see `packing.domains`); all take the same decisions, from the same sums.
+Threads share the work by domains (see `packing.neighbour_list`); all take the same decisions, from the same sums.
 """
 
 from typing import NamedTuple

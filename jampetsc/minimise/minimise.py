@@ -140,11 +140,11 @@ def stress_unit(disks: Packing) -> float:
 
 def _down_to(descent: Descent, force: float) -> bool:
     """One slice of L-BFGS; whether max |F| ≤ force is reached. Raises ConvergenceError after EVALUATIONS."""
-    there = descent.descend(force, 2.0 * descent.area * force / descent.diameter, SLICE)
+    reached = descent.descend(force, 2.0 * descent.area * force / descent.diameter, SLICE)
     descent.effort.report(descent.effort)
-    if not there and descent.evaluations > EVALUATIONS:
+    if not reached and descent.evaluations > EVALUATIONS:
         raise _failure(descent, Point.of(descent).pressure)
-    return there
+    return reached
 
 
 def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> float:
@@ -153,15 +153,15 @@ def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> floa
     while True:
         point = Point.of(descent)
         pressure = point.pressure if descent.goal.pressure is None else descent.goal.pressure
-        apart = descent.goal.pressure is None and pressure < UNJAMMED * stress_unit(descent.disks)
-        if apart:
+        is_unjammed = descent.goal.pressure is None and pressure < UNJAMMED * stress_unit(descent.disks)
+        if is_unjammed:
             return pressure
         descent.effort.residual = point.residual.force / (pressure * descent.diameter)
-        wanted = max(fraction * pressure * descent.diameter, 0.5 * limits.at(pressure).force)
-        if force <= 2.0 * wanted:
+        target = max(fraction * pressure * descent.diameter, 0.5 * limits.at(pressure).force)
+        if force <= 2.0 * target:
             return pressure
-        if _down_to(descent, wanted):
-            force = wanted
+        if _down_to(descent, target):
+            force = target
 
 
 def _failure(descent: Descent, pressure: float) -> ConvergenceError:

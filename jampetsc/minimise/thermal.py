@@ -60,18 +60,18 @@ def _moves(around, law, o, temperature, reach, stale, draws):
 
     stale = (largest σ, skin). Returns (moves done, moves taken).
     """
-    taken = 0
+    accepted = 0
     for m in range(len(draws)):
         a = min(int(draws[m, 0] * len(o)), len(o) - 1)
         x = o[a, 0] + reach * (2.0 * draws[m, 1] - 1.0)
         y = o[a, 1] + reach * (2.0 * draws[m, 2] - 1.0)
         if is_stale(np.sqrt(x * x + y * y), UNSTRAINED, stale[0], stale[1]):
-            return m, taken
+            return m, accepted
         change = energy_of(a, x, y, around, o, law) - energy_of(a, o[a, 0], o[a, 1], around, o, law)
         if change <= 0.0 or draws[m, 3] < np.exp(-change / temperature):
             o[a, 0], o[a, 1] = x, y
-            taken += 1
-    return len(draws), taken
+            accepted += 1
+    return len(draws), accepted
 
 
 class Thermal(ListedPacking):
@@ -94,15 +94,17 @@ class Thermal(ListedPacking):
         """One sweep at this temperature; returns the acceptance rate. A Ctrl-C is raised before, see `interrupts`."""
         interrupts.check()
         left = self.generator.random((len(self.offsets), 4))
-        law, taken = self.reference.potential.constants, 0
+        law, accepted = self.reference.potential.constants, 0
         while len(left):
             stale = self.largest, self.skin
-            done, some = _moves(self._around, law, self.offsets, temperature, self.reach, stale, left)
-            taken += some
-            left = left[done:]
+            attempted, newly_accepted = _moves(
+                self._around, law, self.offsets, temperature, self.reach, stale, left
+            )
+            accepted += newly_accepted
+            left = left[attempted:]
             if len(left):
                 self.fold()
-        share = taken / len(self.offsets)
+        share = accepted / len(self.offsets)
         if tune:
             longest = LONGEST * self.skin
             self.reach = min(longest, self.reach * math.exp(share - ACCEPTED))

@@ -71,10 +71,10 @@ def fix_instruction_set() -> None:
     Elsewhere, and with JAMPETSC_CPU=native, numba chooses. numba's cache on disk has both names, so that machines that
     share a home folder do not run each other's code. Raises InputError for another value of JAMPETSC_CPU.
     """
-    wanted = os.environ.get(VARIABLE, "")
-    if wanted not in ("", "native"):
-        raise InputError(f"{VARIABLE}={wanted}: unknown. Set it to native, or unset it.")
-    if wanted or not fits_baseline(platform.machine(), dict(llvm.get_host_cpu_features())):
+    request = os.environ.get(VARIABLE, "")
+    if request not in ("", "native"):
+        raise InputError(f"{VARIABLE}={request}: unknown. Set it to native, or unset it.")
+    if request or not fits_baseline(platform.machine(), dict(llvm.get_host_cpu_features())):
         return
     if "_toplevel_target_context" not in vars(cpu_target):  # nothing has been compiled in this process
         config.CPU_NAME, config.CPU_FEATURES = BASELINE_TARGET

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 MIN_FORCE_RATIO = (
     1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
 )
-FORCELESS = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
+FORCE_ROUNDING = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
 BALANCED = 1e-4  # largest max |F| / (p d) of forces that are called balanced; `pack` leaves 1e-10
-RIGID = 3  # fewer contacts than this cannot hold a disk in two dimensions
+MIN_CONTACTS = 3  # fewer contacts than this cannot hold a disk in two dimensions
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def force_threshold(disks: Packing, pressure: float) -> float:
     """
     d = 2.0 * float(np.mean(disks.radii))
     stiffness = disks.potential.k / float(disks.potential.scale(np.array(d))) ** 2
-    return max(MIN_FORCE_RATIO * pressure * d, FORCELESS * stiffness * d)
+    return max(MIN_FORCE_RATIO * pressure * d, FORCE_ROUNDING * stiffness * d)
 
 
 def virial_pressure(force, distance, area: float) -> float:
@@ -109,7 +109,7 @@ def find_rattlers(n: int, i, j, joined=lambda loose: loose):
     rattler = np.zeros(n, bool)
     while True:
         alive = ~(rattler[i] | rattler[j])
-        loose = joined(np.bincount(i[alive], minlength=n) < RIGID)
+        loose = joined(np.bincount(i[alive], minlength=n) < MIN_CONTACTS)
         if np.array_equal(loose, rattler):
             return rattler
         rattler = loose

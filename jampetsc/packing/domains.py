@@ -28,18 +28,18 @@ def borders(n: int):
     return GRAIN * (padded(n) // GRAIN * np.arange(number + 1) // number)
 
 
-def domain_order(packing: Packing, held: int = 0):
+def domain_order(packing: Packing, wall_disks: int = 0):
     """Order (N,) in which domains are compact patches, each with the disks at its border first.
 
     What a thread reads of disks across a border was written by another core, from which a cache line takes 50 to
     250 ns; disks that are adjacent in memory fill a quarter as many lines. The first `held` disks keep their places.
     """
-    places = packing.positions[held:]
-    order = np.append(np.arange(held), held + spatial_order(places, packing.cell))
+    places = packing.positions[wall_disks:]
+    order = np.append(np.arange(wall_disks), wall_disks + spatial_order(places, packing.cell))
     ends = borders(packing.n)
     domains = NeighbourList.build(packing.reordered(order), EDGE * float(np.mean(packing.radii)), ends)
     inside = np.ones(packing.n, bool)
     for across, end in zip(domains.across, domains.end, strict=True):
         inside[domains.i[across:end]] = False
-    inside[:held] = False
+    inside[:wall_disks] = False
     return order[np.lexsort((inside, np.searchsorted(ends, np.arange(packing.n), "right")))]

@@ -147,7 +147,7 @@ class Packing:
 
         `dataclasses.replace` would call the constructor, which takes positions.
         """
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         if unknown := changes.keys() - values.keys():
             raise TypeError(f"replace: no fields {unknown}")
         return self._of_fields(**values | changes)
@@ -292,7 +292,9 @@ class Packing:
     def reordered(self, order) -> "Packing":
         """The same packing with its disks in another order."""
         arrays = {
-            one.name: getattr(self, one.name) for one in fields(self) if not one.name.startswith("cell")
+            entry.name: getattr(self, entry.name)
+            for entry in fields(self)
+            if not entry.name.startswith("cell")
         }
         return self.replace(**{name: a[order] for name, a in arrays.items() if isinstance(a, np.ndarray)})
 
@@ -306,7 +308,9 @@ def deformed(packing: Packing, offsets, strain: Strain) -> Packing:
     cell_base, cell_offset = _deformed(packing.cell_base, packing.cell_offset, np.zeros((2, 2)), strain)
     places = {"base": base, "offset": offset, "cell_base": cell_base, "cell_offset": cell_offset}
     # not `replace`: velocities of a snapshot are not those of the deformed packing
-    return Packing._of_fields(**{one.name: getattr(packing, one.name) for one in fields(Packing)} | places)
+    return Packing._of_fields(
+        **{entry.name: getattr(packing, entry.name) for entry in fields(Packing)} | places
+    )
 
 
 def _deformed(base, offset, moves, strain):

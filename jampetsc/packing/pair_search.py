@@ -124,9 +124,9 @@ def _search_domains(grid, radii, borders, counts):
         low, high = borders[d], borders[d + 1]
         count = _search(grid, radii, low, found[total:], ends[low - first : high - first])
         if count < 0:
-            more = np.empty(2 * len(found), np.uint32)
-            more[:total] = found[:total]
-            found = more
+            longer = np.empty(2 * len(found), np.uint32)
+            longer[:total] = found[:total]
+            found = longer
             continue
         inside = 0
         for q in range(total, total + count):
@@ -154,9 +154,9 @@ def _fill_lists(me, threads, counter, borders, grid_arguments, exact, counts, pa
     found, ends = _search_domains(grid, radii, borders[first : last + 1], counts[first:last])
     meet(counter, threads)
     (base, offset, cell_base, cell_offset, turns), (i, j, r0, sigma) = exact, pairs
-    wanted = counts.sum()
-    if wanted > len(sigma):
-        return wanted, 1
+    needed = counts.sum()
+    if needed > len(sigma):
+        return needed, 1
     # unsigned: no code for negative indices
     disk, image, wrapped = grid.disk, grid.image, grid.wrapped
     at, q, row = np.uint64(counts[:first].sum()), np.uint64(0), np.uint64(0)
@@ -184,7 +184,7 @@ def _fill_lists(me, threads, counter, borders, grid_arguments, exact, counts, pa
                     fine = offset[b, axis] - offset[a, axis]
                     fine += over * cell_offset[0, axis] + up * cell_offset[1, axis]
                     r0[axis, p] = coarse + fine
-    return wanted, 1
+    return needed, 1
 
 
 def listed(disks, skin, borders, team):
@@ -199,9 +199,9 @@ def listed(disks, skin, borders, team):
     arguments = disks.positions, disks.radii, cell, skin, *shape
     cells = np.ascontiguousarray(disks.cell_base), np.ascontiguousarray(disks.cell_offset)
     exact = disks.base, disks.offset, *cells, -int(numbers[1, 0])
-    counts, wanted, room = np.empty((number, 2), np.int64), 1, 0
-    while wanted > room:
-        room = max(FIRST_PAIRS_PER_DISK * n, wanted)
+    counts, needed, room = np.empty((number, 2), np.int64), 1, 0
+    while needed > room:
+        room = max(FIRST_PAIRS_PER_DISK * n, needed)
         found = np.empty(room, np.uint32), np.empty(room, np.uint32), np.empty((2, room)), np.empty(room)
-        wanted, _ = team.run(_fill_lists, number, borders, arguments, exact, counts, found)
+        needed, _ = team.run(_fill_lists, number, borders, arguments, exact, counts, found)
     return counts, *found
