@@ -18,9 +18,10 @@ from jampetsc.io.disk_motion import (
     PHASES,
     chosen_frequencies,
     field_at,
-    packing_of,
     particle_rows,
     phase_factor,
+    radii_of,
+    source_of,
 )
 
 LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, by default
@@ -74,8 +75,8 @@ def run(job, sweeps, to) -> str:
 
 
 def _diameter(disks):
-    """Mean diameter of the disks."""
-    return 2.0 * float(disks.radii.mean())
+    """Mean diameter of the disks, or mean length of a bond of nodes without radii."""
+    return 2.0 * float(radii_of(disks).mean())
 
 
 def _correlated(sweeps, motions, lanes):
@@ -98,7 +99,7 @@ def _motion(job, sweep, phase):
     """((disks, rows of those in the fields (n,), u_y (2F, n): Re and Im of each), frequencies (F,)) of a sweep."""
     stored = sweep.fields.omega
     rows = chosen_frequencies(sweep, stored[np.argsort(stored)] if job.omega is None else job.omega)
-    disks = packing_of(sweep, job.packing)
+    disks = source_of(sweep, job.packing)
     particles = particle_rows(sweep, disks)
     transverse = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, 1] for row in rows]
     parts = [part for u in transverse for part in (u.real, u.imag)]

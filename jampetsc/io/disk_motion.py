@@ -8,9 +8,10 @@ import numpy as np
 from jampetsc.analysis.order import mean_order
 from jampetsc.analysis.velocity_correlation import LaneCorrelation, correlate_velocities
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.packing_file import read_packing
+from jampetsc.io.network_file import read_source
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.spring_network import Network
 
 # what the real part of a field is in phase with, the default first; files hold fields per strain
 PHASES = ("stress", "strain")
@@ -24,22 +25,33 @@ _FREQUENCY_TOLERANCE = 0.01  # relative distance from a stored frequency: 0.0316
 
 
 def packing_of(result, packing=None) -> Packing:
-    """The packing that a result was made from: `packing` (in memory or a file), else the one in memory with the result,
-    else the file beside it.
+    """As `source_of`, of a result of a packing. Raises InputError for one of a network, too."""
+    source = source_of(result, packing)
+    if not isinstance(source, Packing):
+        raise InputError(f"{result.path}: of a network. Export its motion from a result of a packing.")
+    return source
 
-    Raises InputError for a missing packing, and for another one: a file has to have the recorded fingerprint,
-    a Packing that or the same number of disks and φ.
+
+def radii_of(source: Packing | Network):
+    """Radii of the disks, (N,); of nodes without any half the mean length of a bond."""
+    if source.radii is not None:
+        return source.radii
+    return np.full(source.n, 0.5 * float(source.linear_bonds.distance.mean()))
+
+
+def source_of(result, packing=None) -> Packing | Network:
+    """The packing or network that a result was made from: `packing` (in memory or a file), else the one in memory with
+    the result, else the file beside it.
+
+    Raises InputError for a missing packing, and for another one: a file or a Network has to have the recorded
+    fingerprint, a Packing that or the same number of disks and φ.
     """
     name, recorded = (result.attributes.get(key) for key in ("packing", "packing_sha256"))
     if packing is None and result.packing is not None:
-        if not isinstance(result.packing, Packing):
-            raise InputError(
-                f"{result.path}: of a network. Motion is drawn, exported and correlated on packings."
-            )
         return result.packing
-    if isinstance(packing, Packing):
+    if isinstance(packing, Packing | Network):
         facts = [result.attributes.get(key) for key in ("particle_count", "phi")]
-        if packing.fingerprint != recorded and facts != [packing.n, packing.phi]:
+        if packing.fingerprint != recorded and facts != [packing.n, getattr(packing, "phi", np.nan)]:
             raise InputError(
                 f"{named('packing')}: not the packing that {result.path.name} was made from. Give that packing."
             )
@@ -48,7 +60,7 @@ def packing_of(result, packing=None) -> Packing:
     if not packing and (name is None or not path.is_file()):
         what = f"packing {name} is not beside it" if name else "packing was in memory"
         raise InputError(f"{result.path}: its {what}. Give it with {named('packing')}.")
-    disks = read_packing(path)
+    disks = read_source(path)
     if recorded not in (None, disks.fingerprint):
         raise InputError(
             f"{path}: not the packing that {result.path.name} was made from (sha256 {disks.fingerprint[:12]}… "

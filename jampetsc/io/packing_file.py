@@ -58,8 +58,10 @@ def read_packing(path) -> Packing:
 
 
 def source_name(source) -> str:
-    """Name of a packing in messages: its file, or "the packing" for one in memory."""
-    return str(source) if isinstance(source, str | os.PathLike) else "the packing"
+    """Name of a packing or a network in messages: its file, or "the packing", "the network" in memory."""
+    if isinstance(source, str | os.PathLike):
+        return str(source)
+    return "the packing" if isinstance(source, Packing) else "the network"
 
 
 def read_identified(path, comm=None) -> tuple[Packing, tuple[str, str]]:

@@ -11,10 +11,11 @@ from jampetsc.io.disk_motion import (
     chosen_frequencies,
     disk_rows,
     field_at,
-    packing_of,
     particle_rows,
     phase_factor,
+    radii_of,
     snapshot,
+    source_of,
 )
 from jampetsc.options.parameters import SWITCH, WORD
 from jampetsc.options.values import INTEGERS
@@ -70,7 +71,7 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     (sweep,) = results
     fields = sweep.fields
     rows = chosen_frequencies(sweep, omega)
-    disks = packing_of(sweep, packing)
+    disks = source_of(sweep, packing)
     particles = particle_rows(sweep, disks)
     affine = np.zeros((len(particles), 2))
     if total:
@@ -112,7 +113,7 @@ def plot_response(results, page, packing=None):
     if not result.attributes["prestress"]:
         fields = {"no pre-stress": "nonaffine"}
     panels = [(title, result[name]) for title, name in fields.items()]
-    disks = packing_of(result, packing)
+    disks = source_of(result, packing)
     _draw_real(page, disks, panels, disk_rows(result, disks), r"u_{\rm na}/\gamma")
     return f"quasistatic response, {' and '.join(fields)}"
 
@@ -125,7 +126,7 @@ def plot_mode(results, page, packing=None, mode=(1,)):
     """Modes on the packing, numbered from 1. Raises InputError for one that the file does not hold."""
     (result,) = results
     panels = mode_fields(result, mode)
-    disks = packing_of(result, packing)
+    disks = source_of(result, packing)
     _draw_real(page, disks, panels, disk_rows(result, disks), r"\varphi")
     return f"mode {','.join(map(str, np.ravel(mode)))}"
 
@@ -169,13 +170,14 @@ def _draw(page, disks, panels, particles, symbol, rows):
     if few and page.is_new:
         page.figure.supxlabel(f"arrows on {len(chosen)} of {len(particles)} disks", fontsize=_SMALL)
     lay_out(page, rows, 0.15 if few else 0.0)
-    images, places = disk_images(centres, disks.radii, disks.cell)
+    radii = radii_of(disks)
+    images, places = disk_images(centres, radii, disks.cell)
     for (ax, outline), (_, u, spin, _) in zip(axes, panels, strict=True):
         scale, faces = points_per_length(ax), np.ones((disks.n, 4))
         if spin is not None:
             faces[particles] = _colours()(0.5 + spin / (2 * _RANGE * (_rms(spin) or 1.0)))
         look = {"facecolors": faces[images], "edgecolors": "0.72", "linewidths": min(0.3, 0.03 * scale)}
-        drawn = draw_circles(ax, places, 2 * disks.radii[images], **look)
+        drawn = draw_circles(ax, places, 2 * radii[images], **look)
         clip_artists(outline, [drawn], rasterized=disks.n > ARROWS)
         if factor := _arrow_factor(u, spacing):
             vectors = factor * u[chosen]

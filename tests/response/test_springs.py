@@ -17,6 +17,7 @@ from jampetsc.network.contact_network import build_network
 from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
+from jampetsc.plots.draw import draw
 from jampetsc.response.assembly import assemble
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.rational import RationalSweep
@@ -102,13 +103,25 @@ def test_functions_and_files_take_networks(session, tmp_path):
     np.testing.assert_allclose(modes["eigenvalues"], values[2:5], rtol=1e-9)
     matrices = jampetsc.assemble(network, DRAG.law).to_scipy()
     assert np.abs(matrices.K).sum() == pytest.approx(float(np.abs(exact.K[:-1, :-1]).sum()), rel=1e-12)
-    with pytest.raises(
-        InputError, match=r"of a network\. Motion is drawn, exported and correlated on packings"
-    ):
+    with pytest.raises(InputError, match=r"of a network\. Export its motion from a result of a packing"):
         jampetsc.export(modes, out=tmp_path / "modes.xyz")
     with pytest.raises(InputError, match=r"K has \d+ floppy modes besides its translations"):
         jampetsc.quasistatic(floppy_lattice(), DRAG.law)
     assert "72" in jampetsc.info(network, matrices=True, law=DRAG.law)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_motion_of_networks_is_correlated_and_drawn(session, tmp_path):
+    """Of nodes without radii the unit of length is the mean bond; a file of the network stands beside the sweep."""
+    network = floppy_lattice(keep=0.8)
+    write_network(tmp_path / "n.h5", network)
+    jampetsc.sweep(str(tmp_path / "n.h5"), DRAG.law, omega=[1.0], fields=[1.0], out=tmp_path / "s.h5")
+    inside = jampetsc.sweep(network, DRAG.law, omega=[1.0], fields=[1.0])
+    found = [jampetsc.correlate(one) for one in (jampetsc.load(tmp_path / "s.h5"), inside)]
+    np.testing.assert_array_equal(found[0]["C"], found[1]["C"])
+    assert found[0].attributes["mean_diameter"] == pytest.approx(1.0)
+    assert len(draw([jampetsc.load(tmp_path / "s.h5")], "fields").axes) == 2
 
 
 @pytest.mark.scalar("real")
