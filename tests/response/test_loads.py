@@ -295,7 +295,7 @@ def test_a_tensor_continues_from_any_step(session, sweep):
     )
     options = {"accuracy": 1e-8, "loads": symmetric_loads(2)}
     whole = sweep(pencil, omega, **options, save=lambda step, *found: steps.update({step: found}))
-    assert len(steps) > 3
+    assert len(steps) >= 3
     for number in range(1, len(steps) + 1):
         more = []
         resume = {step: steps[step] for step in range(number)}
