@@ -122,6 +122,10 @@ class SweepResult(Result):
     @property
     def spectrum(self) -> RelaxationSpectrum:
         """Relaxation spectrum of a rational sweep, linear damping. Raises InputError for a sweep without one."""
+        if "C" in self:
+            raise InputError(
+                f"{self.path}: elastic constants, which have no single spectrum. Give a sweep of one {named('load')}."
+            )
         if "reduced/rates" not in self:
             raise InputError(f"{self.path}: no spectrum. Run the sweep with {named('method')} rational.")
         return _sound_spectrum(

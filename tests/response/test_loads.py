@@ -279,7 +279,9 @@ def test_a_result_of_the_tensor(session):
     np.testing.assert_allclose(squeezed.G + pressure / 2.0, rational["bulk_modulus"], rtol=1e-5)
     with pytest.raises(InputError, match="load compression is no shear"):
         squeezed.shear_modulus  # noqa: B018
-    with pytest.raises(InputError, match="method rational gives any"):
+    with pytest.raises(InputError, match=r"no single spectrum\. Give a sweep of one load"):
+        rational.spectrum  # noqa: B018
+    with pytest.raises(InputError, match="run the sweep with method rational"):
         direct.modulus(0.5)
 
 
