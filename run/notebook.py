@@ -30,7 +30,7 @@ def executed(markdown, name):
     notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3", "language": "python"}
     with tempfile.TemporaryDirectory() as folder:
         nbclient.NotebookClient(
-            notebook, timeout=600, startup_timeout=300, resources={"metadata": {"path": folder}}
+            notebook, timeout=1800, startup_timeout=300, resources={"metadata": {"path": folder}}
         ).execute()
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
