@@ -6,7 +6,8 @@ from jampetsc.options.parameters import ValueType, parameter
 LOAD = ValueType(load_text, metavar="LOAD")  # text of a load, see `laws.loads.load_text`
 LOAD_HELP = (
     "load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy, or D² numbers row by row "
-    f"(4 with commas; with a minus first: --load=-1,…); {TENSOR}: {{}}. Moduli are those of the energy along F = 1 + εE"
+    f"(4 with commas; on a command line with = where the first is negative); {TENSOR}: {{}}. Moduli are those of the "
+    "energy along F = 1 + εE"
 )
 
 

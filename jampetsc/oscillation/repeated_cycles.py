@@ -159,7 +159,7 @@ class Cycles:
             if not abs(motion.gamma - begin) < FLOWING + self.drive.amplitude:
                 raise ConvergenceError(
                     f"the packing flows: its strain has changed by {motion.gamma - begin:.2g} within a cycle. Give "
-                    f"less {named('stress')}."
+                    f"less {named('stress')}"
                 )
         drift, (times, weights, response) = motion.gamma - begin, np.array(rows).T
         moduli = self.drive.moduli(response, times / PERIOD, weights / PERIOD, drift if free else 0.0)
@@ -205,7 +205,7 @@ class Cycles:
         off = max(abs(fed - motion.gained) - motion.rounding, 0.0)
         if off > allowed:
             if last:
-                remedy = f"less {named('stress')}." if imposed[-1].free else f"more {named('steps')}"
+                remedy = f"less {named('stress')}" if imposed[-1].free else f"more {named('steps')}"
                 raise ConvergenceError(
                     f"energy error of the shortest step of a cycle {off / allowed:.1e} times the tolerance, as where "
                     f"the packing is not rigid. Give {remedy}."

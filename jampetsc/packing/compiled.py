@@ -141,7 +141,7 @@ def forget_outdated(package: Path = PACKAGE) -> None:
 
 if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):  # without numba, uint64 + int64 is a float
     raise InputError(
-        f"NUMBA_DISABLE_JIT={os.environ['NUMBA_DISABLE_JIT']}: loops over contacts have to be compiled: unset it"
+        f"NUMBA_DISABLE_JIT={os.environ['NUMBA_DISABLE_JIT']}: loops over contacts have to be compiled. Unset it."
     )
 fix_instruction_set()
 forget_outdated()  # before anything compiled is loaded: every module with compiled functions imports this one

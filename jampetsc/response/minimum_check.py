@@ -135,7 +135,7 @@ def shared_zero_modes(pencil: Pencil) -> str:
     moves, cost = ("moves", "cost") if count > 1 else ("move", "costs")
     return (
         f"{count} {moves} besides translations {cost} neither energy nor dissipation under {pencil.law}. The response "
-        "is not unique. Take a law with drag, which resists every motion"
+        "is not unique. Take a law with drag, which resists every motion."
     )
 
 

@@ -552,7 +552,7 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
         ("--cut -1", "--cut -1: must be positive"),
         ("--cut 1e-9", "no points within"),
         ("--range 0.9:0.8", "must be A:B"),
-        ("--range a", "write A:B"),
+        ("--range a", "--range a: must be two packing fractions, A:B"),
     ]:
         assert command(first, *words, *more.split()) == 2
         assert message in capsys.readouterr().err

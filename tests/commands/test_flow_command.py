@@ -224,7 +224,7 @@ BAD = [  # (options, words of the message); ranges: test_flow_jobs
     ("--snapshots 2 --snapshot-every 0.1", "--snapshot-every"),
     ("--snapshot-spacing log", "--snapshot-spacing"),
     ("--strain 3e7 --rate 1 --snapshots 1000000000", "are free where"),
-    ("--discard 0.6", "--discard 0.6: must lie"),
+    ("--discard 0.6", "--discard 0.6: not below --strain"),
     ("--walls --radii none.txt", "none.txt: not "),
     ("--last out.h5", "another file that this run writes"),
 ]

@@ -14,7 +14,7 @@ from jampetsc.studies import study_job
 PHYSICS = Physics(damping_law())
 
 
-DISKS = SimpleNamespace(record={"pressure": 2e-3}, potential=SimpleNamespace(k=2.0))
+NETWORK = SimpleNamespace(pressure=2e-3, k=2.0)
 
 
 def summary_of_sweep(omega, G, bounds, certified=True, damping=None):
@@ -48,7 +48,7 @@ def test_a_strain_that_would_change_contacts(stress, told):
     said = summary_of_sweep(omega, G, bounds, damping=damping)
     assert "equivalent linear frequencies 4 to 5; the stored" in said
     job = SimpleNamespace(damping=damping, load="xy")
-    notes = sweep.notes_of(job, DISKS, omega, modulus_sweep(omega, G, bounds))
+    notes = sweep.notes_of(job, NETWORK, omega, modulus_sweep(omega, G, bounds))
     assert [f"strain amplitude up to {stress:.1e}, more than p/k = 1.0e-03" in note for note in notes] == [
         True
     ] * told
@@ -61,9 +61,9 @@ def test_a_modulus_below_its_bound_below_zero_is_noted():
         SimpleNamespace(damping=None, load="xy"),
     )
     found = [modulus_sweep(omega, np.array([real + 1j, 1.0]), bounds) for real in (-0.02, -0.005)]
-    (note,) = sweep.notes_of(job, DISKS, omega, found[0])
+    (note,) = sweep.notes_of(job, NETWORK, omega, found[0])
     assert note.startswith("unstable to shear: G' at omega 0.001 = -0.02. ") and "--stabilise shear" in note
-    assert sweep.notes_of(job, DISKS, omega, found[1]) == []
+    assert sweep.notes_of(job, NETWORK, omega, found[1]) == []
 
 
 def test_modes_tell_how_they_were_counted():

@@ -256,7 +256,9 @@ def test_correlated_files_are_of_one_kind(tmp_path):
     np.testing.assert_allclose(found.values, correlate_lanes([one], 2, 2).values)
     for name, value in (("model", "CD0"), ("rate", 0.2), ("particle_count", 31), ("mass", 1.0)):
         other = flow_file(tmp_path / "other.h5", **{name: value})
-        with pytest.raises(InputError, match=rf"other.h5: {name} {value}, but one.h5 has .*: average one"):
+        with pytest.raises(
+            InputError, match=rf"other.h5: {name} {value}, but one.h5 has .*\. Average flows of one kind\."
+        ):
             correlate_lanes([one, other], 2, 2)
     correlate_lanes([one, flow_file(tmp_path / "near.h5", phi=0.8 + 9e-7)], 2, 2)
     with pytest.raises(InputError, match=r"far.h5: another phi than one.h5"):

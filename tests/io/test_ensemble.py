@@ -95,7 +95,7 @@ def test_one_packing_counts_once(folder, tmp_path):
     for name in set(DISTINGUISHING_COLUMNS) - {"command"}:
         text = f"command,state,file,packing,{name},seed,G0\na,done,1.h5,p,1,1,1\na,done,2.h5,p,%s,2,1\n"
         for other, by, told in ((2, (), name), (1, name, "see the table")):
-            with pytest.raises(InputError, match=rf"in by= \({told}\)"):
+            with pytest.raises(InputError, match=rf"in by= what differs \({told}\)"):
                 written(tmp_path, text % other).mean(by)["G0"]
     table = written(tmp_path, "command,state,file,G0\na,done,1.h5,0\na,done,2.h5,-1e-300\n")  # of no packing
     assert table.mean().count["G0"].tolist() == [2]

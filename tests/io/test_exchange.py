@@ -203,7 +203,7 @@ def test_gsd_is_read_by_its_package(tmp_path, expected):
             file.append(frame)
     same(jampetsc.import_packing(path, 1), expected, 1e-3)
     same(jampetsc.import_packing(path, 0), expected, 1e-3)
-    with pytest.raises(InputError, match=r"p\.gsd: index 99: it holds 2, numbered from 0"):
+    with pytest.raises(InputError, match=r"p\.gsd: index 99: no such packing \(2, numbered from 0\)"):
         jampetsc.import_packing(path, 99)
     for cut in (100, 300):
         (tmp_path / "cut.gsd").write_bytes(path.read_bytes()[:cut])

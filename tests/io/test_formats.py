@@ -11,7 +11,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.declaration import HEADER, MAX_DEPTH, TYPES, Table, contents, shape_text
 from jampetsc.io.formats import FORMATS
 
-LENGTHS = dict(zip("NMFASTKDW", range(4, 13), strict=True)) | dict.fromkeys("nmcbBqtgjrfP", 3)
+LENGTHS = dict(zip("NMFASTKDW", range(4, 13), strict=True)) | dict.fromkeys("nmcbBqtgjrfPL", 3)
 VALUES = {"text": "a", "int": 3, "float": 0.5, "bool": True}
 
 

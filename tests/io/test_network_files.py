@@ -189,9 +189,9 @@ def test_commands_make_and_describe_networks(tmp_path, monkeypatch, capsys):
             "--out n.xyz: not a format with bonds of a network. Choose the ending .data",
         ),
         ("export n.h5 --mode 1 --out n.vtp", "--mode: an option of modes files, but n.h5 is a network file"),
-        ("flow n.h5 --model RD0 --rate 1e-2 --strain 0.1 --out x.h5", "n.h5: is a jampetsc-network file"),
-        ("oscillate n.h5 --omega 1 --strain 1e-6 --out x.h5", "n.h5: is a jampetsc-network file"),
-        ("shear n.h5 --step 1e-3 --strain 1e-2 --out x.h5", "n.h5: is a jampetsc-network file"),
+        ("flow n.h5 --model RD0 --rate 1e-2 --strain 0.1 --out x.h5", "n.h5: a jampetsc-network file"),
+        ("oscillate n.h5 --omega 1 --strain 1e-6 --out x.h5", "n.h5: a jampetsc-network file"),
+        ("shear n.h5 --step 1e-3 --strain 1e-2 --out x.h5", "n.h5: a jampetsc-network file"),
     ):
         out = [] if "--out" in words else ["--out", "x.h5"]
         assert says in refused(capsys, *words.split(), *out), words

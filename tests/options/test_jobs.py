@@ -427,7 +427,7 @@ def test_an_answer_in_memory_is_that_of_the_file(session, shared_path, monkeypat
     np.testing.assert_allclose(again["C"], found["correlate"]["C"], rtol=1e-12)
     with pytest.raises(InputError, match=r"its packing was in memory\. Give it with packing"):
         jampetsc.correlate(jampetsc.load("s.h5"))
-    with pytest.raises(InputError, match="the input, which would be lost"):
+    with pytest.raises(InputError, match=r"s\.h5: the input .*, which would be lost\. Choose another out\."):
         jampetsc.correlate(found["sweep"], out="s.h5")
     session.comm.Barrier()
 

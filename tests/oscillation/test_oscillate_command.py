@@ -43,7 +43,7 @@ def checked(packing, *words):
         ("--stress x", "--stress x: must be low:high:count"),
         ("--strain 1e-5,-1", "--strain 1e-5,-1: -1 must lie between"),
         ("--stress 1e-5 --steps 20", "--steps 20: must be a multiple of 8"),
-        ("--stress 1e-5 --law stokes", "--law stokes: no contact dissipates"),
+        ("--stress 1e-5 --law stokes", "--law stokes: not supported, no contact dissipates"),
         (
             "--stress 1e-5 --alpha 0.3",
             r"^--alpha: 0.3 \(at least 0.45 .* Give --contacts moving, or",

@@ -110,7 +110,7 @@ def test_what_an_options_file_may_hold(tmp_path, content, expected):
         (["-options_file"], "-options_file: needs the name of a file"),
         (["-options_file", ""], "-options_file: needs the name of a file"),
         (["-options_file", "/none.yml"], "/none.yml: No such file or directory: give a PETSc options file"),
-        (["-options_file", "/"], r"/: a folder\. Give the file in it"),
+        (["-options_file", "/"], "/: a folder. Give the file in it"),
     ],
 )
 def test_words_that_petsc_cannot_have(words, message):

@@ -81,7 +81,8 @@ def test_states_of_a_run_remember():
     shares = [correlated_share(runs[k : k + 3]) for k in range(0, 60, 3)]
     error = np.mean([0.5 * (one.high - one.low) for one in shares])
     assert error == pytest.approx(np.std([one.value for one in shares]), rel=0.4)
-    assert memory(runs) == pytest.approx((1 - change) / change, rel=0.1)
+    known = (1 - change) / change  # estimated as the larger of two numbers, so rather from above
+    assert 0.9 * known < memory(runs) < 1.3 * known
     for share in shares:
         assert binomial_share(share.value, effective_samples(share)).error == pytest.approx(share.error)
     alone = correlated_share([np.ones(500)])

@@ -150,10 +150,10 @@ def test_negative_moduli_are_counted_where_they_would_be_drawn():
     (ax,) = figure_of(plot_loss, some).axes
     assert not [text for text in ax.texts if "not shown" in text.get_text()]
     for picture, words in (
-        (plot_moduli, "neither G' nor G'' is positive"),
+        (plot_moduli, "neither G' nor G'' is positive at any frequency"),
         (plot_loss, "no modulus is positive"),
     ):
-        with pytest.raises(InputError, match=f"a.h5: {words} anywhere"):
+        with pytest.raises(InputError, match=f"a.h5: {words}"):
             picture([curve(G=np.array([-1.0, 0.0, -1.0]) * (1 + 1j))])
 
 

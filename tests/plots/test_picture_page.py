@@ -81,7 +81,7 @@ def test_size_limits_words_and_style_are_chosen(tmp_path):
         ({"mu": 11}, r"mu 11: must lie in \[0, 10\]"),
         ({"statistic": "mode"}, "statistic mode: not supported. Choose one of mean, median"),
         ({"csv": "n.txt"}, "n.txt: unknown ending. Give it the ending .csv"),
-        ({"csv": "nowhere/n.csv"}, "nowhere does not exist"),
+        ({"csv": "nowhere/n.csv"}, "no folder nowhere. Create it first."),
         ({"ax": Figure().subplots(), "size": (2, 2)}, "size, ax: both given"),
         ({"ax": Figure().subplots(1, 2)}, "ax: 2 axes, but this picture needs 1"),
     ],

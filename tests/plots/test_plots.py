@@ -447,7 +447,7 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
         ("fields.h5 --omega 0.001", r"no fields at omega = 0\.001 \(nearest 1e-06, 0\.0001, 0\.0316228\)"),
         ("none.h5", "none.h5: no modulus at any frequency"),
         ("p2.h5 --out x.jpg", r"out x\.jpg: unknown ending. Give it the ending \.png or \.pdf or \.svg"),
-        ("p2.h5 --out nowhere/x.png", "folder nowhere does not exist"),
+        ("p2.h5 --out nowhere/x.png", "no folder nowhere. Create it first."),
         ("p2.h5 --out taken.png", r"taken\.png: a folder"),
         ("p2.h5 --mu nan", r"--mu nan: must lie in \[0, 10\]"),
         (

@@ -324,14 +324,16 @@ def test_a_singular_bound_serves_elsewhere_only_where_K_is_known_to_have_no_nega
     monkeypatch.setattr(
         modulus_sweep, "FrequencySolver", lambda pencil, **how: told.append(how) or make(pencil, **how)
     )
-    for packing, law, method in (
-        (published(), physics(), "direct"),  # not known
-        (published(), physics(prestress=False), "direct"),  # by construction
-        (with_proof(published()), physics(), "direct"),
-        (lattice(), physics(), "rational"),  # 14 negative modes
-    ):
+    cases = [
+        (published(), physics(), "direct", False),  # not known
+        (published(), physics(prestress=False), "direct", True),  # by construction
+        (with_proof(published()), physics(), "direct", True),
+    ]
+    if session.scalar_type == "real":  # modes are counted for the rational method, which has real scalars
+        cases.append((lattice(), physics(), "rational", False))  # 14 negative modes
+    for packing, law, method, _ in cases:
         sweep_of(packing, law, [1.0], method=method).work(Outlet())
-    assert [how["positive_semidefinite"] for how in told] == [False, True, True, False]
+    assert [how["positive_semidefinite"] for how in told] == [is_known for *_, is_known in cases]
 
 
 @pytest.mark.most_ranks(2)

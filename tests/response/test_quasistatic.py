@@ -139,9 +139,10 @@ def test_refused_packings_leave_no_file(session, shared_path, capsys, command, d
 def test_a_sweep_that_floppy_modes_prevent_says_so(session, beta, rotations):
     """Rows of a square lattice slide at no cost: G′ = 0, and with β = 0 nothing dissipates."""
     law = ContactDamping(beta=beta, rotations=rotations)
-    with pytest.raises(
-        (ConvergenceError, InputError), match="; K has 14 floppy modes besides its translations: the response"
-    ):
+    says = (
+        r"K has 14 floppy modes besides" if beta else r"14 moves besides translations cost neither energy nor"
+    )
+    with pytest.raises((ConvergenceError, InputError), match=says):
         jampetsc.sweep(lattice(), law, omega=[1e-2, 1.0], prestress=False)
 
 

@@ -260,16 +260,17 @@ def test_a_claim_that_does_not_hold_is_found_out(session):
 @pytest.mark.most_ranks(1)
 def test_what_a_job_says_of_its_bounds():
     """They hold for a minimum at rest, and where it is known to be one."""
-    for prestress, modes, by, imbalance, certified, says in (
-        (True, 0, "", 1e-4, True, "proved when the packing was made"),
-        (True, 0, "X", 1e-4, True, "proved by X"),
-        (True, 0, "", 1.01e-4, False, "; but forces are not balanced: max|F|/(p d) = 1.0e-04"),
-        (True, 0, "", np.nan, False, "; but forces are not balanced"),
-        (True, None, "", 1e-4, False, "not shown: that of fields is a bound only if"),
-        (True, 3, "", 1e-4, False, "no: 3 negative modes; error_bound is an estimate for fields"),
-        (False, 0, "", 1e-4, True, "by construction (no pre-stress)"),
+    for construction, modes, by, imbalance, certified, says in (
+        ("", 0, "", 1e-4, True, "proved when the packing was made"),
+        ("", 0, "X", 1e-4, True, "proved by X"),
+        ("", 0, "", 1.01e-4, False, "; but forces are not balanced: max|F|/(p d) = 1.0e-04"),
+        ("", 0, "", np.nan, False, "; but forces are not balanced"),
+        ("", None, "", 1e-4, False, "not shown: that of fields is a bound only if"),
+        ("", 3, "", 1e-4, False, "no: 3 negative modes; error_bound is an estimate for fields"),
+        ("no pre-stress", 0, "", 1e-4, True, "by construction (no pre-stress)"),
     ):
-        check = MinimumCheck(prestress, modes, by, imbalance)
+        text = f"max|F|/(p d) = {imbalance:.1e}"
+        check = MinimumCheck(construction, modes, by, imbalance, text)
         assert check.certified == certified and says in check.description
 
 

@@ -72,8 +72,9 @@ def require_same(table, other, rtol=1e-7):
 @pytest.mark.scalar("real")
 def test_the_table_is_the_same_on_any_number_of_ranks(session, shared_path):
     table = study(shared_path / "all", ALL)
-    assert set(table["state"]) == {"done"} and set(table["command"]) == set(study_inputs())
-    assert [len(table.where(command=name).results()) for name in study_inputs()] == [
+    commands = [name for name in study_inputs() if name != "springs"]  # in place of packings: test_springs.py
+    assert set(table["state"]) == {"done"} and set(table["command"]) == set(commands)
+    assert [len(table.where(command=name).results()) for name in commands] == [
         2,
         6,
         2,

@@ -100,7 +100,7 @@ def with_record(path, n=64, **record):
         ("--out t.txt", "--out t.txt: unknown ending. Give it the ending .csv"),
         ("--out t.csv --choices method,speed", "--choices method,speed: 'speed' is not in"),
         ("--out t.csv --options-files none.opts", "--options-files none.opts: no such file"),
-        ("--out none/t.csv", "none/t.csv: folder none does not exist"),
+        ("--out none/t.csv", "none/t.csv: no folder none. Create it first."),
         ("--out t.csv --ranks 3", "--ranks 3: neither mpirun nor mpiexec in PATH"),
         ("--out t.csv --options-files t.csv", "t.csv: the input"),
         ("--out t.csv --options-files t.png", "t.png: the input"),
