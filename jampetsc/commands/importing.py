@@ -89,7 +89,7 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
         """Refuse the potential of overlaps for a network."""
         for name in ("potential", "stiffness"):
             if self.bonds is not None and getattr(self, name) is not None:
-                raise InputError(f"{named(name)}: belongs to packings. Leave it out with {named('bonds')}.")
+                raise InputError(f"{named(name)}: an option of packings. Leave it out with {named('bonds')}.")
 
     @property
     def paths(self):

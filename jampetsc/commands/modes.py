@@ -58,7 +58,7 @@ of them, are found by LAPACK, which takes no options."""
         """Refuse two ways to choose modes, and a limit too low to tell modes from translations."""
         given = [name for name in ("count", "below", "all") if getattr(self, name) not in (None, False)]
         if len(given) > 1:
-            raise InputError(f"{named(given[0])} and {named(given[1])}: give one of them")
+            raise InputError(f"{named(given[0])} and {named(given[1])}: both given. Give one of them.")
         if self.below is not None:
             from jampetsc.petsc.inertia import SHIFT
 

@@ -57,8 +57,8 @@ PETSc options: -shift_… for the factorisations."""
         owners = having("beta")
         if self.betas is not None and self.law.family not in owners:
             raise InputError(
-                f"{named('betas')}: belongs to {named('law')} {' or '.join(owners)}, not to "
-                f"{self.law.family or self.law}; leave it out"
+                f"{named('betas')}: an option of {named('law')} {' or '.join(owners)}, not of "
+                f"{self.law.family or self.law}. Leave it out."
             )
         for beta in [] if self.betas is None else self.betas:
             self.law.altered(beta=beta)  # where nothing dissipates

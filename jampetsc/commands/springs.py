@@ -69,7 +69,7 @@ class Springs(Job):
                 f"{named('lattice')}: give a kind of lattice, or a packing or network, one of them."
             )
         if self.source is not None and self.size is not None:
-            raise InputError(f"{named('size')}: belongs to {named('lattice')}. Leave it out.")
+            raise InputError(f"{named('size')}: an option of {named('lattice')}. Leave it out.")
 
     def work(self, to):
         network = build_lattice(self.lattice, self.size or (32, 32)) if self.lattice else self._of_source()

@@ -81,8 +81,8 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         self.law.require_dissipation()
         if self.parallel and self.method == "direct":
             raise InputError(
-                f"{named('parallel')} {self.parallel}: belongs to {named('method')} rational; with direct all ranks "
-                "share each solve"
+                f"{named('parallel')} {self.parallel}: an option of {named('method')} rational; with direct all ranks "
+                "share each solve. Leave it out."
             )
         if self.fields is not None and self.load == TENSOR:
             raise InputError(
@@ -95,12 +95,12 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             )
         if self.alpha is None and self.stress is not None:
             raise InputError(
-                f"{named('stress')} {self.stress:g}: belongs to power-law damping: give {named('alpha')} too"
+                f"{named('stress')} {self.stress:g}: an option of power-law damping. Give {named('alpha')}."
             )
         if self.alpha is not None and self.stress is None:
             raise InputError(
-                f"{named('alpha')} {self.alpha:g}: power-law damping depends on the amplitude: give "
-                f"{named('stress')}, in units of k"
+                f"{named('alpha')} {self.alpha:g}: power-law damping depends on the amplitude. Give "
+                f"{named('stress')}, in units of k."
             )
         if self.alpha is not None and not self.law.is_of_contacts:
             raise InputError(

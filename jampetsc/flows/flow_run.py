@@ -80,7 +80,7 @@ class FlowRun:
 
 
 @dataclass(frozen=True, eq=False)
-class FlowResult:
+class CompletedFlow:
     """Result of a run of steady shear."""
 
     disks: Packing  # the packing at the end
@@ -115,7 +115,7 @@ def run_flow(
     resume: tuple[Trajectory, dict] | None = None,
     save: Callable[[Trajectory, dict], None] | None = None,
     report: Callable[[float, Means | None, float], None] | None = None,
-) -> FlowResult:
+) -> CompletedFlow:
     """Shear until the last row of the run.
 
     team    threads that take the time steps
@@ -139,7 +139,7 @@ def run_flow(
             f"phi = {run.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
             f"choose a larger {named('phi')}, or a longer {named('strain')}"
         )
-    return FlowResult(shear.disks, trajectory, means, shear.state())
+    return CompletedFlow(shear.disks, trajectory, means, shear.state())
 
 
 def _take_rows(run, shear, trajectory, save, report):

@@ -223,7 +223,7 @@ def damping_law(law: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0,
         if option not in family.options:
             owners = " or ".join(having(option))
             raise InputError(
-                f"{named(option)}: belongs to {named('law')} {owners}, not to {law}; leave it out"
+                f"{named(option)}: an option of {named('law')} {owners}, not of {law}. Leave it out."
             )
     values = {option: options.get(option, family.options[option].default) for option in family.options}
     for option, value in values.items():

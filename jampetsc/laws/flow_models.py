@@ -60,11 +60,13 @@ class Model:
             raise InputError(f"{named('tau1')} {law.tau1:g}: must be at most {MAX_WEIGHT:g}")
         law.require_dissipation()
         if law.exponent != 1.0:
-            raise InputError(f"{named('alpha')} {law.exponent:g}: flow has linear damping only; leave it out")
+            raise InputError(
+                f"{named('alpha')} {law.exponent:g}: not supported, flow has linear damping. Leave it out."
+            )
         if self.background_drag and not law.damps_contacts:
             raise InputError(
-                f"{named('background_drag')} {self.background_drag:g}: belongs to contact damping, not to {self}; "
-                "leave it out"
+                f"{named('background_drag')} {self.background_drag:g}: an option of contact damping, not of {self}. "
+                "Leave it out."
             )
         if self.massive:
             return

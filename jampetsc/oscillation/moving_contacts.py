@@ -30,7 +30,7 @@ MAX_SKIN_RATIO = 2.0  # mean diameters: a step that needs a pair list with a lar
 
 
 class MovingContacts(ListedPacking):
-    """A packing under an imposed strain or stress, the `time_step.Springs` of its own steps.
+    """A packing under an imposed strain or stress, the `time_step.StepForces` of its own steps.
 
     disks: current state
     step: time of a step
@@ -125,7 +125,7 @@ class MovingContacts(ListedPacking):
         return self.at(self.offsets, np.zeros_like(self.offsets), self.gamma)
 
     def at(self, base, x, gamma) -> DiskState:
-        """See `time_step.Springs`; places are offsets o, moves x (N, 2) are in the laboratory frame."""
+        """See `time_step.StepForces`; places are offsets o, moves x (N, 2) are in the laboratory frame."""
         moved = x.copy()
         moved[:, 0] -= (gamma - self.listed) * moved[:, 1]
         offsets = base + moved
@@ -134,7 +134,7 @@ class MovingContacts(ListedPacking):
         )
 
     def covers(self, state) -> bool:
-        """See `time_step.Springs`."""
+        """See `time_step.StepForces`."""
         far = float(np.hypot(*state.places.T).max())
         return not is_stale(far, self._strain_at(state.gamma), self.largest, self.skin)
 
@@ -156,13 +156,13 @@ class MovingContacts(ListedPacking):
         return float(np.sum(energy[little] * grown) + np.sum(much))
 
     def forces(self, state):
-        """See `time_step.Springs`."""
+        """See `time_step.StepForces`."""
         bonds = state.bonds
         sheared = -float(np.sum(bonds.force * bonds.normal[0] * bonds.r[1]))
         return bonds.on_disks(bonds.force * bonds.normal, self.n), sheared
 
     def curvature(self, state, x, growth):
-        """See `time_step.Springs`.
+        """See `time_step.StepForces`.
 
         For a relative motion w of a bond, −k w⊥²/r (1 + f/kr) along it and −2 k w∥ w⊥/r (1 + f/kr) across.
         """
@@ -178,5 +178,5 @@ class MovingContacts(ListedPacking):
         return bonds.on_disks(second, self.n), sheared
 
     def dashpots(self, state) -> Dashpots:
-        """See `time_step.Springs`: dashpots of touching pairs."""
+        """See `time_step.StepForces`: dashpots of touching pairs."""
         return Dashpots(state.bonds, self.rims, self._damping, self.dofs)

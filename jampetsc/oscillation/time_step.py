@@ -41,7 +41,7 @@ RAISED = 3.0
 
 
 class StepMatrix:
-    """The matrix of some `time_step.Springs`. Vectors (unknowns + 1,) end with γL, 0 where the strain is imposed.
+    """The matrix of some `time_step.StepForces`. Vectors (unknowns + 1,) end with γL, 0 where the strain is imposed.
 
     factorisations: their number so far; pairs: the pair list of its pattern
     """
@@ -126,7 +126,7 @@ class DiskState:
     bonds: Bonds
 
 
-class Springs(Protocol):
+class StepForces(Protocol):
     """Elastic forces between the disks of one packing, and where its dashpots are."""
 
     n: int  # number of disks
@@ -179,7 +179,7 @@ class _Trial:
 class _Problem:
     """One stage with unknowns q (N dofs + 1,): displacements and rotations; last the growth of γL, L = √V, if free."""
 
-    springs: Springs
+    springs: StepForces
     h: float
     base: np.ndarray  # (N, 2) positions at the beginning
     gamma: float  # strain at the beginning or, where it is imposed, at the end
@@ -236,7 +236,7 @@ class Stages:
     iterations: number of Newton's steps so far
     """
 
-    def __init__(self, springs: Springs, matrix: StepMatrix, h: float, scale: float):
+    def __init__(self, springs: StepForces, matrix: StepMatrix, h: float, scale: float):
         self.h, self._matrix = h, matrix
         self.unit = springs.stiffness * springs.largest  # of forces
         self.tolerance = max(TOLERANCE * scale, ROUNDED) * self.unit
@@ -248,7 +248,7 @@ class Stages:
         if h != self.h:
             self.h, self._worn = h, True
 
-    def step(self, springs: Springs, places, gamma, imposed, last):
+    def step(self, springs: StepForces, places, gamma, imposed, last):
         """(places, velocities, StageEnds) after a step of two stages, or None if the pair list is too small for it.
 
         springs         those that the Stages were made for

@@ -185,7 +185,7 @@ def test_the_time_step_suits_the_model(name, mass, rate, step, method):
             {"background_drag": float("nan")},
             "background_drag nan: must lie",
         ),
-        ({"drag": 1.0, "exponent": 0.5}, {}, "alpha 0.5: flow has linear damping only"),
+        ({"drag": 1.0, "exponent": 0.5}, {}, "alpha 0.5: not supported, flow has linear damping"),
         (
             {"normal": 1.0, "sliding": 1.0},
             {"background_drag": 0.1},
@@ -194,7 +194,7 @@ def test_the_time_step_suits_the_model(name, mass, rate, step, method):
         ({"normal": 1.0, "sliding": 1.0}, {}, "no overdamped limit.* because disks that roll"),
         ({"normal": 1.0}, {}, "no overdamped limit.* because damping of one direction only"),
         ({"transverse": 1.0}, {}, "no overdamped limit.* because damping of one direction only"),
-        ({"drag": 1.0}, {"background_drag": 0.1}, "belongs to contact damping, not to some"),
+        ({"drag": 1.0}, {"background_drag": 0.1}, "an option of contact damping, not of some"),
     ],
 )
 def test_models_that_are_refused(weights, more, says):

@@ -127,7 +127,7 @@ def refused(capsys, *words):
         ("box 5\n0 0\n1 0", "# none", (), "bonds.txt: holds no lines i j, i j k or i j k f of bonds"),
         ("box 5\n0 0\n1 0", "0 1", ("--box", "5"), "nodes.txt: a box in the file. Leave out --box"),
         ("box 5\n0 0\n1 0", "0 x", (), "bonds.txt: 0 x: not numbers"),
-        ("box 5\n0 0\n1 0", "0 1", ("--potential", "harmonic"), "--potential: belongs to packings. Leave it out"),
+        ("box 5\n0 0\n1 0", "0 1", ("--potential", "harmonic"), "--potential: an option of packings. Leave it out"),
         ("box 5\n0 0\n1 0", None, (), "xyr: holds no bonds. Give --bonds a text file of lines i j"),
     ],
 )  # fmt: skip
@@ -177,7 +177,7 @@ def test_commands_make_and_describe_networks(tmp_path, monkeypatch, capsys):
     capsys.readouterr()
     for words, says in (
         ("springs", "--lattice: give a kind of lattice, or a packing or network, one of them."),
-        ("springs n.h5 --size 3 --out x.h5", "--size: belongs to --lattice. Leave it out."),
+        ("springs n.h5 --size 3 --out x.h5", "--size: an option of --lattice. Leave it out."),
         ("springs --lattice square --size 1 --out x.h5", "size: 1,1, must lie between 2 and 4096 unit cells"),
         (
             "springs --lattice square --size 2,3,4 --out x.h5",

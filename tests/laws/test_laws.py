@@ -53,9 +53,9 @@ def test_every_option_of_a_family_does_something(name):
     ("name", "options", "says"),
     [
         ("glue", {}, "law glue: not supported. Choose one of contact, stokes, custom"),
-        ("stokes", {"beta": 1.0}, "beta: belongs to law contact, not to stokes"),
-        ("contact", {"eta_f": 1.0}, "eta_f: belongs to law stokes or custom, not to contact"),
-        ("stokes", {"rotations": False}, "rotations: belongs to law contact"),
+        ("stokes", {"beta": 1.0}, "beta: an option of law contact, not of stokes"),
+        ("contact", {"eta_f": 1.0}, "eta_f: an option of law stokes or custom, not of contact"),
+        ("stokes", {"rotations": False}, "rotations: an option of law contact"),
         ("contact", {"beta": -1.0}, "beta -1: must lie between 0 and 1e"),
         ("contact", {"normal": float("nan")}, "normal nan: must lie"),
         ("stokes", {"eta_f": 10 * MAX_WEIGHT}, "eta_f 1e+13: must lie"),
@@ -65,7 +65,7 @@ def test_every_option_of_a_family_does_something(name):
         ("contact", {"normal": 0.0, "beta": 0.0}, "nothing dissipates"),
         ("custom", {}, "custom law: nothing dissipates; raise one of the weights"),
         ("custom", {"drag": -1.0}, "drag -1: must lie between 0 and 1e"),
-        ("custom", {"beta": 1.0}, "beta: belongs to law contact, not to custom"),
+        ("custom", {"beta": 1.0}, "beta: an option of law contact, not of custom"),
     ],
 )
 def test_refused(name, options, says):

@@ -219,7 +219,7 @@ REFUSED = [  # STUDY.toml, how the message goes on behind its name
     ("[sweep]\nno-prestress = 1", "[sweep]: no-prestress = 1: a switch must be true or false"),
     (PACK + '[sweep]\nlaw = "stoke"', "[sweep]: law stoke: not supported. Choose one of contact, stokes"),
     (PACK + "[sweep]\nbeta = [1.0, -1.0]", "[sweep]: beta -1: must lie"),
-    (PACK + '[sweep]\nlaw = "stokes"\nbeta = 1', "[sweep]: beta: belongs to law contact"),
+    (PACK + '[sweep]\nlaw = "stokes"\nbeta = 1', "[sweep]: beta: an option of law contact"),
     (PACK + "[sweep]\nlaw = 'stokes'\neta-f = -1", "[sweep]: eta-f -1: must lie"),
     ("[sweep]\neta-f = 1\neta_f = 2", "[sweep]: eta-f: given twice"),
     (PACK + "[correlate]", "[correlate]: needs sweeps with fields"),
