@@ -45,7 +45,7 @@ def relaxed(n, seed):
     ends = {
         "gradients": descended,
         "minimise": minimise(start, Goal(), NewtonSolver(), tolerance=1e-8).disks,
-        "dynamics": slow.last_displacement,
+        "dynamics": slow.last,
     }
     found = {name: measure_minimum(disks).energy / n for name, disks in ends.items()}
     if evaluations >= MOST:

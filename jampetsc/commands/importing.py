@@ -54,7 +54,7 @@ class Import(Job):
   jampetsc import types.lammpstrj --radius 1=0.5,2=0.7 --k 2 --out types.h5    # columns id type x y; harmonic/cut K = 1
   jampetsc import disks.txt --box 7.5,7 --potential hertzian --out own.h5      # lines x y r without a box
   jampetsc import gel.data --bonds gel.data --out gel.h5                       # a network with its own bonds
-  jampetsc import nodes.txt --bonds bonds.txt --box 20 --out net.h5            # lines x y, and lines i j k
+  jampetsc import nodes.txt --bonds bonds.txt --box 20 --out fibres.h5         # lines x y, and lines i j k
 
 To minimise the energy of a packing that is not at rest: jampetsc pack --from dump.h5 --phi 0.86 --out rest.h5"""
     OUT_HELP: ClassVar = "packing or network file to write"

@@ -23,7 +23,7 @@ HERE = {("oscillate", "--omega"): "1e-6", ("oscillate", "--strain"): "1e-6"}  # 
 SMALL_PYTHON = {  # python in a document -> here
     **{
         "n=256": "n=32",
-        "size=64": "size=8",
+        "size=64": "size=16",
         "n = 256": "n = 64",
         "n = 320": "n = 32",
         "range(1, 7)": "range(1, 3)",
