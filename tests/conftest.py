@@ -26,7 +26,7 @@ sys.path.append(
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
 LONG = "figures help trade interrupted options oscillate_command pack documents".split()  # begin first
-HANG = 300.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
+HANG = 900.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
 
 running = None  # the Session of this process
 signal.signal(

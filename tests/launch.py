@@ -15,7 +15,7 @@ from jampetsc.options import parser
 from jampetsc.petsc.launcher import without_launcher
 
 ROOT = Path(__file__).resolve().parents[1]
-MINUTES = 300  # seconds, for what runs many commands
+MINUTES = 800  # seconds, for what runs many commands
 
 
 def environment():
