@@ -8,6 +8,7 @@ import numpy as np
 from dense import Reference
 from scipy.integrate import solve_ivp
 
+from jampetsc.laws.loads import simple_shear
 from jampetsc.response.elastic import ElasticResponse
 
 
@@ -173,7 +174,7 @@ class Opening(Motion):
 
 def slow_moduli(network, disks, alpha, omega, strain):
     """(G', G'') of contacts that move as in slow shear, and of what that dissipates: ∝ ω^α γ₀^(α−1). Collective."""
-    shear = ElasticResponse(network).shear()
+    shear = ElasticResponse(network).respond(simple_shear())
     total = network.sum(np.sum(np.sum(shear.motions[:, :2] ** 2, axis=1) ** (0.5 * (1 + alpha))))
     phase = (np.arange(100_000) + 0.5) * np.pi / 100_000
     cycle = 2 * np.pi * np.mean(np.sin(phase) ** (1 + alpha))

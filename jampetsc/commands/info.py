@@ -7,7 +7,8 @@ from typing import ClassVar
 from jampetsc.commands import describe, describe_network
 from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import Ensemble
-from jampetsc.io.network_file import read_identified_source
+from jampetsc.io.network_file import read_source
+from jampetsc.io.packing_file import read_identified
 from jampetsc.laws.damping import Law, Physics, damping_law
 from jampetsc.options.job import Job
 from jampetsc.options.law_options import DAMPING, PRESTRESS
@@ -86,7 +87,7 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         from jampetsc.response.minimum_check import examine
 
         running = session.current()
-        source, _ = read_identified_source(self.file, running.comm)
+        source, _ = read_identified(self.file, running.comm, read_source)
         network = build_network(source, running.comm, self.prestress)
         facts = examine(network, self.law)
         counts = describe.matrices(network, isinstance(source, Packing), self.physics, facts, running.size)

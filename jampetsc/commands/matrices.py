@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.errors import about
-from jampetsc.io.network_file import read_identified_source
-from jampetsc.io.packing_file import source_name
+from jampetsc.io.network_file import read_source
+from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.laws import loads
 from jampetsc.laws.damping import DEFAULT
 from jampetsc.options.law_options import NetworkJob
@@ -46,7 +46,7 @@ class Matrices(NetworkJob):
         from jampetsc.response.assembled_matrices import build_matrices
 
         comm = session.current().comm
-        disks, _ = read_identified_source(self.packing, comm)
+        disks, _ = read_identified(self.packing, comm, read_source)
         with about(source_name(self.packing)):
             network = build_network(disks, comm, self.prestress)
         matrices = build_matrices(network, self.law, loads.loads_of(self.load, len(disks.cell)))
@@ -78,6 +78,6 @@ def assemble(packing, law=DEFAULT, *, prestress=True, load=loads.DEFAULT):
     from jampetsc.response.assembled_matrices import build_matrices
 
     job, comm = Matrices(packing, law, prestress=prestress, load=load), session.start("real").comm
-    packing, _ = read_identified_source(job.packing, comm)
+    packing, _ = read_identified(job.packing, comm, read_source)
     network = build_network(packing, comm, job.prestress)
     return build_matrices(network, job.law, loads.loads_of(job.load, len(packing.cell)))

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from jampetsc.errors import InputError, about, named
-from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
+from jampetsc.laws.loads import STRESS_MEASURE, load_and_tensor
 from jampetsc.options.job import Job
 from jampetsc.options.law_options import PRESTRESS
 from jampetsc.options.load_options import load_parameter
@@ -76,9 +76,7 @@ of them, are found by LAPACK, which takes no options."""
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
         source = read_network(self.packing, self.prestress, to, started)
         with about(source.name), session.stage("modes"):
-            dimension = len(source.source.cell)
-            (load,) = loads_of(DEFAULT if self.load == TENSOR else self.load, dimension)
-            tensor = loads_of(TENSOR, dimension) if self.load == TENSOR else ()
+            load, tensor = load_and_tensor(self.load, len(source.source.cell))
             modes = lowest_modes(source.network, count, self.below, source.proved, load, tensor)
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
             _write(writer, modes)

@@ -3,10 +3,10 @@
 import time
 from dataclasses import dataclass
 
+from jampetsc.commands.run_files import run_provenance
 from jampetsc.errors import about
-from jampetsc.io.network_file import read_identified_source
-from jampetsc.io.packing_file import source_name
-from jampetsc.io.provenance import provenance
+from jampetsc.io.network_file import read_source
+from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.packing.contacts import BALANCED
 from jampetsc.packing.minimum_proof import proved_minimum
@@ -44,16 +44,10 @@ class PackingNetwork:
 
         law   its parameters, as `Law.parameters`
         """
-        running, network = session.current(), self.network
+        network = self.network
         return {
-            **provenance(
-                versions=session.versions(),
-                scalar_type=running.scalar_type,
-                petsc_options=running.options_told(),
-                ranks=network.comm.size,
-                packing=self.identity,
-                law=law,
-                wall_seconds=time.perf_counter() - self.started,
+            **run_provenance(
+                time.perf_counter() - self.started, session.current(), network.comm.size, law, self.identity
             ),
             "pressure": network.pressure,
             "k": network.k,
@@ -74,15 +68,15 @@ class PackingNetwork:
         }
 
 
-def read_network(packing, prestress: bool, to, started: float, read=read_identified_source) -> PackingNetwork:
+def read_network(packing, prestress: bool, to, started: float, read=read_source) -> PackingNetwork:
     """The bonds of a packing or a network, in memory or a file, from which the result in `to` is made. Collective.
 
-    read   `packing_file.read_identified` for a command that takes packings alone
+    read   `packing_file.read_packing` for a command that takes packings alone
 
     Warns where forces are not balanced. Raises InputError, naming a packing, where it is not rigid.
     """
     comm, name = session.current().comm, source_name(packing)
-    source, identity = read(packing, comm)
+    source, identity = read_identified(packing, comm, read)
     to.made_from(source)
     with session.current().stage("assembly"), about(name):
         network = build_network(source, comm, prestress)

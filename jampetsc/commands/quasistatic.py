@@ -10,7 +10,7 @@ from jampetsc.analysis.elasticity import anisotropy, shear_modulus
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
-from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, load_and_tensor
 from jampetsc.options.law_options import NetworkJob
 from jampetsc.options.load_options import load_parameter
 from jampetsc.options.parameters import optional_parameter
@@ -70,9 +70,8 @@ PETSc options: -shift_… for the factorisations."""
         started, session = time.perf_counter(), current()
         source = read_network(self.packing, self.prestress, to, started)
         with about(source.name):
-            betas, dimension = () if self.betas is None else self.betas.tolist(), len(source.source.cell)
-            (load,) = loads_of(DEFAULT if self.load == TENSOR else self.load, dimension)
-            tensor = loads_of(TENSOR, dimension) if self.load == TENSOR else ()
+            betas = () if self.betas is None else self.betas.tolist()
+            load, tensor = load_and_tensor(self.load, len(source.source.cell))
             found = solve_quasistatic(source.network, self.law, betas, load, tensor)
         notes = unstable_to_shear(found.responses[""].G0, "G0") if load.is_shear else []
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:

@@ -1,4 +1,4 @@
-"""What flow, shear and jam write: checkpoints of rows, results over strain, attributes of a run."""
+"""What runs write: attributes of how they were made; of flow, shear and jam also rows over strain and checkpoints."""
 
 import json
 
@@ -9,14 +9,19 @@ from jampetsc.petsc import session
 STATE = "state/"  # prefix of the arrays from which a run is continued
 
 
-def run_provenance(seconds: float, running=None, ranks: int = 1, law=None) -> dict:
-    """Attributes of how a run was made; running: the session whose solvers it used, None if it used none."""
+def run_provenance(seconds: float, running=None, ranks: int = 1, law=None, packing=(None, None)) -> dict:
+    """Attributes of how a run was made.
+
+    running   the session whose solvers it used, None if it used none
+    law       its parameters, as `Law.parameters`
+    packing   what it was made from, as `read_identified` names it
+    """
     return provenance(
         versions=session.versions(),
         scalar_type=running and running.scalar_type,
         petsc_options=running and running.options_told(),
         ranks=ranks,
-        packing=(None, None),
+        packing=packing,
         law=law or {},
         wall_seconds=seconds,
     )

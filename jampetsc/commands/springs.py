@@ -5,7 +5,8 @@ from typing import ClassVar
 
 from jampetsc.commands import describe_network
 from jampetsc.errors import InputError, named
-from jampetsc.io.network_file import FORMAT, read_identified_source
+from jampetsc.io.network_file import FORMAT, read_source
+from jampetsc.io.packing_file import read_identified
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, ValueType, optional_parameter, parameter
 from jampetsc.options.task_inputs import NO_FILE, TaskInputs
@@ -79,6 +80,6 @@ class Springs(Job):
         return describe_network.network(to, network)
 
     def _of_source(self):
-        source, (name, digest) = read_identified_source(self.source)
+        source, (name, digest) = read_identified(self.source, read=read_source)
         network = source if isinstance(source, Network) else Network.of_packing(source)
         return network.with_record(source=name, source_sha256=digest)

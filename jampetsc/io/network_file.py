@@ -1,8 +1,5 @@
 """The network file: nodes, bonds and their stiffnesses in HDF5, with how the network was made as attributes."""
 
-from pathlib import Path
-
-from jampetsc.collective import on_root
 from jampetsc.errors import InputError, about
 from jampetsc.io import packing_file
 from jampetsc.io.formats import check_file
@@ -66,11 +63,3 @@ def read_source(path) -> Packing | Network:
         if check_format(path, attributes(h5)) == FORMAT:
             return network_from(h5, path)
         return packing_file.packing_from(h5, path)
-
-
-def read_identified_source(source, comm=None) -> tuple[Packing | Network, tuple[str | None, str]]:
-    """As `packing_file.read_identified`, of a packing or a network, in memory or a file. Collective."""
-    if isinstance(source, Packing | Network):
-        return source, (None, source.fingerprint)
-    name, found = on_root(comm, lambda: (Path(source).name, read_source(source)))
-    return found, (name, found.fingerprint)

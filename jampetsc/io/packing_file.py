@@ -64,21 +64,20 @@ def source_name(source) -> str:
     return "the packing" if isinstance(source, Packing) else "the network"
 
 
-def read_identified(path, comm=None) -> tuple[Packing, tuple[str, str]]:
-    """The packing at `path` and its identity, by which results refer to it: (name of the file, `Packing.fingerprint`).
+def read_identified(source, comm=None, read=read_packing) -> tuple[Packing, tuple[str | None, str]]:
+    """A packing and its identity, by which results refer to it: (name of the file, `Packing.fingerprint`).
 
-    path   a file, or a Packing, the same on all ranks, which is returned with the name None
-    comm   mpi4py communicator, whose rank 0 alone reads the file, so that all ranks have the same packing even if the
+    source   a file, or a Packing, the same on all ranks, which is returned with the name None
+    read     read(path); `network_file.read_source` where networks are read too
+    comm     mpi4py communicator, whose rank 0 alone reads the file, so that all ranks have the same packing even if the
            file is replaced meanwhile; None: one process
 
-    Collective.
-
-    Raises InputError as `read_packing`, on all ranks.
+    Collective. Raises InputError as `read`, on all ranks.
     """
-    if isinstance(path, Packing):
-        return path, (None, path.fingerprint)
-    name, disks = on_root(comm, lambda: (Path(path).name, read_packing(path)))
-    return disks, (name, disks.fingerprint)
+    if not isinstance(source, str | os.PathLike):
+        return source, (None, source.fingerprint)
+    name, found = on_root(comm, lambda: (Path(source).name, read(source)))
+    return found, (name, found.fingerprint)
 
 
 def check_packing(path) -> None:

@@ -171,3 +171,10 @@ def loads_of(text: str, dimension: int) -> tuple[Load, ...]:
     if numbers is None or len(numbers) != dimension**2:
         raise InputError(f"{named('load')} {text}: not a load in {dimension} dimensions. Give another one.")
     return (_load(text, numbers.reshape(dimension, dimension)),)
+
+
+def load_and_tensor(text: str, dimension: int) -> tuple[Load, tuple[Load, ...]]:
+    """The load whose fields a text of `load_text` asks for, simple shear for a tensor, and the loads of that tensor."""
+    if text == TENSOR:
+        return simple_shear(dimension), symmetric_loads(dimension)
+    return loads_of(text, dimension)[0], ()

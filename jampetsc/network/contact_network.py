@@ -51,6 +51,7 @@ class DistributedNetwork:
     rattlers: int  # number of disks left out
     threshold: float  # force above which a contact counts
     imbalance: float  # max |F|/(p d) of the disks that bear load, d the mean diameter; infinite at p = 0
+    pushes: bool  # whether any contact has f > 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
     imbalance_measure: str = "max|F|/(p d)"  # of a `Network`: max|F|/mean|f|
     remedy: str = "raise the pressure or finish the quench"  # of floppy modes, in words
@@ -66,10 +67,10 @@ class DistributedNetwork:
 
     @property
     def sum_of_squares(self) -> str:
-        """Why K has no negative modes whatever the forces, in words; empty where it may have some. Collective."""
+        """Why K has no negative modes whatever the forces, in words; empty where it may have some."""
         if not self.prestress:
             return "no pre-stress"
-        return "" if self.max(np.maximum(self.contacts.force, 0.0)) else "no bond pushes"
+        return "" if self.pushes else "no bond pushes"
 
     def damping(self, law: Law) -> float:
         """kτ₁, the unit of a law's weights: one number for all contacts, whatever the stiffness convention."""
@@ -187,6 +188,7 @@ def _without(left_out, contacts, radii, order, comm, **units):
         contacts=replace(contacts, i=number[contacts.i], j=number[contacts.j]),
         radii=None if radii is None else radii[~left_out],
         rattlers=int(np.count_nonzero(left_out)),
+        pushes=any(comm.allgather(bool((contacts.force > 0.0).any()))),
         **units,
     )
 

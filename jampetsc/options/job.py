@@ -245,9 +245,10 @@ class Job:
         """
         packing = getattr(self, "packing", None)
         if to.finished and packing is not None:  # as `work` does
-            from jampetsc.io.network_file import read_identified_source
+            from jampetsc.io.network_file import read_source
+            from jampetsc.io.packing_file import read_identified
 
-            to.made_from(read_identified_source(packing, session.communicator())[0])
+            to.made_from(read_identified(packing, session.communicator(), read_source)[0])
         return summary if self.GIVES.startswith("str") else to.result
 
     def __str__(self):

@@ -8,6 +8,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import Law
+from jampetsc.laws.loads import simple_shear
 from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.oscillation.drive import HARMONICS, Drive, OscillationResult
 from jampetsc.oscillation.power_law import LINEAR_BELOW, relative_softening
@@ -75,7 +76,7 @@ def require_stability(network: DistributedNetwork, control: str) -> None:
     one more negative mode: the equations still have a periodic solution then, but an unstable one.
     """
     elastic = ElasticResponse(network)  # refuses packings with negative or floppy modes
-    modulus = elastic.shear().value / network.area if control == "stress" else np.inf
+    modulus = elastic.respond(simple_shear()).value / network.area if control == "stress" else np.inf
     if not modulus > 0.0:
         raise InputError(
             f"shear modulus {modulus:.2g}: too low to impose a stress. Impose a {named('strain')}, or relax the "

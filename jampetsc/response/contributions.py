@@ -35,16 +35,26 @@ class Contributions:
     whole: dict  # QUANTITIES -> the median of the whole response, the affine part of Δu∥ and Δu⊥ included
 
 
-def contributions_of(pencil: Pencil, values, vectors, force) -> Contributions | None:
-    """Contributions of modes to the response of their network to the load of the pencil; None where zero modes leave it
-    undetermined, and where it is affine, as in a crystal. Collective.
+def contributions_of(
+    pencil: Pencil, values, vectors, force, loads=()
+) -> tuple[Contributions | None, "LoadContributions | None"]:
+    """Contributions of modes to the response of their network to the load of the pencil, and to moduli of `loads`, with
+    one factor of K. Collective.
+
+    The first is None where zero modes leave the response undetermined, and where it is affine, as in a crystal; the
+    second without `loads`.
 
     values (m,) λ > 0 in k, increasing; vectors (m, n_local, 2) φ of unit length; force (m,) F, the same on all ranks
     """
+    elastic = ElasticResponse(pencil.network) if values[0] > SHIFT else None
+    return (
+        elastic and _contributions(pencil, elastic, values, vectors, force),
+        _load_contributions(pencil, elastic, values, vectors, loads) if loads else None,
+    )
+
+
+def _contributions(pencil, elastic, values, vectors, force):
     network = pencil.network
-    if values[0] <= SHIFT:
-        return None
-    elastic = ElasticResponse(network)
     shear = elastic.respond(pencil.load)
     field, _ = elastic.pencil.split(shear.x)
     loaded = elastic.pencil.under(pencil.load)
@@ -84,14 +94,12 @@ class LoadContributions:
     modulus: np.ndarray  # (m, L) share of M_affine − M_E(0); nan where that is zero, or not unique
 
 
-def load_contributions_of(pencil: Pencil, values, vectors, loads) -> LoadContributions:
-    """Contributions of modes to the moduli of loads. Collective. Arguments as for `contributions_of`."""
+def _load_contributions(pencil, elastic, values, vectors, loads):
     network, pencils = pencil.network, [pencil.under(load) for load in loads]
     push = np.array([one.k_gamma.getArray() for one in pencils])
     force = network.sum(vectors.reshape(len(values), -1) @ push.T)
     share = np.full(force.shape, np.nan)
-    if values[0] > SHIFT:
-        elastic = ElasticResponse(network)
+    if elastic is not None:
         for number, one in enumerate(pencils):
             relaxed = one.k_gg - elastic.respond(one.load).value
             if relaxed > AFFINE * abs(one.k_gg):

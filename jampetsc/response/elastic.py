@@ -1,4 +1,4 @@
-"""Quasistatic response of a contact network to any affine strain: K factorised once, one solve per strain.
+"""Quasistatic response of a contact network to any load: K factorised once, one solve per load.
 
 K acts on the displacements alone, without angles or damping; translations are pinned. For weights w and an imposed
 strain that moves the contacts by g, the field x that minimises
@@ -104,24 +104,7 @@ class ElasticResponse:
         if not self.factor.prove() or self.factor.least_eigenvalue() < SOFT:
             require_unique_response(network)
 
-    def shear(self) -> Relaxed:
-        """Response to a unit simple shear u_x = γ y: motions a∥, a⊥ per contact; value = G₀ V."""
-        return self._respond(self.pencil.compatibility.g, "response to shear")
-
     def respond(self, load: Load) -> Relaxed:
         """Response to a unit amplitude of a load: motions a∥, a⊥ per contact; value = M_E(0) V."""
-        if load == self.pencil.load:
-            return self.shear()
-        return self._respond(self.pencil.compatibility.under(load).g, f"response to {load.name}")
-
-    def compression(self) -> Relaxed:
-        """Response to a unit isotropic expansion u = ε r: motions a∥, a⊥ per contact; value = d²U/dε²."""
-        c = self.network.contacts
-        stretch = c.distance[c.i < c.j]
-        return self._respond(
-            np.column_stack((stretch, np.zeros_like(stretch))).ravel(), "response to compression"
-        )
-
-    def _respond(self, g, what):
         c = self.pencil.compatibility
-        return relax(c, c.w_K, self.factor.solve, g, what)
+        return relax(c, c.w_K, self.factor.solve, c.under(load).g, f"response to {load.name}")

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.laws.damping import Law
-from jampetsc.laws.loads import simple_shear
+from jampetsc.laws.loads import compression, simple_shear
 from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.contributions import distributions
-from jampetsc.response.elastic import ElasticResponse, Relaxed
+from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.viscosity import (
     ViscousResponse,
     dissipation_between,
@@ -62,41 +62,6 @@ class SlowResponse:
         return self.G0 / self.eta0
 
 
-def solve(network: DistributedNetwork, pencil: Pencil) -> SlowResponse:
-    """The quasistatic response of a network to the load of `pencil`, and its dissipation under its law. Collective.
-
-    Raises InputError where K is not positive definite (its negative or floppy modes are counted),
-    ConvergenceError where a solve is not accurate.
-    """
-    response, compression, nonaffine, affine = _elastic(network, pencil.load)
-    field = nonaffine if pencil.law.holds_translations else response.x.reshape(-1, 2)
-    return SlowResponse(
-        network,
-        nonaffine,
-        field,
-        *response.motions.T,
-        quasistatic_flow(pencil, field),
-        G0=response.value / network.area,
-        G_affine=affine / network.area,
-        bulk_modulus=_bulk_modulus(network, compression),
-        identity_difference=response.defect,
-        field_error=max(response.error, compression.error),
-    )
-
-
-def _elastic(network, load):
-    """Responses to a load and to compression, u_na and k_EE, without the factor they were found with."""
-    elastic = ElasticResponse(network)
-    response, compression = elastic.respond(load), elastic.compression()
-    affine = elastic.pencil.under(load).k_gg
-    return response, compression, elastic.pencil.split(response.x)[0], affine
-
-
-def _bulk_modulus(network, compression: Relaxed):
-    """−V dp/dV = (d²U/dε²)/(4V) + p/2 for the linear strain ε; p = 0 without pre-stress."""
-    return compression.value / (4.0 * network.area) + (0.5 * network.pressure if network.prestress else 0.0)
-
-
 @dataclass(frozen=True, eq=False)
 class QuasistaticTensor:
     """Elastic constants and viscosities between L loads, (L, L) each, in k and kτ₁."""
@@ -106,22 +71,57 @@ class QuasistaticTensor:
     eta_inf: np.ndarray
 
 
-def solve_tensor(network: DistributedNetwork, pencil: Pencil, loads) -> QuasistaticTensor:
-    """Constants between loads: K of a network, dissipation under the law of `pencil`. Collective. Raises as `solve`."""
-    elastic = ElasticResponse(network)
-    responses = [elastic.respond(load) for load in loads]
-    motions = np.array([response.motions.ravel() for response in responses])
-    C0 = network.sum((motions * elastic.pencil.compatibility.w_K) @ motions.T) / network.area
-    flows = []
-    for load, response in zip(loads, responses, strict=True):
-        field = response.x.reshape(-1, 2)
-        if pencil.law.holds_translations:
-            field = elastic.pencil.split(response.x)[0]
-        flows.append(quasistatic_flow(pencil.under(load), field))
-    eta0 = dissipation_between(
-        pencil, loads, [flow.motions for flow in flows], [flow.field for flow in flows]
+def solve(
+    network: DistributedNetwork, pencil: Pencil, tensor=()
+) -> tuple[SlowResponse, QuasistaticTensor | None]:
+    """The quasistatic response of a network to the load of `pencil`, and its dissipation under its law. Collective.
+
+    tensor   loads between which elastic constants and viscosities are found too, with the same factor of K
+
+    Raises InputError where K is not positive definite (its negative or floppy modes are counted),
+    ConvergenceError where a solve is not accurate.
+    """
+    expansion = compression(len(pencil.load.rows))
+    responses, elastic = _elastic_responses(network, (pencil.load, expansion, *tensor))
+    response, area = responses[pencil.load], network.area
+    nonaffine = elastic.split(response.x)[0]
+    fields = {
+        load: elastic.split(found.x)[0] if pencil.law.holds_translations else found.x.reshape(nonaffine.shape)
+        for load, found in responses.items()
+    }
+    slow = SlowResponse(
+        network,
+        nonaffine,
+        fields[pencil.load],
+        *response.motions.T,
+        quasistatic_flow(pencil, fields[pencil.load]),
+        G0=response.value / area,
+        G_affine=elastic.under(pencil.load).k_gg / area,
+        bulk_modulus=_bulk_modulus(network, responses[expansion].value / area),
+        identity_difference=response.defect,
+        field_error=max(response.error, responses[expansion].error),
     )
-    return QuasistaticTensor(C0, eta0, infinite_viscosities(pencil, loads))
+    if not tensor:
+        return slow, None
+    motions = np.array([responses[load].motions.ravel() for load in tensor])
+    C0 = network.sum((motions * elastic.compatibility.w_K) @ motions.T) / area
+    flows = [quasistatic_flow(pencil.under(load), fields[load]) for load in tensor]
+    eta0 = dissipation_between(
+        pencil, tensor, [flow.motions for flow in flows], [flow.field for flow in flows]
+    )
+    return slow, QuasistaticTensor(C0, eta0, infinite_viscosities(pencil, tensor))
+
+
+def _elastic_responses(network, loads):
+    """{Load: Relaxed} and the pencil of K, without the factor that they were found with. Collective."""
+    elastic = ElasticResponse(network)
+    return {load: elastic.respond(load) for load in loads}, elastic.pencil
+
+
+def _bulk_modulus(network, modulus):
+    """−V dp/dV = M + p (D − 1)/D for the modulus M of compression; p = 0 without pre-stress."""
+    D = network.contacts.r.shape[1]
+    return modulus + (network.pressure * (D - 1) / D if network.prestress else 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +150,8 @@ def solve_quasistatic(
     networks = {"": network} | ({BARE: network.unstressed()} if network.prestress else {})
     pencil = assemble(network, law).under(load or simple_shear())
     with session.stage("quasistatic"):
-        responses = {name: solve(one, pencil) for name, one in networks.items()}
-        tensors = {name: solve_tensor(one, pencil, tensor) for name, one in networks.items() if tensor}
+        solved = {name: solve(one, pencil, tensor) for name, one in networks.items()}
+        responses = {name: slow for name, (slow, _) in solved.items()}
     with session.stage("eta_inf"):
         eta_inf = infinite_viscosity(pencil)
     del pencil  # the matrices of other laws take its place
@@ -166,7 +166,7 @@ def solve_quasistatic(
         },
         eta_inf,
         np.array(scan).reshape(-1, 4),
-        tensors,
+        {name: constants for name, (_, constants) in solved.items() if tensor},
     )
 
 

@@ -18,12 +18,7 @@ from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.eigen import lowest
 from jampetsc.petsc.inertia import SHIFT, count_below
 from jampetsc.response.assembly import Pencil, assemble
-from jampetsc.response.contributions import (
-    Contributions,
-    LoadContributions,
-    contributions_of,
-    load_contributions_of,
-)
+from jampetsc.response.contributions import Contributions, LoadContributions, contributions_of
 from jampetsc.response.minimum_check import require_minimum
 
 GAP = 1e-7  # eigenvalues closer than this, relatively, form a cluster: a count cannot separate them
@@ -178,12 +173,12 @@ def _describe(pencil: Pencil, pairs, shift, complete, loads):
     sums = network.sum(sums)
     contacts, force = network.contact_count, sums[:, 3]
     fields = pairs.vectors.reshape(m, -1, 2)
+    contributions, of_loads = contributions_of(pencil, pairs.values, fields, force, loads)
     return VibrationalModes(
         network, pairs.values, fields, pairs.residuals,
         normal=sums[:, 0] / contacts, transverse=sums[:, 1] / contacts,
         participation_ratio=1.0 / (network.n * sums[:, 2]),
-        shear_force=force, contributions=contributions_of(pencil, pairs.values, fields, force),
-        tensor=load_contributions_of(pencil, pairs.values, pairs.vectors, loads) if loads else None,
+        shear_force=force, contributions=contributions, tensor=of_loads,
         inertia_count=m, inertia_shift=shift, complete=complete,
         method=pairs.method, restarts=pairs.iterations,
     )  # fmt: skip
