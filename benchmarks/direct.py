@@ -64,7 +64,7 @@ def superlu(path, omega):
             relax=1,
             options={"SymmetricMode": True},
         )
-        values.append((pencil.k_gg + 1j * w * pencil.b_gg - c @ factor.solve(c)) / network.area)
+        values.append((pencil.k_gg + 1j * w * pencil.b_gg - c @ factor.solve(c)) / network.volume)
     seconds = (time.perf_counter() - start) / len(omega)
     report(seconds=seconds, G=[[v.real, v.imag] for v in values])
 

@@ -102,9 +102,9 @@ def unstressed_modulus(disks, state, solver):
     pattern = Pattern(bonds.pairs, disks.n)
     if not solver.factorise(pattern.indptr, pattern.indices, pattern.fill(bonds, free)):
         raise SystemExit("K without pre-stress is not positive definite: below jamming?")
-    rows, corner = border(bonds, disks.n, disks.area, 0.0)
+    rows, corner = border(bonds, disks.n, disks.volume, 0.0)
     row = np.where(free[:, None], rows[..., 1], 0.0).ravel()
-    return (corner[1, 1] - row @ solver.solve(row)) / disks.area
+    return (corner[1, 1] - row @ solver.solve(row)) / disks.volume
 
 
 if __name__ == "__main__":

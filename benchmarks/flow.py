@@ -127,7 +127,7 @@ def ours(name, disks, rate, threads=1):
     began, elapsed = time.process_time(), time.perf_counter()
     run.advance(steps)
     seconds, elapsed = time.process_time() - began, time.perf_counter() - elapsed
-    terms, area = dict(zip(TALLY, run.tally / steps, strict=True)), disks.area
+    terms, area = dict(zip(TALLY, run.tally / steps, strict=True)), disks.volume
     stress = -(terms["elastic_xy"] + terms["viscous_xy"]) / area
     pressure = (terms["elastic"] + terms["viscous"]) / (2 * area)
     return seconds, steps, stress, pressure, terms["iterations"], elapsed

@@ -27,7 +27,7 @@ class Equations:
         indptr, columns, values = compatibility.C.getValuesCSR()
         C = sp.csr_matrix((values, columns, indptr), shape=compatibility.C.getSize())
         self.free = np.setdiff1d(np.arange(pencil.unknowns), pencil.pins)
-        length = np.sqrt(pencil.network.area)
+        length = np.sqrt(pencil.network.volume)
         C = sp.hstack((C[:, self.free], (compatibility.g / length)[:, None])).tocsr()
         self.K = (C.T @ sp.diags(compatibility.w_K) @ C).tocsc()
         weights = compatibility.w_B.reshape(-1, compatibility.forms) / pencil.network.damping(pencil.law)
@@ -120,7 +120,7 @@ def main():
         )
         theirs += time.perf_counter() - begun[0], time.process_time() - begun[1]
         y = done.y[:, -1]
-        strain = done.y[equations.size - 1, :-1] / np.sqrt(network.area)
+        strain = done.y[equations.size - 1, :-1] / np.sqrt(network.volume)
         G.append(args.stress / (strain @ np.exp(-1j * args.omega * done.t[:-1]) * 2.0 / 512))
         print(
             f"scipy BDF, {len(G)} cycles: {theirs[0]:.1f} s ({theirs[1]:.1f} s of CPU), G* = {G[-1]:.6g}, "

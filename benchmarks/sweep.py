@@ -118,7 +118,7 @@ def irka(path, chosen):
     reduced = IRKAReductor(model).reduce(24, maxit=20, tol=1e-4)
     s = 1j * OMEGA[chosen]
     transfer = np.array([reduced.transfer_function.eval_tf(z)[0, 0] for z in s])
-    G = (still[0] + s * still[1] - (s - first) ** 2 * transfer) / network.area
+    G = (still[0] + s * still[1] - (s - first) ** 2 * transfer) / network.volume
     report(seconds=time.perf_counter() - start, G=[[v.real, v.imag] for v in G])
 
 

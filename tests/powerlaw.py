@@ -179,5 +179,5 @@ def slow_moduli(network, disks, alpha, omega, strain):
     phase = (np.arange(100_000) + 0.5) * np.pi / 100_000
     cycle = 2 * np.pi * np.mean(np.sin(phase) ** (1 + alpha))
     c = (2 * disks.radii.mean()) ** (1 - alpha)
-    loss = c * cycle * omega**alpha * strain ** (alpha - 1) * total / (np.pi * network.area)
-    return shear.value / network.area, loss
+    loss = c * cycle * omega**alpha * strain ** (alpha - 1) * total / (np.pi * network.volume)
+    return shear.value / network.volume, loss

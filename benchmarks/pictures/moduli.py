@@ -68,7 +68,7 @@ def _part(ax, disks):
     ax.add_collection(LineCollection(lines, linewidths=widths, **look), autolim=False)
     edges = [(x - 0.5 * side, x + 0.5 * side) for x in middle]
     ax.set(xlim=edges[0], ylim=edges[1], aspect="equal", xticks=(), yticks=())
-    words = f"{WINDOW:g} of {np.sqrt(disks.area) / (2 * disks.radii.mean()):.0f} diameters"
+    words = f"{WINDOW:g} of {np.sqrt(disks.volume) / (2 * disks.radii.mean()):.0f} diameters"
     ax.set_title(words, fontsize=7, pad=2)
 
 
@@ -80,7 +80,7 @@ def _arrows(ax, sweep, disks, row, turn, part):
     u[:, 0] += centres[:, 1] - 0.5 * disks.cell[1, 1]
     grid = (np.stack(np.meshgrid(*[np.arange(ARROWS)] * 2), axis=-1).reshape(-1, 2) + 0.5) / ARROWS
     chosen = np.unique(cKDTree(centres).query(grid @ disks.cell)[1])
-    u, spacing = part(turn * u[chosen]), np.sqrt(disks.area) / ARROWS
+    u, spacing = part(turn * u[chosen]), np.sqrt(disks.volume) / ARROWS
     factor = ARROW_LENGTH * spacing / np.quantile(np.hypot(*u.T), 0.9)
     look = {
         "angles": "xy",

@@ -76,7 +76,7 @@ def packing(path, disks) -> str:
         ("radii", f"{radii.min():.6g} to {radii.max():.6g}, mean diameter d = {diameter:.6g}"),
         (
             "cell",
-            f"a1 = ({cell[0, 0]:.9g}, 0), a2 = ({cell[1, 0]:.9g}, {cell[1, 1]:.9g}), V = {disks.area:.9g}",
+            f"a1 = ({cell[0, 0]:.9g}, 0), a2 = ({cell[1, 0]:.9g}, {cell[1, 1]:.9g}), V = {disks.volume:.9g}",
         ),
     ]
     notes = []

@@ -16,7 +16,7 @@ def network(name, network: Network) -> str:
         [
             (f"{name}: network of {network.n} nodes and {len(bonds)} bonds",),
             ("made by", str(network.record.get("protocol", "unknown"))),
-            ("cell", f"a1 = ({Lx:.9g}, 0), a2 = ({tilt:.9g}, {Ly:.9g}), V = {network.area:.9g}"),
+            ("cell", f"a1 = ({Lx:.9g}, 0), a2 = ({tilt:.9g}, {Ly:.9g}), V = {network.volume:.9g}"),
             ("bonds", f"{2 * len(bonds) / network.n:.6g} for each node; {alone} nodes have none"),
             ("lengths", _range(bonds.distance)),
             ("stiffness", f"{_range(bonds.stiffness)}, unit k = {network.k:g}"),

@@ -181,7 +181,7 @@ def _add_row(trajectory, shear, steps):
         shear.advance(min(steps, batch))
         steps -= batch
     terms = dict(zip(TALLY, shear.tally / shear.tally[TALLY.index("steps")], strict=True))
-    area = shear.reference.area
+    area = shear.reference.volume
     walls = wall_columns(shear) if shear.wall_disks else {}
     trajectory.add(
         strain=shear.strain,
@@ -197,7 +197,7 @@ def _add_row(trajectory, shear, steps):
 
 def check_balance(trajectory: Trajectory, discard: float, shear: SteadyShear) -> Means | None:
     """Means so far. Raises ConvergenceError where work and dissipation do not balance."""
-    means = Means.of(trajectory, discard, shear.rate, shear.reference.area)
+    means = Means.of(trajectory, discard, shear.rate, shear.reference.volume)
     if means is not None and not means.is_balanced:
         raise ConvergenceError(
             f"strain {shear.strain:.4g}: work and dissipation differ by {100 * means.mismatch:.0f} % in the mean with "

@@ -173,7 +173,7 @@ class SteadyShear(ListedPacking):
             mass=float(self.model.mass),
             largest_force=self.largest_force,
             rate=float(self.rate),
-            background=unit * self.model.law.eta_f * self.reference.area,
+            background=unit * self.model.law.eta_f * self.reference.volume,
             wall_disks=self.wall_disks,
             list_widths=(self.largest, self.skin, INNER_SKIN_RATIO * self.skin),
             step=part * scheme.step,

@@ -33,7 +33,7 @@ SETTLING = 2000, 0.05
 def phi_between(disks: Packing, wall_disks: int) -> float:
     """Packing fraction of the disks that move, in the area V = L_x H less that of the walls' disks."""
     areas = np.pi * disks.radii**2
-    return float(np.sum(areas[wall_disks:]) / (disks.area - np.sum(areas[:wall_disks])))
+    return float(np.sum(areas[wall_disks:]) / (disks.volume - np.sum(areas[:wall_disks])))
 
 
 def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[Packing, int]:

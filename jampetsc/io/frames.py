@@ -13,7 +13,7 @@ from jampetsc.io.disk_motion import (
     particle_rows,
     snapshot,
 )
-from jampetsc.packing.contacts import Contacts, disk_areas, disk_stresses, find_contacts, measure
+from jampetsc.packing.contacts import Contacts, assigned_volumes, disk_stresses, find_contacts, measure
 from jampetsc.packing.packing import Packing
 
 _COMPONENTS = (("xx", 0, 0), ("yy", 1, 1), ("xy", 0, 1))
@@ -49,7 +49,7 @@ def packing_frame(disks: Packing, vectors=None, facts=None) -> Frame:
     stress = disk_stresses(disks, contacts)
     columns = {
         "radius": disks.radii,
-        "area": disk_areas(disks),
+        "area": assigned_volumes(disks),
         "coordination": np.bincount(ends, minlength=disks.n),
         "rattler": state.rattlers.astype(int),
         **{f"stress_{name}": np.ascontiguousarray(stress[:, a, b]) for name, a, b in _COMPONENTS},

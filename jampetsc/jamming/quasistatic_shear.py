@@ -134,7 +134,7 @@ class QuasistaticShear(ListedPacking):
     def list(self, disks):
         """See `ListedPacking`; `shear` is zero then."""
         super().list(disks)
-        self.shear, self.area = 0.0, disks.area
+        self.shear, self.area = 0.0, disks.volume
 
     def _restart_list(self):
         """Fold the disks and make new list, order and factor: from here `restore` repeats a run to the last bit."""

@@ -102,7 +102,7 @@ class Descent(ListedPacking):
     @property
     def area(self) -> float:
         """V of the cell now."""
-        return self.reference.area * math.exp(2.0 * self.box[0])
+        return self.reference.volume * math.exp(2.0 * self.box[0])
 
     def bonds(self) -> Bonds:
         """The bonds of the listed pairs in the present state."""
@@ -169,7 +169,7 @@ class Descent(ListedPacking):
         return LbfgsProblem(
             law=self.potential.constants,
             moving=self.goal.moving,
-            push=(self.goal.pressure or 0.0) * self.reference.area,
+            push=(self.goal.pressure or 0.0) * self.reference.volume,
             scale=float(np.sqrt(self.n)) * self.diameter,
             reach=MAX_MOVE * self.diameter,
             widest=self.largest,

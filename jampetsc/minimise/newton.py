@@ -89,7 +89,7 @@ class Point:
         """The present point of `descent`."""
         n, area, goal = descent.n, descent.area, descent.goal
         bonds = descent.bonds()
-        pressure = virial_pressure(bonds.force, bonds.distance, area)
+        pressure = virial_pressure(bonds.force, bonds.distance, area, len(bonds.r))
         push = bonds.force * bonds.normal
         pulls = 2.0 * area * (pressure - (goal.pressure or 0.0)), np.sum(push[0] * bonds.r[1])
         drive = np.where(goal.moving, pulls, 0.0)
@@ -116,7 +116,7 @@ class Point:
         """
         i, j = self.bonds.pairs.i, self.bonds.pairs.j
         bears = self.bonds.force > force_threshold(disks, self.pressure)
-        held = ~find_rattlers(self.n, *both_ends(i[bears], j[bears]))
+        held = ~find_rattlers(self.n, *both_ends(i[bears], j[bears]), disks.dimension)
         bare = replace(self, bonds=self.bonds.only(bears & held[i] & held[j]))
         if held.any():
             held[np.argmax(held)] = False

@@ -45,7 +45,7 @@ class DistributedNetwork:
     particles: np.ndarray  # (last − first,) numbers of the owned disks in the packing file
     contacts: LinearBonds  # `Contacts` of a packing
     radii: np.ndarray | None  # (n,) of all disks, in the new numbering; None: of nodes that cannot roll
-    area: float  # V
+    volume: float  # V
     k: float  # contact stiffness constant of the potential, or unit of stiffness of a network
     pressure: float  # p = Σ f r / (2V) over all overlaps
     rattlers: int  # number of disks left out
@@ -117,12 +117,16 @@ def _spread_packing(packing, comm, prestress):
     rows = _rows_of(packing.n, comm)
     every = find_contacts(packing, rows)
     _require_directions(every, order, comm)
-    virial = virial_pressure(every.force, every.distance, packing.area)
+    virial = virial_pressure(every.force, every.distance, packing.volume, packing.dimension)
     pressure = comm.allreduce(virial) / 2.0  # two ends each
     threshold = force_threshold(packing, pressure)
     loaded = every[every.force > threshold]
     rattlers = find_rattlers(
-        packing.n, loaded.i, loaded.j, lambda loose: np.concatenate(comm.allgather(loose[slice(*rows)]))
+        packing.n,
+        loaded.i,
+        loaded.j,
+        packing.dimension,
+        lambda loose: np.concatenate(comm.allgather(loose[slice(*rows)])),
     )
     contacts = loaded[~(rattlers[loaded.i] | rattlers[loaded.j])]
     return _without(
@@ -131,7 +135,7 @@ def _spread_packing(packing, comm, prestress):
         packing.radii,
         order,
         comm,
-        area=packing.area,
+        volume=packing.volume,
         k=packing.potential.k,
         pressure=pressure,
         threshold=threshold,
@@ -157,7 +161,7 @@ def _spread_network(source, comm, prestress):
         radii,
         order,
         comm,
-        area=source.area,
+        volume=source.volume,
         k=source.k,
         pressure=source.pressure,
         threshold=0.0,

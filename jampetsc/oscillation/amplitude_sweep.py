@@ -76,7 +76,7 @@ def require_stability(network: DistributedNetwork, control: str) -> None:
     one more negative mode: the equations still have a periodic solution then, but an unstable one.
     """
     elastic = ElasticResponse(network)  # refuses packings with negative or floppy modes
-    modulus = elastic.respond(simple_shear()).value / network.area if control == "stress" else np.inf
+    modulus = elastic.respond(simple_shear()).value / network.volume if control == "stress" else np.inf
     if not modulus > 0.0:
         raise InputError(
             f"shear modulus {modulus:.2g}: too low to impose a stress. Impose a {named('strain')}, or relax the "

@@ -89,7 +89,7 @@ class ContactMotions:
     def __init__(self, pencil: Pencil):
         network, compatibility = pencil.network, pencil.compatibility
         self.pencil, self.C, self.network = pencil, compatibility.C, network
-        self.length = np.sqrt(network.area)
+        self.length = np.sqrt(network.volume)
         self.g = compatibility.g / self.length
         self.w_K, self.forms = compatibility.w_K, compatibility.forms
         weights = np.array(pencil.law.on_contacts[: self.forms])

@@ -44,7 +44,7 @@ class MovingContacts(ListedPacking):
         self.step, self.gamma, self.rate = step, gamma, 0.0
         super().__init__(disks)
         potential = self._potential = disks.potential
-        self.n, self.dofs, self.area = disks.n, law.dofs, disks.area
+        self.n, self.dofs, self.area = disks.n, law.dofs, disks.volume
         self.stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
         self.reach = MAX_OVERLAP_MOVE * float(np.mean(find_contacts(disks).overlap))
         # rotations are solved for as lengths, times this diameter, as displacements are

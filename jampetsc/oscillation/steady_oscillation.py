@@ -218,7 +218,7 @@ class _Run:
         weight = 2.0 * np.pi / cycle.omega / cycle.m  # a step and its mirror image in the other half cycle
         self.work = float(stress @ rate) / L * weight
         power = network.sum(np.sum(equations.law.dissipation(self.z)))
-        self.dissipation = float(power) / network.area * weight
+        self.dissipation = float(power) / network.volume * weight
         self.strain = abs(strain[0])
 
     def relative_residual(self, law: ContactPowerLaw) -> float:

@@ -100,7 +100,7 @@ class StepMatrix:
         n, (i, j), touching = self._n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
         push = bonds.force / bonds.distance
         aside = gathered(np.column_stack((push, push)), i, j, n)
-        rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]))
+        rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]), dimension=2)
         return np.where(rattlers[:, None], 2.0 * aside, 0.0)
 
 

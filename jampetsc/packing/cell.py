@@ -1,27 +1,105 @@
-"""A periodic cell in the forms in which simulations and other programs have it."""
+"""A periodic cell in two or three dimensions, in the forms in which simulations and other programs have it."""
+
+import itertools
+import math
 
 import numpy as np
 
 from jampetsc.errors import InputError
 
+ROWS = {
+    2: "(Lx, 0) and (γ Ly, Ly) with Lx, Ly > 0",
+    3: "(Lx, 0, 0), (xy, Ly, 0) and (xz, yz, Lz) with Lx, Ly, Lz > 0",
+}
+FORMS = {
+    2: "L, (Lx, Ly), (Lx, Ly, xy) or rows a₁, a₂ (2, 2)",
+    3: "L, (Lx, Ly, Lz), (Lx, Ly, Lz, xy, xz, yz) or rows a₁, a₂, a₃ (3, 3)",
+}
+MAX_COORDINATE = 2.0**28  # units of length, of cells and positions
+SIDES = (-1, 0, 1)
 
-def cell_of(cell):
-    """Rows a₁, a₂ of a periodic cell, (2, 2), in one of the forms that `Packing` takes. Raises InputError."""
+
+def cell_of(cell, dimension: int = 2):
+    """Rows of a periodic cell, (D, D), in one of the forms that `Packing` takes. Raises InputError."""
     if hasattr(cell, "Lx"):
-        if getattr(cell, "dimensions", 2) != 2:
-            raise InputError(f"cell {cell}: is three-dimensional: packings are two-dimensional here")
-        if not all(np.atleast_1d(getattr(cell, "periodic", True))[:2]):
-            raise InputError(f"cell {cell}: must be periodic in x and y")
-        cell = (cell.Lx, cell.Ly, cell.xy)
+        if dimension_of_box(cell) != dimension:
+            raise InputError(f"cell {cell}: has {dimension_of_box(cell)} axes, positions have {dimension}")
+        if not all(np.atleast_1d(getattr(cell, "periodic", True))[:dimension]):
+            raise InputError(
+                f"cell {cell}: must be periodic in {'x and y' if dimension == 2 else 'x, y and z'}"
+            )
+        names = ("Lx", "Ly", "xy") if dimension == 2 else ("Lx", "Ly", "Lz", "xy", "xz", "yz")
+        cell = [getattr(cell, name) for name in names]
     cell = read_numbers("cell", cell)
-    if cell.shape == (2, 2):
+    if cell.shape == (dimension, dimension):
         return cell
-    if cell.ndim > 1 or not 1 <= cell.size <= 3:
-        raise InputError(f"cell of shape {cell.shape}: need L, (Lx, Ly), (Lx, Ly, xy) or rows a₁, a₂ (2, 2)")
+    sizes = (1, 2, 3) if dimension == 2 else (1, 3, 6)
+    if cell.ndim > 1 or cell.size not in sizes:
+        raise InputError(f"cell of shape {cell.shape}: need {FORMS[dimension]}")
     if not np.isfinite(cell).all():
         raise InputError(f"cell {cell.tolist()}: must be finite")
-    Lx, Ly, xy = np.append(cell, (cell.flat[0], 0.0) if cell.size == 1 else (0.0,))[:3]
-    return np.array([[Lx, 0.0], [xy * Ly, Ly]])
+    sides = cell[:dimension] if cell.size > 1 else np.full(dimension, cell.flat[0])
+    tilts = np.append(cell.flat[dimension:], np.zeros(dimension))
+    rows = np.diag(sides)
+    for tilt, (column, row) in zip(tilts, itertools.combinations(range(dimension), 2), strict=False):
+        rows[row, column] = tilt * sides[row]
+    return rows
+
+
+def dimension_of_box(box) -> int:
+    """2 or 3, of an object with Lx and Ly such as freud.box.Box: its `dimensions`, or whether it has a depth Lz."""
+    return int(getattr(box, "dimensions", 3 if getattr(box, "Lz", 0.0) else 2))
+
+
+def check_cell(cell) -> None:
+    """Raise InputError unless rows (D, D) are finite, lower triangular, not too long, and span a volume."""
+    if not np.isfinite(cell).all():
+        row = np.argwhere(~np.isfinite(cell))[0]
+        raise InputError(f"cell[{', '.join(map(str, row))}]: {cell[tuple(row)]}, must be finite.")
+    sides = np.diag(cell)
+    if np.triu(cell, 1).any() or (sides <= 0).any():
+        raise InputError(f"cell: {cell.tolist()}, must be rows {ROWS[len(cell)]}.")
+    if np.abs(cell).max() > MAX_COORDINATE:
+        raise InputError("cell: beyond 2^28 units of length. Scale it to disks or bonds of size about one.")
+    if not math.prod(sides) > 0:
+        raise InputError(f"cell: {cell.tolist()}, has no volume in doubles. Scale it to sides of about one.")
+
+
+def reduced_basis(cell):
+    """(vectors (D, D), numbers (D, D) of int): shortest vectors of the lattice, rows numbers · cell, shortest first.
+
+    Minkowski's reduction, by the greedy algorithm, exact in whole numbers: P. Nguyen and D. Stehlé, Low-dimensional
+    lattice basis reduction revisited, ACM Trans. Algorithms 5, 46 (2009).
+    """
+    dimension = len(cell)
+    ratios = [[side.as_integer_ratio() for side in row] for row in np.asarray(cell, float).tolist()]
+    unit = max(part for row in ratios for _, part in row)  # powers of two
+    basis = [
+        np.array([*map(int, turns), *(whole * (unit // part) for whole, part in row)], object)
+        for turns, row in zip(np.eye(dimension), ratios, strict=True)
+    ]
+
+    def inner(one, other):
+        return int(one[dimension:] @ other[dimension:])
+
+    def square(one):
+        return inner(one, one)
+
+    row = 1
+    while row < dimension:
+        basis[: row + 1] = sorted(basis[: row + 1], key=square)
+        *shorter, last = basis[: row + 1]
+        for other in shorter:
+            last = last - (2 * inner(other, last) + square(other)) // (2 * square(other)) * other
+        last = min((last + sum(
+            side * other for side, other in zip(sides, shorter, strict=True)
+        ) for sides in itertools.product(SIDES, repeat=row)), key=square)  # fmt: skip
+        if square(last) < square(basis[row]):
+            basis[row], row = last, 1
+        else:
+            row += 1
+    vectors = [[whole / unit for whole in one[dimension:]] for one in basis]
+    return np.array(vectors), np.array([one[:dimension] for one in basis], object)
 
 
 def read_numbers(name, values):

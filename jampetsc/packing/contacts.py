@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.packing.linear_bonds import LinearBonds
-from jampetsc.packing.neighbours import neighbour_pairs, vectors
+from jampetsc.packing.neighbours import lengths, neighbour_pairs, vectors
 
 if TYPE_CHECKING:
     from jampetsc.packing.packing import Packing
@@ -18,8 +19,7 @@ MIN_FORCE_RATIO = (
     1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
 )
 FORCE_ROUNDING = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
-BALANCED = 1e-4  # largest max |F| / (p d) of forces that are called balanced; `pack` leaves 1e-10
-MIN_CONTACTS = 3  # fewer contacts than this cannot hold a disk in two dimensions
+BALANCED = 1e-4  # largest max |F| / (p d^(D−1)) of forces that are called balanced; `pack` leaves 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Contacts(LinearBonds):
 
 
 def bond_vectors(disks: Packing, i, j, image):
-    """x_j − x_i + image · cell, (M, 2), rounded once: the bases cancel exactly, the offsets are tiny."""
+    """x_j − x_i + image · cell, (M, D), rounded once: the bases cancel exactly, the offsets are tiny."""
     shift_base, shift_offset = vectors(image, disks.cell_base), vectors(image, disks.cell_offset)
     coarse = (disks.base[j] - disks.base[i]) + shift_base
     return coarse + ((disks.offset[j] - disks.offset[i]) + shift_offset)
@@ -50,7 +50,7 @@ def find_contacts(disks: Packing, rows=None) -> Contacts:
         disks.positions, disks.radii, disks.cell, skin=1e-9 * disks.radii.max(), rows=rows
     )
     r = bond_vectors(disks, i, j, image)
-    distance = np.hypot(r[:, 0], r[:, 1])
+    distance = lengths(r)
     sigma = disks.radii[i] + disks.radii[j]
     overlap = sigma - distance
     touching = overlap > 0
@@ -62,46 +62,55 @@ def find_contacts(disks: Packing, rows=None) -> Contacts:
 
 
 def force_threshold(disks: Packing, pressure: float) -> float:
-    """Force above which a contact counts: max(1e-6 p d, 1e-14 k d), d the mean diameter, k the unit of stiffness.
+    """Force above which a contact counts: max(1e-6 p d^(D−1), 1e-14 k d), d the mean diameter, k the unit of stiffness.
 
     Disks that only just touch carry no load, yet would add their stiffness to K and shift G* by per cents.
     """
     d = 2.0 * float(np.mean(disks.radii))
     stiffness = disks.potential.k / float(disks.potential.scale(np.array(d))) ** 2
-    return max(MIN_FORCE_RATIO * pressure * d, FORCE_ROUNDING * stiffness * d)
+    return max(MIN_FORCE_RATIO * pressure * d ** (disks.dimension - 1), FORCE_ROUNDING * stiffness * d)
 
 
-def virial_pressure(force, distance, area: float) -> float:
-    """p = Σ f r / (2V) of contacts that are each listed once, (M,) and (M,)."""
-    return float(np.sum(force * distance)) / (2.0 * area)
+def typical_force(disks: Packing, pressure: float) -> float:
+    """p d^(D−1), d the mean diameter."""
+    return pressure * (2.0 * float(np.mean(disks.radii))) ** (disks.dimension - 1)
 
 
-def stress_tensor(contacts: Contacts, area: float):
-    """σ_ab = −Σ f r_a r_b / (|r| V), (2, 2): compression is negative, p = −tr σ / 2."""
-    x, y = contacts.r.T
-    xx, xy, yy = (float(np.sum(contacts.force_per_length * a * b)) for a, b in ((x, x), (x, y), (y, y)))
-    return -np.array([[xx, xy], [xy, yy]]) / area
+def virial_pressure(force, distance, volume: float, dimension: int) -> float:
+    """p = Σ f r / (D V) of contacts that are each listed once, (M,) and (M,)."""
+    return float(np.sum(force * distance)) / (dimension * volume)
 
 
-def disk_areas(disks: Packing):
-    """A_i = V ρ_i²/Σ ρ_j², (N,): the area of the cell assigned to each disk, its own area over φ. They add up to V."""
-    return disks.area * disks.radii**2 / np.sum(disks.radii**2)
+def stress_tensor(contacts: LinearBonds, volume: float):
+    """σ_ab = −Σ f r_a r_b / (|r| V), (D, D): compression is negative, p = −tr σ / D."""
+    axes = contacts.r.T
+    stress = np.empty((len(axes), len(axes)))
+    for a, b in combinations_with_replacement(range(len(axes)), 2):
+        virial = float(np.sum(contacts.force_per_length * axes[a] * axes[b]))
+        stress[a, b] = stress[b, a] = -virial / volume
+    return stress
+
+
+def assigned_volumes(disks: Packing):
+    """V_i = V ρ_i^D/Σ ρ_j^D, (N,): the part of the cell assigned to each disk, its own volume over φ. They add to V."""
+    shares = disks.radii**disks.dimension
+    return disks.volume * shares / np.sum(shares)
 
 
 def disk_stresses(disks: Packing, contacts: Contacts):
-    """Stress of every disk, σ_i = −1/(2A_i) Σ f r r/|r| over its contacts, (N, 2, 2), with A_i of `disk_areas`.
+    """Stress of every disk, σ_i = −1/(2V_i) Σ f r r/|r| over its contacts, (N, D, D), with V_i of `assigned_volumes`.
 
-    Each of its two disks has half of a contact's virial: Σ A_i σ_i = σ V with σ of `stress_tensor`, exactly.
+    Each of its two disks has half of a contact's virial: Σ V_i σ_i = σ V with σ of `stress_tensor`, exactly.
     """
     virial = contacts.force_per_length[:, None, None] * contacts.r[:, :, None] * contacts.r[:, None, :] / 2.0
-    total = np.zeros((disks.n, 2, 2))
+    total = np.zeros((disks.n, *virial.shape[1:]))
     for end in (contacts.i, contacts.j):
         np.add.at(total, end, virial)
-    return -total / disk_areas(disks)[:, None, None]
+    return -total / assigned_volumes(disks)[:, None, None]
 
 
-def find_rattlers(n: int, i, j, joined=lambda loose: loose):
-    """Mask (N,) of disks with fewer than three contacts, found by removing such disks until none is left.
+def find_rattlers(n: int, i, j, dimension: int, joined=lambda loose: loose):
+    """Mask (N,) of disks with fewer than D + 1 contacts, found by removing such disks until none is left.
 
     i, j     disks of each contact (M,), every contact from both its ends (`both_ends`)
     joined   function that completes a mask (N,) which is right only for the disks whose contacts are given
@@ -109,7 +118,7 @@ def find_rattlers(n: int, i, j, joined=lambda loose: loose):
     rattler = np.zeros(n, bool)
     while True:
         alive = ~(rattler[i] | rattler[j])
-        loose = joined(np.bincount(i[alive], minlength=n) < MIN_CONTACTS)
+        loose = joined(np.bincount(i[alive], minlength=n) < dimension + 1)
         if np.array_equal(loose, rattler):
             return rattler
         rattler = loose
@@ -121,10 +130,10 @@ def both_ends(i, j):
 
 
 def net_forces(n: int, contacts: Contacts):
-    """Sum of contact forces on each disk, (N, 2)."""
+    """Sum of contact forces on each disk, (N, D)."""
     pull = contacts.normal * contacts.force[:, None]
-    forces = np.empty((n, 2))
-    for axis in range(2):
+    forces = np.empty((n, pull.shape[1]))
+    for axis in range(pull.shape[1]):
         forces[:, axis] = np.bincount(contacts.j, pull[:, axis], minlength=n)
         forces[:, axis] -= np.bincount(contacts.i, pull[:, axis], minlength=n)
     return forces
@@ -136,9 +145,9 @@ class State:
 
     contacts: Contacts  # the load-bearing ones, between disks that are not rattlers
     rattlers: np.ndarray  # (N,) mask
-    pressure: float  # p = Σ f r / (2V) over all overlaps
+    pressure: float  # p = Σ f r / (D V) over all overlaps
     energy: float  # U, total
-    stress: np.ndarray  # (2, 2)
+    stress: np.ndarray  # (D, D)
     max_force: float  # largest net force on a disk that is not a rattler
     threshold: float  # force above which a contact counts
 
@@ -165,10 +174,10 @@ def measure(disks: Packing, every: Contacts | None = None) -> State:
         raise InputError(
             f"disks {every.i[pair]} and {every.j[pair]} are in one place: a force has no direction there"
         )
-    pressure = virial_pressure(every.force, every.distance, disks.area)
+    pressure = virial_pressure(every.force, every.distance, disks.volume, disks.dimension)
     threshold = force_threshold(disks, pressure)
     loaded = every[every.force > threshold]
-    rattlers = find_rattlers(disks.n, *both_ends(loaded.i, loaded.j))
+    rattlers = find_rattlers(disks.n, *both_ends(loaded.i, loaded.j), disks.dimension)
     backbone = loaded[~(rattlers[loaded.i] | rattlers[loaded.j])]
     residual = net_forces(disks.n, every)[~rattlers]
     return State(
@@ -176,13 +185,13 @@ def measure(disks: Packing, every: Contacts | None = None) -> State:
         rattlers=rattlers,
         pressure=pressure,
         energy=float(np.sum(disks.potential.energy(every.overlap, every.sigma))),
-        stress=stress_tensor(every, disks.area),
-        max_force=float(np.hypot(residual[:, 0], residual[:, 1]).max()) if len(residual) else 0.0,
+        stress=stress_tensor(every, disks.volume),
+        max_force=float(lengths(residual).max()) if len(residual) else 0.0,
         threshold=threshold,
     )
 
 
 def imbalance(disks: Packing, state: State) -> float:
-    """max |F| / (p d) of a packing, with d its mean diameter; infinite at zero pressure."""
-    size = state.pressure * 2.0 * float(np.mean(disks.radii))
+    """max |F| / (p d^(D−1)) of a packing, with d its mean diameter; infinite at zero pressure."""
+    size = typical_force(disks, state.pressure)
     return state.max_force / size if size > 0 else np.inf

@@ -9,6 +9,7 @@ Rows of a cell are lower triangular: a₁ = (Lx, 0, 0), a₂ = (xy, Ly, 0), a₃
 """
 
 import math
+from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -132,6 +133,11 @@ def squared_length(components):
     for y in others:
         total = total + y * y
     return total
+
+
+def lengths(vectors):
+    """|v| (M,) of vectors (M, D)."""
+    return reduce(np.hypot, vectors.T)
 
 
 def _hilbert(axes, bits):

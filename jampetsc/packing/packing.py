@@ -1,4 +1,4 @@
-"""The packing as data: disks in a periodic, possibly sheared cell, with positions more precise than one double.
+"""The packing as data: disks or spheres in a periodic cell, with positions more precise than one double.
 
 At low pressure an overlap (~ p) is far smaller than a coordinate (~ √N), so rounding coordinates to one
 double would set the force residual (Vågberg, thesis sec. 4.7). Every coordinate is therefore a sum base +
@@ -7,19 +7,29 @@ offset: `base` is a multiple of GRID, so that differences of bases and cell vect
 """
 
 import hashlib
+import math
 from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.packing.cell import cell_of, read_numbers
-from jampetsc.packing.neighbours import fractional, vectors
+from jampetsc.packing.cell import (
+    MAX_COORDINATE,
+    cell_of,
+    check_cell,
+    dimension_of_box,
+    read_numbers,
+    reduced_basis,
+)
+from jampetsc.packing.neighbours import fractional, lengths, upright, vectors
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import Strain, displace
 
 PLANE_TOLERANCE = 1e-8  # largest radii: spread of z within which centres lie in one plane
 GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved to 3e-24
+UNIT_BALL = {2: np.pi, 3: 4.0 / 3.0 * np.pi}  # volume of a ball of radius one in D dimensions
+PARTICLES = {2: "disks", 3: "spheres"}
 PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Packing` that change when disks move
 
 
@@ -39,27 +49,29 @@ def join(base, offset):
 
 @dataclass(frozen=True, eq=False, init=False)
 class Packing:
-    """N soft disks in a periodic cell, for every function that takes a packing.
+    """N soft disks or spheres in a periodic cell of D = 2 or 3 dimensions, for every function that takes a packing.
 
-    positions   (N, 2) centres, in the cell or out of it; (N, 3) where all z are the same
+    positions   (N, D) centres, in the cell or out of it. (N, 3) are disks where the cell has two axes, and where
+                z is the same for all and the cell is L or three numbers
     radii       (N,)
-    cell        L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy Ly, Ly), rows a₁ = (Lx, 0) and a₂ (2, 2), or an object with
-                Lx, Ly and xy such as freud.box.Box; any tilt, periodic in x and y
+    cell        2D: L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy Ly, Ly), rows a₁ = (Lx, 0) and a₂ (2, 2); 3D: L,
+                (Lx, Ly, Lz), (Lx, Ly, Lz, xy, xz, yz) with a₂ = (xy Ly, Ly, 0) and a₃ = (xz Lz, yz Lz, Lz), or lower
+                triangular rows (3, 3); an object with Lx, Ly, … such as freud.box.Box; any tilt, periodic in all axes
     potential   harmonic or hertzian; stiffness: constant or inverse-square-diameter; k > 0, see `packing.potentials`
 
-    Lengths are in any unit, p and moduli then in that of k. The record holds phi, pressure, energy and max_force as
-    computed here. Arrays are float64 and never changed in place. Raises InputError for wrong shapes, values not
-    finite, radii ≤ 0, a cell of no area or less wide than a disk, centres with different z, or two at one place.
+    Lengths are in any unit; p and moduli then in that of k, in 3D over that of length. The record holds phi, pressure,
+    energy and max_force as computed here. Arrays are float64 and never changed in place. Raises InputError for wrong
+    shapes, values not finite, radii ≤ 0, a cell of no volume or less wide than a disk, or two centres at one place.
     """
 
-    base: np.ndarray  # (N, 2) coordinates, multiples of GRID
-    offset: np.ndarray  # (N, 2) remainder
+    base: np.ndarray  # (N, D) coordinates, multiples of GRID
+    offset: np.ndarray  # (N, D) remainder
     radii: np.ndarray  # (N,)
-    cell_base: np.ndarray  # (2, 2) rows a1 = (Lx, 0), a2 = (γ Ly, Ly), multiples of GRID
-    cell_offset: np.ndarray  # (2, 2)
+    cell_base: np.ndarray  # (D, D) lower triangular rows a1 = (Lx, 0), a2 = (γ Ly, Ly) …, multiples of GRID
+    cell_offset: np.ndarray  # (D, D)
     potential: Potential
     record: dict  # how it was made: pressure, phi, seed, protocol, …
-    images: np.ndarray | None  # (N, 2) numbers of cell vectors by which each disk was wrapped, if counted
+    images: np.ndarray | None  # (N, D) numbers of cell vectors by which each disk was wrapped, if counted
 
     def __init__(self, positions, radii, cell, potential="harmonic", stiffness="constant", k=1.0):
         positions, radii, k = (
@@ -67,38 +79,41 @@ class Packing:
             for name, values in (("positions", positions), ("radii", radii), ("k", k))
         )
         if positions.ndim == 2 and positions.shape[1] == 3:
-            thickness = np.ptp(positions[:, 2]) if len(positions) else 0.0
-            if not thickness <= PLANE_TOLERANCE * np.max(radii, initial=0.0):
-                raise InputError(f"centres spread by {thickness:.6g} in z: packings are two-dimensional here")
-            positions = positions[:, :2]
+            positions = _in_plane(positions, radii, cell)
+        dimension = 3 if positions.ndim == 2 and positions.shape[1] == 3 else 2
         if k.ndim:
             raise InputError(f"k of shape {k.shape}: must be one number")
         law = Potential(potential, stiffness, float(k))
-        exact = Packing.from_positions(positions, radii, cell_of(cell), law).with_measurements()
+        exact = Packing.from_positions(positions, radii, cell_of(cell, dimension), law).with_measurements()
         self.__dict__.update(exact.__dict__)
 
     def __repr__(self):
         pressure = f", pressure = {self.record['pressure']:.6g}" if "pressure" in self.record else ""
-        return f"<{self.n} disks, {self.potential.kind}, phi = {self.phi:.6g}{pressure}>"
+        return (
+            f"<{self.n} {PARTICLES[self.dimension]}, {self.potential.kind}, phi = {self.phi:.6g}{pressure}>"
+        )
 
     @classmethod
     def from_positions(
         cls, positions, radii, cell, potential=None, *, positions_low=None, cell_low=None, record=None
     ):
-        """A packing of coordinates (N, 2), radii (N,) and cell rows (2, 2), with what its file says of it as `record`.
+        """A packing of coordinates (N, D), radii (N,) and cell rows (D, D), with what its file says of it as `record`.
 
         positions_low, cell_low: parts of the coordinates and rows that one double does not hold. Raises InputError
-        for wrong shapes, values that are not finite, radii ≤ 0 or a cell of no area.
+        for wrong shapes, values that are not finite, radii ≤ 0 or a cell of no volume.
         """
         # all in C order: for another layout all loops over disks would be compiled again
         positions, radii, cell = (np.asarray(a, float, "C") for a in (positions, radii, cell))
         n = len(radii) if radii.ndim == 1 else 0
-        if n == 0 or positions.shape != (n, 2) or cell.shape != (2, 2):
+        dimension = len(cell) if cell.ndim else 0
+        shapes = (n, dimension), (dimension, dimension)
+        if n == 0 or dimension not in UNIT_BALL or (positions.shape, cell.shape) != shapes:
             raise InputError(
-                f"positions {positions.shape}, radii {radii.shape}, cell {cell.shape}: need (N, 2), (N,) and (2, 2)"
+                f"positions {positions.shape}, radii {radii.shape}, cell {cell.shape}: need (N, D), (N,) and (D, D), "
+                "D = 2 or 3"
             )
-        low = np.zeros((n, 2)) if positions_low is None else np.asarray(positions_low, float)
-        cell_rest = np.zeros((2, 2)) if cell_low is None else np.asarray(cell_low, float)
+        low = np.zeros(positions.shape) if positions_low is None else np.asarray(positions_low, float)
+        cell_rest = np.zeros(cell.shape) if cell_low is None else np.asarray(cell_low, float)
         if low.shape != positions.shape or cell_rest.shape != cell.shape:
             raise InputError(
                 f"positions_low {low.shape}, cell_low {cell_rest.shape}: shapes of positions and cell"
@@ -106,7 +121,6 @@ class Packing:
         for name, array in (
             ("positions", positions),
             ("radii", radii),
-            ("cell", cell),
             ("positions_low", low),
             ("cell_low", cell_rest),
         ):
@@ -118,12 +132,9 @@ class Packing:
         if (radii <= 0).any():
             row = int(np.argmax(radii <= 0))
             raise InputError(f"radii[{row}] = {radii[row]}: must be positive")
-        if cell[0, 1] != 0 or cell[0, 0] <= 0 or cell[1, 1] <= 0:
-            raise InputError(f"cell {cell.tolist()}: need rows (Lx, 0) and (γ Ly, Ly) with Lx, Ly > 0")
-        if np.abs(positions).max() > 2.0**28 or np.abs(cell).max() > 2.0**28:
-            raise InputError(
-                "positions or cell beyond 2^28 in units of length: scale them to disks of size about one"
-            )
+        check_cell(cell)
+        if np.abs(positions).max() > MAX_COORDINATE:
+            raise InputError("positions: beyond 2^28 units of length. Scale them to disks of size about one.")
         (base, offset), (cell_base, cell_offset) = split(positions, low), split(cell, cell_rest)
         packing = cls._of_fields(
             base=base,
@@ -164,13 +175,18 @@ class Packing:
         return len(self.radii)
 
     @property
+    def dimension(self) -> int:
+        """D, 2 or 3."""
+        return self.base.shape[1]
+
+    @property
     def positions(self):
-        """Coordinates rounded to one double, (N, 2)."""
+        """Coordinates rounded to one double, (N, D)."""
         return self.base + self.offset
 
     @property
     def unwrapped(self):
-        """Coordinates that do not jump where a disk leaves the cell, x + k₁ a₁ + k₂ a₂ with `images` k, (N, 2).
+        """Coordinates that do not jump where a disk leaves the cell, x + k₁ a₁ + k₂ a₂ … with `images` k, (N, D).
 
         Raises InputError where images are not counted.
         """
@@ -180,34 +196,23 @@ class Packing:
 
     @property
     def cell(self):
-        """Cell rows rounded to one double, (2, 2)."""
+        """Cell rows rounded to one double, (D, D)."""
         return self.cell_base + self.cell_offset
 
     @property
-    def area(self) -> float:
-        """V = Lx Ly."""
-        cell = self.cell
-        return float(cell[0, 0] * cell[1, 1])
+    def volume(self) -> float:
+        """V = Lx Ly (Lz), an area in two dimensions."""
+        return math.prod(np.diag(self.cell).tolist())
 
     @property
     def period(self) -> float:
-        """Distance between a disk and its nearest image: the shortest vector of the lattice.
-
-        Lagrange's reduction: subtract m times the shorter vector from the longer, m the nearest integer, until m = 0.
-        """
-        short, long = sorted(self.cell, key=lambda vector: vector @ vector)
-        while (
-            (square := short @ short) > 0
-            and (turns := np.round(short @ long / square))
-            and np.isfinite(turns)
-        ):
-            short, long = sorted((short, long - turns * short), key=lambda vector: vector @ vector)
-        return float(np.hypot(*short))
+        """Distance between a disk and its nearest image: the shortest vector of the lattice."""
+        return float(lengths(reduced_basis(self.cell)[0])[0])
 
     @property
     def phi(self) -> float:
-        """Packing fraction Σ π ρ² / V, overlaps counted twice (the field's convention)."""
-        return float(np.pi * np.sum(self.radii**2) / self.area)
+        """Packing fraction Σ π ρ² / V, in 3D Σ (4/3) π ρ³ / V, overlaps counted twice (the field's convention)."""
+        return float(UNIT_BALL[self.dimension] * np.sum(self.radii**self.dimension) / self.volume)
 
     def contacts(self):
         """All overlaps, those that bear no load included: `Contacts` of i, j, r, overlap, force, …"""
@@ -232,12 +237,12 @@ class Packing:
 
     @property
     def pressure(self) -> float:
-        """p = Σ f r/(2V) over all overlaps."""
+        """p = Σ f r/(D V) over all overlaps."""
         return self._state.pressure
 
     @property
     def stress(self):
-        """σ = −Σ f r r/(|r| V), (2, 2): compression is negative, p = −tr σ/2."""
+        """σ = −Σ f r r/(|r| V), (D, D): compression is negative, p = −tr σ/D."""
         return self._state.stress
 
     @property
@@ -247,7 +252,7 @@ class Packing:
 
     @property
     def rattlers(self):
-        """Mask (N,) of disks with fewer than three loaded contacts, found by removing such disks until none is left."""
+        """Mask (N,) of disks with fewer than D + 1 loaded contacts, found by removing such disks until none is left."""
         return self._state.rattlers
 
     @property
@@ -274,18 +279,17 @@ class Packing:
         )
 
     def folded(self) -> "Packing":
-        """The same packing in the equivalent cell with tilt |γ| ≤ ½ Lx/Ly, a2 → a2 − m a1, every disk inside it.
+        """The same packing in the equivalent cell with the least tilts, a2 → a2 − m a1 …, every disk inside it.
 
         Whole cell vectors are subtracted, so that no bond changes by more than the rounding of offsets.
         """
-        turns = np.round(self.cell[1, 0] / self.cell[0, 0])
-        whole = np.array([[1.0, 0.0], [-turns, 1.0]])
+        whole = upright(self.cell)[1].astype(float)
         cell_base, cell_offset = vectors(whole, self.cell_base), vectors(whole, self.cell_offset)
         image = np.floor(fractional(self.positions, cell_base + cell_offset))
         base, offset = self.base - vectors(image, cell_base), self.offset - vectors(image, cell_offset)
         images = self.images
-        if images is not None:  # k₁ a₁ + k₂ a₂ in vectors of the new cell, whose a₂ is the old one less m a₁
-            images = (images @ [[1.0, 0.0], [turns, 1.0]] + image).astype(int)
+        if images is not None:  # k₁ a₁ + k₂ a₂ … in vectors of the new cell
+            images = (images @ np.rint(np.linalg.inv(whole)) + image).astype(int)
         cell = {"cell_base": cell_base, "cell_offset": cell_offset}
         return self.replace(base=base, offset=offset, images=images, **cell)
 
@@ -299,13 +303,34 @@ class Packing:
         return self.replace(**{name: a[order] for name, a in arrays.items() if isinstance(a, np.ndarray)})
 
 
+def _in_plane(positions, radii, cell):
+    """Positions (N, 2) where (N, 3) ones and `cell`, in a form of `Packing`, are in a plane, else as they are.
+
+    Raises InputError for a cell of two axes with centres at different z.
+    """
+    thickness = np.ptp(positions[:, 2]) if len(positions) else 0.0
+    is_flat = thickness <= PLANE_TOLERANCE * np.max(radii, initial=0.0)
+    if hasattr(cell, "Lx"):
+        axes = dimension_of_box(cell)
+    else:
+        shape = np.shape(cell)
+        axes = {(2,): 2, (2, 2): 2, (6,): 3, (3, 3): 3}.get(shape, 2 if is_flat else 3)
+    if axes == 3:
+        return positions
+    if not is_flat:
+        raise InputError(
+            f"centres spread by {thickness:.6g} in z, but the cell has two axes. Give its third one, or the same z."
+        )
+    return positions[:, :2]
+
+
 def deformed(packing: Packing, offsets, strain: Strain) -> Packing:
     """The packing at F (x + o), F = 1 + E of `strain`.
 
     Only the change is rounded, never the coordinates: base + (offset + o) + E (x + o).
     """
     base, offset = _deformed(packing.base, packing.offset, offsets, strain)
-    cell_base, cell_offset = _deformed(packing.cell_base, packing.cell_offset, np.zeros((2, 2)), strain)
+    cell_base, cell_offset = _deformed(packing.cell_base, packing.cell_offset, 0.0, strain)
     places = {"base": base, "offset": offset, "cell_base": cell_base, "cell_offset": cell_offset}
     # not `replace`: velocities of a snapshot are not those of the deformed packing
     return Packing._of_fields(
@@ -314,9 +339,8 @@ def deformed(packing: Packing, offsets, strain: Strain) -> Packing:
 
 
 def _deformed(base, offset, moves, strain):
-    """(base, offset) of x + o + E (x + o), all (N, 2)."""
+    """(base, offset) of x + o + E (x + o), all (N, D)."""
     low = offset + moves
-    x, y = (base + low).T
-    low += np.column_stack(displace(strain, x, y))
+    low += np.column_stack(displace(strain, *(base + low).T))
     carry = GRID * np.rint(low / GRID)
     return base + carry, low - carry

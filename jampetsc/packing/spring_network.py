@@ -1,35 +1,36 @@
 """A network of bonds as data: all that the linear response needs, of a lattice, of another program, of a packing."""
 
 import hashlib
+import itertools
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.packing.cell import cell_of, read_numbers
+from jampetsc.packing.cell import MAX_COORDINATE, SIDES, cell_of, check_cell, read_numbers, reduced_basis
 from jampetsc.packing.contacts import measure, net_forces, stress_tensor, virial_pressure
 from jampetsc.packing.linear_bonds import LinearBonds
-from jampetsc.packing.neighbours import fractional, vectors
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.neighbours import fractional, lengths, vectors
+from jampetsc.packing.packing import UNIT_BALL, Packing
 from jampetsc.packing.potentials import MAX_STIFFNESS
 
+MAX_IMAGE = 2**31  # cell vectors in a shortest vector of the lattice
 NEAREST_TIE = 1e-9  # relative difference of two distances below which the nearest image is not unique
-MAX_COORDINATE = 2.0**28  # units of length, as of a packing
-_SHIFTS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Network:
-    """N nodes and M bonds in a periodic cell, for every function that takes a packing's linear response.
+    """N nodes and M bonds in a periodic cell (D = 2 or 3), for every function that takes a packing's linear response.
 
-    positions   (N, 2) places of the nodes, in the cell or out of it
+    positions   (N, D) places of the nodes, in the cell or out of it
     bonds       (M, 2) numbers of the two nodes of each bond, from 0
-    cell        L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy Ly, Ly), rows a₁ = (Lx, 0) and a₂ (2, 2), as of `Packing`
+    cell        L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy Ly, Ly), rows (D, D) …, all forms that `Packing` takes in D
     stiffness   k of each bond, d²V/dr² > 0, one number or (M,)
     tension     f = −dV/dr of each bond, one number or (M,): positive where the bond pushes (compression), as the
                 force of a contact, negative where it pulls
-    images      (M, 2) whole numbers of cell vectors: r = x_j − x_i + image · cell; None: the nearest image
+    images      (M, D) whole numbers of cell vectors: r = x_j − x_i + image · cell; None: the nearest image
     radii       (N,) of the nodes, only for damping laws under which they roll
     k           unit of stiffness: weights of a damping law count in k τ₁
 
@@ -38,10 +39,10 @@ class Network:
     itself, of no length or given twice, stiffness ≤ 0, and a nearest image that is not unique.
     """
 
-    positions: np.ndarray  # (N, 2)
+    positions: np.ndarray  # (N, D)
     bonds: np.ndarray  # (M, 2) int64
-    images: np.ndarray  # (M, 2) int64
-    cell: np.ndarray  # (2, 2) rows a₁, a₂
+    images: np.ndarray  # (M, D) int64
+    cell: np.ndarray  # (D, D) rows a₁, a₂, …
     stiffness: np.ndarray  # (M,)
     tension: np.ndarray  # (M,)
     radii: np.ndarray | None  # (N,)
@@ -51,16 +52,15 @@ class Network:
     def __init__(
         self, positions, bonds, cell, stiffness=1.0, tension=0.0, images=None, radii=None, k=1.0, record=None
     ):
-        positions, cell = _positions(positions), _cell(cell)
+        positions = _positions(positions)
+        cell = _cell(cell, positions.shape[1])
         bonds = _bonds(bonds, len(positions))
         if images is None:
             images = nearest_images(positions, bonds, cell)
         else:
             images = _whole_numbers("images", images)
-            if images.shape != bonds.shape:
-                raise InputError(
-                    f"images: shape {images.shape}, must be {bonds.shape}, one row for each bond."
-                )
+            if images.shape != (shape := (len(bonds), positions.shape[1])):
+                raise InputError(f"images: shape {images.shape}, must be {shape}, one row for each bond.")
         _check_repeated(bonds, images)
         values = {
             "stiffness": _of_bonds("stiffness", stiffness, len(bonds)),
@@ -111,16 +111,21 @@ class Network:
         return len(self.positions)
 
     @property
-    def area(self) -> float:
-        """V = Lx Ly."""
-        return float(self.cell[0, 0] * self.cell[1, 1])
+    def dimension(self) -> int:
+        """D, 2 or 3."""
+        return self.positions.shape[1]
+
+    @property
+    def volume(self) -> float:
+        """V = Lx Ly (Lz), an area in two dimensions."""
+        return math.prod(np.diag(self.cell).tolist())
 
     @cached_property
     def linear_bonds(self) -> LinearBonds:
         """Its bonds with vectors r, lengths, forces and stiffnesses."""
         i, j = self.bonds.T
         r = (self.positions[j] - self.positions[i]) + vectors(self.images, self.cell)
-        return LinearBonds(i, j, r, np.hypot(*r.T), self.tension, self.stiffness)
+        return LinearBonds(i, j, r, lengths(r), self.tension, self.stiffness)
 
     @property
     def isolated(self):
@@ -129,20 +134,20 @@ class Network:
 
     @property
     def pressure(self) -> float:
-        """p = Σ f r/(2V)."""
+        """p = Σ f r/(D V)."""
         bonds = self.linear_bonds
-        return virial_pressure(bonds.force, bonds.distance, self.area)
+        return virial_pressure(bonds.force, bonds.distance, self.volume, self.dimension)
 
     @property
     def stress(self):
-        """σ = −Σ f r r/(|r| V), (2, 2): compression is negative, p = −tr σ/2."""
-        return stress_tensor(self.linear_bonds, self.area)
+        """σ = −Σ f r r/(|r| V), (D, D): compression is negative, p = −tr σ/D."""
+        return stress_tensor(self.linear_bonds, self.volume)
 
     @property
     def imbalance(self) -> float:
         """Largest net force on a node over the mean |f| of the bonds; 0 without forces."""
         mean = float(np.mean(np.abs(self.tension)))
-        return float(np.hypot(*net_forces(self.n, self.linear_bonds).T).max()) / mean if mean else 0.0
+        return float(lengths(net_forces(self.n, self.linear_bonds)).max()) / mean if mean else 0.0
 
     @property
     def is_stable_by_construction(self) -> bool:
@@ -187,37 +192,27 @@ class Network:
 
 
 def nearest_images(positions, bonds, cell):
-    """Whole numbers of cell vectors (M, 2) with which each bond is shortest. Raises InputError where two are equal.
+    """Whole numbers of cell vectors (M, D) with which each bond is shortest. Raises InputError where two are equal.
 
-    The nearest image lies among nine in a reduced cell, with the shortest vectors of its lattice.
+    The nearest image lies among 3^D in a reduced cell, with the shortest vectors of its lattice.
     """
-    basis = _reduced_basis(cell)
-    reduced = basis @ cell
+    reduced, basis = reduced_basis(cell)
+    if np.abs(basis).max() > MAX_IMAGE:
+        raise InputError("cell: too oblique for nearest images. Give images, or another cell of the lattice.")
     gap = positions[bonds[:, 1]] - positions[bonds[:, 0]]
     centre = -np.rint(gap @ np.linalg.inv(reduced))
-    shifts = centre[:, None, :] + _SHIFTS
-    lengths = np.linalg.norm(gap[:, None, :] + shifts @ reduced, axis=2)
-    order = np.argsort(lengths, axis=1)
-    first, second = np.take_along_axis(lengths, order[:, :2], axis=1).T
+    shifts = centre[:, None, :] + np.array(list(itertools.product(SIDES, repeat=len(cell))))
+    images = gap[:, None, :] + shifts @ reduced
+    distances = lengths(images.reshape(-1, len(cell))).reshape(images.shape[:2])
+    order = np.argsort(distances, axis=1)
+    first, second = np.take_along_axis(distances, order[:, :2], axis=1).T
     ties = np.flatnonzero(second - first <= NEAREST_TIE * second)
     if len(ties):
         raise InputError(
             f"{_bond(bonds, ties[0])}: two images are equally near ({first[ties[0]]:g}). Give images, or a larger cell."
         )
     nearest = np.take_along_axis(shifts, order[:, :1, None], axis=1)[:, 0]
-    return np.rint(nearest @ basis).astype(np.int64)
-
-
-def _reduced_basis(cell):
-    """Whole numbers (2, 2) of cell vectors in the two shortest vectors of the lattice (Lagrange's reduction)."""
-    basis = np.eye(2)
-    while True:
-        basis = basis[np.argsort(np.linalg.norm(basis @ cell, axis=1), kind="stable")]
-        short, long = basis @ cell
-        turns = np.rint(short @ long / (short @ short))
-        if not turns:
-            return basis
-        basis[1] -= turns * basis[0]
+    return np.rint(nearest @ basis.astype(float)).astype(np.int64)
 
 
 def _bond(bonds, row):
@@ -232,25 +227,17 @@ def _check_finite(name, values):
 
 def _positions(given):
     positions = read_numbers("positions", given)
-    if positions.ndim == 2 and positions.shape[1] == 3:
-        raise InputError(
-            f"positions: shape {positions.shape}, but networks are two-dimensional here. Give x and y."
-        )
-    if positions.ndim != 2 or positions.shape[1] != 2 or not len(positions):
-        raise InputError(f"positions: shape {positions.shape}, must be (N, 2).")
+    if positions.ndim != 2 or positions.shape[1] not in UNIT_BALL or not len(positions):
+        raise InputError(f"positions: shape {positions.shape}, must be (N, 2) or (N, 3).")
     _check_finite("positions", positions)
     if np.abs(positions).max() > MAX_COORDINATE:
         raise InputError("positions: beyond 2^28 units of length. Scale them to bonds of length about one.")
     return positions
 
 
-def _cell(given):
-    cell = cell_of(given)
-    _check_finite("cell", cell)
-    if cell[0, 1] != 0 or cell[0, 0] <= 0 or cell[1, 1] <= 0:
-        raise InputError(f"cell: {cell.tolist()}, must be rows (Lx, 0) and (γ Ly, Ly) with Lx, Ly > 0.")
-    if np.abs(cell).max() > MAX_COORDINATE:
-        raise InputError("cell: beyond 2^28 units of length. Scale it to bonds of length about one.")
+def _cell(given, dimension):
+    cell = cell_of(given, dimension)
+    check_cell(cell)
     return cell
 
 

@@ -157,7 +157,7 @@ def _draw(page, disks, panels, particles, symbol, rows):
     axes = frame_cells(page, [disks.cell] * len(panels), rows, width, linewidth=0.4)
     centres = wrap(disks.positions, disks.cell)
     chosen = _spaced_rows(centres[particles], disks.cell)
-    spacing = np.sqrt(disks.area / max(len(chosen), 1))
+    spacing = np.sqrt(disks.volume / max(len(chosen), 1))
     for (ax, _), (title, u, spin, row) in zip(axes, panels, strict=True):
         factor = _arrow_factor(u, spacing)
         scales = rf"arrows ${number(factor)}\,{symbol}$" if factor else f"${symbol}=0$"

@@ -157,7 +157,7 @@ def flow_panel(title, disks):
     """A panel of disks that are not at rest."""
     contacts, number, alone = find_touching(disks)
     walls = disks.record.get("walls", 0)
-    pressure = virial_pressure(contacts.force, contacts.distance, disks.area)
+    pressure = virial_pressure(contacts.force, contacts.distance, disks.volume, disks.dimension)
     hollow = f"{np.count_nonzero(alone)} without contact" if alone.any() else ""
     caption = _caption(disks, contacts, pressure, float(number[walls:].mean()), hollow)
     return title, disks, contacts, alone, caption

@@ -110,7 +110,7 @@ def build_matrices(network: DistributedNetwork, law: Law, loads=None) -> Packing
     component = np.tile(np.arange(law.dofs), len(particles))
     return PackingMatrices(
         pencil.K, pencil.B, *border,
-        area=network.area,
+        area=network.volume,
         particles=particles,
         dofs=np.column_stack((np.repeat(particles, law.dofs), component)),
         pins=pins_of(law, pencil.pieces),

@@ -138,7 +138,7 @@ def assemble(network: DistributedNetwork, law: Law, pinned: bool = True) -> Penc
     gamma = np.add.reduceat(border, starts)
     damping = network.damping(law)
     diagonal[:, [0, 1], [0, 1]] += 1j * damping * law.drag
-    corner += 1j * damping * law.eta_f * network.area
+    corner += 1j * damping * law.eta_f * network.volume
 
     component = np.arange(dofs)
     row = np.r_[own, local][:, None, None] * dofs + component[None, :, None]

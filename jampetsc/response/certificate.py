@@ -98,7 +98,7 @@ class Functional:
     def affine_modulus(self, omega) -> float:
         """The size of G* if all motion were affine: the sum of the sizes of what contacts contribute."""
         elastic, viscous = self.affine**2
-        return float(elastic + omega * viscous) / self.network.area
+        return float(elastic + omega * viscous) / self.network.volume
 
     def trial(self, omega, x, strain: float = 1.0) -> Trial:
         """The trial field x (n_local,), complex, with its motions and residual."""
@@ -144,7 +144,7 @@ class Functional:
         storage += omega * (2.0 * e_Br * e_Bi + e_Br * d_Bi + e_Bi * d_Br)
         loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr
         loss += omega * (e_Br * (e_Br + d_Br) + e_Bi * (e_Bi + d_Bi))
-        volume = self.network.area
+        volume = self.network.volume
         left = self.norm(trial.left, lower.diagonal) + self.rounding(trial, lower.omega, lower.diagonal)
         return Certified(
             omega=float(omega),
@@ -176,7 +176,7 @@ class Functional:
 
     def field_bound(self, found: Certified, x) -> float:
         """Bound on the error of the field x that was certified, see `field_bound`: an estimate where K is not ≥ 0."""
-        squared = 2.0 * np.sqrt(2.0) * found.error * self.network.area  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
+        squared = 2.0 * np.sqrt(2.0) * found.error * self.network.volume  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
         return field_bound(self.pencil, found.omega, x, squared)
 
 
@@ -188,7 +188,7 @@ def tensor_at(functionals, trials, results) -> tuple:
 
     functionals, trials, results   one for each load: `Functional`, `Trial` and `Certified`
     """
-    first, omega, volume = functionals[0], trials[0].omega, functionals[0].network.area
+    first, omega, volume = functionals[0], trials[0].omega, functionals[0].network.volume
     c = first.compatibility
     weights = c.w_K + 1j * omega * c.w_B
     motions, fields = (np.array([getattr(trial, name) for trial in trials]) for name in ("motions", "x"))

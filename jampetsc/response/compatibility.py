@@ -51,7 +51,7 @@ class Compatibility:
 
     def fluid_gg(self, one: Load, other: Load) -> float:
         """The part of b_EE′ of two loads that the fluid adds."""
-        return self.viscosity * self.network.area * fluid_dissipation(one, other)
+        return self.viscosity * self.network.volume * fluid_dissipation(one, other)
 
     def dissipation(self, motions, field) -> float:
         """aᵀ W_B a + xᵀ drag x of real motions a (rows,) and their field x (n_local,): this rank's part of the sum."""
@@ -147,5 +147,5 @@ def build_compatibility(network: DistributedNetwork, law: Law, pins) -> Compatib
     C = distributed_matrix(network.comm, local, local.data, (network.last - network.first) * d)
     return Compatibility(
         network, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real, reach.imag,
-        drag.ravel(), damping * law.eta_f * network.area, damping * law.eta_f,
+        drag.ravel(), damping * law.eta_f * network.volume, damping * law.eta_f,
     )  # fmt: skip

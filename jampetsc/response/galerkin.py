@@ -82,7 +82,7 @@ class Galerkin:
         return _rounding(sizes, np.sqrt(ROW * reach))
 
     def _finish(self, motions, rates):
-        c, volume = self.pencil.compatibility, self.network.area
+        c, volume = self.pencil.compatibility, self.network.volume
         still, modes, field = motions[:, 0], motions[:, 1:], self.quasistatic
         loads = modes.T @ (c.w_B * still) + self.modes.T @ (c.drag * field)
         loads = self.network.sum(loads)  # h: viscous force of the quasistatic flow on each mode
@@ -137,7 +137,7 @@ class Galerkin:
         """Bound on the error of `field`, relative in the energy norm, from |ΔG*| without rounding. Collective."""
         norms = np.sqrt(self._norms[0] + omega * self._norms[1])
         size = norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
-        squared = np.sqrt(2.0) * error * self.network.area
+        squared = np.sqrt(2.0) * error * self.network.volume
         return field_bound(self.pencil, omega, self.field(omega), squared, size)
 
 

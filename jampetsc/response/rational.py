@@ -139,7 +139,7 @@ class RationalSweep:
     def _nothing_resists(self, i):
         """Whether G* at the i-th frequency is rounding of what it would be if nothing relaxed."""
         affine = abs(self.pencil.k_gg + 1j * self.omega[i] * self.pencil.b_gg)
-        return abs(self._modulus()[i]) * self.pencil.network.area <= ROUNDING_MODULUS_RATIO * affine
+        return abs(self._modulus()[i]) * self.pencil.network.volume <= ROUNDING_MODULUS_RATIO * affine
 
     def _for_certificate(self):
         """The shift where the certificate is worst, if there is no factor near it; else none."""
@@ -211,14 +211,14 @@ class RationalSweep:
         relaxed = np.sum(loads**2 / (rates + s[:, None]), axis=1)
         return (
             self._still[0] + s * self._still[1] - basis.factor(s) ** 2 * relaxed
-        ) / self.pencil.network.area
+        ) / self.pencil.network.volume
 
     def _steering_bound(self):
         """Bound on |ΔG*|, (M,), if the residual were exactly r = f φ q."""
         energies = {s: e for s, (e, _) in self.missing[1].items()}
         size = np.abs(self.basis.factor(1j * self.omega)) ** 2 * self.basis.phi(self.omega)
         best = energy_between(self.largest_rate, energies, self.omega)
-        return np.sqrt(2.0) * size * best / self.pencil.network.area
+        return np.sqrt(2.0) * size * best / self.pencil.network.volume
 
     def _certify(self, galerkin) -> Certified:
         """G* of Galerkin's solution in the space as it is, with its bounds."""
@@ -226,7 +226,7 @@ class RationalSweep:
             self.comm, lambda: (galerkin.spectrum.modulus(self.omega), galerkin.rounding(self.omega))
         )
         bound = ResidualBound(galerkin.residual(), self.factors, *self.missing, self.largest_rate, self.omega)
-        area = self.pencil.network.area
+        area = self.pencil.network.volume
         bare = Certified(self.omega, G, np.zeros(len(G)), rounding)
         error = bound.within(area * on_root(self.comm, lambda: self._allowed(bare))) / area
         return replace(bare, error=error)

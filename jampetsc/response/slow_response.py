@@ -83,7 +83,7 @@ def solve(
     """
     expansion = compression(len(pencil.load.rows))
     responses, elastic = _elastic_responses(network, (pencil.load, expansion, *tensor))
-    response, area = responses[pencil.load], network.area
+    response, area = responses[pencil.load], network.volume
     nonaffine = elastic.split(response.x)[0]
     fields = {
         load: elastic.split(found.x)[0] if pencil.law.holds_translations else found.x.reshape(nonaffine.shape)

@@ -40,12 +40,12 @@ class TensorProjection:
             np.concatenate([one.rates for one in solutions]),
             np.concatenate([one.forces for one in solutions]),
             np.repeat(np.arange(len(sizes)), sizes),
-            np.block(K) / network.area,
-            np.block(B) / network.area,
+            np.block(K) / network.volume,
+            np.block(B) / network.volume,
         )
         # (2, c) in K and in B: roots of Σ w a² over V, and of the terms of the motions a
         self._noise = [
-            np.concatenate([getattr(one, name) for one in solutions], axis=1) / np.sqrt(network.area)
+            np.concatenate([getattr(one, name) for one in solutions], axis=1) / np.sqrt(network.volume)
             for name in ("sizes", "reach")
         ]
 
@@ -79,7 +79,7 @@ class _Columns:
         self.motions[:, 0] += c.g
         self.rates, self.forces = np.append(np.inf, spectrum.rates), np.append(0.0, h)
         # Modes are orthonormal in B, their rates are K; the quasistatic field has no force in K on them, h in B.
-        volume = network.area
+        volume = network.volume
         K, B = np.diag(np.append(spectrum.G0 * volume, spectrum.rates)), np.eye(len(self.rates))
         B[0, 0] = spectrum.eta_inf * volume + h @ h
         B[0, 1:] = B[1:, 0] = h

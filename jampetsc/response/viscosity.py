@@ -50,7 +50,7 @@ def quasistatic_flow(pencil: Pencil, displacement) -> ViscousResponse:
     parts = {}
     if law.drag or law.eta_f:
         drag = network.sum(float(c.drag @ start.ravel() ** 2))
-        parts = {"drag": drag / network.area, "fluid": c.drag_gg / network.area}
+        parts = {"drag": drag / network.volume, "fluid": c.drag_gg / network.volume}
     if not law.damps_contacts:
         return ViscousResponse(parts, None, None, c.motions(start.ravel()) + c.g, start.ravel())
     field = start.ravel()
@@ -59,7 +59,7 @@ def quasistatic_flow(pencil: Pencil, displacement) -> ViscousResponse:
         field, motions, rotation = flow.x, flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
     else:
         motions, rotation = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None
-    costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.area
+    costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.volume
     return ViscousResponse(
         {"normal": float(costs[0]), "transverse": float(costs[1:].sum()), **parts},
         rotation,
@@ -122,7 +122,7 @@ def dissipation_between(pencil: Pencil, loads, motions, fields):
     c, motions, fields = pencil.compatibility, np.asarray(motions), np.asarray(fields)
     value = pencil.network.sum((motions * c.w_B) @ motions.T + (fields * c.drag) @ fields.T)
     fluid = [[c.fluid_gg(one, other) for other in loads] for one in loads]
-    return (value + fluid) / pencil.network.area
+    return (value + fluid) / pencil.network.volume
 
 
 def _factor(block, law):

@@ -38,13 +38,13 @@ def test_step_strain(session, shared_path, monkeypatch, name):
     jump = SteadyShear(disks, model, STEP / short, Scheme(short, "euler", 1e-14))
     jump.advance(1)
     relaxing = SteadyShear(jump.disks, model, 0.0, Scheme(0.01, "heun", 1e-7))
-    rest = stress_tensor(find_contacts(disks), disks.area)[0, 1]
+    rest = stress_tensor(find_contacts(disks), disks.volume)[0, 1]
     times, found = [], []
     for pause in (50, 50, 100, 300, 500, 1000, 2000):
         relaxing.tally[:] = 0.0
         times.append(0.01 * relaxing.steps)
         relaxing.advance(1)
-        found.append((-(relaxing.tally[0] + relaxing.tally[2]) / disks.area - rest) / STEP)
+        found.append((-(relaxing.tally[0] + relaxing.tally[2]) / disks.volume - rest) / STEP)
         relaxing.advance(pause - 1)
     exact = spectrum.stress_relaxation(np.array(times[1:]))  # without the Dirac part of the step itself
     assert exact[0] > 1.05 * exact[-1]

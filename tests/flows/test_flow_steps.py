@@ -78,7 +78,7 @@ class Numpy:
         contacts, law, mass = find_contacts(self.disks), self.model.law, self.model.mass
         pull = contacts.normal * contacts.force[:, None]
         *_, viscous, spent = sheared.forces(self.disks, law, self.rate, u, spin)
-        fluid = self.unit * law.eta_f * self.disks.area * self.rate
+        fluid = self.unit * law.eta_f * self.disks.volume * self.rate
         energy = self.disks.potential.energy(contacts.overlap, contacts.sigma).sum()
         for name, value in {
             "elastic_xy": pull[:, 0] @ contacts.r[:, 1],
@@ -206,7 +206,7 @@ def test_a_snapshot_is_of_one_instant(name, method, mass):
         run.advance(steps)
         disks, u, spins = run.disks, run.nonaffine_velocities(), run.spins + 0.025 * run.spin_rates
         *_, virial, spent = forces(disks, law, run.rate, u, spins)
-        background = law.eta_f * law.tau1 * disks.area * run.rate
+        background = law.eta_f * law.tau1 * disks.volume * run.rate
         run.tally[:] = 0.0
         run.advance(1)
         terms = dict(zip(TALLY, run.tally, strict=True))

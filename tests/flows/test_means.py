@@ -108,7 +108,7 @@ def test_a_run_that_is_not_steady_is_warned_of():
 @pytest.mark.parametrize("lost, balanced", [(0.96, True), (1.04, True), (0.94, False), (1.07, False)])
 def test_too_much_and_too_little_dissipation_are_errors(lost, balanced):
     run = shear("RD0", crowd(16), rate=RATE)
-    scale = run.reference.area / AREA  # the record's cell is another one
+    scale = run.reference.volume / AREA  # the record's cell is another one
     record = recorded(40)
     for name, factor in (("shear_stress", 1.0 / scale), ("dissipation", lost)):
         record.rows[name] = [factor * np.array(value) for value in record.rows[name]]

@@ -94,11 +94,11 @@ def test_forces_on_the_walls_balance_those_between_them(channel, name):
     )
     disks = run.disks
     y = (disks.positions[:, 1] - 0.5 * disks.cell[1, 1])[held:]
-    bulk = -(sums.elastic_xy + sums.viscous_xy) / disks.area
-    bulk_yy = (sums.elastic_yy + sums.viscous_yy) / disks.area
+    bulk = -(sums.elastic_xy + sums.viscous_xy) / disks.volume
+    bulk_yy = (sums.elastic_yy + sums.viscous_yy) / disks.volume
     stress, pressure = stress_on_walls(run, u)
-    assert stress == pytest.approx(bulk + y @ forces[held:, 0] / disks.area, rel=1e-11)
-    assert pressure == pytest.approx(bulk_yy - y @ forces[held:, 1] / disks.area, rel=1e-11)
+    assert stress == pytest.approx(bulk + y @ forces[held:, 0] / disks.volume, rel=1e-11)
+    assert pressure == pytest.approx(bulk_yy - y @ forces[held:, 1] / disks.volume, rel=1e-11)
     if name in ("CD0", "unequal"):
         assert stress == pytest.approx(bulk, rel=1e-8) and pressure == pytest.approx(bulk_yy, rel=1e-8)
     else:
@@ -136,7 +136,7 @@ def test_the_mean_stress_on_walls_is_that_of_the_bulk():
     for _ in range(400):
         run.tally[:] = 0
         run.advance(5)
-        bulk.append(-(run.tally[0] + run.tally[2] + run.tally[4]) / 5 / run.disks.area)
+        bulk.append(-(run.tally[0] + run.tally[2] + run.tally[4]) / 5 / run.disks.volume)
         walls.append(stress_on_walls(run, run.nonaffine_velocities())[0])
     blocks = (np.array(walls) - np.array(bulk)).reshape(10, -1).mean(1)
     assert abs(blocks.mean()) < 4 * blocks.std(ddof=1) / np.sqrt(10)

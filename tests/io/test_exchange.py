@@ -220,7 +220,11 @@ def zipped(content):
 
 TEXT = dump("x y radius", *X.T, R)
 REFUSED = {  # what is wrong -> (content, what is told, the message)
-    "spread in z": (dump("x y z radius", *X.T, R, R), {}, "centres spread by 0.4 in z: packings are two-dim"),
+    "spread in z": (
+        dump("x y z radius", *X.T, R, R),
+        {},
+        "centres spread by 0.4 in z, but the cell has two axes",
+    ),
     "spread in z of data": (data(z=R), {}, "centres spread by 0.4 in z"),
     "walls": (dump("x y radius", *X.T, R, flags="pp ff pp"), {}, r"must be periodic \(pp\) in x and y"),
     "walls of xyz": (extxyz('pbc="T F F"'), {}, 'pbc="T F F": must be periodic'),
@@ -228,7 +232,7 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "tilted data": (data(tilt="0 1 0 xy xz yz\n"), {}, "tilted out of the plane"),
     "leaning data": (vectors(data(), lean=1), {}, "tilted out of the plane"),
     "tilted lattice": (extxyz(lattice="9 0 1 0 9 0 0 0 1"), {}, "a₁ and a₂ must lie in the plane"),
-    "turned lattice": (extxyz(lattice="9 1 0 0 9 0 0 0 1"), {}, r"need rows \(Lx, 0\)"),
+    "turned lattice": (extxyz(lattice="9 1 0 0 9 0 0 0 1"), {}, r"must be rows \(Lx, 0\)"),
     "cell vector out of the plane": (general(TEXT, lean=1.0), {}, "tilted out of the plane"),
     "walls of cell vectors": (general(TEXT, flags="ff pp pp"), {}, r"must be periodic \(pp\) in x and y"),
     "cut off": (TEXT[:-300], {}, "lines for 16 disks: truncated"),
@@ -359,12 +363,12 @@ def test_arrays_are_a_packing(expected):
         (X * np.nan, R, 10, r"positions\[0\] = .*must be finite"),
         (X, R, np.inf, "cell inf: must be finite"),
         (X, -R, 10, r"radii\[0\] = -1.0: must be positive"),
-        (X, R, -10, "need rows"),
+        (X, R, -10, "must be rows"),
         (X, R, 2.5, "a disk would touch its own image"),
         (np.column_stack((X, X)), R, 10, r"positions \(16, 4\)"),
-        (np.column_stack((X, R)), R, 10, "centres spread by 0.4 in z"),
+        (np.column_stack((X, R)), R, (10, 9), "centres spread by 0.4 in z"),
         (X[[0, *range(15)]], R, 10, "disks 0 and 1 are in one place"),
-        (X, R, SimpleNamespace(Lx=9, Ly=9, xy=0, dimensions=3), "is three-dimensional"),
+        (X, R, SimpleNamespace(Lx=9, Ly=9, xy=0, dimensions=3), "has 3 axes, positions have 2"),
         (X, R, SimpleNamespace(Lx=9, Ly=9, xy=0, periodic=(True, False, True)), "must be periodic in x and"),
     ],
 )

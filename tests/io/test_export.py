@@ -17,7 +17,7 @@ from jampetsc.io.exchange import READERS
 from jampetsc.io.exporters import write_frames
 from jampetsc.io.frames import packing_frame
 from jampetsc.io.packing_file import write_packing
-from jampetsc.packing.contacts import disk_areas, disk_stresses, find_contacts, measure
+from jampetsc.packing.contacts import assigned_volumes, disk_stresses, find_contacts, measure
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
@@ -62,7 +62,7 @@ def vtp(path):
 @pytest.mark.parametrize("sample", ["published", "k = 2.5", "isostatic", "two images"])
 def test_stresses_of_disks_are_halves_of_the_virials_of_their_contacts(sample):
     disks, k = samples.SAMPLES[sample](), samples.SAMPLES[sample]().potential.k
-    areas, stress = disk_areas(disks), disk_stresses(disks, find_contacts(disks))
+    areas, stress = assigned_volumes(disks), disk_stresses(disks, find_contacts(disks))
     wanted = np.zeros((disks.n, 2, 2))
     for i, j, r in zip(*all_pairs(disks.positions, disks.radii, disks.cell), strict=True):
         r = np.asarray(r, float)
@@ -110,7 +110,7 @@ def test_a_packing_in_every_format(tmp_path, monkeypatch, sample):
         np.testing.assert_array_equal(found["rattler"], state.rattlers)
         np.testing.assert_array_equal(found["coordination"], number)
         normal = (found["stress_xx"] + found["stress_yy"]) @ found["area"]
-        assert -normal / 2 / disks.area == pytest.approx(state.pressure, rel=1e-12)
+        assert -normal / 2 / disks.volume == pytest.approx(state.pressure, rel=1e-12)
     np.testing.assert_array_equal(atoms["diameter"], 2 * disks.radii)
     assert facts["pressure"] == arrays["pressure"][0] == state.pressure
     for name in ("xyz", "dump", "data", "npz"):

@@ -90,7 +90,7 @@ DEFECTS = {
     "nan low": (change("positions_low", (7, 1), np.nan), r"positions_low\[7\].*must be finite"),
     "nan cell low": (change("cell_low", (0, 0), np.nan), r"cell_low\[0\] = .*must be finite"),
     "negative radius": (change("radii", 3, -0.5), r"radii\[3\] = -0.5: must be positive"),
-    "flat cell": (change("cell", (1, 1), 0.0), r"cell .*Lx, Ly > 0"),
+    "flat cell": (change("cell", (1, 1), 0.0), r"cell: .*Lx, Ly > 0"),
     "no cell": (
         change("cell", (0, 0), 1e-300),
         "cell that repeats at .*use more disks",

@@ -42,7 +42,7 @@ def test_energy_grows_by_the_work_of_the_stress(session, tmp_path):
     assert np.allclose(strain, 1e-3 * np.arange(1, 61))
     disks = jampetsc.load(last)
     assert result.last.fingerprint == disks.fingerprint
-    work = disks.area * 0.5 * (stress[1:] + stress[:-1]) * 1e-3
+    work = disks.volume * 0.5 * (stress[1:] + stress[:-1]) * 1e-3
     off = np.abs(np.diff(energy) - work) / np.abs(np.diff(energy)).max()
     assert np.median(off) < 1e-3
     state = measure(disks)

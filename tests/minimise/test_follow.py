@@ -107,11 +107,11 @@ def followed(listed, skin=2.0, **changes):
     aim |= changes
     factor = compiled.factor_of(order, pairs, still, 0.0, law, 1e-3, 1e-4, 0.5)
     memory, forces = compiled.nothing_remembered(disks.n), np.empty_like(still)
-    listed_so = 2.0 * float(disks.radii.max()), skin, disks.area, 0.0
+    listed_so = 2.0 * float(disks.radii.max()), skin, disks.volume, 0.0
     status, evaluations, sums = compiled.follow(
         pairs, law, (*listed_so, *aim.values()), factor, memory, still, np.zeros_like(still), forces
     )
-    return status, evaluations, np.hypot(*forces.T).max(), 0.5 * (sums[1] + sums[3]) / disks.area
+    return status, evaluations, np.hypot(*forces.T).max(), 0.5 * (sums[1] + sums[3]) / disks.volume
 
 
 def test_where_following_ends(listed):

@@ -61,7 +61,7 @@ class Numpy:
         virial = (contacts.normal * contacts.force[:, None]).T @ contacts.r
         on_cell = np.zeros(2)
         if self.goal.pressure is not None:
-            on_cell[0] = 2.0 * self.goal.pressure * disks.area - np.trace(virial)
+            on_cell[0] = 2.0 * self.goal.pressure * disks.volume - np.trace(virial)
         if self.goal.shear:
             on_cell[1] = -virial[0, 1]
         on_disks = -np.exp(strain) * (forces @ np.array([[1.0, shear], [0.0, 1.0]]))
@@ -289,7 +289,7 @@ def test_a_minimum_is_followed_as_the_equations_say(factored, seed, reach, misle
         (s, _), product, count, _ = memory
         s[0] = plain.forces()
         product[0], count[:] = -1e-9, (1, 1)
-    scalars = (1.4, 3.0, disks.area, shear, 0.0, 0.0, -1.0, 1.2, reach, 0.5, 40)
+    scalars = (1.4, 3.0, disks.volume, shear, 0.0, 0.0, -1.0, 1.2, reach, 0.5, 40)
     status, evaluations, _ = compiled.follow(pairs, law, scalars, factor, memory, o, moved, forces)
     assert status == compiled.SPENT and evaluations == plain.descend(40, reach, 0.5)
     assert happens <= set(+plain.events) and np.abs(plain.o).max() > 0.1

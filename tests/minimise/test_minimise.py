@@ -41,7 +41,7 @@ def random_disks(n, phi=0.9, seed=1, potential=None):
 
 def enthalpy(disks, pressure=0.0):
     contacts = find_contacts(disks)
-    return np.sum(disks.potential.energy(contacts.overlap, contacts.sigma)) + pressure * disks.area
+    return np.sum(disks.potential.energy(contacts.overlap, contacts.sigma)) + pressure * disks.volume
 
 
 def displaced(law, pressure):

@@ -87,8 +87,10 @@ def test_shear_stabilised_at_a_packing_fraction(law, n, phi, seed):
         )
     low, least, high = energies
     curvature = (high - 2.0 * least + low) / step**2
-    assert abs(high - low) / (2.0 * step) < 1e-4 * disks.area * state.pressure
-    assert curvature == pytest.approx(disks.area * disks.record["shear_modulus"], rel=0.02) and curvature > 0
+    assert abs(high - low) / (2.0 * step) < 1e-4 * disks.volume * state.pressure
+    assert (
+        curvature == pytest.approx(disks.volume * disks.record["shear_modulus"], rel=0.02) and curvature > 0
+    )
     assert disks.record["negative_modes"] == 0 and disks.record["protocol"].endswith(
         ", then shear_stress = 0"
     )

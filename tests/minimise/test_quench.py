@@ -72,12 +72,12 @@ def test_hessian_and_border_are_derivatives_of_the_forces(law):
     rows = np.repeat(np.arange(2 * n), np.diff(pattern.indptr))
     dense[rows, pattern.indices] = pattern.fill(bonds, free)
     dense += np.triu(dense, 1).T
-    mixed, corner = border(bonds, n, disks.area, pressure)
+    mixed, corner = border(bonds, n, disks.volume, pressure)
 
     def drive(offsets, box):
         """−∂H/∂(o, ε, g), the generalised forces."""
         _, f, (wxx, wxy, wyy) = evaluate(disks, offsets, *box)
-        area = disks.area * np.exp(2 * box[0])
+        area = disks.volume * np.exp(2 * box[0])
         along = np.exp(box[0]) * np.column_stack((f[:, 0], f[:, 1] + box[1] * f[:, 0]))
         # r_y of the deformed bond is e^ε times that of the frozen one, so ∂r/∂g = (r_y, 0).
         return np.concatenate((along.ravel(), [wxx + wyy - 2 * pressure * area, wxy]))
@@ -116,7 +116,7 @@ def test_disks_and_cell_are_solved_for_together(goal):
                 both = np.append(np.repeat(free, 2), [False, False])
                 moved = np.linalg.solve(free_disks, damped[both][:, -2:])
                 bent = damped[-2:, -2:] - damped[-2:][:, both] @ moved
-                assert linear.modulus == pytest.approx(bent[1, 1] / disks.area, rel=1e-7, abs=1e-9)
+                assert linear.modulus == pytest.approx(bent[1, 1] / disks.volume, rel=1e-7, abs=1e-9)
             kinds.add((definite, without_cell))
             if definite:
                 wanted = np.zeros(2 * n + 2)

@@ -64,7 +64,7 @@ def test_against_integration_in_time(alpha, omega, imposed):
     orders = np.arange(1, 2 * len(found.velocity), 2)
     frequencies = omega * np.tan(orders * np.pi / 64) / np.tan(np.pi / 64)
     parts = current().comm.allgather(found.velocity)
-    rate = parts[0][:, -1] / np.sqrt(network.area)
+    rate = parts[0][:, -1] / np.sqrt(network.volume)
     field = np.column_stack((*(part[:, :-1] for part in parts), rate)) / (1j * frequencies[:, None])
     Q = np.zeros(len(motion.K))
     Q[[*rows, -1]] = field.sum(axis=0).real

@@ -10,9 +10,9 @@ from samples import ORACLE, SAMPLES, physics, polydisperse, published
 
 from jampetsc.errors import InputError
 from jampetsc.packing.contacts import (
+    assigned_volumes,
     bond_vectors,
     both_ends,
-    disk_areas,
     disk_stresses,
     find_contacts,
     find_rattlers,
@@ -90,17 +90,23 @@ def test_state_against_loops_over_all_images(name):
     np.testing.assert_array_equal(np.flatnonzero(~disks.rattlers), reference.disks)
     bearing = disks.contacts()[state.bears(disks.contacts())]
     np.testing.assert_array_equal(bearing.r, state.contacts.r)
-    areas, stresses = disk_areas(disks), disk_stresses(disks, disks.contacts())
-    assert areas.sum() == pytest.approx(disks.area, rel=1e-14)
-    total = np.einsum("i,iab->ab", areas, stresses) / disks.area
+    areas, stresses = assigned_volumes(disks), disk_stresses(disks, disks.contacts())
+    assert areas.sum() == pytest.approx(disks.volume, rel=1e-14)
+    total = np.einsum("i,iab->ab", areas, stresses) / disks.volume
     np.testing.assert_allclose(total, disks.stress, rtol=1e-12, atol=1e-13 * disks.pressure)
 
 
 def test_rattlers_are_removed_until_none_is_left():
     square = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]  # three contacts each: stay
     tail = [(3, 4), (3, 5), (4, 5), (4, 6), (5, 6), (6, 7)]  # removed from its end: 7, then 6, then 4 and 5
-    assert list(np.flatnonzero(find_rattlers(9, *both_ends(*np.array(square + tail).T)))) == [4, 5, 6, 7, 8]
-    assert find_rattlers(8, *both_ends(*np.array(tail).T)).all()
+    assert list(np.flatnonzero(find_rattlers(9, *both_ends(*np.array(square + tail).T), 2))) == [
+        4,
+        5,
+        6,
+        7,
+        8,
+    ]
+    assert find_rattlers(8, *both_ends(*np.array(tail).T), 2).all()
 
 
 def test_a_contact_that_only_just_touches_does_not_count():
@@ -158,11 +164,11 @@ def square(n=4, side=4.0):
         ({"positions_low": np.zeros((3, 2))}, r"positions_low \(3, 2\), cell_low \(2, 2\): shapes of"),
         ({"cell_low": np.zeros(2)}, r"positions_low \(4, 2\), cell_low \(2,\): shapes of"),
         ({"radii": np.array([0.5, 0.5, np.nan, 0.5])}, r"radii\[2\] = nan: must be finite"),
-        ({"cell": np.array([[4.0, 0.0], [np.inf, 4.0]])}, r"cell\[1\] = .*inf.*must be finite"),
+        ({"cell": np.array([[4.0, 0.0], [np.inf, 4.0]])}, r"cell\[1, 0\]: inf, must be finite"),
         ({"positions_low": np.full((4, 2), np.nan)}, r"positions_low\[0\] = .*must be finite"),
         ({"cell_low": np.full((2, 2), np.nan)}, r"cell_low\[0\] = .*must be finite"),
         ({"radii": np.array([0.5, 0.0, 0.5, 0.5])}, r"radii\[1\] = 0.0: must be positive"),
-        ({"cell": np.array([[4.0, 0.1], [0.0, 4.0]])}, r"need rows \(Lx, 0\) and"),
+        ({"cell": np.array([[4.0, 0.1], [0.0, 4.0]])}, r"must be rows \(Lx, 0\) and"),
         ({"cell": np.diag([-4.0, 4.0])}, r"with Lx, Ly > 0"),
         ({"cell": np.diag([0.0, 4.0])}, r"with Lx, Ly > 0"),
         ({"cell": np.diag([4.0, 0.0])}, r"with Lx, Ly > 0"),
@@ -172,7 +178,7 @@ def square(n=4, side=4.0):
             r"repeats at a distance of 0.9 with a disk of diameter 1",
         ),
         ({"cell": np.array([[8.0, 0.0], [4.01, 0.4]])}, r"a distance of 0.800"),  # a1 − 2 a2
-        ({"cell": np.array([[4.0, 0.0], [-(2.0**29), 4.0]])}, r"cell beyond 2\^28"),
+        ({"cell": np.array([[4.0, 0.0], [-(2.0**29), 4.0]])}, r"cell: beyond 2\^28"),
         ({"positions": square()["positions"] + 2.0**29}, r"beyond 2\^28"),
         ({"cell": 2.0**40 * np.eye(2)}, r"beyond 2\^28"),
     ],

@@ -42,11 +42,9 @@ def made(positions=PLACES, bonds=BONDS, cell=5.0, **more):
         ({"bonds": [(0, 1, 2)]}, "bonds: shape (1, 3), must be (M, 2)"),
         ({"bonds": "ab"}, "bonds: must be an array of real numbers"),
         ({"positions": [(0, 0), (np.inf, 0), (1, 1), (0, 1)]}, "positions[1, 0]: inf, must be finite."),
-        (
-            {"positions": np.zeros((4, 3))},
-            "positions: shape (4, 3), but networks are two-dimensional here. Give x and y.",
-        ),
-        ({"positions": np.zeros(4)}, "positions: shape (4,), must be (N, 2)."),
+        ({"positions": np.zeros((4, 4))}, "positions: shape (4, 4), must be (N, 2) or (N, 3)."),
+        ({"positions": np.zeros((4, 3)), "cell": (5.0, 4.0)}, "cell of shape (2,): need L, (Lx, Ly, Lz)"),
+        ({"positions": np.zeros(4)}, "positions: shape (4,), must be (N, 2) or (N, 3)."),
         ({"positions": 1e10 * np.array(PLACES)}, "positions: beyond 2^28 units of length"),
         (
             {"positions": [(0, 0), (0, 0), (1, 1), (0, 1)]},
@@ -137,7 +135,7 @@ def test_dilution_keeps_a_share_and_is_nested():
 @pytest.mark.parametrize("size", [(2, 2), (5, 3), (4, 6)])
 def test_lattices(kind, neighbours, area, size):
     network = build_lattice(kind, size)
-    assert network.area / network.n == pytest.approx(area)
+    assert network.volume / network.n == pytest.approx(area)
     np.testing.assert_array_equal(np.bincount(network.bonds.ravel()), neighbours)
     np.testing.assert_allclose(network.linear_bonds.distance, 1.0, rtol=1e-14)
     assert abs(network.cell[1, 0]) <= network.cell[0, 0] / 2

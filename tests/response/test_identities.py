@@ -81,7 +81,7 @@ def test_published_elastic_constants(session, index):
     g = np.stack([np.einsum("cfa,ab,cb->cf", frame, one, contacts.r).ravel() for one in STRAINS.values()])
     border = g @ (c.w_K[:, None] * dense(c.C))
     relaxed = np.linalg.lstsq(dense(pencil.K), border.T, rcond=1e-13)[0]
-    constants = (g @ (c.w_K[:, None] * g.T) - border @ relaxed) / network.area
+    constants = (g @ (c.w_K[:, None] * g.T) - border @ relaxed) / network.volume
     xx, yy, xy = range(3)
     found = constants[[xx, yy, xy, xx, xx, yy], [xx, yy, xy, yy, xy, xy]]
     np.testing.assert_allclose(found, record["Cijkl"], rtol=2e-6, atol=1e-7)

@@ -359,7 +359,7 @@ def test_all_modes_together_make_up_the_response_to_each_load(session):
     for name in ("modulus", "nonaffine", "transverse"):
         assert modes.contributions.share[name].sum() == pytest.approx(1.0, rel=1e-9)
     slow = solve_quasistatic(network, law, load=compression()).responses[""]
-    relaxed = (slow.G_affine - slow.G0) * network.area
+    relaxed = (slow.G_affine - slow.G0) * network.volume
     assert np.sum(modes.shear_force**2 / modes.eigenvalues) == pytest.approx(relaxed, rel=1e-9)
     trace = modes.tensor.force[:, 0] + modes.tensor.force[:, 1]
     np.testing.assert_allclose(trace / 2.0, modes.shear_force, atol=1e-12)

@@ -111,7 +111,7 @@ def test_one_state_of_self_stress(session):
     assert network.contact_count == 2 * network.n - 1
     stretches = c.distance / 2, c.normal[:, 0] * c.r[:, 1], c.force
     of_bulk, of_shear, square = network.sum(np.array([c.force @ a for a in stretches]))
-    unit = network.k / (network.area * square)
+    unit = network.k / (network.volume * square)
     assert found.bulk_modulus == pytest.approx(unit * of_bulk**2, rel=1e-6)  # forces are balanced to 1e-9
     assert found.G0 == pytest.approx(unit * of_shear**2, rel=1e-6)
 

@@ -157,7 +157,7 @@ def test_where_nothing_relaxes_one_factorisation_is_enough(session, disks, law, 
     G0 = found.galerkin.spectrum.G0
     np.testing.assert_allclose(found.G, G0 + 1j * omega * (eta or 0.3 * G0), rtol=1e-12)
     if eta:
-        assert G0 == pytest.approx(found.pencil.k_gg / found.network.area, rel=1e-12)
+        assert G0 == pytest.approx(found.pencil.k_gg / found.network.volume, rel=1e-12)
 
 
 def rows():

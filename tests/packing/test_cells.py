@@ -1,0 +1,127 @@
+"""Cells in two and three dimensions: shortest vectors of the lattice, forms, packings and networks in them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import jampetsc
+from jampetsc.errors import InputError
+from jampetsc.packing.cell import reduced_basis
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network, nearest_images
+
+
+def lattice(dimension, tilt, rng):
+    """Lower triangular rows with tilts of this size."""
+    return np.diag(rng.uniform(1.0, 2.0, dimension)) + np.tril(
+        rng.normal(scale=tilt, size=(dimension,) * 2), -1
+    )
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_reduced_basis_is_the_shortest_one(dimension):
+    """Every vector of a basis is as short as the successive minima, found by trying all small numbers."""
+    rng = np.random.default_rng(3)
+    steps = np.stack(np.meshgrid(*[np.arange(-4, 5)] * dimension), -1).reshape(-1, dimension)
+    steps = steps[steps.any(axis=1)]
+    for tilt in (0.3, 1.0, 20.0, 1e6):
+        cell = lattice(dimension, tilt, rng)
+        vectors, numbers = reduced_basis(cell)
+        np.testing.assert_allclose(
+            vectors, numbers.astype(float) @ cell, atol=1e-15 * np.abs(numbers).max() * tilt
+        )
+        assert round(abs(np.linalg.det(vectors) / np.prod(np.diag(cell))), 9) == 1.0
+        order = np.argsort(np.linalg.norm(steps @ vectors, axis=1), kind="stable")
+        minima = np.zeros((0, dimension))
+        for shortest in (steps[order] @ vectors)[:200]:
+            if np.linalg.matrix_rank(np.vstack((minima, shortest)), tol=1e-9) > len(minima):
+                minima = np.vstack((minima, shortest))
+        lengths = np.linalg.norm(vectors, axis=1)
+        np.testing.assert_allclose(lengths, np.linalg.norm(minima, axis=1), rtol=1e-12)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.8, 5.0])
+def test_nearest_images_in_three_dimensions(tilt):
+    rng = np.random.default_rng(4)
+    cell = lattice(3, tilt, rng)
+    positions = rng.normal(scale=2.0, size=(40, 3))
+    bonds = rng.permutation(np.column_stack(np.triu_indices(40, 1)))[:60]
+    found = nearest_images(positions, bonds, cell)
+    vectors, _ = reduced_basis(cell)
+    gap = positions[bonds[:, 1]] - positions[bonds[:, 0]]
+    gap -= np.rint(gap @ np.linalg.inv(vectors)) @ vectors
+    numbers = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), -1).reshape(-1, 3)
+    shortest = np.linalg.norm(gap[:, None] + numbers @ vectors, axis=2).min(axis=1)
+    gap = positions[bonds[:, 1]] - positions[bonds[:, 0]]
+    np.testing.assert_allclose(np.linalg.norm(gap + found @ cell, axis=1), shortest, rtol=1e-12)
+
+
+def test_networks_in_tiny_and_oblique_cells():
+    """The search for the nearest image ends whatever the cell: squares of its sides may underflow."""
+    places, bonds = np.array([(0.0, 0.0), (0.3, 0.1), (0.4, 0.9)]), [(0, 1), (1, 2)]
+    expected = Network(places, bonds, (1.0, 1.2)).linear_bonds.distance
+    for unit in (1e-150, 1e-100):
+        tiny = Network(unit * places, bonds, (unit, 1.2 * unit))
+        np.testing.assert_allclose(tiny.linear_bonds.distance, unit * expected, rtol=1e-12)
+    oblique = Network(places, bonds, [(1.0, 0.0), (12345678.0, 1.2)])
+    np.testing.assert_allclose(oblique.linear_bonds.distance, expected, rtol=1e-7)
+    for cell, says in (
+        ((1e-200, 1e-200), "has no volume in doubles"),
+        ([(1.0, 0.0), (0.3, 1e-200)], "cell: too oblique for nearest images"),
+        ([(2.0**28, 0.0), (0.1, 1e-20)], "cell: too oblique for nearest images"),
+    ):
+        with pytest.raises(InputError, match=says):
+            Network(places, bonds, cell)
+    with pytest.raises(InputError, match="a disk would touch its own image"):
+        Packing.from_positions(places, np.full(3, 1e-9), np.array([(1.0, 0.0), (0.3, 1e-200)]))
+
+
+def spheres(rng, n=12, side=4.0):
+    return rng.uniform(0, side, (n, 3)), rng.uniform(0.4, 0.6, n)
+
+
+def test_packings_of_spheres_in_the_forms_of_their_cell():
+    rng = np.random.default_rng(5)
+    x, radii = spheres(rng)
+    cube = jampetsc.Packing(x, radii, 4.0)
+    assert (cube.dimension, cube.volume, repr(cube)[:12]) == (3, 64.0, "<12 spheres,")
+    assert cube.phi == pytest.approx(4 / 3 * np.pi * np.sum(radii**3) / 64.0)
+    rows = np.array([(4.0, 0, 0), (0.5 * 5, 5.0, 0), (-0.25 * 6, 0.125 * 6, 6.0)])
+    box = SimpleNamespace(Lx=4.0, Ly=5.0, Lz=6.0, xy=0.5, xz=-0.25, yz=0.125)
+    tilted = [jampetsc.Packing(x, radii, cell).cell for cell in (rows, box, (4, 5, 6, 0.5, -0.25, 0.125))]
+    for cell in tilted:
+        np.testing.assert_array_equal(cell, rows)
+    np.testing.assert_array_equal(jampetsc.Packing(x, radii, (4, 5, 6)).cell, np.diag([4.0, 5.0, 6.0]))
+    flat = np.column_stack((4 * rng.permutation(12).reshape(-1, 1) * np.ones(2), np.full(12, 0.7)))
+    disks = [jampetsc.Packing(flat, radii, cell) for cell in (50.0, (50, 51), (50, 50, 0.1), 50 * np.eye(2))]
+    assert [packing.dimension for packing in disks] == [2] * 4
+    assert jampetsc.Packing(flat, radii, 50 * np.eye(3)).dimension == 3
+    for positions, cell, says in (
+        (x, (4.0, 5.0), "centres spread by .* in z, but the cell has two axes"),
+        (x, np.eye(2), "centres spread by .* in z, but the cell has two axes"),
+        (x[:, :2], rows, r"cell of shape \(3, 3\): need L, \(Lx, Ly\)"),
+        (x, rows.T, r"must be rows \(Lx, 0, 0\), \(xy, Ly, 0\) and"),
+        (
+            x,
+            SimpleNamespace(Lx=4, Ly=4, Lz=4, xy=0, xz=0, yz=0, periodic=(1, 1, 0)),
+            "periodic in x, y and z",
+        ),
+        (x, 0.9, "a disk would touch its own image"),
+    ):
+        with pytest.raises(InputError, match=says):
+            jampetsc.Packing(positions, radii, cell)
+
+
+def test_folding_keeps_all_bonds_of_spheres():
+    rng = np.random.default_rng(6)
+    x, radii = spheres(rng, n=30)
+    rows = np.array([(4.0, 0, 0), (9.0, 5.0, 0), (-11.0, 7.0, 4.5)])
+    packing = Packing.from_positions(x + 20.0, radii, rows).replace(images=np.arange(90).reshape(30, 3))
+    folded = packing.folded()
+    for one, other in zip(packing.stress.ravel(), folded.stress.ravel(), strict=True):
+        assert one == pytest.approx(other, rel=1e-12)
+    assert (np.abs(np.tril(folded.cell, -1)) <= 0.5 * np.diag(folded.cell) + 1e-12).all()
+    np.testing.assert_allclose(folded.unwrapped, packing.unwrapped, rtol=1e-13)
+    inside = np.linalg.solve(folded.cell.T, folded.positions.T)
+    assert inside.min() >= -1e-12 and inside.max() < 1.0
