@@ -353,7 +353,7 @@ class NetworkReference(Reference):
         places = np.array(network.positions, LONG)[self.disks]
         self.r = places[self.j] - places[self.i] + np.array(network.images, LONG) @ cell
         self.distance = np.sqrt((self.r**2).sum(axis=1))
-        self.force, self.stiffness = (np.array(a, LONG) for a in (network.tension, network.stiffness))
+        self.force, self.stiffness = (np.array(a, LONG) for a in (-network.tension, network.stiffness))
         radii = (
             np.zeros(network.n) if network.radii is None else network.radii
         )  # those of nodes that do not roll

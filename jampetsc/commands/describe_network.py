@@ -35,7 +35,7 @@ def _range(values):
 def _forces(network):
     if not network.tension.any():
         return "none: every bond is at rest"
-    push, pull = (int(np.count_nonzero(sign * network.tension > 0)) for sign in (1, -1))
+    push, pull = (int(np.count_nonzero(sign * network.tension > 0)) for sign in (-1, 1))
     balance = network.imbalance
-    state = "balanced" if balance <= BALANCED else f"not balanced, max |F| / mean |f| = {balance:.1e}"
+    state = "balanced" if balance <= BALANCED else f"not balanced, max |F| / mean |T| = {balance:.1e}"
     return f"{push} bonds push, {pull} pull; p = {network.pressure:.6g}; {state}"

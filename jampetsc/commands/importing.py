@@ -63,8 +63,8 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
     format: str | None = optional_parameter("format of FILE (default: by its content)", choices=READERS)
     index: int = parameter(0, "number of the packing in FILE, from 0", low=0, metavar="I", also="--frame")
     bonds: Path | None = optional_parameter(
-        "file of bonds, which makes a network: FILE itself, or lines i j, i j k or i j k f of nodes from 0, stiffness "
-        "and force (positive where it pushes)",
+        "file of bonds, which makes a network: FILE itself, or lines i j, i j k or i j k T of nodes from 0, stiffness "
+        "and tension (positive where it pulls)",
         value_type=PATH,
     )
     radius: str | None = optional_parameter(

@@ -62,8 +62,8 @@ bonds | (M, 2) | int | | numbers of the two nodes of each bond, from 0
 images | (M, 2) | int | | cell vectors in r = x_j − x_i + image · cell
 cell | (2, 2) | float | length | rows a₁ = (L, 0) and a₂ of the periodic cell
 stiffness | (M,) | float | force/length | k = d²V/dr² of each bond
-tension | (M,) | float | force | f = −dV/dr of each bond: positive where it pushes (compression), negative where it
-  pulls
+tension | (M,) | float | force | T = dV/dr of each bond: positive where it pulls (stretched), negative where it pushes;
+  the `force` of a contact is −T
 radii | (N,) | float? | length | of the nodes, for laws under which they roll
 """,
     attributes=r"""

@@ -1,6 +1,6 @@
 """Networks for other programs: LAMMPS data with harmonic bonds, VTK PolyData, numpy's npz.
 
-LAMMPS' bond style harmonic has the energy K (r − r₀)²: K = k/2, and r₀ = r + f/k gives the force f.
+LAMMPS' bond style harmonic has the energy K (r − r₀)²: K = k/2, and r₀ = r − T/k gives the tension T.
 """
 
 import io
@@ -29,7 +29,9 @@ def _data(network: Network) -> bytes:
     """LAMMPS data, atom style bond, or bpm/sphere with radii; a bond type for each pair (K, r₀)."""
     bonds, n = network.linear_bonds, network.n
     positions, (ax, _), (bx, by) = _wrapped(network), *network.cell.tolist()
-    coefficients = np.column_stack((bonds.stiffness / 2.0, bonds.distance + bonds.force / bonds.stiffness))
+    coefficients = np.column_stack(
+        (bonds.stiffness / 2.0, bonds.distance - network.tension / bonds.stiffness)
+    )
     types, type_of = np.unique(coefficients, axis=0, return_inverse=True)
     half = 0.5 * float(bonds.distance.max())
     ones, sizes = np.ones(n, int), () if network.radii is None else (2.0 * network.radii, np.ones(n))

@@ -20,14 +20,14 @@ def import_network(path, bonds=None, index=0, *, format=None, radius=None, box=N
 
     path     file of the nodes, in a format of `exchange.READERS`
     bonds    file of the bonds: `path` itself, which is LAMMPS data with Bonds or npz with bonds; or lines i j, i j k or
-             i j k f, nodes numbered from 0; None: `path`
+             i j k T, nodes numbered from 0; None: `path`
     index    number of the frame, from 0
     format   of `path`; None: recognised by the content
     radius   as for `import_packing`; None: radius or diameter where the file has them, else no radii
     box      as for `Packing`, for a file that has none
     k        unit of stiffness; None: what the file says, or 1
 
-    LAMMPS' bond style harmonic has the energy K (r − r₀)²: k = 2K, f = 2K (r₀ − r). Each bond leads to the nearest
+    LAMMPS' bond style harmonic has the energy K (r − r₀)²: k = 2K, T = 2K (r − r₀). Each bond leads to the nearest
     image. The record has as `assumed` which of stiffness (1) and tension (0) the files do not say. Raises InputError
     for files that cannot be read, and as `Network`.
     """
@@ -65,7 +65,7 @@ def import_network(path, bonds=None, index=0, *, format=None, radius=None, box=N
         network = Network(**nodes, **values, k=k, record=record)
         if rest is None:
             return network
-        values["tension"] = values["stiffness"] * (rest - network.linear_bonds.distance)
+        values["tension"] = values["stiffness"] * (network.linear_bonds.distance - rest)
         return Network(**nodes, **values | {"images": network.images}, k=k, record=record)
 
 
@@ -124,7 +124,7 @@ def _section(text, title, width):
     style = match[1] or ""
     if title == "Bond Coeffs" and style not in ("", "harmonic"):
         raise InputError(
-            f"Bond Coeffs # {style}: not supported, only harmonic, K (r - r0)^2. Give k and f as a text."
+            f"Bond Coeffs # {style}: not supported, only harmonic, K (r - r0)^2. Give k and T as a text."
         )
     rows = []
     for line in text[match.end() :].splitlines():
@@ -140,12 +140,12 @@ def _section(text, title, width):
 
 
 def _columns_of(content):
-    """Arguments of `Network` about bonds: lines i j, i j k or i j k f; comments begin with #. Raises InputError."""
+    """Arguments of `Network` about bonds: lines i j, i j k or i j k T; comments begin with #. Raises InputError."""
     text = re.sub("#.*", "", content.decode(errors="replace")).replace(",", " ")
     rows = [line.split() for line in text.splitlines() if line.strip()]
     width = len(rows[0]) if rows else 0
     if not 2 <= width <= 2 + len(BOND_COLUMNS):
-        raise InputError("holds no lines i j, i j k or i j k f of bonds. Nodes are numbered from 0.")
+        raise InputError("holds no lines i j, i j k or i j k T of bonds. Nodes are numbered from 0.")
     wrong = next((row for row in rows if len(row) != width), None)
     if wrong:
         raise InputError(f"line {' '.join(wrong)!r}: must have {width} numbers, as the first one.")

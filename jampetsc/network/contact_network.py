@@ -53,7 +53,7 @@ class DistributedNetwork:
     imbalance: float  # max |F|/(p d) of the disks that bear load, d the mean diameter; infinite at p = 0
     pushes: bool  # whether any contact has f > 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
-    imbalance_measure: str = "max|F|/(p d)"  # of a `Network`: max|F|/mean|f|
+    imbalance_measure: str = "max|F|/(p d)"  # of a `Network`: max|F|/mean|T|
     remedy: str = "raise the pressure or finish the quench"  # of floppy modes, in words
 
     def unstressed(self) -> "DistributedNetwork":
@@ -166,7 +166,7 @@ def _spread_network(source, comm, prestress):
         pressure=source.pressure,
         threshold=0.0,
         imbalance=source.imbalance if prestress else 0.0,
-        imbalance_measure="max|F|/mean|f|",
+        imbalance_measure="max|F|/mean|T|",
         remedy=FLOPPY_REMEDY,
         prestress=prestress,
     )

@@ -28,13 +28,13 @@ class Network:
     bonds       (M, 2) numbers of the two nodes of each bond, from 0
     cell        L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy Ly, Ly), rows (D, D) …, all forms that `Packing` takes in D
     stiffness   k of each bond, d²V/dr² > 0, one number or (M,)
-    tension     f = −dV/dr of each bond, one number or (M,): positive where the bond pushes (compression), as the
-                force of a contact, negative where it pulls
+    tension     T = dV/dr of each bond, one number or (M,): positive where the bond pulls (stretched), negative where
+                it pushes; the force of a contact is f = −T
     images      (M, D) whole numbers of cell vectors: r = x_j − x_i + image · cell; None: the nearest image
     radii       (N,) of the nodes, only for damping laws under which they roll
     k           unit of stiffness: weights of a damping law count in k τ₁
 
-    A bond adds k a∥² − (f/r) |a⊥|² to K (BT eq. 4). Nodes without bonds do not count. Lengths are in any unit.
+    A bond adds k a∥² + (T/r) |a⊥|² to K (BT eq. 4). Nodes without bonds do not count. Lengths are in any unit.
     Arrays are never changed in place. Raises InputError for wrong shapes, values not finite, bonds of a node to
     itself, of no length or given twice, stiffness ≤ 0, and a nearest image that is not unique.
     """
@@ -95,7 +95,7 @@ class Network:
             np.column_stack((contacts.i, contacts.j)),
             packing.cell,
             contacts.stiffness,
-            contacts.force,
+            -contacts.force,
             np.rint(fractional(gap, packing.cell)),
             packing.radii,
             packing.potential.k,
@@ -125,7 +125,7 @@ class Network:
         """Its bonds with vectors r, lengths, forces and stiffnesses."""
         i, j = self.bonds.T
         r = (self.positions[j] - self.positions[i]) + vectors(self.images, self.cell)
-        return LinearBonds(i, j, r, lengths(r), self.tension, self.stiffness)
+        return LinearBonds(i, j, r, lengths(r), -self.tension, self.stiffness)
 
     @property
     def isolated(self):
@@ -145,14 +145,14 @@ class Network:
 
     @property
     def imbalance(self) -> float:
-        """Largest net force on a node over the mean |f| of the bonds; 0 without forces."""
+        """Largest net force on a node over the mean |T| of the bonds; 0 without forces."""
         mean = float(np.mean(np.abs(self.tension)))
         return float(lengths(net_forces(self.n, self.linear_bonds)).max()) / mean if mean else 0.0
 
     @property
     def is_stable_by_construction(self) -> bool:
         """Whether no bond pushes, so that K is a sum of squares: it has no negative modes."""
-        return bool((self.tension <= 0.0).all())
+        return bool((self.tension >= 0.0).all())
 
     @property
     def fingerprint(self) -> str:

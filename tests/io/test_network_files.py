@@ -73,13 +73,13 @@ Bonds
 
 
 def test_lammps_bonds_lead_to_the_nearest_image(tmp_path):
-    """E = K (r − r₀)²: k = 2K, and the force 2K (r₀ − r) pulls where r > r₀."""
+    """E = K (r − r₀)²: k = 2K, and the tension 2K (r − r₀) pulls where r > r₀."""
     (tmp_path / "gel.data").write_text(LAMMPS)
     network = import_network(tmp_path / "gel.data")
     np.testing.assert_array_equal(network.bonds, [(2, 0), (0, 1)])
     np.testing.assert_allclose(network.linear_bonds.r, [(-0.5, 0.0), (0.0, 1.0)])
     np.testing.assert_allclose(network.stiffness, [1.0, 3.0])
-    np.testing.assert_allclose(network.tension, [0.5, -0.75])
+    np.testing.assert_allclose(network.tension, [-0.5, 0.75])
     assert network.radii is None and "assumed" not in network.record
 
 
@@ -124,7 +124,7 @@ def refused(capsys, *words):
         ("0 0\n1 0\n1 1", "0 1\n1 2", (), "nodes.txt: no box. Give --box"),
         ("box 5\n0 0\n1 0", "0 1\n1 2", (), "bonds.txt: bond 1, of nodes 1 and 2: nodes are numbered from 0 to 1"),
         ("box 5\n0 0\n1 0", "0 1\n0 1 2", (), "bonds.txt: line '0 1 2': must have 2 numbers, as the first one."),
-        ("box 5\n0 0\n1 0", "# none", (), "bonds.txt: holds no lines i j, i j k or i j k f of bonds"),
+        ("box 5\n0 0\n1 0", "# none", (), "bonds.txt: holds no lines i j, i j k or i j k T of bonds"),
         ("box 5\n0 0\n1 0", "0 1", ("--box", "5"), "nodes.txt: a box in the file. Leave out --box"),
         ("box 5\n0 0\n1 0", "0 x", (), "bonds.txt: 0 x: not numbers"),
         ("box 5\n0 0\n1 0", "0 1", ("--potential", "harmonic"), "--potential: an option of packings. Leave it out"),
@@ -144,7 +144,7 @@ def test_texts_that_are_refused(tmp_path, capsys, nodes, bonds, more, says):
 def test_texts_of_nodes_and_bonds(tmp_path):
     (tmp_path / "nodes.txt").write_text("# box 5 4 0.5\n0 0\n4.5 0.0\n4.5 1.0\n")
     for line, stiffness, tension in (("0 1\n2 1", 1.0, 0.0), ("0,1,2,-1\n2,1,2,-1", 2.0, -1.0)):
-        (tmp_path / "bonds.txt").write_text(f"# nodes k f\n{line}\n")
+        (tmp_path / "bonds.txt").write_text(f"# nodes k T\n{line}\n")
         network = import_network(tmp_path / "nodes.txt", tmp_path / "bonds.txt", k=2.0)
         np.testing.assert_allclose(network.linear_bonds.r, [(-0.5, 0.0), (0.0, -1.0)])
         np.testing.assert_array_equal(

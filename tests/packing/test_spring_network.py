@@ -82,16 +82,17 @@ def test_values_of_all_bonds_or_of_each():
     network = made(stiffness=2.0, tension=[0.1, 0.0, -0.1])
     np.testing.assert_array_equal(network.stiffness, [2.0, 2.0, 2.0])
     bonds = network.linear_bonds
-    np.testing.assert_allclose(bonds.force_per_length, [0.1, 0.0, -0.1])
+    np.testing.assert_allclose(bonds.force_per_length, [-0.1, 0.0, 0.1])
     assert network.isolated.sum() == 0 and made(bonds=BONDS[:2]).isolated.tolist() == [
         False,
         False,
         False,
         True,
     ]
-    assert not network.is_stable_by_construction and made(tension=-0.1).is_stable_by_construction
-    assert network.pressure == pytest.approx((0.1 - 0.1) / 50.0)
-    assert network.stress[0, 0] == pytest.approx(-(0.1 - 0.1) / 25.0)
+    assert not network.is_stable_by_construction and made(tension=0.1).is_stable_by_construction
+    pulling = made(tension=0.1)  # so its pressure is negative, its stress positive
+    assert pulling.pressure == pytest.approx(-0.1 * bonds.distance.sum() / 50.0)
+    assert np.trace(pulling.stress) == pytest.approx(-2.0 * pulling.pressure)
     assert repr(network) == "<network of 4 nodes and 3 bonds>"
 
 
