@@ -20,7 +20,7 @@ from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import UNSTRAINED
 from jampetsc.packing.threads import Team
 from jampetsc.petsc import session
-from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.hessian_solver import NewtonSolver
 
 ROUNDS = 10
 SOLVES = 3  # for each factor: the forces, and the strains of the cell

@@ -24,7 +24,7 @@ def measure(path, count, repeats):
     from jampetsc.laws.damping import UNDAMPED
     from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
-    from jampetsc.petsc.eigen import SHIFT, SPARE, lowest
+    from jampetsc.petsc.eigen import EXTRA_PAIRS, SHIFT, lowest
     from jampetsc.petsc.inertia import count_below
     from jampetsc.response.assembly import assemble
 
@@ -47,7 +47,7 @@ def measure(path, count, repeats):
         "cholmod": with_cholmod,
         "count": lambda: processor(count_below, pencil.K, float(np.mean(values[count - 1 : count + 1])), "K"),
         # scipy does not know the translations: it finds them as well
-        "scipy": lambda: processor(lambda: eigsh(K, count + SPARE + 2, sigma=-SHIFT, tol=1e-12)),
+        "scipy": lambda: processor(lambda: eigsh(K, count + EXTRA_PAIRS + 2, sigma=-SHIFT, tol=1e-12)),
     }
     spent = in_turn(repeats, runs)
     pairs, other, counted, (found, vectors) = (rounds[-1][1] for rounds in spent.values())

@@ -84,7 +84,7 @@ from jampetsc.minimise.sizes import radii_of
 try:
     from jampetsc.petsc.hessian_solver import HessianSolver
 except ImportError:
-    from jampetsc.petsc.local import NewtonSolver as HessianSolver
+    from jampetsc.petsc.hessian_solver import NewtonSolver as HessianSolver
 
 n, pressure, seed, threads = int(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
 if "team" in inspect.signature(protocols.make_packing).parameters:

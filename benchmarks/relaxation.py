@@ -34,7 +34,7 @@ def relaxed(n, seed):
     from jampetsc.jamming.quasistatic_shear import measure_minimum
     from jampetsc.minimise.descent import Goal
     from jampetsc.minimise.minimise import minimise
-    from jampetsc.petsc.local import NewtonSolver
+    from jampetsc.petsc.hessian_solver import NewtonSolver
 
     drag = jampetsc.models.RD0()
     start = jampetsc.flow(n=n, phi=PHI, seed=seed, model=drag, rate=RATE, strain=STRAIN, discard=0.0).last

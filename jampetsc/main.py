@@ -19,7 +19,7 @@ from jampetsc.commands import JOBS, job_class
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.options.parameters import suggest_name
 from jampetsc.options.parser import add_job, parse_job, run_job
-from jampetsc.petsc import launcher, session, solver_options
+from jampetsc.petsc import session, solver_options
 from jampetsc.version import VERSION
 
 REMEDIES = {errno.ENOSPC: ". Free some space, or write elsewhere.", errno.EACCES: ". Check its permissions."}
@@ -58,7 +58,7 @@ def main(argv=None):
     except Exception as error:
         if not session.petsc_error(error):
             raise
-        return _fail(*session.explained(error))
+        return _fail(*session.explain_error(error))
 
 
 def dispatch(argv):
@@ -210,7 +210,7 @@ def _fail(message, status):
 
 def _mpi():
     """mpi4py's MPI if this is one of several ranks or MPI was started already, and was not ended; else None."""
-    if launcher.several():
+    if session.has_several_ranks():
         with contextlib.suppress(ImportError):
             importlib.import_module("mpi4py.MPI")
     MPI = sys.modules.get("mpi4py.MPI")

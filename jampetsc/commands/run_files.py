@@ -17,9 +17,9 @@ def run_provenance(seconds: float, running=None, ranks: int = 1, law=None, packi
     packing   what it was made from, as `read_identified` names it
     """
     return provenance(
-        versions=session.versions(),
+        versions=session.package_versions(),
         scalar_type=running and running.scalar_type,
-        petsc_options=running and running.options_told(),
+        petsc_options=running and running.options_text(),
         ranks=ranks,
         packing=packing,
         law=law or {},

@@ -118,7 +118,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         """The direct method prefers complex scalars; real ones need twice the memory."""
         if self.method == "rational":
             return "real"
-        return "complex" if builds.to_choose("complex") else "any"
+        return "complex" if builds.can_choose("complex") else "any"
 
     @property
     def frequencies(self) -> "SweepFrequencies":

@@ -15,7 +15,7 @@ from jampetsc.io.request import Request
 from jampetsc.options.parameters import FILE, OPTION, CompositeParameter, fields, parameters
 from jampetsc.options.task_inputs import TaskInputs
 from jampetsc.options.values import PACKING, RADII, input_name
-from jampetsc.petsc import launcher, session
+from jampetsc.petsc import session
 from jampetsc.progress import LOG
 
 
@@ -193,7 +193,7 @@ class Job:
         if self.scalar is None:
             comm = None if alone else session.communicator()
         else:  # one process looks at the files before PETSc starts
-            comm = self._start(petsc_argv).comm if launcher.several() else None
+            comm = self._start(petsc_argv).comm if session.has_several_ranks() else None
         if on_root(comm, lambda: self._is_finished(to)):
             to.finished = True
             on_root(comm, lambda: self.complete(to))

@@ -31,7 +31,7 @@ from jampetsc.oscillation.cycle_solver import FACTOR_PREFIX
 from jampetsc.oscillation.drive import Imposed
 from jampetsc.oscillation.power_law import Dashpots, motion_rows
 from jampetsc.packing.contacts import both_ends, find_rattlers
-from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.hessian_solver import NewtonSolver
 
 # Least μ in units of k or, in a short step, of the stiffest dashpot over h: without it rounding would move free disks
 # far. It changes the steps of Newton's method, not their limit.

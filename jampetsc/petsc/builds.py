@@ -1,4 +1,4 @@
-"""Selects the petsc4py to load: the user's own, else the distribution's build of the wanted scalar type.
+"""Selects the petsc4py to load: the user's own, else the distribution's build of the required scalar type.
 
 Debian and Ubuntu install real and complex PETSc side by side under /usr/lib/petscdir, SLEPc under
 /usr/lib/slepcdir, each with its own petsc4py or slepc4py that is not on sys.path. A process can load only one of
@@ -36,13 +36,13 @@ class Build:
 
 def distribution_builds():
     """The distribution's builds with a petsc4py for this python: newest first, debug and 64-bit-index ones last."""
-    found = {}
+    builds = {}
     for folder in DISTRIBUTION.glob("petscdir/*/*/"):
         scalar = re.search(r"real|complex", folder.name)
         if scalar and _module_folder(folder, "petsc4py"):
             slepc_dir = Path(str(folder).replace("petscdir/petsc", "slepcdir/slepc"))
-            found[folder.resolve()] = Build(folder, slepc_dir, scalar[0])
-    return sorted(found.values(), key=_preference, reverse=True)
+            builds[folder.resolve()] = Build(folder, slepc_dir, scalar[0])
+    return sorted(builds.values(), key=_preference, reverse=True)
 
 
 @contextmanager
@@ -72,16 +72,16 @@ def selected(scalar):
         os.environ.update(before)
 
 
-def to_choose(scalar) -> bool:
-    """Whether `selected` is free to choose among the distribution's builds and finds one with these scalars there."""
+def can_choose(scalar) -> bool:
+    """Whether `selected` may choose among the distribution's builds and one of them has these scalars."""
     if os.environ.get("PETSC_DIR") or "petsc4py" in sys.modules:
         return False
     builds = distribution_builds()
-    return _none_of_the_users(builds) and any(build.scalar == scalar for build in builds)
+    return _has_no_own_petsc4py(builds) and any(build.scalar == scalar for build in builds)
 
 
-def _none_of_the_users(builds):
-    """Whether no petsc4py is importable but those of the distribution's builds."""
+def _has_no_own_petsc4py(builds):
+    """Whether every importable petsc4py is of one of the distribution's builds."""
     spec = importlib.util.find_spec("petsc4py")
     return not spec or any(Path(spec.origin).resolve().is_relative_to(b.petsc_dir.resolve()) for b in builds)
 
@@ -90,8 +90,8 @@ def remedy(scalar):
     """What to do to get a build with `scalar` scalars when the user's own is of the other type."""
     for build in distribution_builds():
         if build.scalar == scalar:
-            return f"unset PETSC_DIR and SLEPC_DIR (and leave other environments) to use {build.petsc_dir}"
-    return f"use a petsc4py and slepc4py whose PETSc was configured --with-scalar-type={scalar}"
+            return f"Unset PETSC_DIR and SLEPC_DIR (and leave other environments) to use {build.petsc_dir}."
+    return f"Use a petsc4py and slepc4py whose PETSc was configured --with-scalar-type={scalar}."
 
 
 def _choose(scalar):
@@ -101,22 +101,22 @@ def _choose(scalar):
         slepc = os.environ.get("SLEPC_DIR") or own.replace("petscdir/petsc", "slepcdir/slepc")
         if not (_module_folder(Path(own), "petsc4py") or importlib.util.find_spec("petsc4py")):
             raise InputError(
-                f"PETSC_DIR={own}: no petsc4py for this python there: install petsc4py against that PETSc, "
-                f"or {remedy(scalar or 'real')}"
+                f"PETSC_DIR={own}: no petsc4py for this python there. Install petsc4py against that PETSc. Or: "
+                f"{remedy(scalar or 'real')}"
             )
         return {"PETSC_DIR": own, "SLEPC_DIR": slepc}
     builds = distribution_builds()
-    if not _none_of_the_users(builds):
+    if not _has_no_own_petsc4py(builds):
         return {}
-    wanted = [b for b in builds if b.scalar == (scalar or b.scalar)]
-    if not wanted:
+    suitable = [b for b in builds if b.scalar == (scalar or b.scalar)]
+    if not suitable:
         kind = scalar or "real"
         raise InputError(
-            f"no petsc4py ({kind} scalars) for {sys.executable}: on Debian or Ubuntu run/setup installs it, "
+            f"petsc4py: none with {kind} scalars for {sys.executable}. On Debian or Ubuntu run/setup installs it, "
             f"for /usr/bin/python3 (apt install python3-petsc4py-{kind} python3-slepc4py-{kind}); elsewhere "
-            "install petsc4py and slepc4py against your own PETSc"
+            "install petsc4py and slepc4py against your own PETSc."
         )
-    return max(wanted, key=lambda b: b.scalar == "real").variables
+    return max(suitable, key=lambda b: b.scalar == "real").variables
 
 
 def _module_folder(build_dir, package):

@@ -17,32 +17,32 @@ from jampetsc.petsc import mumps
 from jampetsc.petsc.session import current
 
 # PETSC_ERR_MAT_CH_ZRPVT, to which PETSc turns a breakdown of CHOLMOD, and MUMPS's INFOG(1)
-NOT_POSITIVE = 81, -10, -40
-# |b − A x| ≤ SOLVED (|A| |x| + |b|), which a factor of A reaches; computing it errs by ROUNDED (|A| |x| + |b|)
-SOLVED = 1e-14
-ROUNDED = 4.0 * float(np.finfo(float).eps)
-REFINEMENTS = 40  # at most; a solver of few digits needs some, one that does not halve the residual fails
-DEFAULTS = {"ksp_type": "preonly", "pc_type": "cholesky"}
-CHOLMOD = {
+NOT_POSITIVE_CODES = 81, -10, -40
+# |b − A x| ≤ SOLVE_TOLERANCE (|A| |x| + |b|), within reach of a factor; its rounding ≤ ROUNDING_RATIO (|A| |x| + |b|)
+SOLVE_TOLERANCE = 1e-14
+ROUNDING_RATIO = 4.0 * float(np.finfo(float).eps)
+MAX_REFINEMENTS = 40  # a solver of few digits needs some, one that does not halve the residual fails
+CHOLESKY_DEFAULTS = {"ksp_type": "preonly", "pc_type": "cholesky"}
+CHOLMOD_DEFAULTS = {
     "pc_factor_mat_solver_type": "cholmod",
     "mat_cholmod_factor": "SUPERNODAL",  # dense blocks, the fastest; L Lᵀ: a simplicial L D Lᵀ lets pivots < 0 pass
     "mat_cholmod_print": 0,  # a failure is an answer, not worth a warning
 }
-MUMPS = {
+MUMPS_DEFAULTS = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_7": 2,  # approximate minimum fill
     "mat_mumps_icntl_13": 1,  # no ScaLAPACK at the root: pivots ≤ 0 are counted
 }
-# ICNTL with which the pivots are not those of A, unless they have the value that stands first
+# ICNTL with which the factor does not have the pivots of A, unless they have the value that stands first
 MUMPS_SETTINGS = {19: (0, "Schur complement"), 31: (0, "discarded factors"), 35: (0, "block low-rank")}
-TRIALS, STEPS, TAU = 2, 2, 1e-3  # see `least_eigenvalue`
+PROOF_TRIALS, PROOF_STEPS, PROOF_TAU = 2, 2, 1e-3  # see `least_eigenvalue`
 
 
 class NotPositiveDefinite(ConvergenceError):
     """The matrix has an eigenvalue that is not positive."""
 
 
-def suitesparse() -> bool:
+def has_suitesparse() -> bool:
     """Whether PETSc was built with SuiteSparse."""
     # PETSc of Debian 12 and earlier knows the first name only, later ones the second
     return any(map(current().PETSc.Sys.hasExternalPackage, ("suitesparse", "cholmod")))
@@ -50,7 +50,7 @@ def suitesparse() -> bool:
 
 def fits_cholmod(matrix) -> bool:
     """Whether CHOLMOD can factorise this matrix: it lies on one rank, and PETSc was built with SuiteSparse."""
-    return matrix.getComm().size == 1 and suitesparse()
+    return matrix.getComm().size == 1 and has_suitesparse()
 
 
 class Cholesky:
@@ -65,12 +65,12 @@ class Cholesky:
     def __init__(self, matrix, prefix: str, what: str, project=None):
         self.matrix, self.prefix, self.what, self.project = matrix, prefix, what, project
         option = current().PETSc.Mat.Option
-        for one in (option.SYMMETRIC, option.SPD):
-            matrix.setOption(one, True)
-        defaults = CHOLMOD if fits_cholmod(matrix) else MUMPS
-        self.ksp = mumps.make_ksp(matrix.getComm(), prefix, DEFAULTS | defaults)
+        for property in (option.SYMMETRIC, option.SPD):
+            matrix.setOption(property, True)
+        defaults = CHOLMOD_DEFAULTS if fits_cholmod(matrix) else MUMPS_DEFAULTS
+        self.ksp = mumps.make_ksp(matrix.getComm(), prefix, CHOLESKY_DEFAULTS | defaults)
         self._left, self._step = matrix.createVecs()
-        self.doubt = "nothing is factorised"
+        self.doubt = "nothing has been factorised"
 
     def factorise(self) -> None:
         """Factorise; the symbolic analysis is kept while the pattern stays the same.
@@ -79,14 +79,14 @@ class Cholesky:
         then.
         """
         petsc = current().PETSc
-        self.doubt = "nothing is factorised"
+        self.doubt = "nothing has been factorised"
         try:
             mumps.factorise(self.ksp, self.matrix, self.what)
             # with the option SPD, MUMPS accepts negative pivots
             definite = not mumps.negative_pivots(self.ksp.getPC())
-        except (petsc.Error, mumps.Failure) as error:
-            code = error.code if isinstance(error, mumps.Failure) else error.ierr
-            if code not in NOT_POSITIVE:
+        except (petsc.Error, mumps.FactorisationError) as error:
+            code = error.code if isinstance(error, mumps.FactorisationError) else error.ierr
+            if code not in NOT_POSITIVE_CODES:
                 raise
             definite = False
         if not definite:
@@ -102,18 +102,18 @@ class Cholesky:
         """
         self._apply(rhs, out)
         error = np.inf
-        for _ in range(REFINEMENTS):
-            left, size = self._look(rhs, out)
+        for _ in range(MAX_REFINEMENTS):
+            left, size = self._residual(rhs, out)
             before, error = error, left / size if left else 0.0
-            if error <= SOLVED:
-                return left + ROUNDED * size
+            if error <= SOLVE_TOLERANCE:
+                return left + ROUNDING_RATIO * size
             if not error <= 0.5 * before:  # nan as well
                 break
             self._apply(self._left, self._step)
             out.axpy(1.0, self._step)
         raise ConvergenceError(
-            f"solve with {self.what}: a residual of {error:.0e} is left and refinement does not remove it: the "
-            f"options that begin with -{self.prefix} choose a solver that is too poor"
+            f"solve with {self.what}: a residual of {error:.0e} is left and refinement does not remove it. Choose a "
+            f"better solver with the options that begin with -{self.prefix}."
         )
 
     def _apply(self, rhs, out):
@@ -121,7 +121,7 @@ class Cholesky:
         if self.project is not None:
             self.project(out.getArray())
 
-    def _look(self, rhs, x):
+    def _residual(self, rhs, x):
         """(|b − A x|, |A| |x| + |b|); the residual b − A x stays in `_left`."""
         self.matrix.mult(x, self._left)
         self._left.aypx(-1.0, rhs)
@@ -162,34 +162,34 @@ def doubt(ksp, null_pivots: bool = False) -> str:
     null_pivots   whether MUMPS may detect and replace null pivots: the caller checks how many there were
     """
     prefix, pc = ksp.getOptionsPrefix(), ksp.getPC()
-    given = current().PETSc.Options(prefix)
+    options = current().PETSc.Options(prefix)
     if ksp.getType() != "preonly":
         return f"-{prefix}ksp_type {ksp.getType()} is not preonly"
     if pc.getType() != "cholesky":
         return f"-{prefix}pc_type {pc.getType()} is not cholesky"
-    if given.getBool("ksp_reuse_preconditioner", False):
+    if options.getBool("ksp_reuse_preconditioner", False):
         return f"-{prefix}ksp_reuse_preconditioner keeps the factor of another matrix"
     solver = pc.getFactorSolverType()
     if solver == "cholmod":
-        return _doubt_cholmod(prefix, given)
+        return _doubt_cholmod(prefix, options)
     if solver == "mumps":
         return _doubt_mumps(prefix, pc.getFactorMatrix(), ksp.getComm().size, null_pivots)
     return f"-{prefix}pc_factor_mat_solver_type {solver} does not show the signs of its pivots"
 
 
-def _doubt_cholmod(prefix, given):
+def _doubt_cholmod(prefix, options):
     """CHOLMOD's settings cannot be read back; it has read them from the same database."""
-    kind = given.getString("mat_cholmod_factor", "AUTO")
+    kind = options.getString("mat_cholmod_factor", "AUTO")
     if kind.upper() != "SUPERNODAL":
         return f"-{prefix}mat_cholmod_factor {kind} lets negative pivots pass"
-    if given.getReal("mat_cholmod_dbound", 0.0) != 0.0:
+    if options.getReal("mat_cholmod_dbound", 0.0) != 0.0:
         return f"-{prefix}mat_cholmod_dbound replaces small pivots"
     return ""
 
 
 def _doubt_mumps(prefix, factor, ranks, null_pivots):
-    for number, (wanted, what) in MUMPS_SETTINGS.items():
-        if factor.getMumpsIcntl(number) != wanted:
+    for number, (required, what) in MUMPS_SETTINGS.items():
+        if factor.getMumpsIcntl(number) != required:
             return f"-{prefix}mat_mumps_icntl_{number} {factor.getMumpsIcntl(number)}: {what}"
     if ranks > 1 and factor.getMumpsIcntl(13) != 1:
         return f"-{prefix}mat_mumps_icntl_13 {factor.getMumpsIcntl(13)} leaves out the pivots of the root"
@@ -200,7 +200,7 @@ def _doubt_mumps(prefix, factor, ranks, null_pivots):
     return ""
 
 
-def least_eigenvalue(start, step, trials: int = TRIALS) -> float:
+def least_eigenvalue(start, step, trials: int = PROOF_TRIALS) -> float:
     """A lower bound on the smallest |λ| of a symmetric A, wrong with a probability of one in a million. Collective.
 
     start   () → a vector of independent standard normal numbers in the space on which A acts
@@ -217,12 +217,12 @@ def least_eigenvalue(start, step, trials: int = TRIALS) -> float:
     least = np.inf
     for _ in range(trials):
         x, factors = start(), []  # of |λ|⁰, |λ|¹, …
-        for _ in range(STEPS):
+        for _ in range(PROOF_STEPS):
             x, left, size = step(x)
             factors.append(left)
         factors.append(size)
-        share = max(TAU - factors[0], 0.0) / STEPS
-        least = min(least, *((share / factors[k]) ** (1.0 / k) for k in range(1, STEPS + 1)))
+        share = max(PROOF_TAU - factors[0], 0.0) / PROOF_STEPS
+        least = min(least, *((share / factors[k]) ** (1.0 / k) for k in range(1, PROOF_STEPS + 1)))
     return float(least)
 
 

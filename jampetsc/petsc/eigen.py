@@ -1,8 +1,8 @@
 """Lowest eigenpairs of K without pinned unknowns: SLEPc's shift-invert Krylov–Schur, or LAPACK for a large part of the
 spectrum.
 
-On one rank K − σ is factorised by `blocks`. On several, for very many disks, and if the user gives an option that
-begins with `modes_st_`, by MUMPS or CHOLMOD.
+On one rank K − σ is factorised by `block_inverse`. On several, for very many disks, and if the user gives an
+option that begins with `modes_st_`, by MUMPS or CHOLMOD.
 
 The shift σ < 0 lies just below the spectrum, so K − σ is positive definite; translations of connected pieces
 are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.)
@@ -23,12 +23,14 @@ PREFIX = "modes_"
 # −σ in units of the contact stiffness: of the order of the softest modes. Nearer to zero, a mode of no energy
 # would be amplified by 1/σ and its rounding drown the others.
 SHIFT = 1e-7
-# eigenpairs more than asked for: the first shows whether a cluster of equal eigenvalues ends there
-SPARE = 2
-BLOCKS = 30_000  # unknowns from which dense blocks are faster in the triangular solves of CHOLMOD
+# eigenpairs more than requested: the first shows whether a cluster of equal eigenvalues ends there
+EXTRA_PAIRS = 2
+DENSE_SOLVE_UNKNOWNS = (
+    30_000  # unknowns from which dense blocks are faster in the triangular solves of CHOLMOD
+)
 DENSE_BLOCK_UNKNOWNS = 250_000  # unknowns from which dense blocks are faster in the factorisation as well
-VECTORS = 2.5  # of the basis for each eigenpair: about as many as needed, so that SLEPc hardly ever restarts
-DENSE = 8192  # unknowns up to which LAPACK finds all eigenpairs
+BASIS_RATIO = 2.5  # vectors of the basis for each eigenpair: so many that SLEPc hardly ever restarts
+MAX_LAPACK_UNKNOWNS = 8192  # unknowns up to which LAPACK finds all eigenpairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,46 +52,48 @@ class Eigenpairs:
 def translations(pencil):
     """Orthonormal translations of the connected pieces, (2 pieces, unknowns_local)."""
     sizes = np.bincount(pencil.pieces.index)
-    mine = pencil.pieces.index[pencil.network.first : pencil.network.last]
-    moves = np.zeros((len(sizes), 2, len(mine), 2))
+    own_pieces = pencil.pieces.index[pencil.network.first : pencil.network.last]
+    moves = np.zeros((len(sizes), 2, len(own_pieces), 2))
     for axis in range(2):
-        moves[mine, axis, np.arange(len(mine)), axis] = 1.0 / np.sqrt(sizes[mine])
+        moves[own_pieces, axis, np.arange(len(own_pieces)), axis] = 1.0 / np.sqrt(sizes[own_pieces])
     return moves.reshape(2 * len(sizes), -1)
 
 
-def lowest(pencil, count: int, stiffness: float, known=None) -> Eigenpairs:
-    """At least `count` of the lowest eigenpairs of K, and one more if there is one (see `SPARE`). Collective.
+def lowest(pencil, count: int, stiffness: float, excluded=None) -> Eigenpairs:
+    """At least `count` of the lowest eigenpairs of K, and one more if there is one (see `EXTRA_PAIRS`). Collective.
 
     pencil      of K without pinned unknowns and without angles (law `UNDAMPED`); K is positive semi-definite
     stiffness   the largest contact stiffness, which sets the scale
-    known       (l, unknowns_local) orthonormal eigenvectors that are not to be found again
+    excluded    (l, unknowns_local) orthonormal eigenvectors that are not to be found again
 
     Raises InputError if K has fewer, ConvergenceError if they are not found.
     """
     moves = translations(pencil)
-    there = pencil.unknowns - len(moves)
-    if count > there:
-        raise InputError(f"{count} modes: K has {there} besides its translations; ask for no more")
-    if 2 * (count + SPARE) < there or known is not None:
-        deflated = moves if known is None else np.vstack((moves, known))
-        return _krylov(pencil, deflated, count + SPARE, stiffness)
-    if pencil.unknowns > DENSE:
+    available = pencil.unknowns - len(moves)
+    if count > available:
+        raise InputError(f"{count} modes: K has {available} besides its translations. Give a smaller number.")
+    if 2 * (count + EXTRA_PAIRS) < available or excluded is not None:
+        deflated = moves if excluded is None else np.vstack((moves, excluded))
+        return _krylov(pencil, deflated, count + EXTRA_PAIRS, stiffness)
+    if pencil.unknowns > MAX_LAPACK_UNKNOWNS:
         raise InputError(
-            f"{count} of {there} modes: so large a part of the spectrum is found up to {DENSE // 2} disks; "
-            "ask for fewer"
+            f"{count} of {available} modes: more than half the spectrum is found up to {MAX_LAPACK_UNKNOWNS // 2} "
+            "disks. Give a smaller number."
         )
-    return _dense(pencil, moves, min(count + SPARE, there), stiffness)
+    return _dense(pencil, moves, min(count + EXTRA_PAIRS, available), stiffness)
 
 
 class _BlockFactor:
     """(K − σ)⁻¹ of a matrix that lies on one rank, as a preconditioner that PETSc calls."""
 
     def __init__(self, matrix, shift):
-        from jampetsc.petsc import blocks  # compiled code, slow to load
+        from jampetsc.petsc.hessian_solver import block_inverse  # compiled code, slow to load
 
-        self._solve, self.stopped = blocks.factorised(matrix, shift), None
+        self._solve, self.stopped = block_inverse(matrix, shift), None
         if self._solve is None:
-            raise ConvergenceError("K − σ is not positive definite, σ just below zero: K has negative modes")
+            raise ConvergenceError(
+                "K − σ: not positive definite with σ just below zero, so K has negative modes"
+            )
 
     def apply(self, pc, b, x):
         """x = (K − σ)⁻¹ b; after an exception, such as of a Ctrl-C, x = 0: SLEPc must come to its end, to be freed."""
@@ -102,12 +106,12 @@ class _BlockFactor:
             self.stopped = error
         x.set(0.0)
 
-    def stop(self, eps, iterations, most, converged, asked):
+    def stop(self, eps, iterations, limit, converged, requested):
         """SLEPc's usual test whether to restart; after an exception it does not."""
         reason = current().SLEPc.EPS.ConvergedReason
-        if self.stopped is not None or converged >= asked:
+        if self.stopped is not None or converged >= requested:
             return reason.CONVERGED_TOL
-        return reason.DIVERGED_ITS if iterations >= most else reason.CONVERGED_ITERATING
+        return reason.DIVERGED_ITS if iterations >= limit else reason.CONVERGED_ITERATING
 
 
 def _suits_blocks(matrix) -> bool:
@@ -136,17 +140,17 @@ def _krylov(pencil, moves, count, stiffness):
     finally:
         if factor and factor.stopped:
             raise factor.stopped
-    found, reason = eps.getConverged(), eps.getConvergedReason()
-    if found < count:
+    converged, reason = eps.getConverged(), eps.getConvergedReason()
+    if converged < count:
         raise ConvergenceError(
-            f"SLEPc found {found} of {count} modes in {eps.getIterationNumber()} restarts (reason {reason}); try a "
-            "larger -modes_eps_ncv or -modes_eps_max_it"
+            f"SLEPc: {converged} of {count} modes found in {eps.getIterationNumber()} restarts (reason {reason}). "
+            "Give a larger -modes_eps_ncv or -modes_eps_max_it."
         )
-    values = np.array([eps.getEigenvalue(row).real for row in range(found)])
+    values = np.array([eps.getEigenvalue(row).real for row in range(converged)])
     vector = pencil.K.createVecRight()
-    vectors = np.empty((found, vector.getLocalSize()))
-    residuals = np.empty(found)
-    for row in range(found):
+    vectors = np.empty((converged, vector.getLocalSize()))
+    residuals = np.empty(converged)
+    for row in range(converged):
         eps.getEigenvector(row, vector)
         vectors[row] = vector.getArray()
         residuals[row] = eps.computeError(row, SLEPc.EPS.ErrorType.ABSOLUTE)
@@ -160,9 +164,9 @@ def _solver(matrix, count, stiffness):
     SLEPc = session.SLEPc
     if SLEPc is None:
         raise InputError(
-            "slepc4py is missing: install it for the PETSc in use (Debian: python3-slepc4py-real)"
+            "slepc4py: missing. Install it for the PETSc in use (Debian: python3-slepc4py-real)."
         )
-    alone, small = fits_cholmod(matrix), matrix.getSize()[0] < BLOCKS
+    alone, small = fits_cholmod(matrix), matrix.getSize()[0] < DENSE_SOLVE_UNKNOWNS
     cholmod = {"st_mat_cholmod_factor": "SIMPLICIAL" if small else "SUPERNODAL"}
     defaults = {
         "eps_type": "krylovschur",
@@ -180,7 +184,7 @@ def _solver(matrix, count, stiffness):
     eps.setOptionsPrefix(PREFIX)
     eps.setOperators(matrix)
     eps.setProblemType(SLEPc.EPS.ProblemType.HEP)
-    eps.setDimensions(count, min(int(VECTORS * count) + 1, matrix.getSize()[0]))
+    eps.setDimensions(count, min(int(BASIS_RATIO * count) + 1, matrix.getSize()[0]))
     eps.setTarget(-SHIFT * stiffness)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setFromOptions()

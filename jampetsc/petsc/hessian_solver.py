@@ -1,17 +1,76 @@
-"""The solver for `minimise.newton`: a Hessian of up to BLOCKS_UP_TO disks is factorised by `minimise.ldl`.
+"""Factorised Hessians that lie on one rank: the solvers for `minimise.newton`, prefix `newton_`.
 
-That gives the same to the last bit on every processor, whatever BLAS is installed; last digits decide which minimum a
-quench ends in. Larger ones, and all where options begin with `newton_`, go to the library of `local.NewtonSolver`.
+A_ij = −b_ij for disks i ≠ j, A_ii = Σ_j b_ij, b symmetric, is factorised by `minimise.ldl` in 2×2 blocks, up to
+MAX_BLOCK_DISKS disks: a block has one index where a library that sees single entries has four, and disks are
+eliminated, not unknowns. The result is the same to the last bit on every processor, whatever BLAS is installed; last
+digits decide which minimum a quench ends in. A larger A, and any where options begin with `newton_`, is factorised by
+`Cholesky`. A quench ends with the proof that it found a minimum, so options with which a factorisation proves nothing
+are refused; where no proof is needed, only residuals are checked.
 """
 
 import numpy as np
 
+from jampetsc.errors import InputError
 from jampetsc.minimise import ldl
-from jampetsc.petsc.blocks import elimination_order
-from jampetsc.petsc.local import PREFIX, NewtonSolver
+from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite, has_suitesparse
 from jampetsc.petsc.session import current
 
-BLOCKS_UP_TO = 32768  # disks; beyond, CHOLMOD is faster: four times at 131072
+PREFIX = "newton_"
+MAX_BLOCK_DISKS = 32768  # beyond, CHOLMOD is faster: four times at 131072
+
+
+class NewtonSolver:
+    """Solves with real symmetric matrices of this rank alone (MPI_COMM_SELF), and says which are positive definite."""
+
+    def __init__(self, prefix=PREFIX, what="the Hessian of a Newton step", proves=True):
+        self._prefix, self._what, self._proves = prefix, what, proves
+        session = current()
+        if session.scalar_type != "real":
+            raise InputError(
+                "Cholesky: complex scalars, not supported. Start the session with scalar='real'."
+            )
+        self._petsc = session.PETSc
+        self._cholesky = self._pattern = None
+        if proves:  # options that PETSc or the proof refuses are refused now, not at the first step
+            self.factorise(np.array([0, 1], np.int32), np.array([0], np.int32), np.ones(1))
+
+    def factorise(self, indptr, indices, values) -> bool:
+        """Factorise the upper triangle with its diagonal, CSR (int32, sorted). False if not positive definite.
+
+        Raises InputError where the options are such that True would be no proof.
+        """
+        pattern = (indptr, indices)
+        if self._cholesky is None or not all(map(np.array_equal, pattern, self._pattern)):
+            self._cholesky, size = None, len(indptr) - 1  # the old factor makes room for the new one
+            matrix = self._petsc.Mat().createSBAIJ(
+                (size, size), 1, csr=(indptr, indices, values), comm=self._petsc.COMM_SELF
+            )
+            matrix.assemble()
+            self._pattern = pattern
+            self._cholesky = Cholesky(matrix, self._prefix, f"{self._what} ({size} unknowns)")
+            self._solution, self._right = matrix.createVecs()
+        else:
+            self._cholesky.matrix.setValuesCSR(indptr, indices, values)
+            self._cholesky.matrix.assemble()
+        try:
+            self._cholesky.factorise()
+        except NotPositiveDefinite:
+            self._cholesky = None  # its memory is freed
+            return False
+        if self._proves and self._cholesky.doubt:
+            raise InputError(f"{self._cholesky.doubt}, which would prove no minimum. Leave this option out.")
+        return True
+
+    def solve(self, b):
+        """x with A x = b, (n,) float64, after a `factorise` that returned True."""
+        self._right.setArray(b)
+        self._cholesky.solve(self._right, self._solution)
+        return self._solution.getArray().copy()
+
+    def order(self, n, i, j):
+        """N disks in an order of elimination with little fill, (N,); pairs (M,) i, j are neighbours."""
+
+        return elimination_order(n, i, j)
 
 
 class HessianSolver(NewtonSolver):
@@ -25,7 +84,7 @@ class HessianSolver(NewtonSolver):
     def factorise(self, indptr, indices, values) -> bool:
         """See `NewtonSolver.factorise`."""
         n, self._factor = len(indptr) // 2, None
-        if self._by_library or n > BLOCKS_UP_TO:
+        if self._by_library or n > MAX_BLOCK_DISKS:
             return super().factorise(indptr, indices, values)
         i, j, blocks, chosen, diagonal = ldl.blocks_of(indptr, indices, values)
         order = elimination_order(n, i[chosen], j[chosen])
@@ -40,3 +99,44 @@ class HessianSolver(NewtonSolver):
         x, work = np.empty_like(b), np.empty_like(b)
         ldl.solve(self._factor, b, x, work)
         return x.ravel()
+
+
+def block_inverse(matrix, shift: float):
+    """A function b → (A + shift)⁻¹b, (2N,) each, for the PETSc.Mat A; None where A + shift is not positive definite."""
+    from scipy.sparse import csr_array  # a quench does without
+
+    n = matrix.getSize()[0] // 2
+    indptr, indices, values = matrix.getValuesCSR()
+    blocks = csr_array((values, indices, indptr), shape=matrix.getSize()).tobsr((2, 2))
+    rows = np.repeat(np.arange(n), np.diff(blocks.indptr))
+    upper = rows < blocks.indices
+    # unsigned, as in a pair list, for which the code has been compiled already
+    i, j = rows[upper].astype(np.uint32), blocks.indices[upper].astype(np.uint32)
+    pairs = i, j, -blocks.data[upper], np.ones(len(i), bool)
+    diagonal = ldl.diagonal_of(*pairs, np.full(n, shift))
+    definite, factor = ldl.factorise(elimination_order(n, i, j), *pairs, diagonal)
+    if not definite:
+        return None
+    work = np.empty((n, 2))
+
+    def solve(b):
+        x = np.empty((n, 2))
+        ldl.solve(factor, b.reshape(n, 2), x, work)
+        return x.ravel()
+
+    return solve
+
+
+def elimination_order(n: int, i, j):
+    """N disks in the order of their elimination, by approximate minimum degree (N,); pairs (M,) i, j are neighbours."""
+    petsc, disks = current().PETSc, np.arange(n)
+    rows, columns = np.concatenate((i, j, disks)), np.concatenate((j, i, disks))
+    entries = np.unique(rows * n + columns)  # row by row
+    indptr = np.searchsorted(entries, n * np.arange(n + 1)).astype(petsc.IntType)
+    pattern = petsc.Mat().createAIJ(
+        (n, n),
+        csr=(indptr, (entries % n).astype(petsc.IntType), np.ones(len(entries))),
+        comm=petsc.COMM_SELF,
+    )
+    order, _ = pattern.getOrdering("amd" if has_suitesparse() else "qmd")
+    return order.getIndices().astype(np.uint32)

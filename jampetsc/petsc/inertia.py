@@ -1,6 +1,6 @@
 """How many eigenvalues of a symmetric matrix are negative, zero and positive, from LDLᵀ factors.
 
-Sylvester's law of inertia: a congruence A → D A D keeps the three numbers, and A = LDLᵀ has those of its D.
+Sylvester's law of inertia: a congruence A → D A D keeps the three numbers, and A = LDLᵀ has the numbers of D.
 So A is scaled to a unit diagonal first, which makes blocks of different size (such as the θ block of B) comparable,
 and factorised twice, shifted by ±σ: eigenvalues of D A D between −σ and σ count as zero.
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.petsc import mumps
-from jampetsc.petsc.cholesky import DEFAULTS, MUMPS, doubt
+from jampetsc.petsc.cholesky import CHOLESKY_DEFAULTS, MUMPS_DEFAULTS, doubt
 from jampetsc.petsc.sparse_matrices import set_diagonal
 
 SHIFT = 1e-12  # σ
@@ -54,21 +54,21 @@ def count_eigenvalues(matrix, what: str, pins=()) -> Inertia:
 
 def _negative(matrix, shifts, what):
     """Numbers of negative eigenvalues (negative pivots) of a matrix after each of the shifts, which accumulate."""
-    ksp = mumps.make_ksp(matrix.getComm(), PREFIX, DEFAULTS | MUMPS | NULL_PIVOTS)
-    found = []
+    ksp = mumps.make_ksp(matrix.getComm(), PREFIX, CHOLESKY_DEFAULTS | MUMPS_DEFAULTS | NULL_PIVOTS)
+    counts = []
     for shift in shifts:
         matrix.shift(shift)
         mumps.factorise(ksp, matrix, what)
         if reason := doubt(ksp, null_pivots=True):
-            raise InputError(f"{reason}: that would count no eigenvalues of {what}; leave this option out")
+            raise InputError(f"{reason}, which would count no eigenvalues of {what}. Leave this option out.")
         negative, null, _ = ksp.getPC().getFactorMatrix().getInertia()
         if null:
             raise ConvergenceError(
                 f"{what}: {null} pivots of L D Lᵀ are zero to rounding, so how many eigenvalues are negative is not "
                 "certain"
             )
-        found.append(negative)
-    return found
+        counts.append(negative)
+    return counts
 
 
 def count_below(matrix, value: float, what: str) -> int:
@@ -77,5 +77,5 @@ def count_below(matrix, value: float, what: str) -> int:
     One LDLᵀ factorisation of A − value. Raises ConvergenceError if it fails, InputError for options with which its
     pivots prove nothing.
     """
-    (found,) = _negative(matrix.copy(), (-value,), what)
-    return found
+    (below,) = _negative(matrix.copy(), (-value,), what)
+    return below

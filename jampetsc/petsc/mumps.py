@@ -6,17 +6,24 @@ from jampetsc import interrupts
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.petsc.session import current
 
-WORKSPACE = (-8, -9, -14, -15, -17, -20)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
-MEMORY = (-13, -19)  # INFOG(1): the memory of the machine, or the limit ICNTL(23), is used up
-SINGULAR = (-10,)
-OUT_OF_CORE = (-90,)
+WORKSPACE_CODES = (
+    -8,
+    -9,
+    -14,
+    -15,
+    -17,
+    -20,
+)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
+MEMORY_CODES = (-13, -19)  # INFOG(1): the memory of the machine, or the limit ICNTL(23), is used up
+SINGULAR_CODES = (-10,)
+OUT_OF_CORE_CODES = (-90,)
 PETSC_MEMORY = 55  # PETSC_ERR_MEM
 CHOLMOD_MEMORY = re.compile(r"CHOLMOD .*status -[23]\b")  # out of memory, too large
-USUAL = 20  # MUMPS's default of ICNTL(14): per cent of workspace beyond its estimate
-ATTEMPTS = 5  # with ICNTL(14) doubled each time
+DEFAULT_WORKSPACE = 20  # MUMPS's default of ICNTL(14): per cent of workspace beyond its estimate
+MAX_ATTEMPTS = 5  # with ICNTL(14) doubled each time
 
 
-class Failure(ConvergenceError):
+class FactorisationError(ConvergenceError):
     """A factorisation that failed; `code` is MUMPS's INFOG(1)."""
 
     def __init__(self, message, code=None):  # of copies from other ranks `code` is set later
@@ -24,7 +31,7 @@ class Failure(ConvergenceError):
         self.code = code
 
 
-def failure(pc):
+def failure_code(pc):
     """INFOG(1) of a failed MUMPS factorisation of this PC, 0 where it succeeded, None where MUMPS was not used."""
     factorises = pc.getType() in ("cholesky", "lu") and pc.getFactorSolverType() == "mumps"
     return pc.getFactorMatrix().getMumpsInfog(1) if factorises else None
@@ -32,7 +39,7 @@ def failure(pc):
 
 def negative_pivots(pc) -> int:
     """Number of negative pivots of a MUMPS factorisation of this PC, 0 where MUMPS was not used."""
-    return 0 if failure(pc) is None else pc.getFactorMatrix().getMumpsInfog(12)
+    return 0 if failure_code(pc) is None else pc.getFactorMatrix().getMumpsInfog(12)
 
 
 def make_ksp(comm, prefix: str, defaults: dict):
@@ -46,9 +53,9 @@ def make_ksp(comm, prefix: str, defaults: dict):
 
 
 def factorise(ksp, matrix, what: str) -> int:
-    """Set up `ksp` for `matrix`; where MUMPS ran out of workspace, again with more (ICNTL(14) doubled). Collective.
+    """Set up `ksp` for `matrix`; where MUMPS ran out of workspace, with more (ICNTL(14) doubled). Collective.
 
-    Returns the number of attempts. Raises Failure naming `what`, and PETSc.Error for errors not explained here.
+    Returns the number of attempts. Raises FactorisationError naming `what`, and PETSc.Error for other errors.
     A Ctrl-C is raised before, see `interrupts`.
     """
     interrupts.check()
@@ -60,20 +67,20 @@ def factorise(ksp, matrix, what: str) -> int:
         except current().PETSc.Error as error:
             if error.ierr == PETSC_MEMORY or CHOLMOD_MEMORY.search(str(error)):
                 prefix = ksp.getOptionsPrefix()
-                raise Failure(
-                    f"factorisation of {what}: out of memory; use more ranks or nodes, or have the factor on disk with "
-                    f"-{prefix}pc_factor_mat_solver_type mumps -{prefix}mat_mumps_icntl_22 1",
-                    MEMORY[0],
+                raise FactorisationError(
+                    f"factorisation of {what}: out of memory. Use more ranks or nodes, or have the factor on disk with "
+                    f"-{prefix}pc_factor_mat_solver_type mumps -{prefix}mat_mumps_icntl_22 1.",
+                    MEMORY_CODES[0],
                 ) from None
             raise
-        code = failure(ksp.getPC())
+        code = failure_code(ksp.getPC())
         if not code or code > 0:  # positive codes are warnings
             return attempt
-        if code not in WORKSPACE or attempt == ATTEMPTS:
-            raise _explained(code, what)
+        if code not in WORKSPACE_CODES or attempt == MAX_ATTEMPTS:
+            raise _explain(code, what)
         option = f"{ksp.getOptionsPrefix()}mat_mumps_icntl_14"
         options = current().PETSc.Options()
-        options.setValue(option, max(USUAL, 2 * options.getInt(option, USUAL)))
+        options.setValue(option, max(DEFAULT_WORKSPACE, 2 * options.getInt(option, DEFAULT_WORKSPACE)))
         ksp.reset()  # its PC stays broken after such a failure until it is reset
         ksp.setFromOptions()
         attempt += 1
@@ -82,7 +89,7 @@ def factorise(ksp, matrix, what: str) -> int:
 def solve(ksp, rhs, out, what: str, remedy: str = "") -> None:
     """out ← the solution of `ksp` for rhs, PETSc vectors. Collective.
 
-    Raises ConvergenceError with PETSc's reason if it failed on any rank; PETSc does not tell the others of a
+    Raises ConvergenceError with PETSc's reason if it failed on any rank: PETSc does not tell all ranks of a
     preconditioner that fails on one. A Ctrl-C is raised before, see `interrupts`.
     """
     interrupts.check()
@@ -96,17 +103,15 @@ def solve(ksp, rhs, out, what: str, remedy: str = "") -> None:
         )
 
 
-def _explained(code, what):
+def _explain(code, what):
     """The error to raise for a factorisation of `what` that failed with this INFOG(1)."""
     shown = f"MUMPS INFOG(1) = {code}"
-    if code in WORKSPACE or code in MEMORY:
-        remedy = f"out of memory ({shown}); use more ranks or nodes, or -options_file jampetsc:low_memory"
-    elif code in OUT_OF_CORE:
-        remedy = f"MUMPS could not write its files ({shown}); free space in, or set, MUMPS_OOC_TMPDIR"
-    elif code in SINGULAR:
-        remedy = (
-            f"the matrix is singular ({shown}); is the packing a minimum? see info with {named('matrices')}"
-        )
+    if code in WORKSPACE_CODES or code in MEMORY_CODES:
+        remedy = f"out of memory ({shown}). Use more ranks or nodes, or -options_file jampetsc:low_memory."
+    elif code in OUT_OF_CORE_CODES:
+        remedy = f"files of MUMPS not written ({shown}). Free space in, or set, MUMPS_OOC_TMPDIR."
+    elif code in SINGULAR_CODES:
+        remedy = f"singular matrix ({shown}). See info with {named('matrices')}: is the packing a minimum?"
     else:
         remedy = f"the solver reports {shown}"
-    return Failure(f"factorisation of {what}: {remedy}", code)
+    return FactorisationError(f"factorisation of {what}: {remedy}", code)

@@ -21,13 +21,19 @@ from pathlib import Path
 
 from jampetsc import streams
 from jampetsc.errors import InputError, about
-from jampetsc.petsc import builds, launcher
-from jampetsc.petsc.solver_options import is_petscs_own, names_given
+from jampetsc.petsc import builds
+from jampetsc.petsc.solver_options import is_global_option, option_names
 from jampetsc.shipped_files import located
 
-QUIET = "-no_signal_handler"
+NO_SIGNAL_HANDLER = "-no_signal_handler"
 # PETSc error codes: not supported, wrong argument, out of range, unknown type, no such factor
-VALUES = (56, 62, 63, 86, 92)
+VALUE_ERRORS = (56, 62, 63, 86, 92)
+
+# beginnings of variables that Open MPI (through PMIx and PRRTE) and MPICH (hydra) set for the processes they start
+LAUNCHER_PREFIXES = (
+    *("OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_APP_CTX_", "OMPI_MCA_ess", "OMPI_MCA_orte_", "OMPI_MCA_pmix"),
+    *("PMIX_", "PRTE_", "PMI_", "MPI_LOCAL"),
+)
 
 _session = None
 
@@ -40,16 +46,16 @@ def start(scalar=None, petsc_argv=()):
                 `jampetsc:NAME` is an options file that comes with the package
 
     Raises InputError when no build has that scalar type, when the user's own has the other one, when SLEPc
-    belongs to another PETSc, for an options file that cannot be read, or in a process forked from one with
+    was built for another PETSc, for an options file that cannot be read, or in a process forked from one with
     threads in which PETSc runs. A second call returns the running session.
     """
     global _session
     petsc_argv = [located(str(token)) for token in petsc_argv]
     if _session is None:
-        given = os.environ.get("PETSC_OPTIONS", "")
-        with about(f"PETSC_OPTIONS={given}"):
-            names_given(given.split())  # whose files may name each other
-        names = names_given(petsc_argv)
+        variable = os.environ.get("PETSC_OPTIONS", "")
+        with about(f"PETSC_OPTIONS={variable}"):
+            option_names(variable.split())  # whose files may name each other
+        names = option_names(petsc_argv)
         with builds.selected(scalar):
             PETSc, SLEPc, comm = _load(petsc_argv)
         _session = Session(PETSc, SLEPc, comm, petsc_argv, names)
@@ -59,13 +65,13 @@ def start(scalar=None, petsc_argv=()):
         raise RuntimeError("PETSc options can be given to the first session.start() of a process only")
     if _session.pid != os.getpid() and os.environ.get("OMP_NUM_THREADS", "").partition(",")[0] != "1":
         raise InputError(  # CHOLMOD would wait for threads that stayed in the other process
-            "PETSc was started before this process was forked: start processes by "
-            "multiprocessing.get_context('spawn'), or python with OMP_NUM_THREADS=1"
+            "PETSc: started before this process was forked. Start processes by "
+            "multiprocessing.get_context('spawn'), or python with OMP_NUM_THREADS=1."
         )
     if scalar not in (None, _session.scalar_type):
         raise InputError(
-            f"{scalar} scalars are needed and {Path(_session.PETSc.__file__).parents[1]} has "
-            f"{_session.scalar_type} ones: {builds.remedy(scalar)} (one process loads one)"
+            f"{Path(_session.PETSc.__file__).parents[1]}: {_session.scalar_type} scalars, and {scalar} ones are needed "
+            f"(a process loads one PETSc). {builds.remedy(scalar)}"
         )
     return _session
 
@@ -86,16 +92,16 @@ def _load(petsc_argv):
         from mpi4py import MPI
 
         if MPI.Is_finalized():
-            raise InputError("MPI has ended in this process, and with it PETSc: start another process")
+            raise InputError("MPI: ended in this process, and with it PETSc. Start another process.")
         # python keeps handling SIGTERM and a closed pipe; PETSc would print pages and abort
-        petsc4py.init(["jampetsc", QUIET, *petsc_argv], comm=MPI.COMM_WORLD)
+        petsc4py.init(["jampetsc", NO_SIGNAL_HANDLER, *petsc_argv], comm=MPI.COMM_WORLD)
         from petsc4py import PETSc
     except ImportError as error:
         reason = " ".join(str(error).split())
-        raise InputError(f"petsc4py and mpi4py: {reason}: install them for {sys.executable}") from error
+        raise InputError(f"petsc4py and mpi4py: {reason}. Install them for {sys.executable}.") from error
     except RuntimeError as error:  # PETSc.Error; PETSc has printed the details
         raise InputError(
-            f"{_options_given(petsc_argv)}: PETSc does not start with this. See its message above."
+            f"{_describe_options(petsc_argv)}: PETSc does not start with this. See its message above."
         ) from error
     try:
         import slepc4py
@@ -106,14 +112,14 @@ def _load(petsc_argv):
         SLEPc = None
     except (ImportError, ValueError) as error:  # raised by loading a SLEPc of another PETSc
         raise InputError(
-            f"{Path(slepc4py.__file__).parent} was not built for {Path(PETSc.__file__).parents[1]}: "
-            "set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
+            f"{Path(slepc4py.__file__).parent}: not built for {Path(PETSc.__file__).parents[1]}. "
+            "Set PETSC_DIR and SLEPC_DIR to one pair, or unset both."
         ) from error
     return PETSc, SLEPc, MPI.COMM_WORLD
 
 
-def _options_given(petsc_argv) -> str:
-    """Where PETSc has options from: a command line, PETSC_OPTIONS, files that it reads by itself."""
+def _describe_options(petsc_argv) -> str:
+    """Where PETSc takes options from: a command line, PETSC_OPTIONS, files that it reads by itself."""
     variable = os.environ.get("PETSC_OPTIONS")
     files = [Path.home() / ".petscrc", Path(".petscrc"), Path("petscrc")]
     sources = [*petsc_argv, *([f"PETSC_OPTIONS={variable}"] if variable else []), *filter(Path.exists, files)]
@@ -131,7 +137,24 @@ def communicator():
     """`comm` of the running session; without a session COMM_WORLD if mpirun has started several ranks, else None."""
     if _session is not None:
         return _session.comm
-    return importlib.import_module("mpi4py.MPI").COMM_WORLD if launcher.several() else None
+    return importlib.import_module("mpi4py.MPI").COMM_WORLD if has_several_ranks() else None
+
+
+def has_several_ranks() -> bool:
+    """Whether the environment looks as if mpirun or mpiexec had started this process as one of several.
+
+    That is only a reason to start MPI and ask it: a process that a rank starts inherits its variables, and Slurm sets
+    some for independent tasks. Slurm's srun is left out on purpose: `srun bash -c 'jampetsc plot $SLURM_PROCID.h5 …'`
+    starts independent tasks, and MPI would make each wait for all others.
+    """
+    hydra = "MPI_LOCALNRANKS" in os.environ  # srun --mpi=pmi2 gives PMI_SIZE as well
+    sizes = [os.environ.get("OMPI_COMM_WORLD_SIZE"), os.environ.get("PMI_SIZE") if hydra else None]
+    return any(size is not None and size.isdecimal() and int(size) > 1 for size in sizes)
+
+
+def without_launcher(environment) -> dict:
+    """The environment for a process that is not a rank of an mpirun above it."""
+    return {name: value for name, value in environment.items() if not name.startswith(LAUNCHER_PREFIXES)}
 
 
 class Session:
@@ -141,7 +164,7 @@ class Session:
     pid            of the process that started them, not of those forked from it
     MPI            the module mpi4py.MPI
     comm           mpi4py communicator of the current work: COMM_WORLD, within `alone` COMM_SELF
-    rank, size     those of `comm`
+    rank, size     of this process in `comm`
     world          COMM_WORLD
     scalar_type    "real" or "complex"
     petsc_argv     the PETSc options this process was given
@@ -155,15 +178,15 @@ class Session:
         self._work_on(comm)
         self.scalar_type = "complex" if PETSc.ScalarType(0).dtype.kind == "c" else "real"
         self.petsc_argv = petsc_argv
-        PETSc.Options().delValue(QUIET)  # not for the record: the user did not give it
-        self._for_solvers = not all(map(is_petscs_own, names))  # whether options of solvers were given
+        PETSc.Options().delValue(NO_SIGNAL_HANDLER)  # not for the record: the user did not give it
+        self._for_solvers = not all(map(is_global_option, names))  # whether options of solvers were given
         self._defaults = set()
         atexit.register(self.forget_defaults)
 
     def forget_defaults(self):
-        """Delete the defaults, which each solver sets again: those of one job are no options of the next.
+        """Delete the defaults, which each solver sets again, so that a job does not hand its own to the next.
 
-        Also at the end, as PETSc from 3.19 on reports there what nothing has read, as after an error.
+        Also at the end, where PETSc from 3.19 on reports options that nothing has read, as after an error.
         """
         while self._defaults:
             self.PETSc.Options().delValue(self._defaults.pop())
@@ -185,12 +208,12 @@ class Session:
         """All PETSc options in force, {name: value}, without their dash."""
         return self.PETSc.Options().getAll()
 
-    def options_told(self) -> str:
+    def options_text(self) -> str:
         """All options as on a command line, for the record of a run: the user's, and the defaults set so far."""
         return " ".join(f"-{name} {value or ''}".strip() for name, value in self.options().items())
 
     def set_defaults(self, defaults):
-        """Set those of `defaults`, {"freq_ksp_type": "preonly", …}, that no options file and no command line gives.
+        """Set the `defaults`, {"freq_ksp_type": "preonly", …}, that no options file and no command line gives.
 
         None stands for an option without a value.
         """
@@ -238,36 +261,38 @@ class Session:
         self.free_dropped(self.comm)
 
     def free_dropped(self, comm):
-        """Free PETSc's objects of this rank, and of those of `comm`, that python has dropped. Collective over comm.
+        """Free PETSc's objects of this rank, and of `comm`, that python has dropped. Collective over comm.
 
-        PETSc keeps objects of several ranks, 3.18 also those of one, until all of them come here.
+        PETSc keeps objects of several ranks, 3.18 also objects of one, until all of them call this.
         """
         if hasattr(self.PETSc, "garbage_cleanup"):  # petsc4py ≥ 3.18
             self.PETSc.garbage_cleanup(self.PETSc.COMM_SELF)
             self.PETSc.garbage_cleanup(comm)
 
 
-def versions():
+def package_versions():
     """Versions for the record: {"numpy": …, "h5py": …}, in a session also mpi4py, mpi, petsc, slepc, mumps.
 
     "unknown" stands for one that cannot be determined. Not collective.
     """
     packages = ["numpy", "h5py"] + (["mpi4py"] if _session else [])
-    known = {package: importlib.import_module(package).__version__ for package in packages}
+    versions = {package: importlib.import_module(package).__version__ for package in packages}
     if _session:
         from mpi4py import MPI
 
-        known["mpi"] = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\0 ")
-        known["petsc"] = ".".join(map(str, _session.PETSc.Sys.getVersion()))
-        known["slepc"] = ".".join(map(str, _session.SLEPc.Sys.getVersion())) if _session.SLEPc else "unknown"
-        known["mumps"] = _mumps_version()
-    return known
+        versions["mpi"] = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\0 ")
+        versions["petsc"] = ".".join(map(str, _session.PETSc.Sys.getVersion()))
+        versions["slepc"] = (
+            ".".join(map(str, _session.SLEPc.Sys.getVersion())) if _session.SLEPc else "unknown"
+        )
+        versions["mumps"] = _mumps_version()
+    return versions
 
 
 def petsc_error(error):
     """The exception if it is a PETSc.Error, its cause if that is one (as in slepc4py 3.25), else None."""
-    found = (one for one in (error, error.__cause__) if _session and isinstance(one, _session.PETSc.Error))
-    return next(found, None)
+    candidates = (error, error.__cause__) if _session else ()
+    return next((item for item in candidates if isinstance(item, _session.PETSc.Error)), None)
 
 
 def petsc_message(error) -> str:
@@ -276,11 +301,11 @@ def petsc_message(error) -> str:
     return " ".join(last.removeprefix(f"[{_session.world.rank}]").split())
 
 
-def explained(error) -> tuple[str, int]:
+def explain_error(error) -> tuple[str, int]:
     """A PETSc error in one line, and the exit status: 2 if it may be about a value that the user gave, else 1."""
-    given = " ".join(_session.petsc_argv)
-    if given and petsc_error(error).ierr in VALUES:
-        return f"{given}: {petsc_message(error)}: correct or remove the option", 2
+    options = " ".join(_session.petsc_argv)
+    if options and petsc_error(error).ierr in VALUE_ERRORS:
+        return f"{options}: {petsc_message(error)}. Correct or remove the option.", 2
     return f"PETSc: {petsc_message(error)}", 1
 
 
@@ -297,5 +322,5 @@ def _mumps_version():
         loaded = Path("/proc/self/maps").read_text()
     except OSError:
         return "unknown"
-    found = re.search(r"lib[dz]mumps[\w.-]*?[-.](\d+(?:\.\d+)+)", loaded)
-    return found[1] if found else "unknown"
+    match = re.search(r"lib[dz]mumps[\w.-]*?[-.](\d+(?:\.\d+)+)", loaded)
+    return match[1] if match else "unknown"

@@ -1,4 +1,4 @@
-"""PETSc's options on the command line: which solver they belong to, and messages about wrong ones.
+"""PETSc's options on the command line: the solver that each is for, and messages about wrong ones.
 
 Each solver's options begin with a prefix of its own. An option of no solver of the command is a mistake, refused
 before anything starts; of the others, PETSc names at its end those that nothing has read (`Session.report_unused`).
@@ -24,7 +24,7 @@ SOLVERS = {  # prefix: parts of PETSc and SLEPc that read the words after it
     "osc_factor_": "pc mat",
 }
 # Beginnings of options that PETSc itself reads, when it starts or ends and for objects without a prefix.
-PETSCS_OWN = tuple(
+GLOBAL_OPTIONS = tuple(
     "binary_ blas_ check_ checkfunctionlist checkstack citations cuda_ debugger_ default_device device_ display draw_ "
     "error_output fp_trap get_total_flops help hip_ history info is_view kokkos_ log_ malloc mat_view memory_view "
     "monitor mpi_ mpiuni no_signal_handler not_shared_tmp nox objects_ omp_ on_error options_ petsc_ python random_ "
@@ -35,9 +35,9 @@ MAX_FILES = 100  # options files of one run
 OPTION = re.compile(r"-[A-Za-z]")
 
 
-def is_petscs_own(name: str) -> bool:
+def is_global_option(name: str) -> bool:
     """Whether an option, without its dash, is read by PETSc itself and not by a solver."""
-    return name.lower().startswith(PETSCS_OWN)
+    return name.lower().startswith(GLOBAL_OPTIONS)
 
 
 def check(command: str, owned: dict, petsc_argv) -> None:
@@ -45,26 +45,25 @@ def check(command: str, owned: dict, petsc_argv) -> None:
 
     owned   {command: prefixes of its solvers' options} of all commands
     """
-    for name in names_given(petsc_argv):
-        if not name.lower().startswith(owned[command]) and not is_petscs_own(name):
-            raise InputError(f"PETSc option -{name}: {_what_instead(command, name, owned)}")
+    for name in option_names(petsc_argv):
+        if not name.lower().startswith(owned[command]) and not is_global_option(name):
+            raise InputError(f"PETSc option -{name}: {_remedy(command, name, owned)}")
 
 
-def names_given(petsc_argv) -> list[str]:
-    """Names, without the dash, of the options in these words, in the options files that they name, and in those that
-    these name.
+def option_names(petsc_argv) -> list[str]:
+    """Names, without the dash, of the options in these words, and in the options files that they or such files name.
 
     Raises InputError for words that petsc4py cannot pass on, and for options files that PETSc would refuse with a long
     message, or would read without end.
     """
     for word in petsc_argv:
         if not word.isprintable():
-            raise InputError(f"{ascii(word)[1:-1]}: PETSc takes printable text only: use another name")
+            raise InputError(f"{ascii(word)[1:-1]}: PETSc takes printable text only. Use another name.")
     return _names_among(petsc_argv, [], ())
 
 
 def _names_among(words, files, inside):
-    """Names in words as of a command line; files: all that were read, inside: those that are being read."""
+    """Names in words as of a command line; files: all that were read, inside: all that are being read."""
     names = []
     for word, value in itertools.pairwise([*words, ""]):
         if OPTION.match(word):
@@ -76,7 +75,7 @@ def _names_among(words, files, inside):
 
 def _names_in(file, files, inside):
     if not file:
-        raise InputError("-options_file: needs the name of a file")
+        raise InputError("-options_file: no name of a file. Give one.")
     if inside and file.startswith(PREFIX):
         raise InputError(
             f"{inside[-1]}: -options_file {file}: PETSc takes paths only. Give the path of the file."
@@ -90,10 +89,10 @@ def _names_in(file, files, inside):
             lines = opened.read().decode(errors="replace").splitlines()
         is_inside = any(os.path.samefile(file, other) for other in inside)
     except OSError as error:
-        raise InputError(f"{file}: {error.strerror}: give a PETSc options file") from error
+        raise InputError(f"{file}: {error.strerror}. Give a PETSc options file.") from error
     if is_inside:
         raise InputError(
-            f"{file}: named by itself, in {inside[-1]}: reading would not end. Remove that line."
+            f"{file}: named by itself, in {inside[-1]}, so reading would not end. Remove that line."
         )
     if Path(file).suffix in (".yml", ".yaml"):
         return []  # YAML, PETSc's other format, is not checked
@@ -101,22 +100,28 @@ def _names_in(file, files, inside):
     for number, line in enumerate(lines, 1):
         word, *more = line.partition("#")[0].split()[:2] or [""]
         if word and not re.match(r"-[A-Za-z]|alias$", word):
-            raise InputError(f"{file}: line {number}: {word}: options begin with -, comments with #")
+            raise InputError(
+                f"{file}: line {number}: {word}: not an option. Begin options with -, comments with #."
+            )
         if word != "alias":
-            names += _names_among([word, *(one.strip("\"'") for one in more)], files, (*inside, file))
+            names += _names_among([word, *(part.strip("\"'") for part in more)], files, (*inside, file))
     return names
 
 
-def _what_instead(command, name, owned):
-    """Why an option does not belong to a command, and which one may have been meant."""
+def _remedy(command, name, owned):
+    """Why an option is not one of a command, and which one may have been meant."""
     prefixes = owned[command]
-    others = [one for one, its in owned.items() if name.lower().startswith(its) and len(its) < len(SOLVERS)]
-    if others:
-        return f"is one of jampetsc {' and '.join(others)}, and {command} has no use for it: leave it out"
+    owners = [
+        owner
+        for owner, heads in owned.items()
+        if name.lower().startswith(heads) and len(heads) < len(SOLVERS)
+    ]
+    if owners:
+        return f"an option of jampetsc {' and '.join(owners)}, and {command} has no use for it. Leave it out."
     if not prefixes:
-        return f"{command} solves nothing: leave it out"
+        return f"{command} has no solver. Leave it out."
     head, _, rest = name.partition("_")
     meant = [f"-{prefix}{name}" for prefix in prefixes if head.lower() in SOLVERS[prefix].split()]
     meant = meant or [f"-{near}{rest}" for near in difflib.get_close_matches(f"{head}_", prefixes, n=1)]
     hint = f" (did you mean {' or '.join(meant)}?)" if meant else ""
-    return f"those of {command} begin with -{', -'.join(prefixes)}{hint}: correct or remove it"
+    return f"options of {command} begin with -{', -'.join(prefixes)}{hint}. Correct or remove it."

@@ -12,7 +12,7 @@ def distributed_matrix(comm, csr, values, columns: int | None = None):
     columns   how many of them belong to this rank; None: a symmetric matrix
     """
     PETSc = current().PETSc
-    current().free_dropped(comm)  # those of before make room
+    current().free_dropped(comm)  # dropped matrices make room
     rows, width = csr.shape
     structure = (part.astype(PETSc.IntType) for part in (csr.indptr, csr.indices))
     matrix = PETSc.Mat().createAIJ(

@@ -114,7 +114,7 @@ def _certified(pencil, count, there, stiffness):
         if counted == kept:
             return pairs, kept, shift
         # Lanczos finds one vector of equal eigenvalues, others only by rounding: search orthogonally to those found.
-        more = lowest(pencil, max(1, min(counted, there) - kept), stiffness, known=pairs.vectors)
+        more = lowest(pencil, max(1, min(counted, there) - kept), stiffness, excluded=pairs.vectors)
         pairs = _with_quotients(_together(pairs, more), pencil)
     raise ConvergenceError(
         f"{len(pairs.values)} modes were found and their count does not agree with inertia: some of a cluster are "

@@ -23,7 +23,7 @@ from jampetsc import streams
 from jampetsc.commands import JOBS
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.petsc import launcher
+from jampetsc.petsc import session
 
 
 def probe(*words, ranks=0):
@@ -161,7 +161,7 @@ def test_what_is_a_reason_to_start_mpi_and_ask(monkeypatch, given, several):
         monkeypatch.delenv(name, raising=False)
     for word in given.split():
         monkeypatch.setenv(*word.split("="))
-    assert launcher.several() == several
+    assert session.has_several_ranks() == several
 
 
 def test_what_a_launcher_gives_is_left_out():
@@ -169,7 +169,7 @@ def test_what_a_launcher_gives_is_left_out():
              "PMI_SIZE": "2", "MPI_LOCALNRANKS": "2", "OMPI_MCA_ess_base": "x", "OMPI_MCA_pmix": "x",
              "OMPI_APP_CTX_NUM_PROCS": "2", "OMPI_MCA_orte_x": "1"}  # fmt: skip
     kept = {"OMPI_MCA_btl": "^openib", "OMPI_ALLOW_RUN_AS_ROOT": "1", "PATH": "/bin", "SLURM_PROCID": "1"}
-    assert launcher.without_launcher(given | kept) == kept
+    assert session.without_launcher(given | kept) == kept
 
 
 @pytest.mark.parametrize(
@@ -456,7 +456,7 @@ def test_file_names_that_are_no_text(tmp_path):
     assert told.returncode == 0 and "sweep of \\udcff.h5" in told.stdout
     done = probe("probe", "f", "--scalar", "real", "-options_file", packing)
     assert done.returncode == 2 and words_of(done) == [
-        f"jampetsc: error: {tmp_path}/\\udcff.h5: PETSc takes printable text only: use another name"
+        f"jampetsc: error: {tmp_path}/\\udcff.h5: PETSc takes printable text only. Use another name."
     ]
 
 

@@ -33,7 +33,7 @@ def one_rank(test):
 @pytest.fixture
 def solver(session):
     """The solver that proves minima."""
-    from jampetsc.petsc.local import NewtonSolver
+    from jampetsc.petsc.hessian_solver import NewtonSolver
 
     return NewtonSolver()
 

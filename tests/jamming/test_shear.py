@@ -68,7 +68,7 @@ def test_shear_begins_without_stress_from_a_packing_at_a_packing_fraction_that_h
 @pytest.fixture
 def jammed(session):
     """48 disks at φ = 0.87 to shear quasistatic_shear, and the solver of their quench."""
-    from jampetsc.petsc.local import NewtonSolver
+    from jampetsc.petsc.hessian_solver import NewtonSolver
 
     return settle(random_start(1.2 * radii_of("bidisperse", 48), 0.87, 1, SOFT), 1e-6), NewtonSolver()
 
@@ -128,7 +128,7 @@ def stiffness_matrix(disks):
     ],
 )
 def test_every_state_of_a_crystal_is_a_minimum(session, n, phi, seed, step, rows, tolerance, left):
-    from jampetsc.petsc.local import NewtonSolver
+    from jampetsc.petsc.hessian_solver import NewtonSolver
 
     start = settle(random_start(radii_of("monodisperse", n), phi, seed, SOFT), 1e-6)
     slow = QuasistaticShear(start, step, NewtonSolver(), tolerance)

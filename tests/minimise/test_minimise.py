@@ -27,7 +27,7 @@ from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import UNSTRAINED, growth_and_shear
 from jampetsc.packing.threads import Team
-from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.hessian_solver import NewtonSolver
 
 
 def one_rank(test):

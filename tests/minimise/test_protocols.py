@@ -14,7 +14,7 @@ from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import simple_shear
-from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.hessian_solver import NewtonSolver
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a packing is one rank's own
 

@@ -18,7 +18,7 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.packing.strain import growth_and_shear
 from jampetsc.packing.threads import Team
-from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.hessian_solver import NewtonSolver
 
 LAWS = [Potential(kind, stiffness, 1.7) for kind in EXPONENTS for stiffness in STIFFNESSES]
 

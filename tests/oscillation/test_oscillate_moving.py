@@ -21,7 +21,7 @@ from jampetsc.oscillation.steady_oscillation import SteadyOscillation
 from jampetsc.oscillation.time_step import STAGE
 from jampetsc.packing.contacts import find_contacts, measure
 from jampetsc.packing.strain import simple_shear
-from jampetsc.petsc.local import NewtonSolver
+from jampetsc.petsc.hessian_solver import NewtonSolver
 from jampetsc.petsc.session import current
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # a packing is one rank's own

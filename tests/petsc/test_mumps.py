@@ -37,14 +37,16 @@ def test_workspace_is_doubled_until_it_is_enough(session, saddle, monkeypatch, p
         return ksp, mumps.factorise(ksp, saddle, "a saddle")
 
     ksp, attempts = factorised(f"workspace_{percent}_")
-    assert doubled < attempts <= mumps.ATTEMPTS
+    assert doubled < attempts <= mumps.MAX_ATTEMPTS
     assert ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == 20 * 2 ** (attempts - doubled)
     b, x = saddle.createVecs()
     b.set(1.0)
     mumps.solve(ksp, b, x, "a saddle")
     assert (saddle * x - b).norm() < 1e-4 * b.norm()
     monkeypatch.setattr(mumps, "ATTEMPTS", 1)
-    with pytest.raises(mumps.Failure, match=r"factorisation of a saddle: out of memory \(MUMPS") as failed:
+    with pytest.raises(
+        mumps.FactorisationError, match=r"factorisation of a saddle: out of memory \(MUMPS"
+    ) as failed:
         factorised(f"workspace_lost_{percent}_")
     assert failed.value.code == -9
 
@@ -67,7 +69,7 @@ def scripted(session, monkeypatch):
 @pytest.mark.parametrize(
     ("codes", "pc", "found"),
     [
-        *(([code] * 3 + [0], "cholesky", (4, 160)) for code in mumps.WORKSPACE),
+        *(([code] * 3 + [0], "cholesky", (4, 160)) for code in mumps.WORKSPACE_CODES),
         ([-9] * 4 + [0], "cholesky", (5, 320)),  # up to 16 times the usual
         ([-9, 0], "lu", (2, 40)),  # also without symmetry
         ([1], "cholesky", (1, 0)),  # a warning
@@ -76,10 +78,10 @@ def scripted(session, monkeypatch):
         (
             [-13],
             "cholesky",
-            r"out of memory \(MUMPS INFOG\(1\) = -13\); use more ranks or nodes, or -options_file",
+            r"out of memory \(MUMPS INFOG\(1\) = -13\)\. Use more ranks or nodes, or -options_file",
         ),
         ([-19], "lu", r"out of memory \(MUMPS INFOG\(1\) = -19\)"),
-        ([-90], "lu", r"MUMPS could not write its files \(MUMPS INFOG\(1\) = -90\); .* MUMPS_OOC_TMPDIR"),
+        ([-90], "lu", r"files of MUMPS not written \(MUMPS INFOG\(1\) = -90\)\. .* MUMPS_OOC_TMPDIR"),
         (
             [-10],
             "cholesky",
@@ -94,7 +96,7 @@ def test_lack_of_workspace_is_cured_by_more_and_the_rest_is_told(scripted, codes
     if not isinstance(found, str):
         assert scripted(prefix, codes, pc) == found
         return
-    with pytest.raises(mumps.Failure, match=f"factorisation of a chain: {found}") as failed:
+    with pytest.raises(mumps.FactorisationError, match=f"factorisation of a chain: {found}") as failed:
         scripted(prefix, codes, pc)
     assert failed.value.code == codes[0]
 
@@ -103,9 +105,9 @@ def test_the_command_line_knows_a_factorisation_that_failed(monkeypatch):
     """For what it is, with options as it has them."""
 
     def fail(*_, **__):
-        raise mumps.Failure(f"singular; see info with {named('matrices')}", -10)
+        raise mumps.FactorisationError(f"singular; see info with {named('matrices')}", -10)
 
     monkeypatch.setattr(modes, "lowest_modes", fail)
-    with pytest.raises(mumps.Failure, match="singular; see info with --matrices") as told:
+    with pytest.raises(mumps.FactorisationError, match="singular; see info with --matrices") as told:
         cli.dispatch(["modes", str(DATA / "isostatic-N24-p1e-7.h5"), "--out", "none.h5"])
     assert pickle.loads(pickle.dumps(told.value)).code == -10  # on other ranks too

@@ -111,8 +111,8 @@ def test_newest_build_for_this_python_comes_first(tmp_path, monkeypatch):
     assert found[1].slepc_dir == tmp_path / "slepcdir/slepc3.18/any-linux-gnu-real"
 
 
-OTHER = "complex scalars are needed and {real}.* has real ones: unset PETSC_DIR and .*{complex}"
-PAIR = "slepcdir.*: set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
+OTHER = "{real}.*: real scalars, and complex ones are needed .* Unset PETSC_DIR and .*{complex}"
+PAIR = "slepcdir.* Set PETSC_DIR and SLEPC_DIR to one pair, or unset both"
 STARTED = [  # what is asked for, whose folders PETSC_DIR and SLEPC_DIR name, the scalars of the session or what is said
     (None, {}, "real"),
     ("real", {}, "real"),
@@ -203,7 +203,7 @@ def test_which_build_is_chosen(installed, monkeypatch, asked, loaded, found, own
     if found:
         spec = SimpleNamespace(origin=str(installed / found / "petsc4py/__init__.py"))
         monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
-    assert builds.to_choose("real") == (not own and bool(chosen))
+    assert builds.can_choose("real") == (not own and bool(chosen))
     if chosen and " " in chosen:
         with pytest.raises(InputError, match=chosen):
             variables_of(asked)
@@ -222,7 +222,7 @@ def test_own_petsc4py_on_the_path_is_respected():
     )
     done = python(code)
     assert done.stdout.strip() == "complex"
-    assert "use a petsc4py and slepc4py whose PETSc was configured --with-scalar-type=real" in done.stderr
+    assert "Use a petsc4py and slepc4py whose PETSc was configured --with-scalar-type=real" in done.stderr
 
 
 # Options
@@ -268,9 +268,9 @@ def test_a_running_session(session):
 
 def test_before_and_after_a_session():
     assert "no session: call jampetsc.petsc.session.start() first" in python("session.current()").stderr
-    code = "print(*session.versions())\nfrom mpi4py import MPI\nMPI.Finalize()\nsession.start('real')"
+    code = "print(*session.package_versions())\nfrom mpi4py import MPI\nMPI.Finalize()\nsession.start('real')"
     done = python(code)
-    assert done.stdout == "numpy h5py\n" and "MPI has ended in this process" in done.stderr
+    assert done.stdout == "numpy h5py\n" and "MPI: ended in this process" in done.stderr
 
 
 @pytest.mark.scalar("real", "complex")
@@ -368,18 +368,18 @@ def test_what_one_rank_does_alone_waits_for_no_other(session, tmp_path):
 
 @pytest.mark.parametrize("scalar", ["real", "complex"])
 def test_the_remedy_is_a_build_of_the_type_that_is_wanted(installed, monkeypatch, scalar):
-    with pytest.raises(InputError, match=r"no petsc4py \(real scalars\) for .* run/setup installs it"):
+    with pytest.raises(InputError, match=r"petsc4py: none with real scalars for .* run/setup installs it"):
         variables_of()
-    wish = f"use a petsc4py and slepc4py whose PETSc was configured --with-scalar-type={scalar}"
+    wish = f"Use a petsc4py and slepc4py whose PETSc was configured --with-scalar-type={scalar}."
     other = "complex" if scalar == "real" else "real"
     make_build(installed, f"petsc3.19/any-linux-gnu-{other}")
-    assert builds.remedy(scalar) == wish and not builds.to_choose(scalar) and builds.to_choose(other)
+    assert builds.remedy(scalar) == wish and not builds.can_choose(scalar) and builds.can_choose(other)
     monkeypatch.setenv("PETSC_DIR", str(installed / "mine"))
-    with pytest.raises(InputError, match=f"no petsc4py for this python there: .*, or {wish}"):
+    with pytest.raises(InputError, match=f"no petsc4py for this python there.* Or: {wish}"):
         builds._choose(scalar)
     make_build(installed, f"petsc3.18/any-linux-gnu-{scalar}")
     folder = installed / f"petscdir/petsc3.18/any-linux-gnu-{scalar}"
-    instead = f"unset PETSC_DIR and SLEPC_DIR (and leave other environments) to use {folder}"
+    instead = f"Unset PETSC_DIR and SLEPC_DIR (and leave other environments) to use {folder}."
     assert builds.remedy(scalar) == instead
 
 
@@ -388,7 +388,7 @@ def test_who_works_together(monkeypatch):
     monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_WORLD="all"))
     for running, several, comm in (("session", True, "its"), (None, True, "all"), (None, False, None)):
         monkeypatch.setattr(door, "_session", running and SimpleNamespace(comm="its", world="all"))
-        monkeypatch.setattr(door.launcher, "several", lambda: several)  # noqa: B023
+        monkeypatch.setattr(door, "has_several_ranks", lambda: several)  # noqa: B023
         assert door.communicator() == comm
 
 
@@ -404,10 +404,10 @@ def test_petsc_is_started_with_the_words_and_slepc_need_not_be_there():
 @pytest.mark.parametrize(
     ("module", "found", "message"),
     [
-        ("mpi4py", None, "petsc4py and mpi4py: import of mpi4py halted; None in sys.modules: install them for /"),
+        ("mpi4py", None, "petsc4py and mpi4py: import of mpi4py halted; None in sys.modules. Install them for /"),
         ("petsc4py", None, "petsc4py and mpi4py: import of petsc4py halted"),
         ("any", None, "-malloc_debug maybe: PETSc does not start with this. See its message above."),
-        ("slepc4py", "Namespace(init=dict, __file__='/lib/x/y.py')", "/lib/x was not built for /"),  # ValueError
+        ("slepc4py", "Namespace(init=dict, __file__='/lib/x/y.py')", "/lib/x: not built for /"),  # ValueError
     ],
 )  # fmt: skip
 def test_what_does_not_start_is_one_line(module, found, message):
@@ -423,7 +423,7 @@ def test_options_that_keep_petsc_from_starting_are_named_wherever_they_are(tmp_p
         (
             "PETSC_OPTIONS=-options_file none",
             "",
-            "none: No such file or directory: give a PETSc options file",
+            "none: No such file or directory. Give a PETSc options file",
         ),
         (".petscrc", "-options_file none", "PETSc does not start with this."),
     ):

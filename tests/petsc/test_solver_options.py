@@ -11,23 +11,23 @@ from jampetsc.commands import JOBS, job_class
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.petsc import solver_options
-from jampetsc.petsc.solver_options import check, names_given
+from jampetsc.petsc.solver_options import check, option_names
 
 OWNED = {name: job_class(name).SOLVERS for name in JOBS}
 REFUSED = {  # command and words -> what is said of them
     "sweep -ksp_view": "(did you mean -shift_ksp_view or -freq_ksp_view or -inertia_ksp_view?)",
-    "sweep -log_view -shfit_pc_type lu": "-shfit_pc_type: those of sweep begin with -shift_, -freq_, -inertia_ (did "
-    "you mean -shift_pc_type?): correct or remove it",
-    "pack -KSP_view": "-KSP_view: those of pack begin with -newton_ (did you mean -newton_KSP_view?): correct or",
-    "flow -ksp_view": "flow solves nothing: leave it out",
+    "sweep -log_view -shfit_pc_type lu": "-shfit_pc_type: options of sweep begin with -shift_, -freq_, -inertia_ (did "
+    "you mean -shift_pc_type?). Correct or remove it.",
+    "pack -KSP_view": "-KSP_view: options of pack begin with -newton_ (did you mean -newton_KSP_view?). Correct",
+    "flow -ksp_view": "flow has no solver. Leave it out.",
     "modes -eps_tol 1e-9": "(did you mean -modes_eps_tol?)",
     "modes -pc_type lu": "(did you mean -shift_pc_type or -inertia_pc_type?)",
     "oscillate -snes_view": "(did you mean -osc_snes_view?)",
-    "sweep -shift_pc_type lu -modes_eps_tol 1": "-modes_eps_tol: is one of jampetsc modes, and sweep has no use for it",
-    "pack -shift_pc_type lu": "is one of jampetsc sweep and quasistatic and modes and oscillate, and pack has no use",
-    "matrices -shift_pc_type lu": "and matrices has no use for it: leave it out",
-    "matrices -foo 1": "-foo: matrices solves nothing: leave it out",
-    "study -foo_bar": "those of study begin with -newton_, -shift_",
+    "sweep -shift_pc_type lu -modes_eps_tol 1": "-modes_eps_tol: an option of jampetsc modes, and sweep has no use",
+    "pack -shift_pc_type lu": "an option of jampetsc sweep and quasistatic and modes and oscillate, and pack has",
+    "matrices -shift_pc_type lu": "and matrices has no use for it. Leave it out.",
+    "matrices -foo 1": "-foo: matrices has no solver. Leave it out.",
+    "study -foo_bar": "options of study begin with -newton_, -shift_",
 }
 
 
@@ -56,7 +56,7 @@ def test_what_is_said_knows_every_solver_and_every_command():
         "freq_": ("response.direct", "PREFIX"),
         "inertia_": ("petsc.inertia", "PREFIX"),
         "modes_": ("petsc.eigen", "PREFIX"),
-        "newton_": ("petsc.local", "PREFIX"),
+        "newton_": ("petsc.hessian_solver", "PREFIX"),
         "osc_": ("oscillation.cycle_solver", "NEWTON_PREFIX"),
         "osc_factor_": ("oscillation.cycle_solver", "FACTOR_PREFIX"),
     }
@@ -71,7 +71,7 @@ def test_files_that_are_ready_to_use_are_taken_by_their_command(path):
     command = re.search(r"jampetsc (\w+) PACKING", path.read_text())[1]
     words = ["-options_file", str(path)]
     check(command, OWNED, words)
-    assert len(names_given(words)) > 1
+    assert len(option_names(words)) > 1
     with pytest.raises(InputError, match="PETSc option -"):
         check("flow", OWNED, words)
 
@@ -82,40 +82,40 @@ def test_files_that_are_ready_to_use_are_taken_by_their_command(path):
         ("# why\n\n-a 1 # and why\n  -b_c\nalias x y\n", ["a", "b_c"]),
         ("-a é\n", ["a"]),
         ("", []),
-        ("-a 1\n# -\n -1 2\n", "line 3: -1: options begin with -, comments with #"),
-        ("-a\n\nb 1 # -b 1\n", "line 3: b: options begin"),
-        ("aliases x\n", "line 1: aliases: options begin"),
-        ("--a 1\n", "line 1: --a: options begin"),
+        ("-a 1\n# -\n -1 2\n", "line 3: -1: not an option. Begin options with -, comments with #"),
+        ("-a\n\nb 1 # -b 1\n", "line 3: b: not an option. Begin"),
+        ("aliases x\n", "line 1: aliases: not an option. Begin"),
+        ("--a 1\n", "line 1: --a: not an option. Begin"),
     ],
 )
 def test_what_an_options_file_may_hold(tmp_path, content, expected):
     path, other = tmp_path / "a.opts", tmp_path / "a.yaml"  # PETSc's other language
     other.write_text("a: 1\n")
-    assert names_given(["-options_file", str(other)]) == ["options_file"]
+    assert option_names(["-options_file", str(other)]) == ["options_file"]
     for encoding in ("utf-8", "latin-1"):
         path.write_bytes(content.encode(encoding))
         words = ["-x", "-options_file", str(path), "-y"]
         if isinstance(expected, list):
-            assert names_given(words) == ["x", "options_file", *expected, "y"]
+            assert option_names(words) == ["x", "options_file", *expected, "y"]
         else:
             with pytest.raises(InputError, match=f"^{path}: {re.escape(expected)}"):
-                names_given(words)
+                option_names(words)
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-a", "x\ny"], r"x\ny: PETSc takes printable text only: use another name"),
+        (["-a", "x\ny"], r"x\ny: PETSc takes printable text only. Use another name."),
         (["-a", "\udcff"], r"\udcff: PETSc takes printable text only"),
-        (["-options_file"], "-options_file: needs the name of a file"),
-        (["-options_file", ""], "-options_file: needs the name of a file"),
-        (["-options_file", "/none.yml"], "/none.yml: No such file or directory: give a PETSc options file"),
+        (["-options_file"], "-options_file: no name of a file. Give one."),
+        (["-options_file", ""], "-options_file: no name of a file. Give one."),
+        (["-options_file", "/none.yml"], "/none.yml: No such file or directory. Give a PETSc options file"),
         (["-options_file", "/"], "/: a folder. Give the file in it"),
     ],
 )
 def test_words_that_petsc_cannot_have(words, message):
     with pytest.raises(InputError) as refused:
-        names_given(words)
+        option_names(words)
     assert str(refused.value).startswith(message)
 
 
@@ -131,21 +131,21 @@ def test_options_files_that_name_others(tmp_path, monkeypatch):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / f"{name}.opts").write_text(content)
     names = ["options_file", "a", "options_file", "B_c", "Options_File", "d"]
-    assert names_given(["-options_file", "a.opts"]) == names
+    assert option_names(["-options_file", "a.opts"]) == names
     with pytest.raises(InputError, match="PETSc option -a: "):
         check("sweep", OWNED, ["-options_file", "a.opts"])
     for name, message in (
         (
             "self",
-            r"\./self\.opts: named by itself, in self\.opts: reading would not end\. Remove that line\.$",
+            r"\./self\.opts: named by itself, in self\.opts, so reading would not end\. Remove that line\.$",
         ),
-        ("two", r"two\.opts: named by itself, in one\.opts: "),
+        ("two", r"two\.opts: named by itself, in one\.opts, so"),
         ("ours", r"ours\.opts: -options_file jampetsc:mumps: PETSc takes paths only"),
-        ("gone", r"none\.opts: No such file or directory: give"),
+        ("gone", r"none\.opts: No such file or directory. Give"),
         ("n0", "n0.opts: names more than 100 options files"),
     ):
         with pytest.raises(InputError, match=message):
-            names_given(["-options_file", f"{name}.opts"])
+            option_names(["-options_file", f"{name}.opts"])
 
 
 # What PETSc says
