@@ -28,7 +28,7 @@ from jampetsc.io.reader import load
 KEPT = Path(__file__).resolve().parents[1] / "docs" / "kept"
 LEFT_OUT = re.compile(
     r"(no_prestress/)?(state|snapshots/(positions|velocities|cell|images|spins)|fields/|modes$|contacts|nonaffine|"
-    r"rotation|particles|radii)"
+    r"rotation|particles|radii|reduced_tensor)"
 )
 MOST = 100_000  # numbers of a dataset
 ROWS = defaultdict(lambda: 100, {"overdamped-limit": 20})  # of the series of a flow, by figure

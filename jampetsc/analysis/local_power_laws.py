@@ -9,10 +9,10 @@ SLOPE_TOLERANCE = 0.12  # between the slope of the data and the exponent of a wi
 MIN_DECADES, MAX_DECADES = 0.6, 2.5  # of x in a window
 
 
-def power_law_window(x, y, exponent) -> tuple[float, float] | None:
+def power_law_window(x, y, exponent, max_decades=MAX_DECADES) -> tuple[float, float] | None:
     """(first, last) log₁₀ x of the longest stretch where d ln y/d ln x is near `exponent`; x increasing, (M,) each.
 
-    A stretch of more than MAX_DECADES is cut to its middle; None for one of less than MIN_DECADES. Values y ≤ 0 are
+    A stretch of more than `max_decades` is cut to its middle; None for one of less than MIN_DECADES. Values y ≤ 0 are
     left out.
     """
     x, y = x[y > 0], y[y > 0]
@@ -25,7 +25,7 @@ def power_law_window(x, y, exponent) -> tuple[float, float] | None:
     first, last = max(stretches, key=lambda ends: ends[1] - ends[0], default=(0.0, 0.0))
     if last - first < MIN_DECADES:
         return None
-    excess = max(0.0, (last - first) - MAX_DECADES) / 2
+    excess = max(0.0, (last - first) - max_decades) / 2
     return first + excess, last - excess
 
 

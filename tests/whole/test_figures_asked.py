@@ -47,6 +47,12 @@ bt-modes modes prestress = 0
 bt-nonlinear pack pressure >= 1e-4
 bt-nonlinear oscillate alpha >= 0.5 0.6667
 bt-nonlinear --quick oscillate n alpha=0.5|0.6667 >= 512
+compression pack pressure = 1e-2 1e-3 1e-4 1e-5
+compression sweep,quasistatic law = contact stokes
+compression sweep load = tensor
+compression sweep prestress law=contact|stokes = 0 1
+compression sweep eta_f law=stokes = 0
+compression quasistatic load law=contact|stokes = xy compression
 contact-lifetimes flow model = CD CDn RD
 contact-lifetimes flow quality = 3
 contact-lifetimes flow phi = 0.78
