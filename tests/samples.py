@@ -168,6 +168,15 @@ def cut(network, pairs):
     return replace(network, contacts=network.contacts[~among(network, pairs)])
 
 
+TABLE_WEIGHTS = {  # weights and pre-stress of the laws in tensor.json
+    "contact beta=1": (dict(normal=1, sliding=1), True),
+    "contact beta=0.1": (dict(normal=1, sliding=0.1), True),
+    "contact beta=1 no rotations": (dict(normal=1, transverse=1), True),
+    "contact beta=1 no pre-stress": (dict(normal=1, sliding=1), False),
+    "contact beta=0": (dict(normal=1), True),
+    "stokes eta_f=1": (dict(drag=1, eta_f=1), True),
+}
+
 LAWS = {
     str(one): one
     for one in (

@@ -8,6 +8,7 @@ from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.jamming import shear_path
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
+from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts
@@ -63,7 +64,7 @@ def forces(disks, law, rate, u, spin):
     """(elastic (N, 2), viscous (N, 2), torques (N,), viscous virial Σ f r (2, 2), dissipation in contacts)."""
     c = find_contacts(disks)
     unit = disks.potential.k * law.tau1
-    n, t = c.normal, c.transverse
+    n, (t,) = c.normal, transverse_axes(c.normal)
     velocity = u[c.j] - u[c.i] + rate * np.outer(c.r[:, 1], [1.0, 0.0])
     along, across = np.sum(n * velocity, 1), np.sum(t * velocity, 1)
     sliding = across - disks.radii[c.i] * spin[c.i] - disks.radii[c.j] * spin[c.j]

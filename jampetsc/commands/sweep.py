@@ -193,7 +193,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
                 method=method,
                 accuracy=self.accuracy,
                 positive_semidefinite=minimum.description,
-                unknowns=source.network.n * self.law.dofs,
+                unknowns=source.network.n * self.law.dofs(source.network.dimension),
                 notes=noted(notes),
                 factorisations=found.factorisations,
                 vectors=found.vectors,

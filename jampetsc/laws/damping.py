@@ -4,7 +4,7 @@ All laws are values of the weights of one dissipation function (BT eqs. 5–9; V
 
     2R/kτ₁ = Σ_c [ normal (ȧ∥)² + transverse (ȧ⊥)² + sliding (ȧ⊥ᶜ)² ] + drag Σ_i |u̇_i|² + η_F V γ̇² ,
 
-with a∥, a⊥ the relative motions of two disks along and across their bond, a⊥ᶜ = a⊥ − ρ_i θ_i − ρ_j θ_j the
+with a∥, a⊥ the relative motions of two disks along and across their bond, a⊥ᶜ = a⊥ − (ρ_i θ_i + ρ_j θ_j) × n the
 sliding of their rims, and u_i a disk's motion relative to the affine flow. FAMILIES is the table of the laws
 that can be chosen by name; a new law is one more row there. No other code depends on the name of a law: matrices,
 forces, dissipation, null modes and command-line options all follow from weights and rows.
@@ -150,10 +150,9 @@ class Law:
         """Whether the law needs the angles θ: only the sliding of rims couples to them."""
         return self.sliding > 0
 
-    @property
-    def dofs(self) -> int:
-        """Unknowns per disk: (x, y, θ) or (x, y)."""
-        return 3 if self.couples_rotations else 2
+    def dofs(self, dimension: int) -> int:
+        """Unknowns per disk: D displacements and, where disks roll, D(D − 1)/2 spins θ."""
+        return dimension + (dimension * (dimension - 1) // 2 if self.couples_rotations else 0)
 
     @property
     def holds_translations(self) -> bool:

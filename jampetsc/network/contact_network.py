@@ -19,10 +19,11 @@ from jampetsc.packing.contacts import (
     find_contacts,
     find_rattlers,
     force_threshold,
+    typical_force,
     virial_pressure,
 )
 from jampetsc.packing.linear_bonds import LinearBonds
-from jampetsc.packing.neighbours import spatial_order
+from jampetsc.packing.neighbours import lengths, spatial_order
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
@@ -47,14 +48,21 @@ class DistributedNetwork:
     radii: np.ndarray | None  # (n,) of all disks, in the new numbering; None: of nodes that cannot roll
     volume: float  # V
     k: float  # contact stiffness constant of the potential, or unit of stiffness of a network
-    pressure: float  # p = Σ f r / (2V) over all overlaps
+    pressure: float  # p = Σ f r / (D V) over all overlaps
     rattlers: int  # number of disks left out
     threshold: float  # force above which a contact counts
-    imbalance: float  # max |F|/(p d) of the disks that bear load, d the mean diameter; infinite at p = 0
+    imbalance: (
+        float  # max |F|/(p d^(D−1)) of the disks that bear load, d the mean diameter; infinite at p = 0
+    )
     pushes: bool  # whether any contact has f > 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
     imbalance_measure: str = "max|F|/(p d)"  # of a `Network`: max|F|/mean|T|
     remedy: str = "raise the pressure or finish the quench"  # of floppy modes, in words
+
+    @property
+    def dimension(self) -> int:
+        """D, 2 or 3."""
+        return self.contacts.r.shape[1]
 
     def unstressed(self) -> "DistributedNetwork":
         """The same contacts as springs at rest: K without pre-stress."""
@@ -101,8 +109,8 @@ def build_network(source: Packing | Network, comm, prestress: bool = True) -> Di
     source   on every rank
 
     Raises InputError for two disks at one place, and for a packing with too few contacts to be rigid: n disks in a
-    periodic cell need at least 2n − 2 (Maxwell's count), and each missing one leaves a floppy mode. A network may be
-    floppy.
+    periodic cell need at least D n − D (Maxwell's count), and each missing one leaves a floppy mode. A network may
+    be floppy.
     """
     if isinstance(source, Network):
         return _spread_network(source, comm, prestress)
@@ -140,6 +148,7 @@ def _spread_packing(packing, comm, prestress):
         pressure=pressure,
         threshold=threshold,
         imbalance=_imbalance(packing, every, rows, rattlers, pressure, comm),
+        imbalance_measure=f"max|F|/(p {'d' if packing.dimension == 2 else 'd²'})",
         prestress=prestress,
     )
 
@@ -206,12 +215,12 @@ def _require_directions(every, order, comm):
 
 
 def _imbalance(disks, every, rows, rattler, pressure, comm):
-    """max |F|/(p d) of the disks without rattlers, from the contacts of this rank's `rows` of them."""
+    """max |F|/(p d^(D−1)) of the disks without rattlers, from the contacts of this rank's `rows` of them."""
     pull, count = every.normal * every.force[:, None], rows[1] - rows[0]
     forces = [np.bincount(every.i - rows[0], axis, minlength=count) for axis in pull.T]
-    size = np.hypot(*forces)[~rattler[slice(*rows)]]
+    size = lengths(np.array(forces).T)[~rattler[slice(*rows)]]
     largest = max(comm.allgather(float(size.max(initial=0.0))))
-    unit = pressure * 2.0 * float(np.mean(disks.radii))
+    unit = typical_force(disks, pressure)
     return largest / unit if unit > 0.0 else np.inf
 
 
@@ -221,7 +230,7 @@ def _require_rigid(network, total):
         raise InputError(
             f"no load-bearing contacts among {total} disks: below jamming, nothing resists shear; raise the pressure"
         )
-    floppy = 2 * network.n - 2 - contacts
+    floppy = network.dimension * (network.n - 1) - contacts
     if floppy > 0:
         raise InputError(
             f"{contacts} contacts between {network.n} disks leave at least {floppy} floppy modes: below jamming; "
@@ -235,6 +244,7 @@ class Pieces:
 
     label: np.ndarray  # (n,) lowest disk number of the piece of each disk
     bipartite: np.ndarray  # (n,) whether that piece is bipartite, so that its disks can turn like gears
+    dimension: int  # D
 
     @property
     def roots(self):
@@ -243,8 +253,8 @@ class Pieces:
 
     @property
     def translations(self) -> int:
-        """How many moves cost no energy whatever the packing: two for each piece."""
-        return 2 * len(self.roots)
+        """How many moves cost no energy whatever the packing: D for each piece."""
+        return self.dimension * len(self.roots)
 
     @cached_property
     def index(self):
@@ -278,4 +288,4 @@ def find_pieces(network: DistributedNetwork) -> Pieces:
             break
         label = joined
     plus, minus = label[:n], label[n:]
-    return Pieces(label=np.minimum(plus, minus), bipartite=plus != minus)
+    return Pieces(label=np.minimum(plus, minus), bipartite=plus != minus, dimension=network.dimension)

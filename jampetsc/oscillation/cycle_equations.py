@@ -127,7 +127,7 @@ class ContactMotions:
         _, columns, values = self.C.getValuesCSR()
         rows = (np.arange(self.count)[:, None] * self.forms + self.damped).ravel()
         felt, values = (
-            np.column_stack((part.reshape(self.rows, 2 * self.pencil.law.dofs), strain))[rows]
+            np.column_stack((part.reshape(self.rows, 2 * self.pencil.dofs), strain))[rows]
             for part, strain in ((columns, np.full(self.rows, self.pencil.unknowns)), (values.real, g))
         )
         return felt, values[:, :, None] * values[:, None, :]

@@ -44,14 +44,14 @@ class MovingContacts(ListedPacking):
         self.step, self.gamma, self.rate = step, gamma, 0.0
         super().__init__(disks)
         potential = self._potential = disks.potential
-        self.n, self.dofs, self.area = disks.n, law.dofs, disks.volume
+        self.n, self.dofs, self.area = disks.n, law.dofs(2), disks.volume
         self.stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
         self.reach = MAX_OVERLAP_MOVE * float(np.mean(find_contacts(disks).overlap))
         # rotations are solved for as lengths, times this diameter, as displacements are
-        self._lengths = np.array([1.0, 1.0, self.diameter])[: law.dofs]
+        self._lengths = np.array([1.0, 1.0, self.diameter])[: self.dofs]
         self.rims = disks.radii / self.diameter
         self._damping = Damping.of(law, ContactPowerLaw.of(law, float(potential.k), self.diameter), speed)
-        self.u = np.zeros((disks.n, law.dofs))
+        self.u = np.zeros((disks.n, self.dofs))
         self.gained = 0.0  # change of the elastic energy in the last step
         self.matrix = StepMatrix(self)
         self.stages = Stages(self, self.matrix, STAGE * step, scale)

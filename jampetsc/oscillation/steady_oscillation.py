@@ -142,7 +142,10 @@ class SteadyOscillation:
         except ConvergenceError:
             solution = None
         if solution is None:
-            still, (strain, speed) = np.zeros((network.n, self.law.dofs)), self._scales(drive)
+            still, (strain, speed) = (
+                np.zeros((network.n, self.law.dofs(network.dimension))),
+                self._scales(drive),
+            )
             return Start.of(network, drive, still, still, 0.0, 0.0, strain, network.k, speed / drive.omega)
         cycle = Cycle(self.steps, drive.omega)
         waves = solution.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the maximum

@@ -36,12 +36,6 @@ class LinearBonds:
         return self.r / self.distance[:, None]
 
     @property
-    def transverse(self):
-        """t = ẑ × n, (M, 2)."""
-        n = self.normal
-        return np.column_stack((-n[:, 1], n[:, 0]))
-
-    @property
     def weight_rounding(self):
         """What rounding of the input may do to k and to f/r, in units of ε, (M, 2): nothing, where they are given."""
         return np.zeros((len(self), 2))

@@ -50,13 +50,14 @@ class Eigenpairs:
 
 
 def translations(pencil):
-    """Orthonormal translations of the connected pieces, (2 pieces, unknowns_local)."""
+    """Orthonormal translations of the connected pieces, (D pieces, unknowns_local)."""
     sizes = np.bincount(pencil.pieces.index)
     own_pieces = pencil.pieces.index[pencil.network.first : pencil.network.last]
-    moves = np.zeros((len(sizes), 2, len(own_pieces), 2))
-    for axis in range(2):
+    dimension = pencil.dimension
+    moves = np.zeros((len(sizes), dimension, len(own_pieces), dimension))
+    for axis in range(dimension):
         moves[own_pieces, axis, np.arange(len(own_pieces)), axis] = 1.0 / np.sqrt(sizes[own_pieces])
-    return moves.reshape(2 * len(sizes), -1)
+    return moves.reshape(dimension * len(sizes), -1)
 
 
 def lowest(pencil, count: int, stiffness: float, excluded=None) -> Eigenpairs:
@@ -77,8 +78,8 @@ def lowest(pencil, count: int, stiffness: float, excluded=None) -> Eigenpairs:
         return _krylov(pencil, deflated, count + EXTRA_PAIRS, stiffness)
     if pencil.unknowns > MAX_LAPACK_UNKNOWNS:
         raise InputError(
-            f"{count} of {available} modes: more than half the spectrum is found up to {MAX_LAPACK_UNKNOWNS // 2} "
-            "disks. Give a smaller number."
+            f"{count} of {available} modes: more than half the spectrum is found up to "
+            f"{MAX_LAPACK_UNKNOWNS // pencil.dimension} disks. Give a smaller number."
         )
     return _dense(pencil, moves, min(count + EXTRA_PAIRS, available), stiffness)
 
@@ -114,10 +115,10 @@ class _BlockFactor:
         return reason.DIVERGED_ITS if iterations >= limit else reason.CONVERGED_ITERATING
 
 
-def _suits_blocks(matrix) -> bool:
-    """Whether the matrix lies on one rank, is not too large, and no option of the user says how to factorise it."""
-    whole = matrix.getComm().size == 1 and matrix.getSize()[0] <= DENSE_BLOCK_UNKNOWNS
-    return whole and not current().has_options(PREFIX + "st_")
+def _suits_blocks(pencil) -> bool:
+    """Whether K lies on one rank, in blocks of 2×2, is not too large, and no option says how to factorise it."""
+    whole = pencil.K.getComm().size == 1 and pencil.unknowns <= DENSE_BLOCK_UNKNOWNS
+    return whole and pencil.dimension == 2 and not current().has_options(PREFIX + "st_")
 
 
 def _krylov(pencil, moves, count, stiffness):
@@ -126,7 +127,7 @@ def _krylov(pencil, moves, count, stiffness):
     for vector, move in zip(deflated, moves, strict=True):
         vector.setArray(move)
     eps, factor = _solver(pencil.K, count, stiffness), None
-    if _suits_blocks(pencil.K):
+    if _suits_blocks(pencil):
         st = eps.getST()
         st.setMatMode(SLEPc.ST.MatMode.SHELL)  # K − σ is not needed as a matrix
         pc = st.getKSP().getPC()

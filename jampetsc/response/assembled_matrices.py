@@ -27,7 +27,7 @@ NAMES = (*SPARSE, *VECTORS, *NUMBERS, *ROWS)
 
 @dataclass(frozen=True, eq=False)
 class PackingMatrices:
-    """K and B of u unknowns of the n disks that bear load, (x, y) or, where disks roll, (x, y, θ) one after another."""
+    """K and B of u unknowns of the n disks that bear load: x, y, (z) and, where disks roll, spins, disk after disk."""
 
     K: object  # (u, u) PETSc.Mat, or scipy's csr_array; k
     B: object  # (u, u) the same; kτ₁
@@ -37,7 +37,9 @@ class PackingMatrices:
     b_gg: object  # b_γγ = V η_∞ of affine motion; the same
     area: float  # V
     particles: np.ndarray  # (n,) numbers of the disks in the packing file
-    dofs: np.ndarray  # (u, 2) of every unknown: number of its disk in the packing file; 0 x, 1 y, 2 θ
+    dofs: (
+        np.ndarray
+    )  # (u, 2) of every unknown: number of its disk in the packing file; 0 x, 1 y, 2 θ, in 3D 2 z, 3 … 5 θ
     pins: np.ndarray  # unknowns to leave out, so that K + iωB is regular
 
     def to_scipy(self) -> "PackingMatrices":
@@ -107,12 +109,12 @@ def build_matrices(network: DistributedNetwork, law: Law, loads=None) -> Packing
     if len(pencils) > 1:
         border = [tuple(getattr(one, name) for one in pencils) for name in VECTORS] + _corners(pencils)
     particles = np.concatenate(comm.allgather(network.particles))
-    component = np.tile(np.arange(law.dofs), len(particles))
+    component = np.tile(np.arange(pencil.dofs), len(particles))
     return PackingMatrices(
         pencil.K, pencil.B, *border,
         area=network.volume,
         particles=particles,
-        dofs=np.column_stack((np.repeat(particles, law.dofs), component)),
+        dofs=np.column_stack((np.repeat(particles, pencil.dofs), component)),
         pins=pins_of(law, pencil.pieces),
     )  # fmt: skip
 

@@ -1,8 +1,8 @@
 """Hessian K, damping matrix B and their border, the load, of a contact network, as distributed PETSc matrices.
 
 Unknowns are the non-affine displacements ũ = u − ε E x of a load E (`laws.loads`; at first simple shear, γ y x̂) and,
-where the law couples to them, the angles θ, interleaved (x, y, θ) per disk. A contact contributes weighted squares of
-its relative motions (`laws.relative_motion`):
+where the law couples to them, the spins θ, interleaved (x, y, θ) per disk, (x, y, z, θ_x, θ_y, θ_z) per sphere. A
+contact contributes weighted squares of its relative motions (`laws.relative_motion`):
 
     K:  k (a∥)² − (f/r) (a⊥)²           (BT eqs. 4, 11)
     B:  kτ₁ × the weights of the law on (a∥)², (a⊥)², (a⊥ᶜ)², |ũ_i|² and V γ²   (see `laws.damping`)
@@ -22,7 +22,8 @@ from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import diagonal_of, distributed_matrix
 from jampetsc.response.compatibility import Compatibility, build_compatibility, forms_of, weights
 
-ROW = 6.0  # |A| ≤ ROW max(diagonal) for the A of a contact network: six unknowns at most share a form
+# by D: |A| ≤ ROW max(diagonal) for the A of a contact network, as at most so many unknowns share a form
+ROW = {2: 6.0, 3: 12.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Pencil:
     k_gg: float  # k_γγ
     b_gg: float  # b_γγ
     pins: np.ndarray  # pinned unknowns, global numbers
-    load: Load = simple_shear()
+    load: Load
 
     def under(self, load: Load) -> "Pencil":
         """The same K and B with the border of another load. Collective."""
@@ -67,13 +68,23 @@ class Pencil:
     @property
     def unknowns(self) -> int:
         """Number of unknowns, pinned ones included."""
-        return self.network.n * self.law.dofs
+        return self.network.n * self.dofs
+
+    @property
+    def dimension(self) -> int:
+        """D, 2 or 3."""
+        return self.network.dimension
+
+    @property
+    def dofs(self) -> int:
+        """Unknowns of each disk."""
+        return self.law.dofs(self.dimension)
 
     def project(self, x):
         """Remove the mean displacement of each piece from x (n_local,), in place, if none is pinned. Collective."""
         if not self.law.holds_translations:
             return
-        local = x.reshape(-1, self.law.dofs)[:, :2]
+        local = x.reshape(-1, self.dofs)[:, : self.dimension]
         local -= self.pieces.mean(self.network, local)
 
     @cached_property
@@ -111,13 +122,16 @@ class Pencil:
         )  # fmt: skip
 
     def split(self, x):
-        """This rank's (displacement (disks, 2), rotation (disks,) or None) of a solution vector (n_local,).
+        """This rank's (displacement (disks, D), rotation or None) of a solution vector (n_local,).
 
-        Displacements are per unit strain and without the mean of each piece. Collective.
+        Displacements are per unit strain and without the mean of each piece; rotations are (disks,) in 2D, (disks, 3)
+        in 3D. Collective.
         """
-        values = np.asarray(x).reshape(-1, self.law.dofs)
-        displacement = values[:, :2] - self.pieces.mean(self.network, values[:, :2])
-        return displacement, values[:, 2].copy() if self.law.couples_rotations else None
+        moves, spins = np.split(np.asarray(x).reshape(-1, self.dofs), [self.dimension], axis=1)
+        displacement = moves - self.pieces.mean(self.network, moves)
+        if not self.law.couples_rotations:
+            return displacement, None
+        return displacement, spins[:, 0].copy() if self.dimension == 2 else spins.copy()
 
 
 def assemble(network: DistributedNetwork, law: Law, pinned: bool = True) -> Pencil:
@@ -125,19 +139,21 @@ def assemble(network: DistributedNetwork, law: Law, pinned: bool = True) -> Penc
 
     pinned   whether zero modes are pinned, see `Pencil`; False leaves K + sB singular on them
     """
-    dofs, c = law.dofs, network.contacts
+    dimension, c = network.dimension, network.contacts
+    dofs = law.dofs(dimension)
     m, rows = len(c), (network.last - network.first) * dofs
     # K is the real, B the imaginary part of one complex array: they have one pattern, and are summed at once.
-    near, far, border, corner = squares(forms_of(network, dofs), weights(network, law))
+    near, far, border, corner = squares(forms_of(network, law), weights(network, law))
     corner = network.sum(np.sum(corner)) / 2.0  # each contact is seen from both ends
 
     local = c.i - network.first
     own = np.arange(network.last - network.first)
-    starts = np.searchsorted(local, own)  # contacts come ordered by i, and every disk here has at least three
+    starts = np.searchsorted(local, own)  # contacts come ordered by i, and every disk here has some
     diagonal = np.add.reduceat(near, starts)
     gamma = np.add.reduceat(border, starts)
     damping = network.damping(law)
-    diagonal[:, [0, 1], [0, 1]] += 1j * damping * law.drag
+    moves = np.arange(dimension)
+    diagonal[:, moves, moves] += 1j * damping * law.drag
     corner += 1j * damping * law.eta_f * network.volume
 
     component = np.arange(dofs)
@@ -162,16 +178,17 @@ def assemble(network: DistributedNetwork, law: Law, pinned: bool = True) -> Penc
         distributed_matrix(network.comm, matrix, matrix.data.real),
         distributed_matrix(network.comm, matrix, matrix.data.imag),
         _vector(network.comm, gamma.real), _vector(network.comm, gamma.imag),
-        float(corner.real), float(corner.imag), pins,
+        float(corner.real), float(corner.imag), pins, simple_shear(dimension),
     )  # fmt: skip
 
 
 def pins_of(law: Law, pieces: Pieces):
-    """Unknowns to pin against zero modes: (x, y) of a disk of each piece, θ of one of each bipartite piece."""
-    roots = pieces.roots
-    held = [np.zeros(0, int)] if law.holds_translations else [roots * law.dofs, roots * law.dofs + 1]
-    if law.couples_rotations:
-        held.append(roots[pieces.bipartite[roots]] * law.dofs + 2)
+    """Unknowns to pin against zero modes: moves of a disk of each piece, spins of one of each bipartite piece."""
+    roots, dofs = pieces.roots, law.dofs(pieces.dimension)
+    moves, spins = np.split(np.arange(dofs), [pieces.dimension])
+    held = [(roots[pieces.bipartite[roots], None] * dofs + spins).ravel()]
+    if not law.holds_translations:
+        held.append((roots[:, None] * dofs + moves).ravel())
     return np.sort(np.concatenate(held))
 
 

@@ -130,8 +130,12 @@ class Functional:
         ]
         of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
         stretch = self.network.max(c.reach(omega) / diagonal)
-        of_motions = max(1.0, trial.omega / omega) * (np.sqrt(ROW * of_x) + np.sqrt(of_g)) ** 2
-        return float(ROUNDING * np.sqrt(ROW * stretch * (of_sums + of_motions) + of_drag))
+        of_motions = (
+            max(1.0, trial.omega / omega) * (np.sqrt(ROW[self.network.dimension] * of_x) + np.sqrt(of_g)) ** 2
+        )
+        return float(
+            ROUNDING * np.sqrt(ROW[self.network.dimension] * stretch * (of_sums + of_motions) + of_drag)
+        )
 
     def certify(self, trial: Trial, lower: SingularBound) -> Certified:
         """G* of a trial at amplitude 1, with its bound."""
@@ -170,7 +174,7 @@ class Functional:
         # Evaluating a is off by 2ε|C||x|, see `Compatibility.reach`. The coefficients are off by a few ε; they
         # multiply relative motions, and g. The rest is Cauchy and Schwarz.
         sizes = np.sqrt([abs_rr, abs_ii, of_B[0], of_B[1]])
-        noise = 7.0 * sizes + 2.0 * np.sqrt(ROW * reach)
+        noise = 7.0 * sizes + 2.0 * np.sqrt(ROW[self.network.dimension] * reach)
         noise[::2] += 4.0 * self.affine
         return of_K, of_B, sizes, noise
 
@@ -229,5 +233,5 @@ def field_bound(pencil: Pencil, omega: float, x, squared: float, size: float = 0
     energy, norm2 = network.sum(local)
     if energy == 0.0:  # a crystal: nothing moves against the strain
         return 0.0 if squared == 0.0 else float("inf")
-    rounding = 4.0 * EPSILON * np.sqrt(ROW) * max(np.sqrt(norm2), size)
+    rounding = 4.0 * EPSILON * np.sqrt(ROW[network.dimension]) * max(np.sqrt(norm2), size)
     return float((np.sqrt(abs(squared)) + rounding) / np.sqrt(abs(energy)))

@@ -1,6 +1,7 @@
 """Compatibility matrix C: the relative motions of the contacts for given displacements; K and B as sums of squares.
 
-A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, g holds what a load of unit
+A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ of one contact, the transverse ones along D − 1
+axes, g holds what a load of unit
 amplitude adds (`laws.loads`), the part of E r along the motion's axis:
 
     a = C x + ε g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ drag 1 on displacements, not on angles).
@@ -18,7 +19,7 @@ from scipy.sparse import csr_array
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load, fluid_dissipation
-from jampetsc.laws.relative_motion import linear_forms
+from jampetsc.laws.relative_motion import linear_forms, transverse_axes
 from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.sparse_matrices import distributed_matrix
 
@@ -29,7 +30,7 @@ class Compatibility:
 
     network: DistributedNetwork
     C: object  # PETSc.Mat, one row per form and contact
-    forms: int  # rows per contact: a∥, a⊥ and, where disks roll, a⊥ᶜ
+    forms: int  # rows per contact: a∥, D − 1 of a⊥ and, where disks roll, as many of a⊥ᶜ
     g: np.ndarray  # (rows,) local, of a unit amplitude of the load
     w_K: np.ndarray  # (rows,) local weights of a² in K
     w_B: np.ndarray  # (rows,) local weights of a² in B
@@ -45,8 +46,10 @@ class Compatibility:
         contacts = self.network.contacts
         once = contacts[contacts.i < contacts.j]
         imposed = load.imposed(once.r)
-        motions = [np.sum(axis * imposed, axis=1) for axis in (once.normal, once.transverse)]
-        g = np.stack([*motions, motions[1]][: self.forms], axis=1).ravel()
+        along, *across = (
+            np.sum(axis * imposed, axis=1) for axis in (once.normal, *transverse_axes(once.normal))
+        )
+        g = np.stack([along, *across, *across][: self.forms], axis=1).ravel()
         return replace(self, g=g, drag_gg=self.fluid_gg(load, load))
 
     def fluid_gg(self, one: Load, other: Load) -> float:
@@ -87,27 +90,34 @@ class Compatibility:
         return once(values) if np.iscomplexobj(values) else once(values).real
 
 
-def forms_of(network: DistributedNetwork, dofs: int):
-    """`linear_forms` of the network's contacts, with angles where a disk has three unknowns."""
+def along_and_across(motions):
+    """(a∥, a⊥) (M,) each of motions (M, D), a⊥ with its sign in 2D, its length in 3D."""
+    along, *across = motions.T
+    return along, across[0] if len(across) == 1 else np.hypot(*across)
+
+
+def forms_of(network: DistributedNetwork, law: Law):
+    """`linear_forms` of the network's contacts, with spins where disks roll."""
     c = network.contacts
-    if dofs == 3 and network.radii is None:
+    if law.couples_rotations and network.radii is None:
         raise InputError(
             "network without radii: its nodes roll under this damping law. Give radii, or take a law without rotations "
             f"({named('rotations')})."
         )
-    rims = (network.radii[c.i], network.radii[c.j]) if dofs == 3 else None
+    rims = (network.radii[c.i], network.radii[c.j]) if law.couples_rotations else None
     return linear_forms(c.normal, c.r[:, 1], rims)
 
 
 def weights(network: DistributedNetwork, law: Law):
     """Weights of the squares of `forms_of`, per contact, complex (M, forms): real part for K, imaginary for B."""
     c = network.contacts
-    w = np.zeros((len(c), 3), complex)
+    across = network.dimension - 1
+    w = np.zeros((len(c), 1 + 2 * across), complex)
     w[:, 0] = c.stiffness
     if network.prestress:
-        w[:, 1] = -c.force_per_length
-    w += 1j * network.damping(law) * np.array(law.on_contacts)
-    return w[:, : law.dofs]
+        w[:, 1 : 1 + across] = -c.force_per_length[:, None]
+    w += 1j * network.damping(law) * np.repeat(law.on_contacts, (1, across, across))
+    return w if law.couples_rotations else w[:, : 1 + across]
 
 
 def stacked(forms):
@@ -120,12 +130,12 @@ def build_compatibility(network: DistributedNetwork, law: Law, pins) -> Compatib
     """C of a network under a law, with zero columns for pinned unknowns. Collective."""
     once = network.contacts.i < network.contacts.j
     i, j = network.contacts.i[once], network.contacts.j[once]
-    forms, w = forms_of(network, law.dofs), weights(network, law)
-    m, f, d = len(i), len(forms), law.dofs
+    forms, w, dimension = forms_of(network, law), weights(network, law), network.dimension
+    m, f, d = len(i), len(forms), law.dofs(dimension)
     size_K = np.abs(w[once].real)
     rounding = network.contacts[once].weight_rounding
     rounding[:, 1] *= network.prestress
-    size_K[:, :2] += rounding
+    size_K[:, :dimension] += np.repeat(rounding, (1, dimension - 1), axis=1)
     rows, g = stacked(forms)
     # contacts are seen from both ends, in the order of their disks
     at = (np.abs(w.real) + 1j * w.imag)[:, None, :] @ rows[..., :d] ** 2
@@ -134,7 +144,7 @@ def build_compatibility(network: DistributedNetwork, law: Law, pins) -> Compatib
     reach[np.isin(np.arange(network.first * d, network.last * d), pins)] = 0.0
     damping = network.damping(law)
     drag = np.zeros((network.last - network.first, d))
-    drag[:, :2] = damping * law.drag
+    drag[:, :dimension] = damping * law.drag
     reach += 1j * drag.ravel()
     w, values, g = w[once], rows[once], g[once]
     columns = np.concatenate((i[:, None] * d + np.arange(d), j[:, None] * d + np.arange(d)), axis=1)

@@ -18,6 +18,7 @@ import numpy as np
 from jampetsc.analysis.statistics import Distribution
 from jampetsc.petsc.inertia import SHIFT
 from jampetsc.response.assembly import Pencil
+from jampetsc.response.compatibility import along_and_across
 from jampetsc.response.elastic import ElasticResponse
 
 LOWEST = (10, 50, 200)  # numbers of lowest modes whose joint motion is recorded, as far as found
@@ -44,7 +45,7 @@ def contributions_of(
     The first is None where zero modes leave the response undetermined, and where it is affine, as in a crystal; the
     second without `loads`.
 
-    values (m,) λ > 0 in k, increasing; vectors (m, n_local, 2) φ of unit length; force (m,) F, the same on all ranks
+    values (m,) λ > 0 in k, increasing; vectors (m, n_local, D) φ of unit length; force (m,) F, the same on all ranks
     """
     elastic = ElasticResponse(pencil.network) if values[0] > SHIFT else None
     return (
@@ -58,31 +59,37 @@ def _contributions(pencil, elastic, values, vectors, force):
     shear = elastic.respond(pencil.load)
     field, _ = elastic.pencil.split(shear.x)
     loaded = elastic.pencil.under(pencil.load)
-    imposed, affine = loaded.compatibility.g.reshape(-1, 2), loaded.k_gg
+    imposed, affine = loaded.compatibility.g.reshape(shear.motions.shape), loaded.k_gg
     if affine - shear.value <= AFFINE * abs(affine):
         return None
     comm, motions = network.comm, shear.motions - imposed
     weights = -force / values
     count = np.array([number for number in LOWEST if number <= len(values)], int)
     median = {name: np.empty(len(count)) for name in QUANTITIES}
-    products, alone, moved = np.empty((len(values), 2)), np.zeros_like(motions), np.zeros_like(field)
+    products, alone, moved = (
+        np.empty((len(values), motions.shape[1])),
+        np.zeros_like(motions),
+        np.zeros_like(field),
+    )
     for row, (weight, vector) in enumerate(zip(weights, vectors, strict=True)):
-        motion = weight * pencil.compatibility.motions(vector.ravel()).reshape(-1, 2)
+        motion = weight * pencil.compatibility.motions(vector.ravel()).reshape(motions.shape)
         products[row] = np.sum(motion * motions, axis=0)
         alone += motion
         moved += weight * vector
         for place in np.flatnonzero(count == row + 1):
-            for name, found in distributions(comm, *alone.T, moved).items():
+            for name, found in distributions(comm, *along_and_across(alone), moved).items():
                 median[name][place] = found.median
-    squares = network.sum(np.array([*np.sum(motions**2, axis=0), np.sum(field**2)]))
-    normal, transverse = (network.sum(products) / squares[:2]).T
+    squares = network.sum(np.append(np.sum(motions**2, axis=0), np.sum(field**2)))
+    products = network.sum(products)
+    normal = products[:, 0] / squares[0]
+    transverse = products[:, 1:].sum(axis=1) / squares[1:-1].sum()
     share = {
-        "nonaffine": weights**2 / squares[2],
+        "nonaffine": weights**2 / squares[-1],
         "normal": normal,
         "transverse": transverse,
         "modulus": force**2 / values / (affine - shear.value),
     }
-    whole = distributions(comm, *shear.motions.T, field)
+    whole = distributions(comm, *along_and_across(shear.motions), field)
     return Contributions(share, count, median, {name: found.median for name, found in whole.items()})
 
 
@@ -108,6 +115,6 @@ def _load_contributions(pencil, elastic, values, vectors, loads):
 
 
 def distributions(comm, *parts) -> dict:
-    """QUANTITIES -> Distribution over all ranks' contacts, (…,) and (…,), and disks, (…, 2). Collective."""
+    """QUANTITIES -> Distribution over all ranks' contacts, (…,) and (…,), and disks, (…, D). Collective."""
     named = zip(QUANTITIES, parts, strict=True)
     return {name: Distribution.of(np.concatenate(comm.allgather(part))) for name, part in named}

@@ -79,7 +79,7 @@ class Galerkin:
             [tall.squares(motions, np.abs(c.w_K)[None])[0], tall.squares(fields, c.reach_K[None])[0]]
         )
         sizes, reach = self.network.sum(local)
-        return _rounding(sizes, np.sqrt(ROW * reach))
+        return _rounding(sizes, np.sqrt(ROW[self.network.dimension] * reach))
 
     def _finish(self, motions, rates):
         c, volume = self.pencil.compatibility, self.network.volume
@@ -106,7 +106,7 @@ class Galerkin:
         reach = np.array([c.reach_K, c.reach_B])
         of_fields = np.column_stack((reach @ field**2, tall.squares(self.modes, reach)))
         self._norms = self.network.sum(of_fields)
-        reach_K, reach_B = np.sqrt(ROW * self._norms)
+        reach_K, reach_B = np.sqrt(ROW[self.network.dimension] * self._norms)
         reach_K[0] += np.sqrt(elastic[2])
         reach_B[0] += np.sqrt(viscous[2])
         sizes, of_weights = self.network.sum(tall.squares(modes, np.array([size_K, c.size_K])))

@@ -48,7 +48,8 @@ class RationalBasis:
         # How large the terms were that g is the sum of, as a norm.
         of_K, of_B = pencil.largest
         largest, gg = (of_K, pencil.k_gg) if np.isinf(first) else (of_B, pencil.b_gg)
-        terms = ROW * largest * np.sqrt(self._sum(x0 @ x0)) + np.sqrt(ROW * largest * abs(gg))
+        row = ROW[pencil.dimension]
+        terms = row * largest * np.sqrt(self._sum(x0 @ x0)) + np.sqrt(row * largest * abs(gg))
         # No force is left where nothing moves against the strain (crystals), or where B is proportional to K
         # (Kelvin and Voigt): then x₀ is the answer at every frequency.
         self.complete = not np.sqrt(self._sum(self.g @ self.g)) > BREAKDOWN * terms
@@ -100,7 +101,9 @@ class RationalBasis:
             w = w - overlaps[:-1] @ V
         Bw = self._apply(self.pencil.B, w)
         norm2 = self._sum(w @ Bw)
-        if not norm2 > max(NEW**2 * length, EPSILON * ROW * self._sum(self.pencil.diagonals[1] @ w**2)):
+        if not norm2 > max(
+            NEW**2 * length, EPSILON * ROW[self.pencil.dimension] * self._sum(self.pencil.diagonals[1] @ w**2)
+        ):
             return False
         if m == len(self._V):
             self._V, self._BV = (np.concatenate((a, np.empty_like(a))) for a in (self._V, self._BV))
@@ -128,8 +131,8 @@ class RationalBasis:
         K does not act on angles, so at any s the disks turn such that no torque is left; a solve at small s
         would amplify the rounding by 1/s.
         """
-        if self.pencil.law.dofs == 3:
-            force[2::3] = 0.0
+        if self.pencil.law.couples_rotations:
+            force.reshape(-1, self.pencil.dofs)[:, self.pencil.dimension :] = 0.0
         return force
 
     def factor(self, s):
@@ -156,7 +159,9 @@ class RationalBasis:
         field, viscous = y @ self.vectors, s * (y @ self.images)
         force = self._apply(self.pencil.K, field) + viscous - self.g
         terms = np.sqrt(self._sum(np.array([a @ a for a in (field, viscous, self.g, force)])))
-        more = not terms[3] <= BREAKDOWN * (ROW * self.pencil.largest[0] * terms[0] + terms[1] + terms[2])
+        more = not terms[3] <= BREAKDOWN * (
+            ROW[self.pencil.dimension] * self.pencil.largest[0] * terms[0] + terms[1] + terms[2]
+        )
         return force * np.exp(-log), more
 
     def _trial(self):

@@ -69,7 +69,7 @@ def check_minimum(network: DistributedNetwork, proved: bool, count: bool = True)
 
 
 def count_modes(network: DistributedNetwork) -> Inertia:
-    """Inertia of K, nothing pinned: two zeros for each piece are its translations. Collective; needs the real build.
+    """Inertia of K, nothing pinned: D zeros for each piece are its translations. Collective; needs the real build.
 
     Raises as `count_eigenvalues`.
     """
@@ -166,18 +166,14 @@ class Examination:
     dofs: int  # unknowns of each disk
     nonzeros: int  # entries stored in each of K and B
     pieces: int  # connected pieces of the contact graph
+    translations: int  # moves that cost no energy whatever the packing: D for each piece
     gears: int  # bipartite pieces, whose disks can turn like gears
     pins: int  # pinned unknowns, see `assembly.Pencil`
     asymmetry_K: float  # ‖K − Kᵀ‖ / ‖K‖ (Frobenius)
     asymmetry_B: float
-    with_prestress: Inertia  # of K on the displacements, nothing pinned: two zeros per piece are translations
+    with_prestress: Inertia  # of K on the displacements, nothing pinned: D zeros per piece are translations
     without_prestress: Inertia
     damping: Inertia  # of B, pinned unknowns left out
-
-    @property
-    def translations(self) -> int:
-        """Moves that cost no energy whatever the packing: two for each piece."""
-        return 2 * self.pieces
 
 
 def asymmetry(matrix) -> float:
@@ -200,9 +196,10 @@ def examine(network: DistributedNetwork, law: Law) -> Examination:
     return Examination(
         contacts=network.contact_count,
         unknowns=pencil.unknowns,
-        dofs=law.dofs,
+        dofs=pencil.dofs,
         nonzeros=int(pencil.K.getInfo(current().PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]),
         pieces=len(roots),
+        translations=pencil.pieces.translations,
         gears=int(np.count_nonzero(pencil.pieces.bipartite[roots])),
         pins=len(pencil.pins),
         asymmetry_K=asymmetry(pencil.K),

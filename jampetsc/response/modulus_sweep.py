@@ -32,8 +32,8 @@ class DisplacementField:
     """Motion at one frequency per unit strain. Arrays hold this rank's part."""
 
     omega: float
-    displacement: np.ndarray  # (n_local, 2) complex, non-affine, without the mean of each piece
-    rotation: np.ndarray | None  # (n_local,) complex, where disks roll
+    displacement: np.ndarray  # (n_local, D) complex, non-affine, without the mean of each piece
+    rotation: np.ndarray | None  # (n_local,), in 3D (n_local, 3), complex, where disks roll
     error_bound: float  # relative, in the energy norm
 
 

@@ -127,7 +127,7 @@ class GalerkinResidual:
         terms[0] = of_K @ self._still**2
         terms[1] = of_B @ self._fast**2 + on_disks @ self._flow**2
         terms[2:] = sums[0] - 2.0 * rates * sums[1] + rates**2 * (sums[2] + of_fields)
-        return SUMMED * np.sqrt(ROW * np.maximum(self.pencil.network.sum(terms), 0.0))
+        return SUMMED * np.sqrt(ROW[self.pencil.dimension] * np.maximum(self.pencil.network.sum(terms), 0.0))
 
 
 class ResidualBound:
@@ -150,7 +150,7 @@ class ResidualBound:
     def _first_shift_bound(self):
         """Under drag on disks that do not turn K + sB ≥ s kτ₁ drag; else from the factor of the middle shift."""
         law, top = self.pencil.law, float(self.omega[-1])
-        if law.drag and law.dofs == 2:
+        if law.drag and not law.couples_rotations:
             drag = self.network.damping(law) * law.drag
             return self._shift_bound_from(top, np.ones(self.pencil.K.getLocalSize()[0]), top * drag)
         shifts = sorted(self.factors.shifts)

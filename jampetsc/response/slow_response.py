@@ -18,10 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.laws.damping import Law
-from jampetsc.laws.loads import compression, simple_shear
+from jampetsc.laws.loads import compression
 from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil, assemble
+from jampetsc.response.compatibility import along_and_across
 from jampetsc.response.contributions import distributions
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.viscosity import (
@@ -40,10 +41,10 @@ class SlowResponse:
     """Quasistatic response of one network under one law and load. Arrays hold this rank's part, per unit amplitude."""
 
     network: DistributedNetwork
-    nonaffine: np.ndarray  # (n_local, 2) u_na, without the mean of each connected piece
-    field: np.ndarray  # (n_local, 2) the same as `quasistatic_flow` takes it
+    nonaffine: np.ndarray  # (n_local, D) u_na, without the mean of each connected piece
+    field: np.ndarray  # (n_local, D) the same as `quasistatic_flow` takes it
     normal: np.ndarray  # (contacts_local,) Δu∥
-    transverse: np.ndarray  # (contacts_local,) Δu⊥
+    transverse: np.ndarray  # (contacts_local,) Δu⊥, in 3D its length
     flow: ViscousResponse  # η₀ and the rotations
     G0: float  # M_E of the load, in k
     G_affine: float  # modulus if nothing relaxed
@@ -93,7 +94,7 @@ def solve(
         network,
         nonaffine,
         fields[pencil.load],
-        *response.motions.T,
+        *along_and_across(response.motions),
         quasistatic_flow(pencil, fields[pencil.load]),
         G0=response.value / area,
         G_affine=elastic.under(pencil.load).k_gg / area,
@@ -120,7 +121,7 @@ def _elastic_responses(network, loads):
 
 def _bulk_modulus(network, modulus):
     """−V dp/dV = M + p (D − 1)/D for the modulus M of compression; p = 0 without pre-stress."""
-    D = network.contacts.r.shape[1]
+    D = network.dimension
     return modulus + (network.pressure * (D - 1) / D if network.prestress else 0.0)
 
 
@@ -148,7 +149,7 @@ def solve_quasistatic(
     """
     session = current()
     networks = {"": network} | ({BARE: network.unstressed()} if network.prestress else {})
-    pencil = assemble(network, law).under(load or simple_shear())
+    pencil = _pencil(network, law, load)
     with session.stage("quasistatic"):
         solved = {name: solve(one, pencil, tensor) for name, one in networks.items()}
         responses = {name: slow for name, (slow, _) in solved.items()}
@@ -170,8 +171,13 @@ def solve_quasistatic(
     )
 
 
+def _pencil(network, law, load):
+    pencil = assemble(network, law)
+    return pencil.under(load or pencil.load)
+
+
 def _viscosities(network, law, responses, load):
     """(η₀, η₀ without pre-stress, η_∞) of another law: the quasistatic fields do not depend on it."""
-    pencil = assemble(network, law).under(load or simple_shear())
+    pencil = _pencil(network, law, load)
     eta0 = [quasistatic_flow(pencil, response.field).eta0 for response in responses.values()]
     return eta0[0], eta0[-1], infinite_viscosity(pencil)

@@ -87,7 +87,9 @@ class _Columns:
         sizes = network.sum(tall.squares(self.motions, np.array([c.size_K, c.w_B])))
         sizes[1] += network.sum(tall.squares(self.fields, c.drag[None])[0])
         sizes[1, 0] += c.drag_gg
-        reach = ROW * network.sum(tall.squares(self.fields, np.array([c.reach_K, c.reach_B])))
+        reach = ROW[network.dimension] * network.sum(
+            tall.squares(self.fields, np.array([c.reach_K, c.reach_B]))
+        )
         reach[:, 0] += network.sum(np.array([c.size_K @ c.g**2, c.w_B @ c.g**2]))
         self.sizes, self.reach = np.sqrt(sizes), np.sqrt(reach)
 

@@ -34,7 +34,7 @@ class VibrationalModes:
 
     network: DistributedNetwork
     eigenvalues: np.ndarray  # (m,) λ, in k
-    vectors: np.ndarray  # (m, n_local, 2) φ, |φ| = 1
+    vectors: np.ndarray  # (m, n_local, D) φ, |φ| = 1
     residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, in k
     normal: np.ndarray  # (m,) mean over contacts of a∥²
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
@@ -163,16 +163,17 @@ def _cut(values, count, there, stiffness):
 
 
 def _describe(pencil: Pencil, pairs, shift, complete, loads):
-    network, m = pencil.network, len(pairs.values)
+    network, m, dimension = pencil.network, len(pairs.values), pencil.dimension
     sums = np.empty((m, 4))
     push = pencil.k_gamma.getArray()
     for row, vector in enumerate(pairs.vectors):
-        squares = np.sum(vector.reshape(-1, 2) ** 2, axis=1)
-        motions = pencil.compatibility.motions(vector).reshape(-1, 2)
-        sums[row] = *np.sum(motions**2, axis=0), np.sum(squares**2), push @ vector
+        squares = np.sum(vector.reshape(-1, dimension) ** 2, axis=1)
+        motions = pencil.compatibility.motions(vector).reshape(-1, dimension)
+        along, *across = np.sum(motions**2, axis=0)
+        sums[row] = along, sum(across), np.sum(squares**2), push @ vector
     sums = network.sum(sums)
     contacts, force = network.contact_count, sums[:, 3]
-    fields = pairs.vectors.reshape(m, -1, 2)
+    fields = pairs.vectors.reshape(m, -1, dimension)
     contributions, of_loads = contributions_of(pencil, pairs.values, fields, force, loads)
     return VibrationalModes(
         network, pairs.values, fields, pairs.residuals,

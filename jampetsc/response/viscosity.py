@@ -20,6 +20,7 @@ from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor
 from jampetsc.petsc.sparse_matrices import set_diagonal
 from jampetsc.response.assembly import Pencil
+from jampetsc.response.compatibility import along_and_across
 from jampetsc.response.elastic import relax
 
 
@@ -28,8 +29,8 @@ class ViscousResponse:
     """η₀ of one quasistatic field, in its parts, and how the disks turn in it. Viscosities in kτ₁."""
 
     parts: dict  # "normal" and "transverse" of contacts, "drag" and "fluid": those that the law has
-    rotation: np.ndarray | None  # (n_local,) θ per unit strain where disks roll
-    sliding: np.ndarray | None  # (contacts_local,) a⊥ᶜ where disks roll
+    rotation: np.ndarray | None  # (n_local,), in 3D (n_local, 3), θ per unit strain where disks roll
+    sliding: np.ndarray | None  # (contacts_local,) a⊥ᶜ where disks roll, in 3D its length
     motions: np.ndarray  # (rows_local,) of the contacts
     field: np.ndarray  # (unknowns_local,)
 
@@ -40,13 +41,14 @@ class ViscousResponse:
 
 
 def quasistatic_flow(pencil: Pencil, displacement) -> ViscousResponse:
-    """η₀ of the field `displacement` (n_local, 2), non-affine per unit strain, under the law of a pencil. Collective.
+    """η₀ of the field `displacement` (n_local, D), non-affine per unit strain, under the law of a pencil. Collective.
 
     With drag, the mean of each piece must be zero; without, the displacements of pinned disks.
     """
     network, law, c = pencil.network, pencil.law, pencil.compatibility
-    start = np.zeros((len(displacement), law.dofs))
-    start[:, :2] = displacement
+    dimension = pencil.dimension
+    start = np.zeros((len(displacement), pencil.dofs))
+    start[:, :dimension] = displacement
     parts = {}
     if law.drag or law.eta_f:
         drag = network.sum(float(c.drag @ start.ravel() ** 2))
@@ -56,34 +58,40 @@ def quasistatic_flow(pencil: Pencil, displacement) -> ViscousResponse:
     field = start.ravel()
     if law.couples_rotations:
         flow = relax(c, c.w_B, _turns(pencil), c.g, "rotations of the quasistatic flow", start.ravel())
-        field, motions, rotation = flow.x, flow.motions, flow.x.reshape(-1, 3)[:, 2].copy()
+        field, motions = flow.x, flow.motions
+        rotation = pencil.split(field)[1]
+        sliding = along_and_across(motions[:, [0, *range(dimension, c.forms)]])[1].copy()
     else:
-        motions, rotation = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None
+        motions, rotation, sliding = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None, None
     costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.volume
     return ViscousResponse(
         {"normal": float(costs[0]), "transverse": float(costs[1:].sum()), **parts},
         rotation,
-        None if rotation is None else motions[:, -1].copy(),
+        sliding,
         motions.ravel(),
         field,
     )
 
 
 def _turns(pencil):
-    """solve(rhs, out) that solves for the angles only, with B_θθ, one angle pinned in each bipartite piece."""
+    """solve(rhs, out) that solves for the spins only, with B_θθ, those of a disk pinned in each bipartite piece."""
     PETSc, network, law = current().PETSc, pencil.network, pencil.law
-    rows = PETSc.IS().createStride(network.last - network.first, 3 * network.first + 2, 3, comm=network.comm)
+    dofs, dimension = pencil.dofs, pencil.dimension
+    spins = np.arange(dimension, dofs)
+    rows = np.arange(network.first, network.last, dtype=PETSc.IntType)[:, None] * dofs + spins
+    rows = PETSc.IS().createGeneral(rows.ravel().astype(PETSc.IntType), comm=network.comm)
     block = pencil.B.createSubMatrix(rows, rows)
-    held = pencil.pins[pencil.pins % 3 == 2] // 3
+    disks, component = np.divmod(pencil.pins, dofs)
+    held = (disks * len(spins) + component - dimension)[component >= dimension]
     set_diagonal(block, held, law.sliding * network.damping(law))
     factor = _factor(block, law)
     work = block.createVecRight()
 
     def solve(rhs, out):
-        work.setArray(rhs.getArray()[2::3])
+        work.setArray(rhs.getArray().reshape(-1, dofs)[:, dimension:].ravel())
         factor.solve(work, work)
         out.zeroEntries()
-        out.getArray()[2::3] = work.getArray()
+        out.getArray().reshape(-1, dofs)[:, dimension:] = work.getArray().reshape(-1, len(spins))
 
     return solve
 

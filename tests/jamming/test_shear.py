@@ -13,6 +13,7 @@ from jampetsc.flows.trajectory import StrainSeries
 from jampetsc.jamming import quasistatic_shear, shear_path
 from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, QuasistaticShear, measure_minimum
 from jampetsc.jamming.shear_path import PATH_COLUMNS, shear_quasistatically
+from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
@@ -111,7 +112,9 @@ def test_the_descent_finds_the_minimum_of_a_quench(jammed):
 def stiffness_matrix(disks):
     """K (2N, 2N) with pre-stress of the load-bearing contacts, dense."""
     contacts, K = measure(disks).contacts, np.zeros((disks.n, 2, disks.n, 2))
-    normal, across = (np.einsum("ma,mb->mab", a, a) for a in (contacts.normal, contacts.transverse))
+    normal, across = (
+        np.einsum("ma,mb->mab", a, a) for a in (contacts.normal, *transverse_axes(contacts.normal))
+    )
     blocks = contacts.stiffness[:, None, None] * normal - contacts.force_per_length[:, None, None] * across
     for i, j, block in zip(contacts.i, contacts.j, blocks, strict=True):
         for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):

@@ -29,7 +29,7 @@ TRANSVERSE = physics(normal=0.0, rotations=False)
 )
 def test_weights(law, weights):
     assert (*law.on_contacts, law.drag, law.eta_f) == weights
-    assert law.dofs == (3 if law.sliding else 2)
+    assert (law.dofs(2), law.dofs(3)) == ((3, 6) if law.sliding else (2, 3))
     assert law.holds_translations == bool(law.drag)
 
 

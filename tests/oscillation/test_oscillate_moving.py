@@ -233,7 +233,9 @@ def test_short_steps_do_not_carry_all_disks_away(step, rotations):
     """Nothing holds them together: of forces that are rounded they would go as far as disks move towards each other."""
     law = physics(rotations=rotations).law
     motion = moving(step, 1e-3, law=law)
-    motion.displace(1e-4 * np.random.default_rng(1).normal(size=(16, 2)), np.zeros((16, law.dofs)), 0.0, 0.0)
+    motion.displace(
+        1e-4 * np.random.default_rng(1).normal(size=(16, 2)), np.zeros((16, law.dofs(2))), 0.0, 0.0
+    )
     before = motion.offsets
     strained(motion, (0.0, 0.0), (0.0, 0.0))
     moved = motion.offsets - before

@@ -88,7 +88,7 @@ def test_field(session, name):
     solver = solver_of(SAMPLES["strips"](), law, session.comm)
     solver.solve(0.1, 1e-6)
     x = np.concatenate(session.comm.allgather(solver.x))
-    rows = unknowns(solver.pencil.network, law.law.dofs, exact.disks)
+    rows = unknowns(solver.pencil.network, law.law.dofs(2), exact.disks)
     wanted = exact.solution(0.1)[0][rows]
     difference = x - wanted if law.law.drag else without(exact.free_moves()[rows], x - wanted)
     np.testing.assert_allclose(difference.astype(complex), 0, atol=1e-10 * float(np.abs(wanted).max()))

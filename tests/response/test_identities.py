@@ -7,6 +7,7 @@ from gathered import dense
 from samples import LAWS, SAMPLES, laws_of, physics, polydisperse, reference
 
 from jampetsc.laws.damping import UNDAMPED
+from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.network.contact_network import build_network
 from jampetsc.response.assembly import assemble
 
@@ -77,7 +78,7 @@ def test_published_elastic_constants(session, index):
     pencil = assemble(build_network(disks, session.comm), UNDAMPED, pinned=False)
     c, network = pencil.compatibility, pencil.network
     contacts = network.contacts[network.contacts.i < network.contacts.j]
-    frame = np.stack((contacts.normal, contacts.transverse), axis=1)
+    frame = np.stack((contacts.normal, *transverse_axes(contacts.normal)), axis=1)
     g = np.stack([np.einsum("cfa,ab,cb->cf", frame, one, contacts.r).ravel() for one in STRAINS.values()])
     border = g @ (c.w_K[:, None] * dense(c.C))
     relaxed = np.linalg.lstsq(dense(pencil.K), border.T, rcond=1e-13)[0]

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from dense import Reference
-from samples import DATA, LAWS, physics, polydisperse, published
+from samples import DATA, LAWS, TABLE_WEIGHTS, physics, polydisperse, published
 from samples import network_of as build
 from scipy.io import mmread
 
@@ -32,19 +32,11 @@ from jampetsc.response.slow_response import solve_quasistatic
 from jampetsc.response.vibrations import lowest_modes
 
 ((TABLE,),) = [rows for rows in json.loads((DATA / "tensor.json").read_text()).values() if rows[0]["D"] == 2]
-WEIGHTS = {
-    "contact beta=1": (dict(normal=1, sliding=1), True),
-    "contact beta=0.1": (dict(normal=1, sliding=0.1), True),
-    "contact beta=1 no rotations": (dict(normal=1, transverse=1), True),
-    "contact beta=1 no pre-stress": (dict(normal=1, sliding=1), False),
-    "contact beta=0": (dict(normal=1), True),
-    "stokes eta_f=1": (dict(drag=1, eta_f=1), True),
-}
 ANY = Load("0.3,-1,0.2,0.7", ((0.3, -1.0), (0.2, 0.7)))
 
 
 def law_of(name):
-    weights, prestress = WEIGHTS[name]
+    weights, prestress = TABLE_WEIGHTS[name]
     return Physics(Law(name, **weights), prestress)
 
 
@@ -58,7 +50,7 @@ def table(name):
 
 
 @pytest.mark.scalar("real", "complex")
-@pytest.mark.parametrize("name", WEIGHTS)
+@pytest.mark.parametrize("name", TABLE_WEIGHTS)
 def test_the_tensor_by_the_direct_method(session, name):
     """To 1e-9 of the largest constant, and within its bounds, though these are some 1e-13."""
     disks, law = polydisperse(TABLE["index"])[0], law_of(name)
@@ -74,7 +66,7 @@ def test_the_tensor_by_the_direct_method(session, name):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.parametrize("name", WEIGHTS)
+@pytest.mark.parametrize("name", TABLE_WEIGHTS)
 def test_the_tensor_by_the_rational_method(session, name):
     disks, law = polydisperse(TABLE["index"])[0], law_of(name)
     found = sweep_rationally(
@@ -204,7 +196,7 @@ LIMITS = {
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.parametrize("name", WEIGHTS)
+@pytest.mark.parametrize("name", TABLE_WEIGHTS)
 def test_the_quasistatic_tensor(session, name):
     """C₀, η₀ and η_∞ against the limits of the dense reference: diagonal by its energies, pairs by polarisation."""
     law, loads = law_of(name), symmetric_loads(2)

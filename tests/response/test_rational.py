@@ -217,7 +217,7 @@ def test_fields_and_their_bounds(session, name):
     law, exact_law = LAWS[name], reference("polydisperse", name)
     ratios = []
     found = Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-4, session.comm, "matrix").solved()
-    rows = unknowns(found.network, law.law.dofs, exact_law.disks)
+    rows = unknowns(found.network, law.law.dofs(2), exact_law.disks)
     for omega in OMEGA[::3]:
         bound = found.galerkin.field_bound(omega, found.sweep.error_at(omega))
         assert session.comm.allgather(bound) == [bound] * session.size

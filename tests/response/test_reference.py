@@ -9,19 +9,12 @@ import h5py
 import numpy as np
 import pytest
 from dense import Reference, symmetric_loads
+from samples import TABLE_WEIGHTS
 
 from jampetsc.laws.damping import Law, Physics
 
 DATA = Path(__file__).parents[1] / "data"
 ROWS = {row["D"]: (name, row) for name, (row,) in json.loads((DATA / "tensor.json").read_text()).items()}
-LAWS = {
-    "contact beta=1": (dict(normal=1, sliding=1), True),
-    "contact beta=0.1": (dict(normal=1, sliding=0.1), True),
-    "contact beta=1 no rotations": (dict(normal=1, transverse=1), True),
-    "contact beta=1 no pre-stress": (dict(normal=1, sliding=1), False),
-    "contact beta=0": (dict(normal=1), True),
-    "stokes eta_f=1": (dict(drag=1, eta_f=1), True),
-}
 
 
 def published(name, row):
@@ -37,13 +30,13 @@ def published(name, row):
 
 
 # in 3D a solve costs a second: one law with spins, one with drag, at one frequency
-CASES = [(2, law) for law in LAWS] + [(3, "contact beta=0.1"), (3, "stokes eta_f=1")]
+CASES = [(2, law) for law in TABLE_WEIGHTS] + [(3, "contact beta=0.1"), (3, "stokes eta_f=1")]
 
 
 @pytest.mark.parametrize("dimension, law", CASES)
 def test_moduli_of_published_packings(dimension, law):
     name, row = ROWS[dimension]
-    weights, prestress = LAWS[law]
+    weights, prestress = TABLE_WEIGHTS[law]
     loads = symmetric_loads(row["D"])
     simple = np.zeros((1, row["D"], row["D"]))
     simple[0, 0, 1] = 1

@@ -1,0 +1,177 @@
+"""Linear response in three dimensions against the dense reference, on any number of ranks."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from dense import Reference
+from gathered import dense, unknowns, whole
+from samples import DATA, TABLE_WEIGHTS, physics
+from samples import network_of as build
+from spheres import SPHERES, bidisperse, few_spheres
+
+from jampetsc.laws.damping import Law, Physics
+from jampetsc.laws.loads import symmetric_loads
+from jampetsc.laws.relative_motion import transverse_axes
+from jampetsc.packing.contacts import measure
+from jampetsc.packing.spring_network import Network
+from jampetsc.petsc.session import current
+from jampetsc.response.assembly import ROW, assemble
+from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+from jampetsc.response.slow_response import solve_quasistatic
+
+LOADS = symmetric_loads(3)
+((TABLE,),) = [rows for rows in json.loads((DATA / "tensor.json").read_text()).values() if rows[0]["D"] == 3]
+LAWS = {
+    str(one): one
+    for one in (
+        physics(beta=0.3),
+        physics(rotations=False),
+        physics("stokes", eta_f=0.4),
+        physics("custom", normal=0.5, transverse=0.3, sliding=0.7, drag=0.2, eta_f=0.4, prestress=False),
+    )
+}
+OMEGA = np.geomspace(1e-3, 10.0, 4)
+
+
+@cache
+def reference(sample, law):
+    return Reference(SPHERES[sample](), LAWS[law], [load.gradient for load in LOADS])
+
+
+@cache
+def exact_tensor(sample, law):
+    return np.array([reference(sample, law).tensor(omega).astype(complex) for omega in OMEGA])
+
+
+def pencil_of(sample, law):
+    return assemble(build(SPHERES[sample](), LAWS[law], current().comm), LAWS[law].law)
+
+
+def test_transverse_axes_are_right_handed():
+    rng = np.random.default_rng(0)
+    normal = rng.normal(size=(50, 3))
+    normal = np.vstack((normal / np.linalg.norm(normal, axis=1)[:, None], np.eye(3), -np.eye(3)))
+    first, second = transverse_axes(normal)
+    frames = np.stack((first, second, normal), axis=1)
+    np.testing.assert_allclose(frames @ frames.transpose(0, 2, 1), np.tile(np.eye(3), (56, 1, 1)), atol=4e-16)
+    np.testing.assert_allclose(np.cross(first, second), normal, atol=4e-16)
+
+
+@pytest.mark.scalar("real", "complex")
+@pytest.mark.parametrize("sample", SPHERES)
+def test_matrices_and_borders(session, sample):
+    """K, B, their borders and corners for all loads; pinned moves are those that cost nothing."""
+    for law in LAWS:
+        pencil, exact = pencil_of(sample, law), reference(sample, law)
+        rows = unknowns(pencil.network, exact.dofs, exact.disks)
+        free = np.delete(np.arange(len(rows)), pencil.pins)
+        for name, border, corner in (("K", "k_gamma", "k_gg"), ("B", "b_gamma", "b_gg")):
+            wanted = getattr(exact, name).astype(float)
+            about = {"rtol": 0, "atol": 1e-13 * np.abs(wanted).max(), "err_msg": f"{name}, {law}"}
+            found = dense(getattr(pencil, name))
+            np.testing.assert_allclose(
+                found[np.ix_(free, free)], wanted[np.ix_(rows, rows)][np.ix_(free, free)], **about
+            )
+            for number, load in enumerate(LOADS):
+                loaded = pencil.under(load)
+                column = wanted[rows, len(rows) + number]
+                np.testing.assert_allclose(whole(getattr(loaded, border))[free], column[free], **about)
+                assert getattr(loaded, corner) == pytest.approx(
+                    wanted[len(rows) + number, len(rows) + number]
+                )
+        if not LAWS[law].law.drag:
+            moves = exact.free_moves()[rows].astype(float)
+            assert moves.shape[1] == len(pencil.pins) == np.linalg.matrix_rank(moves[pencil.pins])
+        matrix = exact.B.astype(float)[: len(rows), : len(rows)]
+        assert np.linalg.norm(matrix, 2) <= ROW[3] * np.diag(matrix).max()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("sample, law", [("few", law) for law in LAWS] + [("hertzian", next(iter(LAWS)))])
+def test_the_tensor_and_its_bounds(session, sample, law):
+    """Both methods, as close as their bounds say, far above rounding and near it."""
+    pencil, expected = pencil_of(sample, law), exact_tensor(sample, law)
+    size = np.abs(expected).max()
+    for accuracy in (1e-2, 1e-6):
+        found = sweep_rationally(pencil, OMEGA, accuracy, LOADS).tensor
+        assert np.all(np.abs(found.C - expected) <= found.bounds + 1e-14 * size)
+        assert found.bounds.max() <= accuracy * size
+    found = sweep_directly(pencil, OMEGA, 1e-9, LOADS, positive_semidefinite=True).tensor
+    assert (
+        np.all(np.abs(found.C - expected) <= found.bounds + 1e-14 * size)
+        and found.bounds.max() <= 1e-9 * size
+    )
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("law", LAWS)
+def test_quasistatic_motion_and_viscosities(session, law):
+    pencil, exact = pencil_of("few", law), reference("few", law)
+    network, (load, number) = pencil.network, (LOADS[3], 3)
+    found = solve_quasistatic(network, LAWS[law].law, load=load, tensor=LOADS)
+    response = found.responses[""]
+    field, G0 = exact.quasistatic(number)
+    particles = np.concatenate(network.comm.allgather(network.particles)).tolist()
+    nonaffine = np.concatenate(network.comm.allgather(response.nonaffine))
+    np.testing.assert_allclose(
+        nonaffine[np.argsort(particles)], field.astype(float), atol=1e-9 * np.abs(field).max()
+    )
+    assert response.G0 == pytest.approx(G0, rel=1e-9)
+    assert response.eta0 == pytest.approx(exact.eta0(number), rel=1e-8)
+    assert found.eta_inf == pytest.approx(exact.eta_infinity(number), rel=1e-8)
+    sums = [network.sum(np.sum(w * motion**2)) for w, motion in zip(
+        (network_weights(network)), (response.normal, response.transverse), strict=True)]  # fmt: skip
+    assert sum(sums) / network.volume == pytest.approx(G0, rel=1e-9)
+    assert np.all(response.transverse >= 0.0)
+
+
+def network_weights(network):
+    """k and −f/r of the contacts with i < j."""
+    once = network.contacts[network.contacts.i < network.contacts.j]
+    return once.stiffness, -once.force_per_length * network.prestress
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_the_network_of_a_packing_responds_alike(session):
+    packing, law = few_spheres(), LAWS[next(iter(LAWS))]
+    network = assemble(build(Network.of_packing(packing), law, session.comm), law.law)
+    found = sweep_directly(network, OMEGA, 1e-9, LOADS).tensor.C
+    np.testing.assert_allclose(found, exact_tensor("few", str(law)), rtol=0, atol=1e-11 * np.abs(found).max())
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("law", TABLE["laws"])
+def test_moduli_of_an_independent_program(session, law):
+    """The table of the first of jax-md's packings, to 1e-9 of the largest constant, with bounds that hold."""
+    weights, prestress = TABLE_WEIGHTS[law]
+    pencil = assemble(
+        build(bidisperse()[0], Physics(Law(law, **weights), prestress), session.comm), Law(law, **weights)
+    )
+    omega, rows = np.array(TABLE["omega"]), TABLE["laws"][law]
+    expected = (np.array(rows["tensor"]) @ [1, 1j]).reshape(len(omega), 6, 6)
+    size = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    found = sweep_rationally(pencil, omega, 1e-6, LOADS).tensor
+    assert np.all(np.abs(found.C - expected) <= found.bounds + 1e-13 * size)
+    simple = sweep_directly(pencil, omega[::2], 1e-9)
+    np.testing.assert_allclose(simple.G, (np.array(rows["shear"]) @ [1, 1j])[::2], rtol=1e-9)
+    found = sweep_directly(pencil, omega[1:3], 1e-9, LOADS).tensor
+    assert np.all(np.abs(found.C - expected[1:3]) <= 1e-9 * size[1:3])
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_energies_stresses_and_constants_published_with_jaxmd(session):
+    """All ten packings; constants xxxx, yyyy, zzzz, yzyz, … of their file, in the order of `constants`."""
+    for index in range(10):
+        packing, record = bidisperse(index)
+        state = measure(packing)
+        assert state.energy == pytest.approx(record["Energy"], rel=1e-8)
+        np.testing.assert_allclose(state.stress.ravel(), record["Stress"], rtol=1e-7, atol=1e-9)
+        network = build(packing, physics(), session.comm)
+        C = solve_quasistatic(network, physics().law, tensor=LOADS).tensors[""].C0
+        voigt = {"xx": 0, "yy": 1, "zz": 2, "yz": 3, "xz": 4, "xy": 5}
+        found = [C[voigt[name[:2]], voigt[name[2:]]] for name in TABLE["constants"]]
+        np.testing.assert_allclose(found, record["Cijkl"], rtol=0, atol=1e-8 * np.abs(C).max())

@@ -1,0 +1,63 @@
+"""Packings of spheres that the tests share, and jax-md's with their published numbers."""
+
+from functools import cache
+
+import h5py
+import numpy as np
+from samples import DATA
+from scipy.optimize import minimize
+
+from jampetsc.packing.contacts import find_contacts, measure, net_forces
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.potentials import Potential
+
+JAXMD = DATA / "jaxmd-3d_bi_N128_Lp-1.0.nc"
+
+
+def bidisperse(index=0):
+    """One of jax-md's packings, 128 spheres of two sizes in a cube at p ≈ 0.1, and its record."""
+    with h5py.File(JAXMD) as file:
+        record = {name: file[name][index] for name in ("pos", "rad", "box", "Energy", "Stress", "Cijkl")}
+    cell = record["box"].reshape(3, 3)
+    positions = record["pos"].reshape(-1, 3) @ cell
+    law = Potential(stiffness="inverse-square-diameter")
+    return Packing.from_positions(positions, record["rad"], cell, law), record
+
+
+@cache
+def few_spheres(n=14, tilt=0.3, side=2.58, kind="harmonic"):
+    """A minimum of the energy of n spheres in a tilted cell, p ≈ 0.01, several of them touching through two images."""
+    rng = np.random.default_rng(7)
+    cell = side * np.array([(1.0, 0, 0), (tilt, 0.95, 0), (-0.2, tilt, 0.9)])
+    radii = np.tile([0.5, 0.6], n)[:n]
+
+    def packing_at(x):
+        return Packing.from_positions(x.reshape(n, 3), radii, cell, Potential(kind))
+
+    def energy(x):
+        packing = packing_at(x)
+        contacts = find_contacts(packing)
+        gradient = -net_forces(n, contacts).ravel()
+        return float(np.sum(packing.potential.energy(contacts.overlap, contacts.sigma))), gradient
+
+    x = (rng.uniform(size=(n, 3)) @ cell).ravel()
+    for _ in range(3):
+        x = minimize(energy, x, jac=True, method="BFGS", options={"gtol": 1e-14}).x
+    return packing_at(x)
+
+
+def cubic(sides=(2, 2, 4), seed=3):
+    """A slightly irregular simple cubic lattice: bipartite, so that spheres turn like gears about any axis."""
+    rng = np.random.default_rng(seed)
+    places = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), -1).reshape(-1, 3) * 0.98
+    places += rng.normal(0, 0.002, places.shape)
+    return Packing.from_positions(places, np.full(len(places), 0.5), 0.98 * np.diag(np.array(sides, float)))
+
+
+SPHERES = {"few": few_spheres, "cubic": cubic, "hertzian": lambda: few_spheres(kind="hertzian")}
+
+
+if __name__ == "__main__":
+    for name, make in SPHERES.items():
+        state = measure(make())
+        print(name, state.pressure, state.max_force, state.coordination, state.rattlers.sum(), make().phi)
