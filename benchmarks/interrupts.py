@@ -87,19 +87,19 @@ def child(words):
     """Run a command with checkpoints of flow and shear written often."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # as `jampetsc.__main__` does
     from jampetsc.__main__ import main
-    from jampetsc.options.job import Job
+    from jampetsc.options import execution
 
-    perform = Job._perform
+    run = execution._run
 
-    def often(self, *how):
-        if self.NAME in ("flow", "shear"):
+    def run_often(job, *settings):
+        if job.NAME in ("flow", "shear"):
             from jampetsc.flows import flow_run
             from jampetsc.jamming import shear_path
 
             flow_run.SAVE_INTERVAL = shear_path.SAVE_INTERVAL = 0.3
-        return perform(self, *how)
+        return run(job, *settings)
 
-    Job._perform = often
+    execution._run = run_often
 
     sys.argv = ["jampetsc", *words]
     main()

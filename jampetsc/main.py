@@ -18,7 +18,7 @@ from jampetsc import progress, streams
 from jampetsc.commands import JOBS, job_class
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.options.parameters import suggest_name
-from jampetsc.options.parser import add_job, parse_job, run_job
+from jampetsc.options.parser import add_job, parse_job, run_command
 from jampetsc.petsc import session, solver_options
 from jampetsc.version import VERSION
 
@@ -97,7 +97,7 @@ def dispatch(argv):
     progress.report(-1 if args.quiet else 1 if args.verbose else 0)
     if not takes_petsc and not _chosen(argv):
         return 0
-    return run_job(job, args, petsc_argv)
+    return run_command(job, args, petsc_argv)
 
 
 def split_petsc(argv):

@@ -18,7 +18,7 @@ from jampetsc.io.ensemble import AverageCurve, Averages, Ensemble
 from jampetsc.io.reader import FlowResult, SpectrumResult, SweepResult
 from jampetsc.io.results import Result
 from jampetsc.laws.flow_models import MODELS
-from jampetsc.options.functions import HOW
+from jampetsc.options.functions import RUN_PARAMETERS
 from jampetsc.options.parameters import (
     FILES,
     OPTION,
@@ -138,7 +138,7 @@ def _definitions(lines):
 def _of_job(job):
     """Description, parameters and result of the function of a class of jobs."""
     rows = [_row_of_function(field, fields(job)[field.name]) for field in dataclasses.fields(job)]
-    for name, (default, meaning) in HOW.items():
+    for name, (default, meaning) in RUN_PARAMETERS.items():
         passed = "bool" if isinstance(default, bool) else "name of a file"
         rows.append((f"`{name}`", passed, f"`{default}`", meaning))
     result = job.GIVES or f"what `jampetsc.load` gives for a file `{job.FORMAT}`"

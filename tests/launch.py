@@ -81,7 +81,7 @@ def asked(words):
 
 def here(line):
     """Do a command in this process, which has PETSc: `main.dispatch` would end MPI after one that does not need it."""
-    assert parser.run_job(*asked(line.split())) == 0
+    assert parser.run_command(*asked(line.split())) == 0
 
 
 def start(ranks, program, *args, **options):

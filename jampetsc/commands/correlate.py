@@ -11,9 +11,8 @@ from jampetsc.commands.correlate_sweeps import LANES
 from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, as_float, named
 from jampetsc.io.disk_motion import PHASES, correlate_lanes
-from jampetsc.options.job import Job
+from jampetsc.options.job import ALL_SEEDS, Job, TaskInputs
 from jampetsc.options.parameters import FILES, ValueType, format_value, optional_parameter, parameter
-from jampetsc.options.task_inputs import ALL_SEEDS, TaskInputs
 from jampetsc.options.values import (
     FREQUENCIES,
     PACKING,

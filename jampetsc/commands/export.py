@@ -52,7 +52,7 @@ class Export(Job):
 
     def check_outputs(self, to):
         """Refuse an unknown ending, and an output that may not be replaced."""
-        to.must_be_file()
+        to.require_file()
         check_format(to.path)
         super().check_outputs(to)
 
@@ -66,7 +66,7 @@ class Export(Job):
         count = write_frames(to.path, self._frames(loaded, kind))
         return f"{to}: {count} frame{'s' * (count != 1)} of {input_name(self.file)}"
 
-    def answer(self, to, summary):
+    def python_result(self, to):
         return to.path
 
     def _check_options(self, kind):

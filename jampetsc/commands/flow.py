@@ -12,10 +12,10 @@ from jampetsc.io.outputs import check_place, is_same
 from jampetsc.io.results import note_lines, noted
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model
-from jampetsc.options.model_options import MODEL
+from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import FILE, composite_parameter, optional_parameter, parameter
+from jampetsc.options.physics_options import MODEL
 from jampetsc.options.starts import GROUP, ShearJob, run_parameter
-from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
 from jampetsc.options.values import PACKING_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import session
@@ -179,12 +179,12 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             schedule.count_checks(schedule.rows), "flow", done=schedule.count_checks(rows)
         ) as progress:
             if resume is not None:
-                progress.note(f"{to.kept}: continues from strain {resume[0].strain:.6g}")
+                progress.note(f"{to.checkpoint_path}: continues from strain {resume[0].strain:.6g}")
             result = run_flow(
                 run,
                 team=self.team,
                 resume=resume,
-                save=None if to.kept is None else save,
+                save=None if to.checkpoint_path is None else save,
                 report=lambda *numbers: progress.step(_progress_line(*numbers)),
             )
         save(result.trajectory, result.state)  # in case one of the files cannot be written

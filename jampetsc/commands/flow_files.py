@@ -68,7 +68,7 @@ def _is_sound(name, array, diameter) -> bool:
 
 def check_space(to, disks: int, snapshots: int) -> None:
     """Raise InputError where the snapshots of a run do not fit on the disk where `to`, an Outlet, puts them."""
-    for out in {to.path, to.kept} - {None}:
+    for out in {to.path, to.checkpoint_path} - {None}:
         needed = 2 * snapshots * (disks * 7 + 5) * 8  # twice with the checkpoint
         free = shutil.disk_usage(follow(out).parent).free
         if needed > free:

@@ -40,10 +40,10 @@ class Import(Job):
 
     Reads LAMMPS data and dump, extended XYZ, GSD (needs the package gsd), lines x y r with a line 'box Lx Ly xy', and
     npz with positions, radii or diameters, and box. Disks lie in one plane, periodic in x and y; lengths keep their
-    unit. The potential is the one in FILE, as `jampetsc export` writes it, or that of the options. Also the
+    unit. The potential is the one in FILE, as `jampetsc export` writes it, or the one of the options. Also the
     published packings of jamBashbulk (text; U = ½ δ², k = 1) and jax-md (netCDF4; U = ½ (1 − r/σ)²), whose pressure and
     energy must be those stored in FILE. With bonds FILE is a network of springs: its nodes need no radii, and bonds are
-    those of LAMMPS data (Bonds, and Bond Coeffs of style harmonic), of npz (bonds, and stiffness, tension, images), or
+    read from LAMMPS data (Bonds, and Bond Coeffs of style harmonic), npz (bonds, and stiffness, tension, images), or
     lines of a text.
     """
 
@@ -104,11 +104,11 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
         if self.bonds is not None:
             options = {name: getattr(self, name) for name in ("format", "radius", "box", "k")}
             network = import_network(self.file, self.bonds, self.index, **options)
-            to.network(network)
+            to.put_network(network)
             return describe_network.network(to, network)
         how = ("format", "radius", "box", "potential", "stiffness", "k")
         disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in how})
-        to.packing(disks)
+        to.put_packing(disks)
         return _summary(to, self.file, disks)
 
 

@@ -11,8 +11,8 @@ from jampetsc.io.network_file import read_source
 from jampetsc.io.packing_file import read_identified
 from jampetsc.laws.damping import Law, Physics, damping_law
 from jampetsc.options.job import Job
-from jampetsc.options.law_options import DAMPING, PRESTRESS
 from jampetsc.options.parameters import FILE, composite_parameter, parameter
+from jampetsc.options.physics_options import DAMPING, PRESTRESS
 from jampetsc.options.values import PACKING_NETWORK_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network

@@ -14,10 +14,9 @@ from jampetsc.errors import InputError
 from jampetsc.io.results import note_lines, noted
 from jampetsc.jamming.sample_protocol import PROTOCOLS, SampleProtocol
 from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, SIZES, in_small_diameters, radii_of
-from jampetsc.options.job import Job
+from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.starts import PHI_RANGE, UNITS
-from jampetsc.options.task_inputs import NO_FILE, TaskInputs
 from jampetsc.options.values import SEEDS, Numbers, number_list
 from jampetsc.packing.potentials import EXPONENTS, Potential
 from jampetsc.petsc import session

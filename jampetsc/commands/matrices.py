@@ -1,4 +1,4 @@
-"""K, B and what goes with them as scipy, Matrix Market or PETSc read them."""
+"""K, B and their border as files of scipy, Matrix Market or PETSc."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -8,8 +8,7 @@ from jampetsc.io.network_file import read_source
 from jampetsc.io.packing_file import read_identified, source_name
 from jampetsc.laws import loads
 from jampetsc.laws.damping import DEFAULT
-from jampetsc.options.law_options import NetworkJob
-from jampetsc.options.load_options import load_parameter
+from jampetsc.options.physics_options import NetworkJob, load_parameter
 from jampetsc.petsc import session
 
 
@@ -36,27 +35,31 @@ class Matrices(NetworkJob):
         """Refuse an unknown ending, and outputs that may not be replaced."""
         from jampetsc.commands.matrix_files import files_of
 
-        to.must_be_file()
+        to.require_file()
         for path in files_of(to.path).values():
             to.check(self.FORMAT, self.paths, path)
 
     def work(self, to):
         from jampetsc.commands.matrix_files import files_of, write_matrices
-        from jampetsc.network.contact_network import build_network
-        from jampetsc.response.assembled_matrices import build_matrices
 
-        comm = session.current().comm
-        disks, _ = read_identified(self.packing, comm, read_source)
-        with about(source_name(self.packing)):
-            network = build_network(disks, comm, self.prestress)
-        matrices = build_matrices(network, self.law, loads.loads_of(self.load, len(disks.cell)))
+        matrices = self.build(session.current().comm)
         write_matrices(to.path, matrices)
         names = ", ".join(map(str, files_of(to.path).values()))
         unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)
         matrices.destroy()
         return f"{names}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
 
-    def answer(self, to, summary):
+    def build(self, comm):
+        """The `assembled_matrices.PackingMatrices`. Collective."""
+        from jampetsc.network.contact_network import build_network
+        from jampetsc.response.assembled_matrices import build_matrices
+
+        source, _ = read_identified(self.packing, comm, read_source)
+        with about(source_name(self.packing)):
+            network = build_network(source, comm, self.prestress)
+        return build_matrices(network, self.law, loads.loads_of(self.load, len(source.cell)))
+
+    def python_result(self, to):
         from jampetsc.commands.matrix_files import files_of
 
         return list(files_of(to.path).values())
@@ -74,10 +77,5 @@ def assemble(packing, law=DEFAULT, *, prestress=True, load=loads.DEFAULT):
     Returns an `assembled_matrices.PackingMatrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a
     packing that is not rigid, and for an unknown law.
     """
-    from jampetsc.network.contact_network import build_network
-    from jampetsc.response.assembled_matrices import build_matrices
-
-    job, comm = Matrices(packing, law, prestress=prestress, load=load), session.start("real").comm
-    packing, _ = read_identified(job.packing, comm, read_source)
-    network = build_network(packing, comm, job.prestress)
-    return build_matrices(network, job.law, loads.loads_of(job.load, len(packing.cell)))
+    job = Matrices(packing, law, prestress=prestress, load=load)
+    return job.build(session.start("real").comm)

@@ -23,7 +23,7 @@ def files_of(out) -> dict:
     """
     path = Path(out)
     if path.suffix not in ENDINGS:
-        raise InputError(f"{named('out')} {out}: choose the ending of a format: {', '.join(ENDINGS)}")
+        raise InputError(f"{named('out')} {out}: unknown ending. Give it one of {', '.join(ENDINGS)}.")
     if path.suffix == ".mtx":  # Matrix Market: a matrix a file
         return {name: path.with_name(f"{path.stem}-{name}.mtx") for name in NAMES}
     return {"": path}
@@ -41,9 +41,11 @@ def write_matrices(out, matrices: PackingMatrices) -> None:
 
 def _write_npz(path, whole):
     """K and B have one pattern: scipy.sparse.csr_array((K, indices, indptr))."""
-    held = {name: getattr(whole, name) for name in NAMES if name not in SPARSE}
+    arrays = {name: getattr(whole, name) for name in NAMES if name not in SPARSE}
     content = io.BytesIO()
-    np.savez(content, indptr=whole.K.indptr, indices=whole.K.indices, K=whole.K.data, B=whole.B.data, **held)
+    np.savez(
+        content, indptr=whole.K.indptr, indices=whole.K.indices, K=whole.K.data, B=whole.B.data, **arrays
+    )
     write_whole(path, content.getvalue())
 
 

@@ -8,11 +8,9 @@ import numpy as np
 
 from jampetsc.errors import InputError, about, named
 from jampetsc.laws.loads import STRESS_MEASURE, load_and_tensor
-from jampetsc.options.job import Job
-from jampetsc.options.law_options import PRESTRESS
-from jampetsc.options.load_options import load_parameter
+from jampetsc.options.job import NETWORKS, ONE_PACKING, Job, TaskInputs
 from jampetsc.options.parameters import FILE, optional_parameter, parameter
-from jampetsc.options.task_inputs import NETWORKS, ONE_PACKING, TaskInputs
+from jampetsc.options.physics_options import PRESTRESS, load_parameter
 from jampetsc.options.values import PACKING_OR_NETWORK
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc.session import current
@@ -56,16 +54,18 @@ of them, are found by LAPACK, which takes no options."""
 
     def check(self):
         """Refuse two ways to choose modes, and a limit too low to tell modes from translations."""
-        given = [name for name in ("count", "below", "all") if getattr(self, name) not in (None, False)]
-        if len(given) > 1:
-            raise InputError(f"{named(given[0])} and {named(given[1])}: both given. Give one of them.")
+        selections = [name for name in ("count", "below", "all") if getattr(self, name) not in (None, False)]
+        if len(selections) > 1:
+            raise InputError(
+                f"{named(selections[0])} and {named(selections[1])}: both given. Give one of them."
+            )
         if self.below is not None:
             from jampetsc.petsc.inertia import SHIFT
 
             if not SHIFT < self.below < float("inf"):
                 raise InputError(
-                    f"{named('below')} {self.below:g}: must be above {SHIFT:g} and finite; softer modes cannot be "
-                    "told from translations"
+                    f"{named('below')} {self.below:g}: must be above {SHIFT:g} and finite. Softer modes are not "
+                    "distinguished from translations."
                 )
 
     def work(self, to):
@@ -110,7 +110,7 @@ def _summary(to, modes) -> str:
     """The summary."""
     m = len(modes.eigenvalues)
     proof = (
-        "all there are"
+        "all of them"
         if modes.complete
         else f"inertia counts {modes.inertia_count} below {modes.inertia_shift:.4g}"
     )

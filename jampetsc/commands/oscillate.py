@@ -5,11 +5,11 @@ import time
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from jampetsc.errors import ConvergenceError, InputError, about, named
+from jampetsc.errors import InputError, about, named
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA, Physics
-from jampetsc.options.law_options import PackingJob
+from jampetsc.options.job import ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import ValueType, optional_parameter, parameter
-from jampetsc.options.task_inputs import ONE_PACKING, TaskInputs
+from jampetsc.options.physics_options import PackingJob
 from jampetsc.options.values import Numbers, number_list
 from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
 
@@ -76,7 +76,7 @@ A killed run continues when the same command is given again."""
     )
     contacts: str = parameter(
         "fixed",
-        "contacts: fixed, those of the packing, or moving, which open and close",
+        "contacts: fixed, as in the packing, or moving, which open and close",
         choices=("fixed", "moving"),
     )
     cycles: int | None = optional_parameter(
@@ -150,7 +150,7 @@ A killed run continues when the same command is given again."""
 
     @property
     def amplitude(self):
-        """Of what is imposed, (A,) increasing."""
+        """Amplitudes of what is imposed, (A,) increasing."""
         return getattr(self, self.control)
 
     @property
@@ -159,7 +159,7 @@ A killed run continues when the same command is given again."""
         return {**self.physics.parameters, "alpha": self.alpha}
 
     def key(self, identity) -> dict:
-        """What identifies the job to a checkpoint; identity: that of its packing, `read_identified`."""
+        """What identifies the job to a checkpoint; identity: of its packing, see `read_identified`."""
         return {
             "packing": identity[1],
             "law": self.parameters,
@@ -208,12 +208,7 @@ A killed run continues when the same command is given again."""
                 solver=sweep.solver,
                 regularisation=sweep.regularisation,
             )
-        if sweep.failures:
-            first = sweep.failures[min(sweep.failures)]
-            raise ConvergenceError(
-                f"{len(sweep.failures)} of {sweep.arrays['G'].size} points failed, {to.others}; the first: "
-                f"{first.message(named)}"
-            )
+        to.raise_failures(sweep.failures, sweep.arrays["G"].size, "points")
         checkpoint.remove()
         return _summary(self, to, sweep.arrays)
 

@@ -12,9 +12,8 @@ from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, 
 from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import check_packing, source_name
 from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, OTHER_SIZES, SIZES, Radii, radii_asked, sizes_text
-from jampetsc.options.job import Job
+from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import ValueType, format_value, optional_parameter, parameter
-from jampetsc.options.task_inputs import NO_FILE, TaskInputs
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, split_list
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
@@ -236,10 +235,10 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
                 task.path, self.FORMAT, self.paths
             )  # its settings are compared by `PackingTask.is_finished`
 
-    def kept(self, to):
+    def kept_text(self, to):
         """See `Job`; packings that are finished stay."""
         if to.path is None or not self.several:
-            return super().kept(to)
+            return super().kept_text(to)
         finished = [task.path.exists() for task in self.tasks(str(to.path))]
         return f"{sum(finished)} of {len(finished)} packings are finished. The same command resumes."
 
@@ -285,9 +284,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             raise_failures(failures, tasks)
         if to.path is None:
             packings = [disks for disks, _ in outcomes.values()]
-            to.packings(packings if self.several else packings[0])
+            to.put_packings(packings if self.several else packings[0])
         elif self.several:
-            to.packings([task.path for task in tasks])
+            to.put_packings([task.path for task in tasks])
         return summarise_packings(tasks, {i: line for i, (_, line) in outcomes.items()}, running.size)
 
     @property

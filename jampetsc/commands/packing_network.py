@@ -77,7 +77,7 @@ def read_network(packing, prestress: bool, to, started: float, read=read_source)
     """
     comm, name = session.current().comm, source_name(packing)
     source, identity = read_identified(packing, comm, read)
-    to.made_from(source)
+    to.set_source(source)
     with session.current().stage("assembly"), about(name):
         network = build_network(source, comm, prestress)
     # The response of the contacts as they are is still defined, but the packing would not stay in that state.

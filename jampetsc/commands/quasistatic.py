@@ -11,14 +11,13 @@ from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
 from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, load_and_tensor
-from jampetsc.options.law_options import NetworkJob
-from jampetsc.options.load_options import load_parameter
+from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter
-from jampetsc.options.task_inputs import NETWORKS, ONE_PACKING, TaskInputs
+from jampetsc.options.physics_options import NetworkJob, load_parameter
 from jampetsc.options.values import Numbers, number_list
 from jampetsc.petsc.session import current
 
-# members of a `SlowResponse` that are attributes of the file
+# members of a `SlowResponse` that become attributes of the file
 ATTRIBUTES = "G0 G_affine bulk_modulus eta0 omega_star identity_difference field_error".split()
 SCAN = ("beta", "eta0", "no_prestress_eta0", "eta_inf")  # columns of `QuasistaticResult.scan`
 
@@ -29,10 +28,10 @@ class Quasistatic(NetworkJob):
 
     The motion of touching disks relative to each other, Δu∥ and Δu⊥, and the non-affine displacement of every disk, per
     unit strain, with medians, means, rms and histograms; G₀, bulk modulus, η₀ = lim G''/ω and η_∞ (BT eqs. 18–24).
-    Moduli are those of the energy along F = 1 + εE, for the displacement gradient E of the load; the bulk modulus is
-    −V dp/dV. With load tensor the fields are those of simple shear xy, and the constants C₀, η₀ and η_∞ between the
-    symmetric loads xx, yy, xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added.
-    Numbers whose names have no_prestress are those without the pre-stress of K.
+    Moduli are second derivatives of the energy per volume along F = 1 + εE, E the displacement gradient of the load;
+    the bulk modulus is −V dp/dV. With load tensor the fields are of simple shear xy, and the constants C₀, η₀ and η_∞
+    between the symmetric loads xx, yy, xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added.
+    Numbers whose names have no_prestress are without the pre-stress of K.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING, NETWORKS)
@@ -72,27 +71,27 @@ PETSc options: -shift_… for the factorisations."""
         with about(source.name):
             betas = () if self.betas is None else self.betas.tolist()
             load, tensor = load_and_tensor(self.load, len(source.source.cell))
-            found = solve_quasistatic(source.network, self.law, betas, load, tensor)
-        notes = unstable_to_shear(found.responses[""].G0, "G0") if load.is_shear else []
+            outcome = solve_quasistatic(source.network, self.law, betas, load, tensor)
+        notes = unstable_to_shear(outcome.responses[""].G0, "G0") if load.is_shear else []
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
-            _write(writer, found)
+            _write(writer, outcome)
             writer.attributes(
                 **source.record(self.physics.parameters),
                 load=self.load,
                 stress_measure=STRESS_MEASURE,
                 notes=noted(notes),
             )
-        return "\n".join([_summary(to, self.physics, found, self.load), *note_lines(notes)])
+        return "\n".join([_summary(to, self.physics, outcome, self.load), *note_lines(notes)])
 
 
-def _write(writer, found):
+def _write(writer, outcome):
     """Put a `QuasistaticResult` into a result. Collective."""
-    c = found.network.contacts
+    c = outcome.network.contacts
     once = c.i < c.j
-    writer.distributed("particles", found.network.particles)
+    writer.distributed("particles", outcome.network.particles)
     writer.distributed("contacts/pairs", np.column_stack((c.i, c.j))[once])
     writer.distributed("contacts/bonds", c.r[once])
-    for name, response in found.responses.items():
+    for name, response in outcome.responses.items():
         group, prefix = (f"{name}/", f"{name}_") if name else ("", "")
         writer.distributed(f"{group}contacts/normal", response.normal)
         writer.distributed(f"{group}contacts/transverse", response.transverse)
@@ -102,21 +101,21 @@ def _write(writer, found):
             writer.distributed(f"{group}rotation", response.flow.rotation)
         values = {key: getattr(response, key) for key in ATTRIBUTES}
         values |= {f"eta0_{part}": value for part, value in response.flow.parts.items()}
-        for quantity, distribution in found.distributions[name].items():
+        for quantity, distribution in outcome.distributions[name].items():
             writer.dataset(f"{group}histogram/{quantity}/edges", distribution.edges)
             writer.dataset(f"{group}histogram/{quantity}/counts", distribution.counts)
             values |= {
                 f"{quantity}_{kind}": getattr(distribution, kind) for kind in ("median", "mean", "rms")
             }
         writer.attributes(**{f"{prefix}{key}": value for key, value in values.items()})
-    writer.attributes(eta_inf=found.eta_inf)
-    for name, tensor in found.tensors.items():
+    writer.attributes(eta_inf=outcome.eta_inf)
+    for name, tensor in outcome.tensors.items():
         group, prefix = (f"{name}/", f"{name}_") if name else ("", "")
         for key in ("C0", "eta0") if name else ("C0", "eta0", "eta_inf"):
             writer.dataset(f"{group}{key}", getattr(tensor, key))
         shear, deviation = shear_modulus(tensor.C0), anisotropy(tensor.C0)
         writer.attributes(**{f"{prefix}shear_modulus": shear, f"{prefix}anisotropy": deviation})
-    for name, column in zip(SCAN, found.scan.T, strict=True) if len(found.scan) else ():
+    for name, column in zip(SCAN, outcome.scan.T, strict=True) if len(outcome.scan) else ():
         writer.dataset(f"beta_scan/{name}", column)
 
 
@@ -125,7 +124,7 @@ def _summary(to, physics, outcome, load=DEFAULT) -> str:
     of_load = "" if load == DEFAULT else f", load {load}"
     lines = [f"{to}: {physics}{of_load}, eta_inf = {outcome.eta_inf:.6g}"]
     for name, response in outcome.responses.items():
-        found = outcome.distributions[name]
+        distributions = outcome.distributions[name]
         stress = "pre-stress" if response.network.prestress else "no pre-stress"
         parts = ", ".join(f"{part} {value:.4g}" for part, value in response.flow.parts.items())
         lines += [
@@ -134,7 +133,7 @@ def _summary(to, physics, outcome, load=DEFAULT) -> str:
             f"({parts}), omega* = {response.omega_star:.4g}",
             "    medians per unit strain: "
             + ", ".join(
-                f"{symbol} {found[key].median:.4g}"
+                f"{symbol} {distributions[key].median:.4g}"
                 for symbol, key in (("|Δu∥|", "normal"), ("|Δu⊥|", "transverse"), ("|u_na|", "nonaffine"))
             )
             + f"; identity kept to {response.identity_difference:.0e}",

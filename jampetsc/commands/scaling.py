@@ -22,9 +22,9 @@ MIN_PROBABILITY = (
 
 
 def read_points(results, observable: str, finite_size: bool) -> Points:
-    """The observable of all files, averaged over those of one φ and rate or size.
+    """The observable of all files, averaged over files of one φ and rate or size.
 
-    Raises InputError for files of several kinds, or of a kind that is not scaled so, and for one that is there twice.
+    Raises InputError for files of several kinds, or of a kind that is not scaled so, and for a file given twice.
     """
     groups, seen = {}, {}
     for result in results:

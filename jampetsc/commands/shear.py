@@ -9,9 +9,9 @@ import numpy as np
 from jampetsc.analysis.jammed_samples import correlated_share
 from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines, noted
+from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import parameter
 from jampetsc.options.starts import ShearJob
-from jampetsc.options.task_inputs import PACKING_OR_N, TaskInputs
 from jampetsc.packing.packing import PLACES
 from jampetsc.petsc import session
 from jampetsc.progress import Progress

@@ -10,12 +10,11 @@ from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, named
 from jampetsc.io.outputs import PICTURE
 from jampetsc.io.reader import SweepResult
-from jampetsc.options.job import Job
+from jampetsc.options.job import ONE_RESULT, Job, TaskInputs
 from jampetsc.options.parameters import FILES, optional_parameter, parameter
-from jampetsc.options.task_inputs import ONE_RESULT, TaskInputs
 from jampetsc.options.values import RESULT, load_source, refuse_repeated
 
-HDF5 = (".h5", ".hdf5")  # endings of a file; those of a picture are `plots.style.FORMATS`
+HDF5 = (".h5", ".hdf5")  # endings of a file; of a picture: `plots.style.FORMATS`
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,19 +7,18 @@ from jampetsc.commands import describe_network
 from jampetsc.errors import InputError, named
 from jampetsc.io.network_file import FORMAT, read_source
 from jampetsc.io.packing_file import read_identified
-from jampetsc.options.job import Job
+from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import FILE, ValueType, optional_parameter, parameter
-from jampetsc.options.task_inputs import NO_FILE, TaskInputs
 from jampetsc.options.values import MAX_SEED, PACKING_OR_NETWORK, split_list
 from jampetsc.packing.lattices import LATTICES, build_lattice
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 
 
-def _size(given):
+def _size(value):
     """(columns, rows) of unit cells; one number is both."""
     try:
-        sides = [int(word) for word in split_list(given)]
+        sides = [int(word) for word in split_list(value)]
     except (TypeError, ValueError):
         raise ValueError("must be a whole number, or columns,rows such as 64,32") from None
     if len(sides) not in (1, 2):
@@ -54,20 +53,18 @@ class Springs(Job):
     lattice: str | None = optional_parameter("kind of lattice", choices=tuple(LATTICES))
     size: tuple | None = optional_parameter(
         "unit cells along x, or along x and y (default 32); triangular and square have one node each, kagome three",
-        value_type=ValueType(
-            _size, lambda size: ",".join(map(str, size)), metavar="N|NX,NY", python="integer or (NX, NY)"
-        ),
+        value_type=SIZE,
     )
     keep: float = parameter(
         1.0, "share of the bonds that stay, chosen at random", above=0.0, high=1.0, metavar="P"
     )
-    seed: int = parameter(1, "of the choice of bonds", low=0, high=MAX_SEED, metavar="S")
+    seed: int = parameter(1, "seed of the choice of bonds", low=0, high=MAX_SEED, metavar="S")
 
     def check(self):
         """Refuse a lattice beside a file, and neither of them."""
         if (self.source is None) == (self.lattice is None):
             raise InputError(
-                f"{named('lattice')}: give a kind of lattice, or a packing or network, one of them."
+                f"{named('lattice')}: missing, or given with a file. Give a kind of lattice, or a packing or network."
             )
         if self.source is not None and self.size is not None:
             raise InputError(f"{named('size')}: an option of {named('lattice')}. Leave it out.")
@@ -76,7 +73,7 @@ class Springs(Job):
         network = build_lattice(self.lattice, self.size or (32, 32)) if self.lattice else self._of_source()
         if self.keep < 1.0:
             network = network.diluted(self.keep, self.seed).with_record(keep=self.keep, seed=self.seed)
-        to.network(network)
+        to.put_network(network)
         return describe_network.network(to, network)
 
     def _of_source(self):

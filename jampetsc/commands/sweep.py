@@ -9,15 +9,14 @@ import numpy as np
 
 from jampetsc.analysis.elasticity import anisotropy, bulk_modulus
 from jampetsc.analysis.statistics import relative_bound
-from jampetsc.errors import ConvergenceError, InputError, about, named
+from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
-from jampetsc.options.law_options import NetworkJob
-from jampetsc.options.load_options import is_shear, load_parameter
+from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.task_inputs import NETWORKS, ONE_PACKING, TaskInputs
+from jampetsc.options.physics_options import NetworkJob, is_shear, load_parameter
 from jampetsc.options.values import FREQUENCIES, Numbers
 from jampetsc.petsc import builds, session
 from jampetsc.progress import note, warn
@@ -35,9 +34,10 @@ of_power_law = partial(optional_parameter, group=POWER_LAW)
 class Sweep(NetworkJob):
     """Complex modulus G*(ω) of a packing or a network under shear or another load.
 
-    A modulus is that of the energy along F = 1 + εE, for the displacement gradient E of the load. With load tensor all
-    elastic constants C*(ω) of the symmetric loads xx, yy, xy, whose shears are E = ½(x̂ŷ + ŷx̂), from the same
-    factorisations, and the bulk modulus −V dp/dV and the shear modulus averaged over all directions.
+    A modulus is the second derivative of the energy per volume along F = 1 + εE, E the displacement gradient of the
+    load. With load tensor all elastic constants C*(ω) of the symmetric loads xx, yy, xy, whose shears are
+    E = ½(x̂ŷ + ŷx̂), from the same factorisations, and the bulk modulus −V dp/dV and the shear modulus averaged over all
+    directions.
 
     Each value comes with a bound on its error (BT eqs. 10–15; docs/theory/linear_response.md). Method `rational` gets
     the whole spectrum from a few real factorisations, `direct` solves K + iωB at every frequency.
@@ -105,7 +105,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         if self.alpha is not None and not self.law.is_of_contacts:
             raise InputError(
                 f"{named('alpha')}: power-law damping is of contacts alone, and {self.law} has a fluid. Leave it out, "
-                f"or take another {named('law')}"
+                f"or give another {named('law')}."
             )
 
     @property
@@ -122,7 +122,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
     @property
     def frequencies(self) -> "SweepFrequencies":
-        """The frequencies to solve at, those of fields included. Raises InputError where they cannot be solved."""
+        """The frequencies to solve at, with the ones of fields. Raises InputError where they cannot be solved."""
         fields = np.zeros(0) if self.fields is None else self.fields
         is_new = ~np.isclose(self.omega[:, None], fields, rtol=SAME_FREQUENCY, atol=0.0).any(axis=1)
         experiment = np.union1d(self.omega[is_new], fields)
@@ -133,7 +133,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             raise InputError(
                 f"{named('alpha')} {damping.alpha:g} {named('stress')} {damping.stress:g}: omega = "
                 f"{experiment[beyond][0]:g} is equivalent to {solved[beyond][0]:g} under linear damping, outside "
-                f"{MIN_OMEGA:g} to {MAX_OMEGA:g}: narrow {named('omega')}"
+                f"{MIN_OMEGA:g} to {MAX_OMEGA:g}. Narrow {named('omega')}."
             )
         return SweepFrequencies(experiment, solved, solved[np.searchsorted(experiment, fields)])
 
@@ -145,10 +145,10 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         return {**self.physics.parameters, "alpha": self.damping.alpha, "stress": self.damping.stress}
 
     def key(self, identity, method: str, ranks: int) -> dict:
-        """What identifies the job to a checkpoint; rows of fields belong to ranks, numbers do not.
+        """What identifies the job to a checkpoint; rows of fields are per rank, numbers are not.
 
-        identity   that of its packing, `read_identified`
-        method     the one that is used
+        identity   of its packing, see `read_identified`
+        method     the method that is used
         """
         frequencies = self.frequencies
         return {
@@ -182,10 +182,10 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             ordered=method == "rational",
         )
         with about(source.name):
-            found = self._solve(source, frequencies, method, minimum, checkpoint)
-        notes = notes_of(self, source.network, frequencies.asked(found.omega), found)
+            sweep = self._solve(source, frequencies, method, minimum, checkpoint)
+        notes = notes_of(self, source.network, frequencies.of_experiment(sweep.omega), sweep)
         with to.writer(self.FORMAT, session.current().comm) as writer:
-            _write_moduli(writer, frequencies, found, source, self.damping is not None)
+            _write_moduli(writer, frequencies, sweep, source, self.damping is not None)
             writer.attributes(
                 **source.record(self.parameters),
                 load=self.load,
@@ -195,18 +195,13 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
                 positive_semidefinite=minimum.description,
                 unknowns=source.network.n * self.law.dofs(source.network.dimension),
                 notes=noted(notes),
-                factorisations=found.factorisations,
-                vectors=found.vectors,
-                failed_omega=frequencies.asked(sorted(found.failures)) if found.failures else None,
+                factorisations=sweep.factorisations,
+                vectors=sweep.vectors,
+                failed_omega=frequencies.of_experiment(sorted(sweep.failures)) if sweep.failures else None,
             )
-        if found.failures:
-            first = found.failures[min(found.failures)]
-            raise ConvergenceError(
-                f"{len(found.failures)} of {len(frequencies.solved)} frequencies failed, {to.others}; the first: "
-                f"{first.message(named)}"
-            )
+        to.raise_failures(sweep.failures, len(frequencies.solved), "frequencies")
         checkpoint.remove()
-        return "\n".join([_summary(self, to, frequencies, found, minimum.certified), *note_lines(notes)])
+        return "\n".join([_summary(self, to, frequencies, sweep, minimum.certified), *note_lines(notes)])
 
     def _solve(self, source, frequencies, method, minimum, checkpoint):
         """The `ModulusSweep`, continued from the finished steps of a checkpoint. Collective."""
@@ -215,7 +210,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
         with session.current().stage("assembly"):
             pencil = assemble(source.network, self.law)
-        wanted = {
+        settings = {
             "omega": frequencies.solved,
             "accuracy": self.accuracy,
             "field_omega": frequencies.of_fields,
@@ -227,7 +222,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         if method == "rational":
             resume = {step: (record, checkpoint.fields(step)) for step, record in checkpoint.done.items()}
             return sweep_rationally(
-                pencil, **wanted, parallel=self.parallel or "auto", resume=resume, save=checkpoint.save
+                pencil, **settings, parallel=self.parallel or "auto", resume=resume, save=checkpoint.save
             )
         resume = {
             step: (record, checkpoint.fields(step) if "field_bound" in record else None)
@@ -235,7 +230,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         }
         return sweep_directly(
             pencil,
-            **wanted,
+            **settings,
             positive_semidefinite=minimum.negative_modes == 0,
             resume=resume,
             save=checkpoint.save,
@@ -244,39 +239,39 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
 @dataclass(frozen=True, eq=False)
 class SweepFrequencies:
-    """Frequencies of a sweep in 1/time. Under power-law damping those at which the linear law is solved differ."""
+    """Frequencies of a sweep in 1/time. Under power-law damping the linear law is solved at other frequencies."""
 
-    experiment: np.ndarray  # (M,) increasing, those of the experiment
+    experiment: np.ndarray  # (M,) increasing, of the experiment
     solved: np.ndarray  # (M,) the equivalent ones of the linear law
-    of_fields: np.ndarray  # (F,) those of `solved` at which fields are wanted
+    of_fields: np.ndarray  # (F,) of `solved`, at which fields are stored
 
-    def asked(self, omega):
+    def of_experiment(self, omega):
         """Frequencies of the experiment for some of `solved`, in their shape."""
         return self.experiment[np.searchsorted(self.solved, omega)]
 
 
-def _write_moduli(writer, frequencies, found, source, is_power_law) -> None:
+def _write_moduli(writer, frequencies, sweep, source, is_power_law) -> None:
     """Put the arrays of a `ModulusSweep` of a `PackingNetwork` into a result. Collective."""
-    writer.dataset("omega", frequencies.asked(found.omega))
+    writer.dataset("omega", frequencies.of_experiment(sweep.omega))
     if is_power_law:
-        writer.dataset("equivalent_omega", found.omega)
-    writer.dataset("G", found.G)
-    for name, bound in zip(BOUNDS, found.bounds.T, strict=True):
+        writer.dataset("equivalent_omega", sweep.omega)
+    writer.dataset("G", sweep.G)
+    for name, bound in zip(BOUNDS, sweep.bounds.T, strict=True):
         writer.dataset(name, bound)
-    if found.spectrum is not None:
+    if sweep.spectrum is not None:
         for name in ("G0", "eta_inf", "rates", "weights"):
-            writer.dataset(f"reduced/{name}", getattr(found.spectrum, name))
-    if found.tensor is not None:
-        _write_tensor(writer, found.tensor, source.network)
-    if not found.fields:
+            writer.dataset(f"reduced/{name}", getattr(sweep.spectrum, name))
+    if sweep.tensor is not None:
+        _write_tensor(writer, sweep.tensor, source.network)
+    if not sweep.fields:
         return
-    writer.dataset("fields/omega", frequencies.asked([field.omega for field in found.fields]))
+    writer.dataset("fields/omega", frequencies.of_experiment([field.omega for field in sweep.fields]))
     writer.distributed("particles", source.network.particles)
-    for field in found.fields:
+    for field in sweep.fields:
         writer.append("fields/displacement", field.displacement)
         if field.rotation is not None:
             writer.append("fields/rotation", field.rotation)
-    writer.dataset("fields/error_bound", np.array([field.error_bound for field in found.fields]))
+    writer.dataset("fields/error_bound", np.array([field.error_bound for field in sweep.fields]))
 
 
 def _write_tensor(writer, tensor, network) -> None:
@@ -291,9 +286,9 @@ def _write_tensor(writer, tensor, network) -> None:
             writer.dataset(f"reduced_tensor/{name}", values)
 
 
-def notes_of(job, network, omega, found) -> list[str]:
+def notes_of(job, network, omega, sweep) -> list[str]:
     """Notes on a `ModulusSweep` of a network at frequencies omega (M,) of the experiment, see `io.results`."""
-    notes, G, highest = [], found.G, found.G.real + found.bounds[:, 1]
+    notes, G, highest = [], sweep.G, sweep.G.real + sweep.bounds[:, 1]
     if highest.min() < 0.0 and is_shear(job.load):  # by more than its bound
         worst = int(np.argmin(highest))
         notes += unstable_to_shear(G.real[worst], f"G' at omega {omega[worst]:.3g}")
@@ -309,9 +304,9 @@ def notes_of(job, network, omega, found) -> list[str]:
     return notes
 
 
-def _summary(job, to, frequencies, found, certified) -> str:
+def _summary(job, to, frequencies, sweep, certified) -> str:
     """The summary of a sweep."""
-    G, bounds, omega = found.G, found.bounds, frequencies.asked(found.omega)
+    G, bounds, omega = sweep.G, sweep.bounds, frequencies.of_experiment(sweep.omega)
     storage, loss = (
         relative_bound(bound, part).max() for bound, part in ((bounds[:, 1], G.real), (bounds[:, 2], G.imag))
     )
@@ -323,8 +318,8 @@ def _summary(job, to, frequencies, found, certified) -> str:
         f"  omega {omega[end]:.3g}: G' = {G[end].real:.6g}, G'' = {G[end].imag:.6g}"
         for end in ((0, -1) if len(omega) > 1 else (0,))
     ]
-    if found.tensor is not None:
-        C = np.array2string(found.tensor.C[0].real, precision=6).replace("\n", "\n    ")
+    if sweep.tensor is not None:
+        C = np.array2string(sweep.tensor.C[0].real, precision=6).replace("\n", "\n    ")
         lines += [
             "  G: shear modulus averaged over all directions",
             f"  C' at omega {omega[0]:.3g}:\n    {C}",

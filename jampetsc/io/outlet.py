@@ -2,29 +2,30 @@
 
 from pathlib import Path
 
-from jampetsc.errors import InputError, named
+from jampetsc.errors import ConvergenceError, InputError, named
 
 
 class Outlet:
     """Takes the result of one run of a job, or its packing.
 
     path        file of the result; None: it stays in memory
-    checkpoint  file beside which a long run keeps its finished steps, to continue from; None: in memory
-    request     what was asked for, a `request.Request`, which files record; None: nothing
+    checkpoint  file beside which a long run keeps its finished steps, to resume from; None: in memory
+    request     settings of the run, a `request.Request`, which files record; None: not recorded
     status      exit status of a command that has written what it could
     finished    whether the result of the request is in its file already and stays
+    summary     text for the user, after the run
 
     Raises InputError for a name without a character.
     """
 
-    request, status, finished = None, 0, False
+    request, status, finished, summary = None, 0, False, ""
 
     def __init__(self, path=None, checkpoint=None):
         for name, value in (("out", path), ("checkpoint", checkpoint)):
             if isinstance(value, str) and not value:
                 raise InputError(f"{named(name)}: empty. Give the name of a file.")
         self.path = None if path is None else Path(path)
-        self.kept = checkpoint
+        self.checkpoint_path = checkpoint
         self._result = self._packing = self._checkpoint = None
         self._ranks = 1  # that have written the file
 
@@ -32,7 +33,7 @@ class Outlet:
         return "in memory" if self.path is None else str(self.path)
 
     @property
-    def remark(self) -> str:
+    def parts_note(self) -> str:
         """A line about the parts of a result that several ranks have written; empty for one file."""
         if not self._ranks > 1:
             return ""
@@ -41,12 +42,22 @@ class Outlet:
             f"\n  rows of the {self._ranks} ranks in {folder}: keep both together, or `jampetsc merge {self}`"
         )
 
-    @property
-    def others(self) -> str:
-        """Where a run of which something failed has put the rest, in words."""
-        return f"give {named('out')} to keep the others" if self.path is None else f"the others are in {self}"
+    def raise_failures(self, failures: dict, count: int, what: str) -> None:
+        """Raise ConvergenceError where some of `count` parts of the result failed.
 
-    def must_be_file(self) -> None:
+        failures   {part, in their order: its ConvergenceError}
+        what       the parts, in words
+        """
+        if failures:
+            first = failures[min(failures)].message(named)
+            rest = (
+                f"give {named('out')} to keep the others"
+                if self.path is None
+                else f"the others are in {self}"
+            )
+            raise ConvergenceError(f"{len(failures)} of {count} {what} failed, {rest}; the first: {first}")
+
+    def require_file(self) -> None:
         """Raise InputError where a result that is for other programs has no file to go to."""
         if self.path is None:
             raise InputError(f"{named('out')}: missing. Give the file to write.")
@@ -76,7 +87,7 @@ class Outlet:
             self._ranks = comm.size
         return writer
 
-    def packing(self, disks) -> None:
+    def put_packing(self, disks) -> None:
         """Take a packing that was made. Not collective."""
         from jampetsc.io.packing_file import write_packing
 
@@ -84,7 +95,7 @@ class Outlet:
         if self.path is not None:
             write_packing(self.path, disks, self.request)
 
-    def network(self, network) -> None:
+    def put_network(self, network) -> None:
         """Take a network that was made. Not collective."""
         from jampetsc.io.network_file import write_network
 
@@ -92,11 +103,11 @@ class Outlet:
         if self.path is not None:
             write_network(self.path, network, self.request)
 
-    def packings(self, packings) -> None:
+    def put_packings(self, packings) -> None:
         """Take several packings instead of one file: a Packing, or a list of them or of their files, on every rank."""
         self._result = packings
 
-    def made_from(self, disks) -> None:
+    def set_source(self, disks) -> None:
         """Take the packing that the result was made from, to be its `Result.packing`."""
         self._packing = disks
 
@@ -104,17 +115,17 @@ class Outlet:
         """The `io.checkpoint.Checkpoint` of the job that `key` identifies. Collective over comm."""
         from jampetsc.io.checkpoint import Checkpoint
 
-        self._checkpoint = Checkpoint(self.kept, key, comm, ordered=ordered)
+        self._checkpoint = Checkpoint(self.checkpoint_path, key, comm, ordered=ordered)
         return self._checkpoint
 
     @property
     def has_checkpoint(self) -> bool:
         """Whether finished steps of an unfinished run are on disk."""
-        if self.kept is None:
+        if self.checkpoint_path is None:
             return False
         from jampetsc.io.checkpoint import has_steps
 
-        return has_steps(self.kept) if self._checkpoint is None else bool(self._checkpoint.done)
+        return has_steps(self.checkpoint_path) if self._checkpoint is None else bool(self._checkpoint.done)
 
     def share(self, comm) -> None:
         """Give every rank what rank 0 has in memory. Collective."""

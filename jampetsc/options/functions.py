@@ -6,10 +6,10 @@ import inspect
 
 from jampetsc import progress
 from jampetsc.errors import in_words
-from jampetsc.io.outlet import Outlet
+from jampetsc.options.execution import run_job
 from jampetsc.options.parameters import FILES, OPTION, CompositeParameter, fields, format_value, suggest_name
 
-HOW = {  # parameters of every function, beside those of its job
+RUN_PARAMETERS = {  # parameters of every function, beside the parameters of its job
     "out": (None, "file of the result (default: in memory; see `Result.save`)"),
     "checkpoint": (
         None,
@@ -35,13 +35,13 @@ def make_function(job):
         _refuse_unknown(job, signature, options)
         bound = signature.bind(*arguments, **options)
         bound.apply_defaults()
-        out, checkpoint, overwrite, shows_progress = (bound.arguments.pop(name) for name in HOW)
-        request, to = job(**bound.arguments), Outlet(out, out if checkpoint is None else checkpoint)
+        out, checkpoint, overwrite, shows_progress = (bound.arguments.pop(name) for name in RUN_PARAMETERS)
+        request, checkpoint = job(**bound.arguments), out if checkpoint is None else checkpoint
         with progress.reporting(True) if shows_progress else contextlib.nullcontext():
-            summary = request.perform(to, argv=request.line(out), overwrite=overwrite)
+            to = run_job(request, out, checkpoint, argv=request.line(out), overwrite=overwrite)
             if to.finished:
-                progress.note(in_words(summary, str))
-        return request.answer(to, summary)
+                progress.note(in_words(to.summary, str))
+        return request.python_result(to)
 
     call.__name__ = call.__qualname__ = job.NAME
     call.__module__ = "jampetsc"
@@ -82,7 +82,9 @@ def signature_of(job) -> inspect.Signature:
             default = field.default_factory()
         default = kinds.empty if default is dataclasses.MISSING else default
         arguments.append(kinds(field.name, kind, default=default, annotation=field.type))
-    arguments += [kinds(name, kinds.KEYWORD_ONLY, default=default) for name, (default, _) in HOW.items()]
+    arguments += [
+        kinds(name, kinds.KEYWORD_ONLY, default=default) for name, (default, _) in RUN_PARAMETERS.items()
+    ]
     return inspect.Signature(sorted(arguments, key=lambda argument: argument.kind))
 
 
@@ -99,7 +101,7 @@ def documentation_of(job) -> str:
         default = "" if declared.required else f", default {format_value(declared.default)}"
         unit = f", in {declared.unit}" if declared.unit else ""
         lines += [f"{field.name} : {declared.python}{default}", f"    {declared.help}{unit}"]
-    for name, (default, help) in HOW.items():
+    for name, (default, help) in RUN_PARAMETERS.items():
         passed = "bool" if isinstance(default, bool) else "name of a file"
         lines += [f"{name} : {passed}, default {default}", f"    {help}"]
     lines += ["", "Returns", "-------", job.GIVES or f"what `load` gives for a {job.FORMAT} file"]

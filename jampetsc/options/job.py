@@ -1,22 +1,42 @@
-"""A job: a frozen dataclass of its parameters, and what runs it. Functions and commands are made from its class."""
+"""A job: a frozen dataclass of its parameters. Command, python function and key of a study follow from its class."""
 
 import shlex
-import sys
 import types
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc import interrupts
-from jampetsc.collective import on_root
 from jampetsc.errors import InputError, named
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.request import Request
 from jampetsc.options.parameters import FILE, OPTION, CompositeParameter, fields, parameters
-from jampetsc.options.task_inputs import TaskInputs
 from jampetsc.options.values import PACKING, RADII, input_name
 from jampetsc.petsc import session
-from jampetsc.progress import LOG
+
+NO_FILE = "no file"
+ONE_PACKING = "one packing"
+PACKING_OR_N = "one packing, or no file where the table gives n"
+NETWORKS = ("pack", "springs")  # commands that make a packing or a network
+ONE_RESULT = "one result"
+ALL_SEEDS = "the results of all seeds"
+
+
+@dataclass(frozen=True)
+class TaskInputs:
+    """What one task of a command reads in a study.
+
+    reads        NO_FILE, ONE_PACKING, PACKING_OR_N, ONE_RESULT or ALL_SEEDS
+    commands     commands whose results it reads; of packings: pack alone if none are named
+    is_suitable  whether it can use the result of this job
+    needs        the results that it can use, for messages
+    one_rank     whether it runs on one rank only, however large the packing is
+    """
+
+    reads: str
+    commands: tuple[str, ...] = ()
+    is_suitable: Callable = lambda job: True
+    needs: str = ""
+    one_rank: bool = False
 
 
 @dataclass(frozen=True)
@@ -24,10 +44,11 @@ class Job:
     """Base of all jobs: a subclass is a frozen dataclass with fields `parameter` and `composite_parameter`.
 
     Its docstring describes it; the first line is the short help of its command. Class variables say the rest. `check`
-    refuses values that contradict each other, without reading files; `work` runs the job.
+    refuses values that contradict each other, without reading files; `work` computes and fills the outlet. `execution`
+    runs it.
     """
 
-    NAME: ClassVar[str]  # of command and function: that of the class, in small letters
+    NAME: ClassVar[str]  # of command and function: the name of the class in small letters
     FORMAT: ClassVar[str]  # of its result; if not given "jampetsc-NAME"
     EPILOG: ClassVar[str] = ""  # what its help ends with: examples, prefixes of PETSc's options
     SOLVERS: ClassVar[tuple] = ()  # prefixes of the PETSc options that its solvers read, see `solver_options`
@@ -87,7 +108,7 @@ class Job:
 
     @property
     def paths(self) -> list[str]:
-        """Files that it reads: those of its `sources`, and of packings and radii among the options."""
+        """Files that it reads: of its `sources`, and of packings and radii among the options."""
         values = self._values(
             lambda parameter: parameter.place != OPTION or parameter.value_type in (PACKING, RADII)
         )
@@ -158,98 +179,34 @@ class Job:
         """Raise InputError, before any work, unless all of its files may be written."""
         to.check(self.FORMAT, self.paths)
 
-    def perform(self, to: Outlet, *, petsc_argv=(), argv=None, overwrite=False, alone=False) -> str:
-        """Check that the result may be written, start PETSc if it is needed, do the work. Collective.
-
-        to          outlet of the result
-        petsc_argv  PETSc's own options
-        argv        the command line that the result records
-        overwrite   whether a finished result is computed again and replaced
-        alone       whether only this rank calls, for a job without PETSc
-
-        Returns the summary for the user; of a finished result, which stays, only that it is there.
-
-        Raises InputError before any work for an output that may not be written, as `work` does, and KeyboardInterrupt,
-        which says what is kept, after a Ctrl-C (see `interrupts`).
-        """
-        finished = False
-        try:
-            with interrupts.deferred():
-                summary = self._perform(to, petsc_argv, argv, overwrite, alone)
-                finished = True
-            return summary
-        except KeyboardInterrupt:
-            kept = f"{to} is finished." if finished else self.kept(to)
-            raise KeyboardInterrupt(f"interrupted: {kept}") from None
-
-    def kept(self, to: Outlet) -> str:
+    def kept_text(self, to: Outlet) -> str:
         """What an interrupted run leaves on disk, in words."""
         if to.has_checkpoint:
-            return f"finished steps are kept beside {to.kept}. The same command resumes."
+            return f"finished steps are kept beside {to.checkpoint_path}. The same command resumes."
         return "nothing is kept."
-
-    def _perform(self, to, petsc_argv, argv, overwrite, alone):
-        to.request = Request(self, argv or sys.argv, overwrite)
-        if self.scalar is None:
-            comm = None if alone else session.communicator()
-        else:  # one process looks at the files before PETSc starts
-            comm = self._start(petsc_argv).comm if session.has_several_ranks() else None
-        if on_root(comm, lambda: self._is_finished(to)):
-            to.finished = True
-            on_root(comm, lambda: self.complete(to))
-            return f"{to}: finished earlier with the same settings and inputs. {named('overwrite')} computes it again."
-        if self.scalar is not None:
-            running = session.current() if comm else self._start(petsc_argv)
-            running.forget_defaults()
-            summary = self.work(to)
-            running.free_dropped(running.comm)
-            if petsc_argv:
-                running.report_unused()
-            return summary + to.remark
-        job = self if comm is None else self.gathered()
-        summary = on_root(comm, lambda: job.work(to))
-        if comm is not None and to.path is None:
-            to.share(comm)
-        return summary
-
-    def _start(self, petsc_argv):
-        """The session with the scalars that the job needs. Collective."""
-        running = session.start(None if self.scalar == "any" else self.scalar, petsc_argv)
-        if running.rank == 0:
-            version = ".".join(map(str, running.PETSc.Sys.getVersion()))
-            LOG.debug("PETSc %s, %s scalars, %d ranks: %s", version, running.scalar_type, running.size, self)
-        return running
-
-    def _is_finished(self, to) -> bool:
-        """Whether its result is there already and stays. Raises InputError for what may not be replaced."""
-        self.check_outputs(to)
-        return to.finished
 
     def complete(self, to: Outlet) -> None:
         """Do what is left to do where the result is there already, as after a kill. Not collective."""
         from jampetsc.io.checkpoint import discard_unused
 
-        discard_unused(to.kept or to.path)
+        discard_unused(to.checkpoint_path or to.path)
 
     def work(self, to: Outlet) -> str:
         """Run the job and put its result into the outlet `to`; returns a summary for the user. Collective."""
         raise NotImplementedError
 
-    def answer(self, to: Outlet, summary: str):
-        """What the python function returns: what `load` gives for the file, or the same in memory; the summary where
-        `GIVES` begins with "str".
+    def python_result(self, to: Outlet):
+        """What the python function returns after a run: what `load` gives for the file, or the same in memory.
 
-        summary   text, from `perform`
-
-        Collective.
+        The summary where `GIVES` begins with "str". Collective.
         """
         packing = getattr(self, "packing", None)
         if to.finished and packing is not None:  # as `work` does
             from jampetsc.io.network_file import read_source
             from jampetsc.io.packing_file import read_identified
 
-            to.made_from(read_identified(packing, session.communicator(), read_source)[0])
-        return summary if self.GIVES.startswith("str") else to.result
+            to.set_source(read_identified(packing, session.communicator(), read_source)[0])
+        return to.summary if self.GIVES.startswith("str") else to.result
 
     def __str__(self):
         return shlex.join(self.line())

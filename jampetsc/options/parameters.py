@@ -238,7 +238,7 @@ def fields(job) -> dict[str, Parameter | CompositeParameter]:
 
 @functools.cache
 def parameters(job) -> dict[str, Parameter]:
-    """{name: Parameter} of a class of jobs, including those of its composite parameters."""
+    """{name: Parameter} of a class of jobs, with the options of its composite parameters."""
     single = {}
     for name, declaration in fields(job).items():
         if isinstance(declaration, CompositeParameter):

@@ -1,10 +1,10 @@
-"""A job on the command line: the parser made from its parameters, and its run."""
+"""A job as a command: its parser is made from its parameters."""
 
 import textwrap
 
 from jampetsc import streams
 from jampetsc.errors import InputError, JampetscError, in_words, option_word
-from jampetsc.io.outlet import Outlet
+from jampetsc.options.execution import run_job
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILES, OPTION, build_job, format_value, parameters
 from jampetsc.petsc import session
@@ -95,7 +95,7 @@ def option_words(job):
     return lambda name: declared[name].word if name in declared else option_word(name)
 
 
-def run_job(job, args, petsc_argv=()) -> int:
+def run_command(job, args, petsc_argv=()) -> int:
     """Run a job, print its summary and return the exit status. Collective.
 
     args        the parsed arguments, for `out` and `overwrite`
@@ -105,13 +105,12 @@ def run_job(job, args, petsc_argv=()) -> int:
     try:
         out = getattr(args, "out", None)
         out = job.place if out is None else out
-        to = Outlet(out, out)
         overwrite = getattr(args, "overwrite", False)
-        summary = job.perform(to, petsc_argv=petsc_argv, overwrite=overwrite, alone=not needs_petsc)
+        to = run_job(job, out, out, petsc_argv=petsc_argv, overwrite=overwrite, alone=not needs_petsc)
     except JampetscError as error:
         error.args = (error.message(option_words(type(job))),)
         raise
     comm = session.communicator() if needs_petsc else None
-    if summary and (comm is None or comm.rank == 0):
-        print(streams.visible(in_words(summary, option_words(type(job))), "\n\t"))
+    if to.summary and (comm is None or comm.rank == 0):
+        print(streams.visible(in_words(to.summary, option_words(type(job))), "\n\t"))
     return to.status

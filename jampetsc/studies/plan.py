@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from jampetsc.commands import job_class, study_inputs
 from jampetsc.errors import InputError
 from jampetsc.io.atomic import open_regular
+from jampetsc.options.job import ALL_SEEDS, NO_FILE, ONE_PACKING, ONE_RESULT, PACKING_OR_N
 from jampetsc.options.parameters import suggest_name
-from jampetsc.options.task_inputs import ALL_SEEDS, NO_FILE, ONE_PACKING, ONE_RESULT, PACKING_OR_N
 from jampetsc.studies.table_keys import (
     PLACEHOLDER,
     TaskSettings,

@@ -85,12 +85,16 @@ A failed task is a row with its reason, and the next run tries it again; the exi
 
         return read(self.study) if isinstance(self.study, str) else self.study
 
-    def kept(self, to):
+    def kept_text(self, to):
         """See `Job`; tasks that are done stay."""
         from jampetsc.studies.journal import records_of
 
         done = sum(record["state"] == "done" for record in records_of(to.path).values())
-        return f"{done} tasks are done in {to.path}. The same command resumes." if done else super().kept(to)
+        return (
+            f"{done} tasks are done in {to.path}. The same command resumes."
+            if done
+            else super().kept_text(to)
+        )
 
     def work(self, to):
         from jampetsc.studies.plan import plan

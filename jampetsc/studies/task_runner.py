@@ -12,11 +12,11 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.atomic import refuse_links
 from jampetsc.io.checkpoint import discard_unused, folder_of
 from jampetsc.io.checksums import identity_of
-from jampetsc.io.outlet import Outlet
 from jampetsc.io.outputs import is_finished
 from jampetsc.io.parts import parts_of
 from jampetsc.io.request import Request
-from jampetsc.options.task_inputs import NETWORKS
+from jampetsc.options.execution import run_job
+from jampetsc.options.job import NETWORKS
 from jampetsc.petsc import session
 from jampetsc.studies.result_numbers import numbers_of
 
@@ -144,7 +144,7 @@ class TaskRunner:
 def execute_here(job, out, argv, overwrite) -> None:
     """Run a job in this process, without progress lines; its file records the command line `argv`."""
     with progress.reporting(False):
-        job.perform(Outlet(out, out), argv=argv, overwrite=overwrite)
+        run_job(job, out, out, argv=argv, overwrite=overwrite)
 
 
 def row_of(task, numbers) -> dict:

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 from jampetsc.commands.sweep import OMEGA
 from jampetsc.errors import InputError, named
-from jampetsc.options.law_options import PackingJob
 from jampetsc.options.parameters import ValueType, parameter
+from jampetsc.options.physics_options import PackingJob
 from jampetsc.options.values import FREQUENCIES, Numbers, format_numbers, split_list
 from jampetsc.packing.packing import Packing
 from jampetsc.shipped_files import located
@@ -61,7 +61,6 @@ Times are meaningful only on a machine without other load."""
         "groups of settings to vary",
         value_type=ValueType(_groups, ",".join, metavar="LIST", python="texts"),
     )
-    ensemble: bool = parameter(False, "also compare the packing with 4 new ones of N/4 and 16 of N/16 disks")
     ensemble: bool = parameter(False, "also compare the packing with 4 new ones of N/4 and 16 of N/16 disks")
     omega: Numbers = parameter(OMEGA, "frequencies ω", value_type=FREQUENCIES, unit="1/τ₁")
     ranks: int | None = parameter(

@@ -84,7 +84,7 @@ def test_modes_tell_how_they_were_counted():
     ]
     found.complete, found.contributions, found.network.prestress = True, None, True
     lines = modes._summary("m.h5", found).split("\n")
-    assert lines[0] == "m.h5: 3 modes, pre-stress; all there are"
+    assert lines[0] == "m.h5: 3 modes, pre-stress; all of them"
     assert lines[-1].startswith("  the response to the load is affine, or not unique")
 
 

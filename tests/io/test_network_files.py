@@ -176,7 +176,10 @@ def test_commands_make_and_describe_networks(tmp_path, monkeypatch, capsys):
         assert main.main(words.split()) == 0
     capsys.readouterr()
     for words, says in (
-        ("springs", "--lattice: give a kind of lattice, or a packing or network, one of them."),
+        (
+            "springs",
+            "--lattice: missing, or given with a file. Give a kind of lattice, or a packing or network.",
+        ),
         ("springs n.h5 --size 3 --out x.h5", "--size: an option of --lattice. Leave it out."),
         ("springs --lattice square --size 1 --out x.h5", "size: 1,1, must lie between 2 and 4096 unit cells"),
         (

@@ -16,7 +16,7 @@ from samples import JAMBASHBULK, published, put, stored
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.errors import InputError, JampetscError
+from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.outputs import PICTURE, TABLE, check_output
 from jampetsc.io.packing_file import write_packing
@@ -350,7 +350,11 @@ def test_a_name_without_a_character_is_none(inputs, capsys):
     for name in ("out", "checkpoint"):
         with pytest.raises(InputError, match=rf"^{name}: empty\. Give the name of a file\.$"):
             jampetsc.shear("p.h5", step=1e-3, strain=0.01, **{name: ""})
-    assert str(InputError(Outlet().others)) == "give out to keep the others"
+    failures = {2: ConvergenceError("late"), 1: ConvergenceError("early")}
+    with pytest.raises(
+        ConvergenceError, match=r"^2 of 3 points failed, give out to keep the others; the first: early$"
+    ):
+        Outlet().raise_failures(failures, 3, "points")
 
 
 def test_what_is_no_regular_file_is_not_read(inputs, capsys):

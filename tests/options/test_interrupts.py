@@ -11,7 +11,7 @@ import launch
 import pytest
 
 from jampetsc import interrupts
-from jampetsc.io.outlet import Outlet
+from jampetsc.options.execution import run_job
 from jampetsc.options.job import Job
 
 # Python is at work while numba makes the tuple that a compiled function returns: a signal there ended the process.
@@ -48,7 +48,7 @@ class Pressed(Job):
 
 def perform(deed):
     Pressed.deed = staticmethod(deed)
-    return Pressed().perform(Outlet(), argv=["jampetsc"], alone=True)
+    return run_job(Pressed(), argv=["jampetsc"], alone=True).summary
 
 
 def press():

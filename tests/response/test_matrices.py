@@ -112,7 +112,7 @@ def test_files_hold_what_assemble_gives(session, packing, shared_path, ending):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("p.h5 --out K.txt", "--out K.txt: choose the ending of a format: .npz, .mtx, .petsc"),
+        ("p.h5 --out K.txt", "--out K.txt: unknown ending. Give it one of .npz, .mtx, .petsc"),
         ("p.h5 --out K.npz --law stokes --beta 1", "--beta: an option of --law contact"),
         ("none.h5 --out K.npz", "none.h5: "),
         ("loose.h5 --out K.npz", "loose.h5: .*below jamming"),

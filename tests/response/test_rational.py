@@ -280,7 +280,7 @@ def test_frequencies_of_fields_are_among_those_of_the_sweep():
     for field, wanted in ((near, [1e-3, near, 10.0]), (apart, [1e-3, 1.0, apart, 10.0])):
         frequencies = sweep_of(published(), physics(), [1e-3, 1.0, 10.0], [field]).frequencies
         assert frequencies.solved.tolist() == wanted and frequencies.of_fields.tolist() == [field]
-        assert frequencies.asked(frequencies.of_fields).tolist() == [field]
+        assert frequencies.of_experiment(frequencies.of_fields).tolist() == [field]
     law = physics(tau1=2.0)
     for omega, alpha in ((1e-12, 2.0), (1e12, 0.5)):  # equivalent to what is far beyond, on either side
         with pytest.raises(InputError, match=rf"omega = {re.escape(format(omega, 'g'))} is equivalent to"):

@@ -1,11 +1,14 @@
-"""The damping law of a job: the options that make one, from the table of families."""
+"""Options that make a damping law, the model of a flow or a load, from the tables of `laws/`."""
 
 from dataclasses import dataclass
 
+from jampetsc.errors import InputError, named
+from jampetsc.laws import loads
 from jampetsc.laws.damping import (
     CUSTOM,
     DEFAULT,
     FAMILIES,
+    MAX_WEIGHT,
     OPTIONS,
     WEIGHTS,
     Law,
@@ -14,6 +17,7 @@ from jampetsc.laws.damping import (
     having,
     python_text,
 )
+from jampetsc.laws.flow_models import MODELS, Model, model_of
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import (
     FILE,
@@ -22,6 +26,7 @@ from jampetsc.options.parameters import (
     WORD,
     CompositeParameter,
     Parameter,
+    ValueType,
     composite_parameter,
     parameter,
 )
@@ -109,3 +114,91 @@ class NetworkJob(PackingJob):
     """Base of jobs on the matrices of a packing or a network of springs."""
 
     packing: Packing = parameter(help="packing or network", value_type=PACKING_OR_NETWORK, place=FILE)
+
+
+MODEL_HELP = (
+    "model: drag (RD) or contact damping (CD; CDn normal, CDt tangential only); overdamped where the name ends "
+    "in 0"
+)
+MOTION = {  # parameter -> what it is, and its range
+    "mass": ("mass of every disk", {"above": 0.0, "metavar": "M"}),
+    "quality": ("quality factor Q = √(m k)/(k τ₁), instead of a mass", {"above": 0.0, "metavar": "Q"}),
+    "background_drag": (
+        "drag δ of the fluid beside contact damping (default: the limit δ → 0)",
+        {"low": 0.0, "metavar": "D"},
+    ),
+}
+MODEL_PARAMETERS = (
+    Parameter("model", MODEL_HELP, WORD, None, choices=tuple(MODELS), group="model"),
+    *(
+        Parameter(name, help, NUMBER, None, high=MAX_WEIGHT, group="model", **how)
+        for name, (help, how) in MOTION.items()
+    ),
+)
+
+
+def build_model(**options) -> Model:
+    """The model that these options describe. Raises InputError for a contradiction, and as `Model`."""
+    law = {name: value for name, value in options.items() if name in ("law", *OPTIONS)}
+    if "model" in options:
+        if law:
+            raise InputError(
+                f"{named('model')} {options['model']} and {named(next(iter(law)))}: both given. Give one of them."
+            )
+        return model_of(
+            options["model"], **{name: value for name, value in options.items() if name != "model"}
+        )
+    if "law" not in options:
+        raise InputError(
+            f"{named('model')}: missing. Give one of {', '.join(MODELS)}, or {named('law')} with its options."
+        )
+    motion = {name: options[name] for name in MOTION if name in options}
+    return Model(damping_law(**{name: options[name] for name in options if name not in motion}), **motion)
+
+
+def model_options(model: Model) -> dict:
+    """{name: value} of the options that describe a model."""
+    motion = {name: getattr(model, name) or None for name in MOTION}
+    if model.name:
+        return {"model": model.name, "tau1": model.law.tau1} | motion
+    return law_options(model.law) | motion
+
+
+def model_code(**options) -> str:
+    """Python text of a model that these options describe."""
+    law = {name: value for name, value in options.items() if name not in MOTION}
+    if law:
+        return law_code(**law)
+    return f"jampetsc.models.CDn({', '.join(f'{name}={value!r}' for name, value in options.items())})"
+
+
+MODEL_IN_PYTHON = "jampetsc.models.CDn(mass=…), a damping law, a Model of it or " + ", ".join(
+    f'"{name}"' for name in MODELS
+)
+MODEL = CompositeParameter(
+    (*MODEL_PARAMETERS, *law_parameters(None)),
+    build_model,
+    model_options,
+    Model,
+    "model of the flow",
+    MODEL_IN_PYTHON,
+    model_code,
+)
+
+
+LOAD = ValueType(loads.load_text, metavar="LOAD")  # see `laws.loads.load_text`
+LOAD_HELP = (
+    "load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy, or D² numbers row by row "
+    f"(4 with commas; on a command line with = where the first is negative); {loads.TENSOR}: {{}}. Moduli are "
+    "second derivatives of the energy per volume along F = 1 + εE"
+)
+
+
+def load_parameter(of_tensor: str):
+    """The parameter `load` of a job; of_tensor: what it finds for all symmetric loads."""
+    return parameter(loads.DEFAULT, LOAD_HELP.format(of_tensor), value_type=LOAD)
+
+
+def is_shear(load: str) -> bool:
+    """Whether the modulus G of a load, given as text, is a shear modulus, as G of the tensor is."""
+    return load == loads.TENSOR or all(item.is_shear for item in loads.loads_of(load, 2))
