@@ -41,6 +41,12 @@ def shear_modulus(C):
     return np.einsum("ab,...ab->...", shear_weights(dimension_of(C)), C)
 
 
+def poisson_ratio(bulk, shear, dimension: int):
+    """Poisson's ratio (D K − 2G)/(D(D − 1) K + 2G), real or complex, of an isotropic solid in D dimensions."""
+    D = dimension
+    return (D * bulk - 2.0 * shear) / (D * (D - 1) * bulk + 2.0 * shear)
+
+
 def anisotropy(C):
     """|C − C_iso|/|C|, (…): how far C is from its isotropic part, in the norm Σ |C_ijkl|²; 0 if it is isotropic."""
     C, D = np.asarray(C), dimension_of(C)

@@ -46,6 +46,7 @@ class Sweep(NetworkJob):
     STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING, NETWORKS)
     EPILOG: ClassVar = """examples:
   jampetsc sweep p.h5 --beta 0.1 --omega 1e-6:1e2:81 --fields 1e-3,1 --out sweep.h5
+  jampetsc sweep p.h5 --load tensor --out C-sweep.h5      # all elastic constants
   jampetsc sweep net.h5 --law stokes --eta-f 0 --omega 1e-4:1e2:31 --out net-sweep.h5     # a network of springs
   jampetsc sweep p.h5 --method direct --omega 1e-3,1 --out direct.h5 -options_file jampetsc:iterative
 

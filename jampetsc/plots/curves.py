@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.colors import LogNorm, to_rgba
 
+from jampetsc.analysis.elasticity import dimension_of
 from jampetsc.analysis.statistics import STATISTICS, median_interval
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import FAMILIES, OPTIONS
 from jampetsc.plots.picture import group_by, units_of
 from jampetsc.plots.style import (
@@ -101,6 +102,23 @@ def curve_of(result) -> Curve:
         return result
     bounds = [result[name] if name in result else result.error_bound for name in _BOUNDS]
     return _curve(result, result.omega * units_of(result).tau1, result.G, bounds)
+
+
+def bulk_curve_of(result) -> Curve:
+    """The curve of K*, the bulk modulus, of a sweep of the tensor. Raises InputError for a sweep of a single load."""
+    require_tensor(result)
+    D = dimension_of(result["C"])
+    bound = result["C_error_bound"][:, :D, :D].mean(axis=(1, 2))
+    return _curve(result, result.omega * units_of(result).tau1, result["bulk_modulus"], [bound, bound])
+
+
+def require_tensor(result) -> None:
+    """Raise InputError for a sweep without elastic constants."""
+    if "C" not in result:
+        raise InputError(
+            f"{result.path}: {named('load')} {result.load}, so no elastic constants. Run the sweep with "
+            f"{named('load')} tensor."
+        )
 
 
 def curves_of(result, along="omega") -> list[Curve]:

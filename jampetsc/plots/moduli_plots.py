@@ -24,7 +24,8 @@ _BOTH = (STORAGE, LOSS)
 MIN_PACKINGS = 6  # below which twice an error holds less than 92 % of cases
 _FILES = ("sweep", "oscillate")
 STATISTIC = option(
-    "statistic", WORD, "moduli, storage, loss, collapse: average over packings (default: none; of a study: mean)",
+    "statistic", WORD,
+    "moduli, storage, loss, collapse, bulk, poisson: average over packings (default: none; of a study: mean)",
     choices=tuple(STATISTICS),
 )  # fmt: skip
 EXPONENTS = (

@@ -1,0 +1,156 @@
+"""Elastic constants of sweeps of the tensor: K* beside G*, Poisson's ratio, and the constants themselves against ω."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from jampetsc.analysis.elasticity import dimension_of, poisson_ratio
+from jampetsc.laws.loads import AXES
+from jampetsc.plots.curves import average_curves, bulk_curve_of, curve_of, group_curves, require_tensor
+from jampetsc.plots.moduli_plots import STATISTIC
+from jampetsc.plots.page import draw_band
+from jampetsc.plots.picture import count_text, picture, units_of
+from jampetsc.plots.style import DASHED, DOTTED, GREY, LOSS, PAGE, STORAGE, colours, entry, hidden
+
+HEIGHT = 3.0  # inches
+BULK_STORAGE, BULK_LOSS = "$K$\u2032", "$K$\u2033"
+OMEGA = r"$\omega\tau_1$"
+
+
+@picture("bulk", "sweep", options=(STATISTIC,))
+def plot_bulk(results, page, statistic=None):
+    """The bulk modulus K*/k (solid) beside the shear modulus G*/k (dashed), averaged over all directions.
+
+    Storage and loss are panels of their own; values that are not positive are left out.
+    """
+    bulk, shear = _averages(results, statistic)
+    y = [f"{part}$/k$" for part in (f"{BULK_STORAGE}, {STORAGE}", f"{BULK_LOSS}, {LOSS}")]
+    axes = page.panels(1, 2, PAGE, HEIGHT, x=OMEGA, y=y, log="xy")
+    for curves, dash, name in ((bulk, "-", "K"), (shear, DASHED, "G")):
+        title, groups = group_curves(curves, crossed=False)
+        for group in groups:
+            for curve in group.curves:
+                parts = zip(
+                    axes, (curve.G.real, curve.G.imag), curve.bounds, ("\u2032", "\u2033"), strict=True
+                )
+                for ax, values, bound, prime in parts:
+                    _line(
+                        ax,
+                        curve,
+                        values,
+                        bound,
+                        group.colour,
+                        f"{name}{prime}, {group.label}, {curve.name}",
+                        dash,
+                    )
+    _legends(page, axes, title, groups, [entry("$K$*"), entry("$G$*", ls=DASHED)])
+    return f"K* and G* of {count_text(results)}"
+
+
+@picture("poisson", "sweep", options=(STATISTIC,))
+def plot_poisson(results, page, statistic=None):
+    """Poisson's ratio of K* and G*, (D K − 2G)/(D(D − 1) K + 2G): real part (solid), imaginary part (dashed)."""
+    bulk, shear = _averages(results, statistic)
+    D = dimension_of(results[0]["C"])
+    ratios = [
+        replace(one, G=poisson_ratio(one.G, other.G, D), bounds=_ratio_bounds(one, other, D))
+        for one, other in zip(bulk, shear, strict=True)
+    ]
+    ax = page.panels(x=OMEGA, y="$\\nu$\u2032, $\\nu$\u2033", log="x")
+    ax.axhline(0.0, color=GREY, lw=0.5, ls=DOTTED)
+    title, groups = group_curves(ratios, crossed=False)
+    for group in groups:
+        for curve in group.curves:
+            parts = zip(
+                (curve.G.real, curve.G.imag), curve.bounds, ("\u2032", "\u2033"), ("-", DASHED), strict=True
+            )
+            for values, bound, prime, dash in parts:
+                _line(
+                    ax,
+                    curve,
+                    values,
+                    bound,
+                    group.colour,
+                    f"nu{prime}, {group.label}, {curve.name}",
+                    dash,
+                    False,
+                )
+    _legends(page, [ax], title, groups, [entry("$\\nu$\u2032"), entry("$\\nu$\u2033", ls=DASHED)])
+    return f"Poisson's ratio of {count_text(results)}"
+
+
+@picture("tensor", "sweep", single=True)
+def plot_tensor(results, page):
+    """|C′|/k and |C″|/k of all elastic constants, negative ones dotted.
+
+    Grey: constants that vanish in an isotropic solid.
+    """
+    (result,) = results
+    require_tensor(result)
+    units, C = units_of(result), result["C"]
+    omega, names = result.omega * units.tau1, _names(dimension_of(C))
+    rows = [(a, b) for a in range(len(names)) for b in range(a, len(names))]
+    D = dimension_of(C)
+    isotropic = [(a, b) for a, b in rows if a == b or b < D]
+    axes = page.panels(1, 2, PAGE, HEIGHT + 0.4, x=OMEGA, y=["$|C$\u2032$|/k$", "$|C$\u2033$|/k$"], log="xy")
+    shades, entries = dict(zip(isotropic, colours(len(isotropic)), strict=True)), []
+    for a, b in sorted(rows, key=lambda pair: pair in shades):
+        colour, label = shades.get((a, b), "0.7"), f"$C_{{{names[a]}{names[b]}}}$"
+        parts = zip(axes, (C[:, a, b].real, C[:, a, b].imag), ("\u2032", "\u2033"), strict=True)
+        for ax, part, prime in parts:
+            look = {"color": colour, "lw": 1.1 if (a, b) in shades else 0.7}
+            for sign, dash in ((1.0, "-"), (-1.0, DOTTED)):
+                shown = np.where(sign * part > 0.0, sign * part / units.k, np.nan)
+                if np.isfinite(shown).any():
+                    ax.plot(
+                        omega,
+                        shown,
+                        ls=dash,
+                        label=hidden(f"C{prime} {names[a]}{names[b]}, {sign:+g}"),
+                        **look,
+                    )
+        if (a, b) in shades:
+            entries.append(entry(label, colour))
+    page.legend(axes[0], entries, ncol=2 if len(entries) > 4 else 1, fontsize=7)
+    page.legend(axes[1], [entry("0 in an isotropic solid", "0.7"), entry("negative", ls=DOTTED)])
+    return f"elastic constants of {result.path.name}"
+
+
+def _averages(results, statistic):
+    """Curves of K* and of G*, of each sweep or averaged over packings."""
+    curves = [bulk_curve_of(result) for result in results], [curve_of(result) for result in results]
+    return curves if statistic is None else tuple(average_curves(some, statistic) for some in curves)
+
+
+def _ratio_bounds(bulk, shear, D):
+    """Errors of the real and the imaginary part of Poisson's ratio, to first order."""
+    scale = 2.0 * D**2 / np.abs(D * (D - 1) * bulk.G + 2.0 * shear.G) ** 2
+    K, G = (np.max(np.reshape(one.bounds, (-1, len(one.G))), axis=0) for one in (bulk, shear))
+    error = scale * (np.abs(shear.G) * K + np.abs(bulk.G) * G)
+    return np.array([error, error])
+
+
+def _line(ax, curve, values, bound, colour, name, dash, is_log=True):
+    """A line with the band of its error."""
+    shown = np.where(values > 0.0, values, np.nan) if is_log else values
+    if not np.isfinite(shown).any():
+        return
+    ax.plot(curve.omega, shown, color=colour, ls=dash, label=hidden(name))
+    below, above = np.broadcast_to(bound, (2, len(values)))
+    low = np.maximum(values - below, 1e-12 * np.nanmin(shown)) if is_log else values - below
+    draw_band(ax, curve.omega, low, values + above, name, where=np.isfinite(shown), color=colour)
+
+
+def _legends(page, axes, title, groups, parts):
+    """What the dashes are, and the groups."""
+    entries = [entry(group.label, group.colour) for group in groups] if len(groups) > 1 else []
+    if len(axes) > 1 and entries:
+        page.legend(axes[0], entries, title)
+        entries = []
+    page.legend(axes[-1], [*entries, *parts], title if entries else None)
+
+
+def _names(dimension):
+    """Indices of the loads of the tensor, xx, yy, (zz, yz, xz,) xy."""
+    axes = AXES[:dimension]
+    return [2 * axis for axis in axes] + [pair for pair in ("yz", "xz", "xy") if set(pair) <= set(axes)]
