@@ -1,13 +1,17 @@
 """What `jampetsc info` says: packings, results and matrices as aligned text."""
 
+import itertools
+
 import numpy as np
 
 from jampetsc.analysis.statistics import relative_bound
 from jampetsc.columns import aligned
 from jampetsc.io.ensemble import DISTINGUISHING_COLUMNS
 from jampetsc.io.parts import parts_of
+from jampetsc.laws.loads import AXES
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
 from jampetsc.packing.minimum_proof import ENTRIES, proved_minimum
+from jampetsc.packing.packing import PARTICLES
 from jampetsc.streams import visible
 
 DIGITS = 10  # of numbers, enough to compare them with published ones
@@ -55,29 +59,32 @@ def study(path, ensemble) -> str:
     return "\n".join([table(rows), *reasons])
 
 
+def cell_text(cell) -> str:
+    """Rows of a cell (D, D)."""
+    rows = (", ".join(f"{side:.9g}" for side in row) for row in cell.tolist())
+    return ", ".join(f"a{number} = ({row})" for number, row in enumerate(rows, 1))
+
+
 def packing(path, disks) -> str:
     """Geometry, state and record of a packing; published values stand beside the computed ones."""
     state, record = measure(disks), dict(disks.record)
-    cell, radii, law = disks.cell, disks.radii, disks.potential
+    radii, law, axes = disks.radii, disks.potential, AXES[: disks.dimension]
     diameter = 2.0 * float(radii.mean())
     rattlers = int(np.count_nonzero(state.rattlers))
     computed = {
         "pressure": ("pressure p", state.pressure),
         "phi": ("packing fraction φ", disks.phi),
         "energy": ("energy U", state.energy),
-        "stress_xx": ("stress σ_xx", float(state.stress[0, 0])),
-        "stress_xy": ("stress σ_xy", float(state.stress[0, 1])),
-        "stress_yy": ("stress σ_yy", float(state.stress[1, 1])),
     }
+    for a, b in itertools.combinations_with_replacement(range(len(axes)), 2):
+        name = f"{axes[a]}{axes[b]}"
+        computed[f"stress_{name}"] = f"stress σ_{name}", float(state.stress[a, b])
     rows = [
-        (f"{path}: packing of {disks.n} disks",),
+        (f"{path}: packing of {disks.n} {PARTICLES[disks.dimension]}",),
         ("made by", str(record.pop("protocol", "unknown"))),
         ("potential", f"{law.kind}, stiffness {law.stiffness}, k = {law.k:g}"),
         ("radii", f"{radii.min():.6g} to {radii.max():.6g}, mean diameter d = {diameter:.6g}"),
-        (
-            "cell",
-            f"a1 = ({cell[0, 0]:.9g}, 0), a2 = ({cell[1, 0]:.9g}, {cell[1, 1]:.9g}), V = {disks.volume:.9g}",
-        ),
+        ("cell", f"{cell_text(disks.cell)}, V = {disks.volume:.9g}"),
     ]
     notes = []
     for name, (label, value) in computed.items():
@@ -88,7 +95,8 @@ def packing(path, disks) -> str:
         recorded = record.pop(name, None)
         if isinstance(recorded, float) and abs(recorded - value) > RECORD_TOLERANCE * abs(value):
             notes.append(f"the file records {name} = {number(recorded)}: its positions have changed since")
-    record.pop("published_stress_yx", None)
+    for a, b in itertools.combinations(axes, 2):
+        record.pop(f"published_stress_{b}{a}", None)
     rows += [
         ("contacts", f"{len(state.contacts)} that carry more than {state.threshold:.3g}"),
         ("rattlers", f"{rattlers} ({100.0 * rattlers / disks.n:.2g} %)"),
@@ -191,19 +199,20 @@ def matrices(network, is_packing, physics, facts, ranks) -> str:
     from jampetsc.petsc.inertia import SHIFT
 
     contacts = facts.contacts
-    excess = contacts - (2 * network.n - 2)
+    D, particles = network.dimension, PARTICLES[network.dimension]
+    excess = contacts - D * (network.n - 1)
     rows = [
         (f"K and B for {physics}, on {ranks} rank{'s' * (ranks > 1)}",),
         (
             "unknowns",
-            f"{facts.unknowns}, {facts.dofs} for each of {network.n} {'disks' if is_packing else 'nodes'}; "
+            f"{facts.unknowns}, {facts.dofs} for each of {network.n} {particles if is_packing else 'nodes'}; "
             f"{network.rattlers} {'rattlers' if is_packing else 'nodes without bonds'} left out",
         ),
         ("nonzeros", f"{facts.nonzeros} in each of K and B, one pattern"),
         *(
             (
                 ("contacts", f"{contacts}, Z = {number(2.0 * contacts / network.n)}"),
-                ("Maxwell's count", f"{contacts} contacts − (2·{network.n} − 2) = {excess} in excess"),
+                ("Maxwell's count", f"{contacts} contacts − ({D}·{network.n} − {D}) = {excess} in excess"),
             )
             if is_packing
             else [("bonds", str(contacts))]

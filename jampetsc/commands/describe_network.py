@@ -2,21 +2,21 @@
 
 import numpy as np
 
-from jampetsc.commands.describe import number, table
+from jampetsc.commands.describe import cell_text, number, table
 from jampetsc.packing.contacts import BALANCED
 from jampetsc.packing.spring_network import Network
 
 
 def network(name, network: Network) -> str:
     """Cell, bonds, forces and record of a network."""
-    bonds, (Lx, _), (tilt, Ly) = network.linear_bonds, *network.cell.tolist()
+    bonds = network.linear_bonds
     alone = int(np.count_nonzero(network.isolated))
     record = {key: value for key, value in network.record.items() if key != "protocol"}
     return table(
         [
             (f"{name}: network of {network.n} nodes and {len(bonds)} bonds",),
             ("made by", str(network.record.get("protocol", "unknown"))),
-            ("cell", f"a1 = ({Lx:.9g}, 0), a2 = ({tilt:.9g}, {Ly:.9g}), V = {network.volume:.9g}"),
+            ("cell", f"{cell_text(network.cell)}, V = {network.volume:.9g}"),
             ("bonds", f"{2 * len(bonds) / network.n:.6g} for each node; {alone} nodes have none"),
             ("lengths", _range(bonds.distance)),
             ("stiffness", f"{_range(bonds.stiffness)}, unit k = {network.k:g}"),

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from jampetsc.commands import describe_network
+from jampetsc.commands.describe import cell_text
 from jampetsc.commands.pack import PHIS
 from jampetsc.errors import InputError, named, option_word
 from jampetsc.io import network_file
@@ -16,7 +17,8 @@ from jampetsc.io.importers import import_packing
 from jampetsc.io.network_importers import import_network
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
-from jampetsc.packing.contacts import BALANCED, imbalance, measure
+from jampetsc.packing.contacts import BALANCED, IMBALANCE, imbalance, measure
+from jampetsc.packing.packing import PARTICLES
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 
 
@@ -116,12 +118,11 @@ def _summary(to, file, disks) -> str:
     """The summary."""
     state, potential = measure(disks), disks.potential
     overlap, alpha = ("(δ/σ)" if potential.constants[2] else "δ"), potential.alpha
-    (Lx, _), (tilt, Ly) = disks.cell
     units = disks.record.get("units", f"lengths as in {file}")
     lines = [
-        f"{to}: {disks.n} disks, phi = {disks.phi:.9g}, read as {disks.record['protocol']}",
+        f"{to}: {disks.n} {PARTICLES[disks.dimension]}, phi = {disks.phi:.9g}, read as {disks.record['protocol']}",
         f"  units     {units}; U = (k/{alpha:g}) {overlap}^{alpha:g}, k = {potential.k:g}",
-        f"  box       a1 = ({Lx:.9g}, 0), a2 = ({tilt:.9g}, {Ly:.9g})",
+        f"  box       {cell_text(disks.cell)}",
         f"  radii     {disks.radii.min():.9g} to {disks.radii.max():.9g}",
     ]
     for name in ("pressure", "energy"):
@@ -138,8 +139,9 @@ def _summary(to, file, disks) -> str:
     rest = imbalance(disks, state)
     if len(state.contacts) and not rest <= BALANCED:
         lines.append(
-            f"  forces    not balanced, max|F|/(p d) = {rest:.1e}: other radii or another potential than assumed, "
-            f"too few digits, or no minimum. To minimise the energy: {_command_to_minimise(to.path, disks)}"
+            f"  forces    not balanced, {IMBALANCE[disks.dimension]} = {rest:.1e}: other radii or another potential "
+            "than assumed, too few digits, or no minimum. To minimise the energy: "
+            f"{_command_to_minimise(to.path, disks)}"
         )
     return "\n".join(lines)
 

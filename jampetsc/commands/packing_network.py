@@ -51,6 +51,7 @@ class PackingNetwork:
             ),
             "pressure": network.pressure,
             "k": network.k,
+            "dimension": None if network.dimension == 2 else network.dimension,
             "particle_count": self.source.n,
             "seed": self.source.record.get("seed"),
             **self._counts(),

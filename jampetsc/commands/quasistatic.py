@@ -30,7 +30,7 @@ class Quasistatic(NetworkJob):
     unit strain, with medians, means, rms and histograms; G₀, bulk modulus, η₀ = lim G''/ω and η_∞ (BT eqs. 18–24).
     Moduli are second derivatives of the energy per volume along F = 1 + εE, E the displacement gradient of the load;
     the bulk modulus is −V dp/dV. With load tensor the fields are of simple shear xy, and the constants C₀, η₀ and η_∞
-    between the symmetric loads xx, yy, xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added.
+    between the symmetric loads xx, yy, (zz, yz, xz,) xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added.
     Numbers whose names have no_prestress are without the pre-stress of K.
     """
 

@@ -13,10 +13,10 @@ from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, is_shear, loads_of
 from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.physics_options import NetworkJob, is_shear, load_parameter
+from jampetsc.options.physics_options import NetworkJob, load_parameter
 from jampetsc.options.values import FREQUENCIES, Numbers
 from jampetsc.petsc import builds, session
 from jampetsc.progress import note, warn
@@ -35,7 +35,7 @@ class Sweep(NetworkJob):
     """Complex modulus G*(ω) of a packing or a network under shear or another load.
 
     A modulus is the second derivative of the energy per volume along F = 1 + εE, E the displacement gradient of the
-    load. With load tensor all elastic constants C*(ω) of the symmetric loads xx, yy, xy, whose shears are
+    load. With load tensor all elastic constants C*(ω) of the symmetric loads xx, yy, (zz, yz, xz,) xy, whose shears are
     E = ½(x̂ŷ + ŷx̂), from the same factorisations, and the bulk modulus −V dp/dV and the shear modulus averaged over all
     directions.
 

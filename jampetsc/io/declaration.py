@@ -7,8 +7,8 @@ A line of a table is a row, whose cells stand between bars; an indented line con
 
 Names may be patterns such as `eta0_*`. The type is float, complex, int, bool or text, or one for each name, followed by
 ? where not every file has the row; attributes of a type with > 0 are positive. Entries of a shape are numbers or named
-lengths, which are the same in all datasets of a file: capitals are at least 1. The shape of an attribute, if it is a
-list, stands before its type.
+lengths, which are the same in all datasets of a file: capitals are at least 1, D, the dimension, is 2 or 3. A dataset
+may have several shapes, with `or` between them. The shape of an attribute, if it is a list, stands before its type.
 """
 
 import re
@@ -32,6 +32,7 @@ TYPES = {  # type -> (kinds of numpy that hold it, what arrays are read as, how 
     "text": ("SO", None, "text"),
 }
 PYTHON_TYPES = {"float": (int, float), "int": int, "bool": bool, "text": str}  # of attributes
+DIMENSION, DIMENSIONS = "D", (2, 3)  # a named length and what it may be
 HEADER = ("format", "format_version")  # which `hdf5.check_format` has checked
 KIND_WORDS = {  # of numpy -> in words, where its own are not
     "S": "text", "O": "text or references", "V": "compound or opaque values", "b": "true or false",
@@ -45,7 +46,7 @@ class FormatRow:
     """A line of a table for one name."""
 
     name: str  # or a pattern
-    shape: tuple | None  # of entries (length or "", number to add); None: any
+    shapes: tuple | None  # each of entries (length or "", number to add); None: any
     type: str
     positive: bool
     optional: bool
@@ -60,25 +61,25 @@ class FormatRow:
         kind, size = data.dtype.kind, data.dtype.itemsize
         if kind not in kinds or size > MAX_BYTES.get(kind, size):
             _refuse(path, name, f"holds {KIND_WORDS.get(kind, data.dtype)}, must hold {words}")
-        if self.shape is not None and not self._fits(data.shape, lengths):
+        if self.shapes is None:
+            return
+        fitting = (_lengths_with(data.shape, entries, lengths) for entries in self.shapes)
+        found = next((more for more in fitting if more is not None), None)
+        if found is None:
             known_lengths = [
-                f"{length} = {lengths[length]}" for length, _ in self.shape if lengths.get(length, 0) > 0
+                f"{length} = {lengths[length]}"
+                for entries in self.shapes
+                for length, _ in entries
+                if lengths.get(length, 0) > 0
             ]
             where = f" with {', '.join(dict.fromkeys(known_lengths))}" if known_lengths else ""
-            _refuse(path, name, f"shape {data.shape}, must be {shape_text(self.shape)}{where}")
-
-    def _fits(self, shape, lengths):
-        if shape is None or len(shape) != len(self.shape):
-            return False
-        for size, (name, more) in zip(shape, self.shape, strict=True):
-            stored_size = lengths.setdefault(name, size - more) if name else 0
-            if size != stored_size + more or stored_size < name[:1].isupper():
-                return False
-        return True
+            wanted = " or ".join(map(shape_text, self.shapes))
+            _refuse(path, name, f"shape {data.shape}, must be {wanted}{where}")
+        lengths.update(found)
 
     def check_attribute(self, path, name, value) -> None:
         """Raise InputError unless the value of an attribute, as `hdf5.attributes` gives it, has this type."""
-        is_list = self.shape is not None
+        is_list = self.shapes is not None
         values = value.tolist() if is_list and isinstance(value, np.ndarray) else [value]
         for entry in values:
             if not isinstance(entry, PYTHON_TYPES[self.type]) or isinstance(entry, bool) != (
@@ -108,7 +109,7 @@ class Table:
             names, *shape, types, unit, meaning = cells
             names, optional = names.split(", "), types.endswith("?")
             kinds = types.removesuffix("?").split(", ")
-            entries = _entries(shape[0]) if shape else None
+            entries = _shapes(shape[0]) if shape else None
             for name, kind in zip(names, kinds * len(names) if len(kinds) == 1 else kinds, strict=True):
                 kind, above, _ = kind.partition(" > 0")
                 self.rows[name] = FormatRow(name, entries, kind, bool(above), optional, unit, meaning)
@@ -151,6 +152,19 @@ class Format:
         return np.dtype((row and TYPES[row.type][1]) or stored)
 
 
+def _lengths_with(shape, entries, lengths):
+    """`lengths` with those that a shape adds; None where it does not have these entries."""
+    if shape is None or len(shape) != len(entries):
+        return None
+    lengths = dict(lengths)
+    for size, (name, more) in zip(shape, entries, strict=True):
+        stored_size = lengths.setdefault(name, size - more) if name else 0
+        is_allowed = stored_size in DIMENSIONS if name == DIMENSION else stored_size >= name[:1].isupper()
+        if size != stored_size + more or not is_allowed:
+            return None
+    return lengths
+
+
 def _refuse(path, name, why):
     raise InputError(f"{path}: dataset {name}: {why}. Make the file again.")
 
@@ -190,10 +204,15 @@ def shape_text(entries) -> str:
     return f"({', '.join(words)}{',' * (len(words) == 1)})" if words else "() of one number"
 
 
+def _shapes(text):
+    """The shapes of a cell such as (n,) or (n, 3); None for any shape."""
+    return None if text == "any" else tuple(map(_entries, text.split(" or ")))
+
+
 def _entries(text):
-    """The entries of a shape such as (M, 2), (D + 1,) or scalar; None for any shape."""
-    if text in ("scalar", "any"):
-        return () if text == "scalar" else None
+    """The entries of a shape such as (M, 2), (D + 1,) or scalar."""
+    if text == "scalar":
+        return ()
     entries = []
     for word in filter(None, (word.strip() for word in text.strip("()").split(","))):
         length, sign, number = _ENTRY.fullmatch(word).groups()

@@ -21,11 +21,11 @@ from jampetsc.io.result_formats import (
 
 PACKING = Format(
     datasets=r"""
-positions | (N, 2) | float | length | centres
-radii | (N,) | float | length | of the disks
-cell | (2, 2) | float | length | rows a₁ = (L, 0) and a₂ of the periodic cell
-positions_low | (N, 2) | float? | length | what double precision cannot hold of `positions`: add it in higher precision
-cell_low | (2, 2) | float? | length | likewise of `cell`
+positions | (N, D) | float | length | centres
+radii | (N,) | float | length | of the disks or spheres
+cell | (D, D) | float | length | lower triangular rows a₁ = (L, 0), a₂ … of the periodic cell
+positions_low | (N, D) | float? | length | what double precision cannot hold of `positions`: add it in higher precision
+cell_low | (D, D) | float? | length | likewise of `cell`
 """,
     attributes=r"""
 format, format_version | text | | `jampetsc-packing`, and the version of its layout; readers refuse a newer major
@@ -33,7 +33,7 @@ format, format_version | text | | `jampetsc-packing`, and the version of its lay
 potential, stiffness | text | | harmonic or hertzian; constant or inverse-square-diameter
 k | float > 0 | | contact stiffness
 protocol | text | | how it was made
-pressure, phi, energy, max_force | float | | p = Σ f r/(2V), φ, U, largest net force on a disk
+pressure, phi, energy, max_force | float | | p = Σ f r/(D V), φ, U, largest net force on a disk
 coordination, rattlers | float, int? | | Z without rattlers, number of rattlers
 shear_stress, shear_modulus | float? | | σ_xy; G₀ with pre-stress
 negative_modes, negative_modes_counted_by, proof_fingerprint | int, text, text? | | modes of K that lower the energy,
@@ -57,10 +57,10 @@ walls | int? | | of snapshots of a flow with `--walls`: number of disks of the w
 
 NETWORK = Format(
     datasets=r"""
-positions | (N, 2) | float | length | of the nodes
+positions | (N, D) | float | length | of the nodes
 bonds | (M, 2) | int | | numbers of the two nodes of each bond, from 0
-images | (M, 2) | int | | cell vectors in r = x_j − x_i + image · cell
-cell | (2, 2) | float | length | rows a₁ = (L, 0) and a₂ of the periodic cell
+images | (M, D) | int | | cell vectors in r = x_j − x_i + image · cell
+cell | (D, D) | float | length | lower triangular rows a₁ = (L, 0), a₂ … of the periodic cell
 stiffness | (M,) | float | force/length | k = d²V/dr² of each bond
 tension | (M,) | float | force | T = dV/dr of each bond: positive where it pulls (stretched), negative where it pushes;
   the `force` of a contact is −T

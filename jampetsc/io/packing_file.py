@@ -1,7 +1,7 @@
 """The packing file: positions, radii and cell in HDF5, with how the packing was made as attributes.
 
-Datasets `positions` (N, 2), `radii` (N,), `cell` (2, 2) rows a1, a2, and the parts one double cannot hold,
-`positions_low` (N, 2) and `cell_low` (2, 2), which may be missing. Attributes `format`, `format_version`,
+Datasets `positions` (N, D), `radii` (N,), `cell` (D, D) rows a1, a2, …, and the parts one double cannot hold,
+`positions_low` (N, D) and `cell_low` (D, D), which may be missing. Attributes `format`, `format_version`,
 `potential`, `stiffness`, `k` (1 if missing), then the record: pressure, phi, energy, max_force, seed, …
 """
 

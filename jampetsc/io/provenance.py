@@ -41,6 +41,7 @@ transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of 
   python, `law` is its label and weights of 0 are left out
 prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
 alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress in units of k
+dimension | int? | | 3 for spheres and for networks in three dimensions; missing: 2
 k, pressure, phi, particle_count, rattlers, coordination | float > 0, float, float, int > 0, int, float? | | of the
   packing: k, p, φ, N, disks without rigid contacts, Z without them
 bond_count, keep | int, float? | | of a network: number of bonds; share of those of the lattice or packing

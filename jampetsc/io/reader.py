@@ -16,7 +16,7 @@ from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.laws.loads import loads_of
+from jampetsc.laws.loads import is_shear
 from jampetsc.packing.packing import PLACES, Packing, deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import simple_shear
@@ -55,7 +55,7 @@ class SweepResult(Result):
     @property
     def shear_modulus(self):
         """Shear modulus (M,), complex; of a tensor averaged over all directions. Raises InputError for other loads."""
-        if not ("C" in self or all(load.is_shear for load in loads_of(self.load, 2))):
+        if not ("C" in self or is_shear(self.load)):
             raise InputError(f"{self.path}: load {self.load} is no shear. Give a sweep of load xy or tensor.")
         return self.G
 

@@ -275,7 +275,7 @@ def _copy(source, items, parts, target):
 
 
 def _copy_dataset(item, parts, target, name):
-    if not item.is_virtual or item.shape[1:] in ((), (2,)):  # a row for each disk or contact
+    if not item.is_virtual or item.shape[1:] in ((), (2,), (3,)):  # a row for each disk or contact
         store(target, name, parts.read(item))
         return
     chunks = (1, *item.shape[1:])

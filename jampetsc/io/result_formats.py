@@ -11,8 +11,9 @@ error_bound | (M,) | float | k | bound on \|ΔG*\|; its assumption is in `positi
 error_bound_storage, error_bound_loss | (M,) | float? | k | bounds on \|ΔG′\| and \|ΔG″\|
 equivalent_omega | (M,) | float? | 1/time | with `--alpha`: frequencies at which the linear law has these moduli
 fields/omega | (F,) | float? | 1/time | with `--fields`: their frequencies
-fields/displacement | (F, n, 2) | complex? | length | non-affine displacements per unit strain
-fields/rotation | (F, n) | complex? | | angles per unit strain; only of laws with rotations
+fields/displacement | (F, n, D) | complex? | length | non-affine displacements per unit strain
+fields/rotation | (F, n) or (F, n, 3) | complex? | | angles per unit strain, of spheres about x, y and z; only of laws
+  with rotations
 fields/error_bound | (F,) | float? | | bound on the relative error of a field in the energy norm
 particles | (n,) | int? | | with `--fields`: numbers in the packing of the rows above
 reduced/G0 | scalar | float? | k | of the rational method: G₀, so that
@@ -21,9 +22,10 @@ reduced/eta_inf | scalar | float? | kτ₁ | η_∞
 reduced/rates | (m,) | float? | 1/time | λ_m
 reduced/weights | (m,) | float? | k | g_m
 C | (M, L, L) | complex? | k | with `--load tensor`: elastic constants of the energy along F = 1 + εE, symmetric loads
-  in the order xx, yy, xy, shears with E = ½(x̂ŷ + ŷx̂); `G` is then the shear modulus averaged over all directions
+  in the order xx, yy, (zz, yz, xz,) xy, shears with E = ½(x̂ŷ + ŷx̂); `G` is then the shear modulus averaged over all
+  directions
 C_error_bound | (M, L, L) | float? | k | bound on \|ΔC\|
-bulk_modulus | (M,) | complex? | k | −V dp/dV = mean of C among xx, yy, plus p/2 (only with pre-stress)
+bulk_modulus | (M,) | complex? | k | −V dp/dV = mean of C among xx, yy, (zz,) plus p (D − 1)/D (only with pre-stress)
 anisotropy | (M,) | float? | | \|C − C_iso\|/\|C\|, C_iso the isotropic part of C
 reduced_tensor/K | (c, c) | float? | k | of the rational method: K between the columns of all loads, over V, so that
   C = w(ω)ᵀ(K + iωB)w(ω) at any ω, w = 1 for a quasistatic field and −iωh/(λ + iω) for a mode, 0 for other loads
@@ -49,12 +51,13 @@ failed_omega | (f,) float? | 1/time | of the direct method: frequencies that wer
 QUASISTATIC = Format(
     datasets=r"""
 particles | (n,) | int | | numbers in the packing of the rows below
-nonaffine | (n, 2) | float | length | non-affine displacement u_na
-rotation | (n,) | float? | | angles of the disks in the limit ω → 0; only of laws with rotations
+nonaffine | (n, D) | float | length | non-affine displacement u_na
+rotation | (n,) or (n, 3) | float? | | angles of the disks in the limit ω → 0, of spheres about x, y and z; only of laws
+  with rotations
 contacts/pairs | (c, 2) | int | | rows i, j of *particles*
-contacts/bonds | (c, 2) | float | length | r_j − r_i, the nearest image
-contacts/normal, contacts/transverse | (c,) | float | length | Δu∥, Δu⊥
-contacts/sliding | (c,) | float? | length | Δu⊥ᶜ, of laws with rotations
+contacts/bonds | (c, D) | float | length | r_j − r_i, the nearest image
+contacts/normal, contacts/transverse | (c,) | float | length | Δu∥, Δu⊥; of spheres \|Δu⊥\|
+contacts/sliding | (c,) | float? | length | Δu⊥ᶜ, of spheres its length; of laws with rotations
 histogram/*/edges | (B + 1,) | float | length | of \|Δu∥\|, \|Δu⊥\| and \|u_na\| (normal, transverse, nonaffine): edges
   of 101 logarithmic bins
 histogram/*/counts | (B,) | int | | numbers in them
@@ -62,12 +65,12 @@ beta_scan/beta | (b,) | float? | | with `--betas`: β
 beta_scan/eta0, beta_scan/eta_inf | (b,) | float? | kτ₁ | η₀ and η_∞ there
 beta_scan/no_prestress_eta0 | (b,) | float? | kτ₁ | η₀ of K without pre-stress
 C0 | (L, L) | float? | k | with `--load tensor`: elastic constants of the energy along F = 1 + εE, symmetric loads in
-  the order xx, yy, xy, shears with E = ½(x̂ŷ + ŷx̂)
+  the order xx, yy, (zz, yz, xz,) xy, shears with E = ½(x̂ŷ + ŷx̂)
 eta0, eta_inf | (L, L) | float? | kτ₁ | likewise η₀ and η_∞ between the loads
 no_prestress/C0 | (L, L) | float? | k | likewise
 no_prestress/eta0 | (L, L) | float? | kτ₁ | likewise
-no_prestress/nonaffine | (n, 2) | float? | length | as the same datasets above, of K without pre-stress
-no_prestress/rotation | (n,) | float? | | likewise
+no_prestress/nonaffine | (n, D) | float? | length | as the same datasets above, of K without pre-stress
+no_prestress/rotation | (n,) or (n, 3) | float? | | likewise
 no_prestress/contacts/* | (c,) | float? | length | likewise
 no_prestress/histogram/*/edges | (B + 1,) | float? | length | likewise
 no_prestress/histogram/*/counts | (B,) | int? | | likewise
@@ -93,7 +96,7 @@ no_prestress_* | float? | | these numbers of K without pre-stress
 MODES = Format(
     datasets=r"""
 eigenvalues | (M,) | float | k | λ of K, increasing, translations left out; frequencies are √(λ/mass)
-modes | (M, n, 2) | float | | displacements, Σ\|φ_i\|² = 1
+modes | (M, n, D) | float | | displacements, Σ\|φ_i\|² = 1
 particles | (n,) | int | | numbers in the packing of the disks in `modes`
 residuals | (M,) | float | k | \|Kφ − λφ\|
 normal, transverse | (M,) | float | | mean over contacts of (Δu∥)², (Δu⊥)²
@@ -220,22 +223,22 @@ wall_shear_stress, wall_pressure | (T,) | float? | `units` | with `--walls`: for
 velocity_profile | (T, 20) | float? | γ̇H | with `--walls`: mean v_x of the disks in 20 layers of equal height H/20 at
   the end of a row, from −½ at the lower wall to ½ at the upper one; nan without disks
 snapshots/strain | (S,) | float? | | with `--snapshots` or `--snapshot-every`: their strain
-snapshots/cell | (S, 2, 2) | float? | length | their cell
+snapshots/cell | (S, D, D) | float? | length | their cell
 snapshots/radii | (N,) | float? | length | radii of the disks
-snapshots/positions | (S, N, 2) | float? | length | centres; with `--walls` the disks of the walls come first
-snapshots/velocities | (S, N, 2) | float? | length/time | velocities without the affine flow, at these positions
+snapshots/positions | (S, N, D) | float? | length | centres; with `--walls` the disks of the walls come first
+snapshots/velocities | (S, N, D) | float? | length/time | velocities without the affine flow, at these positions
   (backward Euler)
-snapshots/images | (S, N, 2) | int? | | k₁, k₂: x + k₁ a₁ + k₂ a₂ with the `cell` of the snapshot is the position that
+snapshots/images | (S, N, D) | int? | | k₁, k₂: x + k₁ a₁ + k₂ a₂ with the `cell` of the snapshot is the position that
   was never folded back into the cell, `flow.snapshot(i).unwrapped`; between snapshots it changes by Δγ y and the
   non-affine displacement. Older files have none
 snapshots/spins | (S, N) | float? | 1/time | laws with rotations: angular velocities; that of uniform shear is −γ̇/2
 snapshots/psi6_local, snapshots/psi6_global | (S,) | float? | | six-fold order ⟨\|ψ₆\|⟩ and \|⟨ψ₆⟩\| of results
   kept without positions
-state/base, state/offset, state/offsets, state/velocities, state/accelerations | (N, 2) | float | | `state`: with which
+state/base, state/offset, state/offsets, state/velocities, state/accelerations | (N, D) | float | | `state`: with which
   `jampetsc flow FILE --strain MORE` continues; not for analysis
 state/radii, state/spins, state/spin_rates | (N,) | float | | likewise
-state/cell_base, state/cell_offset | (2, 2) | float | | likewise
-state/images | (N, 2) | int | | likewise
+state/cell_base, state/cell_offset | (D, D) | float | | likewise
+state/images | (N, D) | int | | likewise
 state/order | (N,) | int | | likewise, a permutation
 state/seen | (10,) | float | | likewise
 state/skin | scalar | float | | likewise
@@ -283,8 +286,8 @@ plastic | (T,) | float | | 1 where `dissipated` exceeds `plastic_share` G_A V Δ
 proved | (T,) | float? | | 1 where the Hessian was factorised and has no negative mode: wherever contacts are alike, and
   in every 50th row
 evaluations | (T,) | float | | force evaluations that the step took
-state/base, state/offset | (N, 2) | float | length | the last minimum, coordinates in two parts
-state/cell_base, state/cell_offset | (2, 2) | float | length | its cell in two parts
+state/base, state/offset | (N, D) | float | length | the last minimum, coordinates in two parts
+state/cell_base, state/cell_offset | (D, D) | float | length | its cell in two parts
 state/radii | (N,) | float | length | radii of the disks
 """,
     attributes=r"""
@@ -329,10 +332,10 @@ energy_cut, tolerance | float | | 1e-16; max\|F\|/(p d) of a minimum
 
 VELOCITY_CORRELATION = Format(
     datasets=r"""
-x | (D,) | float | length | middle of each bin of \|x\|
-g_y, g_y_error | (D,) | float | | ⟨v_y v_y⟩/⟨v_y²⟩ of pairs with \|y\| < `lane_width`/2, one standard error over
+x | (X,) | float | length | middle of each bin of \|x\|
+g_y, g_y_error | (X,) | float | | ⟨v_y v_y⟩/⟨v_y²⟩ of pairs with \|y\| < `lane_width`/2, one standard error over
   snapshots; nan without pairs
-pairs | (D,) | float | | number of pairs, all snapshots
+pairs | (X,) | float | | number of pairs, all snapshots
 """,
     attributes=r"""
 lane_width, bin_width | float > 0 | length | width of a lane in y, width of a bin in x

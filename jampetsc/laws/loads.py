@@ -157,6 +157,12 @@ def _numbers_text(numbers):
     return ",".join(repr(float(number)) for number in numbers)
 
 
+def is_shear(text: str) -> bool:
+    """Whether the modulus of a load, a text of `load_text`, is a shear modulus; that of the tensor is."""
+    dimension = 2 if text in named_loads(2) or text.count(",") == 3 else 3
+    return text == TENSOR or all(load.is_shear for load in loads_of(text, dimension))
+
+
 def loads_of(text: str, dimension: int) -> tuple[Load, ...]:
     """The loads that a text of `load_text` stands for: one, or those of the tensor.
 

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from jampetsc.errors import InputError
 from jampetsc.laws.damping import Law
 from jampetsc.packing.contacts import (
+    IMBALANCE,
     both_ends,
     find_contacts,
     find_rattlers,
@@ -56,7 +57,7 @@ class DistributedNetwork:
     )
     pushes: bool  # whether any contact has f > 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
-    imbalance_measure: str = "max|F|/(p d)"  # of a `Network`: max|F|/mean|T|
+    imbalance_measure: str = IMBALANCE[2]  # of a `Network`: max|F|/mean|T|
     remedy: str = "raise the pressure or finish the quench"  # of floppy modes, in words
 
     @property
@@ -148,7 +149,7 @@ def _spread_packing(packing, comm, prestress):
         pressure=pressure,
         threshold=threshold,
         imbalance=_imbalance(packing, every, rows, rattlers, pressure, comm),
-        imbalance_measure=f"max|F|/(p {'d' if packing.dimension == 2 else 'd²'})",
+        imbalance_measure=IMBALANCE[packing.dimension],
         prestress=prestress,
     )
 

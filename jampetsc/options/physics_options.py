@@ -188,8 +188,9 @@ MODEL = CompositeParameter(
 
 LOAD = ValueType(loads.load_text, metavar="LOAD")  # see `laws.loads.load_text`
 LOAD_HELP = (
-    "load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy, or D² numbers row by row "
-    f"(4 with commas; on a command line with = where the first is negative); {loads.TENSOR}: {{}}. Moduli are "
+    "load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or "
+    "D² numbers row by row (with commas; on a command line with = where the first is negative); "
+    f"{loads.TENSOR}: {{}}. Moduli are "
     "second derivatives of the energy per volume along F = 1 + εE"
 )
 
@@ -197,8 +198,3 @@ LOAD_HELP = (
 def load_parameter(of_tensor: str):
     """The parameter `load` of a job; of_tensor: what it finds for all symmetric loads."""
     return parameter(loads.DEFAULT, LOAD_HELP.format(of_tensor), value_type=LOAD)
-
-
-def is_shear(load: str) -> bool:
-    """Whether the modulus G of a load, given as text, is a shear modulus, as G of the tensor is."""
-    return load == loads.TENSOR or all(item.is_shear for item in loads.loads_of(load, 2))

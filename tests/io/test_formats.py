@@ -11,13 +11,13 @@ from jampetsc.errors import InputError
 from jampetsc.io.declaration import HEADER, MAX_DEPTH, TYPES, Table, contents, shape_text
 from jampetsc.io.formats import FORMATS
 
-LENGTHS = dict(zip("NMFASTKDW", range(4, 13), strict=True)) | dict.fromkeys("nmcbBqtgjrfPL", 3)
+LENGTHS = dict(zip("NMFASTKXW", range(4, 13), strict=True)) | dict.fromkeys("nmcbBqtgjrfPL", 3) | {"D": 2}
 VALUES = {"text": "a", "int": 3, "float": 0.5, "bool": True}
 
 
 def array_of(row):
     """An array as a row of datasets declares it."""
-    shape = tuple(LENGTHS.get(name, 0) + more for name, more in row.shape)
+    shape = tuple(LENGTHS.get(name, 0) + more for name, more in row.shapes[0])
     return np.ones(shape, TYPES[row.type][1])
 
 
@@ -27,7 +27,7 @@ def made(request):
     declared = FORMATS[request.param]
     rows = {**(declared.common.rows if declared.common else {}), **declared.attributes.rows}
     attributes = {
-        "x".join(one.split("*")): VALUES[row.type] for one, row in rows.items() if row.shape is None
+        "x".join(one.split("*")): VALUES[row.type] for one, row in rows.items() if row.shapes is None
     }
     with h5py.File("made", "w", driver="core", backing_store=False) as h5:
         for name, row in declared.datasets.rows.items():
@@ -64,7 +64,7 @@ def test_other_shapes_and_types_than_declared_are_refused(made):
                 except InputError as error:
                     assert ": shape (" in str(error) and ", must be (" in str(error)
                 else:
-                    assert array.ndim == 1 and declared.datasets.row(name).shape[0][0]
+                    assert array.ndim == 1 and declared.datasets.row(name).shapes[0][0][0]
             else:
                 refused(declared, h5, attributes, f"dataset {name}: {said}")
             del h5[name]
@@ -130,7 +130,10 @@ def test_a_table_is_read_as_it_is_written():
     assert [(row.name, row.type, row.optional) for row in map(table.row, "ab")] == [
         ("a", "float", True), ("b", "int", True),
     ]  # fmt: skip
-    assert table.row("a").shape == (("M", -1), ("", 2)) and shape_text(table.row("b").shape) == "(M − 1, 2)"
+    assert (
+        table.row("a").shapes == ((("M", -1), ("", 2)),)
+        and shape_text(table.row("b").shapes[0]) == "(M − 1, 2)"
+    )
     assert table.row("cd").unit == "" and table.row("d") is None
     with pytest.raises(ValueError):
         Table("a, b, c | scalar | float, int | | x", True)

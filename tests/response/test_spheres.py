@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from dense import Reference
 from gathered import dense, unknowns, whole
-from samples import DATA, TABLE_WEIGHTS, physics
+from samples import DATA, TABLE_WEIGHTS, physics, put
 from samples import network_of as build
 from spheres import SPHERES, bidisperse, few_spheres
 
+import jampetsc
 from jampetsc.laws.damping import Law, Physics
 from jampetsc.laws.loads import symmetric_loads
 from jampetsc.laws.relative_motion import transverse_axes
@@ -131,6 +132,44 @@ def network_weights(network):
     """k and −f/r of the contacts with i < j."""
     once = network.contacts[network.contacts.i < network.contacts.j]
     return once.stiffness, -once.force_per_length * network.prestress
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_results_in_files(session, shared_path):
+    """Arrays have three components, also where ranks write parts of them; they are read as their formats declare."""
+    packing, law = few_spheres(), LAWS[next(iter(LAWS))].law
+    path = put(shared_path / "p.h5", packing, session.comm)
+    options = {
+        "sweep": {"omega": OMEGA, "fields": OMEGA[:1], "load": "xz"},
+        "quasistatic": {"load": "tensor"},
+    }
+    for command, more in options.items():
+        out = shared_path / f"{command}.h5"
+        getattr(jampetsc, command)(path, law, **more, out=out)
+        session.comm.barrier()
+        result = jampetsc.load(out)
+        held = getattr(jampetsc, command)(packing, law, **more)
+        assert result.attributes["dimension"] == 3
+        for name in held:
+            if result[name].shape == held[name].shape:  # held are only rows of this rank
+                np.testing.assert_allclose(result[name], held[name], rtol=1e-9, atol=1e-12, err_msg=name)
+    assert result["C0"].shape == (6, 6) and result["contacts/bonds"].shape[1] == 3
+    sweep, slow = jampetsc.load(shared_path / "sweep.h5"), result
+    assert sweep.fields.displacement[0].shape == slow["nonaffine"].shape == (14, 3)
+    assert sweep.fields.rotation[0].shape == slow["rotation"].shape == (14, 3)
+    np.testing.assert_array_equal(sweep.shear_modulus, sweep.G)
+    modes = jampetsc.modes(packing, all=True, load="tensor")
+    network = Network.of_packing(packing)
+    np.testing.assert_allclose(
+        jampetsc.modes(network, all=True)["eigenvalues"], modes["eigenvalues"], rtol=1e-11
+    )
+    assert modes["modes"].shape[::2] == (39, 3) and modes["tensor/force"].shape == (39, 6)
+    np.testing.assert_allclose(modes["tensor/modulus"].sum(axis=0), 1.0, rtol=1e-9)
+    few = jampetsc.modes(packing, count=5)
+    np.testing.assert_allclose(few["eigenvalues"], modes["eigenvalues"][: len(few["eigenvalues"])], rtol=1e-9)
+    matrices = jampetsc.assemble(packing, law).to_scipy()
+    assert set(matrices.dofs[:, 1].tolist()) == set(range(6)) and len(matrices.pins) == 3
 
 
 @pytest.mark.scalar("real")
