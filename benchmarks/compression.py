@@ -19,8 +19,7 @@ import numpy as np
 from common import folder_and_picture, saved_page
 
 import jampetsc
-from jampetsc.analysis.local_power_laws import SLOPE_TOLERANCE, power_law_window
-from jampetsc.analysis.power_laws import local_slope, low_frequency_limit
+from jampetsc.analysis.power_laws import SLOPE_TOLERANCE, local_slope, low_frequency_limit, power_law_window
 from jampetsc.analysis.statistics import draws_of, mean_with_error, small_sample_factor
 from jampetsc.plots.page import draw_guide
 from jampetsc.plots.style import DASHED, LOSS, PAGE, STORAGE, entry, hidden, looks, power_or_number

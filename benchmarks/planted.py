@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jampetsc.analysis.collapse_errors import estimate
+from jampetsc.analysis.collapse_fit import estimate
 from jampetsc.analysis.scaling_collapse import Form, Points, scaled
 from jampetsc.commands.scaling import MIN_PROBABILITY
 

@@ -12,7 +12,7 @@ from claims.flow import PHI_J, extrapolated_fluidity, slower, weighted_mean
 from claims.jamming import drift_of
 from claims.shared import SYMBOLS, Row, check, claim, fitted, line_fit, power_law, rates_of, size_of
 from claims.verdicts import Estimate, number
-from jampetsc.analysis.collapse_errors import estimate
+from jampetsc.analysis.collapse_fit import estimate
 from jampetsc.analysis.scaling_collapse import form_named
 from jampetsc.commands.scaling import read_points
 

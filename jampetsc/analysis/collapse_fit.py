@@ -1,11 +1,22 @@
-"""The best fit of a scaling form: weighted least squares, begun at every minimum of a grid of φ_J and κ."""
+"""The best fit of a scaling form and the errors of its parameters.
 
-from dataclasses import replace
+The fit is by weighted least squares, begun at every minimum of a grid of φ_J and κ. The ends of 2σ of a parameter are
+where the least χ² at fixed values of it is 4 above the least of all (profile of χ²; James, Statistical Methods in
+Experimental Physics, ch. 9). They assume no distribution of the errors and follow a curved valley of χ²; where χ² does
+not rise that far, the data do not determine the parameter. An error because f₀ and f₁ have too low a degree need not
+show in χ². It is estimated from the change of a parameter in fits of higher degrees, less the noise of the terms that
+these add.
+"""
+
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import gammainc
 
 from jampetsc import interrupts
-from jampetsc.analysis.scaling_collapse import BOUNDS, Basis, Fit, Form, Points, scaled
+from jampetsc.analysis.scaling_collapse import BOUNDS, Basis, Fit, Form, Points, means_by_scale, scaled
 from jampetsc.errors import InputError, named
 
 EXACT_SEARCH, ROUGH_SEARCH = (
@@ -18,6 +29,19 @@ _OMEGA_STARTS, _CORRECTION_RATIO = (
     (0.1, 0.25, 0.6, 1.5),
     0.3,
 )  # starts with corrections: ω, and f₁ in units of f₀
+SIGMAS = 2.0  # of the ends, where χ² is SIGMAS² above the least
+DEGREE_STEPS = (2, 4)  # added to the degree: as many even as odd terms
+MAX_SIDE_RATIO = 1.5  # ratio of the longer to the shorter side of an error from which both are reported
+MIN_SCATTER_PROBABILITY = (
+    0.02  # probability of a scatter as small, below which errors are taken as common to a scale
+)
+MAX_COMMON_SHARE = 0.98  # largest share of errors that is taken as common
+_END_TOLERANCE = 0.02  # of an end, in its distance from the best
+_MIN_GAIN = 0.01  # a fit whose χ² is lower by this replaces the best so far
+_MAX_STEP_GROWTH, _MIN_STEPS = (
+    3.0,
+    20,
+)  # most growth from step to step outwards; fewest steps that cover the range
 
 
 def parameter_ranges(points: Points) -> dict:
@@ -148,3 +172,191 @@ def fit_from(points: Points, form: Form, start: Fit, search=EXACT_SEARCH) -> Fit
             residuals, inner, jacobian, (low, high), x_scale="jac", max_nfev=steps, ftol=change, xtol=change
         )
     return fit_at(solved.x, float(2.0 * solved.cost))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter, the ends of 2σ (infinite where the data set none), and the part of 1σ that is due to the degree."""
+
+    value: float
+    low: float
+    high: float
+    shift: float
+
+    @property
+    def decided(self) -> bool:
+        """Whether the data limit the parameter on both sides."""
+        return math.isfinite(self.high - self.low)
+
+    @property
+    def error(self) -> float:
+        """One standard error, nan where an end is missing."""
+        return (self.high - self.low) / (2 * SIGMAS) if self.decided else math.nan
+
+    @property
+    def uneven(self) -> bool:
+        """Whether one side is MAX_SIDE_RATIO times as long as the other."""
+        sides = sorted((self.value - self.low, self.high - self.value))
+        return sides[1] > MAX_SIDE_RATIO * sides[0]
+
+    @property
+    def left_to_degree(self) -> bool:
+        """Whether more of the error is due to the degree than to the data."""
+        return 2 * self.shift**2 > self.error**2
+
+
+class _BetterFit(Exception):
+    """A search came below the least χ² known so far."""
+
+
+def estimate(points: Points, form: Form) -> tuple[Fit, dict]:
+    """(the best fit, {name: Estimate} of the free parameters). Raises InputError as `find_minima` does.
+
+    Where errors seem common to the points of a scale, they are fitted as such: see `common_share`.
+    """
+    fits, ends = find_minima(points, form), None
+    common = common_share(points, fits[0])
+    if common:
+        points = replace(points, common=common)
+        fits = find_minima(points, form)
+    while ends is None:
+        try:
+            ends = _ends(points, fits)
+        except _BetterFit as found:
+            fits.insert(0, fit_from(points, form, found.args[0]))
+    return fits[0], {
+        name: _widened(fits[0].parameters[name], ends[name], shift, parameter_ranges(points)[name])
+        for name, shift in _shifts(points, fits[0]).items()
+    }
+
+
+def common_share(points: Points, fit: Fit) -> float:
+    """Share of the squared errors that points of one scale seem to have in common; 0 if that may be chance.
+
+    About their mean at each scale, points then scatter by less than their errors. The fit, of independent errors,
+    takes part of the degrees of freedom: ν = M − S − tr H + tr PH, H the projector onto its slopes, P onto these means.
+    """
+    residuals, slopes = (
+        points.in_errors(fit.model(points) - points.value),
+        points.in_errors(fit.slopes(points)),
+    )
+    means, number, group = means_by_scale(points, residuals)
+    basis = np.linalg.svd(slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300), full_matrices=False)[0]
+    inside = basis - means_by_scale(points, basis)[0][group]
+    freedom = len(points) - len(number) - float(np.sum(inside**2))
+    scatter = float(np.sum((residuals - means[group]) ** 2))
+    if freedom < 1.0 or gammainc(0.5 * freedom, 0.5 * scatter) >= MIN_SCATTER_PROBABILITY:
+        return 0.0
+    return min(1.0 - scatter / freedom, MAX_COMMON_SHARE)
+
+
+def _widened(best, ends, shift, limits):
+    """The Estimate with the error due to the degree added; an end outside the range that was searched is infinite."""
+    down, up = (math.hypot(end - best, SIGMAS * shift) for end in ends)
+    low = best - down if best - down > limits[0] else -math.inf
+    return Estimate(best, low, best + up if best + up < limits[1] else math.inf, shift)
+
+
+def _ends(points, fits):
+    """{name: (low, high)} around the first fit, and around others whose χ² is less than SIGMAS² above its."""
+    least, ends = fits[0].chi2, {}
+    for fit in fits:
+        inside = ends and all(low <= fit.parameters[name] <= high for name, (low, high) in ends.items())
+        if fit.chi2 >= least + SIGMAS**2 or (inside and fit.sign == fits[0].sign):
+            continue
+        for name in fit.form.free:
+            low, high = (_end(points, fit, least, name, side) for side in (0, 1))
+            ends_so_far = ends.get(name, (low, high))
+            ends[name] = min(low, ends_so_far[0]), max(high, ends_so_far[1])
+    return ends
+
+
+def drift(points: Points, form: Form) -> list:
+    """[(cut, fit, estimates), …] of `estimate` for the points with scale ≤ cut, from all to as few as can be fitted.
+
+    Without corrections to scaling, parameters can be trusted once they no longer change with the cut. Raises
+    InputError if even all points are too few.
+    """
+    rows = []
+    for cut in np.unique(points.scale)[::-1]:
+        try:
+            rows.append((float(cut), *estimate(points[points.scale <= cut], form)))
+        except InputError:  # too few are left
+            if not rows:
+                raise
+            break
+    return rows
+
+
+def degrees_above(points: Points, form: Form) -> list[int]:
+    """The higher degrees for which there are enough points."""
+    higher = (replace(form, degree=form.degree + more) for more in DEGREE_STEPS)
+    return [form.degree for form in higher if form.unknowns < len(points)]
+
+
+def _shifts(points, fit):
+    """{name: the largest change at a higher degree, less the noise that its terms add}."""
+    names = fit.form.free
+    own, largest = _linear_errors(points, fit), np.zeros(len(names))
+    for degree in degrees_above(points, fit.form):
+        form = replace(fit.form, degree=degree)
+        higher = fit_from(points, form, carry_over(points, fit, form, fit.parameters), ROUGH_SEARCH)
+        change = np.array([higher.parameters[name] - fit.parameters[name] for name in names])
+        noise = np.maximum(_linear_errors(points, higher) ** 2 - own**2, 0.0)
+        largest = np.maximum(largest, np.sqrt(np.maximum(change**2 - noise, 0.0)))
+    return dict(zip(names, map(float, largest), strict=True))
+
+
+def _linear_errors(points, fit):
+    """(P,) standard errors of the free parameters from the linearised model."""
+    slopes = points.in_errors(fit.slopes(points))
+    units = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    return (np.linalg.norm(np.linalg.pinv(slopes / units), axis=1) / units)[: len(fit.form.free)]
+
+
+def _end(points, fit, least, name, side):
+    """Where the profile of χ² is SIGMAS² above the least, below or above the best (side 0, 1); ∓∞ if nowhere."""
+    best, sign, limit = fit.parameters[name], (-1.0, 1.0)[side], parameter_ranges(points)[name][side]
+    profile = {best: fit}
+
+    def rise(value):
+        """√(χ² − least) − SIGMAS with the parameter held."""
+        if value not in profile:
+            inner = max(
+                (other for other in profile if abs(other - best) < abs(value - best)),
+                key=lambda v: abs(v - best),
+            )
+            near, form = profile[inner], replace(fit.form, fixed={**fit.form.fixed, name: value})
+            begun = {**near.parameters, name: value}, _along_profile(points, near, name, value)
+            start = min(
+                (carry_over(points, near, form, parameters) for parameters in begun), key=lambda fit: fit.chi2
+            )
+            refit = replace(fit_from(points, form, start, ROUGH_SEARCH), form=fit.form)
+            if refit.chi2 < least - _MIN_GAIN:
+                raise _BetterFit(refit)
+            profile[value] = refit
+        return math.sqrt(max(0.0, profile[value].chi2 - least)) - SIGMAS
+
+    longest = abs(np.subtract(*parameter_ranges(points)[name])) / _MIN_STEPS
+    step = min(longest, SIGMAS * _linear_errors(points, fit)[fit.form.free.index(name)])
+    inner, outer, above = best, best, rise(best)
+    while above < 0:
+        if outer == limit:
+            return sign * math.inf
+        inner, outer = outer, sign * min(sign * limit, sign * outer + step)
+        above = rise(outer)
+        step = min(
+            longest, step * min(_MAX_STEP_GROWTH, SIGMAS / max(SIGMAS + above, SIGMAS / _MAX_STEP_GROWTH))
+        )
+    return float(brentq(rise, inner, outer, xtol=_END_TOLERANCE * abs(outer - best)))
+
+
+def _along_profile(points, fit, name, value):
+    """The parameters where one of them is moved and the others follow, to first order."""
+    slopes, at = points.in_errors(fit.slopes(points)), fit.form.free.index(name)
+    own_change, other_slopes = slopes[:, at] * (fit.parameters[name] - value), np.delete(slopes, at, axis=1)
+    moved = {**fit.parameters, name: value}
+    names = [other for other in fit.form.free if other != name]
+    for other, change in zip(names, np.linalg.lstsq(other_slopes, own_change, rcond=None)[0], strict=False):
+        moved[other] = float(np.clip(moved[other] + change, *parameter_ranges(points)[other]))
+    return moved

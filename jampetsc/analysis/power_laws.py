@@ -1,4 +1,4 @@
-"""Scaling of G*(ω) near jamming: the limit of low frequencies, critical collapse and power laws.
+"""Power laws near jamming: limit of low frequencies, critical branch and collapse of G*(ω); exponents of parts of data.
 
 With ω in 1/τ₁ and G*, p in k, the moduli at pressure p follow  G* = p^μ g(ω/p^λ), μ = ½ and λ = 1, as long as
 ω ≪ 1 (BT eqs. 16, 17 and Fig. 3b): g' is constant and g'' ∝ x for x ≪ 1, and both grow as x^Δ with
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.analysis.statistics import log_median
 from jampetsc.errors import InputError
 
 MU, LAMBDA = 0.5, 1.0  # critical exponents of BT
@@ -18,6 +19,10 @@ CROSSOVER_SLOPE = 0.75  # slope of G'' half-way between the critical and the vis
 # relative change of a limit by extrapolation; on the critical branch it is 0.1 and more
 EXTRAPOLATION_TOLERANCE = 0.03
 _MIN_POINTS = 3  # fewest points of a fit from which its error can be estimated
+SLOPE_TOLERANCE = 0.12  # between the slope of the data and the exponent of a window
+MIN_DECADES, MAX_DECADES = 0.6, 2.5  # of x in a window
+CRITICAL_START = 10.0  # ωτ₁ over p/k: well above the lower crossover, which is near 2 to 4 (BT eq. 16)
+MIN_FREQUENCIES = 5  # in the critical window for a slope
 
 
 @dataclass(frozen=True)
@@ -158,3 +163,74 @@ def _finite(omega, G):
         )
     order = np.argsort(omega)
     return omega[order], G[order]
+
+
+def power_law_window(x, y, exponent, max_decades=MAX_DECADES) -> tuple[float, float] | None:
+    """(first, last) log₁₀ x of the longest stretch where d ln y/d ln x is near `exponent`; x increasing, (M,) each.
+
+    A stretch of more than `max_decades` is cut to its middle; None for one of less than MIN_DECADES. Values y ≤ 0 are
+    left out.
+    """
+    x, y = x[y > 0], y[y > 0]
+    if len(x) < 3:
+        return None
+    u = np.log10(x)
+    near = np.abs(local_slope(x, y) - exponent) <= SLOPE_TOLERANCE
+    edges = np.flatnonzero(np.diff(np.r_[0, near.astype(int), 0]))
+    stretches = [(u[a], u[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    first, last = max(stretches, key=lambda ends: ends[1] - ends[0], default=(0.0, 0.0))
+    if last - first < MIN_DECADES:
+        return None
+    excess = max(0.0, (last - first) - max_decades) / 2
+    return first + excess, last - excess
+
+
+def median_exponents(x, samples):
+    """(middles, d ln X/d ln x, errors), (m − 1,) each, between neighbouring x (m,); X: medians of m samples.
+
+    Errors are of the medians, nan for fewer than three values; nan where a median is not positive.
+    """
+    pairs = [
+        log_median(sample) if len(sample) > 2 else (np.log(max(np.median(sample), 0.0) or np.nan), np.nan)
+        for sample in samples
+    ]
+    logs, errors = np.transpose(pairs)
+    return local_exponents(x, np.exp(logs), np.exp(logs) * errors)
+
+
+def quotient(numerator, denominator):
+    """(value, error) of the quotient of two independent (value, error)."""
+    value = numerator[0] / denominator[0]
+    return value, np.abs(value) * np.hypot(numerator[1] / numerator[0], denominator[1] / denominator[0])
+
+
+def fit_logarithm(x, y, errors):
+    """(a, b) of y = a + b ln x, weighted by errors (m,) > 0."""
+    slope, constant = np.polyfit(np.log(x), y, 1, w=1.0 / errors)
+    return constant, slope
+
+
+def is_critical(omega, tau1, pressure, stiffness):
+    """Mask (M,) of the frequencies omega (M,) between both crossovers: 10 p/k < ωτ₁ < 0.1."""
+    scaled = omega * tau1
+    return (scaled >= CRITICAL_START * pressure / stiffness) & (scaled <= CRITICAL_END)
+
+
+def moduli(G) -> dict:
+    """{"storage": G', "loss": G''} of G* (M,), the names of columns and datasets."""
+    return {"storage": G.real, "loss": G.imag}
+
+
+def critical_slopes(omega, G) -> dict:
+    """Slopes d ln G/d ln ω of G' and of G'' with standard errors, by the names of columns of a table.
+
+    omega (m,), G (m,)   frequencies and G* in the critical window
+
+    A modulus that is not positive everywhere has no slope.
+    """
+    slopes = {}
+    for name, modulus in moduli(G).items():
+        if (modulus > 0).all():
+            fit = fit_power_law(omega, modulus)
+            slopes |= {f"exponent_{name}": fit.exponent, f"exponent_{name}_error": fit.exponent_error}
+    return slopes

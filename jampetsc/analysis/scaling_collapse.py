@@ -5,7 +5,7 @@
 
 which is one form, b^(y/κ) [f₀ + b^ω f₁] of x = (φ − φ_J)/b^(1/κ), for (b, κ) = (γ̇, zν) and (1/L, ν), where `omega` is
 ω/z and ω. Without corrections f₁ = 0. f₀ and ±f₁ are exponentials of a polynomial or of a cubic spline.
-Weighted least squares by `collapse_fit`, errors by `collapse_errors`.
+`collapse_fit` has the weighted least squares and the errors.
 """
 
 import functools

@@ -106,7 +106,7 @@ examples:
         to.check(self.FORMAT, [source for source in sources if isinstance(source, str)])
 
     def work(self, to):
-        from jampetsc.analysis.collapse_errors import drift
+        from jampetsc.analysis.collapse_fit import drift
         from jampetsc.commands import scaling
 
         began, form = time.perf_counter(), self.form

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from jampetsc.analysis.collapse_errors import degrees_above
-from jampetsc.analysis.collapse_fit import parameter_ranges
+from jampetsc.analysis.collapse_fit import degrees_above, parameter_ranges
 from jampetsc.analysis.correlated_series import Average, mean_of_averages, mean_of_runs
 from jampetsc.analysis.jammed_samples import runs_of, share_of
 from jampetsc.analysis.scaling_collapse import PARAMETERS, Points, words_of

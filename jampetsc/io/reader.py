@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jampetsc.analysis.reduced_tensor import ReducedTensor
+from jampetsc.analysis.elasticity import ReducedTensor
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError, about, named
 from jampetsc.io import network_file, packing_file

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from jampetsc.analysis.local_power_laws import median_exponents
 from jampetsc.analysis.power_laws import (
     CROSSOVER_SLOPE,
     critical_exponents,
     local_slope,
     low_frequency_limit,
+    median_exponents,
 )
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError

@@ -11,8 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from jampetsc.analysis.correlated_series import layer_heights, mean_of_facts, mean_profile
-from jampetsc.analysis.local_power_laws import quotient
-from jampetsc.analysis.power_laws import local_exponents
+from jampetsc.analysis.power_laws import local_exponents, quotient
 from jampetsc.analysis.velocity_correlation import DEFAULT_BIN_WIDTH, DEFAULT_LANE_WIDTH
 from jampetsc.errors import InputError
 from jampetsc.io.disk_motion import correlate_lanes, six_fold_order, velocity_profiles

@@ -5,7 +5,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
 
-from jampetsc.analysis.density_of_states import density_of_states
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
 from jampetsc.plots.page import draw_band, draw_points, draw_power_law
@@ -27,7 +26,22 @@ from jampetsc.plots.style import (
     sequential,
 )
 
+BINS_PER_DECADE = 8  # of frequency
 FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"
+
+
+def density_of_states(frequencies, states: int):
+    """(ω, D) in logarithmic bins that hold a mode: modes per unit frequency, divided by the number of states.
+
+    frequencies   (m,) positive, of all spectra together
+    states        degrees of freedom of all spectra together
+    """
+    low = np.floor(np.log10(frequencies.min()) * BINS_PER_DECADE)
+    high = np.ceil(np.log10(frequencies.max()) * BINS_PER_DECADE)
+    edges = 10.0 ** (np.arange(low, high + 1) / BINS_PER_DECADE)
+    counts, _ = np.histogram(frequencies, edges)
+    filled = counts > 0
+    return np.sqrt(edges[1:] * edges[:-1])[filled], (counts / np.diff(edges) / states)[filled]
 
 
 def eigenvalues(result):
@@ -115,7 +129,7 @@ def mode_fields(result, numbers):
 
 
 def pooled_density(results):
-    """(ω, D) of complete spectra together (`analysis.density_of_states`)."""
+    """(ω, D) of complete spectra together, see `density_of_states`."""
     states = sum(2 * len(result["particles"]) for result in results)
     return density_of_states(np.concatenate([frequencies(result) for result in results]), states)
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from jampetsc.analysis.local_power_laws import power_law_window
+from jampetsc.analysis.power_laws import power_law_window
 from jampetsc.errors import InputError
 from jampetsc.plots.style import COLUMN, GREY, hidden, number, power_text
 

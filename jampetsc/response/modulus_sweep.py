@@ -8,8 +8,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from jampetsc.analysis.elasticity import dimension_of, shear_modulus, shear_weights
-from jampetsc.analysis.reduced_tensor import ReducedTensor
+from jampetsc.analysis.elasticity import ReducedTensor, dimension_of, shear_modulus, shear_weights
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.petsc.cholesky import NotPositiveDefinite

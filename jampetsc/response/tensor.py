@@ -8,7 +8,7 @@ import itertools
 
 import numpy as np
 
-from jampetsc.analysis.reduced_tensor import ReducedTensor
+from jampetsc.analysis.elasticity import ReducedTensor
 from jampetsc.response import tall
 from jampetsc.response.assembly import ROW
 from jampetsc.response.certificate import ROUNDING, Certified

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from jampetsc.analysis.critical_branch import MIN_FREQUENCIES, critical_slopes, is_critical
 from jampetsc.analysis.jammed_samples import OPTIONAL_COLUMNS, effective_samples, runs_of, share_of
-from jampetsc.analysis.power_laws import low_frequency_limit
+from jampetsc.analysis.power_laws import MIN_FREQUENCIES, critical_slopes, is_critical, low_frequency_limit
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load

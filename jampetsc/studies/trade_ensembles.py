@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jampetsc.analysis.critical_branch import moduli
+from jampetsc.analysis.power_laws import moduli
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.commands.pack import Pack
 from jampetsc.errors import InputError

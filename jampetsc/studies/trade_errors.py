@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jampetsc.analysis.critical_branch import MIN_FREQUENCIES, critical_slopes, is_critical, moduli
+from jampetsc.analysis.power_laws import MIN_FREQUENCIES, critical_slopes, is_critical, moduli
 from jampetsc.analysis.statistics import relative_bound
 
 FREQUENCIES_PER_DECADE = 40  # frequencies per decade at which errors of interpolation are computed

@@ -10,9 +10,8 @@ from samples import stored
 
 import jampetsc
 from jampetsc import main as cli
-from jampetsc.analysis import collapse_errors, collapse_fit, jammed_samples
-from jampetsc.analysis.collapse_errors import Estimate, drift, estimate
-from jampetsc.analysis.collapse_fit import find_minima
+from jampetsc.analysis import collapse_fit, jammed_samples
+from jampetsc.analysis.collapse_fit import Estimate, drift, estimate, find_minima
 from jampetsc.analysis.correlated_series import Average, mean_of_averages
 from jampetsc.analysis.scaling_collapse import Form, Points, scaled
 from jampetsc.analysis.statistics import half_width, mean_with_error
@@ -216,7 +215,7 @@ def test_ends_of_two_sigma_are_where_chi2_has_risen_by_four():
     """With the parameter held there, whatever else is free; a linear model would have them at twice its error."""
     points = planted(1, 0.1)
     fit, found = estimate(points, FREE)
-    linear = collapse_errors._linear_errors(points, fit)
+    linear = collapse_fit._linear_errors(points, fit)
     for (name, one), error in zip(found.items(), linear, strict=True):
         for end in (one.low, one.high):
             inner = one.value + np.sign(end - one.value) * np.sqrt((end - one.value) ** 2 - 4 * one.shift**2)
@@ -325,12 +324,12 @@ def test_another_minimum_nearly_as_deep_is_within_two_sigma():
     points = planted(2)
     fit = fit_collapse(points, FREE)
     other = fit_collapse(planted(9), FREE)  # as if the search had ended there too, 1 above the least
-    ends = collapse_errors._ends(points, [fit])
+    ends = collapse_fit._ends(points, [fit])
     moved = {**other.parameters, "kappa": ends["kappa"][1] * 1.001}
     away = replace(other, parameters=moved, chi2=fit.chi2 + 1)
-    both = collapse_errors._ends(points, [fit, away])
+    both = collapse_fit._ends(points, [fit, away])
     assert all(both[n][0] <= ends[n][0] and both[n][1] >= ends[n][1] for n in ends)
-    assert collapse_errors._ends(points, [fit, replace(away, chi2=fit.chi2 + 5)]) == ends
+    assert collapse_fit._ends(points, [fit, replace(away, chi2=fit.chi2 + 5)]) == ends
 
 
 def test_phi_J_may_lie_beyond_the_data_and_what_grows_near_it_has_a_negative_exponent():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jampetsc.analysis.local_power_laws import fit_logarithm, median_exponents, power_law_window, quotient
+from jampetsc.analysis.power_laws import fit_logarithm, median_exponents, power_law_window, quotient
 
 
 def test_a_window_is_the_middle_of_the_longest_stretch():

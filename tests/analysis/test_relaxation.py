@@ -7,9 +7,8 @@ import scipy.linalg
 from dense import Reference
 from scipy.integrate import quad
 
-from jampetsc.analysis.creep import retardation
 from jampetsc.analysis.relaxation import RelaxationSpectrum
-from jampetsc.analysis.transient import transient
+from jampetsc.analysis.transient import retardation, transient
 from jampetsc.errors import InputError
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib

@@ -6,8 +6,8 @@ from drawn import figure_of, lines, told
 from samples import stored
 
 from jampetsc import main as cli
-from jampetsc.analysis.creep import retardation
 from jampetsc.analysis.relaxation import RelaxationSpectrum
+from jampetsc.analysis.transient import retardation
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jampetsc.analysis.collapse_errors import Estimate
+from jampetsc.analysis.collapse_fit import Estimate
 from jampetsc.commands import collapse, correlate_sweeps, modes, oscillate, quasistatic, sweep
 from jampetsc.io.results import noted
 from jampetsc.laws.damping import Physics, damping_law

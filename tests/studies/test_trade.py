@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from matplotlib.image import imread
 
 from jampetsc import main as cli
-from jampetsc.analysis.critical_branch import CRITICAL_START
+from jampetsc.analysis.power_laws import CRITICAL_START
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.outlet import Outlet
