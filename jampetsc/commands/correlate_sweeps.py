@@ -117,11 +117,12 @@ def _motion(job, sweep, phase):
 
 
 def refuse_mixture(sweeps):
-    """Raise InputError unless sweeps are of different packings, all of one law, pressure and number of disks."""
+    """Raise InputError unless sweeps are of different packings, all of one law, load, pressure and number of disks."""
     first, of_packing = sweeps[0], {}
     for sweep in sweeps:
         for what, value, other in (
             ("law", _words(sweep.law), _words(first.law)),
+            ("load", sweep.load, first.load),
             ("number of disks", *(s.attributes.get("particle_count") for s in (sweep, first))),
         ):
             if value != other:

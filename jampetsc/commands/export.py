@@ -60,10 +60,11 @@ class Export(Job):
         loaded = load_source(self.file)
         kind = KINDS.get(type(loaded)) or loaded.format.removeprefix("jampetsc-")
         self._check_options(kind)
-        if isinstance(loaded, Network):
-            write_network_export(to.path, loaded)
-            return f"{to}: {len(loaded.bonds)} bonds of {input_name(self.file)}"
-        count = write_frames(to.path, self._frames(loaded, kind))
+        exported = self._frames(loaded, kind)
+        if isinstance(exported, list) and isinstance(exported[0], frames.NetworkFrame):
+            write_network_export(to.path, exported[0])
+            return f"{to}: {len(exported[0].network.bonds)} bonds of {input_name(self.file)}"
+        count = write_frames(to.path, exported)
         return f"{to}: {count} frame{'s' * (count != 1)} of {input_name(self.file)}"
 
     def python_result(self, to):
@@ -83,6 +84,8 @@ class Export(Job):
         """The frames to export. Raises InputError for a file that has none."""
         name = input_name(self.file)
         match kind:
+            case "network":
+                return [frames.NetworkFrame(loaded)]
             case "packing":
                 return [frames.packing_frame(loaded)]
             case "flow":

@@ -28,7 +28,7 @@ def packing_of(result, packing=None) -> Packing:
     """As `source_of`, of a result of a packing. Raises InputError for one of a network, too."""
     source = source_of(result, packing)
     if not isinstance(source, Packing):
-        raise InputError(f"{result.path}: of a network. Export its motion from a result of a packing.")
+        raise InputError(f"{result.path}: of a network. Give a result of a packing.")
     return source
 
 

@@ -9,12 +9,13 @@ from jampetsc.io.disk_motion import (
     chosen_frequencies,
     disk_rows,
     field_at,
-    packing_of,
     particle_rows,
     snapshot,
+    source_of,
 )
 from jampetsc.packing.contacts import Contacts, assigned_volumes, disk_stresses, find_contacts, measure
 from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
 
 _COMPONENTS = (("xx", 0, 0), ("yy", 1, 1), ("xy", 0, 1))
 
@@ -35,6 +36,15 @@ class Frame:
         law = self.disks.potential
         units = {"units": self.disks.record["units"]} if "units" in self.disks.record else {}
         return {"potential": law.kind, "stiffness": law.stiffness, "k": float(law.k)} | units
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkFrame:
+    """Nodes and bonds of a network with vectors of the nodes."""
+
+    network: Network
+    columns: dict = field(default_factory=dict)  # name -> (N,) or (N, D)
+    facts: dict = field(default_factory=dict)  # name -> number for the whole frame
 
 
 def packing_frame(disks: Packing, vectors=None, facts=None) -> Frame:
@@ -76,23 +86,23 @@ def flow_frames(result):
         yield packing_frame(disks, vectors, {"strain": float(disks.strain), "rate": disks.rate})
 
 
-def mode_frame(result, number: int, packing=None) -> Frame:
-    """Mode `number`, from 1, of a modes file on its packing: `mode`, Σ|mode|² = 1. Raises InputError."""
+def mode_frame(result, number: int, packing=None) -> "Frame | NetworkFrame":
+    """Mode `number`, from 1, of a modes file on its packing or network: `mode`, Σ|mode|² = 1. Raises InputError."""
     count = result.stored("modes").shape[0]
     if not 1 <= number <= count:
         raise InputError(f"{named('mode')} {number}: not in {result.path.name}. Give one from 1 to {count}.")
     vectors = {"mode": result.stored("modes")[number - 1]}
-    disks = packing_of(result, packing)
-    return _on_packing(result, disks, vectors, eigenvalue=float(result["eigenvalues"][number - 1]))
+    source = source_of(result, packing)
+    return _on_source(result, source, vectors, eigenvalue=float(result["eigenvalues"][number - 1]))
 
 
-def slow_frame(result, packing=None) -> Frame:
-    """The response to slow shear per unit strain: `nonaffine` and, where disks roll, `rotation`. Raises InputError."""
+def slow_frame(result, packing=None) -> "Frame | NetworkFrame":
+    """The response to a slow load per unit strain: `nonaffine` and, where disks roll, `rotation`. Raises InputError."""
     vectors = {name: result[name] for name in ("nonaffine", "rotation") if name in result}
-    return _on_packing(result, packing_of(result, packing), vectors)
+    return _on_source(result, source_of(result, packing), vectors)
 
 
-def field_frame(result, omega: float, packing=None) -> Frame:
+def field_frame(result, omega: float, packing=None) -> "Frame | NetworkFrame":
     """The field of a sweep at ω per unit strain, `displacement_real` and `_imag`, and `rotation_…` where disks roll.
 
     The real part is in phase with the strain. Raises InputError without a field at ω.
@@ -103,15 +113,17 @@ def field_frame(result, omega: float, packing=None) -> Frame:
     vectors = {
         f"{name}_{part}": getattr(value, part) for name, value in fields.items() for part in ("real", "imag")
     }
-    disks = packing_of(result, packing)
-    particle_rows(result, disks)  # raises InputError if fields and packing do not fit
-    return _on_packing(result, disks, vectors, omega=float(result.fields.omega[row]))
+    source = source_of(result, packing)
+    particle_rows(result, source)  # raises InputError if fields and packing do not fit
+    return _on_source(result, source, vectors, omega=float(result.fields.omega[row]))
 
 
-def _on_packing(result, disks, vectors, **facts):
-    """A frame of the packing with vectors of the disks that bear load, zero for rattlers."""
-    rows, whole = disk_rows(result, disks), {}
+def _on_source(result, source, vectors, **facts):
+    """A frame of the packing or network with vectors of the disks that bear load, zero for rattlers."""
+    rows, whole = disk_rows(result, source), {}
     for name, values in vectors.items():
-        whole[name] = np.zeros((disks.n, *values.shape[1:]))
+        whole[name] = np.zeros((source.n, *values.shape[1:]))
         whole[name][rows] = values
-    return packing_frame(disks, whole, facts)
+    if isinstance(source, Network):
+        return NetworkFrame(source, whole, facts)
+    return packing_frame(source, whole, facts)

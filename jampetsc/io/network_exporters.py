@@ -11,22 +11,29 @@ import numpy as np
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import write_whole
 from jampetsc.io.exporters import format_rows, poly_data
+from jampetsc.io.frames import NetworkFrame
 from jampetsc.packing.neighbours import fractional
-from jampetsc.packing.spring_network import Network
 
 
-def write_network_export(out, network: Network) -> None:
-    """Write a network in the format of the ending of `out`. Raises InputError for an ending without bonds."""
+def write_network_export(out, frame: NetworkFrame) -> None:
+    """Write a network in the format of the ending of `out`. Raises InputError for an ending without bonds, and for one
+    without vectors where the frame has some.
+    """
     ending = Path(out).suffix.lower()
     if ending not in _FORMATS:
         raise InputError(
             f"{named('out')} {out}: not a format with bonds of a network. Choose the ending {', '.join(_FORMATS)}."
         )
-    write_whole(out, _FORMATS[ending](network))
+    if frame.columns and ending == ".data":
+        raise InputError(
+            f"{named('out')} {out}: this format has no motion of nodes. Choose the ending .vtp, .npz."
+        )
+    write_whole(out, _FORMATS[ending](frame))
 
 
-def _data(network: Network) -> bytes:
+def _data(frame: NetworkFrame) -> bytes:
     """LAMMPS data, atom style bond, or bpm/sphere with radii; a bond type for each pair (K, r₀)."""
+    network = frame.network
     bonds, n = network.linear_bonds, network.n
     positions, (ax, _), (bx, by) = _wrapped(network), *network.cell.tolist()
     coefficients = np.column_stack(
@@ -51,23 +58,24 @@ def _wrapped(network):
     return network.positions - np.floor(fractional(network.positions, network.cell)) @ network.cell
 
 
-def _vtp(network: Network) -> bytes:
+def _vtp(frame: NetworkFrame) -> bytes:
     """VTK XML PolyData: a point per node, a line per bond, as `exporters` writes packings."""
+    network = frame.network
     bonds, positions = network.linear_bonds, _wrapped(network)
     columns = {"bonds": np.bincount(network.bonds.ravel(), minlength=network.n)}
-    columns |= {} if network.radii is None else {"radius": network.radii}
-    lines = {"stiffness": bonds.stiffness, "force": bonds.force, "length": bonds.distance}
-    return poly_data(positions, network.cell, bonds, columns, lines, {"k": network.k})
+    columns |= ({} if network.radii is None else {"radius": network.radii}) | frame.columns
+    lines = {"stiffness": bonds.stiffness, "tension": network.tension, "length": bonds.distance}
+    return poly_data(positions, network.cell, bonds, columns, lines, {"k": network.k} | frame.facts)
 
 
-def _npz(network: Network) -> bytes:
-    file = io.BytesIO()
+def _npz(frame: NetworkFrame) -> bytes:
+    network, file = frame.network, io.BytesIO()
     arrays = {
         name: getattr(network, name)
         for name in ("positions", "bonds", "images", "cell", "stiffness", "tension")
     }
     arrays |= {} if network.radii is None else {"radii": network.radii}
-    np.savez(file, **arrays, k=network.k)
+    np.savez(file, **arrays, **frame.columns, **frame.facts, k=network.k)
     return file.getvalue()
 
 

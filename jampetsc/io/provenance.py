@@ -81,7 +81,17 @@ def derived_from(sweeps, wall_seconds) -> dict:
 
     `sources` and `source_runs` name the files and their run_id, separated by blanks.
     """
-    shared = ("packing", "packing_sha256", "law", *LAW_PARAMETERS, "pressure", "phi", "k", "particle_count")
+    shared = (
+        "packing",
+        "packing_sha256",
+        "law",
+        *LAW_PARAMETERS,
+        "load",
+        "pressure",
+        "phi",
+        "k",
+        "particle_count",
+    )
     attributes = [sweep.attributes for sweep in sweeps]
     return {
         **_run(wall_seconds),

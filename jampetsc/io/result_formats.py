@@ -149,6 +149,7 @@ G0, G_inf | float | k | limits of G′ at both ends
 eta0, eta_inf | float | kτ₁ | limits of G″/ω at both ends
 J_inf, fluidity, growth_rate | float | | of creep: instantaneous compliance, 1/k; final strain rate per stress; rate of
   divergence if G₀ < 0
+load | text? | | of the sweep: a name of a displacement gradient, or its numbers; missing: simple shear `xy`
 window_decades, resolution_decades | float | | window of H; widest gap between times that matter
 slowest_omega, fastest_omega | float | 1/time | range of frequencies of the sweep it was computed from
 """,
@@ -166,6 +167,7 @@ length, length_error | (W, F, 2) | float | length | first root of C; nan without
 minimum, minimum_error | (W, F, 2) | float | length | δ of the smallest C
 """,
     attributes=r"""
+load | text? | | of the sweep: a name of a displacement gradient, or its numbers; missing: simple shear `xy`
 packings | int | | number of packings averaged
 pairs | (W,) int | | number of pairs of disks for each lane width
 phase | text | | what Re u_y is in phase with, `stress` or `strain`; `strain` where it is missing

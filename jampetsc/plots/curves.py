@@ -10,6 +10,7 @@ from jampetsc.analysis.elasticity import dimension_of
 from jampetsc.analysis.statistics import STATISTICS, median_interval
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import FAMILIES, OPTIONS
+from jampetsc.laws.loads import DEFAULT, TENSOR
 from jampetsc.plots.picture import group_by, units_of
 from jampetsc.plots.style import (
     DASHED,
@@ -42,6 +43,7 @@ _SYMBOLS = {  # parameter -> its symbol; that of a law without one is its name
     },
     **{"alpha": r"\alpha", "stress": r"\sigma_0/k", "strain": r"\gamma_0", "omega": r"\omega\tau_1"},
 }
+_LOADS = {DEFAULT: "shear xy", TENSOR: "shear, all directions"}
 _CONTACTS = {  # of an oscillation; None: a sweep
     None: "linear response",
     "fixed": "fixed contacts",
@@ -73,7 +75,10 @@ class Curve:
             default = options[key].default if key in options else None  # of files older than the option
             description[key] = self.attributes.get(key, default)
         description["alpha"] = self.attributes.get("alpha", 1.0)  # linear damping without the attribute
-        return description | {"contacts": self.attributes.get("contacts")}
+        return description | {
+            "load": self.attributes.get("load", DEFAULT),
+            "contacts": self.attributes.get("contacts"),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +245,8 @@ def _part(key, value, bare):
     """The words for one property in a label."""
     if key == "contacts":
         return _CONTACTS[value]
+    if key == "load":
+        return _LOADS.get(value, f"load {value}")
     if value is None:
         return "" if key != "p/k" else "$p$ unknown"
     if key == "p/k":

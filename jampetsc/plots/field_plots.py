@@ -17,6 +17,7 @@ from jampetsc.io.disk_motion import (
     snapshot,
     source_of,
 )
+from jampetsc.laws.loads import DEFAULT, loads_of
 from jampetsc.options.parameters import SWITCH, WORD
 from jampetsc.options.values import INTEGERS
 from jampetsc.plots.correlation_plots import OMEGA
@@ -63,7 +64,7 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     packing   the file of the packing where it is not beside the sweep
     phase     "strain": Re and Im, in phase with the strain and with its rate; "stress": Re and −Im, when the stress is
               at its peak and a quarter of a period later, when it is zero (BT)
-    total     with the affine part u_x = γ y, y from the middle of the cell
+    total     with the affine part E x of the load, x from the middle of the cell
 
     Colours are rotations. Below each panel stands how many times the field its arrows are. Raises InputError for more
     frequencies than fit, and for those that the file does not have.
@@ -73,9 +74,10 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     rows = chosen_frequencies(sweep, omega)
     disks = source_of(sweep, packing)
     particles = particle_rows(sweep, disks)
-    affine = np.zeros((len(particles), 2))
+    (load,) = loads_of(sweep.load, disks.dimension)
+    affine = np.zeros((len(particles), disks.dimension))
     if total:
-        affine[:, 0] = wrap(disks.positions, disks.cell)[particles, 1] - 0.5 * disks.cell[1, 1]
+        affine = load.imposed(wrap(disks.positions, disks.cell)[particles] - 0.5 * disks.cell.sum(axis=0))
     turns = [phase_factor(sweep, fields.omega[row], phase) for row in rows]
     stored = [field_at(sweep, row) for row in rows]
     motion = [turn * (affine + field) for turn, (field, _) in zip(turns, stored, strict=True)]
@@ -87,6 +89,7 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
         raise InputError(
             f"{len(omega)} frequencies: one picture holds {MAX_COLUMNS}. Choose some with omega."
         )
+    strain = r"\gamma" if load.name == DEFAULT else r"\epsilon"
     symbol, single, panels = "u" if total else r"\tilde u", len(omega) == 1, []
     for part, (take, name) in enumerate(INSTANTS[phase]):
         for f, w in enumerate(omega):
@@ -94,7 +97,7 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
             title = f"{instant},  {frequency}" if single else "" if part else frequency
             rolls = None if spin is None else take(spin[f])
             panels.append((title, take(motion[f]), rolls, "" if single or f else instant))
-    _draw(page, disks, panels, particles, rf"{symbol}/\gamma", 1 if single else 2)
+    _draw(page, disks, panels, particles, rf"{symbol}/{strain}", 1 if single else 2, strain)
     if spin is not None:
         shown = ScalarMappable(Normalize(-_RANGE, _RANGE), _colours())
         settings = {"shrink": 0.5, "aspect": 18, "pad": 0.01, "ticks": (-_RANGE, 0, _RANGE)}
@@ -149,7 +152,7 @@ def _draw_real(page, disks, panels, particles, symbol):
     _draw(page, disks, [(title, field, None, "") for title, field in panels], particles, symbol, 1)
 
 
-def _draw(page, disks, panels, particles, symbol, rows):
+def _draw(page, disks, panels, particles, symbol, rows, strain=r"\gamma"):
     """Panels [(title, field (n, 2), rotations (n,) or None, name of the row), …] on the packing; particles (n,) rows of
     `disks`, `symbol` the name of the fields in TeX. Below each stands how many times the field its arrows are.
     """
@@ -162,7 +165,7 @@ def _draw(page, disks, panels, particles, symbol, rows):
         factor = _arrow_factor(u, spacing)
         scales = rf"arrows ${number(factor)}\,{symbol}$" if factor else f"${symbol}=0$"
         if spin is not None:
-            scales += rf",  $\theta_{{\rm rms}}={number(_rms(spin))}\,\gamma$"
+            scales += rf",  $\theta_{{\rm rms}}={number(_rms(spin))}\,{strain}$"
         ax.set_title(title, pad=3)
         ax.set_ylabel(row, fontsize=9)
         ax.set_xlabel(scales, fontsize=_SMALL, labelpad=3)

@@ -14,6 +14,7 @@ from jampetsc.analysis.power_laws import fit_logarithm
 from jampetsc.analysis.statistics import mean_with_error, median_interval
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import having
+from jampetsc.laws.loads import DEFAULT
 from jampetsc.plots.page import draw_band, draw_guide, draw_points, draw_power_law, limits_kept
 from jampetsc.plots.picture import count_text, picture, units_of
 from jampetsc.plots.style import (
@@ -53,8 +54,17 @@ def pressures_of(results):
 
 
 def groups_of(results) -> dict:
-    """{N: {p/k: files}}, of files that differ in the packing alone, small N and low pressure first."""
-    groups = {}
+    """{N: {p/k: files}}, of files that differ in the packing alone, small N and low pressure first.
+
+    Raises InputError for files of several loads.
+    """
+    groups, first = {}, results[0]
+    for result in results:
+        load, other = (str(one.attributes.get("load", DEFAULT)) for one in (result, first))
+        if load != other:
+            raise InputError(
+                f"{result.path}: {named('load')} {load}, but {first.path.name} has {other}. Draw files of one load."
+            )
     for result, pressure in sorted(
         zip(results, pressures_of(results), strict=True), key=lambda pair: pair[1]
     ):

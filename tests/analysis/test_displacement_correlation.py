@@ -436,6 +436,9 @@ def test_sweeps_are_of_one_pressure_within_a_per_cent(tmp_path, off, same):
     refused = pytest.raises(InputError, match=r"s1\.h5: pressure .*, but .*s0\.h5 has 0\.001\. Average")
     with nullcontext() if same else refused:
         refuse_mixture(sweeps)
+    sweeps[1].attributes["load"] = "compression"
+    with pytest.raises(InputError, match=r"s1\.h5: load compression, but s0\.h5 has xy\. Average"):
+        refuse_mixture(sweeps)
 
 
 # Pictures

@@ -68,6 +68,9 @@ def test_lines_run_through_medians_and_small_points_are_files():
     assert told(ax)[3:] == ["no pre-stress", "pre-stress", r"$p^{\pm 1/4}$", "single files", "68 % interval"]
     alone = told(figure_of(plot_medians, some[:1]).axes[0])
     assert alone[3:] == ["no pre-stress", "pre-stress"]  # no guide through one pressure
+    some[0].attributes["load"] = "compression"
+    with pytest.raises(InputError, match=r"load xy, but .* has compression\. Draw files of one load"):
+        figure_of(plot_medians, some)
 
 
 def test_the_guide_goes_with_the_largest_packings_and_sizes_have_markers():

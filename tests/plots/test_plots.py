@@ -180,6 +180,7 @@ def test_unusual_sweeps_are_drawn_without_complaint(case, recwarn):
         ([{"alpha": 0.5, "stress": 1e-6}, {}], [r"$\alpha=0.5$, $\sigma_0/k=10^{-6}$", "linear damping"]),
         ([{"normal": 0.0}, {}], [r"$w_\parallel=0$", r"$w_\parallel=1$"]),  # a file older than --normal has 1
         ([{"pressure": None}], ["$p$ unknown"]),
+        ([{"load": "compression"}, {}], ["load compression", "shear xy"]),
     ],
 )  # fmt: skip
 def test_labels_tell_what_differs(differing, labels):
@@ -335,15 +336,16 @@ def test_lines_are_as_wide_as_forces_are_strong_and_the_caption_is_in_units_of_k
     np.testing.assert_allclose(widths / widths.mean(), contacts.force[which] / contacts.force[which].mean())
 
 
-def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part():
-    """Re and −Im of (y x̂ + ũ/γ)/G*, but for |G*|, times what is told; y from the middle of the cell."""
+@pytest.mark.parametrize(("load", "E"), [("xy", ((0, 1), (0, 0))), ("compression", ((0.5, 0), (0, 0.5)))])
+def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part(load, E):
+    """Re and −Im of (E x + ũ/γ)/G*, but for |G*|, times what is told; x from the middle of the cell."""
     disks, rng = samples.published(), np.random.default_rng(3)
     u = 0.01 * (rng.normal(size=(1, 16, 2)) + 2j * rng.normal(size=(1, 16, 2)))
-    sweep = sweep_of(fields=(OMEGA[24:25], u, u[..., 0], np.arange(16)))
+    sweep = sweep_of(fields=(OMEGA[24:25], u, u[..., 0], np.arange(16)), load=load)
     sweep.packing = disks
     turn = np.exp(-1j * np.angle(modulus(OMEGA, 1e-3)[24]))
-    total = u[0].copy()
-    total[:, 0] += packing_plots.wrap(disks.positions, disks.cell)[:, 1] - disks.cell[1, 1] / 2
+    centres = packing_plots.wrap(disks.positions, disks.cell) - disks.cell.sum(axis=0) / 2
+    total = u[0] + centres @ np.transpose(E)
     motion, spin = turn * total, turn * u[0, :, 0]
     axes = plot_fields([sweep], total=True)
     for ax, name, take in zip(axes, ("peak", "zero"), (np.real, lambda z: -np.imag(z)), strict=True):

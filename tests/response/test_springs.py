@@ -104,8 +104,13 @@ def test_functions_and_files_take_networks(session, tmp_path):
     np.testing.assert_allclose(modes["eigenvalues"], values[2:5], rtol=1e-9)
     matrices = jampetsc.assemble(network, DRAG.law).to_scipy()
     assert np.abs(matrices.K).sum() == pytest.approx(float(np.abs(exact.K[:-1, :-1]).sum()), rel=1e-12)
-    with pytest.raises(InputError, match=r"of a network\. Export its motion from a result of a packing"):
-        jampetsc.export(modes, out=tmp_path / "modes.xyz")
+    with np.load(jampetsc.export(modes, mode=2, out=tmp_path / "mode.npz")) as exported:
+        np.testing.assert_array_equal(exported["mode"][modes["particles"]], modes["modes"][1])
+        np.testing.assert_array_equal(exported["tension"], network.tension)
+    with pytest.raises(
+        InputError, match=r"modes\.data: this format has no motion of nodes\. Choose the ending"
+    ):
+        jampetsc.export(modes, out=tmp_path / "modes.data")
     with pytest.raises(InputError, match=r"K has \d+ floppy modes besides its translations"):
         jampetsc.quasistatic(floppy_lattice(), DRAG.law)
     assert "72" in jampetsc.info(network, matrices=True, law=DRAG.law)
@@ -123,6 +128,9 @@ def test_motion_of_networks_is_correlated_and_drawn(session, tmp_path):
     np.testing.assert_array_equal(found[0]["C"], found[1]["C"])
     assert found[0].attributes["mean_diameter"] == pytest.approx(1.0)
     assert len(draw([jampetsc.load(tmp_path / "s.h5")], "fields").axes) == 2
+    times = jampetsc.spectrum(inside)
+    assert times.attributes["G0"] == pytest.approx(inside.spectrum.G0) and times["creep/J"].min() > 0.0
+    assert times.attributes["load"] == "xy"
 
 
 @pytest.mark.scalar("real")
