@@ -26,7 +26,7 @@ from jampetsc import main as cli
 from jampetsc.errors import JampetscError
 from jampetsc.io.declaration import contents
 from jampetsc.io.reader import load
-from jampetsc.studies.result_numbers import numbers_of
+from jampetsc.studies.study_table import numbers_of
 
 COMMANDS = {  # format -> commands that read its files; packings lie beside them
     "packing": [

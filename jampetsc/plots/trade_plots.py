@@ -30,7 +30,7 @@ def plot_trade(rows, certified, path) -> None:
 def draw_trade(rows, certified, page) -> None:
     """Largest relative error of G' (filled) and of G'' (open) against the seconds of the run, log-log.
 
-    rows: of `jampetsc.studies.trade_table.TradeRow`; those without a time or an error are left out. certified: relative
+    rows: of `studies.trade_report.TradeRow`; rows without a time or an error are left out. certified: relative
     bound of the reference; smaller errors are not resolved and are drawn there.
     """
     shown = [row for row in rows if row.group in _GROUPS and not math.isnan(row.error) and row.seconds > 0]

@@ -1,36 +1,51 @@
-"""Which rank does which task of a study, and the outcome of each: small files in `FOLDER/journal`, which all ranks see.
+"""Which rank does which task of a study, the outcome of each, and the lock of the study's folder.
 
-A record is written completely or not at all, with a hash of its content (`io.checkpoint.write_entry`): a study that is
-killed loses no finished task. Every rank takes the next task as soon as it is free. No rank hands out tasks, so that
-none is spent on waiting for the others, as the manager of mpi4py.futures is.
+They are small files in `FOLDER/journal`, which all ranks see. A record is written completely or not at all, with a hash
+of its content (`io.checkpoint.write_entry`): a study that is killed loses no finished task. Every rank takes the next
+task as soon as it is free. No rank hands out tasks, so that none is spent on waiting for the others, as the manager of
+mpi4py.futures is.
+
+One study at a time runs in a folder, on one machine or many that share a disk. `FOLDER/lock` is locked by the system.
+On some network file systems such locks hold within one machine only; therefore the file is also touched every
+TOUCH_INTERVAL, and a lock that another machine has touched within MAX_TOUCH_AGE counts as held: after the loss of a
+node the folder becomes free when they have passed.
 """
 
+import contextlib
 import os
 import secrets
 import shutil
+import socket
+import tempfile
+import threading
 import time
 from pathlib import Path
 from urllib.parse import quote
 
 from jampetsc import interrupts
-from jampetsc.io.atomic import remove_abandoned, write_error
+from jampetsc.errors import InputError
+from jampetsc.io.atomic import locked, remove_abandoned, write_error
 from jampetsc.io.checkpoint import read_entry, write_entry
 
-NAME = "journal"
+JOURNAL = "journal"
 RECORD_KEYS = {"task", "row", "seconds"}  # what every record has
 POLL_INTERVAL = 0.02  # seconds between two looks while a rank waits for a task of another one
 DONE, FAILED = ".done", ".failed"  # endings of the files that record the outcome of a task
 PLACE = ".place"  # ending of the files that number finished tasks
+LOCK = "lock"
+TOUCH_INTERVAL = 20.0  # seconds between touches of the file
+MAX_SHOWN_CHARACTERS = 200  # characters of its content in a message
+MAX_TOUCH_AGE = 120.0  # seconds without a touch after which a study on another machine counts as dead
 
 
 def keep_record(folder, record: dict) -> None:
     """Keep the record of a task; on return it survives a kill. Raises JampetscError where it cannot be written."""
-    write_entry(Path(folder) / NAME / quote(record["task"], safe=""), record)
+    write_entry(Path(folder) / JOURNAL / quote(record["task"], safe=""), record)
 
 
 def records_of(folder) -> dict:
     """{task: its record} of a study."""
-    places = sorted((Path(folder) / NAME).glob("[!.]*"))
+    places = sorted((Path(folder) / JOURNAL).glob("[!.]*"))
     entries = [entry[0] for entry in map(read_entry, places) if entry is not None]
     return {
         record["task"]: record
@@ -41,8 +56,8 @@ def records_of(folder) -> dict:
 
 def tidy(folder) -> None:
     """Remove what killed processes have left behind; only while no study runs in the folder."""
-    remove_abandoned(Path(folder) / NAME)
-    for left in (Path(folder) / NAME).glob(".claims-*"):
+    remove_abandoned(Path(folder) / JOURNAL)
+    for left in (Path(folder) / JOURNAL).glob(".claims-*"):
         shutil.rmtree(left, ignore_errors=True)
 
 
@@ -54,7 +69,7 @@ class Claims:
     """
 
     def __init__(self, folder):
-        self.folder = Path(folder) / NAME / f".claims-{secrets.token_hex(6)}"
+        self.folder = Path(folder) / JOURNAL / f".claims-{secrets.token_hex(6)}"
         try:
             self.folder.mkdir()
         except OSError as error:
@@ -107,3 +122,61 @@ class Claims:
     def end(self) -> None:
         """Remove the files of these claims."""
         shutil.rmtree(self.folder, ignore_errors=True)
+
+
+class Lock:
+    """The lock of a folder, held from `take` to `release` by one rank of a study."""
+
+    def __init__(self, folder):
+        self.path = Path(folder) / LOCK
+        self._file = None
+        self._over = threading.Event()
+
+    def take(self) -> None:
+        """Lock the folder. Raises InputError where another study has it."""
+        try:
+            self._file = locked(self.path)
+            host, _, process = (
+                self.path.read_text(errors="replace").strip()[:MAX_SHOWN_CHARACTERS].partition(" ")
+            )
+            age = self._age()
+        except OSError as error:
+            raise write_error(self.path, error) from None
+        here, is_locked = socket.gethostname(), self._file is None
+        if is_locked or (host not in ("", here) and age < MAX_TOUCH_AGE):
+            if not is_locked:
+                self._file.close()
+            raise InputError(
+                f"{self.path.parent}: a study runs there (process {process or '?'} on "
+                f"{host or 'another machine'}). Wait for it, or choose another folder."
+                + ("" if is_locked else f" {self._end(age)}")
+            )
+        self._file.truncate(0)
+        self._file.write(f"{here} {os.getpid()}\n")
+        self._file.flush()
+        threading.Thread(target=self._beat, daemon=True).start()
+
+    def _age(self):
+        """Seconds since the file was touched, by the clock of its file system."""
+        with tempfile.NamedTemporaryFile(dir=self.path.parent, prefix=f".{LOCK}.") as probe:
+            return os.fstat(probe.fileno()).st_mtime - os.lstat(self.path).st_mtime
+
+    def _end(self, age):
+        """When a lock of another machine expires, in words; age: seconds since it was touched."""
+        if age < -MAX_TOUCH_AGE:
+            dated = time.strftime("%Y-%m-%d", time.localtime(os.lstat(self.path).st_mtime))
+            return f"Its lock has a time in the future ({dated}); if no study runs there, remove {self.path}."
+        return f"If it is dead, its lock expires in {MAX_TOUCH_AGE - age:.0f} s."
+
+    def _beat(self):
+        while not self._over.wait(TOUCH_INTERVAL):
+            with contextlib.suppress(OSError):
+                os.utime(self.path, follow_symlinks=False)
+
+    def release(self) -> None:
+        """Unlock the folder."""
+        self._over.set()
+        if self._file is not None and not self._file.closed:
+            with contextlib.suppress(OSError):
+                self._file.truncate(0)
+            self._file.close()

@@ -14,10 +14,7 @@ from jampetsc.io.atomic import refuse_links, write_error, write_whole
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.outputs import is_same
 from jampetsc.progress import Progress
-from jampetsc.studies.journal import NAME as JOURNAL
-from jampetsc.studies.journal import POLL_INTERVAL, Claims, keep_record, records_of, tidy
-from jampetsc.studies.lock import NAME as LOCK
-from jampetsc.studies.lock import Lock
+from jampetsc.studies.journal import JOURNAL, LOCK, POLL_INTERVAL, Claims, Lock, keep_record, records_of, tidy
 from jampetsc.studies.study_table import rows_of, table_text
 from jampetsc.studies.task_runner import TaskRunner
 

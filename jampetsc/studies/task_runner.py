@@ -18,7 +18,7 @@ from jampetsc.io.request import Request
 from jampetsc.options.execution import run_job
 from jampetsc.options.job import NETWORKS
 from jampetsc.petsc import session
-from jampetsc.studies.result_numbers import numbers_of
+from jampetsc.studies.study_table import numbers_of
 
 ASIDE = ".replaced"  # appended to the name of a file that somebody put in the place of the study's own
 

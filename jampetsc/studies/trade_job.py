@@ -104,6 +104,6 @@ Times are meaningful only on a machine without other load."""
 
     def work(self, to):
         """Measure and write both files. Raises JampetscError only if the reference fails."""
-        from jampetsc.studies.trade_run import measure
+        from jampetsc.studies.trade_runs import measure_trade
 
-        return measure(self, to.path)
+        return measure_trade(self, to.path)

@@ -18,7 +18,7 @@ from jampetsc.plots.moduli_plots import plot_collapse, plot_loss, plot_moduli
 from jampetsc.plots.picture import units_of
 from jampetsc.plots.quasistatic_plots import pressures_of
 from jampetsc.plots.style import STORAGE
-from jampetsc.studies.trade_table import TradeRow
+from jampetsc.studies.trade_report import TradeRow
 
 OMEGA = np.array([1e-2, 1e-1, 1.0])
 

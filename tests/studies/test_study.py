@@ -23,8 +23,7 @@ from jampetsc.options.job import Job
 from jampetsc.options.parameters import parameter
 from jampetsc.petsc.session import current
 from jampetsc.studies import study_run, task_runner
-from jampetsc.studies.journal import Claims, keep_record, records_of, tidy
-from jampetsc.studies.lock import Lock
+from jampetsc.studies.journal import Claims, Lock, keep_record, records_of, tidy
 from jampetsc.studies.plan import plan
 
 ALL = """

@@ -22,13 +22,10 @@ from jampetsc.io.atomic import locked
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.request import Request
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.studies import lock as locks
-from jampetsc.studies import study_run, task_runner
-from jampetsc.studies.journal import Claims, keep_record, records_of
-from jampetsc.studies.lock import Lock
+from jampetsc.studies import journal, study_run, task_runner
+from jampetsc.studies.journal import Claims, Lock, keep_record, records_of
 from jampetsc.studies.plan import plan, read
-from jampetsc.studies.result_numbers import numbers_of
-from jampetsc.studies.study_table import rows_of, table_text
+from jampetsc.studies.study_table import numbers_of, rows_of, table_text
 from jampetsc.studies.task_runner import TaskRunner, row_of
 
 
@@ -491,11 +488,11 @@ def test_a_lock_tells_who_has_it_while_it_is_held_and_ends_with_its_machine(tmp_
         fcntl.flock(other, fcntl.LOCK_EX)
         with pytest.raises(InputError, match=r"\(process \? on another machine\)"):
             Lock(tmp_path).take()
-    assert 4 * locks.TOUCH_INTERVAL <= locks.MAX_TOUCH_AGE == 120.0
+    assert 4 * journal.TOUCH_INTERVAL <= journal.MAX_TOUCH_AGE == 120.0
     for age in (60, 121):  # since another machine has touched it
         file.write_text("elsewhere 123\n")
         os.utime(file, (time.time() - age,) * 2)
-        if age < locks.MAX_TOUCH_AGE:
+        if age < journal.MAX_TOUCH_AGE:
             with pytest.raises(InputError, match=r"process 123 on elsewhere.*its lock expires in (5|6)\d s"):
                 Lock(tmp_path).take()
             assert os.listdir(tmp_path) == ["lock"]  # the clock was read without a trace
@@ -524,7 +521,7 @@ def test_where_files_have_no_locks_only_another_machine_counts(tmp_path, monkeyp
 
 
 def test_a_lock_is_touched_until_it_is_released(tmp_path, monkeypatch):
-    monkeypatch.setattr(locks, "TOUCH_INTERVAL", 0.005)
+    monkeypatch.setattr(journal, "TOUCH_INTERVAL", 0.005)
     lock, path = Lock(tmp_path), tmp_path / "lock"
     lock.take()
     os.utime(path, (0, 0))

@@ -21,11 +21,10 @@ from jampetsc.options.values import format_numbers
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
-from jampetsc.studies import trade_ensembles, trade_process, trade_run, trade_settings, trade_table
-from jampetsc.studies.trade_advice import advise
+from jampetsc.studies import trade_process, trade_report, trade_runs
 from jampetsc.studies.trade_errors import ReferenceCurve, log_interpolate
 from jampetsc.studies.trade_job import Trade
-from jampetsc.studies.trade_table import TradeRow
+from jampetsc.studies.trade_report import TradeRow, advise
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 
@@ -58,7 +57,7 @@ def asked(packing="p.h5", **changes):
 
 def bench_of(folder, *asked_, **changes):
     with Progress(None, "trade") as progress:
-        return trade_settings.TradeRuns(asked(*asked_, **changes), folder, progress)
+        return trade_runs.TradeRuns(asked(*asked_, **changes), folder, progress)
 
 
 # The whole of it
@@ -134,7 +133,7 @@ def test_ranks_ensemble_and_frequencies(packing, tmp_path, clean):
     bench.find_reference()
     bench.job = replace(bench.job, ranks=None)
     assert bench.reference.window[0] >= 0.99 * CRITICAL_START * 1e-3 and bench.reference.certified < 1e-8
-    plan, left_out = trade_settings.plan_settings(bench)
+    plan, left_out = trade_runs.plan_settings(bench)
     physics, grids = plan[:3], plan[3:]
     assert [choice.name for choice in physics][2:] == ["Stokes drag, eta_f = 0"] and not left_out
     assert [choice.name for choice in grids] == [f"{n} frequencies" for n in (3, 4, 7, 13, 16)]
@@ -142,8 +141,8 @@ def test_ranks_ensemble_and_frequencies(packing, tmp_path, clean):
     assert min(stokes.error_storage, stokes.error_loss) > 1e-3
     coarse, full = bench.measure(grids[0]), bench.measure(grids[-1])
     assert coarse.error > 3 * full.error > 1e-6  # what straight lines miss, not what solvers do
-    row = trade_ensembles.measure(
-        bench, replace(trade_ensembles.plan_ensembles(bench)[0][0], n=32, seeds=(1001, 1002))
+    row = trade_runs.measure_ensemble(
+        bench, replace(trade_runs.plan_ensembles(bench)[0][0], n=32, seeds=(1001, 1002))
     )
     assert not row.failed and row.choice == "2 x N = 32" and row.stderr_loss > 0
     assert row.factorisations >= 2 and row.error > 1e-3 and "packing took" in row.note
@@ -156,17 +155,15 @@ def test_a_run_that_fails_says_why(clean):
 
 
 def test_simpler_physics_of_each_law():
-    names = [
-        name for name, _ in trade_settings.simpler(Physics(damping_law(rotations=False), prestress=False))
-    ]
+    names = [name for name, _ in trade_runs.simpler(Physics(damping_law(rotations=False), prestress=False))]
     assert names == ["with rotations", "with pre-stress", "Stokes drag, eta_f = 0"]
-    names = [name for name, _ in trade_settings.simpler(Physics(damping_law(beta=0.0)))]
+    names = [name for name, _ in trade_runs.simpler(Physics(damping_law(beta=0.0)))]
     assert names == ["without pre-stress", "Stokes drag, eta_f = 0"]  # whose disks may roll as they like
     for prestress in (True, False):
-        others = dict(trade_settings.simpler(Physics(damping_law(tau1=3.0), prestress=prestress)))
+        others = dict(trade_runs.simpler(Physics(damping_law(tau1=3.0), prestress=prestress)))
         others.pop("without pre-stress" if prestress else "with pre-stress")
         assert {(other.prestress, other.law.tau1) for other in others.values()} == {(prestress, 3.0)}
-    others = dict(trade_settings.simpler(Physics(damping_law("stokes", tau1=2.0))))
+    others = dict(trade_runs.simpler(Physics(damping_law("stokes", tau1=2.0))))
     assert others["contact damping, beta = 1"] == Physics(damping_law(tau1=2.0))
     assert others["without pre-stress"] == Physics(damping_law("stokes", tau1=2.0), prestress=False)
 
@@ -268,7 +265,7 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, rep
     assert rows[1].note == "failed: ended by 3" and bench.reference_accuracy == 1e-9
     bench.failed("options", "o.opts", trade_process.ProcessOutcome(1, 1.0, 1.0, "broken"))
     bench.measure(
-        trade_settings.TradeSetting(
+        trade_runs.TradeSetting(
             "method", "direct", bench.sweep_with(accuracy=1e-9), lambda *_: errors(2e-5, 1e-5)
         )
     )
@@ -278,10 +275,8 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, rep
         "[5] options o.opts: failed: broken",
         "[6] method direct: 2.00 s  error 2.0e-05",
     ]
-    plan, left_out = trade_settings.plan_settings(bench)
-    assert [choice.name for choice in plan] == [
-        f"accuracy {a:g}" for a in trade_settings.ACCURACIES if a > 1e-9
-    ]
+    plan, left_out = trade_runs.plan_settings(bench)
+    assert [choice.name for choice in plan] == [f"accuracy {a:g}" for a in trade_runs.ACCURACIES if a > 1e-9]
     assert left_out == []
 
 
@@ -314,7 +309,7 @@ def test_what_cannot_be_measured_is_said(told, tmp_path):
         (row,) = bench.find_reference()
         assert np.isnan(row.exponent_storage) and bench.reference.window is None
         assert not [name for name in bench.reference.deviation(bench.reference.G) if "window" in name]
-        plan, left_out = trade_settings.plan_settings(bench)
+        plan, left_out = trade_runs.plan_settings(bench)
         assert [choice.name for choice in plan] == ["direct, MUMPS", "direct, a.opts"]
         assert plan[1].petsc == ("-options_file", str(tmp_path / "a.opts"))
         window = "critical window, 10 p/k < omega tau1 < 0.1"
@@ -327,7 +322,7 @@ def test_numbers_of_frequencies_are_so_many_per_decade_up_to_those_asked_for(tol
     curve = spent(Curve(np.geomspace(low, high, int(points))))
     bench = told(("", 0, curve), omega=omega, choices=["frequencies"])
     bench.find_reference()
-    plan, _ = trade_settings.plan_settings(bench)
+    plan, _ = trade_runs.plan_settings(bench)
     assert [choice.name for choice in plan] == [f"{n} frequencies" for n in counts]
     grids = [format_numbers(np.geomspace(low, high, n)) for n in counts]
     assert [choice.sweep.words() for choice in plan] == [["--omega", g, "--method", "direct"] for g in grids]
@@ -356,7 +351,7 @@ def packs_of(told, path, n=64, **record):
     packing = with_record(path / "p.h5", n, **record)
     bench = told(("1e-12", 0, spent(Curve(WIDE, k=2.0))), packing=packing)
     bench.find_reference()
-    return bench, *trade_ensembles.plan_ensembles(bench)
+    return bench, *trade_runs.plan_ensembles(bench)
 
 
 def test_an_ensemble_costs_what_all_its_runs_cost(told, tmp_path):
@@ -365,19 +360,19 @@ def test_an_ensemble_costs_what_all_its_runs_cost(told, tmp_path):
     low.G[0] = -1.0 + 1j * low.G[0].imag
     bench, packs, _ = packs_of(told, tmp_path, sizes="bidisperse")
     bench.run.ends += [("--seed", 2, None)]
-    row = trade_ensembles.measure(bench, packs[1])
+    row = trade_runs.measure_ensemble(bench, packs[1])
     assert row.failed and row.note == "failed: ended by 2"
     disks = object()
     bench.run.ends[-1:] = [("--seed 1004", 3, None), ("--seed", 0, disks), ("-1003", 3, None),
                            ("-1001", 0, spent(Curve(WIDE, 1.1), 3.0, 7)), ("-1002", 0, spent(low, 4.0, 8))]  # fmt: skip
-    row = trade_ensembles.measure(bench, packs[1])
+    row = trade_runs.measure_ensemble(bench, packs[1])
     assert (row.seconds, row.process_seconds, row.factorisations) == (13.0, 10.5, 15)
     assert row.memory_mb == 100.0 + len(bench.run.asked)
     assert row.note == "packing took 6.0 s; only 2 of 4: ended by 3; G' < 0 in 1 of them"
     assert row.stderr_loss == pytest.approx(0.1 * half_width(1))  # of 1.1 and 0.9
     assert str(replace(packs[1], seeds=None, seed=1001)) in bench.run.asked
     bench.run.ends = [("", 3, None)]  # no sweep is left
-    row = trade_ensembles.measure(bench, packs[1])
+    row = trade_runs.measure_ensemble(bench, packs[1])
     assert (row.failed, row.note, row.process_seconds) == (True, "failed: ended by 3", 1.5)
 
 
@@ -406,18 +401,18 @@ def test_scatter_of_an_ensemble_is_that_of_a_mean_in_the_window_and_of_slopes_fr
     reference, shifts = ReferenceCurve(Curve(WIDE)), np.array([-0.1, 0.1] * 4)
     curves = (1 + shifts)[:, None] * reference.G
     curves[:, 0] = shifts + 1e-9j
-    found = trade_ensembles._statistics(reference, curves)
+    found = trade_runs._statistics(reference, curves)
     assert found["window_storage"] < 1e-12  # the mean is exact
     assert found["stderr_storage"] == found["stderr_loss"] == pytest.approx(0.1 / np.sqrt(7) * half_width(7))
 
     reference = ReferenceCurve(Curve(omega := np.geomspace(1e-4, 1e-2, 7)))
     steep = [omega**exponent * (1 + 1j) for exponent in (0.5, 0.6)]
-    found = trade_ensembles._statistics(reference, np.array(steep))
+    found = trade_runs._statistics(reference, np.array(steep))
     for part in ("storage", "loss"):  # √(0.05² + 0.05²)/√2
         assert found[f"exponent_{part}_error"] == pytest.approx(0.05 * half_width(1))
     steep[1][3] = -0.1 * steep[1][3]  # of which no slope can be told: a single one has no scatter
     fit = reference.deviation(np.mean(steep, axis=0))
-    alone = trade_ensembles._statistics(reference, np.array(steep))
+    alone = trade_runs._statistics(reference, np.array(steep))
     assert alone["exponent_storage_error"] == fit["exponent_storage_error"] > 0
 
 
@@ -427,10 +422,10 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     curve = spent(Curve(WIDE))
     curve.attributes["petsc_version"] = "3.99"
     monkeypatch.setattr(
-        trade_settings.TradeRuns, "run", lambda *_: (trade_process.ProcessOutcome(0, 1.5, 100.0, ""), curve)
+        trade_runs.TradeRuns, "run", lambda *_: (trade_process.ProcessOutcome(0, 1.5, 100.0, ""), curve)
     )
     monkeypatch.setattr("jampetsc.plots.trade_plots.plot_trade", lambda *words: drawn.append(words))
-    text = trade_run.measure(asked(packing, ensemble=True), tmp_path / "t.csv")
+    text = trade_runs.measure_trade(asked(packing, ensemble=True), tmp_path / "t.csv")
     written = (tmp_path / "t.csv").read_text()
     for line in (
         f"command: jampetsc trade {packing} --out {tmp_path}/t.csv --choices '' --ensemble --omega 1e-08:10.0:91",
@@ -446,7 +441,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     assert "for a first look" in text and [row.group for row in drawn[0][0]] == ["reference"]
     assert drawn[0][1:] == (pytest.approx(2**0.5 * 1e-6), tmp_path / "t.png")
     curve.omega, curve.G = curve.omega[:9], curve.G[:9]
-    text = trade_run.measure(
+    text = trade_runs.measure_trade(
         asked(packing, omega="1,2", choices=["frequencies"], ranks=2), tmp_path / "t.csv"
     )
     for told in ("runs: mpirun -n 2; ", "critical window, 10 p/k", "left out, it needs"):
@@ -482,7 +477,7 @@ def test_too_few_frequencies_are_judged_between_those_of_the_reference():
     """Between 0.01 and 100 the chord is highest above the curve at 1, by (√(1.01 · 101) - 2)/2."""
     ends, expected = bent(0.01, 100.0), (np.sqrt(1.01 * 101) - 2) / 2
     for reference in (ends, bent(0.01, 1.0, 100.0)):
-        judged = trade_settings._interpolated(ReferenceCurve(reference), ends)
+        judged = trade_runs._interpolated(ReferenceCurve(reference), ends)
         found = judged["error_storage"], judged["error_loss"]
         assert found == pytest.approx((expected, expected), rel=1e-3)
         assert "interpolation between them" in judged["note"] and "window_storage" not in judged
@@ -503,7 +498,7 @@ def test_the_bounds_of_both_moduli_count_each_for_its_own():
         run = bounded(0.2, 0.3, error)
         assert reference.violation(run) == beyond
         note = f"EXCEEDS ITS BOUND at omega = {beyond:g}" if beyond else ""
-        assert trade_settings._exact(reference, run)["note"] == note
+        assert trade_runs._exact(reference, run)["note"] == note
     for bounds, certified in (((0.1, 0.2), 0.2), ((0.4, 0.2), 0.4)):
         assert ReferenceCurve(bounded(*bounds)).certified == pytest.approx(certified)
 
@@ -608,7 +603,7 @@ def test_advice_on_packings(fields, more, told):
 
 def test_a_table_reads_back_and_tells_what_is_resolved(tmp_path):
     rows = [*ROWS, replace(ROWS[5], choice="x", seconds=1 / 3)]
-    trade_table.write(tmp_path / "t.csv", rows, ["packing: p.h5"])
+    trade_report.write_table(tmp_path / "t.csv", rows, ["packing: p.h5"])
     text = (tmp_path / "t.csv").read_text()
     assert text.startswith("# packing: p.h5\n")
     assert {field.name for field in fields(TradeRow) if f"# {field.name}: " not in text} == {"failed"}
@@ -617,7 +612,7 @@ def test_a_table_reads_back_and_tells_what_is_resolved(tmp_path):
     assert [read["method", name]["seconds"] for name in ("direct, iterative.opts", "x")] == ["", "0.333333"]
     assert [row["failed"] for row in read.values()] == ["0"] * 5 + ["1"] + ["0"] * 5 + ["1"]
     small = {"error_storage": 1e-15, "error_loss": 2e-12, "window_storage": 1e-15, "window_loss": 1e-12}
-    lines = trade_table.as_text(
+    lines = trade_report.format_table(
         [*ROWS, TradeRow("method", "direct", 1e-15, stderr_loss=1e-15, **small)]
     ).splitlines()
     assert len({len(line) for line in lines}) == 1 and "memory" not in lines[0]  # nothing known: no column

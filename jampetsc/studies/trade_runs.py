@@ -1,5 +1,10 @@
-"""The settings that a trade compares for one packing, and the runs that measure them."""
+"""The settings and ensembles that a trade compares for one packing, the runs that measure them, table and picture."""
 
+import datetime
+import os
+import platform
+import shlex
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -7,10 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
+from jampetsc.analysis.power_laws import moduli
+from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.commands.pack import Pack
 from jampetsc.commands.sweep import Sweep
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
+from jampetsc.io.packing_file import read_identified, read_packing
+from jampetsc.io.provenance import git_commit
 from jampetsc.io.reader import load
 from jampetsc.laws.damping import FAMILIES, Physics, damping_law
+from jampetsc.minimise.sizes import SIZES
+from jampetsc.progress import Progress
 from jampetsc.shipped_files import located
 from jampetsc.studies import trade_process
 from jampetsc.studies.plan import StudyTask
@@ -18,13 +30,21 @@ from jampetsc.studies.table_keys import TaskSettings
 from jampetsc.studies.task_runner import TaskRunner
 from jampetsc.studies.trade_errors import ReferenceCurve, certified, log_interpolate
 from jampetsc.studies.trade_process import ProcessOutcome
-from jampetsc.studies.trade_table import TradeRow
+from jampetsc.studies.trade_report import TradeRow, advise, format_table, write_table
+from jampetsc.version import VERSION
 
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
-TIGHTEST = (1e-12, 1e-11, *reversed(ACCURACIES))  # tried for the reference, until one can be certified
+REFERENCE_ACCURACIES = (
+    1e-12,
+    1e-11,
+    *reversed(ACCURACIES),
+)  # tried for the reference, until one can be certified
 PHYSICS_ACCURACY = 1e-3  # well below the changes by simpler physics, and certified at all frequencies
-PER_DECADE = (0.5, 1, 2, 4)  # frequencies, solved one by one
+FREQUENCY_DENSITIES = (0.5, 1, 2, 4)  # frequencies, solved one by one
 OPTIONS_FILES = tuple(located(f"jampetsc:{name}") for name in ("iterative", "superlu_dist", "low_memory"))
+PACKING_COUNTS = (1, 4, 16)  # numbers of packings, each of N divided by that number
+FIRST_SEED = 1001  # other packings than the one of the reference
+MIN_DISKS = 16  # disks
 
 
 @dataclass(frozen=True)
@@ -87,7 +107,7 @@ class TradeRuns:
         Raises JampetscError with the message of the run if all fail.
         """
         rows = []
-        for accuracy in TIGHTEST:
+        for accuracy in REFERENCE_ACCURACIES:
             outcome, result = self.run(self.sweep_with(accuracy=accuracy))
             name = f"accuracy {accuracy:g}"
             if result is not None:
@@ -147,7 +167,7 @@ def plan_settings(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
             )
     if "frequencies" in job.choices and ":" in job.frequencies and not job.frequencies.startswith("lin:"):
         low, high = direct.omega[[0, -1]]
-        counts = {max(2, 1 + round(np.log10(high / low) * n)) for n in PER_DECADE}
+        counts = {max(2, 1 + round(np.log10(high / low) * n)) for n in FREQUENCY_DENSITIES}
         for count in [*sorted(n for n in counts if n < len(direct.omega)), len(direct.omega)]:
             sweep = replace(direct, omega=np.geomspace(low, high, count))
             choices.append(TradeSetting("frequencies", f"{count} frequencies", sweep, _interpolated))
@@ -201,3 +221,125 @@ def _spent(outcome, result) -> dict:
         "factorisations": int(result.attributes["factorisations"]),
         "certified": certified(result),
     }
+
+
+def plan_ensembles(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
+    """(jobs that make the packings, lines on what is left out and why), once there is a reference."""
+    disks, attributes = read_packing(bench.job.packing), bench.reference.result.attributes
+    record, packs, left_out = disks.record, [], []
+    if record.get("sizes") not in SIZES:  # imported, or from a file of radii
+        reason = f"the radii of {bench.job.packing} cannot be drawn by `jampetsc pack`"
+        return [], [f"ensemble: left out, {reason}"]
+    for share in PACKING_COUNTS:
+        if disks.n // share < MIN_DISKS:
+            left_out.append(f"{share} packings: left out, fewer than {MIN_DISKS} disks each")
+            continue
+        try:
+            pack = Pack(
+                n=disks.n // share,
+                pressure=record.get("requested_pressure", attributes["pressure"] / attributes["k"]),
+                seeds=range(FIRST_SEED, FIRST_SEED + share),
+                potential=disks.potential.kind,
+                stiffness=disks.potential.stiffness,
+                sizes=record["sizes"],
+                stabilise=record.get("stabilise", "volume"),
+            )
+        except InputError as error:  # such as a pressure that `pack` has not
+            return [], [f"ensemble: left out, {error}"]
+        packs.append(pack)
+    return packs, left_out
+
+
+def measure_ensemble(bench: TradeRuns, pack: Pack) -> TradeRow:
+    """The row of the packings that a job makes, each at the pressure of the reference."""
+    share, name = len(pack.seeds), f"{len(pack.seeds)} x N = {pack.n}"
+    names = {seed: f"packing-{pack.n}-{seed}" for seed in pack.seeds}
+    packings = {
+        seed: bench.run(replace(pack, seeds=None, seed=seed), name=name) for seed, name in names.items()
+    }
+    paths = [bench.folder / f"{names[seed]}.h5" for seed, (_, disks) in packings.items() if disks is not None]
+    runs = [bench.run(bench.sweep_with(packing=path, accuracy=PHYSICS_ACCURACY)) for path in paths]
+    packing_seconds = sum(outcome.seconds for outcome, _ in packings.values())
+    results = [result for _, result in runs if result is not None]
+    outcomes = [outcome for outcome, _ in [*packings.values(), *runs]]
+    if not results:
+        return bench.failed("ensemble", name, outcomes[-1])
+    notes = [f"packing took {packing_seconds:.1f} s"]
+    if len(results) < share:
+        why = next(outcome.error for outcome in outcomes if outcome.error)
+        notes.append(f"only {len(results)} of {share}: {why}")
+    if negative := sum(bool((result.G.real <= 0).any()) for result in results):
+        notes.append(f"G' < 0 in {negative} of them")
+    row = TradeRow(
+        "ensemble",
+        name,
+        seconds=packing_seconds + sum(float(result.attributes["wall_seconds"]) for result in results),
+        process_seconds=sum(outcome.seconds for outcome in outcomes),
+        memory_mb=max(outcome.memory for outcome in outcomes),
+        factorisations=sum(int(result.attributes["factorisations"]) for result in results),
+        **_statistics(bench.reference, np.array([result.G for result in results])),
+        note="; ".join(notes),
+    )
+    bench.progress.step(f"ensemble {name}: {row.seconds:.2f} s  deviation of the mean {row.error:.1e}")
+    return row
+
+
+def _statistics(reference, curves) -> dict:
+    """Deviation of the mean of curves (n, M) from the reference, and its standard error."""
+    statistics = reference.deviation(curves.mean(axis=0))
+    if len(curves) < 2:
+        return statistics
+    # at ω → 0 the mean of G' can vanish: small packings with pre-stress need not be stable to shear
+    seen = curves if reference.inside is None else curves[:, reference.inside]
+    slopes = [slope for G in curves if (slope := reference.exponents(G))]
+    for name, part in moduli(seen).items():
+        middle, error = mean_with_error(part)
+        statistics[f"stderr_{name}"] = float(np.max(error / np.abs(middle)))
+        if len(slopes) > 1:
+            scatter = mean_with_error([slope[f"exponent_{name}"] for slope in slopes])[1]
+            statistics[f"exponent_{name}_error"] = float(scatter)
+    return statistics
+
+
+def measure_trade(job, out) -> str:
+    """Run all choices of a `studies.trade_job.Trade`, write `out` (.csv) and a picture (.png); returns the text.
+
+    Choices that fail have a row that says why. Raises JampetscError without a reference.
+    """
+    picture = Path(out).with_suffix(".png")
+    load = os.getloadavg()[0]
+    with tempfile.TemporaryDirectory(prefix="jampetsc-trade-") as folder, Progress(None, "trade") as progress:
+        bench = TradeRuns(job, folder, progress)
+        rows = bench.find_reference()
+        todo, remarks = plan_settings(bench)
+        packs, more = plan_ensembles(bench) if job.ensemble else ([], [])
+        count = sum(len(pack.seeds) for pack in packs)
+        progress.note(f"{len(todo)} runs{f' and {count} packings with one each' if packs else ''} to do")
+        rows += [bench.measure(choice) for choice in todo]
+        rows += [measure_ensemble(bench, pack) for pack in packs]
+    facts = [*_facts(job, out, bench.reference, load), *remarks, *more]
+    write_table(out, rows, facts)
+    from jampetsc.plots.trade_plots import plot_trade  # only now: matplotlib's memory is the runs' until then
+
+    plot_trade(rows, bench.reference.certified, picture)
+    lines = [format_table(rows), "", *facts, "", *advise(rows), "", f"{out}, {picture}"]
+    return "\n".join(lines)
+
+
+def _facts(job, out, reference, load):
+    disks, (name, digest) = read_identified(job.packing)
+    attributes = reference.result.attributes
+    how = f"mpirun -n {job.ranks}" if job.ranks else "one process each"
+    versions = f"jampetsc {VERSION}, commit {git_commit() or 'unknown'}, PETSc {attributes['petsc_version']}"
+    date = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
+    facts = [
+        f"command: {shlex.join(job.line(out))}",
+        f"packing: {name}, N = {disks.n}, p = {attributes['pressure']:.6g}, sha256 {digest}",
+        f"law: {job.physics}, tau1 = {job.physics.law.tau1:g}; frequencies {job.frequencies}",
+        f"runs: {how}; {platform.machine()}, {os.cpu_count()} cores, load average {load:.1f} at the start",
+        f"program: {versions}; {date}",
+        f"reference: certified to {reference.certified:.1e}; errors below that are not resolved",
+    ]
+    if reference.window is not None:
+        facts.append(f"critical window: omega = {reference.window[0]:.3g} to {reference.window[1]:.3g}")
+    return facts
