@@ -2,12 +2,14 @@
 
     C(δ) = ⟨u_y(x) u_y(x + δ)⟩ / ⟨u_y²⟩ ,
 
-averaged over pairs of disks in the same lane, a strip along x of given width (`lane_sums`). u_y has no affine part
+averaged over pairs of disks in the same lane, a strip along x of given width, in 3D a bar of this width in y and in z
+(`lane_sums`). u_y has no affine part
 under u_x = γ y, so C is that of the non-affine motion. Real and imaginary part of a field, in phase with the stress (or
 the strain) and with its rate, are correlated each with itself. In a periodic cell a lane closes on itself after
 L = |a₁|, so C is even about δ = L/2.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,7 +35,7 @@ class LaneSums:
     pairs: np.ndarray  # (P, D)
     separations: np.ndarray  # (P, D) Σ δ/L
     disks: np.ndarray  # (P,)
-    width: float  # of a lane, such that lanes fill the cell
+    width: float  # of a lane, such that lanes fill the cell; in 3D the root of its cross-section
 
 
 def grid_cells(length: float, diameter: float) -> int:
@@ -50,22 +52,25 @@ def bin_edges(cells: int):
 
 
 def lane_sums(positions, cell, fields, width: float, cells: int) -> LaneSums:
-    """Sums over pairs for positions (n, 2), cell rows (2, 2), real fields (F, n), lanes about `width` wide.
+    """Sums over pairs for positions (n, D), cell rows (D, D), real fields (F, n), lanes about `width` wide.
 
     cells: number of grid cells along x (`grid_cells`), the same for all packings to be averaged.
     Raises InputError for a width that is not positive or exceeds the cell, and for no disks.
     """
     positions, cell, fields = (np.asarray(a, float) for a in (positions, cell, fields))
-    length, height = cell[0, 0], cell[1, 1]
-    if not 0 < width <= height:
+    length, *heights = np.diag(cell)
+    if not 0 < width <= min(heights):
         raise InputError(
-            f"lane width {width:g}: must be positive and at most the height of the cell, {height:g}"
+            f"lane width {width:g}: must be positive and at most the height of the cell, {min(heights):g}"
         )
     if not len(positions):
         raise InputError("no disks to correlate, as all are rattlers. Give a jammed packing.")
-    lanes = max(1, round(height / width))
+    counts = [max(1, round(height / width)) for height in heights]
+    lanes = math.prod(counts)
     reduced = (positions @ np.linalg.inv(cell)) % 1.0
-    lane = np.minimum((reduced[:, 1] * lanes).astype(int), lanes - 1)
+    lane = np.zeros(len(positions), int)
+    for count, places in zip(counts[::-1], reduced.T[:0:-1], strict=True):
+        lane = count * lane + np.minimum((places * count).astype(int), count - 1)
     # a disk wrapped in y has moved by a₂, so in x too: the product with the cell's rows takes that along
     along = (reduced @ cell)[:, 0] / length % 1.0
     place = lane * cells + np.minimum((along * cells).astype(int), cells - 1)
@@ -93,7 +98,7 @@ def lane_sums(positions, cell, fields, width: float, cells: int) -> LaneSums:
         pairs=binned(number),
         separations=binned(number * lags / cells),
         disks=np.bincount(block, minlength=blocks).astype(float),
-        width=height / lanes,
+        width=(math.prod(heights) / lanes) ** (1.0 / len(heights)),
     )
 
 

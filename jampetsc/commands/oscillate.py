@@ -175,11 +175,15 @@ A killed run continues when the same command is given again."""
         from jampetsc.commands.packing_network import read_network
         from jampetsc.io.packing_file import read_packing
         from jampetsc.oscillation.amplitude_sweep import require_stability, sweep_amplitudes
+        from jampetsc.packing.packing import require_plane
         from jampetsc.petsc.session import current
 
         started, session = time.perf_counter(), current()
         source = read_network(self.packing, self.prestress, to, started, read_packing)
         with session.stage("assembly"), about(source.name):
+            require_plane(
+                source.source, "Oscillations are of disks in a plane: give a two-dimensional packing."
+            )
             require_stability(source.network, self.control)
         checkpoint = to.checkpoint(self.key(source.identity), session.comm)
         sweep = sweep_amplitudes(

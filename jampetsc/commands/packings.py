@@ -5,12 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from jampetsc.errors import ConvergenceError, JampetscError, named
+from jampetsc.errors import ConvergenceError, JampetscError, about, named
 from jampetsc.io.outputs import is_finished
-from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.io.packing_file import read_identified, source_name, write_packing
 from jampetsc.io.request import Request
 from jampetsc.minimise.descent import Effort
 from jampetsc.minimise.protocols import Target, changed, make_packing, random_start, start_phi
+from jampetsc.packing.packing import require_plane
 from jampetsc.packing.potentials import Potential
 from jampetsc.petsc.hessian_solver import HessianSolver
 from jampetsc.progress import Progress
@@ -73,6 +74,8 @@ def start_at_random(radii, potential: Potential, record: dict) -> PackingStart:
 def start_from_packing(source, record: dict, comm=None) -> PackingStart:
     """Another packing, a file or a Packing; record: entries of the record. Collective over comm."""
     disks, identity = read_identified(source, comm)
+    with about(source_name(source)):
+        require_plane(disks, "Packings are made of disks in a plane: give a two-dimensional one.")
     record = record | dict(zip(("source", "source_sha256"), identity, strict=True))
     return PackingStart(record, lambda task: changed(disks, task.target), disks.potential.k)
 

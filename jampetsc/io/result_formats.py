@@ -161,8 +161,8 @@ CORRELATION = Format(
 omega | (F,) | float | 1/time | frequencies
 G | (F,) | complex | k | G* there, the mean over the packings
 lane_width | (W,) | float | length | of lanes along x
-delta | (W, D + 1) | float | length | mean δ of the pairs in a bin; the first is 0
-C, C_error | (W, F, 2, D + 1) | float | | C(δ) = ⟨u_y(x) u_y(x + δ)⟩/⟨u_y²⟩ and its standard error; nan in empty bins
+delta | (W, X + 1) | float | length | mean δ of the pairs in a bin; the first is 0
+C, C_error | (W, F, 2, X + 1) | float | | C(δ) = ⟨u_y(x) u_y(x + δ)⟩/⟨u_y²⟩ and its standard error; nan in empty bins
 length, length_error | (W, F, 2) | float | length | first root of C; nan without one
 minimum, minimum_error | (W, F, 2) | float | length | δ of the smallest C
 """,

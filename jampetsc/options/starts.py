@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from jampetsc.errors import InputError, named
-from jampetsc.io.packing_file import read_identified, write_packing
+from jampetsc.errors import InputError, about, named
+from jampetsc.io.packing_file import read_identified, source_name, write_packing
 from jampetsc.io.reader import load
 from jampetsc.minimise.sizes import (
     MAX_DISKS,
@@ -20,7 +20,7 @@ from jampetsc.minimise.sizes import (
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, optional_parameter, parameters
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, input_name
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.packing import Packing, require_plane
 from jampetsc.packing.potentials import EXPONENTS, Potential
 
 PHI_RANGE = (0.1, 1.0)
@@ -130,6 +130,8 @@ class ShearJob(Job):
         """
         if self.start is not None:
             disks, (name, digest) = read_identified(self.start)
+            with about(source_name(self.start)):
+                require_plane(disks, "Shear is of disks in a plane: give a two-dimensional packing.")
             return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
 
         radii, units, seed = radii_asked(self.n, self.sizes, self.radii), OWN_UNITS, self.seed

@@ -29,6 +29,7 @@ from jampetsc.plots.packing_plots import (
     frame_cells,
     lay_out,
     points_per_length,
+    refuse_spheres,
     segment_images,
     wrap,
 )
@@ -73,6 +74,7 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     fields = sweep.fields
     rows = chosen_frequencies(sweep, omega)
     disks = source_of(sweep, packing)
+    refuse_spheres(disks)
     particles = particle_rows(sweep, disks)
     (load,) = loads_of(sweep.load, disks.dimension)
     affine = np.zeros((len(particles), disks.dimension))
@@ -117,6 +119,7 @@ def plot_response(results, page, packing=None):
         fields = {"no pre-stress": "nonaffine"}
     panels = [(title, result[name]) for title, name in fields.items()]
     disks = source_of(result, packing)
+    refuse_spheres(disks)
     _draw_real(page, disks, panels, disk_rows(result, disks), r"u_{\rm na}/\gamma")
     return f"quasistatic response, {' and '.join(fields)}"
 
@@ -130,6 +133,7 @@ def plot_mode(results, page, packing=None, mode=(1,)):
     (result,) = results
     panels = mode_fields(result, mode)
     disks = source_of(result, packing)
+    refuse_spheres(disks)
     _draw_real(page, disks, panels, disk_rows(result, disks), r"\varphi")
     return f"mode {','.join(map(str, np.ravel(mode)))}"
 
@@ -139,6 +143,7 @@ def plot_velocities(results, page):
     """Non-affine velocities u/γ̇ of the last snapshot."""
     (result,) = results
     disks = snapshot(result)
+    refuse_spheres(disks)
     field = result["snapshots/velocities"][-1] / float(result.attributes["rate"])
     strain = result["snapshots/strain"][-1]
     _draw_real(page, disks, [(rf"$\gamma={strain:.4g}$", field)], np.arange(disks.n), r"u/\dot\gamma")

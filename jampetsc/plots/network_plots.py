@@ -3,7 +3,14 @@
 import numpy as np
 from matplotlib.collections import LineCollection
 
-from jampetsc.plots.packing_plots import clip_artists, frame_cells, lay_out, segment_images, wrap
+from jampetsc.plots.packing_plots import (
+    clip_artists,
+    frame_cells,
+    lay_out,
+    refuse_spheres,
+    segment_images,
+    wrap,
+)
 from jampetsc.plots.picture import picture
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number
 
@@ -19,6 +26,7 @@ def plot_network(results, page):
     Bonds that cross the boundary appear on both sides of the cell, cut at its edge.
     """
     (network,) = results
+    refuse_spheres(network)
     bonds = network.linear_bonds
     width = COLUMN if len(bonds) <= MAX_VECTOR_BONDS else PAGE
     ((ax, outline),) = frame_cells(page, [network.cell], 1, width)

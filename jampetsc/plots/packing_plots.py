@@ -4,17 +4,26 @@ import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.patches import Polygon
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, about
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.disk_motion import snapshot
+from jampetsc.io.packing_file import source_name
 from jampetsc.packing.contacts import find_contacts, measure, virial_pressure
+from jampetsc.packing.packing import require_plane
 from jampetsc.plots.flow_plots import kind_of, labels_of
 from jampetsc.plots.picture import picture
 from jampetsc.plots.style import COLUMN, PAGE, hidden, power_or_number
 
+DRAW_SPHERES = "Draw it in OVITO or ParaView: jampetsc export FILE --out FILE.xyz or FILE.vtp."
 MAX_ASPECT = 2.5  # height over width of a cell; taller cells shrink
 CAPTION_HEIGHT = 0.42  # inches above and below a panel
 _SHIFTS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+
+
+def refuse_spheres(source) -> None:
+    """Raise InputError for a packing or a network in three dimensions."""
+    with about(source_name(source)):
+        require_plane(source, DRAW_SPHERES)
 
 
 def wrap(positions, cell):
@@ -109,6 +118,7 @@ def plot_packing(results, page):
     Contacts and disks that cross the boundary appear on both sides of the cell, cut at its edge.
     """
     (disks,) = results
+    refuse_spheres(disks)
     state = measure(disks)
     rattlers = int(np.count_nonzero(state.rattlers))
     hollow = f"{rattlers} rattler{'' if rattlers == 1 else 's'}" if rattlers else ""
@@ -132,6 +142,8 @@ def plot_snapshots(results, page):
     Forces do not balance: every contact is drawn, and disks that touch nothing are hollow. Disks of
     walls, the first ones by the record of the packing, are dark. Raises InputError for more panels than fit.
     """
+    for result in results:
+        refuse_spheres(snapshot(result))
     titles = labels_of([kind_of(result) for result in results]) if len(results) > 1 else [""]
     panels, shown = [], []
     for title, result in zip(titles, results, strict=True):

@@ -36,11 +36,12 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWar
 
 SIDE = 60.0
 SQUARE = np.array([(SIDE, 0.0), (0.0, SIDE)])
+SPACE = np.array([(SIDE, 0.0, 0.0), (11.0, 50.0, 0.0), (-7.0, 17.0, 40.0)])
 TILTED = np.array([(SIDE, 0.0), (23.0, SIDE)])
 
 
 def scattered(n, cell, seed=0):
-    return np.random.default_rng(seed).random((n, 2)) @ cell
+    return np.random.default_rng(seed).random((n, len(cell))) @ cell
 
 
 def wave(points, cell, m, n=0, phase=0.3):
@@ -63,15 +64,16 @@ def random_field(points, factor, seed):
     return np.cos(points @ k.T + phase) @ amplitude, known
 
 
-def test_sums_against_a_loop_over_pairs():
-    n, width, cells = 120, 7.0, 64
-    points, fields = scattered(n, TILTED), np.random.default_rng(1).normal(size=(2, n))
-    images = points + np.random.default_rng(2).integers(-3, 4, (n, 2)) @ TILTED  # which do not matter
-    found = lane_sums(images, TILTED, fields, width, cells)
+@pytest.mark.parametrize(("cell", "width"), [(TILTED, 7.0), (SPACE, 21.0)], ids=["plane", "space"])
+def test_sums_against_a_loop_over_pairs(cell, width):
+    n, cells = 120, 64
+    points, fields = scattered(n, cell), np.random.default_rng(1).normal(size=(2, n))
+    images = points + np.random.default_rng(2).integers(-3, 4, points.shape) @ cell  # which do not matter
+    found = lane_sums(images, cell, fields, width, cells)
     fields = fields / np.sqrt(np.mean(fields**2, axis=1))[:, None]
-    lanes = round(SIDE / width)
-    fractions = points @ np.linalg.inv(TILTED)
-    lane = np.floor(fractions[:, 1] % 1 * lanes).astype(int)
+    lanes = np.array([round(side / width) for side in np.diag(cell)[1:]])
+    fractions = points @ np.linalg.inv(cell)
+    lane = [tuple(place) for place in np.floor(fractions[:, 1:] % 1 * lanes).astype(int).tolist()]
     column = np.floor(points[:, 0] / SIDE % 1 * cells).astype(int)
     edges = bin_edges(cells)
     pairs, products, separations = np.zeros(len(edges)), np.zeros((2, len(edges))), np.zeros(len(edges))
@@ -86,7 +88,8 @@ def test_sums_against_a_loop_over_pairs():
     np.testing.assert_array_equal(found.pairs.sum(axis=0), pairs)
     np.testing.assert_allclose(found.products.sum(axis=0), products, atol=1e-11)
     np.testing.assert_allclose(found.separations.sum(axis=0), separations)
-    assert found.disks.sum() == n and found.width == SIDE / lanes
+    area = np.prod(np.diag(cell)[1:]) / np.prod(lanes)
+    assert found.disks.sum() == n and found.width == pytest.approx(area ** (1 / (len(cell) - 1)), rel=1e-15)
     np.testing.assert_allclose(found.squares.sum(axis=0), n)
 
 

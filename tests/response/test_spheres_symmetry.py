@@ -1,0 +1,78 @@
+"""Responses in three dimensions that must agree: of copies, rotated axes, another order, a plane in space."""
+
+import itertools
+
+import numpy as np
+import pytest
+from samples import physics, published
+from spheres import few_spheres
+
+from jampetsc.analysis.elasticity import modulus_along
+from jampetsc.laws.loads import symmetric_loads
+from jampetsc.network.contact_network import build_network
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.spring_network import Network
+from jampetsc.response.assembly import assemble
+from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
+OMEGA = np.array([1e-2, 1.0])
+
+
+def tensor(source, law, comm):
+    """C* (M, L, L) of a packing or network, certified to 1e-9."""
+    pencil = assemble(build_network(source, comm, law.prestress), law.law)
+    return sweep_directly(pencil, OMEGA, 1e-9, symmetric_loads(pencil.dimension)).tensor.C
+
+
+def test_copies_rotations_and_permutations(session):
+    disks, law, rng = few_spheres(), physics(beta=0.3), np.random.default_rng(2)
+    C = tensor(disks, law, session.comm)
+    near = {"rtol": 0, "atol": 1e-9 * np.abs(C).max()}
+
+    numbers = np.array(list(itertools.product((0, 1), repeat=3)))
+    places = (disks.positions + (numbers @ disks.cell)[:, None]).reshape(-1, 3)
+    copies = Packing.from_positions(places, np.tile(disks.radii, 8), 2 * disks.cell)
+    np.testing.assert_allclose(tensor(copies, law, session.comm), C, **near)
+
+    np.testing.assert_allclose(
+        tensor(disks.reordered(rng.permutation(disks.n)), law, session.comm), C, **near
+    )
+
+    # cell vectors in another order, then turned until they are lower triangular again: cell · axes
+    axes, upper = np.linalg.qr(disks.cell[[2, 0, 1]].T)
+    signs = np.sign(np.diag(upper))
+    axes, cell = axes * signs, np.tril((upper * signs[:, None]).T)
+    turned = tensor(Packing.from_positions(disks.positions @ axes, disks.radii, cell), law, session.comm)
+    assert np.abs(turned - C).max() > 0.01 * np.abs(C).max()
+    for load in rng.normal(size=(4, 3, 3)):
+        load = load + load.T
+        np.testing.assert_allclose(
+            modulus_along(turned, load), modulus_along(C, axes @ load @ axes.T), rtol=1e-9
+        )
+
+
+def test_a_plane_in_space(session):
+    """A network in a plane, at rest and under drag, has the response of two dimensions to loads in the plane.
+
+    Motions out of the plane are floppy, yet not driven.
+    """
+    disks, law, depth = published(), physics("stokes", eta_f=0.0, prestress=False), 3.0
+    flat = Network.of_packing(disks)
+    cell = np.zeros((3, 3))
+    cell[:2, :2], cell[2, 2] = flat.cell, depth
+    solid = Network(
+        np.column_stack((flat.positions, np.full(flat.n, 0.4))), flat.bonds, cell, flat.stiffness, 0.0,
+        np.column_stack((flat.images, np.zeros(len(flat.bonds)))),
+    )  # fmt: skip
+    expected, found = (tensor(one, law, session.comm) for one in (flat, solid))
+    rows = [0, 1, 5]
+    np.testing.assert_allclose(
+        depth * found[:, rows][:, :, rows], expected, rtol=0, atol=1e-10 * np.abs(expected).max()
+    )
+    across = np.delete(found, [0, 1, 5], axis=1)
+    np.testing.assert_allclose(across, 0.0, atol=1e-12)
+    pencil = assemble(build_network(solid, session.comm, False), law.law)
+    simple = sweep_rationally(pencil, OMEGA, 1e-8)
+    plane = sweep_rationally(assemble(build_network(flat, session.comm, False), law.law), OMEGA, 1e-8)
+    np.testing.assert_allclose(depth * simple.G, plane.G, rtol=1e-7)
