@@ -1,16 +1,33 @@
 """Correlation of transverse motions along the flow: of displacement fields of sweeps, of velocities of flows."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
+from jampetsc import interrupts
+from jampetsc.analysis.displacement_correlation import (
+    ROUNDING_LIMIT,
+    correlate_displacements,
+    grid_cells,
+    lane_sums,
+)
 from jampetsc.analysis.velocity_correlation import DEFAULT_BIN_WIDTH, DEFAULT_LANE_WIDTH
-from jampetsc.commands import correlate_sweeps
-from jampetsc.commands.correlate_sweeps import LANES
 from jampetsc.commands.sources import write_derived
-from jampetsc.errors import InputError, as_float, named
-from jampetsc.io.disk_motion import PHASES, correlate_lanes
+from jampetsc.errors import InputError, about, as_float, named
+from jampetsc.io.disk_motion import (
+    PHASES,
+    chosen_frequencies,
+    correlate_lanes,
+    field_at,
+    particle_rows,
+    phase_factor,
+    radii_of,
+    source_of,
+)
 from jampetsc.options.job import ALL_SEEDS, Job, TaskInputs
 from jampetsc.options.parameters import FILES, ValueType, format_value, optional_parameter, parameter
 from jampetsc.options.values import (
@@ -26,6 +43,8 @@ from jampetsc.packing.packing import Packing
 
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 0.01, 1e6  # in mean diameters
 SWEEPS, FLOW, VELOCITIES = "jampetsc-sweep", "jampetsc-flow", "jampetsc-velocity-correlation"
+LANES = (0.5, 0.25, 1.0)  # widths, in mean diameters, by default
+PRESSURE_TOLERANCE = 0.01  # largest relative difference of pressures of sweeps to average
 
 
 def _lanes(widths):
@@ -121,7 +140,7 @@ class Correlate(Job):
                     f"{source}: not supported, or not of the kind of the first file. Give sweeps with fields, or "
                     "flows with snapshots."
                 )
-        return (_of_flows if kind == FLOW else correlate_sweeps.run)(self, results, to)
+        return (_of_flows if kind == FLOW else _of_sweeps)(self, results, to)
 
 
 def _of_flows(job, flows, to) -> str:
@@ -162,3 +181,160 @@ def _of_flows(job, flows, to) -> str:
         f"{to}: g_y of {correlation.snapshots} snapshots, lanes of {widths[0]:g} d: least {depth:.3g} at x = "
         f"{place / correlation.diameter:.3g} d, <u_y^2>/rate^2 = {correlation.mean_square:.3g}"
     )
+
+
+def _of_sweeps(job, sweeps, to) -> str:
+    """Correlate displacement fields of sweeps, one per packing, averaged; returns the summary. Raises InputError."""
+    began = time.perf_counter()
+    if job.bin is not None:
+        raise InputError(
+            f"{named('bin')} {job.bin:g}: an option of flows, but {sweeps[0].path} is a sweep. Leave it out."
+        )
+    refuse_mixture(sweeps)
+    if job.packing is not None and len(sweeps) > 1:
+        raise InputError(
+            f"{named('packing')}: one packing for {len(sweeps)} sweeps. Correlate each sweep alone."
+        )
+    phase, lanes = job.phase or PHASES[0], job.lane or LANES
+    motions, frequencies = zip(*(_motion(job, sweep, phase) for sweep in sweeps), strict=True)
+    for sweep, omega in zip(sweeps, frequencies, strict=True):
+        if len(omega) != len(frequencies[0]) or not np.allclose(omega, frequencies[0], rtol=0.01, atol=0):
+            raise InputError(
+                f"{sweep.path}: frequencies of its fields differ from those in {sweeps[0].path.name}. Choose common "
+                f"ones with {named('omega')}."
+            )
+    G = np.mean([sweep.modulus(omega) for sweep, omega in zip(sweeps, frequencies, strict=True)], axis=0)
+    results, widths = _correlated(sweeps, motions, lanes)
+    length, diameter = np.mean([(disks.cell[0, 0], _diameter(disks)) for disks, *_ in motions], axis=0)
+    arrays = {"omega": frequencies[0], "G": G, "lane_width": widths}
+    arrays |= {"delta": length * np.array([correlation.separation for correlation in results])}
+    for name, what, unit in (
+        ("C", "values", 1.0), ("C_error", "errors", 1.0), ("length", "root", length),
+        ("length_error", "root_error", length), ("minimum", "minimum", length),
+        ("minimum_error", "minimum_error", length),
+    ):  # fmt: skip
+        values = np.array([getattr(correlation, what) for correlation in results])
+        arrays[name] = unit * values.reshape(
+            len(results), -1, 2, *values.shape[2:]
+        )  # Re and Im of each field
+    write_derived(
+        *(to, job.FORMAT, sweeps, began, arrays),
+        **_mean_pressure(sweeps),
+        phase=phase,
+        packings=len(sweeps),
+        L=length,
+        mean_diameter=diameter,
+        pairs=[correlation.pairs for correlation in results],
+    )
+    return _sweep_summary(to, len(sweeps), frequencies[0], phase, lanes, results, length / diameter)
+
+
+def _diameter(disks):
+    """Mean diameter of the disks, or mean length of a bond of nodes without radii."""
+    return 2.0 * float(radii_of(disks).mean())
+
+
+def _correlated(sweeps, motions, lanes):
+    """(a Correlation for each width of a lane, these widths such that lanes fill the cell) of what `_motion` gives.
+
+    Raises InputError for lanes that do not fit, naming the sweep.
+    """
+    first, sums = motions[0][0], [[] for _ in lanes]
+    cells = grid_cells(first.cell[0, 0], _diameter(first))
+    for sweep, (disks, particles, fields) in zip(sweeps, motions, strict=True):
+        for width, rows in zip(lanes, sums, strict=True):
+            interrupts.check()
+            with about(sweep.path):
+                places = disks.positions[particles]
+                rows.append(lane_sums(places, disks.cell, fields, width * _diameter(disks), cells))
+    return [correlate_displacements(rows) for rows in sums], np.array([rows[0].width for rows in sums])
+
+
+def _motion(job, sweep, phase):
+    """((disks, rows of those in the fields (n,), u_y (2F, n): Re and Im of each), frequencies (F,)) of a sweep."""
+    stored = sweep.fields.omega
+    rows = chosen_frequencies(sweep, stored[np.argsort(stored)] if job.omega is None else job.omega)
+    disks = source_of(sweep, job.packing)
+    particles = particle_rows(sweep, disks)
+    transverse = [phase_factor(sweep, stored[row], phase) * field_at(sweep, row)[0][:, 1] for row in rows]
+    parts = [part for u in transverse for part in (u.real, u.imag)]
+    is_motion = np.array([_rms(part) > ROUNDING_LIMIT * _diameter(disks) for part in parts]).reshape(-1, 2)
+    if not is_motion.any(axis=1).all():
+        at = stored[rows][np.argmin(is_motion.any(axis=1))]
+        raise InputError(
+            f"{sweep.path}: |u_y| at omega = {at:g} is rounding, as in a perfect crystal (at most {ROUNDING_LIMIT:g} "
+            f"mean diameters per strain). Choose other frequencies with {named('omega')}."
+        )
+    parts = [
+        part if moves else np.zeros_like(part) for part, moves in zip(parts, is_motion.flat, strict=True)
+    ]
+    return (disks, particles, parts), stored[rows]
+
+
+def refuse_mixture(sweeps):
+    """Raise InputError unless sweeps are of different packings, all of one law, load, pressure and number of disks."""
+    first, of_packing = sweeps[0], {}
+    for sweep in sweeps:
+        for what, value, other in (
+            ("law", _words(sweep.law), _words(first.law)),
+            ("load", sweep.load, first.load),
+            ("number of disks", *(s.attributes.get("particle_count") for s in (sweep, first))),
+        ):
+            if value != other:
+                raise InputError(
+                    f"{sweep.path}: {what} {value}, but {first.path.name} has {other}. Average sweeps of one kind."
+                )
+        pressure, other = (float(s.attributes.get("pressure", 0.0)) for s in (sweep, first))
+        if abs(pressure - other) > PRESSURE_TOLERANCE * abs(other):
+            raise InputError(
+                f"{sweep.path}: pressure {pressure:g}, but {first.path.name} has {other:g}. Average sweeps of one "
+                "pressure."
+            )
+        sha256 = sweep.attributes.get("packing_sha256")
+        same = of_packing.setdefault(sha256, sweep)
+        if sha256 is not None and same is not sweep:
+            raise InputError(
+                f"{sweep.path}: the packing of {same.path.name} (sha256 {sha256[:12]}…). Give each packing once."
+            )
+
+
+def _words(law):
+    return ", ".join(f"{name} {value}" for name, value in law.items())
+
+
+def _mean_pressure(sweeps):
+    pressures = [float(sweep.attributes["pressure"]) for sweep in sweeps if "pressure" in sweep.attributes]
+    return {"pressure": sum(pressures) / len(pressures)} if pressures else {}
+
+
+def _sweep_summary(to, packings, omega, phase, lanes, results, size) -> str:
+    """Lengths in diameters for the first lane width, and how much C differs at the other widths; size: L in these."""
+    first = results[0]
+    lines = [
+        f"{to}: {packings} packing{'s' * (packings > 1)}, L = {size:.4g} d, lanes of {lanes[0]:g} d, "
+        f"{first.pairs} pairs, in phase with the {phase}"
+    ]
+    for n, w in enumerate(omega):
+        parts = [
+            f"{name} {_with_error(size * first.root[2 * n + part], size * first.root_error[2 * n + part])}"
+            for part, name in enumerate(("Re", "Im"))
+        ]
+        lines.append(f"  omega {w:.3g}: l/d {',  '.join(parts)}")
+    for width, other in zip(lanes[1:], results[1:], strict=True):
+        change = _rms((other.values - first.values)[:, 1:])  # beyond δ = 0, where C is 1
+        error = math.hypot(_rms(first.errors[:, 1:]), _rms(other.errors[:, 1:]))
+        difference = f"differs by {change:.2g} (rms), with errors of {error:.2g}"
+        lines.append(f"  lanes of {width:g} d: C {difference if change == change else 'cannot be compared'}")
+    return "\n".join(lines)
+
+
+def _rms(values):
+    """Root mean square of the finite values; nan without any."""
+    finite = values[np.isfinite(values)]
+    return np.sqrt(np.mean(finite**2)) if len(finite) else np.nan
+
+
+def _with_error(value, error):
+    if value != value:
+        return "no root"
+    return f"{value:.3g}" if error != error else f"{value:.3g} ± {error:.1g}"

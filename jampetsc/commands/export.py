@@ -5,8 +5,7 @@ from typing import ClassVar
 
 from jampetsc.errors import InputError, named
 from jampetsc.io import frames
-from jampetsc.io.exporters import check_format, write_frames
-from jampetsc.io.network_exporters import write_network_export
+from jampetsc.io.exporters import check_format, write_frames, write_network_export
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, optional_parameter, parameter
 from jampetsc.options.values import PACKING, PACKING_NETWORK_OR_RESULT, input_name, load_source

@@ -11,10 +11,10 @@ from jampetsc.commands import describe_network
 from jampetsc.commands.describe import cell_text
 from jampetsc.commands.pack import PHIS
 from jampetsc.errors import InputError, named, option_word
-from jampetsc.io import network_file
 from jampetsc.io.exchange import READERS
 from jampetsc.io.importers import import_packing
 from jampetsc.io.network_importers import import_network
+from jampetsc.io.packing_file import NETWORK_FORMAT
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
 from jampetsc.packing.contacts import BALANCED, IMBALANCE, imbalance, measure
@@ -100,7 +100,7 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
 
     def check_outputs(self, to):
         """Refuse files that may not be replaced."""
-        to.check(self.FORMAT if self.bonds is None else network_file.FORMAT, self.paths)
+        to.check(self.FORMAT if self.bonds is None else NETWORK_FORMAT, self.paths)
 
     def work(self, to):
         if self.bonds is not None:

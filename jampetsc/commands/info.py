@@ -7,8 +7,7 @@ from typing import ClassVar
 from jampetsc.commands import describe, describe_network
 from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import Ensemble
-from jampetsc.io.network_file import read_source
-from jampetsc.io.packing_file import read_identified
+from jampetsc.io.packing_file import read_identified, read_source
 from jampetsc.laws.damping import Law, Physics, damping_law
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, composite_parameter, parameter

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.errors import about
-from jampetsc.io.network_file import read_source
-from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.io.packing_file import read_identified, read_source, source_name
 from jampetsc.laws import loads
 from jampetsc.laws.damping import DEFAULT
 from jampetsc.options.physics_options import NetworkJob, load_parameter

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from jampetsc.commands.run_files import run_provenance
 from jampetsc.errors import about
-from jampetsc.io.network_file import read_source
-from jampetsc.io.packing_file import read_identified, source_name
+from jampetsc.io.packing_file import read_identified, read_source, source_name
 from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.packing.contacts import BALANCED
 from jampetsc.packing.minimum_proof import proved_minimum

@@ -5,8 +5,7 @@ from typing import ClassVar
 
 from jampetsc.commands import describe_network
 from jampetsc.errors import InputError, named
-from jampetsc.io.network_file import FORMAT, read_source
-from jampetsc.io.packing_file import read_identified
+from jampetsc.io.packing_file import NETWORK_FORMAT, read_identified, read_source
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import FILE, ValueType, optional_parameter, parameter
 from jampetsc.options.values import MAX_SEED, PACKING_OR_NETWORK, split_list
@@ -39,7 +38,7 @@ class Springs(Job):
     contacts. Bonds that are left out are chosen at random; of one seed, a lower share keeps bonds of a higher one.
     """
 
-    FORMAT: ClassVar = FORMAT
+    FORMAT: ClassVar = NETWORK_FORMAT
     scalar: ClassVar = None
     OUT_HELP: ClassVar = "network file to write"
     EPILOG: ClassVar = """examples:

@@ -8,7 +8,7 @@ import numpy as np
 from jampetsc.analysis.order import mean_order
 from jampetsc.analysis.velocity_correlation import LaneCorrelation, correlate_velocities
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.network_file import read_source
+from jampetsc.io.packing_file import read_source
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.spring_network import Network

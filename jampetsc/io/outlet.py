@@ -97,7 +97,7 @@ class Outlet:
 
     def put_network(self, network) -> None:
         """Take a network that was made. Not collective."""
-        from jampetsc.io.network_file import write_network
+        from jampetsc.io.packing_file import write_network
 
         self._result = network
         if self.path is not None:

@@ -1,8 +1,9 @@
-"""The packing file: positions, radii and cell in HDF5, with how the packing was made as attributes.
+"""Files of packings and networks in HDF5, with how they were made as attributes.
 
-Datasets `positions` (N, D), `radii` (N,), `cell` (D, D) rows a1, a2, …, and the parts one double cannot hold,
-`positions_low` (N, D) and `cell_low` (D, D), which may be missing. Attributes `format`, `format_version`,
-`potential`, `stiffness`, `k` (1 if missing), then the record: pressure, phi, energy, max_force, seed, …
+A packing has datasets `positions` (N, D), `radii` (N,), `cell` (D, D) rows a1, a2, …, and the parts one double cannot
+hold, `positions_low` (N, D) and `cell_low` (D, D), which may be missing. Attributes are `format`, `format_version`,
+`potential`, `stiffness`, `k` (1 if missing), then the record: pressure, phi, energy, max_force, seed, … A network has
+its nodes, bonds and their stiffnesses.
 """
 
 import os
@@ -14,6 +15,8 @@ from jampetsc.io.formats import check_file
 from jampetsc.io.hdf5 import (
     FORMAT_VERSION,
     OutputFile,
+    attributes,
+    check_format,
     open_file,
     set_attributes,
     store,
@@ -22,11 +25,20 @@ from jampetsc.io.hdf5 import (
 from jampetsc.io.outputs import check_replaced
 from jampetsc.packing.packing import Packing, join
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.spring_network import Network
 
 FORMAT = "jampetsc-packing"
 ARRAYS = ("positions", "radii", "cell", "positions_low", "cell_low")
 _HEADER = ("format", "format_version", "potential", "stiffness", "k")
 _FILE_ATTRIBUTES = (*_HEADER, "request")  # attributes that are no record of the disks
+NETWORK_FORMAT = "jampetsc-network"
+NETWORK_ARRAYS = ("positions", "bonds", "images", "cell", "stiffness", "tension")
+_NETWORK_HEADER = (
+    "format",
+    "format_version",
+    "k",
+    "request",
+)  # attributes that are no record of the network
 
 
 def write_packing(path, disks: Packing, request=None) -> None:
@@ -68,7 +80,7 @@ def read_identified(source, comm=None, read=read_packing) -> tuple[Packing, tupl
     """A packing and its identity, by which results refer to it: (name of the file, `Packing.fingerprint`).
 
     source   a file, or a Packing, the same on all ranks, which is returned with the name None
-    read     read(path); `network_file.read_source` where networks are read too
+    read     read(path); `read_source` where networks are read too
     comm     mpi4py communicator, whose rank 0 alone reads the file, so that all ranks have the same packing even if the
            file is replaced meanwhile; None: one process
 
@@ -99,3 +111,45 @@ def packing_from(h5, path) -> Packing:
     with about(path):
         potential = Potential(attrs.get("potential"), attrs.get("stiffness"), float(attrs.get("k", 1.0)))
         return Packing.from_positions(**arrays, potential=potential, record=record)
+
+
+def write_network(path, network: Network, request=None) -> None:
+    """Write a network with its record (scalars and strings; None is left out), atomically, to the last bit.
+
+    request   what was asked for, where the record does not say it
+
+    Raises InputError or JampetscError if the file cannot be written.
+    """
+    record = {name: value for name, value in network.record.items() if name not in _NETWORK_HEADER}
+    check_replaced(path, NETWORK_FORMAT)
+    with OutputFile(path) as h5:
+        set_attributes(
+            h5, {"format": NETWORK_FORMAT, "format_version": FORMAT_VERSION, "k": network.k} | record
+        )
+        set_attributes(h5, {"request": request and request.text})
+        for name in NETWORK_ARRAYS:
+            store(h5, name, getattr(network, name))
+        if network.radii is not None:
+            store(h5, "radii", network.radii)
+
+
+def network_from(h5, path) -> Network:
+    """The network of an open file; `path` is for messages. Raises InputError."""
+    _, attrs, datasets = check_file(h5, path, NETWORK_FORMAT)
+    for name in NETWORK_ARRAYS:
+        if name not in datasets:
+            raise InputError(
+                f"{path}: dataset {name} is missing: a network needs {', '.join(NETWORK_ARRAYS)}"
+            )
+    arrays = {name: values(datasets[name]) for name in (*NETWORK_ARRAYS, "radii") if name in datasets}
+    record = {name: value for name, value in attrs.items() if name not in _NETWORK_HEADER}
+    with about(path):
+        return Network(**arrays, k=attrs.get("k", 1.0), record=record)
+
+
+def read_source(path) -> Packing | Network:
+    """The packing or the network of a file. Raises InputError for a file of another format."""
+    with open_file(path) as h5:
+        if check_format(path, attributes(h5)) == NETWORK_FORMAT:
+            return network_from(h5, path)
+        return packing_from(h5, path)

@@ -8,7 +8,7 @@ import numpy as np
 from jampetsc.analysis.elasticity import ReducedTensor
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError, about, named
-from jampetsc.io import network_file, packing_file
+from jampetsc.io import packing_file
 from jampetsc.io.disk_motion import snapshot
 from jampetsc.io.ensemble import load_ensemble
 from jampetsc.io.hdf5 import attributes, check_format, open_file, retry_if_replaced
@@ -243,10 +243,10 @@ def load(path):
             raise InputError(f"{path}: the part of one rank. Open the joint file beside its folder.")
         if name == packing_file.FORMAT:
             return packing_file.packing_from(h5, path)
-        if name == network_file.FORMAT:
-            return network_file.network_from(h5, path)
+        if name == packing_file.NETWORK_FORMAT:
+            return packing_file.network_from(h5, path)
         if name not in RESULTS:
-            formats = ", ".join((packing_file.FORMAT, network_file.FORMAT, *RESULTS))
+            formats = ", ".join((packing_file.FORMAT, packing_file.NETWORK_FORMAT, *RESULTS))
             raise InputError(f"{path}: format {name}: not one of {formats}. Use a newer jampetsc.")
         result = RESULTS[name].read(h5, path)
         PartList(h5, path).check()

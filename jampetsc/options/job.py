@@ -202,8 +202,7 @@ class Job:
         """
         packing = getattr(self, "packing", None)
         if to.finished and packing is not None:  # as `work` does
-            from jampetsc.io.network_file import read_source
-            from jampetsc.io.packing_file import read_identified
+            from jampetsc.io.packing_file import read_identified, read_source
 
             to.set_source(read_identified(packing, session.communicator(), read_source)[0])
         return to.summary if self.GIVES.startswith("str") else to.result

@@ -1,4 +1,4 @@
-"""Packings and snapshots of flows, with contacts and forces; drawing in a periodic, possibly sheared cell."""
+"""Packings, networks and snapshots of flows, with contacts and forces; drawing in a periodic, possibly sheared cell."""
 
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
@@ -12,12 +12,22 @@ from jampetsc.packing.contacts import find_contacts, measure, virial_pressure
 from jampetsc.packing.packing import require_plane
 from jampetsc.plots.flow_plots import kind_of, labels_of
 from jampetsc.plots.picture import picture
-from jampetsc.plots.style import COLUMN, PAGE, hidden, power_or_number
+from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
 
 DRAW_SPHERES = "Draw it in OVITO or ParaView: jampetsc export FILE --out FILE.xyz or FILE.vtp."
 MAX_ASPECT = 2.5  # height over width of a cell; taller cells shrink
 CAPTION_HEIGHT = 0.42  # inches above and below a panel
 _SHIFTS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+MAX_VECTOR_DISKS = 5000  # beyond, vector files hold pixels and outlines are thin
+_MEAN_WIDTH, _WIDEST = 0.09, 2.0  # width of the line of a mean force in mean diameters, and at most in points
+MAX_SNAPSHOTS = 4  # side by side
+MAX_VECTOR_BONDS = 15000  # beyond, vector files hold pixels
+REST_COLOUR, PUSH_COLOUR, PULL_COLOUR = (
+    "0.15",
+    "#b2182b",
+    "#2166ac",
+)  # colours of bonds without force, that push, that pull
+NETWORK_LINE_WIDTH = 1.6  # points: of the largest force, and of bonds without any at half this width
 
 
 def refuse_spheres(source) -> None:
@@ -104,11 +114,6 @@ def points_per_length(ax) -> float:
     ax.apply_aspect()
     (x0, _), (x1, _) = ax.transData.transform([(0, 0), (1, 0)])
     return (x1 - x0) * 72 / ax.figure.dpi
-
-
-MAX_VECTOR_DISKS = 5000  # beyond, vector files hold pixels and outlines are thin
-_MEAN_WIDTH, _WIDEST = 0.09, 2.0  # width of the line of a mean force in mean diameters, and at most in points
-MAX_SNAPSHOTS = 4  # side by side
 
 
 @picture("packing", "packing", single=True)
@@ -232,3 +237,49 @@ def _caption(disks, contacts, pressure, coordination, hollow):
         parts += [f"$p/k={power_or_number(pressure / disks.potential.k)}$", f"$Z={coordination:.3f}$"]
     below += [f"hollow: {hollow}"] * bool(hollow) + ["dark: walls"] * bool(walls)
     return "   ".join(parts) + "\n" + ";  ".join(below)
+
+
+@picture("network", "network", single=True)
+def plot_network(results, page):
+    """Bonds as lines; red pushes, blue pulls, as wide as the force, where bonds have forces.
+
+    Bonds that cross the boundary appear on both sides of the cell, cut at its edge.
+    """
+    (network,) = results
+    refuse_spheres(network)
+    bonds = network.linear_bonds
+    width = COLUMN if len(bonds) <= MAX_VECTOR_BONDS else PAGE
+    ((ax, outline),) = frame_cells(page, [network.cell], 1, width)
+    ax.set_xlabel(_network_caption(network), linespacing=1.4)
+    lay_out(page, 1)
+    start = wrap(network.positions, network.cell)[bonds.i]
+    rows, starts = segment_images(start, bonds.r, network.cell)
+    style = {"capstyle": "round", "zorder": 2, "label": hidden("bonds")}
+    segments = np.stack((starts, starts + bonds.r[rows]), axis=1)
+    drawn = LineCollection(
+        segments, linewidths=_bond_widths(bonds)[rows], colors=_bond_colours(bonds)[rows], **style
+    )
+    ax.add_collection(drawn, autolim=False)
+    clip_artists(outline, [drawn], rasterized=len(bonds) > MAX_VECTOR_BONDS)
+    return f"network of {network.n} nodes and {len(bonds)} bonds"
+
+
+def _bond_widths(bonds):
+    largest = np.abs(bonds.force).max()
+    return (
+        np.full(len(bonds), NETWORK_LINE_WIDTH / 2)
+        if not largest
+        else NETWORK_LINE_WIDTH * np.abs(bonds.force) / largest
+    )
+
+
+def _bond_colours(bonds):
+    return np.array([PULL_COLOUR, REST_COLOUR, PUSH_COLOUR])[np.sign(bonds.force).astype(int) + 1]
+
+
+def _network_caption(network):
+    parts = [f"$N={network.n}$", f"{len(network.bonds)} bonds"]
+    if not network.tension.any():
+        return "   ".join(parts)
+    parts.append(f"$p/k={number(network.pressure / network.k)}$")
+    return "   ".join(parts) + "\nred pushes, blue pulls;  line width $\\propto$ force"

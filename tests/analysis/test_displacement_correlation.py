@@ -25,7 +25,7 @@ from jampetsc.analysis.displacement_correlation import (
     length_spread,
     stokes_collapse,
 )
-from jampetsc.commands.correlate_sweeps import refuse_mixture
+from jampetsc.commands.correlate import refuse_mixture
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load

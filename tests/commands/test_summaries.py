@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jampetsc.analysis.collapse_fit import Estimate
-from jampetsc.commands import collapse, correlate_sweeps, modes, oscillate, quasistatic, sweep
+from jampetsc.commands import collapse, correlate, modes, oscillate, quasistatic, sweep
 from jampetsc.io.results import noted
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.studies import study_job
@@ -167,7 +167,7 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both():
         return SimpleNamespace(values=C, errors=e, pairs=9, root=root, root_error=error)
 
     results = [result(0.5, 0.03), result(0.7, 0.04), result(np.nan, 0.1)]
-    lines = correlate_sweeps._summary("c.h5", 1, np.array([1e-3]), "strain", [0.5, 1.0, 2.0], results, 20.0)
+    lines = correlate._sweep_summary("c.h5", 1, np.array([1e-3]), "strain", [0.5, 1.0, 2.0], results, 20.0)
     assert lines.split("\n") == [
         "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs, in phase with the strain",
         "  omega 0.001: l/d Re 2 ± 0.2,  Im no root",

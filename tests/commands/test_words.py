@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from jampetsc import main as cli
-from jampetsc.commands.correlate_sweeps import refuse_mixture
+from jampetsc.commands.correlate import refuse_mixture
 from jampetsc.commands.scaling import files_of
 from jampetsc.commands.sources import rows_named
 from jampetsc.errors import InputError

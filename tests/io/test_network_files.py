@@ -7,10 +7,10 @@ from springs import floppy_lattice, pulling_springs, random_springs
 import jampetsc
 from jampetsc import main
 from jampetsc.errors import InputError
+from jampetsc.io.exporters import write_network_export
 from jampetsc.io.frames import NetworkFrame
-from jampetsc.io.network_exporters import write_network_export
-from jampetsc.io.network_file import ARRAYS, write_network
 from jampetsc.io.network_importers import import_network
+from jampetsc.io.packing_file import NETWORK_ARRAYS, write_network
 
 NETWORKS = {"springs": random_springs, "lattice": floppy_lattice, "pulling": pulling_springs}
 
@@ -20,7 +20,7 @@ def test_a_file_holds_a_network_to_the_last_bit(tmp_path, name):
     network = NETWORKS[name]().with_record(protocol="test", keep=0.5)
     write_network(tmp_path / "n.h5", network)
     again = jampetsc.load(tmp_path / "n.h5")
-    for key in (*ARRAYS, "radii"):
+    for key in (*NETWORK_ARRAYS, "radii"):
         np.testing.assert_array_equal(getattr(again, key), getattr(network, key))
     assert (again.fingerprint, again.record, again.k) == (network.fingerprint, network.record, network.k)
 
@@ -190,7 +190,7 @@ def test_commands_make_and_describe_networks(tmp_path, monkeypatch, capsys):
         ("springs --lattice square --keep 0 --out x.h5", "--keep 0: must"),
         (
             "export n.h5 --out n.xyz",
-            "--out n.xyz: not a format with bonds of a network. Choose the ending .data",
+            "--out n.xyz: not a format with bonds. Choose the ending .data",
         ),
         ("export n.h5 --mode 1 --out n.vtp", "--mode: an option of modes files, but n.h5 is a network file"),
         ("flow n.h5 --model RD0 --rate 1e-2 --strain 0.1 --out x.h5", "n.h5: a jampetsc-network file"),
@@ -207,7 +207,7 @@ def test_a_network_without_an_array_is_refused(tmp_path):
     write_network(tmp_path / "n.h5", random_springs())
     with h5py.File(tmp_path / "n.h5") as whole, h5py.File(tmp_path / "less.h5", "w") as less:
         less.attrs.update(whole.attrs)
-        for name in ARRAYS[:-1]:
+        for name in NETWORK_ARRAYS[:-1]:
             less[name] = whole[name][()]
     with pytest.raises(InputError, match=r"less\.h5: "):
         jampetsc.load(tmp_path / "less.h5")

@@ -11,7 +11,7 @@ from springs import floppy_lattice, pulling_springs, random_springs, shuffled
 
 import jampetsc
 from jampetsc.errors import InputError
-from jampetsc.io.network_file import write_network
+from jampetsc.io.packing_file import write_network
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.laws.loads import compression, simple_shear
 from jampetsc.network.contact_network import build_network
