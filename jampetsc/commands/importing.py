@@ -23,13 +23,13 @@ from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 
 
 def _box(value):
-    """A cell of `Packing`; in words L, Lx,Ly or Lx,Ly,xy."""
+    """A cell of `Packing`; in words numbers with commas."""
     if not isinstance(value, str):
         return value
     try:
         return tuple(float(word) for word in value.split(","))
     except ValueError:
-        raise ValueError("must be L, Lx,Ly or Lx,Ly,xy") from None
+        raise ValueError("must be L, Lx,Ly or Lx,Ly,xy, of spheres Lx,Ly,Lz") from None
 
 
 def _box_text(box) -> str:
@@ -41,12 +41,12 @@ class Import(Job):
     """Turn a packing or a network of another program into a file.
 
     Reads LAMMPS data and dump, extended XYZ, GSD (needs the package gsd), lines x y r with a line 'box Lx Ly xy', and
-    npz with positions, radii or diameters, and box. Disks lie in one plane, periodic in x and y; lengths keep their
-    unit. The potential is the one in FILE, as `jampetsc export` writes it, or the one of the options. Also the
-    published packings of jamBashbulk (text; U = ½ δ², k = 1) and jax-md (netCDF4; U = ½ (1 − r/σ)²), whose pressure and
-    energy must be those stored in FILE. With bonds FILE is a network of springs: its nodes need no radii, and bonds are
-    read from LAMMPS data (Bonds, and Bond Coeffs of style harmonic), npz (bonds, and stiffness, tension, images), or
-    lines of a text.
+    npz with positions, radii or diameters, and box. Disks lie in one plane, periodic in x and y; centres with different
+    z are spheres, periodic along all axes. Lengths keep their unit. The potential is the one in FILE, as
+    `jampetsc export` writes it, or the one of the options. Also the published packings of jamBashbulk (text;
+    U = ½ δ², k = 1) and jax-md (netCDF4; U = ½ (1 − r/σ)²), whose pressure and energy must be those stored in FILE.
+    With bonds FILE is a network of springs: its nodes need no radii, and bonds are read from LAMMPS data (Bonds, and
+    Bond Coeffs of style harmonic), npz (bonds, and stiffness, tension, images), or lines of a text.
     """
 
     scalar: ClassVar = None
@@ -74,8 +74,8 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
         metavar="COLUMN|TYPE=R,…",
     )
     box: tuple | None = optional_parameter(
-        "cell of a file without one; a₂ = (xy Ly, Ly) with a number xy",
-        value_type=ValueType(_box, _box_text, metavar="L|Lx,Ly[,xy]"),
+        "cell of a file without one; a₂ = (xy Ly, Ly) with a number xy; of spheres L, Lx,Ly,Lz or Lx,Ly,Lz,xy,xz,yz",
+        value_type=ValueType(_box, _box_text, metavar="L|Lx,Ly[,xy]|Lx,Ly,Lz[,…]"),
     )
     potential: str | None = optional_parameter(
         "energy of an overlap (default: as FILE says, or harmonic)", choices=EXPONENTS

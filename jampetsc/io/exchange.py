@@ -25,7 +25,7 @@ STYLES = {  # columns of Atoms in LAMMPS data files
     "molecular": "id mol type x y z",
     "full": "id mol type q x y z",
 }
-FLAT_BOX = "the box is tilted out of the plane: packings are two-dimensional here"
+FLAT_BOX = "the box is tilted out of the plane in which all centres lie"
 COMPRESSIONS = {  # first bytes -> (program, command that decompresses)
     b"\x1f\x8b": ("gzip", "gunzip --keep"),
     b"\x1f\x9d": ("compress", "uncompress"),
@@ -45,6 +45,28 @@ class DiskTable:
     positions: np.ndarray  # (N, 2) or (N, 3)
     box: object  # in a form that `packing.cell.cell_of` takes; None where the file has none
     law: dict = field(default_factory=dict)  # name of LAW, or units -> what the file says
+    # of a box (3, 3), as programs have it for disks as well: whether it repeats along z; None: positions say D
+    is_deep: bool | None = None
+
+    def places(self, tolerance: float = 0.0):
+        """(positions (N, D), box): disks in a plane where z is the same for all, but for the tolerance.
+
+        Raises InputError for a box that does not fit.
+        """
+        positions = np.asarray(self.positions, float)
+        if self.is_deep is None:
+            return positions, self.box
+        spread = np.ptp(positions[:, 2]) if positions.shape[1] == 3 else 0.0
+        if spread <= tolerance:
+            if self.box[2, :2].any() or self.box[:2, 2].any():
+                raise InputError(FLAT_BOX)
+            return positions[:, :2], self.box[:2, :2]
+        if not self.is_deep:
+            raise InputError(
+                f"centres spread by {spread:.6g} in z, along which the box is not periodic. Give disks in one plane, "
+                "or spheres in a periodic box."
+            )
+        return positions, self.box
 
 
 def force_law_of(entries) -> dict:
@@ -111,18 +133,19 @@ def read_lammps_dump(content, index):
         raise InputError("ITEM: NUMBER OF ATOMS or BOX BOUNDS missing: truncated or edited. Get it again.")
     words, body = sections["BOX"]
     general, tilted = "abc" in words, "xy" in words
-    if any(flag != "pp" for flag in words[4 if general else 5 if tilted else 2 :][:2]):
+    flags = words[4 if general else 5 if tilted else 2 :]
+    if any(flag != "pp" for flag in flags[:2]):
         raise InputError(f"ITEM: {' '.join(words)}: must be periodic (pp) in x and y")
     rows = _table(body, 3, 4 if general else 3 if tilted else 2)
     if general:  # a row for each cell vector, and the origin, as OVITO writes them
         cell, low = rows[:, :3], rows[:, 3]
     else:  # bounds of the tilted box
         tilt = rows[:, 2] if tilted else np.zeros(3)  # xy, xz, yz
-        rows[0, :2] -= min(0.0, tilt[0]), max(0.0, tilt[0])
+        ends = 0.0, tilt[0], tilt[1], tilt[0] + tilt[1]
+        rows[0, :2] -= min(ends), max(ends)
+        rows[1, :2] -= min(0.0, tilt[2]), max(0.0, tilt[2])
         cell, low = np.diag(rows[:, 1] - rows[:, 0]), rows[:, 0]
         cell[1, 0], cell[2, :2] = tilt[0], tilt[1:]
-    if cell[2, :2].any() or cell[:2, 2].any():
-        raise InputError(FLAT_BOX)
     columns = _columns(sections["ATOMS"][0][1:], _rows(sections["ATOMS"][1], _count(sections["NUMBER"][1])))
     for kind in ("", "u", "s", "su"):  # as they are, unwrapped, scaled by the cell
         if {f"x{kind}", f"y{kind}"} <= columns.keys():
@@ -135,9 +158,8 @@ def read_lammps_dump(content, index):
     if "s" in kind:
         axes = place.shape[1]
         place = place @ cell[:axes, :axes] + low[:axes]
-    return DiskTable(
-        columns, place, cell[:2, :2], law_in(sections["UNITS"][1] if "UNITS" in sections else "")
-    )
+    law = law_in(sections["UNITS"][1] if "UNITS" in sections else "")
+    return DiskTable(columns, place, cell, law, flags[2:3] in ([], ["pp"]))
 
 
 def read_lammps_data(content, index):
@@ -163,13 +185,12 @@ def read_lammps_data(content, index):
         cell = np.array([to_numbers(header_words(vector, 3)) for vector in ("avec", "bvec", "cvec")])
     else:
         (x0, x1), (y0, y1) = to_numbers(header_words("xlo xhi", 2)), to_numbers(header_words("ylo yhi", 2))
+        z0, z1 = to_numbers(header_words("zlo zhi", 2, [0, 1]))
         xy, xz, yz = to_numbers(header_words("xy xz yz", 3, [0, 0, 0]))
-        cell = np.array([[x1 - x0, 0.0, 0.0], [xy, y1 - y0, 0.0], [xz, yz, 1.0]])
-    if cell[2, :2].any() or cell[:2, 2].any():
-        raise InputError(FLAT_BOX)
+        cell = np.array([[x1 - x0, 0.0, 0.0], [xy, y1 - y0, 0.0], [xz, yz, z1 - z0]])
     rows = _rows(body, _count(header_words("atoms", 1)[0]))
     columns = _columns(STYLES[style].split(), rows)
-    return DiskTable(columns, _places(columns), cell[:2, :2], law_in(title))
+    return DiskTable(columns, _places(columns), cell, law_in(title), True)
 
 
 def read_extxyz(content, index):
@@ -198,11 +219,12 @@ def read_extxyz(content, index):
     if "Lattice" not in entries:
         return DiskTable(columns, place, None, law)
     lattice = to_numbers(entries["Lattice"].split())
-    if lattice.shape != (9,) or lattice[[2, 5, 6, 7]].any():
-        raise InputError(f'Lattice="{entries["Lattice"]}": a₁ and a₂ must lie in the plane, a₃ across it')
-    if any(flag[0] not in "Tt1" for flag in entries.get("pbc", "T T").split()[:2]):
+    if lattice.shape != (9,):
+        raise InputError(f'Lattice="{entries["Lattice"]}": must be nine numbers, the rows a₁, a₂ and a₃')
+    periodic = [flag[0] in "Tt1" for flag in entries.get("pbc", "T T T").split()]
+    if not all(periodic[:2]):
         raise InputError(f'pbc="{entries["pbc"]}": must be periodic in x and y')
-    return DiskTable(columns, place, lattice.reshape(3, 3)[:2, :2], law)
+    return DiskTable(columns, place, lattice.reshape(3, 3), law, all(periodic))
 
 
 def read_xyr(content, index):
@@ -252,14 +274,14 @@ def read_gsd(content, index):
         raise InputError(f"not a file of GSD, or damaged ({error or 'truncated'}). Get it again.") from None
     box = np.asarray(frame.configuration.box, float)
     logged = frame.log.get("configuration/box", box)  # the same in double precision, in exports of jampetsc
-    Lx, Ly, _, xy, xz, yz = logged if np.array_equal(np.asarray(logged, np.float32), box) else box
-    if xz or yz:
-        raise InputError(FLAT_BOX)
+    Lx, Ly, Lz, xy, xz, yz = logged if np.array_equal(np.asarray(logged, np.float32), box) else box
+    cell = np.array([[Lx, 0.0, 0.0], [xy * Ly, Ly, 0.0], [xz * Lz, yz * Lz, Lz]])
     particles = frame.particles
     columns = {"diameter": particles.diameter, "type": [particles.types[row] for row in particles.typeid]}
     texts = {n: v.tobytes().decode(errors="replace") for n, v in frame.log.items() if v.dtype == np.uint8}
     values = {n: v.item() for n, v in frame.log.items() if v.size == 1}
-    return DiskTable(columns, particles.position, (Lx, Ly, xy), force_law_of(values | texts))
+    is_deep = frame.configuration.dimensions != 2 and Lz > 0.0
+    return DiskTable(columns, particles.position, cell, force_law_of(values | texts), is_deep)
 
 
 READERS = {

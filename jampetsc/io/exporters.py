@@ -15,7 +15,7 @@ import numpy as np
 from jampetsc.errors import InputError, MissingPackage, named
 from jampetsc.io.atomic import NewFile, write_whole
 from jampetsc.io.frames import Frame, NetworkFrame
-from jampetsc.packing.neighbours import fractional
+from jampetsc.packing.neighbours import fractional, lengths
 
 SERIES = (".xyz", ".dump", ".gsd")  # hold many frames
 MAX_SIZE_TYPES = 10  # with no more different radii than this, each is a type of its own
@@ -70,14 +70,35 @@ def _words(entries) -> str:
     )
 
 
-def _thickness(frame):
-    """Height of the cell in the third dimension: a diameter."""
-    return 2.0 * float(frame.disks.radii.max())
+def _deep_cell(cell, depth: float):
+    """Rows (3, 3) of a cell (D, D); in two dimensions it gets this depth."""
+    if len(cell) == 3:
+        return cell
+    deep = np.zeros((3, 3))
+    deep[:2, :2], deep[2, 2] = cell, depth
+    return deep
+
+
+def _frame_cell(frame):
+    """Rows (3, 3) of the cell; that of disks is a diameter deep."""
+    return _deep_cell(frame.disks.cell, 2.0 * float(frame.disks.radii.max()))
+
+
+def _box_bounds(cell, dimension: int):
+    """Ends (3, 2) of a cell (3, 3) along x, y and z from its origin; disks lie in the middle of its depth."""
+    ends = np.column_stack((np.zeros(3), np.diag(cell)))
+    if dimension == 2:
+        ends[2] -= cell[2, 2] / 2
+    return ends
 
 
 def _spatial(vectors):
-    """Vectors (N, 2) in three dimensions, (N, 3)."""
-    return np.column_stack((vectors, np.zeros(len(vectors), vectors.dtype)))
+    """Vectors (N, D) in three dimensions, (N, 3)."""
+    return (
+        vectors
+        if vectors.shape[1] == 3
+        else np.column_stack((vectors, np.zeros(len(vectors), vectors.dtype)))
+    )
 
 
 def _solid(columns):
@@ -87,44 +108,50 @@ def _solid(columns):
 
 def _xyz(frame: Frame, number) -> bytes:
     """Extended XYZ, as ASE and OVITO read it; every disk is an X."""
-    (ax, _), (bx, by) = frame.disks.cell.tolist()
+    within = np.tril(np.ones((3, 3), bool))
+    within[2, :2] = frame.disks.dimension == 3
+    sides = zip(_frame_cell(frame).ravel().tolist(), within.ravel(), strict=True)
+    lattice = " ".join(repr(side) if is_given else "0" for side, is_given in sides)
     columns = {"id": np.arange(1, frame.disks.n + 1), "pos": frame.disks.positions} | frame.columns
     properties, columns = "species:S:1", _solid(columns)
     for name, values in columns.items():
         kind = "I" if values.dtype.kind == "i" else "R"
         properties += f":{'velo' if name == 'velocity' else name}:{kind}:{values[0].size}"
     head = (
-        f'{frame.disks.n}\nLattice="{ax!r} 0 0 {bx!r} {by!r} 0 0 0 {_thickness(frame)!r}" '
-        f'Properties={properties} pbc="T T F" {_words({"frame": number} | frame.law | frame.facts)}\n'
+        f'{frame.disks.n}\nLattice="{lattice}" Properties={properties} '
+        f'pbc="T T {"TF"[frame.disks.dimension == 2]}" {_words({"frame": number} | frame.law | frame.facts)}\n'
     )
     return (head + format_rows(columns.values(), "X ")).encode()
 
 
 def _dump(frame: Frame, number) -> bytes:
-    """A frame of a LAMMPS dump: x and y inside the cell, velocities as vx and vy; the first one tells the units."""
-    n, (ax, _), (bx, by) = frame.disks.n, *frame.disks.cell.tolist()
-    half = _thickness(frame) / 2
+    """A frame of a LAMMPS dump: x, y, z inside the cell, velocities as vx, …; the first one tells the units."""
+    n, axes, cell = frame.disks.n, "xyz"[: frame.disks.dimension], _frame_cell(frame)
     columns = {"id": np.arange(1, n + 1), "type": types_of(frame.disks.radii)}
     columns |= dict(zip("xyz", _spatial(frame.disks.positions).T, strict=True)) | frame.columns
     columns.pop("unwrapped", None)  # xu and yu, which readers take for x and y: these and ix, iy say it
-    own = {"velocity": "vx vy", "image": "ix iy", "spin": "omegaz"}
+    own = {"velocity": "v{}", "image": "i{}", "spin": "omega{}"}
     names = " ".join(
-        own.get(name, f"{name}_x {name}_y" if values.ndim == 2 else name) for name, values in columns.items()
+        " ".join(own.get(name, f"{name}_{{}}").format(axis) for axis in axes)
+        if values.ndim == 2
+        else {"spin": "omegaz"}.get(name, name)
+        for name, values in columns.items()
     )
     units = "" if number else f"ITEM: UNITS\nlj {_words(frame.law)}\n"
+    xy, xz, yz = cell[1, 0], cell[2, 0], cell[2, 1]
+    bounds, flags = _box_bounds(cell, frame.disks.dimension), "pp pp ff" if len(axes) == 2 else "pp pp pp"
+    bounds[0] += min(0.0, xy, xz, xy + xz), max(0.0, xy, xz, xy + xz)
+    bounds[1] += min(0.0, yz), max(0.0, yz)
     head = (
-        f"{units}ITEM: TIMESTEP\n{number}\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS xy xz yz pp pp ff\n"
-        f"{min(0.0, bx)!r} {ax + max(0.0, bx)!r} {bx!r}\n0.0 {by!r} 0.0\n{-half!r} {half!r} 0.0\n"
-        f"ITEM: ATOMS {names}\n"
+        f"{units}ITEM: TIMESTEP\n{number}\nITEM: NUMBER OF ATOMS\n{n}\nITEM: BOX BOUNDS xy xz yz {flags}\n"
+        f"{format_rows([bounds, np.array([xy, xz, yz])])}ITEM: ATOMS {names}\n"
     )
     return (head + format_rows(columns.values())).encode()
 
 
 def _data(frame: Frame, number) -> bytes:
-    """LAMMPS data, atom style bpm/sphere: disks of density 1, contacts as bonds; force and overlap as comments."""
+    """LAMMPS data, atom style bpm/sphere of density 1, contacts as bonds; force and overlap as comments."""
     disks, c, types = frame.disks, frame.contacts, types_of(frame.disks.radii)
-    (ax, _), (bx, by) = disks.cell.tolist()
-    half = _thickness(frame) / 2
     ones = np.ones(disks.n, int)
     atoms = (
         np.arange(1, disks.n + 1),
@@ -139,9 +166,17 @@ def _data(frame: Frame, number) -> bytes:
     return (
         f"LAMMPS data file of jampetsc, bonds are contacts: # force overlap; units = lj, {_words(frame.law)}\n\n"
         f"{disks.n} atoms\n{len(c)} bonds\n{types.max()} atom types\n1 bond types\n\n"
-        f"0.0 {ax!r} xlo xhi\n0.0 {by!r} ylo yhi\n{-half!r} {half!r} zlo zhi\n{bx!r} 0.0 0.0 xy xz yz\n\n"
+        f"{_lammps_box(_frame_cell(frame), disks.dimension)}\n"
         f"Atoms # bpm/sphere\n\n{format_rows(atoms)}" + (f"\nBonds\n\n{bonds}" if bonds else "")
     ).encode()
+
+
+def _lammps_box(cell, dimension: int) -> str:
+    """The lines of a cell (3, 3) in the header of LAMMPS data."""
+    ends = zip("xyz", _box_bounds(cell, dimension).tolist(), strict=True)
+    lines = [f"{low!r} {high!r} {axis}lo {axis}hi" for axis, (low, high) in ends]
+    tilts = " ".join(map(repr, cell[[1, 2, 2], [0, 0, 1]].tolist()))
+    return "\n".join([*lines, f"{tilts} xy xz yz", ""])
 
 
 def _vtp(frame: Frame, number) -> bytes:
@@ -158,7 +193,7 @@ def poly_data(positions, cell, c, columns, bonds, facts) -> bytes:
     """
     n = len(positions)
     end = positions[c.i] + c.r
-    across = np.hypot(*(end - positions[c.j]).T) > 0.5 * min(cell[0, 0], cell[1, 1])
+    across = lengths(end - positions[c.j]) > 0.5 * np.diag(cell).min()
     point = c.j.copy()
     point[across] = n + np.arange(np.count_nonzero(across))
     disk = np.r_[np.arange(n), c.j[across]]
@@ -251,10 +286,10 @@ def _open_gsd(hoomd, path):
 
 def _gsd_frame(hoomd, frame, number):
     disks, c, snapshot = frame.disks, frame.contacts, hoomd.Frame()
-    (ax, _), (bx, by) = disks.cell.tolist()
+    (Lx, _, _), (xy, Ly, _), (xz, yz, Lz) = _deep_cell(disks.cell, 0.0).tolist()
     types = types_of(disks.radii)
-    snapshot.configuration.step, snapshot.configuration.dimensions = number, 2
-    snapshot.configuration.box = [ax, by, 0.0, bx / by, 0.0, 0.0]
+    snapshot.configuration.step, snapshot.configuration.dimensions = number, disks.dimension
+    snapshot.configuration.box = [Lx, Ly, Lz, xy / Ly, xz / (Lz or 1.0), yz / (Lz or 1.0)]
     snapshot.particles.N, snapshot.bonds.N = disks.n, len(c)
     snapshot.particles.position = _spatial(disks.positions - disks.cell.sum(axis=0) / 2)
     snapshot.particles.diameter, snapshot.particles.typeid = 2 * disks.radii, types - 1
@@ -300,19 +335,17 @@ def _network_data(frame: NetworkFrame) -> bytes:
     """LAMMPS data, atom style bond, or bpm/sphere with radii; a bond type for each pair (K, r₀)."""
     network = frame.network
     bonds, n = network.linear_bonds, network.n
-    positions, (ax, _), (bx, by) = _wrapped_nodes(network), *network.cell.tolist()
     coefficients = np.column_stack(
         (bonds.stiffness / 2.0, bonds.distance - network.tension / bonds.stiffness)
     )
     types, type_of = np.unique(coefficients, axis=0, return_inverse=True)
-    half = 0.5 * float(bonds.distance.max())
+    cell = _deep_cell(network.cell, float(bonds.distance.max()))
     ones, sizes = np.ones(n, int), () if network.radii is None else (2.0 * network.radii, np.ones(n))
-    atoms = (np.arange(1, n + 1), ones, ones, *sizes, *positions.T, np.zeros(n))
+    atoms = (np.arange(1, n + 1), ones, ones, *sizes, *_spatial(_wrapped_nodes(network)).T)
     rows = (np.arange(1, len(bonds) + 1), type_of.ravel() + 1, bonds.i + 1, bonds.j + 1)
     return (
         f"LAMMPS data file of jampetsc: a network of springs\n\n{n} atoms\n{len(bonds)} bonds\n1 atom types\n"
-        f"{len(types)} bond types\n\n0.0 {ax!r} xlo xhi\n0.0 {by!r} ylo yhi\n{-half!r} {half!r} zlo zhi\n"
-        f"{bx!r} 0.0 0.0 xy xz yz\n\nBond Coeffs # harmonic\n\n"
+        f"{len(types)} bond types\n\n{_lammps_box(cell, network.dimension)}\nBond Coeffs # harmonic\n\n"
         f"{format_rows((np.arange(1, len(types) + 1), *types.T))}\n"
         f"Atoms # {'bond' if network.radii is None else 'bpm/sphere'}\n\n{format_rows(atoms)}\n"
         f"Bonds\n\n{format_rows(rows)}"

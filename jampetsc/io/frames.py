@@ -13,11 +13,13 @@ from jampetsc.io.disk_motion import (
     snapshot,
     source_of,
 )
+from jampetsc.laws.loads import AXES
 from jampetsc.packing.contacts import Contacts, assigned_volumes, disk_stresses, find_contacts, measure
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 
-_COMPONENTS = (("xx", 0, 0), ("yy", 1, 1), ("xy", 0, 1))
+_COMPONENTS = {2: ("xx", "yy", "xy"), 3: ("xx", "yy", "zz", "yz", "xz", "xy")}  # of the stress, by dimension
+_ASSIGNED = {2: "area", 3: "volume"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +27,7 @@ class Frame:
     """N disks inside their cell, its tilt at most half a side, and M contacts."""
 
     disks: Packing
-    columns: dict  # name -> (N,) numbers or (N, 2) vectors of the disks
+    columns: dict  # name -> (N,) numbers or (N, D) vectors of the disks
     contacts: Contacts  # every overlap
     bearing: np.ndarray  # (M,) mask of contacts that bear load, between disks that are not rattlers
     facts: dict = field(default_factory=dict)  # name -> number for the whole frame
@@ -50,8 +52,9 @@ class NetworkFrame:
 def packing_frame(disks: Packing, vectors=None, facts=None) -> Frame:
     """A packing: radius, area, coordination, rattler and stress of every disk, then `vectors`, name -> (N, …).
 
-    `stress_xx`, … are from `disk_stresses` with `area`: Σ area · stress = V σ. Coordination counts the contacts
-    that bear load. As the disks of a flow need not be at rest, theirs comes from the forces of contacts alone.
+    `stress_xx`, … are from `disk_stresses` with `area`, of spheres `volume`: Σ area · stress = V σ. Coordination
+    counts the contacts that bear load. As the disks of a flow need not be at rest, theirs comes from the forces of
+    contacts alone.
     """
     state, contacts = measure(disks), find_contacts(disks)
     bearing = state.bears(contacts)
@@ -59,10 +62,13 @@ def packing_frame(disks: Packing, vectors=None, facts=None) -> Frame:
     stress = disk_stresses(disks, contacts)
     columns = {
         "radius": disks.radii,
-        "area": assigned_volumes(disks),
+        _ASSIGNED[disks.dimension]: assigned_volumes(disks),
         "coordination": np.bincount(ends, minlength=disks.n),
         "rattler": state.rattlers.astype(int),
-        **{f"stress_{name}": np.ascontiguousarray(stress[:, a, b]) for name, a, b in _COMPONENTS},
+        **{
+            f"stress_{a}{b}": np.ascontiguousarray(stress[:, AXES.index(a), AXES.index(b)])
+            for a, b in _COMPONENTS[disks.dimension]
+        },
         **(vectors or {}),
     }
     folded = disks.folded()

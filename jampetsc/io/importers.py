@@ -4,6 +4,7 @@ jamBashbulk writes `N = …, L1 = {…}, L2 = {…}, P = …` and a line `x, y, 
 jax-md's data files hold many packings; positions are fractions of the box, U = ½ (1 − r/σ)².
 """
 
+import itertools
 import re
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from jampetsc.io.exchange import (
     to_numbers,
 )
 from jampetsc.io.hdf5 import open_file, values
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.packing import PLANE_TOLERANCE, Packing
 from jampetsc.packing.potentials import Potential
 
 RADII = ("radius", "radii", "diameter", "diameters")  # columns looked for; diameters are halved
@@ -30,8 +31,12 @@ TYPES = ("type", "types", "species", "element")  # columns looked for, for radii
 _NUMBER = r"([-+.\deE]+|[-+]?nan|[-+]?inf)"
 _MAX_TEXT_BYTES = 1 << 29  # bytes of text, about ten million disks
 _PUBLISHED_TOLERANCE = 1e-6  # relative difference from a stored value that still counts as the same packing
-_STRESS_COMPONENTS = ("xx", "xy", "yx", "yy")
-_MODULUS_COMPONENTS = ("xxxx", "yyyy", "xyxy", "xxyy", "xxxy", "yyxy")  # for a symmetric linear strain
+# of jax-md by dimension, for a symmetric linear strain
+_MODULUS_COMPONENTS = {
+    2: "xxxx yyyy xyxy xxyy xxxy yyxy".split(),
+    3: "xxxx yyyy zzzz yzyz xzxz xyxy yyzz xxzz xxyy xxyz xxxz xxxy yyyz yyxz yyxy zzyz xzzz xyzz yzxz xyyz "
+    "xyxz".split(),
+}
 
 
 def import_packing(
@@ -52,8 +57,8 @@ def import_packing(
     here, the numbers of a published file as published_pressure, published_energy, …, and as `assumed` which of
     potential, stiffness and k neither the file nor the caller says.
 
-    Raises InputError for an unknown format, a compressed or damaged file, a wrong index, a packing that is
-    three-dimensional or not periodic, or whose pressure or energy is not the one in the file.
+    Centres with the same z are disks, others spheres. Raises InputError for an unknown format, a compressed or damaged
+    file, a wrong index, a packing that is not periodic, or whose pressure or energy is not the one in the file.
     """
     content = read_content(path, whole=format is not None)
     law = {"potential": potential, "stiffness": stiffness, "k": k}
@@ -103,11 +108,12 @@ def read_table(content, index, format):
 
 def _read_exchanged(content, index, format, radius, box, law):
     table = read_table(content, index, format)
-    box = box_of(table, box)
+    given = box_of(table, box)
     radii, law = radii_in(table.columns, radius), table.law | law
+    positions, box = table.places(PLANE_TOLERANCE * float(np.max(radii, initial=0.0)))
     record = {"protocol": format} | ({"units": law.pop("units")} if "units" in law else {})
     assumed = ", ".join(name for name in LAW if name not in law)
-    disks = Packing(table.positions, radii, box, **law)
+    disks = Packing(positions, radii, given if box is None else box, **law)
     return disks.with_record(**record, **({"assumed": assumed} if assumed else {}))
 
 
@@ -115,7 +121,7 @@ def box_of(table, box):
     """The box of a file, or the one given for a file without. Raises InputError for both or none."""
     if (table.box is None) == (box is None):
         raise InputError(
-            f"no box. Give {named('box')}, as L, Lx,Ly or Lx,Ly,xy."
+            f"no box. Give {named('box')}, as L, Lx,Ly or Lx,Ly,xy, of spheres Lx,Ly,Lz."
             if box is None
             else f"a box in the file. Leave out {named('box')}."
         )
@@ -174,23 +180,27 @@ def _read_jaxmd(h5, index):
     check_index(index, len(h5["pos"]))
     names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
     data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}
-    if data["box"].shape != (4,) or data["pos"].shape != (2 * len(data["rad"]),):
+    dimension = {(4,): 2, (9,): 3}.get(data["box"].shape, 0)
+    if not dimension or data["pos"].shape != (dimension * len(data["rad"]),):
         raise InputError(
-            f"{data['pos'].size} coordinates for {data['rad'].size} disks: not two-dimensional. Give disks in a plane."
+            f"{data['pos'].size} coordinates for {data['rad'].size} disks in a box of {data['box'].size} numbers: "
+            "neither two- nor three-dimensional. Get it again."
         )
-    cell = data["box"].reshape(2, 2).T  # jax-md maps a fraction s to box · s: cell vectors are its columns
+    # jax-md maps a fraction s to box · s: cell vectors are its columns
+    cell = data["box"].reshape(dimension, dimension).T
     published = {"published_energy": float(data["Energy"])} if "Energy" in data else {}
     if "Stress" in data:
-        stress = dict(zip(_STRESS_COMPONENTS, data["Stress"].tolist(), strict=True))
+        names = ("".join(pair) for pair in itertools.product("xyz"[:dimension], repeat=2))
+        stress = dict(zip(names, data["Stress"].tolist(), strict=True))
         published |= {f"published_stress_{name}": value for name, value in stress.items()}
-        published["published_pressure"] = -(stress["xx"] + stress["yy"]) / 2
+        published["published_pressure"] = -sum(stress[2 * axis] for axis in "xyz"[:dimension]) / dimension
     if "Cijkl" in data:
         published |= {
             f"published_C_{name}": c
-            for name, c in zip(_MODULUS_COMPONENTS, data["Cijkl"].tolist(), strict=True)
+            for name, c in zip(_MODULUS_COMPONENTS[dimension], data["Cijkl"].tolist(), strict=True)
         }
     return Packing.from_positions(
-        data["pos"].reshape(-1, 2) @ cell,
+        data["pos"].reshape(-1, dimension) @ cell,
         data["rad"],
         cell,
         Potential("harmonic", "inverse-square-diameter", 1.0),

@@ -43,9 +43,11 @@ def import_network(path, bonds=None, index=0, *, format=None, radius=None, box=N
             )
         table = read_table(content, index, format)
         has_radii = radius or any(name.lower() in RADII for name in table.columns)
+        given = box_of(table, box)
+        positions, box = table.places()
         nodes = {
-            "positions": _plane(table.positions, format),
-            "cell": box_of(table, box),
+            "positions": positions,
+            "cell": given if box is None else box,
             "radii": radii_in(table.columns, radius) if has_radii else None,
         }
         k = table.law.get("k", 1.0) if k is None else k
@@ -67,18 +69,6 @@ def import_network(path, bonds=None, index=0, *, format=None, radius=None, box=N
             return network
         values["tension"] = values["stiffness"] * (network.linear_bonds.distance - rest)
         return Network(**nodes, **values | {"images": network.images}, k=k, record=record)
-
-
-def _plane(positions, format):
-    """Positions (N, 2); LAMMPS always has z, which must be the same for all. Raises InputError."""
-    positions = np.asarray(positions, float)
-    if positions.ndim == 2 and positions.shape[1] == 3 and format != "npz":
-        if len(positions) and np.ptp(positions[:, 2]) > 0.0:
-            raise InputError(
-                f"nodes spread by {np.ptp(positions[:, 2]):.6g} in z: networks are two-dimensional here. Set z to 0."
-            )
-        return positions[:, :2]
-    return positions
 
 
 def _values_of(content, format, table):

@@ -221,17 +221,17 @@ def zipped(content):
 TEXT = dump("x y radius", *X.T, R)
 REFUSED = {  # what is wrong -> (content, what is told, the message)
     "spread in z": (
-        dump("x y z radius", *X.T, R, R),
+        dump("x y z radius", *X.T, R, R, flags="pp pp ff"),
         {},
-        "centres spread by 0.4 in z, but the cell has two axes",
+        "centres spread by 0.4 in z, along which",
     ),
-    "spread in z of data": (data(z=R), {}, "centres spread by 0.4 in z"),
+    "spread in z of data": (data(z=R), {}, "repeats at a distance of 1 with a disk"),
     "walls": (dump("x y radius", *X.T, R, flags="pp ff pp"), {}, r"must be periodic \(pp\) in x and y"),
     "walls of xyz": (extxyz('pbc="T F F"'), {}, 'pbc="T F F": must be periodic'),
     "tilted in z": (TEXT.replace("-0.5 0.5 0\n", "-0.5 0.5 1\n"), {}, "tilted out of the plane"),
     "tilted data": (data(tilt="0 1 0 xy xz yz\n"), {}, "tilted out of the plane"),
     "leaning data": (vectors(data(), lean=1), {}, "tilted out of the plane"),
-    "tilted lattice": (extxyz(lattice="9 0 1 0 9 0 0 0 1"), {}, "a₁ and a₂ must lie in the plane"),
+    "tilted lattice": (extxyz(lattice="9 0 1 0 9 0 0 0 1"), {}, "tilted out of the plane"),
     "turned lattice": (extxyz(lattice="9 1 0 0 9 0 0 0 1"), {}, r"must be rows \(Lx, 0\)"),
     "cell vector out of the plane": (general(TEXT, lean=1.0), {}, "tilted out of the plane"),
     "walls of cell vectors": (general(TEXT, flags="ff pp pp"), {}, r"must be periodic \(pp\) in x and y"),

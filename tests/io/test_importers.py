@@ -116,9 +116,11 @@ def test_spoiled_files_are_refused_in_one_line(tmp_path, spoiled):
 
 def test_hdf5_of_other_contents_is_refused_in_one_line(tmp_path):
     path = tmp_path / "x.nc"
-    for pos, rad, box in ((12, 4, 9), (12, 5, 4), (8, 4, 2)):  # the first in three dimensions
+    for pos, rad, box in ((8, 4, 9), (12, 5, 4), (8, 4, 2)):
         arrays = {"pos": np.ones((1, pos)), "rad": np.ones((1, rad)), "box": np.ones((1, box))}
-        message = f"{pos} coordinates for {rad} disks: not two-dimensional"
+        message = (
+            f"{pos} coordinates for {rad} disks in a box of {box} numbers: neither two- nor three-dimensional"
+        )
         refused(path, h5_of(tmp_path, **arrays), message)
     refused(
         path, h5_of(tmp_path, pos=np.zeros((2, 8))), "no variable rad, box, hence not a packing of jax-md"

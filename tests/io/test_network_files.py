@@ -95,11 +95,6 @@ def test_lammps_bonds_lead_to_the_nearest_image(tmp_path):
         ("Bonds\n\n1 1 30 10\n2 2 10 20\n", "", "no section Bonds"),
         ("2 1.5 0.75", "2 -1.5 0.75", "stiffness[1]: -3, must be positive"),
         ("2 2 10 20", "2 2 10 10", "bond 1, of nodes 0 and 0: joins a node to itself"),
-        (
-            "20 1 1 3.5 1 0",
-            "20 1 1 3.5 1 0.1",
-            "nodes spread by 0.1 in z: networks are two-dimensional here. Set z to 0.",
-        ),
     ],
 )
 def test_damaged_lammps_files(tmp_path, capsys, old, new, says):
