@@ -6,7 +6,7 @@ Each domain finds the clusters of its own disks; then clusters that touch across
 import numpy as np
 
 from jampetsc.flows.resistance import WIDTH, find_contacts_of
-from jampetsc.packing.bond import bond_vector, simple_shear
+from jampetsc.packing.bond import bond_vector, difference, entry, inner, simple_shear
 from jampetsc.packing.compiled import FAST, compiled
 
 NONE = np.uint32(2**32 - 1)
@@ -92,7 +92,7 @@ def centre_clusters_of(graph, d, u):
 @compiled(FAST)
 def survey_of(domains, o, shear, graph):
     """(number of clusters, disks of the largest, largest δ/σ) at offsets o (N, 2) and `shear`; overwrites `graph`."""
-    i, j, sigma, r0x, r0y = domains.i, domains.j, domains.sigma, domains.r0[0], domains.r0[1]
+    i, j, sigma, r0 = domains.i, domains.j, domains.sigma, domains.r0
     strain, deepest = simple_shear(shear), 0.0
     for d in range(len(domains.begin)):
         find_contacts_of(domains, d, o, strain, graph)
@@ -100,7 +100,7 @@ def survey_of(domains, o, shear, graph):
         for c in range(domains.begin[d], graph.ends[d, 1]):
             p = graph.touching[c]
             a, b = i[p], j[p]
-            x, y = bond_vector(strain, r0x[p], r0y[p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
-            deepest = max(deepest, 1.0 - np.sqrt(x * x + y * y) / sigma[p])
+            r = bond_vector(strain, entry(r0, p), difference(o, a, b, r0))
+            deepest = max(deepest, 1.0 - np.sqrt(inner(r, r)) / sigma[p])
     number, largest = unite_clusters(domains, graph)
     return number, largest, deepest

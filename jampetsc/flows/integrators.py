@@ -57,7 +57,7 @@ def drag_steps(me, threads, counter, arrays, constants, steps):
     first, last, begin, stop = find_own_domains(me, threads, arrays)
     domains = range(first, last)
     disks, forces, u, o, ahead = arrays.pairs.disks, arrays.forces, arrays.u, arrays.o, arrays.ahead
-    mobility, room, buffer, done, status = 1.0 / constants.drag, block_room(), 0, 0, DONE
+    mobility, room, buffer, done, status = 1.0 / constants.drag, block_room(arrays.o.shape[1]), 0, 0, DONE
     path, list_shear = UNSET_PATH, 0.0
     while done < steps and status == DONE:
         g = (constants.list_age + done) * constants.rate * constants.step
@@ -184,7 +184,7 @@ def contact_steps(me, threads, counter, arrays, constants, contacts, steps):
     first, last, begin, stop = find_own_domains(me, threads, arrays)
     domains = range(first, last)
     disks, o, ahead, u, after = arrays.pairs.disks, arrays.o, arrays.ahead, arrays.u, arrays.after[0]
-    room = block_room()
+    room = block_room(arrays.o.shape[1])
     done, status = 0, DONE
     path, list_shear = UNSET_PATH, 0.0
     while done < steps and status == DONE:
@@ -271,7 +271,7 @@ def massive_steps(me, threads, counter, arrays, constants, turning, steps):
     domains = range(first, last)
     dt, forces, u, o, ahead = constants.step, arrays.forces, arrays.u, arrays.o, arrays.ahead
     disks, buffer, done, status = arrays.pairs.disks, 0, 0, DONE
-    predicted, after, room = arrays.after[0], arrays.after[1], block_room()
+    predicted, after, room = arrays.after[0], arrays.after[1], block_room(arrays.o.shape[1])
     for a in range(begin, stop):
         for axis in range(2):
             predicted[a, axis] = u[a, axis] + 0.5 * dt * forces[a, axis]

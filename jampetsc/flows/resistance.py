@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.packing.bond import bond_vector
+from jampetsc.packing.bond import bond_vector, difference, entry, inner, scaled, set_row, zero
 from jampetsc.packing.compiled import FAST, compiled
 from jampetsc.packing.threads import meet
 
@@ -64,8 +64,7 @@ class Graph(NamedTuple):
 @compiled(FAST, nogil=True, forceinline=True)
 def find_contacts_of(domains, d, o, strain, graph):
     """Write the contacts of domain d into `graph`, at offsets o (N, 2) and `strain`."""
-    i, j, sigma = domains.i, domains.j, domains.sigma
-    r0x, r0y = domains.r0[0], domains.r0[1]
+    i, j, sigma, r0 = domains.i, domains.j, domains.sigma, domains.r0
     # taken out of their tuples, or their references would be counted at every access
     column, number, touching = graph.column, graph.number, graph.touching
     normals, more, more_normals = graph.normals, graph.more, graph.more_normals
@@ -75,9 +74,9 @@ def find_contacts_of(domains, d, o, strain, graph):
         first = np.uint64(domains.begin[d] if part == 0 else domains.across[d])
         for p in range(first, np.uint64(domains.across[d] if part == 0 else domains.end[d])):
             a, b = i[p], j[p]
-            x, y = bond_vector(strain, r0x[p], r0y[p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
+            r = bond_vector(strain, entry(r0, p), difference(o, a, b, r0))
             touching[count] = p
-            count += np.uint64(x * x + y * y < sigma[p] * sigma[p])
+            count += np.uint64(inner(r, r) < sigma[p] * sigma[p])
         graph.ends[d, part] = count
     first, last = np.uint64(graph.disks[d]), np.uint64(graph.disks[d + 1])
     number[first:last] = 0
@@ -88,26 +87,24 @@ def find_contacts_of(domains, d, o, strain, graph):
         normals[first:last] = 0.0
     end = np.uint64(2 * graph.begin[d])
     inside = np.uint64(graph.ends[d, 0])
-    nx = ny = 0.0
+    n = zero(r0)
     for c in range(np.uint64(graph.begin[d]), count):
         p = touching[c]
         a, b = i[p], j[p]
         if len(normals):
-            nx, ny = bond_vector(strain, r0x[p], r0y[p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
-            unit = 1.0 / np.sqrt(nx * nx + ny * ny)
-            nx *= unit
-            ny *= unit
+            n = bond_vector(strain, entry(r0, p), difference(o, a, b, r0))
+            n = scaled(1.0 / np.sqrt(inner(n, n)), n)
         for _ in range(2 if c < inside else 1):
             k = number[a]
             number[a] = k + np.uint32(1)
             if k < np.uint32(WIDTH):
                 column[a, k] = b
                 if len(normals):
-                    normals[a, k, 0], normals[a, k, 1] = nx, ny
+                    set_row(normals[a], k, n)
             else:
                 more[end, 0], more[end, 1] = a, b
                 if len(normals):
-                    more_normals[end, 0], more_normals[end, 1] = nx, ny
+                    set_row(more_normals, end, n)
                 end += np.uint64(1)
             a, b = b, a
     graph.ends[d, 2] = end

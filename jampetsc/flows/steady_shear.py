@@ -158,7 +158,7 @@ class SteadyShear(ListedPacking):
 
     def residual(self, u, rolling=None):
         """m u̇ (N, 2) at velocities u (N, 2); see `integrators.residual_at`."""
-        forces, listed, room = np.empty_like(u), self.lists[0], block_room()
+        forces, listed, room = np.empty_like(u), self.lists[0], block_room(u.shape[1])
         for d in range(listed.number):
             residual_at(listed, d, self.offsets, self.shear, self.step_constants(), u, forces, rolling, room)
         return forces
@@ -223,7 +223,7 @@ class SteadyShear(ListedPacking):
             self.shear,
             u,
         )
-        balance(0, 1, np.zeros(1, np.int64), *place, block_room())
+        balance(0, 1, np.zeros(1, np.int64), *place, block_room(u.shape[1]))
         return u
 
     def angular_velocities(self) -> np.ndarray | None:

@@ -113,7 +113,9 @@ def stress_on_walls(shear: SteadyShear, u) -> tuple[float, float]:
         rolling = shear.spins, shear.reference.radii, np.empty(len(shear.spins))
     total = np.zeros(2)
     for side, sign in ((above, 1.0), ((lower | upper) & ~above, -1.0)):
-        pairs = NeighbourList.of_pairs(len(u), i[side], j[side], r0[:, side], sigma[side])
+        pairs = NeighbourList.of_pairs(
+            len(u), i[side], j[side], [component[side] for component in r0], sigma[side]
+        )
         forces = np.empty_like(shear.offsets)
         bond_forces(pairs, shear.offsets, simple_shear(shear.shear), task.law, forces, motion, rolling)
         total += sign * forces[: shear.wall_disks].sum(0)

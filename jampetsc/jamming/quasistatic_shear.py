@@ -151,7 +151,7 @@ class QuasistaticShear(ListedPacking):
     def _find_order(self):
         """Find an order of elimination for the present positions."""
         pairs, o = self.pairs, self.offsets
-        r = bond_vector(self.cell_strain, *pairs.r0, *(o[pairs.j] - o[pairs.i]).T)
+        r = bond_vector(self.cell_strain, pairs.r0, (o[pairs.j] - o[pairs.i]).T)
         near = np.hypot(*r) < pairs.sigma + MAX_ORDER_GAP * self.diameter
         self._order = self.solver.order(self.reference.n, pairs.i[near], pairs.j[near])
         self._entries = 0

@@ -79,7 +79,7 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
     first, last = me * number // threads, (me + 1) * number // threads
     o, v, f = motion.offsets.reshape(-1), motion.velocities.reshape(-1), motion.forces.reshape(-1)
     step, mixing, downhill = clock
-    status, done, room = MORE, 0, block_room()
+    status, done, room = MORE, 0, block_room(motion.offsets.shape[1])
     while done < steps:
         for d in range(first, last):
             domain_forces(domains, d, motion.offsets, UNSTRAINED, law, motion.forces, None, None, room)

@@ -32,9 +32,8 @@ class Bonds:
     @classmethod
     def of(cls, pairs: NeighbourList, potential, offsets=None, strain: Strain = UNSTRAINED) -> "Bonds":
         """State of the listed pairs after offsets (N, 2) and a strain of the cell since the list."""
-        r = pairs.r0
-        if offsets is not None:
-            r = np.stack(bond_vector(strain, *r, *(offsets[pairs.j] - offsets[pairs.i]).T))
+        moved = np.zeros(len(pairs.r0)) if offsets is None else (offsets[pairs.j] - offsets[pairs.i]).T
+        r = np.stack(bond_vector(strain, pairs.r0, moved))
         distance = np.hypot(r[0], r[1])
         overlap = pairs.sigma - distance
         touching = overlap > 0

@@ -140,7 +140,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
     total, before = np.zeros(rows + 6), np.zeros(rows + 6)
     pull, pull_before = np.zeros(2), np.zeros(2)  # gradient of the cell
     coefficients, move = np.zeros(rows + 1), np.zeros(2)
-    factors, room = np.zeros(2), block_room()
+    factors, room = np.zeros(2), block_room(space.offsets.shape[1])
     status, evaluations = MORE, 0
     # which forces, and which pair they complete; plain numbers would have types of their own
     now, slot = np.int64(0), np.int64(-1)

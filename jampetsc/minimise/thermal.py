@@ -30,7 +30,7 @@ class Around(NamedTuple):
 
     start: np.ndarray  # (N + 1,)
     other: np.ndarray  # (2M,) the other disk
-    bond: np.ndarray  # (2M, 2) r0 towards it
+    bond: np.ndarray  # (2M, D) r0 towards it
     sigma: np.ndarray  # (2M,)
 
     @classmethod
@@ -39,7 +39,7 @@ class Around(NamedTuple):
         near, other = both_ends(pairs.i, pairs.j)
         order = np.argsort(near, kind="stable")
         start = np.concatenate(([0], np.cumsum(np.bincount(near, minlength=n))))
-        bond = np.concatenate((pairs.r0.T, -pairs.r0.T))[order]
+        bond = np.concatenate((np.stack(pairs.r0, axis=1), -np.stack(pairs.r0, axis=1)))[order]
         return cls(start, other[order].astype(np.int64), bond, np.tile(pairs.sigma, 2)[order])
 
 
@@ -49,8 +49,8 @@ def energy_of(a, x, y, around, o, law):
     energy = 0.0
     for q in range(around.start[a], around.start[a + 1]):
         b = around.other[q]
-        rx, ry = bond_vector(UNSTRAINED, around.bond[q, 0], around.bond[q, 1], o[b, 0] - x, o[b, 1] - y)
-        energy += pair_energy(rx, ry, around.sigma[q], law)
+        r = bond_vector(UNSTRAINED, (around.bond[q, 0], around.bond[q, 1]), (o[b, 0] - x, o[b, 1] - y))
+        energy += pair_energy(r, around.sigma[q], law)
     return energy
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from jampetsc.minimise.lbfgs_kernels import dot
 from jampetsc.minimise.ldl import diagonal_of, factorise, solve
-from jampetsc.packing.bond import bond_vector, secant, simple_shear
+from jampetsc.packing.bond import bond_vector, difference, entry, inner, secant, simple_shear
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbour_list import is_stale
@@ -42,7 +42,7 @@ def springs(pairs, o, strain, law, nearby, stress):
     blocks, chosen = np.zeros((len(i), 2, 2)), np.zeros(len(i), np.bool_)
     for p in range(len(i)):
         a, b = i[p], j[p]
-        x, y = bond_vector(strain, r0[0, p], r0[1, p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
+        x, y = bond_vector(strain, (r0[0][p], r0[1][p]), (o[b, 0] - o[a, 0], o[b, 1] - o[a, 1]))
         r = np.sqrt(x * x + y * y)
         d = sigma[p] - r
         if d <= -nearby:
@@ -149,13 +149,13 @@ def contacts_at(pairs, o, g, law):
     overlaps = np.empty(len(i))
     for p in range(len(i)):
         a, b = i[p], j[p]
-        x, y = bond_vector(strain, r0[0, p], r0[1, p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
-        square = x * x + y * y
+        r = bond_vector(strain, entry(r0, p), difference(o, a, b, r0))
+        square = inner(r, r)
         if square < sigma[p] * sigma[p]:
             number += 1
             overlaps[number - 1] = sigma[p] - np.sqrt(square)
             k = (alpha - 1.0) * secant(overlaps[number - 1], sigma[p], law)
-            modulus += k * (x * y) ** 2 / square
+            modulus += k * (r[0] * r[1]) ** 2 / square
     bins = CELLS * max(number, 1)
     taken, alike, total = np.zeros(bins, np.bool_), 0, np.sum(overlaps[:number])
     for q in range(number):

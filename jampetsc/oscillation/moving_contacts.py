@@ -144,9 +144,9 @@ class MovingContacts(ListedPacking):
         rx, ry = after.bonds.r + before.bonds.r
         drawn = after.places - before.places
         # r − r of before = F (Δo_j − Δo_i) + ΔE (r0 + o_j − o_i)
-        dx, dy = bond_vector(self._strain_at(before.gamma), 0.0, 0.0, *(drawn[pairs.j] - drawn[pairs.i]).T)
-        bond = pairs.r0 + (after.places[pairs.j] - after.places[pairs.i]).T
-        sheared_x, sheared_y = displace(simple_shear(after.gamma - before.gamma), *bond)
+        dx, dy = bond_vector(self._strain_at(before.gamma), (0.0, 0.0), (drawn[pairs.j] - drawn[pairs.i]).T)
+        bond = np.stack(pairs.r0) + (after.places[pairs.j] - after.places[pairs.i]).T
+        sheared_x, sheared_y = displace(simple_shear(after.gamma - before.gamma), bond)
         dx, dy = dx + sheared_x, dy + sheared_y
         deeper = -(rx * dx + ry * dy) / (after.bonds.distance + before.bonds.distance)
         old, new = (np.maximum(state.bonds.overlap, 0.0) for state in (before, after))

@@ -1,4 +1,8 @@
-"""The formulas of `strain` and `potentials` compiled: what every loop over pairs inlines."""
+"""What every loop over pairs inlines: vectors of D = 2 or 3 components, and the formulas of `strain` and `potentials`.
+
+A vector is a tuple of its components, and vectors of many pairs are a tuple of D arrays. numba knows the length of a
+tuple when it compiles, so that one source gives the code of each dimension, without a test in it.
+"""
 
 import numpy as np
 
@@ -12,17 +16,111 @@ bond_vector = _inlined(strain.bond_vector)
 secant = _inlined(secant_stiffness)
 # not FAST: whether a list serves is decided in exact order
 _exact = compiled(False, cache=False)
-stretch, determinant, strain_between = (
-    _exact(strain.stretch),
-    _exact(strain.determinant),
-    _exact(strain.strain_between),
-)
+norms, strain_between = _exact(strain.norms), _exact(strain.strain_between)
+
+
+@_inlined
+def entry(arrays, q):
+    """Vector q of a tuple of D arrays."""
+    if len(arrays) == 3:
+        return arrays[0][q], arrays[1][q], arrays[2][q]
+    return arrays[0][q], arrays[1][q]
+
+
+@_inlined
+def zero(like):
+    """A vector of zeros; like: a tuple of length D."""
+    if len(like) == 3:
+        return 0.0, 0.0, 0.0
+    return 0.0, 0.0
+
+
+@_inlined
+def put(arrays, q, a):
+    """Make the vector a entry q of a tuple of D arrays."""
+    arrays[0][q] = a[0]
+    arrays[1][q] = a[1]
+    if len(a) == 3:
+        arrays[2][q] = a[2]
+
+
+@_inlined
+def row(rows, a, like):
+    """Row a of an array (N, D) as a vector; like: a tuple of length D."""
+    if len(like) == 3:
+        return rows[a, 0], rows[a, 1], rows[a, 2]
+    return rows[a, 0], rows[a, 1]
+
+
+@_inlined
+def difference(rows, a, b, like):
+    """Row b less row a of an array (N, D) as a vector; like: a tuple of length D."""
+    if len(like) == 3:
+        return rows[b, 0] - rows[a, 0], rows[b, 1] - rows[a, 1], rows[b, 2] - rows[a, 2]
+    return rows[b, 0] - rows[a, 0], rows[b, 1] - rows[a, 1]
+
+
+@_inlined
+def set_row(rows, a, vector):
+    """Make a vector row a of an array (N, D)."""
+    rows[a, 0] = vector[0]
+    rows[a, 1] = vector[1]
+    if len(vector) == 3:
+        rows[a, 2] = vector[2]
+
+
+@_inlined
+def add_to_row(rows, a, vector):
+    """Add a vector to row a of an array (N, D)."""
+    rows[a, 0] += vector[0]
+    rows[a, 1] += vector[1]
+    if len(vector) == 3:
+        rows[a, 2] += vector[2]
+
+
+@_inlined
+def subtract_from_row(rows, a, vector):
+    """Subtract a vector from row a of an array (N, D)."""
+    rows[a, 0] -= vector[0]
+    rows[a, 1] -= vector[1]
+    if len(vector) == 3:
+        rows[a, 2] -= vector[2]
+
+
+@_inlined
+def inner(a, b):
+    """a · b."""
+    if len(a) == 3:
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return a[0] * b[0] + a[1] * b[1]
+
+
+@_inlined
+def scaled(c, a):
+    """c a."""
+    if len(a) == 3:
+        return c * a[0], c * a[1], c * a[2]
+    return c * a[0], c * a[1]
+
+
+@_inlined
+def added(a, b):
+    """a + b."""
+    if len(a) == 3:
+        return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+    return a[0] + b[0], a[1] + b[1]
+
+
+@_inlined
+def cross(a, b):
+    """a × b in three dimensions."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @compiled(False)
-def pair_energy(rx, ry, sigma, law):
-    """V of one pair at distance |r|; law = `potential.constants`."""
-    overlap = sigma - np.sqrt(rx * rx + ry * ry)
+def pair_energy(r, sigma, law):
+    """V of one pair with the bond vector r; law = `potential.constants`."""
+    overlap = sigma - np.sqrt(inner(r, r))
     if overlap <= 0.0:
         return 0.0
     return secant(overlap, sigma, law) * overlap * overlap / (2.5 if law[1] else 2.0)

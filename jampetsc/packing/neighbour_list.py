@@ -7,13 +7,14 @@ that a bond is
     r = F (r0 + o_j − o_i)
 
 with neither images nor large coordinates: forces are exact to the rounding of r ~ d whatever the size of the
-cell. In a quench F = e^ε [[1, g], [0, 1]]; under steady shear ε = 0 and g = γ − γ_ref.
+cell. In a quench F = e^ε [[1, g], [0, 1]]; under steady shear ε = 0 and g = γ − γ_ref. Components of r0 are a tuple of
+D arrays, whose length tells compiled loops the dimension.
 
 Staleness. Two disks that touch now, |r| ≤ σ, had r0 = F⁻¹ r − (o_j − o_i), hence
 
-    |r0| ≤ ‖F⁻¹‖ σ + 2 max|o|,    ‖F⁻¹‖ = ‖F‖ / det F in two dimensions,
+    |r0| ≤ ‖F⁻¹‖ σ + 2 max|o|,
 
-the larger singular value of F⁻¹. So no touching pair is missing from the list while, with σ_max the largest σ,
+‖F⁻¹‖ the largest singular value of F⁻¹. So no touching pair is missing from the list while, with σ_max the largest σ,
 
     2 max|o| + max(0, ‖F⁻¹‖ − 1) σ_max ≤ skin.
 
@@ -33,7 +34,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.packing.bond import bond_vector, determinant, strain_between, stretch
+from jampetsc.packing.bond import bond_vector, difference, entry, inner, norms, put, strain_between
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.pair_search import listed
@@ -49,7 +50,7 @@ class NeighbourList(NamedTuple):
     end: np.ndarray  # (D,) int64: and here they end
     i: np.ndarray  # (M,) uint32: unsigned, so that loops are compiled without code for negative indices
     j: np.ndarray  # (M,) uint32
-    r0: np.ndarray  # (2, M)
+    r0: tuple  # D arrays (M,)
     sigma: np.ndarray  # (M,) ρ_i + ρ_j
 
     @classmethod
@@ -59,31 +60,30 @@ class NeighbourList(NamedTuple):
         With borders the arrays may be longer than the list; see `trimmed`.
         """
         whole = np.array([0, packing.n]) if borders is None else borders
-        counts, *pairs = listed(packing, skin, whole, team or Team())
+        counts, i, j, r0, sigma = listed(packing, skin, whole, team or Team())
         ends = counts.ravel().cumsum().reshape(-1, 2)
-        result = cls(whole, ends[:, 0] - counts[:, 0], ends[:, 0].copy(), ends[:, 1].copy(), *pairs)
+        result = cls(
+            whole, ends[:, 0] - counts[:, 0], ends[:, 0].copy(), ends[:, 1].copy(), i, j, tuple(r0), sigma
+        )
         return result.trimmed() if borders is None else result
 
     @classmethod
     def of_pairs(cls, n: int, i, j, r0, sigma) -> "NeighbourList":
-        """A list in one domain of n disks of given pairs, arrays as above."""
+        """A list in one domain of n disks of given pairs, arrays and tuple of arrays as above."""
         begin, end = np.zeros(1, np.int64), np.array([len(i)])
-        arrays = (np.ascontiguousarray(array) for array in (i, j, r0, sigma))
-        return cls(np.array([0, n]), begin, end, end.copy(), *arrays)
+        i, j, sigma = (np.ascontiguousarray(array) for array in (i, j, sigma))
+        r0 = tuple(np.ascontiguousarray(component) for component in r0)
+        return cls(np.array([0, n]), begin, end, end.copy(), i, j, r0, sigma)
 
     def trimmed(self) -> "NeighbourList":
         """The same list with arrays as long as it; those of several domains have a pair across a border twice."""
-        arrays = (self.i, self.j, self.r0, self.sigma)
-        return self._replace(
-            **{
-                name: np.ascontiguousarray(array[..., : self.end[-1]])
-                for name, array in zip(("i", "j", "r0", "sigma"), arrays, strict=True)
-            }
-        )
+        i, j, sigma, *r0 = (array[: self.end[-1]] for array in (self.i, self.j, self.sigma, *self.r0))
+        return self._replace(i=i, j=j, r0=tuple(r0), sigma=sigma)
 
     def room(self) -> "NeighbourList":
         """New arrays of the same size, which `choose_inner_list` fills with an inner list."""
-        return self._replace(**{name: np.empty_like(getattr(self, name)) for name in self._fields[2:]})
+        arrays = {name: np.empty_like(getattr(self, name)) for name in self._fields[2:] if name != "r0"}
+        return self._replace(r0=tuple(np.empty_like(component) for component in self.r0), **arrays)
 
     @property
     def number(self) -> int:
@@ -94,33 +94,34 @@ class NeighbourList(NamedTuple):
 @compiled(False)
 def is_stale(far, strain, largest, skin):
     """Whether a list may miss a touching pair: far = max |o|, `strain` since the list, largest = σ_max."""
-    squeeze = stretch(strain) / determinant(strain)
+    squeeze = norms(strain)[0]
     return 2.0 * far + max(squeeze - 1.0, 0.0) * largest > skin
 
 
 @compiled(False)
 def inner_list_is_stale(moved, strain, earlier, largest, skin):
     """Whether an inner list within `skin`, chosen at a strain `earlier`, may miss a contact; moved = max |Δo| since."""
-    return is_stale(stretch(earlier) * moved, strain_between(strain, earlier), largest, skin)
+    return is_stale(norms(earlier)[1] * moved, strain_between(strain, earlier), largest, skin)
 
 
 @compiled(False)
 def choose_inner_list(domains, d, o, strain, skin, near):
     """Put the pairs of domain d that are closer than σ + skin at offsets o and `strain` into `near`, in order."""
     # local names: numba would count references at every access to a field of a tuple
-    i, j, sigma, r0x, r0y = domains.i, domains.j, domains.sigma, domains.r0[0], domains.r0[1]
-    to_i, to_j, to_sigma, to_x, to_y = near.i, near.j, near.sigma, near.r0[0], near.r0[1]
+    i, j, sigma, r0 = domains.i, domains.j, domains.sigma, domains.r0
+    to_i, to_j, to_sigma, to_r0 = near.i, near.j, near.sigma, near.r0
     count, across = np.uint64(domains.begin[d]), np.uint64(domains.across[d])
     # no branch, which would often be mispredicted: all are copied, and only near ones advance the count
     for p in range(np.uint64(domains.begin[d]), np.uint64(domains.end[d])):
         if p == across:
             near.across[d] = count
         a, b = i[p], j[p]
-        x, y = bond_vector(strain, r0x[p], r0y[p], o[b, 0] - o[a, 0], o[b, 1] - o[a, 1])
+        listed_bond = entry(r0, p)
+        r = bond_vector(strain, listed_bond, difference(o, a, b, r0))
         reach = sigma[p] + skin
         to_i[count], to_j[count], to_sigma[count] = a, b, sigma[p]
-        to_x[count], to_y[count] = r0x[p], r0y[p]
-        count += np.uint64(x * x + y * y < reach * reach)
+        put(to_r0, count, listed_bond)
+        count += np.uint64(inner(r, r) < reach * reach)
     near.end[d] = count
     if domains.across[d] == domains.end[d]:
         near.across[d] = count

@@ -347,6 +347,6 @@ def deformed(packing: Packing, offsets, strain: Strain) -> Packing:
 def _deformed(base, offset, moves, strain):
     """(base, offset) of x + o + E (x + o), all (N, D)."""
     low = offset + moves
-    low += np.column_stack(displace(strain, *(base + low).T))
+    low += np.column_stack(displace(strain, (base + low).T))
     carry = GRID * np.rint(low / GRID)
     return base + carry, low - carry

@@ -81,7 +81,7 @@ def test_a_saddle_is_told_from_a_minimum_and_a_symmetry_from_disorder():
         order, law = np.arange(sample.n, dtype=np.uint32), sample.potential.constants
         assert compiled.is_minimum(order, pairs, still, 0.0, law, 1.0) == expected
         assert compiled.contacts_at(pairs, still, 0.0, law)[2] > 0.8
-    loose = pairs._replace(r0=2.0 * pairs.r0)
+    loose = pairs._replace(r0=tuple(2.0 * component for component in pairs.r0))
     assert compiled.contacts_at(loose, still, 0.0, law) == (0, 0.0, 0.0)
     assert compiled.is_minimum(order, loose, still, 0.0, law, 1.0)
 
@@ -153,7 +153,8 @@ def test_loose_disks_are_held_and_what_is_indefinite_is_taken_without_stress(lis
     disks, pairs, order = listed
     law, still, n = disks.potential.constants, np.zeros((disks.n, 2)), disks.n
     for damping, nearby, crushed in ((0.05, 1e-3, 1.03), (1e-6, 1e-3, 0.62)):
-        close = np.ascontiguousarray(crushed * pairs.r0)  # crushed, forces are so large that K is indefinite
+        # crushed, forces are so large that K is indefinite
+        close = tuple(crushed * component for component in pairs.r0)
         arrays = pairs._replace(r0=close)
         factor = compiled.factor_of(order, arrays, still, 0.0, law, nearby, damping, 0.7)
         held = np.zeros(n, int)

@@ -12,7 +12,15 @@ from jampetsc.packing.listed_packing import REBUILD, SKIN_RANGE, WIDTH, tuned_sk
 from jampetsc.packing.neighbour_list import NeighbourList, choose_inner_list, inner_list_is_stale, is_stale
 from jampetsc.packing.neighbours import neighbour_pairs
 from jampetsc.packing.packing import GRID, Packing, deformed
-from jampetsc.packing.strain import UNSTRAINED, growth_and_shear, simple_shear
+from jampetsc.packing.strain import (
+    UNSTRAINED,
+    Strain,
+    bond_vector,
+    growth_and_shear,
+    norms,
+    simple_shear,
+    strain_between,
+)
 from jampetsc.packing.threads import Team
 
 
@@ -50,7 +58,7 @@ def test_bonds_of_a_list_are_rounded_once():
     assert len(i) > disks.n and np.abs(image).max() >= 3
     exact = bond_vectors(disks, i, j, image)
     assert np.array_equal(pairs.i, i) and np.array_equal(pairs.j, j) and (pairs.sigma == 1.0).all()
-    assert np.abs(pairs.r0.T - exact).max() < 5e-16
+    assert np.abs(np.stack(pairs.r0, axis=1) - exact).max() < 5e-16
 
 
 @pytest.mark.parametrize(("strain", "shear"), [(1e-9, -1e-10), (-0.1, 0.3), (0.0, 0.0), (0.0, 1e-12)])
@@ -124,7 +132,8 @@ def test_domains_list_each_pair_where_its_disks_are(skin):
     found = [NeighbourList.build(disks, skin, borders, team) for team in teams for _ in range(3)]
     for one in found[1:]:
         last = one.end[-1]
-        assert all(np.array_equal(a[..., :last], b[..., :last]) for a, b in zip(found[0], one, strict=True))
+        arrays = ((*lists[:-2], *lists.r0, lists.sigma) for lists in (found[0], one))
+        assert all(np.array_equal(a[:last], b[:last]) for a, b in zip(*arrays, strict=True))
     by_domains = {}
     for d in range(4):
         for first, last, inside in ((one.begin[d], one.across[d], True), (one.across[d], one.end[d], False)):
@@ -197,6 +206,47 @@ def test_near_pairs_count_moves_and_shear_in_the_frame_they_were_chosen_in():
     far = (skin - (growth - 1.0) * sigma) / 2 / np.linalg.norm(now, 2)
     for moved, worn in ((far * (1 - 1e-9), False), (far * (1 + 1e-9), True)):
         assert inner_list_is_stale(moved, simple_shear(shear), simple_shear(then), sigma, skin) == worn
+
+
+def test_strains_of_three_axes():
+    rng = np.random.default_rng(4)
+    for size in (1e-9, 0.1, 0.5):
+        strain, earlier = (Strain(*(size * rng.normal(size=9))) for _ in range(2))
+        F, F0 = (np.eye(3) + np.reshape(one, (3, 3)) for one in (strain, earlier))
+        singular = np.linalg.svd(F)[1]
+        assert norms(strain) == pytest.approx((1.0 / singular[2], singular[0]), rel=1e-12)
+        between = np.reshape(strain_between(strain, earlier), (3, 3))
+        change = np.reshape(strain, (3, 3)) - np.reshape(earlier, (3, 3))
+        np.testing.assert_allclose(between, change @ np.linalg.inv(F0), rtol=0, atol=1e-13 * size)
+        r0, moved = rng.normal(size=(2, 3))
+        np.testing.assert_allclose(bond_vector(strain, r0, moved), F @ (r0 + moved), rtol=1e-14)
+    grown = growth_and_shear(0.3, 0.2, 3)
+    wanted = np.exp(0.3) * np.array([[1.0, 0.2, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(np.reshape(grown, (3, 3)) + np.eye(3), wanted, rtol=1e-15)
+    assert norms(grown)[0] == pytest.approx(1.0 / np.linalg.svd(wanted)[1][2], rel=1e-13)
+
+
+@pytest.mark.parametrize("skin", [0.0, 0.4])
+def test_lists_of_spheres_have_each_pair_once_in_domains(skin):
+    """Few spheres, which touch several images, in a tilted cell; and many, in a grid of many cells."""
+    rng = np.random.default_rng(5)
+    for n, side in ((40, 3.4), (900, 9.0)):
+        cell = side * np.array([[1.1, 0.0, 0.0], [0.7, 1.0, 0.0], [-0.9, 2.3, 0.8]])
+        positions = (rng.random((n, 3)) + rng.integers(-2, 3, (n, 3))) @ cell
+        disks = Packing.from_positions(positions, rng.uniform(0.4, 0.6, n), cell)
+        pairs = NeighbourList.build(disks, skin)
+        i, j, image = neighbour_pairs(disks.positions, disks.radii, disks.cell, skin)
+        found, wanted = (
+            sorted(zip(*(a.tolist() for a in (first, second, *np.round(r.T, 9))), strict=True))
+            for first, second, r in (
+                (pairs.i, pairs.j, np.stack(pairs.r0, axis=1)),
+                (i, j, bond_vectors(disks, i, j, image)),
+            )
+        )
+        assert found == wanted and len(found) > n
+        domains = NeighbourList.build(disks, skin, np.array([0, 13, n])).trimmed()
+        across = np.sum((pairs.i < 13) != (pairs.j < 13))
+        assert len(domains.i) == len(pairs.i) + across
 
 
 def test_the_worst_case_is_just_covered():
