@@ -13,12 +13,12 @@ from jampetsc.analysis.power_laws import fit_power_law
 n = int(sys.argv[1]) if len(sys.argv) > 1 else 256
 packings = int(sys.argv[2]) if len(sys.argv) > 2 else 8
 folder = sys.argv[3] if len(sys.argv) > 3 else f"ensemble-n{n}"
-asked = {
+settings = {
     "pack": {"n": n, "pressure": [1e-2, 1e-3, 1e-4], "seeds": f"1:{packings}", "stabilise": "shear"},
     "quasistatic": {},
     "sweep": {"omega": "1e-8:1e2:51"},
 }
-table = jampetsc.study(asked, out=folder)
+table = jampetsc.study(settings, out=folder)
 slow = table.where(command="quasistatic").mean(by="pressure")
 for row, p in enumerate(slow["pressure"]):
     G0, eta0 = (f"{slow[name][row]:.3g} ± {slow.error[name][row]:.1g}" for name in ("G0", "eta0"))

@@ -23,9 +23,9 @@ for w, G in zip(omega, sweep.G, strict=True):
     s = 1j * w
     c = (m.k_gamma + s * m.b_gamma)[kept]
     x = spsolve((m.K + s * m.B).tocsc()[kept][:, kept], c)
-    found = (m.k_gg + s * m.b_gg - c @ x) / m.area
+    modulus = (m.k_gg + s * m.b_gg - c @ x) / m.area
     print(
-        f"omega = {w:.0e} / tau1: G* = {found:.9g} k, relative difference from the sweep {abs(found / G - 1):.0e}"
+        f"omega = {w:.0e} / tau1: G* = {modulus:.9g} k, relative difference from the sweep {abs(modulus / G - 1):.0e}"
     )
     if model is not None:
         viscosity = model.transfer_function.eval_tf(s)[0, 0]

@@ -34,9 +34,11 @@ def simulated(n, phi=0.92, xy=0.1, seed=1):
         return 0.5 * np.sum(overlap**2), force.ravel()
 
     start = rng.random((n, 2)) @ cell
-    found = minimize(energy, start.ravel(), jac=True, method="BFGS", options={"gtol": 1e-9, "maxiter": 10000})
-    print(f"energy here       {found.fun:.9g}")
-    return found.x.reshape(n, 2), radii, (L, L, xy)
+    minimum = minimize(
+        energy, start.ravel(), jac=True, method="BFGS", options={"gtol": 1e-9, "maxiter": 10000}
+    )
+    print(f"energy here       {minimum.fun:.9g}")
+    return minimum.x.reshape(n, 2), radii, (L, L, xy)
 
 
 if len(sys.argv) > 2:

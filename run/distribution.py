@@ -34,9 +34,9 @@ def remove_replacements():
     names = [package.partition(".")[0] for package in PACKAGES if origin(package).is_relative_to(sys.prefix)]
     if not names:
         return
-    found = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in names)
+    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in names)
     say(
-        f".venv: {found} in place of the distribution's, for which PETSc's modules are compiled. Removing it."
+        f".venv: {versions} in place of the distribution's, for which PETSc's modules are compiled. Removing it."
     )
     say(
         "If a package of yours needed it, run: .venv/bin/python -m pip install PACKAGE, which takes one that fits."
@@ -80,10 +80,12 @@ def constrain():
         return
     constraints.write_text(lines)
     settings.unlink(missing_ok=True)
-    told = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=True).stdout
-    others = [ast.literal_eval(value) for value in re.findall(r"(?m)^global\.constraint=(.*)$", told)]
+    listing = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=True).stdout
+    other_constraints = [
+        ast.literal_eval(value) for value in re.findall(r"(?m)^global\.constraint=(.*)$", listing)
+    ]
     places = " ".join(
-        [constraints.as_uri(), *" ".join(others).split()]
+        [constraints.as_uri(), *" ".join(other_constraints).split()]
     )  # as a URL, since pip splits at spaces
     settings.write_text(f"[global]\nconstraint = {places}\n")
 

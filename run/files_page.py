@@ -34,16 +34,16 @@ def page(text: str) -> str:
         title = section.partition("\n")[0]
         kind = re.search(r"`(jampetsc-[\w-]+)`", title)
         if title == COMMON:
-            wanted = [table(PROVENANCE, False)]
+            new_tables = [table(PROVENANCE, False)]
         elif kind:
-            known = FORMATS[kind[1]]
-            wanted = [table(known.datasets, True), table(known.attributes, False)]
+            format = FORMATS[kind[1]]
+            new_tables = [table(format.datasets, True), table(format.attributes, False)]
         else:
             continue
-        tables = list(_TABLE.finditer(section))[: len(wanted)]
-        if len(tables) < len(wanted):
-            raise ValueError(f"{title}: {len(tables)} tables, must be {len(wanted)}")
-        for old, new in reversed(list(zip(tables, wanted, strict=True))):
+        tables = list(_TABLE.finditer(section))[: len(new_tables)]
+        if len(tables) < len(new_tables):
+            raise ValueError(f"{title}: {len(tables)} tables, must be {len(new_tables)}")
+        for old, new in reversed(list(zip(tables, new_tables, strict=True))):
             section = section[: old.start()] + new + section[old.end() :]
         sections[number] = section
     return "".join(sections)

@@ -64,8 +64,8 @@ class FormatRow:
         if self.shapes is None:
             return
         fitting = (_lengths_with(data.shape, entries, lengths) for entries in self.shapes)
-        found = next((more for more in fitting if more is not None), None)
-        if found is None:
+        fit = next((more for more in fitting if more is not None), None)
+        if fit is None:
             known_lengths = [
                 f"{length} = {lengths[length]}"
                 for entries in self.shapes
@@ -73,9 +73,9 @@ class FormatRow:
                 if lengths.get(length, 0) > 0
             ]
             where = f" with {', '.join(dict.fromkeys(known_lengths))}" if known_lengths else ""
-            wanted = " or ".join(map(shape_text, self.shapes))
-            _refuse(path, name, f"shape {data.shape}, must be {wanted}{where}")
-        lengths.update(found)
+            shapes = " or ".join(map(shape_text, self.shapes))
+            _refuse(path, name, f"shape {data.shape}, must be {shapes}{where}")
+        lengths.update(fit)
 
     def check_attribute(self, path, name, value) -> None:
         """Raise InputError unless the value of an attribute, as `hdf5.attributes` gives it, has this type."""

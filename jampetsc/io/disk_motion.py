@@ -25,7 +25,7 @@ _FREQUENCY_TOLERANCE = 0.01  # relative distance from a stored frequency: 0.0316
 
 
 def packing_of(result, packing=None) -> Packing:
-    """As `source_of`, of a result of a packing. Raises InputError for one of a network, too."""
+    """As `source_of`, of a result of a packing. Raises InputError for a result of a network as well."""
     source = source_of(result, packing)
     if not isinstance(source, Packing):
         raise InputError(f"{result.path}: of a network. Give a result of a packing.")

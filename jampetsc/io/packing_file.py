@@ -88,8 +88,8 @@ def read_identified(source, comm=None, read=read_packing) -> tuple[Packing, tupl
     """
     if not isinstance(source, str | os.PathLike):
         return source, (None, source.fingerprint)
-    name, found = on_root(comm, lambda: (Path(source).name, read(source)))
-    return found, (name, found.fingerprint)
+    name, loaded = on_root(comm, lambda: (Path(source).name, read(source)))
+    return loaded, (name, loaded.fingerprint)
 
 
 def check_packing(path) -> None:

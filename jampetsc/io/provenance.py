@@ -35,8 +35,8 @@ scalar_type, petsc_options, ranks | text, text, int? | | if PETSc was used: real
 packing, packing_sha256 | text? | | name of the packing or network file it was made from, and hash of its disks:
   coordinates to the last bit, radii, cell, potential (`packing.fingerprint`), or of all of a network
 sources, source_runs | text? | | of spectrum, correlation and collapse: names of the files and their `run_id`
-law, normal, beta, rotations, eta_f, tau1 | text, float, float, bool, float, float > 0? | | damping law, and those of
-  these parameters that it has
+law, normal, beta, rotations, eta_f, tau1 | text, float, float, bool, float, float > 0? | | damping law, and its
+  parameters among these
 transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of a law of one's own; of one made in
   python, `law` is its label and weights of 0 are left out
 prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
@@ -44,7 +44,7 @@ alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplit
 dimension | int? | | 3 for spheres and for networks in three dimensions; missing: 2
 k, pressure, phi, particle_count, rattlers, coordination | float > 0, float, float, int > 0, int, float? | | of the
   packing: k, p, φ, N, disks without rigid contacts, Z without them
-bond_count, keep | int, float? | | of a network: number of bonds; share of those of the lattice or packing
+bond_count, keep | int, float? | | of a network: number of bonds; share of the bonds of the lattice or packing
 force_threshold | float? | | contacts with a smaller force are left out
 seed | int? | | of the packing, if it was made from a random start
 """,

@@ -56,7 +56,9 @@ class SweepResult(Result):
     def shear_modulus(self):
         """Shear modulus (M,), complex; of a tensor averaged over all directions. Raises InputError for other loads."""
         if not ("C" in self or is_shear(self.load)):
-            raise InputError(f"{self.path}: load {self.load} is no shear. Give a sweep of load xy or tensor.")
+            raise InputError(
+                f"{self.path}: load {self.load}, not a shear. Give a sweep of load xy or tensor."
+            )
         return self.G
 
     @property

@@ -109,7 +109,7 @@ share/nonaffine, share/normal, share/transverse, share/modulus | (M,) | float? |
 cumulative/nonaffine, cumulative/normal, cumulative/transverse, cumulative/modulus | (M,) | float? | | their sums up to
   each mode
 tensor/force | (M, L) | float? | | with `--load tensor`: such forces of the symmetric loads xx, yy, xy, shears with
-  E = ½(x̂ŷ + ŷx̂); the datasets above are then those of simple shear
+  E = ½(x̂ŷ + ŷx̂); the datasets above are then of simple shear
 tensor/modulus | (M, L) | float? | | shares of the non-affine part of the modulus of each, of the energy along
   F = 1 + εE; nan where that is zero or not unique
 lowest/count | (q,) | int? | | 10, 50 and 200, if they do not exceed M

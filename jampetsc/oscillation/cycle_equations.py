@@ -68,7 +68,7 @@ class Cycle:
         return np.tensordot(self._waves.conj().T, values, 1) * (2.0 / self.m)
 
     def samples(self, harmonics):
-        """Values (m, …) of harmonics c, first axis of any length; those of order above m are left out."""
+        """Values (m, …) of harmonics c, first axis of any length; orders above m are left out."""
         kept = harmonics[: len(self.orders)]
         waves = self._waves[:, : len(kept)]
         return np.tensordot(waves.real, kept.real, 1) - np.tensordot(waves.imag, kept.imag, 1)

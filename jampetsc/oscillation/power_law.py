@@ -16,7 +16,7 @@ inverse z(f) has a finite slope, so the force is the unknown:
 δ = 0 in the law itself; a small δ keeps the slope of f(z) finite where a contact sticks. For α > 1 z(f) has the
 infinite slope, and f(z) is used.
 
-Damping of the current contacts: their relative velocities, from those of disks and strain, and their forces.
+Damping of the current contacts: their relative velocities, from the velocities of disks and strain, and their forces.
 
 The relative velocities of a contact, times the square roots of the law's weights, are the vector z above. In a
 step of length h in which disks move by x (spins times h included) and the strain by s, z = Z (x, s) / h, and

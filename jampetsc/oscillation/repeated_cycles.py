@@ -12,7 +12,7 @@ weights b_i of the two stages, at whose ends forces balance, the error of the en
 the error of a quadrature of U̇, of third order in Δt; where disks rearrange suddenly within a long step it is the
 energy that they dissipate. It costs nothing to compute, and a step is accepted if it is below a limit. Steps have the
 length of a step of the cycle over a power of two, so that one factor serves for many steps. Harmonics are integrals by
-the same quadrature, so where the strain is imposed the error of a cycle is the sum of those of its steps.
+the same quadrature, so where the strain is imposed the error of a cycle is the sum of the errors of its steps.
 
 There are two runs, the first with half of the steps; the second starts where the first ended. Their difference
 estimates the error of the steps, and the changes of the last cycles, continued as a geometric series, that of ending

@@ -29,7 +29,7 @@ DENSE_SOLVE_UNKNOWNS = (
     30_000  # unknowns from which dense blocks are faster in the triangular solves of CHOLMOD
 )
 DENSE_BLOCK_UNKNOWNS = 250_000  # unknowns from which dense blocks are faster in the factorisation as well
-BASIS_RATIO = 2.5  # vectors of the basis for each eigenpair: so many that SLEPc hardly ever restarts
+BASIS_RATIO = 2.5  # vectors of the basis for each eigenpair, with which SLEPc hardly ever restarts
 MAX_LAPACK_UNKNOWNS = 8192  # unknowns up to which LAPACK finds all eigenpairs
 
 

@@ -204,7 +204,7 @@ def flow_units(results) -> FlowUnits:
         first_units = first_units or units
         if units != first_units:
             raise InputError(
-                f"{result.path}: units {attributes.get('units', 'unknown')}, not those of {results[0].path.name}. "
+                f"{result.path}: units {attributes.get('units', 'unknown')}, but {results[0].path.name} has others. "
                 "Draw files of equal units in one picture."
             )
     return first_units

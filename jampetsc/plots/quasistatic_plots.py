@@ -60,7 +60,7 @@ def groups_of(results) -> dict:
     """
     groups, first = {}, results[0]
     for result in results:
-        load, other = (str(one.attributes.get("load", DEFAULT)) for one in (result, first))
+        load, other = (str(item.attributes.get("load", DEFAULT)) for item in (result, first))
         if load != other:
             raise InputError(
                 f"{result.path}: {named('load')} {load}, but {first.path.name} has {other}. Draw files of one load."

@@ -53,8 +53,8 @@ def plot_poisson(results, page, statistic=None):
     bulk, shear = _averages(results, statistic)
     D = dimension_of(results[0]["C"])
     ratios = [
-        replace(one, G=poisson_ratio(one.G, other.G, D), bounds=_ratio_bounds(one, other, D))
-        for one, other in zip(bulk, shear, strict=True)
+        replace(K, G=poisson_ratio(K.G, G.G, D), bounds=_ratio_bounds(K, G, D))
+        for K, G in zip(bulk, shear, strict=True)
     ]
     ax = page.panels(x=OMEGA, y="$\\nu$\u2032, $\\nu$\u2033", log="x")
     ax.axhline(0.0, color=GREY, lw=0.5, ls=DOTTED)
@@ -125,7 +125,7 @@ def _averages(results, statistic):
 def _ratio_bounds(bulk, shear, D):
     """Errors of the real and the imaginary part of Poisson's ratio, to first order."""
     scale = 2.0 * D**2 / np.abs(D * (D - 1) * bulk.G + 2.0 * shear.G) ** 2
-    K, G = (np.max(np.reshape(one.bounds, (-1, len(one.G))), axis=0) for one in (bulk, shear))
+    K, G = (np.max(np.reshape(curve.bounds, (-1, len(curve.G))), axis=0) for curve in (bulk, shear))
     error = scale * (np.abs(shear.G) * K + np.abs(bulk.G) * G)
     return np.array([error, error])
 

@@ -210,7 +210,7 @@ OWN = jam_of(32, path="own.h5", units="those of the packing", stiffness="constan
         (plot_pressures, [jam_of(seeds=range(5))], "fewer than 10 jammed samples"),
         (plot_fraction, [jam_of(seeds=range(0))], "no sample reached"),
         (plot_pressures, KINDS, "7 kinds of samples"),
-        (plot_pressures, [KINDS[0], OWN], r"own\.h5: units those of the packing, not those of 4\.h5"),
+        (plot_pressures, [KINDS[0], OWN], r"own\.h5: units those of the packing, but 4\.h5"),
         (plot_jamming_densities, [jam_of()], "fewer than 10 values of phi_J"),
     ],
 )
