@@ -257,18 +257,18 @@ class Reference:
         x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, self._costless(), load)
         return without(self.free_moves(), x), value / self.area
 
+    def modulus(self, omega, load=0):
+        """G*(ω), complex double, each part right to the last digit or so."""
+        motions = self._motions(omega, load)
+        return complex(self._between(omega, (load, motions), (load, motions)))
+
     def tensor(self, omega):
         """C*(ω) of all pairs of loads, (L, L) complex, V⁻¹ (z_EE′ − z_Eᵀ Z⁻¹ z_E′), in extended precision."""
-        Z, m = self.K + COMPLEX(1j) * LONG(omega) * self.B, -len(self.loads)
-        fields = [self._relax(Z, self._costless(), load)[0] for load in range(len(self.loads))]
-        return (Z[m:, m:] + Z[m:, :m] @ np.array(fields).T) / self.area
+        solved = [(load, self._motions(omega, load)) for load in range(len(self.loads))]
+        return np.array([[self._between(omega, one, other) for other in solved] for one in solved])
 
-    def modulus(self, omega, load=0):
-        """G*(ω), complex double, each part right to the last digit or so.
-
-        The form's stationary value, summed over the squares it is made of: rounding of x counts to second
-        order only, and the smaller one of G' and G'' is not the rest of a difference.
-        """
+    def _motions(self, omega, load):
+        """Relative motions of the contacts and displacements under a load: (a∥, a⊥, a⊥ᶜ, ũ)."""
         x, _ = self.solution(omega, load)
         D, u = self.dimension, x.reshape(-1, self.dofs)
         n = self.r / self.distance[:, None]
@@ -276,28 +276,31 @@ class Reference:
         along = (n * bond).sum(axis=1)
         across = bond - n * along[:, None]
         rims = self.radii[self.i, None] * u[self.i, D:] + self.radii[self.j, None] * u[self.j, D:]
-        slide = across - np.einsum("cs,sab,cb->ca", rims, self.spins, n)
+        return along, across, across - np.einsum("cs,sab,cb->ca", rims, self.spins, n), u[:, :D]
 
-        law = self.law
+    def _between(self, omega, one, other):
+        """The modulus between two loads with their motions, in extended precision.
+
+        The form's stationary value, summed over the products it is made of: rounding of the fields counts to second
+        order only, and the smaller one of G' and G'' is not the rest of a difference.
+        """
+        (load, motions), (second, others) = one, other
+        law, omega = self.law, LONG(omega)
+        damping = self.k * LONG(law.tau1)
 
         def forms(part):
-            """`part` of all squares in K and in B, summed."""
-            K = (self.stiffness * part(along)).sum()
+            """`part` of all products in K and in B, summed."""
+            products = [part(a, b) for a, b in zip(motions, others, strict=True)]
+            K = (self.stiffness * products[0]).sum()
             if self.prestress:
-                K -= (self.force / self.distance * part(across).sum(axis=1)).sum()
-            weighted = (
-                (law.normal, along),
-                (law.transverse, across),
-                (law.sliding, slide),
-                (law.drag, u[:, :D]),
-            )
-            B = sum(LONG(weight) * part(motion).sum() for weight, motion in weighted)
-            return K, self.k * LONG(self.law.tau1) * B
+                K -= (self.force / self.distance * products[1].sum(axis=1)).sum()
+            weights = (law.normal, law.transverse, law.sliding, law.drag)
+            return K, damping * sum(LONG(w) * a.sum() for w, a in zip(weights, products, strict=True))
 
-        omega = LONG(omega)
-        (K, B), (K_cross, B_cross) = forms(lambda a: a.real**2 - a.imag**2), forms(lambda a: a.real * a.imag)
-        B += self.k * LONG(law.tau1) * LONG(law.eta_f) * self.area * self._fluid()[load, load]
-        return complex((K - 2 * omega * B_cross) / self.area, (omega * B + 2 * K_cross) / self.area)
+        K, B = forms(lambda a, b: a.real * b.real - a.imag * b.imag)
+        K_cross, B_cross = forms(lambda a, b: a.real * b.imag + a.imag * b.real)
+        B += damping * LONG(law.eta_f) * self.area * self._fluid()[load, second]
+        return (K - omega * B_cross + COMPLEX(1j) * (omega * B + K_cross)) / self.area
 
     def quasistatic(self, load=0):
         """(ũ (n, D), G0): the response without any damping."""
@@ -340,12 +343,13 @@ class Reference:
 class NetworkReference(Reference):
     """K, B and G* of a network of springs for `physics`, of its arrays alone; nodes without bonds left out."""
 
-    def __init__(self, network, physics):
+    def __init__(self, network, physics, loads=None):
         self.law, self.prestress = physics.law, physics.prestress
         self.k, cell = LONG(network.k), np.array(network.cell, LONG)
         self.dimension = D = len(cell)
-        self.loads = np.zeros((1, D, D), LONG)
-        self.loads[0, :2, :2] = SIMPLE_SHEAR
+        self.loads = np.zeros((1, D, D), LONG) if loads is None else np.array(loads, LONG)
+        if loads is None:
+            self.loads[0, :2, :2] = SIMPLE_SHEAR
         self.area = np.prod(np.diag(cell))
         self.disks = sorted({node for bond in network.bonds.tolist() for node in bond})
         self.number = {node: row for row, node in enumerate(self.disks)}

@@ -50,10 +50,11 @@ class Galerkin:
             rates, rotation, is_floppy = on_root(comm, lambda: _graded_eigen(K, B, slack))
             for columns in (fields, motions):
                 tall.rotate(columns[:, 1:], rotation)
-            still = -self.network.sum(motions[:, 1:].T @ (compatibility.w_K * motions[:, 0])) / rates
-            still[is_floppy] = 0.0  # their elastic load is rounding, as K does not resist them
-            fields[:, 0] += fields[:, 1:] @ still
-            motions[:, 0] += motions[:, 1:] @ still
+            for _ in range(2):  # the second time for what rounding of a larger first field leaves
+                still = -self.network.sum(motions[:, 1:].T @ (compatibility.w_K * motions[:, 0])) / rates
+                still[is_floppy] = 0.0  # their elastic load is rounding, as K does not resist them
+                fields[:, 0] += fields[:, 1:] @ still
+                motions[:, 0] += motions[:, 1:] @ still
         self.quasistatic, self.modes = fields[:, 0], fields[:, 1:]
         self._finish(motions, rates)
         self._motions = motions
@@ -120,11 +121,27 @@ class Galerkin:
         of_eta = (_rounding(viscous[0], 2.0 * reach_B[0]) + ROUNDING * c.drag_gg) / volume
         of_modes = 2.0 * weights * of_rates + 2.0 * rates * np.abs(loads) * of_loads / volume
         self._noise = RelaxationSpectrum(of_G0, of_eta, rates, of_modes)
+        # root sum of squares and of terms of the motions of x_qs and of the modes in K, of the flow and the modes in B
+        sizes_K, sizes_B = np.sqrt([elastic[1], *sizes]), np.sqrt([viscous[0], *np.ones(len(rates))])
+        self._terms = (sizes_K, reach_K), (sizes_B, reach_B)
 
     def rounding(self, omega):
         """What rounding can have changed in G' and in G'', (M, 2)."""
-        noise = self._noise.modulus(omega)
+        noise = self._noise.modulus(omega) + self._overlaps(np.asarray(omega, float))
         return np.column_stack((noise.real, noise.imag))
+
+    def _overlaps(self, omega):
+        """What products of different fields add to G' + iG'', (M,), that are zero but for rounding.
+
+        With a = s h/(λ + s) and b = h − a the field is x_qs − Σ a_m φ_m = x_∞ + Σ b_m φ_m. Its form in K is summed over
+        the first expression, that in B over the second, where x_qs and x_∞ are orthogonal to all modes.
+        """
+        amplitudes = np.array([self._amplitudes(one) for one in omega]).reshape(len(omega), -1)
+        of_K, of_B = (
+            _products(parts, *terms)
+            for parts, terms in zip((amplitudes, self.loads - amplitudes), self._terms, strict=True)
+        )
+        return (of_K + omega * (of_B.imag + 1j * of_B.real)) / self.network.volume
 
     def field(self, omega: float):
         """The non-affine field x(iω), complex (n_local,): x_qs − iω Σ_m h_m φ_m / (λ_m + iω)."""
@@ -139,6 +156,23 @@ class Galerkin:
         size = norms @ np.abs(np.append(1.0, self._amplitudes(omega)))
         squared = np.sqrt(2.0) * error * self.network.volume
         return field_bound(self.pencil, omega, self.field(omega), squared, size)
+
+
+def _products(weights, sizes, reach):
+    """Rounding of 2 Σ w_m ⟨0, m⟩ + Σ_{m≠n} w_m w_n ⟨m, n⟩, real and imaginary part, (M,), for weights (M, m), complex.
+
+    sizes, reach   (1 + m,) roots of Σ w a² and of the sum of squares of the terms of a, see `_rounding`
+    """
+    real, imaginary = (
+        (np.abs(part) @ sizes[1:], np.abs(part) @ reach[1:]) for part in (weights.real, weights.imag)
+    )
+
+    def product(one, other):
+        return ROUNDING * (one[0] * (other[0] + other[1]) + one[1] * (other[0] + ROUNDING * other[1]))
+
+    first = sizes[0], reach[0]
+    of_real = 2.0 * product(first, real) + product(real, real) + product(imaginary, imaginary)
+    return of_real + 2j * (product(first, imaginary) + product(real, imaginary))
 
 
 def _rounding(size, reach):

@@ -1,8 +1,9 @@
 """The ends of every range: certified and right, against extended precision.
 
-`benchmarks/extremes.py` has the whole matrix.
+`benchmarks/extremes.py` has the whole matrix, `benchmarks/bounds.py` hundreds of random laws, loads and networks.
 """
 
+import bounds
 import numpy as np
 import pytest
 from dense import Reference
@@ -34,6 +35,14 @@ def test_small_packings(session, sample, law):
         found = Sweep(sample(), law, OMEGA, accuracy, session.comm).solved()
         judge(found.G, found.bounds, wanted, accuracy, (law, accuracy))
         assert found.galerkin.spectrum.weights.min(initial=0.0) >= 0.0
+
+
+def test_random_cases():
+    """A packing at p = 2e-7, springs, and lattices with floppy modes, in whose sums small forces are rounding."""
+    found = [bounds.examine(bounds.draw(number)) for number in (2, 4, 465, 471)]
+    assert not any(one.refused for one in found) and sum(one.false_bounds for one in found) == 0
+    ratios = np.concatenate([one.ratios.ravel() for one in found])
+    assert ratios.max() > 0.1 and len(ratios) > 80  # of errors that a bound ten times as small would not hold
 
 
 @pytest.mark.parametrize("omega", [1e-14, 1e8], ids=str)
