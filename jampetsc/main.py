@@ -24,8 +24,8 @@ from jampetsc.version import VERSION
 
 REMEDIES = {errno.ENOSPC: ". Free some space, or write elsewhere.", errno.EACCES: ". Check its permissions."}
 MORE_MEMORY = "Use more nodes, or a smaller packing."
-OWN = ("-h", "-q", "-v")  # short options of the program's own
-PATIENCE = 2.0  # seconds that a rank in trouble waits for the others to report the same
+SHORT_OPTIONS = ("-h", "-q", "-v")  # short options of the program's own
+FAILURE_TIMEOUT = 2.0  # seconds that a failed rank waits for the others to report the same
 
 
 def main(argv=None):
@@ -71,20 +71,20 @@ def dispatch(argv):
         _complete()
     parser, commands = command_parser(words)
     try:
-        args, rest = parser.parse_known_args(words)
+        args, unknown = parser.parse_known_args(words)
     except InputError as error:
         if "required" not in str(error):
             raise
-        chosen = commands.choices.get(words[0])
-        options = chosen._option_string_actions if chosen else words
+        command = commands.choices.get(words[0])
+        options = command._option_string_actions if command else words
         for word in words:  # a required option may be missing because it was misspelt
             if word.startswith("--") and word.partition("=")[0] not in options:
-                raise InputError(_unknown(word, chosen)) from None
-        taken = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
-        hint = f". Options of PETSc took {', '.join(taken)}: put these last" if taken else ""
+                raise InputError(_unknown_word(word, command)) from None
+        values = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
+        hint = f". Options of PETSc took {', '.join(values)}. Put these last." if values else ""
         raise InputError(f"{error}{hint}") from None
-    if rest:
-        raise InputError(_unknown(rest[0], commands.choices[args.command]))
+    if unknown:
+        raise InputError(_unknown_word(unknown[0], commands.choices[args.command]))
     job = parse_job(args)
     takes_petsc = job.scalar is not None
     if petsc_argv and not takes_petsc:
@@ -95,7 +95,7 @@ def dispatch(argv):
     if petsc_argv:
         solver_options.check(args.command, {name: job_class(name).SOLVERS for name in JOBS}, petsc_argv)
     progress.report(-1 if args.quiet else 1 if args.verbose else 0)
-    if not takes_petsc and not _chosen(argv):
+    if not takes_petsc and not _is_working_rank(argv):
         return 0
     return run_command(job, args, petsc_argv)
 
@@ -109,7 +109,7 @@ def split_petsc(argv):
     words, petsc = [], []
     value_may_follow = False
     for token in argv:
-        option = bool(solver_options.OPTION.match(token)) and token not in OWN
+        option = bool(solver_options.OPTION.match(token)) and token not in SHORT_OPTIONS
         value = value_may_follow and not token.startswith("--")
         (petsc if option or value else words).append(token)
         value_may_follow = option
@@ -129,7 +129,7 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{message} (see {self.prog} --help)")
 
     def _print_message(self, message, file=None):  # help and version
-        if _chosen(sys.argv):
+        if _is_working_rank(sys.argv):
             super()._print_message(message, file)
 
 
@@ -148,10 +148,10 @@ def command_parser(words):
     name = words[0] if words else ""
     if name and name not in JOBS and not name.startswith("-"):
         raise InputError(f"{name}: no such command{suggest_name(name, JOBS)} (see jampetsc --help)")
-    whole = name in JOBS
-    names = [name] if whole else [] if name == "--version" else JOBS
+    is_command = name in JOBS
+    names = [name] if is_command else [] if name == "--version" else JOBS
     for command in names:
-        add_job(job_class(command), subparsers, whole)
+        add_job(job_class(command), subparsers, is_command)
     return parser, subparsers
 
 
@@ -160,11 +160,11 @@ def _complete():
     with contextlib.suppress(ImportError):
         import argcomplete
 
-        begun = os.environ["COMP_LINE"].split()[1:2]
-        argcomplete.autocomplete(command_parser(begun if begun and begun[0] in JOBS else ["--help"])[0])
+        words = os.environ["COMP_LINE"].split()[1:2]
+        argcomplete.autocomplete(command_parser(words if words and words[0] in JOBS else ["--help"])[0])
 
 
-def _unknown(token, parser):
+def _unknown_word(token, parser):
     """The message for a word that argparse left over."""
     word = token.partition("=")[0]
     if not word.startswith("-"):
@@ -173,7 +173,7 @@ def _unknown(token, parser):
     return f"{word}: no such option{near} (see {parser.prog} --help)"
 
 
-def _chosen(request):
+def _is_working_rank(request):
     """Whether this process runs a command that needs no MPI: of ranks with the same command line only one does.
 
     `request` is the command line. If mpirun started several ranks, MPI is started to compare them and then ended, so
@@ -183,20 +183,20 @@ def _chosen(request):
     if not MPI:
         return True
     requests = MPI.COMM_WORLD.allgather((request, os.getcwd()))
-    chosen = requests.index(requests[MPI.COMM_WORLD.rank]) == MPI.COMM_WORLD.rank
+    is_first = requests.index(requests[MPI.COMM_WORLD.rank]) == MPI.COMM_WORLD.rank
     if not was_loaded:
         MPI.Finalize()
-    return chosen
+    return is_first
 
 
 def _fail(message, status):
-    """Print `message` once and return `status`; abort the MPI job if not all ranks fail within PATIENCE seconds."""
+    """Print `message` once and return `status`; abort the MPI job unless all ranks fail within FAILURE_TIMEOUT."""
     MPI = _mpi()  # a rank that left before another has printed would end the job without a word
     if not MPI:
         _print_error(message)
         return status
     comm = MPI.COMM_WORLD
-    all_here, deadline = comm.Ibarrier(), time.monotonic() + PATIENCE
+    all_here, deadline = comm.Ibarrier(), time.monotonic() + FAILURE_TIMEOUT
     while not all_here.Test():
         if time.monotonic() > deadline:
             _print_error(f"rank {comm.rank}: {message}")

@@ -109,7 +109,7 @@ examples:
         from jampetsc.analysis.collapse_fit import drift
         from jampetsc.commands import scaling
 
-        began, form = time.perf_counter(), self.form
+        start_time, form = time.perf_counter(), self.form
         results = [load_source(source) for source in self._sources()]
         points = scaling.read_points(results, self.observable, self.finite_size)
         low, high = self.range or (0.0, math.inf)
@@ -123,7 +123,7 @@ examples:
         _, fit, estimates = cuts[0]
         notes = scaling.notes_of(points, fit, estimates, self.finite_size)
         arrays, facts = self._arrays(points, fit, cuts), self._attributes(results[0], fit, estimates, notes)
-        write_derived(to, self.FORMAT, results, began, arrays, **facts)
+        write_derived(to, self.FORMAT, results, start_time, arrays, **facts)
         return _summary(to, self, points, cuts, notes)
 
     def _arrays(self, points, fit, cuts):

@@ -145,7 +145,7 @@ class Correlate(Job):
 
 def _of_flows(job, flows, to) -> str:
     """Correlate transverse velocities in the snapshots of flows; returns the summary. Raises InputError."""
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     for name in ("omega", "packing", "phase"):
         if getattr(job, name) is not None:
             raise InputError(
@@ -165,7 +165,7 @@ def _of_flows(job, flows, to) -> str:
         "pairs": correlation.pairs,
     }
     write_derived(
-        *(to, VELOCITIES, flows, began, arrays),
+        *(to, VELOCITIES, flows, start_time, arrays),
         **{name: flows[0].attributes.get(name) for name in ("model", "rate", "mass", "units")},
         lane_width=widths[0] * correlation.diameter,
         bin_width=bin_ * correlation.diameter,
@@ -185,7 +185,7 @@ def _of_flows(job, flows, to) -> str:
 
 def _of_sweeps(job, sweeps, to) -> str:
     """Correlate displacement fields of sweeps, one per packing, averaged; returns the summary. Raises InputError."""
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     if job.bin is not None:
         raise InputError(
             f"{named('bin')} {job.bin:g}: an option of flows, but {sweeps[0].path} is a sweep. Leave it out."
@@ -218,7 +218,7 @@ def _of_sweeps(job, sweeps, to) -> str:
             len(results), -1, 2, *values.shape[2:]
         )  # Re and Im of each field
     write_derived(
-        *(to, job.FORMAT, sweeps, began, arrays),
+        *(to, job.FORMAT, sweeps, start_time, arrays),
         **_mean_pressure(sweeps),
         phase=phase,
         packings=len(sweeps),

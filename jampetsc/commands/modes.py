@@ -1,6 +1,5 @@
 """Vibrational modes of a packing."""
 
-import time
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -72,9 +71,9 @@ of them, are found by LAPACK, which takes no options."""
         from jampetsc.commands.packing_network import read_network
         from jampetsc.response.vibrations import lowest_modes
 
-        started, session = time.perf_counter(), current()
+        session = current()
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
-        source = read_network(self.packing, self.prestress, to, started)
+        source = read_network(self.packing, self.prestress, to)
         with about(source.name), session.stage("modes"):
             load, tensor = load_and_tensor(self.load, len(source.source.cell))
             modes = lowest_modes(source.network, count, self.below, source.proved, load, tensor)

@@ -1,7 +1,6 @@
 """Steady oscillations of a packing with power-law damping, without the equivalent linear damping."""
 
 import math
-import time
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -178,8 +177,8 @@ A killed run continues when the same command is given again."""
         from jampetsc.packing.packing import require_plane
         from jampetsc.petsc.session import current
 
-        started, session = time.perf_counter(), current()
-        source = read_network(self.packing, self.prestress, to, started, read_packing)
+        session = current()
+        source = read_network(self.packing, self.prestress, to, read_packing)
         with session.stage("assembly"), about(source.name):
             require_plane(
                 source.source, "Oscillations are of disks in a plane: give a two-dimensional packing."

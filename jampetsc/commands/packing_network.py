@@ -29,7 +29,7 @@ class PackingNetwork:
     source: Packing | Network
     identity: tuple  # name of its file and sha256
     network: DistributedNetwork
-    started: float  # time.perf_counter() at the start of the run
+    start_time: float  # time.perf_counter() before it was read
 
     @property
     def proved(self) -> bool:
@@ -46,7 +46,11 @@ class PackingNetwork:
         network = self.network
         return {
             **run_provenance(
-                time.perf_counter() - self.started, session.current(), network.comm.size, law, self.identity
+                time.perf_counter() - self.start_time,
+                session.current(),
+                network.comm.size,
+                law,
+                self.identity,
             ),
             "pressure": network.pressure,
             "k": network.k,
@@ -68,14 +72,14 @@ class PackingNetwork:
         }
 
 
-def read_network(packing, prestress: bool, to, started: float, read=read_source) -> PackingNetwork:
+def read_network(packing, prestress: bool, to, read=read_source) -> PackingNetwork:
     """The bonds of a packing or a network, in memory or a file, from which the result in `to` is made. Collective.
 
     read   `packing_file.read_packing` for a command that takes packings alone
 
     Warns where forces are not balanced. Raises InputError, naming a packing, where it is not rigid.
     """
-    comm, name = session.current().comm, source_name(packing)
+    start_time, comm, name = time.perf_counter(), session.current().comm, source_name(packing)
     source, identity = read_identified(packing, comm, read)
     to.set_source(source)
     with session.current().stage("assembly"), about(name):
@@ -85,4 +89,4 @@ def read_network(packing, prestress: bool, to, started: float, read=read_source)
         warn(
             f"{name}: forces are not balanced, {network.imbalance_text}, so {WARNING[type(source)]} as they are"
         )
-    return PackingNetwork(name, source, identity, network, started)
+    return PackingNetwork(name, source, identity, network, start_time)

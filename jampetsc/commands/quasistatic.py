@@ -1,6 +1,5 @@
 """Response of a packing or a network to slow shear."""
 
-import time
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -66,8 +65,8 @@ PETSc options: -shift_… for the factorisations."""
         from jampetsc.commands.packing_network import read_network
         from jampetsc.response.slow_response import solve_quasistatic
 
-        started, session = time.perf_counter(), current()
-        source = read_network(self.packing, self.prestress, to, started)
+        session = current()
+        source = read_network(self.packing, self.prestress, to)
         with about(source.name):
             betas = () if self.betas is None else self.betas.tolist()
             load, tensor = load_and_tensor(self.load, len(source.source.cell))

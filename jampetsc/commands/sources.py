@@ -60,12 +60,12 @@ def _wanted(where) -> dict:
     return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
 
 
-def write_derived(to, format, results, began, arrays: dict, **attributes) -> None:
+def write_derived(to, format, results, start_time, arrays: dict, **attributes) -> None:
     """Write a result that was computed from other results: arrays by name, and attributes besides those they share.
 
-    began   time.perf_counter() at the start
+    start_time   time.perf_counter() at the start
     """
     with to.writer(format) as writer:
         for name, values in arrays.items():
             writer.dataset(name, values)
-        writer.attributes(**derived_from(results, time.perf_counter() - began) | attributes)
+        writer.attributes(**derived_from(results, time.perf_counter() - start_time) | attributes)

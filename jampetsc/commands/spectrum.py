@@ -96,11 +96,11 @@ class Spectrum(Job):
 
 def _write(sweep, to, window):
     """Write the result and return the summary."""
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     slowest, fastest = sweep.frequency_range
     response = transient(sweep.spectrum, slowest, fastest, window)
     ends = {"slowest_omega": slowest, "fastest_omega": fastest}
-    write_derived(to, Spectrum.FORMAT, [sweep], began, response.arrays, **response.numbers | ends)
+    write_derived(to, Spectrum.FORMAT, [sweep], start_time, response.arrays, **response.numbers | ends)
     return _summary(to, sweep, response)
 
 

@@ -1,6 +1,5 @@
 """G*(ω) of a packing or a network."""
 
-import time
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -167,8 +166,8 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         from jampetsc.commands.packing_network import read_network
         from jampetsc.response.minimum_check import check_minimum
 
-        started, frequencies = time.perf_counter(), self.frequencies
-        source = read_network(self.packing, self.prestress, to, started)
+        frequencies = self.frequencies
+        source = read_network(self.packing, self.prestress, to)
         with about(source.name):
             minimum = check_minimum(source.network, source.proved, count=self.method != "direct")
         method = "direct" if minimum.negative_modes else self.method

@@ -69,7 +69,7 @@ class Cholesky:
             matrix.setOption(property, True)
         defaults = CHOLMOD_DEFAULTS if fits_cholmod(matrix) else MUMPS_DEFAULTS
         self.ksp = mumps.make_ksp(matrix.getComm(), prefix, CHOLESKY_DEFAULTS | defaults)
-        self._left, self._step = matrix.createVecs()
+        self._residual, self._step = matrix.createVecs()
         self.doubt = "nothing has been factorised"
 
     def factorise(self) -> None:
@@ -103,13 +103,13 @@ class Cholesky:
         self._apply(rhs, out)
         error = np.inf
         for _ in range(MAX_REFINEMENTS):
-            left, size = self._residual(rhs, out)
-            before, error = error, left / size if left else 0.0
+            residual, size = self._compute_residual(rhs, out)
+            previous, error = error, residual / size if residual else 0.0
             if error <= SOLVE_TOLERANCE:
-                return left + ROUNDING_RATIO * size
-            if not error <= 0.5 * before:  # nan as well
+                return residual + ROUNDING_RATIO * size
+            if not error <= 0.5 * previous:  # nan as well
                 break
-            self._apply(self._left, self._step)
+            self._apply(self._residual, self._step)
             out.axpy(1.0, self._step)
         raise ConvergenceError(
             f"solve with {self.what}: a residual of {error:.0e} is left and refinement does not remove it. Choose a "
@@ -121,21 +121,21 @@ class Cholesky:
         if self.project is not None:
             self.project(out.getArray())
 
-    def _residual(self, rhs, x):
+    def _compute_residual(self, rhs, x):
         """(|b − A x|, |A| |x| + |b|); the residual b − A x stays in `_left`."""
-        self.matrix.mult(x, self._left)
-        self._left.aypx(-1.0, rhs)
-        return self._left.norm(), self._norm * x.norm() + rhs.norm()
+        self.matrix.mult(x, self._residual)
+        self._residual.aypx(-1.0, rhs)
+        return self._residual.norm(), self._norm * x.norm() + rhs.norm()
 
     def energy(self, rhs) -> tuple[float, float]:
-        """(e, left): bᵀA⁻¹b = e + ρᵀA⁻¹ρ of a PETSc vector b = `rhs`, with |ρ| ≤ left. Collective.
+        """(e, residual): bᵀA⁻¹b = e + ρᵀA⁻¹ρ of a PETSc vector b = `rhs`, with |ρ| ≤ residual. Collective.
 
         For x with A x = b − ρ: bᵀA⁻¹b = xᵀA x + 2 xᵀρ + ρᵀA⁻¹ρ = xᵀb + xᵀρ + ρᵀA⁻¹ρ, exactly. Raises as `solve`.
         """
         x = rhs.duplicate()
-        left = self.solve(rhs, x)
-        e = x.dot(rhs) + x.dot(self._left)
-        return float(e), left
+        residual = self.solve(rhs, x)
+        e = x.dot(rhs) + x.dot(self._residual)
+        return float(e), residual
 
     def prove(self) -> bool:
         """Whether the last `factorise` proves that the matrix is positive definite. Collective.
@@ -218,8 +218,8 @@ def least_eigenvalue(start, step, trials: int = PROOF_TRIALS) -> float:
     for _ in range(trials):
         x, factors = start(), []  # of |λ|⁰, |λ|¹, …
         for _ in range(PROOF_STEPS):
-            x, left, size = step(x)
-            factors.append(left)
+            x, residual, size = step(x)
+            factors.append(residual)
         factors.append(size)
         share = max(PROOF_TAU - factors[0], 0.0) / PROOF_STEPS
         least = min(least, *((share / factors[k]) ** (1.0 / k) for k in range(1, PROOF_STEPS + 1)))
@@ -236,7 +236,7 @@ def least_singular_value(start, step) -> float:
     """
 
     def turned(x):
-        y, left, size = step(x)
-        return np.conj(y), left, size
+        y, residual, size = step(x)
+        return np.conj(y), residual, size
 
     return least_eigenvalue(start, turned, trials=1)

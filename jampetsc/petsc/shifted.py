@@ -91,12 +91,15 @@ class ShiftedFactor:
         Returns and raises as `Cholesky.solve`; the residual is that of the scaled system.
         """
         self._scale(rhs)
-        left = self.cholesky.solve(self.work, out)
+        residual = self.cholesky.solve(self.work, out)
         out.pointwiseMult(self.scale, out)
-        return left
+        return residual
 
     def energy(self, rhs) -> tuple[float, float]:
-        """(e, left): bᵀA⁻¹b = e + ρᵀA⁻¹ρ for b = `rhs`, with ρᵀD⁻¹ρ ≤ left², D the diagonal of A. Collective."""
+        """(e, residual): bᵀA⁻¹b = e + ρᵀA⁻¹ρ for b = `rhs`, with ρᵀD⁻¹ρ ≤ residual², D the diagonal of A.
+
+        Collective.
+        """
         self._scale(rhs)
         return self.cholesky.energy(self.work)
 
@@ -119,9 +122,9 @@ class ShiftedFactor:
         def step(x):
             rhs.setArray(x)
             if self.project is None:
-                left = self.cholesky.solve(rhs, out)
+                residual = self.cholesky.solve(rhs, out)
             else:
-                left = largest * self.solve(rhs, out)
-            return out.getArray().copy(), left, out.norm()
+                residual = largest * self.solve(rhs, out)
+            return out.getArray().copy(), residual, out.norm()
 
         return least_eigenvalue(start, step)

@@ -107,13 +107,15 @@ A failed task is a row with its reason, and the next run tries it again; the exi
         from jampetsc.petsc import session
         from jampetsc.studies import study_run
 
-        began, running = time.perf_counter(), session.current()
+        start_time, running = time.perf_counter(), session.current()
         content = on_root(running.comm, self._content)  # of one rank for all: it may be edited meanwhile
         tasks = plan(self._named, content)
         rows = study_run.run_study(tasks, to.path, self._named, content, running)
         failures = [row for row in rows if row["state"] != "done"]
         to.status = FAILURE_STATUS if failures else 0
-        return _summary(to.path / TABLE, rows, failures, study_run.duration_text(time.perf_counter() - began))
+        return _summary(
+            to.path / TABLE, rows, failures, study_run.duration_text(time.perf_counter() - start_time)
+        )
 
 
 def _summary(table, rows, failures, elapsed) -> str:

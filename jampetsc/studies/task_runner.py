@@ -78,7 +78,7 @@ class TaskRunner:
         together   whether all ranks share the task: then it is collective, and unexpected errors, which only one rank
                    may meet, are raised. Else nothing but an interrupt is raised.
         """
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         previous, names = self.records.get(task.name), [source.name for source in available]
         record = {"task": task.name, "inputs": names, "row": {}}
         try:
@@ -102,7 +102,7 @@ class TaskRunner:
                 raise
             message = session.petsc_message(error) if session.petsc_error(error) else str(error)
             state, why, numbers = "failed", f"{type(error).__name__}: {message}", {}
-        seconds = time.perf_counter() - began
+        seconds = time.perf_counter() - start_time
         why = " ".join(why.replace(f"{self.folder}{os.sep}", "").split()).removeprefix(f"{task.file}: ")
         return record | {"state": state, "why": why, "seconds": seconds, "row": row_of(task, numbers)}
 

@@ -45,7 +45,7 @@ def run(words, ranks: int | None = None) -> ProcessOutcome:
     """Run `jampetsc words` to its end, on `ranks` ranks under mpirun or without it."""
     command = [*launcher(ranks), sys.executable, "-m", "jampetsc", *map(str, words)]
     with tempfile.TemporaryFile() as errors:
-        began, nothing = time.perf_counter(), subprocess.DEVNULL
+        start_time, nothing = time.perf_counter(), subprocess.DEVNULL
         environment = without_launcher(os.environ)
         interrupts.check()
         with interrupts.waiting():
@@ -57,7 +57,7 @@ def run(words, ranks: int | None = None) -> ProcessOutcome:
                 process.wait()
                 raise
         process.returncode = os.waitstatus_to_exitcode(status)
-        seconds = time.perf_counter() - began
+        seconds = time.perf_counter() - start_time
         errors.seek(0)
         text = errors.read().decode(errors="replace")
     error = _reason(text, process.returncode) if process.returncode else ""

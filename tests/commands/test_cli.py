@@ -91,7 +91,7 @@ def test_one_command_is_imported_unless_all_are_asked_for():
         ("sweep p.h5 --zzz --out", "argument --out: expected one argument (see jampetsc sweep --help)"),
         ("sweep p.h5 q.h5 --out s.h5", "q.h5: one argument too many (see jampetsc sweep --help)"),
         ("sweep --out s.h5 -log_view p.h5", "the following arguments are required: PACKING (see jampetsc sweep "
-         "--help). Options of PETSc took p.h5: put these last"),
+         "--help). Options of PETSc took p.h5. Put these last."),
         ("info p.h5 -log_view", "info -log_view: an option of PETSc, which this command does not use. Leave it out; "
          "options of jampetsc begin with --."),
         ("sweep p.h5 --out s.h5 --beta x -log_view", "--beta x: must be a number"),
