@@ -1,4 +1,4 @@
-"""What `jampetsc info` says: packings, results and matrices as aligned text."""
+"""Packings, networks, results and matrices as aligned text, for `jampetsc info` and commands that make a network."""
 
 import itertools
 
@@ -12,14 +12,27 @@ from jampetsc.laws.loads import AXES
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
 from jampetsc.packing.minimum_proof import ENTRIES, proved_minimum
 from jampetsc.packing.packing import PARTICLES
+from jampetsc.packing.spring_network import Network
 from jampetsc.streams import visible
 
 DIGITS = 10  # of numbers, enough to compare them with published ones
 MAX_LISTED_VALUES = 6  # of a setting
 RECORD_TOLERANCE = 1e-6  # largest relative difference from a recorded value without a note
+LIBRARIES = ("jampetsc", "petsc", "slepc", "mumps", "mpi", "mpi4py", "numpy", "h5py", "python")
+HEADER_ATTRIBUTES = (
+    "format",
+    "format_version",
+    "run_id",
+    "argv",
+    "petsc_options",
+    "packing",
+    "packing_sha256",
+    "date",
+)
+RUN_ATTRIBUTES = ("ranks", "scalar_type", "wall_seconds", "git_commit")
 
 
-def table(rows) -> str:
+def aligned_text(rows) -> str:
     """Rows (name, value, …) in columns; a row of one word is a heading."""
     return "\n".join(
         row[0] if len(row) == 1 else "  " + "  ".join(row).rstrip()
@@ -27,16 +40,16 @@ def table(rows) -> str:
     )
 
 
-def number(value) -> str:
+def number_text(value) -> str:
     """A number in DIGITS digits, several with commas; anything else as str."""
     if isinstance(value, float):
         return f"{value:.{DIGITS}g}"
     if isinstance(value, np.ndarray):
-        return ", ".join(number(entry) for entry in value.tolist())
+        return ", ".join(number_text(entry) for entry in value.tolist())
     return str(value)
 
 
-def study(path, ensemble) -> str:
+def describe_study(path, ensemble) -> str:
     """How many tasks of each command are done, the values of every setting, and why tasks failed."""
     rows = [(f"{path}: study of {ensemble.rows} tasks",)]
     for command in dict.fromkeys(ensemble["command"].tolist()):
@@ -49,14 +62,14 @@ def study(path, ensemble) -> str:
             value for value in np.unique(ensemble.get(name, [])).tolist() if value == value and value != ""
         ]
         if values:
-            shown = values if len(values) <= MAX_LISTED_VALUES else [*values[:2], "…", values[-1]]
-            text = ", ".join(value if isinstance(value, str) else f"{value:.6g}" for value in shown)
+            listed = values if len(values) <= MAX_LISTED_VALUES else [*values[:2], "…", values[-1]]
+            text = ", ".join(value if isinstance(value, str) else f"{value:.6g}" for value in listed)
             rows.append(
                 (name, text + (f"  ({len(values)} values)" if len(values) > MAX_LISTED_VALUES else ""))
             )
     failed = zip(*(ensemble.failed[column] for column in ("file", "state")), strict=True)
     reasons = [visible(f"  {name}: {why}") for name, why in failed]
-    return "\n".join([table(rows), *reasons])
+    return "\n".join([aligned_text(rows), *reasons])
 
 
 def cell_text(cell) -> str:
@@ -65,7 +78,7 @@ def cell_text(cell) -> str:
     return ", ".join(f"a{number} = ({row})" for number, row in enumerate(rows, 1))
 
 
-def packing(path, disks) -> str:
+def describe_packing(path, disks) -> str:
     """Geometry, state and record of a packing; published values stand beside the computed ones."""
     state, record = measure(disks), dict(disks.record)
     radii, law, axes = disks.radii, disks.potential, AXES[: disks.dimension]
@@ -90,17 +103,23 @@ def packing(path, disks) -> str:
     for name, (label, value) in computed.items():
         published = record.pop(f"published_{name}", None)
         rows.append(
-            (label, number(value), *([] if published is None else [f"published {number(published)}"]))
+            (
+                label,
+                number_text(value),
+                *([] if published is None else [f"published {number_text(published)}"]),
+            )
         )
         recorded = record.pop(name, None)
         if isinstance(recorded, float) and abs(recorded - value) > RECORD_TOLERANCE * abs(value):
-            notes.append(f"the file records {name} = {number(recorded)}: its positions have changed since")
+            notes.append(
+                f"the file records {name} = {number_text(recorded)}: its positions have changed since"
+            )
     for a, b in itertools.combinations(axes, 2):
         record.pop(f"published_stress_{b}{a}", None)
     rows += [
         ("contacts", f"{len(state.contacts)} that carry more than {state.threshold:.3g}"),
         ("rattlers", f"{rattlers} ({100.0 * rattlers / disks.n:.2g} %)"),
-        ("coordination Z", f"{number(state.coordination)} without rattlers"),
+        ("coordination Z", f"{number_text(state.coordination)} without rattlers"),
         ("max |F| / p", _residual(disks, state)),
     ]
     stated = record.get("negative_modes")
@@ -112,8 +131,8 @@ def packing(path, disks) -> str:
         record.pop(name, None)
     if record:
         rows.append(("recorded in the file",))
-        rows += [(name, number(value)) for name, value in sorted(record.items())]
-    return "\n".join([table(rows), *(f"note: {note}" for note in notes)])
+        rows += [(name, number_text(value)) for name, value in sorted(record.items())]
+    return "\n".join([aligned_text(rows), *(f"note: {note}" for note in notes)])
 
 
 def _residual(disks, state):
@@ -121,11 +140,6 @@ def _residual(disks, state):
         return "no contacts: below jamming"
     remark = "" if imbalance(disks, state) <= BALANCED else ": forces are not balanced"
     return f"{state.max_force / state.pressure:.2e}{remark}"
-
-
-LIBRARIES = ("jampetsc", "petsc", "slepc", "mumps", "mpi", "mpi4py", "numpy", "h5py", "python")
-HEADER = ("format", "format_version", "run_id", "argv", "petsc_options", "packing", "packing_sha256", "date")
-HOW = ("ranks", "scalar_type", "wall_seconds", "git_commit")
 
 
 def _origin(a):
@@ -137,7 +151,7 @@ def _origin(a):
     return f"{a['particle_count']} random disks" if "particle_count" in a else "an unknown packing"
 
 
-def result(path, loaded) -> str:
+def describe_result(path, loaded) -> str:
     """Origin, law and contents of a result."""
     a = dict(loaded.attributes)
     scalar = a.get("scalar_type")
@@ -145,7 +159,7 @@ def result(path, loaded) -> str:
     rows = [
         (f"{path}: {kind} of {_origin(a)}",),
         *([("packing sha256", str(a.get("packing_sha256", "unknown")))] if "packing" in a else []),
-        ("law", ", ".join(f"{name} = {number(value)}" for name, value in loaded.law.items()) or "none"),
+        ("law", ", ".join(f"{name} = {number_text(value)}" for name, value in loaded.law.items()) or "none"),
         ("made", f"{a.get('date', 'unknown')} in {a.get('wall_seconds', float('nan')):.3g} s"),
         ("command", str(a.get("argv", "unknown"))),
         ("PETSc options", str(a.get("petsc_options", "")) or "none"),
@@ -163,16 +177,16 @@ def result(path, loaded) -> str:
     ]
     if "G" in loaded:
         rows += _moduli(loaded)
-    listed = {*HEADER, *HOW, *loaded.law, *(f"{name}_version" for name in LIBRARIES)}
-    rest = {name: value for name, value in a.items() if name not in listed}
-    if rest:
+    listed = {*HEADER_ATTRIBUTES, *RUN_ATTRIBUTES, *loaded.law, *(f"{name}_version" for name in LIBRARIES)}
+    remaining = {name: value for name, value in a.items() if name not in listed}
+    if remaining:
         rows.append(("attributes",))
-        rows += [(name, number(value)) for name, value in sorted(rest.items())]
+        rows += [(name, number_text(value)) for name, value in sorted(remaining.items())]
     rows.append(("datasets",))
     rows += [
         (name, str(loaded.stored(name).shape), str(loaded.stored(name).dtype)) for name in sorted(loaded)
     ]
-    return table(rows)
+    return aligned_text(rows)
 
 
 def _files(parts):
@@ -194,7 +208,7 @@ def _moduli(sweep):
     return rows
 
 
-def matrices(network, is_packing, physics, facts, ranks) -> str:
+def describe_matrices(network, is_packing, physics, facts, ranks) -> str:
     """Sizes, symmetry and inertia of K and B, and whether the packing, or the network, is a minimum."""
     from jampetsc.petsc.inertia import SHIFT
 
@@ -211,7 +225,7 @@ def matrices(network, is_packing, physics, facts, ranks) -> str:
         ("nonzeros", f"{facts.nonzeros} in each of K and B, one pattern"),
         *(
             (
-                ("contacts", f"{contacts}, Z = {number(2.0 * contacts / network.n)}"),
+                ("contacts", f"{contacts}, Z = {number_text(2.0 * contacts / network.n)}"),
                 ("Maxwell's count", f"{contacts} contacts − ({D}·{network.n} − {D}) = {excess} in excess"),
             )
             if is_packing
@@ -228,10 +242,10 @@ def matrices(network, is_packing, physics, facts, ranks) -> str:
     head = len(rows) - 4
     return "\n".join(
         [
-            table(rows[:head]),
-            table(rows[head:]),
+            aligned_text(rows[:head]),
+            aligned_text(rows[head:]),
             f"  inertia of L D Lᵀ; zero: within {SHIFT:.0e} of it, the matrix scaled to a unit diagonal",
-            *verdict(facts, network.imbalance <= BALANCED),
+            *minimum_lines(facts, network.imbalance <= BALANCED),
         ]
     )
 
@@ -247,7 +261,7 @@ def _pins(facts):
     return f"{facts.pins}: {facts.translations} translations" + gears * (facts.pins > facts.translations)
 
 
-def verdict(facts, at_rest) -> list[str]:
+def minimum_lines(facts, at_rest) -> list[str]:
     """Lines that say what the numbers of eigenvalues mean; at_rest: the forces are balanced."""
     K, free = facts.with_prestress, facts.without_prestress
     lines = []
@@ -271,3 +285,37 @@ def verdict(facts, at_rest) -> list[str]:
     if facts.damping.zero:
         lines.append(f"B lets {facts.damping.zero} moves pass besides those pinned")
     return lines
+
+
+def describe_network(name, network: Network) -> str:
+    """Cell, bonds, forces and record of a network."""
+    bonds = network.linear_bonds
+    isolated = int(np.count_nonzero(network.isolated))
+    record = {key: value for key, value in network.record.items() if key != "protocol"}
+    return aligned_text(
+        [
+            (f"{name}: network of {network.n} nodes and {len(bonds)} bonds",),
+            ("made by", str(network.record.get("protocol", "unknown"))),
+            ("cell", f"{cell_text(network.cell)}, V = {network.volume:.9g}"),
+            ("bonds", f"{2 * len(bonds) / network.n:.6g} for each node; {isolated} nodes have none"),
+            ("lengths", _range(bonds.distance)),
+            ("stiffness", f"{_range(bonds.stiffness)}, unit k = {network.k:g}"),
+            ("forces", _forces(network)),
+            ("radii", "none: nodes do not roll" if network.radii is None else _range(network.radii)),
+            *((key, number_text(value)) for key, value in sorted(record.items()) if value is not None),
+        ]
+    )
+
+
+def _range(values):
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.6g}" if high - low <= 1e-12 * abs(high) else f"{low:.6g} to {high:.6g}"
+
+
+def _forces(network):
+    if not network.tension.any():
+        return "none: every bond is at rest"
+    push, pull = (int(np.count_nonzero(sign * network.tension > 0)) for sign in (-1, 1))
+    balance = network.imbalance
+    state = "balanced" if balance <= BALANCED else f"not balanced, max |F| / mean |T| = {balance:.1e}"
+    return f"{push} bonds push, {pull} pull; p = {network.pressure:.6g}; {state}"

@@ -7,8 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jampetsc.commands import describe_network
-from jampetsc.commands.describe import cell_text
+from jampetsc.commands.describe import cell_text, describe_network
 from jampetsc.commands.pack import PHIS
 from jampetsc.errors import InputError, named, option_word
 from jampetsc.io.exchange import READERS
@@ -107,7 +106,7 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
             options = {name: getattr(self, name) for name in ("format", "radius", "box", "k")}
             network = import_network(self.file, self.bonds, self.index, **options)
             to.put_network(network)
-            return describe_network.network(to, network)
+            return describe_network(to, network)
         how = ("format", "radius", "box", "potential", "stiffness", "k")
         disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in how})
         to.put_packing(disks)

@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.commands import describe, describe_network
+from jampetsc.commands import describe
 from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import Ensemble
 from jampetsc.io.packing_file import read_identified, read_source
@@ -17,7 +17,11 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc import session
 
-DESCRIBE = {Packing: describe.packing, Network: describe_network.network, Ensemble: describe.study}
+DESCRIBE = {
+    Packing: describe.describe_packing,
+    Network: describe.describe_network,
+    Ensemble: describe.describe_study,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +83,7 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         if self.matrices:
             return self._with_matrices(name)
         loaded = load_source(self.file)
-        return DESCRIBE.get(type(loaded), describe.result)(name, loaded)
+        return DESCRIBE.get(type(loaded), describe.describe_result)(name, loaded)
 
     def _with_matrices(self, name):
         from jampetsc.network.contact_network import build_network
@@ -89,5 +93,7 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         source, _ = read_identified(self.file, running.comm, read_source)
         network = build_network(source, running.comm, self.prestress)
         facts = examine(network, self.law)
-        counts = describe.matrices(network, isinstance(source, Packing), self.physics, facts, running.size)
+        counts = describe.describe_matrices(
+            network, isinstance(source, Packing), self.physics, facts, running.size
+        )
         return f"{DESCRIBE[type(source)](name, source)}\n\n{counts}"

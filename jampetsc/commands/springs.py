@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jampetsc.commands import describe_network
+from jampetsc.commands.describe import describe_network
 from jampetsc.errors import InputError, named
 from jampetsc.io.packing_file import NETWORK_FORMAT, read_identified, read_source
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
@@ -73,7 +73,7 @@ class Springs(Job):
         if self.keep < 1.0:
             network = network.diluted(self.keep, self.seed).with_record(keep=self.keep, seed=self.seed)
         to.put_network(network)
-        return describe_network.network(to, network)
+        return describe_network(to, network)
 
     def _of_source(self):
         source, (name, digest) = read_identified(self.source, read=read_source)

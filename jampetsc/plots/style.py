@@ -120,7 +120,7 @@ def entry(label, color="0.2", **look) -> Line2D:
 
 
 def hidden(name) -> str:
-    """The label of what a legend does not name, and a table of numbers does (`picture_table`)."""
+    """The label of what a legend does not name, and the table of its numbers does."""
     return f"_:{name}"
 
 

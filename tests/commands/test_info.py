@@ -58,11 +58,11 @@ def shaken(disks, record=None):
 
 def test_what_is_wrong_with_a_packing_is_said():
     disks = shaken(published(), {"pressure": 1e-3})
-    state, lines = describe.measure(disks), describe.packing("p.h5", disks).splitlines()
+    state, lines = describe.measure(disks), describe.describe_packing("p.h5", disks).splitlines()
     assert entries(lines)["max |F| / p"] == f"{state.max_force / state.pressure:.2e}: forces are not balanced"
     assert lines[-1] == "note: the file records pressure = 0.001: its positions have changed since"
     loose = Packing.from_positions(disks.positions, 0.5 * disks.radii, disks.cell)
-    told = entries(describe.packing("p.h5", loose).splitlines())
+    told = entries(describe.describe_packing("p.h5", loose).splitlines())
     assert told["max |F| / p"] == "no contacts: below jamming"
 
 
@@ -70,7 +70,7 @@ def test_what_is_wrong_with_a_packing_is_said():
 def test_a_record_that_is_not_of_these_positions(off, noted):
     disks = published()
     recorded = describe.measure(disks).energy * (1 + off)
-    text = describe.packing("p.h5", disks.with_record(energy=recorded, negative_modes=0))
+    text = describe.describe_packing("p.h5", disks.with_record(energy=recorded, negative_modes=0))
     assert ("note: the file records energy = " in text) == noted
     assert "note: the file records negative_modes = 0, but for other coordinates; ignored" in text
 
@@ -87,11 +87,13 @@ def test_disks_forces_and_stress_are_told_in_their_units():
         "max_force": 7.0,
     }
     told = entries(
-        describe.packing("p.h5", Packing.from_positions(positions, radii, cell, record=record)).splitlines()
+        describe.describe_packing(
+            "p.h5", Packing.from_positions(positions, radii, cell, record=record)
+        ).splitlines()
     )
     assert told["radii"] == "0.5 to 1, mean diameter d = 1.25"
     assert told["cell"] == "a1 = (8, 0), a2 = (0.5, 3), V = 24"
-    assert told["packing fraction φ"] == describe.number(np.pi * 1.75 / 24) and told["note"] == "kept"
+    assert told["packing fraction φ"] == describe.number_text(np.pi * 1.75 / 24) and told["note"] == "kept"
     assert told["stress σ_xy"].split()[1:] == ["published", "0.25"] and told["rattlers"] == "4 (1e+02 %)"
     assert not [name for name in told if "stress_yx" in name or "max_force" in name]
 
@@ -227,7 +229,7 @@ def test_what_numbers_of_eigenvalues_mean(K, bare, damping, at_rest, beginnings)
         "without_prestress": counted(*bare),
         "damping": counted(0, damping, 9),
     }
-    lines = describe.verdict(SimpleNamespace(translations=2, pins=2, **parts), at_rest)
+    lines = describe.minimum_lines(SimpleNamespace(translations=2, pins=2, **parts), at_rest)
     assert [line[: len(one)] for line, one in zip(lines, beginnings, strict=True)] == beginnings
 
 
@@ -242,11 +244,11 @@ def test_what_is_pinned(pins, translations, words):
 
 def test_numbers_as_one_reads_them():
     told = {1 / 3: "0.3333333333", 3: "3", "x": "x"}
-    assert [describe.number(value) for value in told] == list(told.values())
-    assert describe.number(np.array([0.5, 1.0])) == "0.5, 1"
+    assert [describe.number_text(value) for value in told] == list(told.values())
+    assert describe.number_text(np.array([0.5, 1.0])) == "0.5, 1"
     assert describe._files(3) == "joint file and 3 parts, complete"
     rows = [("head",), ("a", "1"), ("longer", "2", "x")]
-    assert describe.table(rows) == "head\n  a       1\n  longer  2  x"
+    assert describe.aligned_text(rows) == "head\n  a       1\n  longer  2  x"
 
 
 def test_what_a_file_says_cannot_steer_the_terminal(tmp_path, capsys):

@@ -17,7 +17,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.disk_motion import snapshot, velocity_profiles
 from jampetsc.io.results import Attributes
 from jampetsc.packing.contacts import measure
-from jampetsc.plots.draw import draw
+from jampetsc.plots.draw import draw, table_rows
 from jampetsc.plots.flow_plots import (
     _draw_exponents,
     flow_curves,
@@ -34,7 +34,6 @@ from jampetsc.plots.flow_plots import (
 )
 from jampetsc.plots.packing_plots import find_touching
 from jampetsc.plots.picture import flow_units
-from jampetsc.plots.picture_table import table_rows
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from jampetsc.plots import (
     quasistatic_plots,
     trade_plots,
 )
-from jampetsc.plots.picture_table import plain_text, table_rows
+from jampetsc.plots.draw import plain_text, table_rows
 from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve
 from jampetsc.plots.style import COLUMN, LOSS, PAGE, STORAGE
 

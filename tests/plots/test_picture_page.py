@@ -15,11 +15,10 @@ from test_plots import plot, sweep_of, write_sweep
 import jampetsc
 from jampetsc.errors import InputError
 from jampetsc.plots import style
-from jampetsc.plots.draw import MODULES, pictures
+from jampetsc.plots.draw import MODULES, pictures, plain_text, table_bytes, table_rows
 from jampetsc.plots.flow_plots import plot_flow
 from jampetsc.plots.moduli_plots import plot_moduli
 from jampetsc.plots.page import Page, draw_band, draw_points, visible_labels
-from jampetsc.plots.picture_table import plain_text, table_bytes, table_rows
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")
 

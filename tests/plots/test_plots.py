@@ -21,11 +21,10 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.plots import packing_plots
 from jampetsc.plots.curves import group_curves
-from jampetsc.plots.draw import draw, pictures
+from jampetsc.plots.draw import draw, pictures, table_rows
 from jampetsc.plots.field_plots import ARROWS, _colours, _spaced_rows, plot_fields
 from jampetsc.plots.moduli_plots import plot_collapse, plot_moduli
 from jampetsc.plots.packing_plots import _draw, find_touching, flow_panel, plot_packing
-from jampetsc.plots.picture_table import table_rows
 from jampetsc.plots.style import LOSS, STORAGE, sequential
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib

@@ -25,7 +25,7 @@ def test_a_proof_survives_a_file(path):
     disks, read = published(), read_packing(path)
     assert read.fingerprint == disks.fingerprint
     assert proved_minimum(read) and not proved_minimum(disks)
-    told = describe.packing(path, read)
+    told = describe.describe_packing(path, read)
     assert f"proved when it was made: {PROVED_BY}" in told and "note" not in told
 
 
@@ -83,7 +83,7 @@ EDITS = {
 def test_what_is_edited_has_no_proof(path, edit):
     disks = edited(path, EDITS[edit])
     assert not proved_minimum(disks)
-    told = describe.packing(path, disks)
+    told = describe.describe_packing(path, disks)
     assert "for other coordinates; ignored" in told and "proved" not in told
 
 

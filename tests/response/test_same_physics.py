@@ -81,7 +81,7 @@ def test_another_cell_of_the_lattice_is_described_alike():
     """But for its vectors, and what is zero to rounding."""
 
     def told_of(turns):
-        lines = describe.packing("p.h5", told(turns=turns)).splitlines()
+        lines = describe.describe_packing("p.h5", told(turns=turns)).splitlines()
         return [line for line in lines if not line.strip().startswith(("cell", "max |F|", "stress σ_xy"))]
 
     assert len(told_of(0)) > 8 and told_of(-9) == told_of(0)
