@@ -63,7 +63,7 @@ class StudyTask:
 
     @property
     def level(self) -> int:
-        """0 for a task that reads nothing, else one more than what it reads."""
+        """0 for a task that reads nothing, else one more than the highest level that it reads."""
         return 1 + max((task.level for task in self.inputs), default=-1)
 
 
@@ -91,24 +91,24 @@ def plan(path, content: bytes | dict) -> list[StudyTask]:
     planned = {command: [] for command in study_inputs()}
     for command, task_inputs in study_inputs().items():
         for where, table in tables.get(command, []):
-            begins = task_inputs.reads is not NO_FILE and not (
+            reads_files = task_inputs.reads is not NO_FILE and not (
                 task_inputs.reads is PACKING_OR_N and "n" in table
             )
-            conditions = table.get(WHERE, {}) if begins else {}
-            keys = {key: value for key, value in table.items() if key != WHERE or not begins}
+            conditions = table.get(WHERE, {}) if reads_files else {}
+            keys = {key: value for key, value in table.items() if key != WHERE or not reads_files}
             lists = values_of(job_class(command), keys, where)
-            starts = _chosen(_starts(task_inputs, planned, where), conditions, where) if begins else [()]
+            starts = _chosen(_starts(task_inputs, planned, where), conditions, where) if reads_files else [()]
             count = len(starts) * math.prod(len(values) for _, values in lists)
             if len(tasks) + count > MAX_TASKS:
                 before = f" with the {len(tasks)} before them" if tasks else ""
                 raise InputError(
                     f"{where}: too many tasks, {count}{before} (at most {MAX_TASKS}). Divide the study."
                 )
-            above = {}  # of each ladder: the task of its last pressure so far
-            for settings in combinations_of(job_class(command), lists, where, begins):
+            last_rungs = {}  # of each ladder: the task of its last pressure so far
+            for settings in combinations_of(job_class(command), lists, where, reads_files):
                 for inputs in starts:
                     task = (
-                        _rung(settings, above)
+                        _rung(settings, last_rungs)
                         if LADDER in settings.changed
                         else _task(command, settings, inputs)
                     )
@@ -193,33 +193,33 @@ def _shared(inputs):
 
 def _task(command, settings, inputs):
     shared = _shared(inputs)
-    of = [task.name for task in inputs]
+    input_names = [task.name for task in inputs]
     if study_inputs()[command].reads is ALL_SEEDS:  # with more seeds it is the same task, done again
         shared.pop(SEED, None)
-        of = [_identity(task) for task in inputs[:1]]
+        input_names = [_identity(task) for task in inputs[:1]]
     columns = {**shared, **settings.options}
-    digest = hashlib.sha256(json.dumps([command, settings.changed, of], sort_keys=True).encode()).hexdigest()[
-        :HASH_DIGITS
-    ]
+    digest = hashlib.sha256(
+        json.dumps([command, settings.changed, input_names], sort_keys=True).encode()
+    ).hexdigest()[:HASH_DIGITS]
     return StudyTask(
         "-".join(filter(None, (command, label_of(columns), digest))), command, settings, columns, inputs
     )
 
 
-def _rung(settings, above):
-    """The task of one pressure of a ladder, which reads the packing at the pressure before it.
+def _rung(settings, last_rungs):
+    """The task of one pressure of a ladder, which reads the packing at the previous pressure.
 
-    above   {ladder: task of its last pressure so far}, updated
+    last_rungs   {ladder: task of its last pressure so far}, updated
 
     The first task of a ladder reads nothing: it is the same packing as without a ladder.
     """
     ladder = json.dumps({n: v for n, v in settings.changed.items() if n != "pressure"}, sort_keys=True)
-    if ladder in above:
-        below = dataclasses.replace(settings, job=settings.job.rung(PLACEHOLDER))
-        above[ladder] = _task("pack", below, (above[ladder],))
+    if ladder in last_rungs:
+        lower = dataclasses.replace(settings, job=settings.job.rung(PLACEHOLDER))
+        last_rungs[ladder] = _task("pack", lower, (last_rungs[ladder],))
     else:
-        above[ladder] = _task("pack", settings.without(LADDER), ())
-    return above[ladder]
+        last_rungs[ladder] = _task("pack", settings.without(LADDER), ())
+    return last_rungs[ladder]
 
 
 def _identity(task):

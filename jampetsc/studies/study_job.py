@@ -129,13 +129,13 @@ def _summary(table, rows, failures, elapsed) -> str:
 
 
 def _task_list(tasks, folder) -> str:
-    """The tasks, each as a command line with whether it is done, and the number of those left."""
+    """The tasks, each as a command line with whether it is done, and the number of unfinished ones."""
     from jampetsc.studies.journal import records_of
     from jampetsc.studies.study_run import changed_note
     from jampetsc.studies.task_runner import TaskRunner
 
-    left, changed = TaskRunner(folder, records_of(folder)).left(tasks)
-    left = set(left)
-    lines = [f"{'to do' if task.name in left else 'done '}  {' '.join(task.words)}" for task in tasks]
+    unfinished, changed = TaskRunner(folder, records_of(folder)).unfinished(tasks)
+    unfinished = set(unfinished)
+    lines = [f"{'to do' if task.name in unfinished else 'done '}  {' '.join(task.words)}" for task in tasks]
     lines += [changed_note(changed)] if changed else []
-    return "\n".join([*lines, f"{len(left)} of {len(tasks)} tasks to do"])
+    return "\n".join([*lines, f"{len(unfinished)} of {len(tasks)} tasks to do"])

@@ -1,4 +1,4 @@
-"""A run of a study: the ranks take the tasks that are left, one by one, and the table is written at the end."""
+"""A run of a study: the ranks take the unfinished tasks one by one, and the table is written at the end."""
 
 import itertools
 import statistics
@@ -18,7 +18,7 @@ from jampetsc.studies.journal import JOURNAL, LOCK, POLL_INTERVAL, Claims, Lock,
 from jampetsc.studies.study_table import rows_of, table_text
 from jampetsc.studies.task_runner import TaskRunner
 
-COPY = "study.toml"
+STUDY_COPY = "study.toml"
 MAX_LISTED_FILES = 10  # in a note
 MIN_SHARED_DISKS = 50_000  # disks from which all ranks work on one task together
 REFRESH_INTERVAL = 60.0  # seconds after which the table is written again while the study runs
@@ -26,7 +26,7 @@ BYTES_PER_DISK = 30_000  # of a sweep on one rank
 
 
 def run_study(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
-    """Do the tasks of a study that are left and write its table; returns the rows. Collective.
+    """Do the unfinished tasks of a study and write its table; returns the rows. Collective.
 
     path, source   STUDY.toml, and its content when the tasks were read, which is kept beside the table
 
@@ -39,31 +39,30 @@ def run_study(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
     try:
         records = on_root(comm, lambda: records_of(folder))
         runner = TaskRunner(folder, records, own_cores(comm))
-        left, changed = on_root(comm, lambda: runner.left(tasks))
-        void = {name: records.get(name) for name in left}
-        left = [task for task in tasks if task.name in void]
+        names, changed = on_root(comm, lambda: runner.unfinished(tasks))
+        outdated = {name: records.get(name) for name in names}
+        unfinished = [task for task in tasks if task.name in outdated]
 
         def refresh():
-            now = records_of(folder).items()
-            _write_table(
-                folder, tasks, {name: record for name, record in now if record != void.get(name)}, runner
-            )
+            current = records_of(folder).items()
+            valid = {name: record for name, record in current if record != outdated.get(name)}
+            _write_table(folder, tasks, valid, runner)
 
-        work = StudyRanks(session, runner, claims, left, refresh)
+        work = StudyRanks(session, runner, claims, unfinished, refresh)
         with work.progress:
             if changed:
                 work.progress.note(changed_note(changed))
-            for together, some in _phases(left, session):
-                (work.run_shared if together else work.run_separately)(some)
-        new = comm.gather(work.new_records)
+            for is_shared, group in _phases(unfinished, session):
+                (work.run_shared if is_shared else work.run_separately)(group)
+        new_records = comm.gather(work.new_records)
 
         def finish():
             claims.end()
-            new_records = {record["task"]: record for some in new for record in some}
-            rows = _write_table(folder, tasks, records | new_records, runner)
+            added = {record["task"]: record for group in new_records for record in group}
+            rows = _write_table(folder, tasks, records | added, runner)
             # it may have been edited meanwhile
-            if isinstance(source, bytes) and not is_same(path, folder / COPY):
-                write_whole(folder / COPY, source, through_link=False)
+            if isinstance(source, bytes) and not is_same(path, folder / STUDY_COPY):
+                write_whole(folder / STUDY_COPY, source, through_link=False)
             return rows
 
         return on_root(comm, finish)
@@ -96,7 +95,7 @@ def check_folder(folder, path) -> None:
 
     path   STUDY.toml of this study, which may be the one that lies there
     """
-    for name in (TABLE, COPY):
+    for name in (TABLE, STUDY_COPY):
         existing = folder / name
         if existing.exists() and not (folder / JOURNAL).is_dir() and not is_same(path, existing):
             raise InputError(
@@ -107,7 +106,7 @@ def check_folder(folder, path) -> None:
 def _open(folder, path, lock) -> Claims:
     """Take the folder for this study; the claims of its run."""
     check_folder(folder, path)
-    refuse_links(*(folder / name for name in (TABLE, COPY, JOURNAL, LOCK)))
+    refuse_links(*(folder / name for name in (TABLE, STUDY_COPY, JOURNAL, LOCK)))
     try:
         # the journal shows that table.csv and study.toml are a study's
         for directory in (folder, folder / JOURNAL):
@@ -122,10 +121,10 @@ def _open(folder, path, lock) -> Claims:
 
 
 def _phases(tasks, session):
-    """[(whether all ranks share each task, tasks)]: small ones apart, large ones together, then their readers."""
-    most = 0 if session.size == 1 else _max_disks_alone(session)
-    shared = [task for task in tasks if most and task.inputs and not study_inputs()[task.command].one_rank]
-    large = {task.name for task in shared if task.columns.get("n", 0) > most}
+    """[(whether all ranks share each task, tasks)]: small ones separately, large ones shared, then their readers."""
+    limit = 0 if session.size == 1 else _max_disks_alone(session)
+    shared = [task for task in tasks if limit and task.inputs and not study_inputs()[task.command].one_rank]
+    large = {task.name for task in shared if task.columns.get("n", 0) > limit}
     readers = {task.name for task in tasks if any(source.name in large for source in task.inputs)}
     large -= readers
     first = [task for task in tasks if task.name not in large | readers]
@@ -142,20 +141,23 @@ def _max_disks_alone(session):
 
 
 class StudyRanks:
-    """The tasks of a study that are left, done by this rank and the others."""
+    """The unfinished tasks of a study, done by this rank and the others."""
 
     def __init__(self, session, runner, claims, tasks, refresh):
         self.session, self.runner, self.claims = session, runner, claims
-        self.names = {task.name for task in tasks}  # of what is left
+        self.names = {task.name for task in tasks}  # of the unfinished tasks
         self.durations = TaskDurations(runner.records.values())
         self.new_records = []  # records of this rank
         self.progress = Progress(len(tasks), "study", rank=0)
-        self.estimated, self.rest = -1.0, ""  # when the time left was estimated, and how much it is, in words
+        self.estimated, self.remaining = (
+            -1.0,
+            "",
+        )  # when the remaining time was estimated; that time, in words
         # writes the table while the study runs, on rank 0
         self.refresh, self.refreshed = refresh, time.monotonic()
 
     def _available_inputs(self, task):
-        """The inputs of a task whose files were made; waits for those that other ranks are making."""
+        """The inputs of a task whose files were made; waits for inputs that other ranks are making."""
         return [
             source for source in task.inputs if source.name not in self.names or self.claims.done(source.name)
         ]
@@ -182,9 +184,7 @@ class StudyRanks:
     def run_shared(self, tasks):
         """One task after another, on all ranks. Collective."""
         for place, task in enumerate(tasks):
-            record = self.session.comm.bcast(
-                self.runner.run(task, self._available_inputs(task), together=True)
-            )
+            record = self.session.comm.bcast(self.runner.run(task, self._available_inputs(task), shared=True))
             on_root(self.session.comm, partial(self._finish, task, record, tasks[place + 1 :], 1))
 
     def _refresh_when_due(self):
@@ -192,33 +192,33 @@ class StudyRanks:
             self.refresh()
             self.refreshed = time.monotonic()
 
-    def _finish(self, task, record, left, ranks):
+    def _finish(self, task, record, unfinished, ranks):
         """Write the record of a task, announce its outcome and report it."""
         if record is not self.runner.records.get(task.name):
             keep_record(self.runner.folder, record)
             self.new_records.append(record)
             self.durations.add(record)
         self.claims.settle(task.name, record["state"] == "done")
-        self._report(task, record, left, ranks)
+        self._report(task, record, unfinished, ranks)
 
-    def _report(self, task, record, left, ranks):
+    def _report(self, task, record, unfinished, ranks):
         finished, failed = self.claims.tally()
         if time.monotonic() > self.estimated + 1.0:
-            self.estimated, rest = time.monotonic(), self.durations.remaining(left)
-            self.rest = "" if rest is None else f"{duration_text(rest / ranks)} left"
+            self.estimated, seconds = time.monotonic(), self.durations.remaining(unfinished)
+            self.remaining = "" if seconds is None else f"{duration_text(seconds / ranks)} left"
         parts = [
             f"{task.file} {record['seconds']:.2g} s"
             if record["state"] == "done"
             else f"{task.file}: {record['why']}",
             f"{failed} failed" if failed else "",
-            self.rest if left else "",
+            self.remaining if unfinished else "",
         ]
         self.progress.count = finished - 1
         self.progress.step("; ".join(filter(None, parts)))
 
 
 class TaskDurations:
-    """Seconds of finished tasks, from which the time of tasks that are left is extrapolated."""
+    """Seconds of finished tasks, from which the time of unfinished ones is extrapolated."""
 
     def __init__(self, records=()):
         self._seconds = {}  # command -> seconds of its finished tasks

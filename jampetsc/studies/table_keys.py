@@ -19,8 +19,8 @@ PLACEHOLDER = "x.h5"  # stands for real files while values are checked
 class TaskSettings:
     """One value for every key of a table."""
 
-    options: dict  # parameter -> value, those that the table gives
-    changed: dict  # parameter -> value, those that differ from the default
+    options: dict  # parameter -> value given by the table
+    changed: dict  # parameter -> value that differs from the default
     job: Job  # with PLACEHOLDER for the files
 
     def job_of(self, inputs) -> Job:
@@ -72,25 +72,27 @@ def values_of(job, table: dict, where: str) -> list:
     return lists
 
 
-def combinations_of(job, lists: list, where: str, begins: bool) -> list[TaskSettings]:
+def combinations_of(job, lists: list, where: str, reads_files: bool) -> list[TaskSettings]:
     """Every combination of the values that `values_of` returned, the last key varying fastest.
 
-    job   the class of jobs; begins: whether it is given files of other tasks
+    job   the class of jobs; reads_files: whether it reads files of other tasks
 
     Raises InputError for a value that the job refuses.
     """
     place = _place(job)
-    files = {place.name: [PLACEHOLDER] if place.place == FILES else PLACEHOLDER} if place and begins else {}
+    files = (
+        {place.name: [PLACEHOLDER] if place.place == FILES else PLACEHOLDER} if place and reads_files else {}
+    )
     keys = {parameter.name: parameter.word[2:] for parameter in parameters(job).values()}
     combinations = []
     for values in itertools.product(*(values for _, values in lists)):
-        chosen = [(parameter, value) for (parameter, _), value in zip(lists, values, strict=True)]
-        values_by_name = {parameter.name: _typed(parameter, value) for parameter, value in chosen}
+        pairs = [(parameter, value) for (parameter, _), value in zip(lists, values, strict=True)]
+        values_by_name = {parameter.name: _typed(parameter, value) for parameter, value in pairs}
         try:
             task_job = build_job(job, files | values_by_name)
         except InputError as error:
             raise InputError(f"{where}: {error.message(lambda name: keys.get(name, name))}") from None
-        for parameter, value in chosen:
+        for parameter, value in pairs:
             if task_job.several and isinstance(getattr(task_job, parameter.name), tuple):
                 key = keys[parameter.name]
                 raise InputError(
@@ -98,7 +100,7 @@ def combinations_of(job, lists: list, where: str, begins: bool) -> list[TaskSett
                 )
         changed = {
             parameter.name: values_by_name[parameter.name]
-            for parameter, _ in chosen
+            for parameter, _ in pairs
             if values_by_name[parameter.name] != parameter.default
         }
         options = {name: number_of(value) for name, value in values_by_name.items()}
@@ -113,11 +115,11 @@ def _values(options, key, value, where):
     parameter, values = options[key], value if isinstance(value, list | range) else [value]
     if not values:
         raise InputError(f"{where}: {key} = []: empty. Give at least one value.")
-    for each in () if isinstance(values, range) else values:
-        if _is_switch(parameter) and not isinstance(each, bool):
-            raise InputError(f"{where}: {key} = {each!r}: a switch must be true or false")
-        if not _is_switch(parameter) and (isinstance(each, bool) or not isinstance(each, int | float | str)):
-            text = str(each).lower() if isinstance(each, bool) else str(each)
+    for item in () if isinstance(values, range) else values:
+        if _is_switch(parameter) and not isinstance(item, bool):
+            raise InputError(f"{where}: {key} = {item!r}: a switch must be true or false")
+        if not _is_switch(parameter) and (isinstance(item, bool) or not isinstance(item, int | float | str)):
+            text = str(item).lower() if isinstance(item, bool) else str(item)
             raise InputError(f"{where}: {key} = {text}: must be a number, a string or a list of them")
     return parameter, values
 

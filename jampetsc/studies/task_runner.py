@@ -20,7 +20,9 @@ from jampetsc.options.job import NETWORKS
 from jampetsc.petsc import session
 from jampetsc.studies.study_table import numbers_of
 
-ASIDE = ".replaced"  # appended to the name of a file that somebody put in the place of the study's own
+REPLACED_SUFFIX = (
+    ".replaced"  # appended to the name of a file that somebody put in the place of the study's own
+)
 
 
 class TaskRunner:
@@ -35,13 +37,13 @@ class TaskRunner:
         self.folder, self.records, self.cores = folder, records, cores
         self.execute = execute or execute_here
 
-    def left(self, tasks):
-        """(names of the tasks that are left, names of files that are missing or not what was made).
+    def unfinished(self, tasks):
+        """(names of unfinished tasks, names of files that are missing or not what was made).
 
-        Left are tasks that are not done, those with a changed input or result, and all that read from these. An input
-        that is made again may turn out the same: `run` checks once more.
+        Unfinished are tasks that are not done, tasks with a changed input or result, and all that read from these. An
+        input that is made again may turn out the same: `run` checks once more.
         """
-        left, changed = {}, []
+        unfinished, changed = {}, []
         failed = [task for task in tasks if self.records.get(task.name, {}).get("state") == "failed"]
         suspects = {source.file for task in failed for source in task.inputs}  # may be why it failed
         identity = functools.cache(lambda name: identity_of(self.folder / name, every_byte=name in suspects))
@@ -56,9 +58,9 @@ class TaskRunner:
                 ):
                     changed.append(task.file)
             current = _current(record, task.inputs, identity)
-            if not current or any(source.name in left for source in task.inputs):
-                left[task.name] = None
-        return list(left), changed
+            if not current or any(source.name in unfinished for source in task.inputs):
+                unfinished[task.name] = None
+        return list(unfinished), changed
 
     def _files(self, names):
         """{file: identity} of the results of these tasks, and of the parts of the last one."""
@@ -72,11 +74,11 @@ class TaskRunner:
             identity_of(self.folder / name) == recorded for name, recorded in record.get("files", {}).items()
         )
 
-    def run(self, task, available, together=False) -> dict:
+    def run(self, task, available, shared=False) -> dict:
         """Run a task with its `available` inputs; returns its record.
 
-        together   whether all ranks share the task: then it is collective, and unexpected errors, which only one rank
-                   may meet, are raised. Else nothing but an interrupt is raised.
+        shared   whether all ranks share the task: then it is collective, and unexpected errors, which only one rank may
+                 meet, are raised. Else nothing but an interrupt is raised.
         """
         start_time = time.perf_counter()
         previous, names = self.records.get(task.name), [source.name for source in available]
@@ -98,7 +100,7 @@ class TaskRunner:
         except JampetscError as error:
             state, why, numbers = "failed", str(error), {}
         except Exception as error:
-            if together:
+            if shared:
                 raise
             message = session.petsc_message(error) if session.petsc_error(error) else str(error)
             state, why, numbers = "failed", f"{type(error).__name__}: {message}", {}
@@ -127,7 +129,7 @@ class TaskRunner:
         path, previous = self.folder / task.file, self.records.get(task.name)
         if _done(previous) and identity_of(path, every_byte=True) != previous.get("files", {}).get(task.file):
             with contextlib.suppress(FileNotFoundError):
-                os.replace(path, f"{path}{ASIDE}")
+                os.replace(path, f"{path}{REPLACED_SUFFIX}")
         if task.command == "pack":
             return False
         request = Request(job)

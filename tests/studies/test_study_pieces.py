@@ -636,7 +636,7 @@ def test_what_is_left(runner):
     file, all_three = runner.folder / sweep_.file, [pack.name, sweep_.name, mean.name]
 
     def left():
-        return runner.left(found)
+        return runner.unfinished(found)
 
     assert left() == ([], [])
     for spoil in (lambda: file.write_text("another"), file.unlink):
