@@ -103,17 +103,26 @@ def require_unique_response(network: DistributedNetwork) -> None:
         raise InputError(reason)
 
 
-def floppy_modes(network: DistributedNetwork) -> str:
+def floppy_modes(pencil: Pencil) -> str:
     """The reason that floppy modes give where a response cannot be solved for; empty without them. Collective.
 
     Also empty where they cannot be counted: with complex scalars, or by factorisations that fail.
     """
     if current().scalar_type != "real":
         return ""
+    network = pencil.network
     try:
-        return _floppy_modes(network, count_modes(network))
+        inertia = count_modes(network)
     except (ConvergenceError, InputError):
         return ""
+    floppy = _floppy_count(network, inertia)
+    if floppy <= 0 or not pencil.law.drag:
+        return _floppy_modes(network, inertia)
+    return (
+        f"K has {floppy} floppy mode{'s' * (floppy > 1)} besides its translations, which drag alone resists: over many "
+        f"decades of frequency rounding limits their response. Narrow the range of {named('omega')}, or raise "
+        f"{named('accuracy')}."
+    )
 
 
 def shared_zero_modes(pencil: Pencil) -> str:
@@ -139,8 +148,12 @@ def shared_zero_modes(pencil: Pencil) -> str:
     )
 
 
+def _floppy_count(network, inertia):
+    return inertia.zero - find_pieces(network).translations
+
+
 def _floppy_modes(network, inertia):
-    floppy = inertia.zero - find_pieces(network).translations
+    floppy = _floppy_count(network, inertia)
     if floppy <= 0:
         return ""
     return (

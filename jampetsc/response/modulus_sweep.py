@@ -265,5 +265,5 @@ class _FloppyModesExplained:
             return
         if shared := shared_zero_modes(self.pencil):
             error.args = (shared,)
-        elif reason := floppy_modes(self.pencil.network):
+        elif reason := floppy_modes(self.pencil):
             error.args = (f"{error.args[0]}; {reason}",)

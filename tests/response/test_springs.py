@@ -10,7 +10,7 @@ from samples import SAMPLES, physics
 from springs import floppy_lattice, pulling_springs, random_springs, shuffled
 
 import jampetsc
-from jampetsc.errors import InputError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_network
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.laws.loads import compression, simple_shear
@@ -205,6 +205,10 @@ def test_a_floppy_lattice_flows(session):
     bonds = network.linear_bonds
     affine = np.sum(bonds.stiffness * (bonds.r[:, 0] * bonds.r[:, 1] / bonds.distance) ** 2) / network.volume
     assert G[2].real == pytest.approx(affine, rel=1e-3)
+    with pytest.raises(
+        ConvergenceError, match=r"modes .*, which drag alone resists: .* Narrow the range of omega"
+    ):
+        jampetsc.sweep(network, physics("stokes", eta_f=0.0).law, omega=[1e-14, 1.0])
 
 
 @pytest.mark.scalar("real")
