@@ -93,13 +93,13 @@ def both_included(text: str) -> range:
 def saved_page(path):
     """A page for a picture in the package's style, which is written to the file `path` in the end."""
     from jampetsc.plots.page import Page
-    from jampetsc.plots.style import drawn_in, save
+    from jampetsc.plots.style import drawn_in
 
     with drawn_in():
         page = Page()
         yield page
         page.finish()
-        save(page.figure, path)
+        page.save(path)
 
 
 def folder_and_picture(doc: str, picture: str, **sizes):

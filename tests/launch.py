@@ -61,14 +61,25 @@ def run_lines(folder, items):
 
     But for those with options of PETSc, of which a process has one set: each of them in one of its own, afterwards.
     """
-    apart = [
-        one for one in items if not isinstance(one, str) and any(re.match("-[a-z]{2}", word) for word in one)
-    ]
-    settings = {"env": environment(), "cwd": folder, "capture_output": True, "text": True, "timeout": MINUTES}
+    return run_pages({folder: items})
+
+
+def run_pages(pages):
+    """`run_lines` of {folder: items}, all of them in one process."""
+    together, alone = [], []
+    for folder, items in pages.items():
+        together.append({"folder": str(folder)})
+        for item in items:
+            has_options = not isinstance(item, str) and any(re.match("-[a-z]{2}", word) for word in item)
+            if has_options:
+                alone.append([{"folder": str(folder)}, item])
+            else:
+                together.append(item)
+    settings = {"env": environment(), "capture_output": True, "text": True, "timeout": MINUTES}
     said = ""
-    for some in ([one for one in items if one not in apart], *([words] for words in apart)):
-        done = subprocess.run(command(0, "run_lines.py"), input=json.dumps(some), **settings)
-        assert done.returncode == 0, f"{done.stderr[-2000:]}\n{some}"
+    for items in (together, *alone):
+        done = subprocess.run(command(0, "run_lines.py"), input=json.dumps(items), **settings)
+        assert done.returncode == 0, f"{done.stderr[-2000:]}\n{items}"
         said += done.stdout
     return said
 

@@ -1,17 +1,23 @@
 """Command lines of a list, one after another in this process, and pieces of python: JSON from the standard input.
 
-A list is the words of a command after `jampetsc`, a string is python. Ends at the first that fails, which it names.
+A list is the words of a command after `jampetsc`, a string is python, {"folder": path} goes there and forgets the names
+of the python before. Ends at the first that fails, which it names.
 """
 
 import gc
 import json
+import os
 import sys
 
 from jampetsc import main as cli
 
 names, commands = {}, set()
 for item in json.load(sys.stdin):
-    if isinstance(item, str):
+    if isinstance(item, dict):
+        os.chdir(item["folder"])
+        names = {}
+        print(f"in {item['folder']}", file=sys.stderr)
+    elif isinstance(item, str):
         exec(item, names)
     elif cli.main(item):
         sys.exit(f"failed: jampetsc {' '.join(item)}")

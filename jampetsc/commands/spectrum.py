@@ -86,10 +86,9 @@ class Spectrum(Job):
                 raise InputError(f"{source}: not a sweep. Give sweeps by the rational method.")
         if to.path is not None and to.path.suffix.lower() in FORMATS:
             from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve
-            from jampetsc.plots.style import save
 
             drawn = plot_relaxation.draw([spectrum_curve(sweep, self.window) for sweep in sweeps])
-            save(drawn.figure, to.path)
+            drawn.save(to.path)
             return f"{to}: {drawn.text}"
         return _write(sweeps[0], to, self.window)
 

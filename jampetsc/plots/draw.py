@@ -22,7 +22,7 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.plots.page import Page
 from jampetsc.plots.picture import PICTURES, Picture, drawing_errors
-from jampetsc.plots.style import FORMATS, save
+from jampetsc.plots.style import FORMATS
 
 MODULES = (  # with pictures; without a kind the first picture that suits files and options is drawn
     "moduli_plots", "tensor_plots", "spectrum_plots", "correlation_plots", "quasistatic_plots", "exponent_plots",
@@ -41,10 +41,9 @@ def pictures() -> dict[str, Picture]:
     """{kind: Picture} of all kinds."""
     for module in MODULES:
         importlib.import_module(f"jampetsc.plots.{module}")
-    order = [
-        f"jampetsc.plots.{module}" for module in MODULES
-    ]  # not the order of imports: modules import each other
-    return dict(sorted(PICTURES.items(), key=lambda item: order.index(item[1].function.__module__)))
+    # not the order of imports, as modules import each other; pictures of the user's own come last
+    order = {f"jampetsc.plots.{module}": n for n, module in enumerate(MODULES)}
+    return dict(sorted(PICTURES.items(), key=lambda item: order.get(item[1].function.__module__, len(order))))
 
 
 def plot(
@@ -108,7 +107,7 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
     page = picture.draw(results, ax, **chosen or {}, **options)
     if out is not None:
         with drawing_errors(results):
-            save(page.figure, out)
+            page.save(out)
     if csv is not None:
         write_whole(csv, table_bytes(page.axes))
     return page

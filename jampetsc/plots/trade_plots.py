@@ -6,7 +6,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Bbox
 
 from jampetsc.plots.page import Page
-from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, colours, drawn_in, entry, number, save
+from jampetsc.plots.style import GREY, LOSS, PAGE, STORAGE, colours, drawn_in, entry, number
 
 HEIGHT = 4.2  # inches
 _GROUPS = {  # group -> (marker, shade from dark to light, in the legend)
@@ -24,7 +24,7 @@ def plot_trade(rows, certified, path) -> None:
     with drawn_in():
         page = Page()
         draw_trade(rows, certified, page)
-        save(page.figure, path)
+        page.save(path)
 
 
 def draw_trade(rows, certified, page) -> None:
