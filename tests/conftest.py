@@ -2,8 +2,8 @@
 
 Plain tests run once; they may start `jampetsc` or mpirun as a program. Tests marked `scalar("real")`,
 `scalar("complex")` or `scalar("real", "complex")` use PETSc in their process, which can load one of the two
-builds: JAMPETSC_TEST_SCALAR says which. run/test runs them on 1, 2 and 3 ranks for each type, with pytest on
-every rank, but for those where more ranks show nothing, `most_ranks(1)`, `most_ranks(2)`, or fewer, `least_ranks(2)`.
+builds: JAMPETSC_TEST_SCALAR says which. run/test runs them on 1 and 3 ranks for each type, with pytest on
+every rank; those marked `most_ranks(2)` on 1 and 2, `most_ranks(1)` on 1, `least_ranks(2)` on 2 and 3.
 After each step of a test the ranks agree on its outcome: what fails on one fails on all, and a rank that failed and
 that the others do not follow ends the run instead of leaving them waiting.
 """
@@ -26,7 +26,7 @@ sys.path.append(
 SCALAR = os.environ.get("JAMPETSC_TEST_SCALAR")
 PATIENCE = 20.0  # seconds a rank that failed waits for the others to end the same test
 LONG = "figures help trade interrupted options oscillate_command pack documents".split()  # begin first
-HANG = 900.0  # seconds after which a test counts as hanging: every rank says where, and the run ends
+HANG = 300.0  # seconds after which a test without `allowed_seconds` hangs: every rank says where, and the run ends
 
 running = None  # the Session of this process
 signal.signal(
@@ -111,7 +111,8 @@ def pytest_runtest_protocol(item):
     capture = item.config.pluginmanager.getplugin("capturemanager")
     with capture.global_and_fixture_disabled():
         stderr = os.dup(2)
-    faulthandler.dump_traceback_later(HANG, exit=True, file=stderr)
+    allowed = item.get_closest_marker("allowed_seconds")
+    faulthandler.dump_traceback_later(allowed.args[0] if allowed else HANG, exit=True, file=stderr)
     yield
     faulthandler.cancel_dump_traceback_later()
     os.close(stderr)

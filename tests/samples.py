@@ -13,7 +13,7 @@ from jampetsc.commands.sweep import Sweep
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.laws.damping import Physics, damping_law
+from jampetsc.laws.damping import Law, Physics, damping_law
 from jampetsc.network.contact_network import build_network
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
@@ -168,14 +168,28 @@ def cut(network, pairs):
     return replace(network, contacts=network.contacts[~among(network, pairs)])
 
 
-TABLE_WEIGHTS = {  # weights and pre-stress of the laws in tensor.json
-    "contact beta=1": (dict(normal=1, sliding=1), True),
-    "contact beta=0.1": (dict(normal=1, sliding=0.1), True),
-    "contact beta=1 no rotations": (dict(normal=1, transverse=1), True),
-    "contact beta=1 no pre-stress": (dict(normal=1, sliding=1), False),
-    "contact beta=0": (dict(normal=1), True),
-    "stokes eta_f=1": (dict(drag=1, eta_f=1), True),
+# dimension -> the packing of jax-md in tensor.json with its elastic constants and C*(ω), and the name of its file
+TENSOR_TABLE = {
+    row["D"]: row | {"file": name} for name, (row,) in json.loads((DATA / "tensor.json").read_text()).items()
 }
+TABLE_LAWS = {
+    name: Physics(Law(name, **weights), prestress)
+    for name, weights, prestress in (
+        ("contact beta=1", dict(normal=1, sliding=1), True),
+        ("contact beta=0.1", dict(normal=1, sliding=0.1), True),
+        ("contact beta=1 no rotations", dict(normal=1, transverse=1), True),
+        ("contact beta=1 no pre-stress", dict(normal=1, sliding=1), False),
+        ("contact beta=0", dict(normal=1), True),
+        ("stokes eta_f=1", dict(drag=1, eta_f=1), True),
+    )
+}
+
+
+def table_tensor(dimension, law):
+    """C* (M, C, C) of the table."""
+    count = dimension * (dimension + 1) // 2
+    return (np.array(TENSOR_TABLE[dimension]["laws"][law]["tensor"]) @ [1, 1j]).reshape(-1, count, count)
+
 
 LAWS = {
     str(one): one

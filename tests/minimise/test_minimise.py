@@ -330,7 +330,7 @@ def test_a_minimum_that_hangs_on_a_weak_contact_is_left_for_another(monkeypatch)
     monkeypatch.setattr(protocols, "SHAKES", 8)
     target = protocols.Target(1e-5)
     for seed in range(1, 60):
-        start, effort = random_disks(64, protocols.start_phi(1e-5), seed), Effort()
+        start, effort = random_disks(32, protocols.start_phi(1e-5), seed), Effort()
         disks = protocols.make_packing(start, target, NewtonSolver(), effort=effort)
         if effort.shakes:
             break

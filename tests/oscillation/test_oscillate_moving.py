@@ -45,11 +45,9 @@ def moving(step, scale, *more, law=SLIDING, kind="harmonic"):
 @pytest.mark.parametrize(
     ("omega", "amplitude", "stress", "options"),
     [
-        (1e-4, 1e-7, False, {"normal": 0.25, "beta": 3.0}),
+        (1e-4, 1e-7, False, {"normal": 0.25, "beta": 3.0, "tau1": 2.0}),
         (3.0, 1e-7, False, {"rotations": False, "beta": 0.3}),
-        (1e-4, 1e-7, False, {"beta": 0.0, "tau1": 2.0}),
-        (1e-4, 1e-8, True, {}),
-        (3.0, 1e-8, True, {}),
+        (1e-4, 1e-8, True, {"beta": 0.0}),
     ],
 )
 def test_small_amplitudes_are_the_sweep(omega, amplitude, stress, options):
@@ -134,13 +132,13 @@ def test_rattlers_do_not_matter_where_they_touch_nothing():
     law = physics(rotations=False)
     sweep = Sweep(isostatic(), law, np.array([1e-3]), 1e-8, current().comm).solved()
     G = sweep.G[0]
-    found = shaken(1e-3, 1e-9, 16, sample=isostatic, rotations=False)
+    found = shaken(1e-3, 1e-9, 16, 3, sample=isostatic, rotations=False)
     assert abs(found.G - G) <= 2.0 * found.error < 0.05 * abs(G)
 
 
 def test_order_of_the_steps():
     """While contacts stay, halving the steps takes off three quarters of the error."""
-    runs = [shaken(0.1, 1e-5, steps, cycles=2, rotations=False).G for steps in (16, 32, 64)]
+    runs = [shaken(0.1, 1e-5, steps, cycles=2, rotations=False).G for steps in (8, 16, 32)]
     assert 3.0 < abs(runs[1] - runs[0]) / abs(runs[2] - runs[1]) < 5.0
 
 

@@ -21,23 +21,39 @@ KILLED = [  # packing, options, ranks, after how many steps, what is said
 ]
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """(packing, sweep) of these disks with these options, made once by one rank without a break: files."""
+    made = {}
+
+    def find(disks, options):
+        key = disks.fingerprint, options
+        if key not in made:
+            folder = tmp_path_factory.mktemp("whole")
+            write_packing(folder / "packing.h5", disks)
+            made[key] = folder / "packing.h5", folder / "whole.h5"
+            assert sweep(*made[key], options).returncode == 0
+        return made[key]
+
+    return find
+
+
+def sweep(packing, out, options, ranks=0, steps=99):
+    """A sweep that is killed after so many steps."""
+    words = ("sweep", packing, "--out", out, "--accuracy", "1e-10", "--fields", "0.01", *options)
+    return run(ranks, "run_disturbed.py", "steps", steps, *words)
+
+
 @pytest.mark.parametrize(("disks", "options", "ranks", "steps", "said"), KILLED)
-def test_the_same_command_continues(tmp_path, disks, options, ranks, steps, said):
-    packing = tmp_path / "packing.h5"
-    write_packing(packing, disks)
-
-    def sweep(out, count=99, ranks=ranks):
-        words = ("sweep", packing, "--out", out, "--accuracy", "1e-10", "--fields", "0.01", *options)
-        return run(ranks, "run_disturbed.py", "steps", count, *words)
-
-    whole, out = tmp_path / "whole.h5", tmp_path / "sweep.h5"
-    assert sweep(whole, ranks=0).returncode == 0
-    assert sweep(out, steps).returncode != 0 and not out.exists()
-    done = sweep(out)
+def test_the_same_command_continues(tmp_path, whole, disks, options, ranks, steps, said):
+    packing, unbroken = whole(disks, options)
+    out = tmp_path / "sweep.h5"
+    assert sweep(packing, out, options, ranks, steps).returncode != 0 and not out.exists()
+    done = sweep(packing, out, options, ranks)
     assert done.returncode == 0, done.stderr
     assert f"continuing {out}.resume: {said} are finished" in done.stderr
     assert not list(tmp_path.glob("*.resume*"))
-    one, other = (jampetsc.load(path) for path in (whole, out))
+    one, other = (jampetsc.load(path) for path in (unbroken, out))
     alike = not ranks  # two ranks make two factors at a time
     np.testing.assert_allclose(other.G, one.G, rtol=1e-12 if alike else 1e-9)
     if alike:

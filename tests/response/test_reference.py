@@ -1,26 +1,19 @@
 """The dense reference itself, in two and three dimensions, against elastic constants published with jax-md and moduli
 of an independent program for the same packings (tests/data/README.md)."""
 
-import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 from dense import Reference, symmetric_loads
-from samples import TABLE_WEIGHTS
-
-from jampetsc.laws.damping import Law, Physics
-
-DATA = Path(__file__).parents[1] / "data"
-ROWS = {row["D"]: (name, row) for name, (row,) in json.loads((DATA / "tensor.json").read_text()).items()}
+from samples import DATA, TABLE_LAWS, TENSOR_TABLE, table_tensor
 
 
-def published(name, row):
+def published(row):
     """The packing as `Reference` takes it: positions are fractions of the box."""
     D, i = row["D"], row["index"]
-    with h5py.File(DATA / name) as h5:
+    with h5py.File(DATA / row["file"]) as h5:
         cell, radii = h5["box"][i].reshape(D, D), h5["rad"][i]
         positions = h5["pos"][i].reshape(-1, D) @ cell
     potential = SimpleNamespace(k=1.0, alpha=2.0, stiffness="inverse-square-diameter")
@@ -30,27 +23,23 @@ def published(name, row):
 
 
 # in 3D a solve costs a second: one law with spins, one with drag, at one frequency
-CASES = [(2, law) for law in TABLE_WEIGHTS] + [(3, "contact beta=0.1"), (3, "stokes eta_f=1")]
+CASES = [(2, law) for law in TABLE_LAWS] + [(3, "contact beta=0.1"), (3, "stokes eta_f=1")]
 
 
 @pytest.mark.parametrize("dimension, law", CASES)
 def test_moduli_of_published_packings(dimension, law):
-    name, row = ROWS[dimension]
-    weights, prestress = TABLE_WEIGHTS[law]
+    row, table = TENSOR_TABLE[dimension], table_tensor(dimension, law)
     loads = symmetric_loads(row["D"])
     simple = np.zeros((1, row["D"], row["D"]))
     simple[0, 0, 1] = 1
-    physics = Physics(Law("of the reference", **weights), prestress)
-    reference = Reference(published(name, row), physics, np.concatenate((loads, simple)))
+    reference = Reference(published(row), TABLE_LAWS[law], np.concatenate((loads, simple)))
     assert float(reference.energy) == pytest.approx(row["energy"], rel=1e-13)
     assert reference.stress.astype(float) == pytest.approx(np.array(row["stress"]), abs=1e-14)
     for number, w in enumerate(row["omega"]):
         if dimension == 3 and w != 0.01:
             continue
-        expected = np.array(row["laws"][law]["tensor"][number]) @ [1, 1j]
-        found = reference.tensor(w).astype(complex)
-        size = np.abs(expected).max()
-        assert found[:-1, :-1] == pytest.approx(expected.reshape(len(loads), -1), abs=1e-13 * size)
+        expected, found = table[number], reference.tensor(w).astype(complex)
+        assert found[:-1, :-1] == pytest.approx(expected, abs=1e-13 * np.abs(expected).max())
         shear = complex(*row["laws"][law]["shear"][number])
         assert found[-1, -1] == pytest.approx(shear, rel=1e-12)
         assert reference.modulus(w, load=len(loads)) == pytest.approx(shear, rel=1e-12)

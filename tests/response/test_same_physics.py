@@ -37,7 +37,7 @@ def answers(length=1.0, k=1.0, tau1=1.0, turns=0):
     modes = jampetsc.modes(disks, count=5)
     turned = jampetsc.oscillate(disks, omega=0.01 / tau1, stress=1e-6, alpha=0.7, steps=16, law=law)
     moved = jampetsc.oscillate(
-        disks, omega=0.1 / tau1, strain=1e-3, contacts="moving", steps=32, cycles=3, law=law
+        disks, omega=0.1 / tau1, strain=1e-3, contacts="moving", steps=16, cycles=3, law=law
     )
     flow = jampetsc.flow(
         disks, model=models.CD0(tau1=tau1), rate=0.01 / tau1, strain=0.1, discard=0, snapshots=5

@@ -87,11 +87,9 @@ def write_scaled(folder):
         stored(folder / f"jam-{n}.h5", "jam", columns, particle_count=n, **facts)
 
 
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    """(folder, lines): after all examples but those of pictures, which are left to draw."""
-    folder = tmp_path_factory.mktemp("help")
-    lines = {command: launch.command_lines(job_class(command).EPILOG) for command in JOBS}
+def test_the_examples_run(tmp_path):
+    """Twelve seconds of a processor, for sixty commands and a dozen pictures."""
+    folder, lines = tmp_path, {command: launch.command_lines(job_class(command).EPILOG) for command in JOBS}
     order = [words for command in FIRST for words in lines.pop(command)]
     order += [words for some in lines.values() for words in some if not set(words) & set(LONG)]
     study = re.search(r"(?:^  [\[a-z].*\n)+", job_class("study").EPILOG, re.MULTILINE)[0]
@@ -108,20 +106,8 @@ def ran(tmp_path_factory):
     (folder / "bonds.txt").write_text("0 1 1.0\n1 2 2.0\n")
     rest = [small(words, folder) for words in order if words[0] != "pack"]
     pictures = [words for words in rest if words[0] == "plot"]
-    launch.run_lines(folder, [words for words in rest if words not in pictures])
-    return folder, rest, pictures
-
-
-def test_the_examples_run(ran):
-    """Ten seconds of a processor, for sixty commands."""
-    folder, lines, pictures = ran
-    for words in lines:
-        if "--out" in words and words not in pictures:
-            assert (folder / words[words.index("--out") + 1]).exists(), words
-
-
-def test_the_examples_draw(ran):
-    """Ten seconds: a dozen pictures."""
-    folder, _, pictures = ran
     assert len(pictures) > 10
-    launch.run_lines(folder, pictures)
+    launch.run_lines(folder, [words for words in rest if words not in pictures] + pictures)
+    for words in packs + rest:
+        if "--out" in words and "{" not in words[words.index("--out") + 1]:
+            assert (folder / words[words.index("--out") + 1]).exists(), words
