@@ -105,7 +105,7 @@ def relaxed(matrix, moves):
 class NewtonSteps:
     """What Newton's method takes for a solver, in dense numpy."""
 
-    def factorise(self, indptr, indices, values):
+    def factorise(self, indptr, indices, values, order=1):
         self.matrix = np.zeros((len(indptr) - 1,) * 2)
         self.matrix[np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)), indices] = values
         self.matrix += np.triu(self.matrix, 1).T

@@ -15,18 +15,27 @@ from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, OTHER_SIZES, SIZES, Ra
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import ValueType, format_value, optional_parameter, parameter
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, split_list
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.packing import PARTICLES, Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.petsc import session
 
 PRESSURES = (1e-8, 1.0)
-PHIS = (0.8, 1.5)
+PHIS = {2: (0.8, 1.5), 3: (0.6, 1.2)}  # packing fractions by dimension
 TOLERANCES = (1e-13, 1e-4)
+PHI_REMEDY = (
+    "Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears disks below it."
+)
 WHAT, HOW = "packing", "start and run"
 packing_parameter = partial(optional_parameter, group=WHAT)
 making_parameter = partial(optional_parameter, group=HOW)
 ALTERNATIVES = (("pressure", "phi"), ("seed", "seeds", "from_"))  # at most one of each is allowed
-DISK_PARAMETERS = ("potential", "stiffness", "sizes", "radii")  # fixed by a packing to start from
+DISK_PARAMETERS = (
+    "dimension",
+    "potential",
+    "stiffness",
+    "sizes",
+    "radii",
+)  # fixed by a packing to start from
 
 
 def _pressures(value):
@@ -50,9 +59,9 @@ def _pressures(value):
 class Pack(Job):
     """Make a packing, or an ensemble.
 
-    A packing of soft disks at rest: a minimum of the enthalpy at a given pressure, or of the energy at a given packing
-    fraction. A list of pressures or seeds gives a list of packings: for each seed, the pressures in the given order,
-    each from random disks, or with `ladder` from the packing at the preceding pressure.
+    A packing of soft disks or spheres at rest: a minimum of the enthalpy at a given pressure, or of the energy at a
+    given packing fraction. A list of pressures or seeds gives a list of packings: for each seed, the pressures in the
+    given order, each from random disks, or with `ladder` from the packing at the preceding pressure.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(NO_FILE, one_rank=True)
@@ -63,6 +72,7 @@ class Pack(Job):
   jampetsc pack --n 1024 --pressure 1e-3 --seed 1 --out p1e-3.h5
   jampetsc pack --pressure 1e-4 --from p1e-3.h5 --out p1e-4.h5
   jampetsc pack --n 1024 --phi 0.86 --seed 1 --stabilise shear --out start.h5   # for `jampetsc shear`: sigma(0) = 0
+  jampetsc pack --dimension 3 --n 1024 --pressure 1e-3 --out spheres.h5
   mpirun -n 4 jampetsc pack --n 1024 --pressure 1e-2,1e-3 --seeds 1:20 --out "p{pressure}-{seed}.h5"
   jampetsc pack --n 1024 --pressure 1e-3,1e-4 --ladder --seeds 1:20 --out "down-{pressure}-{seed}.h5"
 
@@ -79,21 +89,22 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     SOLVERS: ClassVar = ("newton_",)
 
     n: int | None = packing_parameter("number of disks", low=MIN_DISKS, high=MAX_DISKS)
+    dimension: int | None = packing_parameter("2: disks (default), 3: spheres", low=2, high=3, metavar="D")
     pressure: float | Sequence[float] | None = packing_parameter(
-        "pressure p = Σ f r / (2V)",
+        "pressure p = Σ f r / (D V)",
         value_type=ValueType(
             _pressures,
             lambda pressures: pressures if isinstance(pressures, str) else ",".join(pressures),
             python="number or numbers",
         ),
-        unit="k",
+        unit="k, in three dimensions over that of length",
         metavar="P[,P…]",
     )
     phi: float | None = packing_parameter(
-        "packing fraction, instead of a pressure (disks jam near 0.84)",
-        low=PHIS[0],
-        high=PHIS[1],
-        remedy="Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears disks below it.",
+        "packing fraction, instead of a pressure (disks jam near 0.84, spheres near 0.64)",
+        low=min(low for low, _ in PHIS.values()),
+        high=max(high for _, high in PHIS.values()),
+        remedy=PHI_REMEDY,
     )
     potential: str | None = packing_parameter("energy of an overlap (default harmonic)", choices=EXPONENTS)
     stiffness: str | None = packing_parameter(
@@ -109,13 +120,13 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
     stabilise: str = parameter(
         "volume",
-        "relaxed shape of the cell: volume alone, or shear as well, so that σ_xy = 0 and G₀ > 0",
+        "relaxed shape of the cell: volume alone, or shear as well, so that σ_xy = 0 (and σ_xz = σ_yz = 0), G₀ > 0",
         choices=("volume", "shear"),
         group=WHAT,
     )
     tolerance: float = parameter(
         1e-10,
-        "largest max|F|/(p d) and |Δp|/p of a packing",
+        "largest max|F|/(p d), in three dimensions max|F|/(p d²), and |Δp|/p of a packing",
         low=TOLERANCES[0],
         high=TOLERANCES[1],
         metavar="T",
@@ -151,11 +162,20 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             raise InputError(f"{named('ladder')}: a ladder without pressures. Give {named('pressure')}.")
         if self.from_ is None:
             radii_asked(self.n, self.sizes, self.radii)
+            self._check_phi(self.dimension or 2)
             return
         for name in DISK_PARAMETERS:
             if getattr(self, name) is not None:
                 source = PACKING.serialise(self.from_)
                 raise InputError(f"{named(name)}: fixed by the packing {source}. Leave it out.")
+
+    def _check_phi(self, dimension):
+        """Refuse a packing fraction out of the range of this dimension."""
+        low, high = PHIS[dimension]
+        if self.phi is not None and not low <= self.phi <= high:
+            raise InputError(
+                f"{named('phi')} {self.phi:g}: must lie in [{low:g}, {high:g}] for {PARTICLES[dimension]}. {PHI_REMEDY}"
+            )
 
     @property
     def several(self) -> bool:
@@ -202,6 +222,8 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             return single.rung(above)
         if self.from_ is not None:  # whose disks it has
             return replace(single, n=None)
+        if single.dimension == 2:  # the default, which files of disks do not record
+            single = replace(single, dimension=None)
         defaults = {"potential": "harmonic", "stiffness": "constant"} | (
             {} if self.radii else {"sizes": SIZES[0]}
         )
@@ -302,10 +324,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
             potential = Potential(self.potential or "harmonic", self.stiffness or "constant")
             settings = {"sizes": sizes_text(self.sizes, self.radii), "requested_n": self.n or 0}
-            return start_at_random(radii, potential, self._how | settings)
+            return start_at_random(radii, potential, self._how | settings, self.dimension or 2)
         begin, name = start_from_packing(self.from_, self._how, comm), source_name(self.from_)
         with about(name):
-            n = begin.disks_of(self.tasks(None)[0]).n
+            disks = begin.disks_of(self.tasks(None)[0])
+            self._check_phi(disks.dimension)
+            n = disks.n
         if self.n not in (None, n):
             raise InputError(
                 f"{named('n')} {self.n}: {name} has {n} disks. Leave it out with {named('from_')}."

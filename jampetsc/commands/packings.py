@@ -5,13 +5,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from jampetsc.errors import ConvergenceError, JampetscError, about, named
+from jampetsc.errors import ConvergenceError, JampetscError, named
 from jampetsc.io.outputs import is_finished
-from jampetsc.io.packing_file import read_identified, source_name, write_packing
+from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.request import Request
 from jampetsc.minimise.descent import Effort
 from jampetsc.minimise.protocols import Target, changed, make_packing, random_start, start_phi
-from jampetsc.packing.packing import require_plane
+from jampetsc.packing.contacts import IMBALANCE, typical_force
 from jampetsc.packing.potentials import Potential
 from jampetsc.petsc.hessian_solver import HessianSolver
 from jampetsc.progress import Progress
@@ -60,12 +60,12 @@ class PackingStart:
     k: float = 1.0  # their stiffness, the unit of the pressures
 
 
-def start_at_random(radii, potential: Potential, record: dict) -> PackingStart:
-    """Disks of radii (N,) at random places; record: entries of the record."""
+def start_at_random(radii, potential: Potential, record: dict, dimension: int) -> PackingStart:
+    """Disks, or spheres, of radii (N,) at random places; record: entries of the record."""
 
     def disks_of(task):
-        phi = task.target.phi or start_phi(task.target.pressure)
-        return random_start(radii, phi, task.seed, potential)
+        phi = task.target.phi or start_phi(task.target.pressure, dimension)
+        return random_start(radii, phi, task.seed, potential, dimension=dimension)
 
     kind = {"requested_potential": potential.kind, "requested_stiffness": potential.stiffness}
     return PackingStart(record | kind, disks_of)
@@ -74,8 +74,6 @@ def start_at_random(radii, potential: Potential, record: dict) -> PackingStart:
 def start_from_packing(source, record: dict, comm=None) -> PackingStart:
     """Another packing, a file or a Packing; record: entries of the record. Collective over comm."""
     disks, identity = read_identified(source, comm)
-    with about(source_name(source)):
-        require_plane(disks, "Packings are made of disks in a plane: give a two-dimensional one.")
     record = record | dict(zip(("source", "source_sha256"), identity, strict=True))
     return PackingStart(record, lambda task: changed(disks, task.target), disks.potential.k)
 
@@ -136,8 +134,9 @@ def summarise_packings(tasks, task_lines, ranks) -> str:
 def _line(name, disks, seconds) -> str:
     """A line about a packing, and one more where rounding leaves forces above its tolerance."""
     record = disks.record
-    residual = record["max_force"] / (record["pressure"] * 2.0 * float(disks.radii.mean()))
-    note = f"\n  max|F|/(p d) = {residual:.1e} is limited by rounding, above the tolerance {record['tolerance']:g}"
+    residual = record["max_force"] / typical_force(disks, record["pressure"])
+    limit = f"{IMBALANCE[disks.dimension]} = {residual:.1e} is limited by rounding"
+    note = f"\n  {limit}, above the tolerance {record['tolerance']:g}"
     return (
         f"{name}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
         f"Z = {record['coordination']:.4f}, "

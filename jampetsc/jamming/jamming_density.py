@@ -1,15 +1,11 @@
 """φ_J of a sample, where the energy of its minimum vanishes as the cell grows, and how its sizes have separated."""
 
-import math
-
-import numpy as np
-
 from jampetsc.analysis.jammed_samples import assortativity
 from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.quasistatic_shear import quench
+from jampetsc.minimise.protocols import rescaled
 from jampetsc.packing.neighbours import neighbour_pairs
-from jampetsc.packing.packing import Packing, deformed
-from jampetsc.packing.strain import growth_and_shear
+from jampetsc.packing.packing import Packing
 
 PHI_STEP = 2e-3  # of the search for φ_J before it is bracketed
 PHI_TOLERANCE = 1e-5  # largest final width of the bracket of φ_J
@@ -27,23 +23,18 @@ def find_jamming_density(disks: Packing, jammed: bool, solver, tolerance: float)
     while not jammed:
         if disks.phi + PHI_STEP > MAX_SEARCH_PHI:
             raise ConvergenceError(f"no jammed state up to phi = {disks.phi:.6g}")
-        disks, state = quench(_rescale_cell(disks, disks.phi + PHI_STEP), solver, tolerance)
+        disks, state = quench(rescaled(disks, disks.phi + PHI_STEP), solver, tolerance)
         jammed = state.jammed
     loose = disks.phi
     while jammed:
         loose -= PHI_STEP
-        minimum, state = quench(_rescale_cell(disks, loose), solver, tolerance)
+        minimum, state = quench(rescaled(disks, loose), solver, tolerance)
         jammed, disks = state.jammed, minimum if state.jammed else disks
     while disks.phi - loose > PHI_TOLERANCE:
         middle = 0.5 * (disks.phi + loose)
-        minimum, state = quench(_rescale_cell(disks, middle), solver, tolerance)
+        minimum, state = quench(rescaled(disks, middle), solver, tolerance)
         disks, loose = (minimum, loose) if state.jammed else (disks, middle)
     return 0.5 * (disks.phi + loose), disks
-
-
-def _rescale_cell(disks, phi):
-    """The disks in a cell of packing fraction φ, all lengths but radii scaled."""
-    return deformed(disks, np.zeros((disks.n, 2)), growth_and_shear(0.5 * math.log(disks.phi / phi), 0.0))
 
 
 def segregation(disks: Packing) -> float:

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.minimise import warm_start
-from jampetsc.minimise.descent import Effort, Goal
-from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise, stress_unit
+from jampetsc.minimise.descent import Effort, Goal, stress_unit
+from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise
 from jampetsc.minimise.newton import FORCE_FLOOR
-from jampetsc.packing.contacts import find_contacts, measure
+from jampetsc.packing.contacts import find_contacts, measure, typical_force
 from jampetsc.packing.listed_packing import SKIN_RANGE, ListedPacking
 from jampetsc.packing.neighbours import fractional, vectors
 from jampetsc.packing.packing import PLACES, Packing
@@ -143,7 +143,7 @@ class QuasistaticShear(ListedPacking):
         self._needs_proof = self.tolerance > HANDOVER  # forces as large also rest on slopes
         self._find_order()
         law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
-        usual = law.usual_overlap(pressure, self.diameter)
+        usual = law.overlap_at(2.0 * typical_force(self.reference, pressure), self.diameter)
         self._stiffness = float(law.contact_stiffness(usual, self.diameter))
         self._factorise()
         self.minimum = self._minimum_state(self._forces())

@@ -13,7 +13,7 @@ from jampetsc.packing.domains import borders, padded
 from jampetsc.packing.listed_packing import ListedPacking
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.strain import Strain, growth_and_shear
+from jampetsc.packing.strain import Strain, cell_strain
 from jampetsc.packing.threads import Team
 
 MEMORY = 5  # pairs (s, y) that are kept
@@ -27,12 +27,13 @@ class Goal:
     """What is held fixed while the energy is minimised."""
 
     pressure: float | None = None  # target p; None keeps the cell as it is
-    shear: bool = False  # also relax the shear of the cell to σ_xy = 0
+    shear: bool = (
+        False  # also relax the tilts of the cell: no shear stress, of σ_xy or of σ_xy, σ_xz and σ_yz
+    )
 
-    @property
-    def moving(self) -> tuple[bool, bool]:
-        """Which of the strains ε and g of the cell move."""
-        return self.pressure is not None, self.shear
+    def moving(self, dimension: int) -> tuple[bool, ...]:
+        """Which of the strains of `strain.cell_strain` move: ε, and the D(D − 1)/2 shears."""
+        return self.pressure is not None, *[self.shear] * (dimension * (dimension - 1) // 2)
 
 
 @dataclass
@@ -44,8 +45,16 @@ class Effort:
     saddles: int = 0
     shakes: int = 0
     stage: str = ""
-    residual: float = np.nan  # max |F| / (p d)
+    residual: float = np.nan  # max |F| / (p d^(D−1))
     report: object = field(default=lambda effort: None, repr=False)
+
+
+def stress_unit(disks: Packing) -> float:
+    """Pressure of order one for these disks: k/d^(D−2), k/d² in place of k where stiffnesses are k/σ²."""
+    d = 2.0 * float(np.mean(disks.radii))
+    return (
+        float(disks.potential.k) / float(disks.potential.scale(np.array(d))) ** 2 / d ** (disks.dimension - 2)
+    )
 
 
 class Descent(ListedPacking):
@@ -57,15 +66,17 @@ class Descent(ListedPacking):
     def __init__(self, disks: Packing, goal: Goal, team: Team | None = None, effort: Effort | None = None):
         self.goal, self.effort = goal, effort or Effort()
         self.evaluations = 0
+        self.dimension, self.moving = disks.dimension, goal.moving(disks.dimension)
         rows, size, domains = 2 * MEMORY, padded(disks.n), len(borders(disks.n)) - 1
+        shape, strains = (size, self.dimension), len(self.moving)
         self.space = LbfgsArrays(
-            offsets=np.zeros((size, 2)),
-            box=np.zeros(2),
-            forces=np.zeros((2, size, 2)),
-            pairs=np.zeros(2 * size * rows, np.float32),
-            box_pairs=np.zeros((rows, 2)),
+            offsets=np.zeros(shape),
+            box=np.zeros(strains),
+            forces=np.zeros((2, *shape)),
+            pairs=np.zeros(self.dimension * size * rows, np.float32),
+            box_pairs=np.zeros((rows, strains)),
             products=np.zeros((2, MEMORY, MEMORY)),
-            sums=np.zeros((domains, rows + 6)),
+            sums=np.zeros((domains, rows + 4 + strains)),
             reaches=np.zeros((domains, 3)),
         )
         self._remembered = (0, 0)  # how many pairs, and where the next one goes
@@ -91,39 +102,48 @@ class Descent(ListedPacking):
 
     @property
     def box(self):
-        """(ε, g) of the cell since the list was made, (2,)."""
+        """Strains of the cell since the list was made, see `strain.cell_strain`."""
         return self.space.box
 
     @property
     def cell_strain(self) -> Strain:
         """See `ListedPacking`."""
-        return growth_and_shear(*self.box.tolist())
+        return cell_strain(self.box.tolist())
 
     @property
-    def area(self) -> float:
+    def volume(self) -> float:
         """V of the cell now."""
-        return self.reference.volume * math.exp(2.0 * self.box[0])
+        return self.reference.volume * math.exp(self.dimension * self.box[0])
 
     def bonds(self) -> Bonds:
         """The bonds of the listed pairs in the present state."""
         return Bonds.of(self.pairs, self.potential, self.offsets, self.cell_strain)
 
     def move(self, moves, strain):
-        """Move the disks by (N, 2), then deform the cell with them by a small strain (ε, g)."""
-        growth, shear = math.exp(-self.box[0]), self.box[1]
-        self.offsets[:, 0] += growth * (moves[:, 0] - shear * moves[:, 1])
-        self.offsets[:, 1] += growth * moves[:, 1]
+        """Move the disks by (N, D), then deform the cell with them by strains as of `cell_strain`."""
+        growth, moved = math.exp(-self.box[0]), moves
+        if self.dimension == 3:
+            *_, along_xz, along_yz = self.box
+            x, y, z = moves.T
+            moved = np.stack((x - along_xz * z, y - along_yz * z, z), axis=1)
+            self.offsets[:, 2] += growth * z
+            self.box[2] += strain[1] * along_yz  # tilts after tilts: the matrices are multiplied
+        self.offsets[:, 0] += growth * (moved[:, 0] - self.box[1] * moved[:, 1])
+        self.offsets[:, 1] += growth * moved[:, 1]
         self.box[:] += strain
         if self.stale():
             self.fold()
         self._remembered = (0, 0)
 
+    def force_at(self, pressure: float) -> float:
+        """p d^(D−1), the unit of forces at a pressure p."""
+        return pressure * self.diameter ** (self.dimension - 1)
+
     def usual_overlap(self, pressure: float | None = None) -> float:
-        """Overlap of a contact of the typical force 2 p d, p the given pressure, the target's, or else 1e-3 k."""
+        """Overlap of a contact of the force 2 p d^(D−1), p the given pressure, the target's, or else 1e-3 k."""
         law, d = self.potential, self.diameter
-        scale = float(law.scale(np.array(d)))
-        pressure = pressure or self.goal.pressure or 1e-3 * law.k / scale**2
-        return law.usual_overlap(pressure, d)
+        pressure = pressure or self.goal.pressure or 1e-3 * stress_unit(self.reference)
+        return law.overlap_at(2.0 * self.force_at(pressure), d)
 
     def usual_stiffness(self, pressure: float | None = None) -> float:
         """Stiffness of a contact of `usual_overlap`."""
@@ -138,7 +158,7 @@ class Descent(ListedPacking):
         return np.max(self.potential.contact_stiffness(depth, pairs.sigma), initial=1e-300)
 
     def descend(self, force: float, box_force: float, evaluations: int) -> bool:
-        """L-BFGS until max |F| ≤ force and |∂H/∂ε|, |∂H/∂g| ≤ box_force; False if `evaluations` did not suffice."""
+        """L-BFGS until max |F| ≤ force and |∂H| of every strain ≤ box_force; False if `evaluations` did not suffice."""
         budget = self.evaluations + evaluations
         while True:
             task = self.task(force, box_force, min(STEPS, budget - self.evaluations))
@@ -168,7 +188,7 @@ class Descent(ListedPacking):
         """The arguments of the next compiled steps."""
         return LbfgsProblem(
             law=self.potential.constants,
-            moving=self.goal.moving,
+            moving=self.moving,
             push=(self.goal.pressure or 0.0) * self.reference.volume,
             scale=float(np.sqrt(self.n)) * self.diameter,
             reach=MAX_MOVE * self.diameter,

@@ -27,9 +27,9 @@ SLICE = 2000  # evaluations between two adjustments of the skin
 class Motion(NamedTuple):
     """Disks in motion; rows as in `lbfgs_kernels.LbfgsArrays`."""
 
-    offsets: np.ndarray  # (N', 2)
-    velocities: np.ndarray  # (N', 2)
-    forces: np.ndarray  # (N', 2)
+    offsets: np.ndarray  # (N', D)
+    velocities: np.ndarray  # (N', D)
+    forces: np.ndarray  # (N', D)
     sums: np.ndarray  # (D, 4) each domain's max |F component|, f · v, f · f, v · v
     reaches: np.ndarray  # (D,) each domain's longest offset
 
@@ -78,12 +78,14 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
     number = len(domains.across)
     first, last = me * number // threads, (me + 1) * number // threads
     o, v, f = motion.offsets.reshape(-1), motion.velocities.reshape(-1), motion.forces.reshape(-1)
+    axes = motion.offsets.shape[1]
+    diagonal = np.sqrt(float(axes))  # of a cube, in its sides: |F| ≤ diagonal · max |F component|
     step, mixing, downhill = clock
-    status, done, room = MORE, 0, block_room(motion.offsets.shape[1])
+    status, done, room = MORE, 0, block_room(axes)
     while done < steps:
         for d in range(first, last):
             domain_forces(domains, d, motion.offsets, UNSTRAINED, law, motion.forces, None, None, room)
-            here = slice(2 * domains.disks[d], 2 * domains.disks[d + 1])
+            here = slice(axes * domains.disks[d], axes * domains.disks[d + 1])
             _sums(f[here], v[here], motion.sums[d])
         meet(counter, threads)
         done += 1
@@ -93,7 +95,7 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
             fv += motion.sums[d, 1]
             ff += motion.sums[d, 2]
             vv += motion.sums[d, 3]
-        if np.sqrt(2.0) * top <= force:
+        if diagonal * top <= force:
             status = CONVERGED
             break
         if fv > 0.0:
@@ -107,13 +109,13 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
             step, mixing, downhill = max(0.5 * step, 0.02 * longest), MIXING, 0
             keep, push = 0.0, step
         for d in range(first, last):
-            here = slice(2 * domains.disks[d], 2 * domains.disks[d + 1])
+            here = slice(axes * domains.disks[d], axes * domains.disks[d + 1])
             motion.reaches[d] = _move(o[here], v[here], f[here], keep, push, step, back)
         meet(counter, threads)
         far = 0.0
         for d in range(number):
             far = max(far, motion.reaches[d])
-        if is_stale(np.sqrt(2.0) * far, UNSTRAINED, 0.0, skin):
+        if is_stale(diagonal * far, UNSTRAINED, 0.0, skin):
             status = STALE
             break
     return status, done, Clock(step, mixing, downhill)

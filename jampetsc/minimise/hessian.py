@@ -1,12 +1,14 @@
-"""The exact Hessian of the enthalpy, in moves o of the disks and a strain of the cell from where they are now.
+"""The exact Hessian of the enthalpy, in moves o of the disks and strains of the cell from where they are now.
 
-Bonds become e^ε [[1, g], [0, 1]] (r + o_j − o_i). With M = k n nᵀ − (f/r) t tᵀ (BT eqs. 4, 11) and s = (r_y, 0):
+Bonds become e^ε (1 + g) (r + o_j − o_i), with shears g_ab of the axes a < b, see `strain.cell_strain`. With
+M = k n nᵀ − (f/r) (1 − n nᵀ) (BT eqs. 4, 11) and s_ab = r_b x̂_a:
 
-    ∂²H/∂o∂o   blocks M                      ∂²H/∂ε²   Σ (k r² − f r) + 4 p V
-    ∂²H/∂o∂ε   Σ (k r − f) n                 ∂²H/∂g²   Σ sᵀ M s
-    ∂²H/∂o∂g   Σ M s − f (0, n_x)            ∂²H/∂ε∂g  Σ (k r − f) n_x r_y
+    ∂²H/∂o∂o       blocks M                        ∂²H/∂ε²            Σ (k r² − f r) + D² p V
+    ∂²H/∂o∂ε       Σ (k r − f) n                   ∂²H/∂g_ab ∂g_cd    Σ s_abᵀ M s_cd
+    ∂²H/∂o∂g_ab    Σ M s_ab − f n_a x̂_b            ∂²H/∂ε∂g_ab        Σ (k r − f) n_a r_b
 """
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from jampetsc.laws.relative_motion import linear_forms, squares
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.neighbour_list import NeighbourList
+from jampetsc.packing.neighbours import lengths
 from jampetsc.packing.strain import UNSTRAINED, Strain, bond_vector
 
 
@@ -22,8 +25,8 @@ class Bonds:
     """Forces and stiffnesses of all listed pairs, zero for those that do not touch."""
 
     pairs: NeighbourList
-    r: np.ndarray  # (2, M)
-    normal: np.ndarray  # (2, M)
+    r: np.ndarray  # (D, M)
+    normal: np.ndarray  # (D, M)
     distance: np.ndarray  # (M,)
     overlap: np.ndarray  # (M,) negative for gaps
     force: np.ndarray  # (M,)
@@ -31,10 +34,10 @@ class Bonds:
 
     @classmethod
     def of(cls, pairs: NeighbourList, potential, offsets=None, strain: Strain = UNSTRAINED) -> "Bonds":
-        """State of the listed pairs after offsets (N, 2) and a strain of the cell since the list."""
+        """State of the listed pairs after offsets (N, D) and a strain of the cell since the list."""
         moved = np.zeros(len(pairs.r0)) if offsets is None else (offsets[pairs.j] - offsets[pairs.i]).T
         r = np.stack(bond_vector(strain, pairs.r0, moved))
-        distance = np.hypot(r[0], r[1])
+        distance = lengths(r.T)
         overlap = pairs.sigma - distance
         touching = overlap > 0
         depth = np.where(touching, overlap, 0.0)
@@ -46,13 +49,22 @@ class Bonds:
         """The same with the forces and stiffnesses of the bonds in the mask (M,) alone."""
         return replace(self, force=self.force * bearing, stiffness=self.stiffness * bearing)
 
+    @property
+    def dimension(self) -> int:
+        """D."""
+        return len(self.r)
+
+    @property
+    def weights(self):
+        """k and −f/r of the normal and of the D − 1 transverse motions, (M, D)."""
+        return np.column_stack((self.stiffness, *[-self.force / self.distance] * (self.dimension - 1)))
+
     def squares(self):
-        """M of each bond and its derivatives by a shear strain: see `forms.squares`."""
-        weights = np.column_stack((self.stiffness, -self.force / self.distance))
-        return squares(linear_forms(self.normal.T, self.r[1]), weights)
+        """M of each bond and its derivatives by a shear strain: see `relative_motion.squares`."""
+        return squares(linear_forms(self.normal.T, self.r[1]), self.weights)
 
     def on_disks(self, bond_forces, n):
-        """Sum over pairs of the forces (2, M) on j, and of their opposites on i, (N, 2)."""
+        """Sum over pairs of the forces (D, M) on j, and of their opposites on i, (N, D)."""
         return gathered(np.concatenate((-bond_forces, bond_forces)).T, self.pairs.i, self.pairs.j, n)
 
 
@@ -101,7 +113,8 @@ class Pattern:
     def fill(self, bonds: Bonds, free, shift=0.0):
         """Values of K + shift for the disks in the mask `free`; unit rows for the others. (nonzeros,)"""
         own, across, *_ = bonds.squares()
-        across[:, 1, 0] = across[:, 0, 1]  # symmetric to the last digit
+        for a, b in itertools.combinations(range(bonds.dimension), 2):
+            across[:, b, a] = across[:, a, b]  # symmetric to the last digit
         values = self.sum(own, own, across, free)
         values[self.diagonal[free]] += shift
         values[self.diagonal[~free]] = 1.0
@@ -124,17 +137,28 @@ def _sum(values, i, j, on_i, on_j, across, free, diagonal, blocks):
                     values[blocks[p, x] + y] += across[p, x, y]
 
 
-def border(bonds: Bonds, n: int, area: float, pressure: float):
-    """(∂²H/∂o∂(ε, g), ∂²H/∂(ε, g)²): (N, 2, 2) with the last axis ε, g, and (2, 2)."""
-    nx, r, f, k = bonds.normal[0], bonds.distance, bonds.force, bonds.stiffness
-    _, _, sheared, stiffness = bonds.squares()  # −M s and sᵀ M s
-    strain_row = bonds.on_disks((k * r - f) * bonds.normal, n)
-    shear_row = bonds.on_disks(-sheared.T - np.stack((np.zeros_like(f), f * nx)), n)
-    mixed = np.sum((k * r - f) * nx * bonds.r[1])
-    corner = np.array(
-        [
-            [np.sum(k * r * r - f * r) + 4.0 * pressure * area, mixed],
-            [mixed, np.sum(stiffness)],
-        ]
-    )
-    return np.stack((strain_row, shear_row), axis=-1), corner
+def border(bonds: Bonds, n: int, volume: float, pressure: float):
+    """Second derivatives by moves and strains of the cell (N, D, C), and by two strains (C, C).
+
+    The C strains are those of `strain.cell_strain`: ε and the shears.
+    """
+    r, f, k, weights = bonds.distance, bonds.force, bonds.stiffness, bonds.weights.T
+    forms = [
+        axis for _, axis, _ in linear_forms(bonds.normal.T, bonds.r[1])
+    ]  # n and the axes across it, (M, D)
+    planes = list(itertools.combinations(range(bonds.dimension), 2))
+    corner = np.zeros((1 + len(planes),) * 2)
+    corner[0, 0] = np.sum(k * r * r - f * r) + bonds.dimension**2 * pressure * volume
+    rows, loads = [bonds.on_disks((k * r - f) * bonds.normal, n)], []
+    for load, (a, b) in enumerate(planes, 1):
+        loads.append([axis[:, a] * bonds.r[b] for axis in forms])
+        sheared = np.zeros_like(bonds.r)
+        for axis, weight, motion in zip(forms, weights, loads[-1], strict=True):
+            sheared += weight * axis.T * motion
+        sheared[b] -= f * bonds.normal[a]
+        rows.append(bonds.on_disks(sheared, n))
+        corner[0, load] = corner[load, 0] = np.sum((k * r - f) * bonds.normal[a] * bonds.r[b])
+        for other, motions in enumerate(loads, 1):
+            squares_of = [w * (one * two) for w, one, two in zip(weights, loads[-1], motions, strict=True)]
+            corner[load, other] = corner[other, load] = np.sum(sum(squares_of))
+    return np.stack(rows, axis=-1), corner

@@ -1,10 +1,12 @@
 """L-BFGS: the compiled steps down to a minimum of the enthalpy, with the cell as one or two more coordinates.
 
 Coordinates are the offsets o of the disks since their pairs were listed and, where the cell moves, its strain ε and
-shear g in units that make them about as stiff as a disk: x = (o, √N d ε, √N d g). With f the net contact forces,
-F = e^ε [[1, g], [0, 1]] and W = Σ (f/r) r rᵀ,
+shears g in units that make them about as stiff as a disk: x = (o, √N d ε, √N d g). With f the net contact forces,
+F = e^ε (1 + g) of `strain.cell_strain` and W = Σ (f/r) r rᵀ,
 
-    ∂H/∂o = −Fᵀ f,    ∂H/∂ε = −(W_xx + W_yy − 2 p V),    ∂H/∂g = −W_xy,    H = U + p V.
+    ∂H/∂o = −Fᵀ f,    ∂H/∂ε = −(tr W − D p V),    ∂H/∂g_xy = −W_xy + g_yz W_xz,    H = U + p V,
+
+∂H/∂g_xz = −W_xz and ∂H/∂g_yz = −W_yz. In a plane there is no z.
 
 The direction is that of the two-loop recursion (Nocedal, Math. Comput. 35, 773 (1980)), carried out on inner products
 alone, which the loops of `lbfgs_kernels` sum over all disks, in two passes per step. Energies are not used: slopes stay
@@ -16,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.minimise.lbfgs_kernels import LbfgsArrays, adjust, measure, step
-from jampetsc.packing.bond import growth_and_shear
+from jampetsc.packing.bond import box_strain
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.kernel import block_room
 from jampetsc.packing.neighbour_list import is_stale
@@ -33,15 +35,15 @@ class LbfgsProblem(NamedTuple):
     """The potential, what moves, and when to stop."""
 
     law: tuple  # `Potential.constants`
-    moving: tuple  # (bool, bool): which of ε and g move
+    moving: tuple  # of bool: which of ε and the shears move
     push: float  # p V at ε = 0
-    scale: float  # √N d: ε and g times this are lengths, as moves of disks are
+    scale: float  # √N d: ε and shears times this are lengths, as moves of disks are
     reach: float  # longest move of a disk in one step
     widest: float  # diameter of the largest disk
     skin: float  # of the pair list
     softness: float  # first step, in units of the gradient: about 0.1 / contact stiffness
     force: float  # largest force allowed
-    box_force: float  # largest |∂H/∂ε| and |∂H/∂g| allowed
+    box_force: float  # largest |∂H| of each strain allowed
     steps: int  # force evaluations
 
 
@@ -57,12 +59,21 @@ def _collect(space, task, total, box_gradient):
             else:
                 total[s] = max(total[s], space.sums[d, s])
     growth = np.exp(space.box[0])
-    box_gradient[0] = box_gradient[1] = 0.0
+    box_gradient[:] = 0.0
+    dimension = space.offsets.shape[1]
     if task.moving[0]:
-        box_gradient[0] = -(total[rows + 3] - 2.0 * task.push * growth * growth) / task.scale
+        push = dimension * task.push * growth * growth
+        if dimension == 3:
+            push *= growth
+        box_gradient[0] = -(total[rows + 3] - push) / task.scale
     if task.moving[1]:
-        box_gradient[1] = -total[rows + 4] / task.scale
-    for b in range(2):
+        if dimension == 3:
+            box_gradient[1] = -(total[rows + 4] - space.box[3] * total[rows + 5]) / task.scale
+            box_gradient[2] = -total[rows + 5] / task.scale
+            box_gradient[3] = -total[rows + 6] / task.scale
+        else:
+            box_gradient[1] = -total[rows + 4] / task.scale
+    for b in range(len(space.box)):
         for row in range(rows):
             total[row] += space.box_pairs[row, b] * box_gradient[b]
         total[rows + 1] += box_gradient[b] * box_gradient[b]
@@ -117,7 +128,7 @@ def _direction(total, products, count, head, memory, softness, coefficients):
 
 @compiled(False)
 def _adjust_box(box, move, ratio, scale):
-    for b in range(2):
+    for b in range(len(box)):
         box[b] += (ratio - 1.0) * move[b] / scale
         move[b] *= ratio
 
@@ -137,17 +148,19 @@ def descend(me, threads, counter, domains, space, task, count, head):
     own = LbfgsArrays(
         space.offsets, box, space.forces, space.pairs, box_pairs, products, space.sums, space.reaches
     )
-    total, before = np.zeros(rows + 6), np.zeros(rows + 6)
-    pull, pull_before = np.zeros(2), np.zeros(2)  # gradient of the cell
-    coefficients, move = np.zeros(rows + 1), np.zeros(2)
-    factors, room = np.zeros(2), block_room(space.offsets.shape[1])
+    total, before = np.zeros(space.sums.shape[1]), np.zeros(space.sums.shape[1])
+    strains, axes = len(box), space.offsets.shape[1]
+    diagonal = np.sqrt(float(axes))  # of a cube, in its sides
+    pull, pull_before = np.zeros(strains), np.zeros(strains)  # gradient of the cell
+    coefficients, move = np.zeros(rows + 1), np.zeros(strains)
+    factors, room = np.zeros(2), block_room(axes)
     status, evaluations = MORE, 0
     # which forces, and which pair they complete; plain numbers would have types of their own
     now, slot = np.int64(0), np.int64(-1)
     slope = length = lower = lower_slope = 0.0
     shrinks = 0  # of the step that is tried
     while True:
-        factors[now] = np.exp(box[0]) if box[1] == 0.0 else 1.0
+        factors[now] = 1.0 if np.any(box[1:] != 0.0) else np.exp(box[0])
         for d in range(first, last):
             measure(domains, d, own, task, factors, now, slot, room)
         meet(counter, threads)
@@ -169,7 +182,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
                 meet(counter, threads)
                 continue
             # The new pair: its products with the others follow from those of the two gradients.
-            for b in range(2):
+            for b in range(strains):
                 change = pull[b] - pull_before[b]
                 box_pairs[2 * head + 1, b] = change
                 total[rows] += change * change
@@ -187,14 +200,14 @@ def descend(me, threads, counter, domains, space, task, count, head):
             else:
                 count = min(count, memory - 1)
         top = total[rows + 2] * factors[now] / np.exp(box[0])
-        box_force = task.scale * max(abs(pull[0]), abs(pull[1]))
-        if np.sqrt(2.0) * top <= task.force and box_force <= task.box_force:
+        box_force = task.scale * np.max(np.abs(pull))
+        if diagonal * top <= task.force and box_force <= task.box_force:
             status = CONVERGED
             break
         if evaluations >= task.steps:
             break
         slope, count = _direction(total, products, count, head, memory, task.softness, coefficients)
-        for b in range(2):
+        for b in range(strains):
             move[b] = coefficients[rows] * pull[b]
             for row in range(rows):
                 move[b] += coefficients[row] * box_pairs[row, b]
@@ -206,7 +219,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
         for d in range(number):
             longest = max(longest, space.reaches[d, 0])
             far = max(far, space.reaches[d, 1])
-        turned = max(abs(move[0]), abs(move[1])) / task.scale
+        turned = np.max(np.abs(move)) / task.scale
         length = min(1.0, task.reach / max(longest, 1e-300), STRETCH / max(turned, 1e-300))
         if length < 1.0:
             _adjust_box(box, move, length, task.scale)
@@ -216,7 +229,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
             far = 0.0
             for d in range(number):
                 far = max(far, space.reaches[d, 2])
-        if is_stale(np.sqrt(2.0) * far, growth_and_shear(box[0], box[1]), task.widest, task.skin):
+        if is_stale(diagonal * far, box_strain(box, domains.r0), task.widest, task.skin):
             _adjust_box(box, move, 0.0, task.scale)
             for d in range(first, last):
                 adjust(domains, d, own, 0.0, head)

@@ -11,25 +11,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.packing.bond import growth_and_shear
+from jampetsc.packing.bond import box_strain
 from jampetsc.packing.compiled import FAST, compiled
 from jampetsc.packing.domains import GRAIN
-from jampetsc.packing.kernel import domain_forces
-
-CHUNK = 2 * GRAIN  # coordinates worked on at a time
+from jampetsc.packing.kernel import domain_forces, elastic_trace
 
 
 class LbfgsArrays(NamedTuple):
     """State and memory of a minimisation; rows are padded to N' = a multiple of GRAIN disks."""
 
-    offsets: np.ndarray  # (N', 2)
-    box: np.ndarray  # (2,) ε and g
-    forces: np.ndarray  # (2, N', 2): at this point and at the previous one
-    pairs: np.ndarray  # (N'/GRAIN · 2m · CHUNK,) float32: per chunk the rows s_0, y_0, s_1, y_1, …
-    box_pairs: np.ndarray  # (2m, 2) their parts that belong to ε and g
+    offsets: np.ndarray  # (N', D)
+    box: np.ndarray  # strains of the cell, see `strain.cell_strain`
+    forces: np.ndarray  # (2, N', D): at this point and at the previous one
+    pairs: np.ndarray  # (D N' · 2m,) float32: per chunk of GRAIN disks the rows s_0, y_0, s_1, y_1, …
+    box_pairs: np.ndarray  # (2m, strains) their parts that belong to the cell
     products: np.ndarray  # (2, m, m): s_a · y_b for a no newer than b; y_a · y_b
-    sums: np.ndarray  # (D, 2m + 6) each domain's part of the sums over disks
-    reaches: np.ndarray  # (D, 3) each domain's longest move and offset
+    sums: np.ndarray  # (domains, 2m + 4 + strains) each domain's part of the sums over disks
+    reaches: np.ndarray  # (domains, 3) each domain's longest move and offset
 
 
 @compiled(FAST, forceinline=True)
@@ -106,9 +104,20 @@ def _rescale(ratio, s, o):
 
 
 @compiled(FAST, forceinline=True)
-def _shear(f, growth, shear):
-    """f ← Fᵀ f, f (n, 2)."""
+def chunk_length(like):
+    """Coordinates of GRAIN disks, which are worked on at a time; like: a tuple of length D."""
+    if len(like) == 3:
+        return 3 * GRAIN
+    return 2 * GRAIN
+
+
+@compiled(FAST, forceinline=True)
+def _shear(f, growth, box, like):
+    """f ← Fᵀ f, f (n, D), with F = growth (1 + shears of the box); like: a tuple of length D."""
+    shear = box[1]
     for q in range(len(f)):
+        if len(like) == 3:
+            f[q, 2] = growth * (f[q, 2] + box[2] * f[q, 0] + box[3] * f[q, 1])
         f[q, 1] = growth * (f[q, 1] + shear * f[q, 0])
         f[q, 0] = growth * f[q, 0]
 
@@ -119,59 +128,61 @@ def measure(domains, d, space, task, factors, now, slot, room):
 
     room: see `block_room`.
     """
-    growth, shear = space.box[0], space.box[1]
-    strain = growth_and_shear(growth, shear)
+    box, size = space.box, chunk_length(domains.r0)
+    strain = box_strain(box, domains.r0)
     fresh = space.forces[now]
     bonds = domain_forces(domains, d, space.offsets, strain, task.law, fresh, None, None, room)
     first, last = domains.disks[d], domains.disks[d + 1]
-    if shear != 0.0:
-        _shear(fresh[first:last], np.exp(growth), shear)
+    if np.any(box[1:] != 0.0):
+        _shear(fresh[first:last], np.exp(box[0]), box, domains.r0)
     rows = len(space.box_pairs)
     new = fresh.reshape(-1)
     old = space.forces[1 - now].reshape(-1)
     sums = space.sums[d]
     sums[:] = 0.0
-    peaks = room[0][:CHUNK]
+    peaks = room[0][:size]
     peaks[:] = 0.0
     for chunk in range(first // GRAIN, last // GRAIN):
-        here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
-        base = chunk * rows * CHUNK
+        here = slice(chunk * size, (chunk + 1) * size)
+        base = chunk * rows * size
         f = new[here]
         if slot >= 0:
-            y = space.pairs[base + (2 * slot + 1) * CHUNK : base + (2 * slot + 2) * CHUNK]
+            y = space.pairs[base + (2 * slot + 1) * size : base + (2 * slot + 2) * size]
             square, product = _change(f, factors[now], old[here], factors[1 - now], y)
             sums[rows] += square
             sums[2 * slot + 1] += product
         for row in range(rows):
             if row != 2 * slot + 1:
-                sums[row] += dot(space.pairs[base + row * CHUNK : base + (row + 1) * CHUNK], f)
+                sums[row] += dot(space.pairs[base + row * size : base + (row + 1) * size], f)
         sums[rows + 1] += _square(f, peaks)
     sums[rows + 2] = peaks.max()
     for row in range(rows):
         sums[row] *= -factors[now]
     sums[rows + 1] *= factors[now] * factors[now]
-    sums[rows + 3] = bonds.elastic_xx + bonds.elastic_yy
+    sums[rows + 3] = elastic_trace(bonds)
     sums[rows + 4] = bonds.elastic_xy
+    if len(box) == 4:
+        sums[rows + 5], sums[rows + 6] = bonds.elastic_xz, bonds.elastic_yz
 
 
 @compiled(FAST, forceinline=True)
 def step(domains, d, space, now, factor, coefficients, head, room):
     """Move the disks of domain d along the direction, which becomes the s of pair `head`."""
-    rows = len(space.box_pairs)
+    rows, size = len(space.box_pairs), chunk_length(domains.r0)
     f = space.forces[now].reshape(-1)
     o = space.offsets.reshape(-1)
-    direction, longest, far = room[0][:CHUNK], room[1][:CHUNK], room[2][:CHUNK]
+    direction, longest, far = room[0][:size], room[1][:size], room[2][:size]
     longest[:], far[:] = 0.0, 0.0
     for chunk in range(domains.disks[d] // GRAIN, domains.disks[d + 1] // GRAIN):
-        here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
-        base = chunk * rows * CHUNK
+        here = slice(chunk * size, (chunk + 1) * size)
+        base = chunk * rows * size
         _scaled(f[here], -factor * coefficients[rows], direction)
         for row in range(0, rows, 2):
             if coefficients[row] != 0.0 or coefficients[row + 1] != 0.0:
-                s = space.pairs[base + row * CHUNK : base + (row + 1) * CHUNK]
-                y = space.pairs[base + (row + 1) * CHUNK : base + (row + 2) * CHUNK]
+                s = space.pairs[base + row * size : base + (row + 1) * size]
+                y = space.pairs[base + (row + 1) * size : base + (row + 2) * size]
                 _add_pair(direction, coefficients[row], s, coefficients[row + 1], y)
-        s = space.pairs[base + 2 * head * CHUNK : base + (2 * head + 1) * CHUNK]
+        s = space.pairs[base + 2 * head * size : base + (2 * head + 1) * size]
         _move(direction, s, o[here])
         _peaks(s, longest)
         _peaks(o[here], far)
@@ -181,11 +192,11 @@ def step(domains, d, space, now, factor, coefficients, head, room):
 @compiled(FAST, forceinline=True)
 def adjust(domains, d, space, ratio, head):
     """Multiply the last move, the s of pair `head`, by `ratio` for the disks of domain d; returns max |o|."""
-    rows = len(space.box_pairs)
+    rows, size = len(space.box_pairs), chunk_length(domains.r0)
     o = space.offsets.reshape(-1)
     far = 0.0
     for chunk in range(domains.disks[d] // GRAIN, domains.disks[d + 1] // GRAIN):
-        base = (chunk * rows + 2 * head) * CHUNK
-        here = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
-        far = max(far, _rescale(ratio, space.pairs[base : base + CHUNK], o[here]))
+        base = (chunk * rows + 2 * head) * size
+        here = slice(chunk * size, (chunk + 1) * size)
+        far = max(far, _rescale(ratio, space.pairs[base : base + size], o[here]))
     return far

@@ -10,14 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.minimise.descent import Descent, Effort, Goal
+from jampetsc.minimise.descent import Descent, Effort, Goal, stress_unit
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.newton import Limits, Newton, Point
+from jampetsc.packing.contacts import IMBALANCE
 from jampetsc.packing.minimum_proof import with_proof
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.threads import Team
 
-HANDOVER = 1e-5  # max |F| / (p d) at which Newton's method is tried first
+HANDOVER = 1e-5  # max |F| / (p d^(D−1)) at which Newton's method is tried first
 EVALUATIONS = 20_000_000  # force evaluations after which a minimisation is given up
 SLICE = 20_000  # evaluations between two reports
 SETTLING = 20_000  # most evaluations for the first relaxation of a random start
@@ -50,7 +51,7 @@ def settle(
 def relax(
     disks: Packing, goal: Goal, force: float, *, team: Team | None = None, effort: Effort | None = None
 ):
-    """Disks after L-BFGS to max |F| ≤ force and, where the cell moves, |Δp| ≤ force / d; not a minimum yet.
+    """Disks after L-BFGS to max |F| ≤ force and, where the cell moves, |Δp| ≤ force / d^(D−1); not a minimum yet.
 
     Raises ConvergenceError after EVALUATIONS.
     """
@@ -74,8 +75,8 @@ def minimise(
 
     goal       what is held fixed
     solver     Cholesky factorisations of the Hessian, see `newton`
-    tolerance  max |F| ≤ tolerance · p d over all disks, |Δp| and, where the cell shears, |σ_xy| ≤ tolerance · p; or
-               what rounding leaves of them, if that is more
+    tolerance  max |F| ≤ tolerance · p d^(D−1) over all disks, |Δp| and, where the cell shears, each |σ_xy| …
+               ≤ tolerance · p; or what rounding leaves of them, if that is more
     shakes     how often disks may be shaken, each time farther, if no minimum is reached; they then reach another one
     team       threads to use
     effort     counts the cost
@@ -107,7 +108,7 @@ def minimise(
                     "tolerance" if asked else "rounding",
                     modulus,
                 )
-        if fraction * pressure * descent.diameter >= 0.1 * limits.at(pressure).force:
+        if fraction * descent.force_at(pressure) >= 0.1 * limits.at(pressure).force:
             fraction *= 0.1
             continue
         if effort.shakes == shakes:
@@ -123,24 +124,20 @@ def proved(disks: Packing, solver) -> Packing:
 
 
 def shake(descent: Descent, reach: float):
-    """Move every disk by up to `reach` in x and in y.
+    """Move every disk by up to `reach` along each axis.
 
     This leaves, for instance, a minimum in which a contact of less than `force_threshold` keeps a disk between two
     others: that disk counts as a rattler, so that the proof leaves it and its contacts out, and finds a mode without
     stiffness.
     """
-    moves = np.random.default_rng(descent.n).uniform(-reach, reach, (descent.n, 2))
-    descent.move(moves, np.zeros(2))
-
-
-def stress_unit(disks: Packing) -> float:
-    """Pressure of order one for these disks: k, or k/d² where stiffnesses are k/σ²."""
-    return float(disks.potential.k) / float(disks.potential.scale(np.array(2.0 * np.mean(disks.radii)))) ** 2
+    moves = np.random.default_rng(descent.n).uniform(-reach, reach, (descent.n, descent.dimension))
+    descent.move(moves, np.zeros(len(descent.box)))
 
 
 def _down_to(descent: Descent, force: float) -> bool:
     """One slice of L-BFGS; whether max |F| ≤ force is reached. Raises ConvergenceError after EVALUATIONS."""
-    reached = descent.descend(force, 2.0 * descent.area * force / descent.diameter, SLICE)
+    box_force = descent.dimension * descent.volume * force / descent.force_at(1.0)
+    reached = descent.descend(force, box_force, SLICE)
     descent.effort.report(descent.effort)
     if not reached and descent.evaluations > EVALUATIONS:
         raise _failure(descent, Point.of(descent).pressure)
@@ -148,7 +145,7 @@ def _down_to(descent: Descent, force: float) -> bool:
 
 
 def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> float:
-    """Down to max |F| = fraction · p d, or to rounding; p, which in a fixed cell decreases meanwhile."""
+    """Down to max |F| = fraction · p d^(D−1), or to rounding; p, which in a fixed cell decreases meanwhile."""
     force = np.inf
     while True:
         point = Point.of(descent)
@@ -156,8 +153,8 @@ def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> floa
         is_unjammed = descent.goal.pressure is None and pressure < UNJAMMED * stress_unit(descent.disks)
         if is_unjammed:
             return pressure
-        descent.effort.residual = point.residual.force / (pressure * descent.diameter)
-        target = max(fraction * pressure * descent.diameter, 0.5 * limits.at(pressure).force)
+        descent.effort.residual = point.residual.force / descent.force_at(pressure)
+        target = max(fraction * descent.force_at(pressure), 0.5 * limits.at(pressure).force)
         if force <= 2.0 * target:
             return pressure
         if _down_to(descent, target):
@@ -169,5 +166,5 @@ def _failure(descent: Descent, pressure: float) -> ConvergenceError:
     force, effort = Point.of(descent).residual.force, descent.effort
     return ConvergenceError(
         f"no minimum after {effort.evaluations} force evaluations and {effort.saddles} saddles: "
-        f"max|F|/(p d) = {force / (pressure * descent.diameter):.1e}"
+        f"{IMBALANCE[descent.dimension]} = {force / descent.force_at(pressure):.1e}"
     )

@@ -8,33 +8,36 @@ negative curvature. The pattern of K is analysed once for each pair list.
 
 The factorisation is passed in (`solver`), so that this package needs no PETSc:
 
-    solver.factorise(indptr, indices, values) -> bool    upper triangle as CSR; False if not positive definite
+    solver.factorise(indptr, indices, values, D) -> bool    upper triangle of blocks of order D as CSR; False if not
+                                                            positive definite
     solver.solve(b) -> x
     solver.order(n, i, j) -> order in which `ldl` is to eliminate the n disks; pairs i, j are neighbours
 """
 
+import itertools
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.descent import Descent
 from jampetsc.minimise.hessian import Bonds, Pattern, border
 from jampetsc.packing.contacts import both_ends, find_rattlers, force_threshold, virial_pressure
+from jampetsc.packing.neighbours import lengths
 
 STEPS = 12  # at most; a few are enough once the contacts are those of the minimum, else L-BFGS should go on
 DAMPING = 1e-3  # first μ, in units of p
 DAMPING_RAISED = 4e-4  # at least, after a negative mode
-DAMPING_LEAST = 1e-4  # where max |F| > NEAR_MINIMUM_FORCE p d
+DAMPING_LEAST = 1e-4  # where max |F| > NEAR_MINIMUM_FORCE p d^(D−1)
 NEAR_MINIMUM_FORCE = 1e-3
-ROUNDING_FORCE = 1e-5  # max |F| / (p d) below which slopes are near rounding, and full steps are taken
+ROUNDING_FORCE = 1e-5  # max |F| / (p d^(D−1)) below which slopes are near rounding, and full steps are taken
 MAX_NEWTON_MOVE = 0.1  # no disk moves farther in one step, in units of d
 RAISES = 60  # of μ, fourfold each, before a Hessian is given up
 SLOPE_RATIO = 0.3  # slope at the end of a search, as a share of that at its beginning
 MAX_SEARCH_POINTS = 12  # points of a search
 ITERATIONS = 50  # at most, to find a negative mode
 FORCE_FLOOR = 3e-15  # in units of k d
-STRESS_FLOOR = 4e-16  # in units of k/√N
+STRESS_FLOOR = 4e-16  # in units of k/√N, in space over d
 
 
 class Imbalance(NamedTuple):
@@ -42,7 +45,7 @@ class Imbalance(NamedTuple):
 
     force: float  # max |F| over all disks
     pressure: float  # |p − p_target|, 0 at fixed cell
-    shear_stress: float  # |σ_xy| where the shear of the cell is free, else 0
+    shear_stress: float  # largest of |σ_xy|, … where the shears of the cell are free, else 0
 
     def within(self, limits: "Imbalance") -> bool:
         """Whether every part is at most that of `limits`."""
@@ -62,12 +65,13 @@ class Limits:
     def asked(self, pressure: float) -> Imbalance:
         """What `tolerance` means at this pressure."""
         stress = self._tolerance * pressure
-        return Imbalance(stress * self._descent.diameter, stress, stress)
+        return Imbalance(self._descent.force_at(stress), stress, stress)
 
     def at(self, pressure: float) -> Imbalance:
         """The larger of what was asked for and what rounding leaves."""
         asked, stiffness = self.asked(pressure), self._descent.usual_stiffness(pressure)
-        stress = STRESS_FLOOR * stiffness / np.sqrt(self._descent.n)
+        length = self._descent.diameter ** (self._descent.dimension - 2)
+        stress = STRESS_FLOOR * stiffness / length / np.sqrt(self._descent.n)
         force = FORCE_FLOOR * stiffness * self._descent.diameter
         return Imbalance(max(asked.force, force), *[max(asked.pressure, stress)] * 2)
 
@@ -76,32 +80,34 @@ class Limits:
 class Point:
     """Bonds, pressure and forces of a packing during a minimisation."""
 
-    goal: Goal
+    target: float  # pressure that the cell is under; 0 in a fixed cell
+    moving: tuple  # which strains of the cell move
     bonds: Bonds
     n: int
-    area: float
+    volume: float
     pressure: float
-    forces: np.ndarray  # (N, 2) −∂H/∂o
-    drive: np.ndarray  # (2,) −∂H/∂(ε, g), 0 for what does not move
+    forces: np.ndarray  # (N, D) −∂H/∂o
+    drive: np.ndarray  # (C,) −∂H of the strains of the cell, 0 for those that do not move
 
     @classmethod
     def of(cls, descent: Descent) -> "Point":
         """The present point of `descent`."""
-        n, area, goal = descent.n, descent.area, descent.goal
-        bonds = descent.bonds()
-        pressure = virial_pressure(bonds.force, bonds.distance, area, len(bonds.r))
+        n, volume, target = descent.n, descent.volume, descent.goal.pressure or 0.0
+        bonds, dimension = descent.bonds(), descent.dimension
+        pressure = virial_pressure(bonds.force, bonds.distance, volume, dimension)
         push = bonds.force * bonds.normal
-        pulls = 2.0 * area * (pressure - (goal.pressure or 0.0)), np.sum(push[0] * bonds.r[1])
-        drive = np.where(goal.moving, pulls, 0.0)
-        return cls(goal, bonds, n, area, pressure, bonds.on_disks(push, n), drive)
+        planes = itertools.combinations(range(dimension), 2)
+        pulls = [dimension * volume * (pressure - target), *(np.sum(push[a] * bonds.r[b]) for a, b in planes)]
+        drive = np.where(descent.moving, pulls, 0.0)
+        return cls(target, descent.moving, bonds, n, volume, pressure, bonds.on_disks(push, n), drive)
 
     @property
     def residual(self) -> Imbalance:
         """How far this is from equilibrium."""
         return Imbalance(
-            force=float(np.hypot(*self.forces.T).max()),
-            pressure=abs(self.drive[0]) / (2.0 * self.area),
-            shear_stress=abs(self.drive[1]) / self.area,
+            force=float(lengths(self.forces).max()),
+            pressure=abs(self.drive[0]) / (self.bonds.dimension * self.volume),
+            shear_stress=float(np.abs(self.drive[1:]).max()) / self.volume,
         )
 
     def along(self, step) -> float:
@@ -127,30 +133,31 @@ class Linear:
     """(H + μ) of a point, factorised: disks by `solver`, the cell by its Schur complement."""
 
     def __init__(self, point: Point, pattern: Pattern, solver, free, mu: float):
-        self._solver, self._free, self._moving = solver, free, point.goal.moving
+        self._solver, self._free, self._moving = solver, free, point.moving
+        self._dimension = point.bonds.dimension
         values = pattern.fill(point.bonds, free, mu)
-        self.definite = bool(free.any()) and solver.factorise(pattern.indptr, pattern.indices, values)
+        self.definite = bool(free.any()) and solver.factorise(
+            pattern.indptr, pattern.indices, values, self._dimension
+        )
         if not self.definite:
             return
-        rows, corner = border(point.bonds, point.n, point.area, point.goal.pressure or 0.0)
+        rows, corner = border(point.bonds, point.n, point.volume, point.target)
         self._rows = np.where(free[:, None, None], rows, 0.0)
-        self._response = np.stack([self._disks(self._rows[..., b]) for b in range(2)], axis=-1)
-        corner = corner + mu * point.n * np.eye(2)
+        self._response = np.stack([self._disks(self._rows[..., b]) for b in range(len(corner))], axis=-1)
+        corner = corner + mu * point.n * np.eye(len(corner))
         schur = corner - np.einsum("nab,nac->bc", self._rows, self._response)
-        self.modulus = float(schur[1, 1]) / point.area
-        self._schur = np.where(np.logical_and.outer(self._moving, self._moving), schur, np.eye(2))
-        (a, b), (_, c) = self._schur
-        self.definite = bool(a > 0.0 and a * c - b * b > 0.0)
+        self.modulus = float(schur[1, 1]) / point.volume
+        self._schur = np.where(np.logical_and.outer(self._moving, self._moving), schur, np.eye(len(schur)))
+        self.definite = is_definite(self._schur)
 
     def _disks(self, right):
-        return self._solver.solve(np.ascontiguousarray(right).ravel()).reshape(-1, 2)
+        return self._solver.solve(np.ascontiguousarray(right).ravel()).reshape(-1, self._dimension)
 
     def solve(self, forces, drive):
-        """(u (N, 2), strain (2,)) with (H + μ)(u, strain) = (forces, drive)."""
+        """(u (N, D), strain (C,)) with (H + μ)(u, strain) = (forces, drive)."""
         move = self._disks(np.where(self._free[:, None], forces, 0.0))
         left = np.where(self._moving, drive - np.einsum("nab,na->b", self._rows, move), 0.0)
-        (a, b), (_, c) = self._schur
-        strain = np.array([c * left[0] - b * left[1], a * left[1] - b * left[0]]) / (a * c - b * b)
+        strain = solve_dense(self._schur, left)
         return move - np.einsum("nab,b->na", self._response, strain), strain
 
 
@@ -164,7 +171,7 @@ class Newton:
     def _linear(self, point, free, mu) -> Linear:
         pairs = self.descent.pairs
         if self._analysed[0] is not pairs:
-            self._analysed = pairs, Pattern(pairs, self.descent.n)
+            self._analysed = pairs, Pattern(pairs, self.descent.n, self.descent.dimension)
         self.descent.effort.newton_steps += 1
         return Linear(point, self._analysed[1], self.solver, free, mu)
 
@@ -179,7 +186,7 @@ class Newton:
 
     def converge(self, limits: Limits) -> bool:
         """Up to STEPS steps, until the residual is within `limits` or rounding stops it; whether it is within them."""
-        d = self.descent.diameter
+        d, unit = self.descent.diameter, self.descent.force_at(1.0)
         free = np.ones(self.descent.n, bool)
         point = Point.of(self.descent)
         mu = DAMPING * point.pressure
@@ -193,16 +200,16 @@ class Newton:
             last = force
             linear, mu = self._damped(point, free, mu)
             step = linear.solve(point.forces, point.drive)
-            longest = float(np.hypot(*step[0].T).max())
+            longest = float(lengths(step[0]).max())
             if not 0.0 < longest < np.inf:
                 return False
             length = min(1.0, MAX_NEWTON_MOVE * d / longest)
-            if force > ROUNDING_FORCE * scale * d:
+            if force > ROUNDING_FORCE * scale * unit:
                 length, point = self._search(point, step, length)
             else:
                 point = self._go(step, length)
             if length > 0.7:
-                near = point.residual.force <= NEAR_MINIMUM_FORCE * scale * d
+                near = point.residual.force <= NEAR_MINIMUM_FORCE * scale * unit
                 mu = max(0.3 * mu, 0.0 if near else DAMPING_LEAST * scale)
             elif length < 0.3:
                 mu *= 3.0
@@ -248,7 +255,7 @@ class Newton:
         mode = self._negative_mode(point, held) if held.any() else None
         if mode is None:
             return False
-        longest = float(np.hypot(*mode[0].T).max())
+        longest = float(lengths(mode[0]).max())
         size = 0.1 * descent.usual_overlap() / longest
         for _ in range(MAX_SEARCH_POINTS):
             pulls = {sign * size: self._pull_at(mode, sign * size) for sign in (1.0, -1.0)}
@@ -277,8 +284,8 @@ class Newton:
         """A move (u, strain) of negative curvature, by inverse iteration with μ; None without one."""
         linear, mu = self._damped(point, held, DAMPING_LEAST * point.pressure)
         weight = float(point.n)  # of a strain, beside a move of one disk
-        move = np.random.default_rng(point.n).standard_normal((point.n, 2))
-        strain = np.zeros(2)
+        move = np.random.default_rng(point.n).standard_normal(point.forces.shape)
+        strain = np.zeros(len(point.drive))
         curvature = np.inf
         for _ in range(ITERATIONS):
             new, turned = linear.solve(move, weight * strain)
@@ -300,3 +307,32 @@ def flat_between(lower, upper) -> float:
     """Length between two (length, slope) where the slope may vanish, by the secant, at least a tenth from each end."""
     share = min(max(lower[1] / (lower[1] - upper[1]), 0.1), 0.9)
     return lower[0] + share * (upper[0] - lower[0])
+
+
+def is_definite(matrix) -> bool:
+    """Whether a small symmetric matrix (C, C) has positive pivots only."""
+    return _eliminated(matrix, np.zeros(len(matrix))) is not None
+
+
+def solve_dense(matrix, right):
+    """x of a small definite system, (C, C) and (C,); without LAPACK, whose last digits depend on the processor."""
+    if len(matrix) == 2:
+        (a, b), (_, c) = matrix
+        return np.array([c * right[0] - b * right[1], a * right[1] - b * right[0]]) / (a * c - b * b)
+    upper, x = _eliminated(matrix, right)
+    for row in range(len(x))[::-1]:
+        x[row] = (x[row] - _inner(upper[row, row + 1 :], x[row + 1 :])) / upper[row, row]
+    return x
+
+
+def _eliminated(matrix, right):
+    """(upper triangle, right side) after Gauss's elimination without pivoting; None if a pivot is not positive."""
+    upper, x = np.array(matrix), np.array(right)
+    for row in range(len(x)):
+        if not upper[row, row] > 0.0:
+            return None
+        for below in range(row + 1, len(x)):
+            factor = upper[below, row] / upper[row, row]
+            upper[below] -= factor * upper[row]
+            x[below] -= factor * x[row]
+    return upper, x

@@ -6,19 +6,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.minimise.descent import Effort, Goal
-from jampetsc.minimise.minimise import Minimum, minimise, relax, settle, stress_unit
+from jampetsc.minimise.descent import Effort, Goal, stress_unit
+from jampetsc.minimise.minimise import Minimum, minimise, relax, settle
 from jampetsc.packing.compiled import instruction_set
-from jampetsc.packing.contacts import measure
+from jampetsc.packing.contacts import measure, typical_force
 from jampetsc.packing.neighbours import spatial_order
-from jampetsc.packing.packing import Packing, deformed
+from jampetsc.packing.packing import PARTICLES, UNIT_BALL, Packing, deformed
 from jampetsc.packing.potentials import Potential
-from jampetsc.packing.strain import growth_and_shear
+from jampetsc.packing.strain import growth_of
 from jampetsc.packing.threads import Team
 
 FIRST = 1e-3  # pressure in units of k from which a random start is decompressed decade by decade
-LOOSE = 1e-2  # max |F| / (p d) to which the packings on the way are quenched
+LOOSE = 1e-2  # max |F| / (p d^(D−1)) to which the packings on the way are quenched
 SHAKES = 4  # of a packing for which no minimum is found, before that is an error
+START_PHI = {2: 0.85, 3: 0.66}  # by dimension, at p → 0: a little above φ_J
 TOUCHING = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cell
 
 
@@ -28,38 +29,41 @@ class Target:
 
     pressure: float | None = None
     phi: float | None = None
-    stabilise: str = "volume"  # "shear": also σ_xy = 0 and a positive shear modulus
-    tolerance: float = 1e-10  # max |F| / (p d) and |Δp| / p
+    stabilise: str = "volume"  # "shear": also no shear stress and positive shear moduli
+    tolerance: float = 1e-10  # max |F| / (p d^(D−1)) and |Δp| / p
 
 
 def _generator(seed):
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
 
 
-def start_phi(pressure: float) -> float:
+def start_phi(pressure: float, dimension: int = 2) -> float:
     """Packing fraction to start from for a pressure in units of k: a little above the final one.
 
     A packing remembers the densest state it was quenched in: coming from p = 1e-2 raises φ at 1e-4 by 0.002.
     """
-    return 0.85 + 3.5 * pressure
+    return START_PHI[dimension] + 3.5 * pressure
 
 
-def random_start(radii, phi: float, seed, potential: Potential, separated: bool = False) -> Packing:
-    """Disks at uniformly random places in a square cell of packing fraction `phi`, in spatial order.
+def random_start(
+    radii, phi: float, seed, potential: Potential, separated: bool = False, dimension: int = 2
+) -> Packing:
+    """Disks at uniformly random places in a square cell of packing fraction `phi`, or spheres in a cube, in order.
 
     separated: those above the mean radius at x < s L_x, the others beyond, s such that both sides have this `phi`.
     The generator is PCG64 seeded by SeedSequence(seed), a number or several: the same packing on every machine and
     every rank.
     """
     radii = np.asarray(radii, float)
-    side = np.sqrt(np.pi * np.sum(radii**2) / phi)
-    places = _generator(seed).random((len(radii), 2))
+    volume = UNIT_BALL[dimension] * np.sum(radii**dimension) / phi
+    side = np.sqrt(volume) if dimension == 2 else np.cbrt(volume)
+    places = _generator(seed).random((len(radii), dimension))
     if separated:
         large = radii > radii.mean()
-        share = np.sum(radii[large] ** 2) / np.sum(radii**2)
+        share = np.sum(radii[large] ** dimension) / np.sum(radii**dimension)
         places[:, 0] = np.where(large, share * places[:, 0], share + (1.0 - share) * places[:, 0])
     positions = side * places
-    cell = np.diag([side, side])
+    cell = np.diag([side] * dimension)
     order = spatial_order(positions, cell)
     return Packing.from_positions(positions[order], radii[order], cell, potential)
 
@@ -76,9 +80,13 @@ def changed(disks: Packing, target: Target) -> Packing:
                 "no disks touch, so there is no pressure to change: give a packing fraction, or use a random start"
             )
         return disks
-    return deformed(
-        disks, np.zeros((disks.n, 2)), growth_and_shear(0.5 * math.log(disks.phi / target.phi), 0.0)
-    )
+    return rescaled(disks, target.phi)
+
+
+def rescaled(disks: Packing, phi: float) -> Packing:
+    """The disks in a cell of packing fraction φ, all lengths but radii scaled."""
+    growth = math.log(disks.phi / phi) / disks.dimension
+    return deformed(disks, np.zeros(disks.base.shape), growth_of(growth, disks.dimension))
 
 
 def make_packing(
@@ -107,10 +115,10 @@ def make_packing(
         path.append(f"phi = {target.phi:.10g}")
     else:
         goal = Goal(target.pressure, target.stabilise == "shear")
-        unit, d = stress_unit(disks), 2.0 * float(np.mean(disks.radii))
+        unit = stress_unit(disks)
         if fresh:
             effort.stage = "random start"
-            disks = settle(disks, TOUCHING * unit * d, team=team, effort=effort)
+            disks = settle(disks, typical_force(disks, TOUCHING * unit), team=team, effort=effort)
             path.append(f"phi = {start.phi:.6g}")
             now = max(FIRST * unit, target.pressure)
         else:
@@ -119,7 +127,7 @@ def make_packing(
         for pressure in _decades(now, target.pressure, fresh):
             effort.stage = f"p = {pressure:.3g}"
             on_the_way = Goal(pressure, goal.shear)
-            disks = relax(disks, on_the_way, LOOSE * pressure * d, team=team, effort=effort)
+            disks = relax(disks, on_the_way, LOOSE * typical_force(disks, pressure), team=team, effort=effort)
             path.append(f"p = {pressure:.6g}")
         effort.stage = f"p = {target.pressure:.3g}"
         path.append(f"p = {target.pressure:.6g}")
@@ -129,7 +137,10 @@ def make_packing(
         path.append("shear_stress = 0")
         found = minimise(found.disks, Goal(shear=True), solver, **how)
     if not found.jammed:
-        raise InputError(f"phi = {target.phi:.6g}: the disks do not touch: choose a larger packing fraction")
+        particles = PARTICLES[found.disks.dimension]
+        raise InputError(
+            f"phi = {target.phi:.6g}: the {particles} do not touch. Choose a larger packing fraction."
+        )
     path += ["shaken"] * effort.shakes
     return _recorded(found, target, ("random, " if fresh else "") + ", then ".join(path), effort)
 

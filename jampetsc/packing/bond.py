@@ -12,11 +12,20 @@ from jampetsc.packing.potentials import secant_stiffness
 
 _inlined = compiled(FAST, cache=False, forceinline=True)
 simple_shear, growth_and_shear = _inlined(strain.simple_shear), _inlined(strain.growth_and_shear)
+growth_and_tilts = _inlined(strain.growth_and_tilts)
 bond_vector = _inlined(strain.bond_vector)
 secant = _inlined(secant_stiffness)
 # not FAST: whether a list serves is decided in exact order
 _exact = compiled(False, cache=False)
 norms, strain_between = _exact(strain.norms), _exact(strain.strain_between)
+
+
+@_inlined
+def box_strain(box, like):
+    """`strain.cell_strain` of an array; like: a tuple of length D."""
+    if len(like) == 3:
+        return growth_and_tilts(box[0], box[1], box[2], box[3])
+    return growth_and_shear(box[0], box[1])
 
 
 @_inlined

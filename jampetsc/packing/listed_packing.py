@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from jampetsc.packing.neighbour_list import NeighbourList, is_stale
+from jampetsc.packing.neighbours import lengths
 from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.strain import UNSTRAINED, Strain
 from jampetsc.packing.threads import Team
@@ -27,7 +28,7 @@ def tuned_skin(skin: float, steps: float, diameter: float, rebuild: float = REBU
 
 
 class ListedPacking:
-    """A packing with a list of its pairs: `reference` as it was listed, moved since by `offsets` (N, 2), `cell_strain`.
+    """A packing with a list of its pairs: `reference` as it was listed, moved since by `offsets` (N, D), `cell_strain`.
 
     skin: of the first list, in mean diameters; team: the threads that make lists
     """
@@ -42,7 +43,7 @@ class ListedPacking:
     def list(self, packing: Packing):
         """Take a packing as the reference of a new list."""
         self.reference, self._pairs = packing, None
-        self.offsets = np.zeros((packing.n, 2))
+        self.offsets = np.zeros(packing.base.shape)
 
     @property
     def pairs(self) -> NeighbourList:
@@ -68,7 +69,7 @@ class ListedPacking:
     def stale(self, far: float | None = None) -> bool:
         """Whether the list may miss a contact; far = max |o|, computed if it is not given."""
         if far is None:
-            far = float(np.hypot(*self.offsets.T).max())
+            far = float(lengths(self.offsets).max())
         return bool(is_stale(far, self.cell_strain, self.largest, self.skin))
 
     def tune(self, steps: float, rebuild: float = REBUILD):

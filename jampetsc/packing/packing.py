@@ -223,7 +223,8 @@ class Packing:
     def minimise(self, **options) -> "Packing":
         """A proved minimum of the energy in this cell, reached from these positions; `options` as for `jampetsc.pack`.
 
-        Collective. Raises as `jampetsc.pack`, which takes packing fractions between 0.8 and 1.5.
+        Collective. Raises as `jampetsc.pack`, which takes packing fractions between 0.8 and 1.5, of
+        spheres between 0.6 and 1.2.
         """
         import jampetsc
 

@@ -62,10 +62,10 @@ class Potential:
         """Length by which overlaps are measured: σ, or the unit of length (shape of sigma)."""
         return sigma if self.stiffness == "inverse-square-diameter" else np.ones_like(sigma)
 
-    def usual_overlap(self, pressure: float, diameter: float) -> float:
-        """Overlap of two disks of this diameter d whose force is 2 p d, as is typical at a pressure p."""
+    def overlap_at(self, force: float, diameter: float) -> float:
+        """Overlap of two disks of this diameter that repel each other with this force."""
         scale = float(self.scale(np.array(diameter)))
-        return scale * (2.0 * pressure * diameter * scale / self.k) ** (1.0 / (self.alpha - 1.0))
+        return scale * (force * scale / self.k) ** (1.0 / (self.alpha - 1.0))
 
     def energy(self, overlap, sigma):
         """V(δ) per contact; overlap δ ≥ 0 and sigma are arrays (M,)."""

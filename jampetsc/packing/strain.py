@@ -31,11 +31,26 @@ def simple_shear(shear):
     return Strain(0.0, shear, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def growth_and_shear(growth, shear, dimension=2):
-    """E of F = e^ε [[1, g], [0, 1]], (ε, g) = (growth, shear), in three dimensions with F_zz = e^ε."""
+def growth_and_shear(growth, shear):
+    """E of F = e^ε [[1, g], [0, 1]] in the plane, (ε, g) = (growth, shear)."""
     change = math.expm1(growth)
-    along_z = change if dimension == 3 else 0.0
-    return Strain(change, math.exp(growth) * shear, 0.0, 0.0, change, 0.0, 0.0, 0.0, along_z)
+    return Strain(change, math.exp(growth) * shear, 0.0, 0.0, change, 0.0, 0.0, 0.0, 0.0)
+
+
+def growth_and_tilts(growth, xy, xz, yz):
+    """E of F = e^ε [[1, g_xy, g_xz], [0, 1, g_yz], [0, 0, 1]]."""
+    change, stretch = math.expm1(growth), math.exp(growth)
+    return Strain(change, stretch * xy, stretch * xz, 0.0, change, stretch * yz, 0.0, 0.0, change)
+
+
+def cell_strain(box):
+    """E of a cell that grows and shears: box = (ε, g) in the plane, in space (ε, g_xy, g_xz, g_yz)."""
+    return growth_and_shear(*box) if len(box) == 2 else growth_and_tilts(*box)
+
+
+def growth_of(growth, dimension):
+    """E of F = e^ε in D dimensions."""
+    return cell_strain((growth, 0.0) if dimension == 2 else (growth, 0.0, 0.0, 0.0))
 
 
 def displace(strain, vector):

@@ -34,7 +34,7 @@ class NewtonSolver:
         if proves:  # options that PETSc or the proof refuses are refused now, not at the first step
             self.factorise(np.array([0, 1], np.int32), np.array([0], np.int32), np.ones(1))
 
-    def factorise(self, indptr, indices, values) -> bool:
+    def factorise(self, indptr, indices, values, order=1) -> bool:
         """Factorise the upper triangle with its diagonal, CSR (int32, sorted). False if not positive definite.
 
         Raises InputError where the options are such that True would be no proof.
@@ -81,10 +81,10 @@ class HessianSolver(NewtonSolver):
         super().__init__()
         self._by_library = current().has_options(PREFIX)
 
-    def factorise(self, indptr, indices, values) -> bool:
+    def factorise(self, indptr, indices, values, order=2) -> bool:
         """See `NewtonSolver.factorise`."""
         n, self._factor = len(indptr) // 2, None
-        if self._by_library or n > MAX_BLOCK_DISKS:
+        if self._by_library or order != 2 or n > MAX_BLOCK_DISKS:
             return super().factorise(indptr, indices, values)
         i, j, blocks, chosen, diagonal = ldl.blocks_of(indptr, indices, values)
         order = elimination_order(n, i[chosen], j[chosen])

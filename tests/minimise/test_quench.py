@@ -7,9 +7,9 @@ from samples import lattice
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise import newton, protocols
-from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.descent import Descent, Goal, stress_unit
 from jampetsc.minimise.hessian import Bonds, Pattern, border
-from jampetsc.minimise.minimise import _down_to_fraction, minimise, relax, settle, stress_unit
+from jampetsc.minimise.minimise import _down_to_fraction, minimise, relax, settle
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, measure, net_forces
 from jampetsc.packing.kernel import bond_forces
@@ -44,7 +44,7 @@ def hessian_of(descent, every=False):
     free = np.ones(descent.n, bool)
     pattern = Pattern(point.bonds.pairs, descent.n)
     whole.factorise(pattern.indptr, pattern.indices, pattern.fill(point.bonds, free))
-    rows, corner = border(point.bonds, descent.n, descent.area, goal.pressure or 0.0)
+    rows, corner = border(point.bonds, descent.n, descent.volume, goal.pressure or 0.0)
     matrix = np.block([[whole.matrix, rows.reshape(-1, 2)], [rows.reshape(-1, 2).T, corner]])
     kept = np.full(len(matrix), True) if every else moving_of(goal, ~measure(descent.disks).rattlers)
     return matrix[np.ix_(kept, kept)]
@@ -175,7 +175,7 @@ def test_newton_is_tried_at_ever_smaller_forces(monkeypatch):
     asked, descend = [], Descent.descend
 
     def noted(descent, force, box_force, evaluations):
-        asked.append((force, box_force / (2.0 * descent.area)))
+        asked.append((force, box_force / (2.0 * descent.volume)))
         return descend(descent, 1e-3, 1e-3, evaluations)
 
     monkeypatch.setattr(Descent, "descend", noted)

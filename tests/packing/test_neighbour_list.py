@@ -16,6 +16,7 @@ from jampetsc.packing.strain import (
     UNSTRAINED,
     Strain,
     bond_vector,
+    cell_strain,
     growth_and_shear,
     norms,
     simple_shear,
@@ -220,8 +221,8 @@ def test_strains_of_three_axes():
         np.testing.assert_allclose(between, change @ np.linalg.inv(F0), rtol=0, atol=1e-13 * size)
         r0, moved = rng.normal(size=(2, 3))
         np.testing.assert_allclose(bond_vector(strain, r0, moved), F @ (r0 + moved), rtol=1e-14)
-    grown = growth_and_shear(0.3, 0.2, 3)
-    wanted = np.exp(0.3) * np.array([[1.0, 0.2, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    grown = cell_strain((0.3, 0.2, -0.4, 0.1))
+    wanted = np.exp(0.3) * np.array([[1.0, 0.2, -0.4], [0.0, 1.0, 0.1], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(np.reshape(grown, (3, 3)) + np.eye(3), wanted, rtol=1e-15)
     assert norms(grown)[0] == pytest.approx(1.0 / np.linalg.svd(wanted)[1][2], rel=1e-13)
 

@@ -1,0 +1,129 @@
+"""Quenches of spheres: gradient and Hessian against differences of a plain sum over pairs, and packings at rest."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import jampetsc as jp
+from jampetsc.minimise import lbfgs
+from jampetsc.minimise.descent import Descent, Goal
+from jampetsc.minimise.hessian import Pattern, border
+from jampetsc.minimise.lbfgs_kernels import measure as measure_domain
+from jampetsc.minimise.minimise import settle
+from jampetsc.minimise.newton import Point, is_definite, solve_dense
+from jampetsc.minimise.protocols import random_start
+from jampetsc.minimise.sizes import radii_of
+from jampetsc.packing.contacts import imbalance, measure
+from jampetsc.packing.kernel import block_room
+from jampetsc.packing.minimum_proof import proved_minimum
+from jampetsc.packing.packing import deformed
+from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.packing.strain import cell_strain
+
+LAWS = [(kind, stiffness) for kind in EXPONENTS for stiffness in STIFFNESSES]
+IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
+
+
+def energy(disks):
+    """U, a sum over all pairs and images."""
+    bonds = disks.positions[None] - disks.positions[:, None] + (IMAGES @ disks.cell)[:, None, None]
+    sigma = disks.radii[None] + disks.radii[:, None]
+    law, overlap = disks.potential, sigma - np.linalg.norm(bonds, axis=-1)
+    overlap[:, np.arange(disks.n), np.arange(disks.n)] = 0.0
+    scale = sigma if law.stiffness == "inverse-square-diameter" else 1.0
+    return 0.5 * np.sum(law.k / law.alpha * (np.maximum(overlap, 0.0) / scale) ** law.alpha)
+
+
+def spheres(n=24, phi=0.8, law=("harmonic", "constant"), seed=1):
+    start = random_start(radii_of("bidisperse", n), phi, seed, Potential(*law), dimension=3)
+    return settle(start, 0.01).folded()
+
+
+def change(disks, vector):
+    """The spheres after moves (N, 3) and strains (4,), one after the other in `vector`."""
+    moves = vector[: 3 * disks.n].reshape(disks.n, 3)
+    return deformed(disks, moves, cell_strain(vector[3 * disks.n :].tolist()))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_gradient_and_hessian(law):
+    """Of the enthalpy, at a cell that has grown and sheared since the list, in moves and all four strains."""
+    pressure, rng = 0.02, np.random.default_rng(3)
+    disks = spheres(law=law)
+    descent = Descent(disks, Goal(pressure, True))
+    descent.move(0.01 * rng.normal(size=(disks.n, 3)), np.array([0.01, -0.02, 0.03, 0.015]))
+    descent.move(0.01 * rng.normal(size=(disks.n, 3)), np.array([-0.005, 0.02, 0.01, 0.03]))
+    here, point = descent.disks, Point.of(descent)
+
+    def enthalpy(vector):
+        moved = change(here, vector)
+        return energy(moved) + pressure * moved.volume
+
+    size, h = 3 * disks.n + 4, 1e-6
+    units = np.eye(size)[[0, 31, 71, *range(size - 4, size)]]
+    force = np.append(point.forces, point.drive)
+    differences = [(enthalpy(-h * unit) - enthalpy(h * unit)) / (2 * h) for unit in units]
+    np.testing.assert_allclose(units @ force, differences, rtol=0, atol=1e-8 * np.abs(force).max())
+    # the compiled gradient, in strains from the list on
+    own, task, room = descent.space, descent.task(1.0, 1.0, 1), block_room(3)
+    measure_domain(descent.domains, 0, own, task, np.ones(2), 0, -1, room)
+    total, pull = np.zeros(own.sums.shape[1]), np.zeros(4)
+    lbfgs._collect(own, task, total, pull)
+    offsets, box = descent.offsets, descent.box.copy()
+
+    def listed_enthalpy(strains):
+        moved = deformed(disks, offsets, cell_strain(strains.tolist()))
+        return energy(moved) + pressure * moved.volume
+
+    slopes = [(listed_enthalpy(box + h * e) - listed_enthalpy(box - h * e)) / (2 * h) for e in np.eye(4)]
+    np.testing.assert_allclose(task.scale * pull, slopes, rtol=0, atol=1e-8 * np.abs(slopes).max())
+    # Hessian against differences of forces
+    pattern = Pattern(point.bonds.pairs, disks.n, 3)
+    values = pattern.fill(point.bonds, np.ones(disks.n, bool))
+    upper = np.zeros((3 * disks.n, 3 * disks.n))
+    for row in range(3 * disks.n):
+        columns = pattern.indices[pattern.indptr[row] : pattern.indptr[row + 1]]
+        upper[row, columns] = values[pattern.indptr[row] : pattern.indptr[row + 1]]
+    rows, corner = border(point.bonds, disks.n, point.volume, pressure)
+    rows = rows.reshape(-1, 4)
+    hessian = np.block([[upper + np.triu(upper, 1).T, rows], [rows.T, corner]])
+
+    def push(vector):
+        ahead = Point.of(Descent(change(here, vector), Goal(pressure, True)))
+        return np.append(ahead.forces, ahead.drive)
+
+    for unit in units[:3]:
+        wanted = (push(-h * unit) - push(h * unit)) / (2 * h)
+        np.testing.assert_allclose(unit @ hessian, wanted, rtol=0, atol=1e-7 * np.abs(hessian).max())
+    mixed = [(enthalpy(h * 1e2 * (a + b)) - enthalpy(h * 1e2 * (a - b)) - enthalpy(h * 1e2 * (b - a))
+              + enthalpy(-h * 1e2 * (a + b))) / (4e4 * h * h) for a in units for b in units]  # fmt: skip
+    found = [a @ hessian @ b for a in units for b in units]
+    np.testing.assert_allclose(found, mixed, rtol=0, atol=5e-3 * np.abs(mixed).max())
+
+
+def test_small_systems():
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(4, 4))
+    matrix, right = root @ root.T, rng.normal(size=4)
+    np.testing.assert_allclose(solve_dense(matrix, right), np.linalg.solve(matrix, right), rtol=1e-9)
+    assert is_definite(matrix) and not is_definite(matrix - 1.01 * np.linalg.eigvalsh(matrix)[0] * np.eye(4))
+
+
+@pytest.mark.parametrize(("law", "options"), zip(LAWS, (
+    {"pressure": 1e-3}, {"phi": 0.68, "stabilise": "shear"}, {"pressure": 1e-2, "stabilise": "shear"}, {"phi": 0.7},
+), strict=True))  # fmt: skip
+def test_a_packing_of_spheres_is_a_proved_minimum(session, law, options):
+    disks = jp.pack(n=64, dimension=3, potential=law[0], stiffness=law[1], seed=2, **options)
+    state = measure(disks)
+    assert disks.dimension == 3 and proved_minimum(disks) and imbalance(disks, state) < 1e-10
+    assert state.energy == pytest.approx(energy(disks), rel=1e-10)
+    if "pressure" in options:
+        assert state.pressure == pytest.approx(options["pressure"], rel=1e-10)
+    else:
+        assert disks.phi == pytest.approx(options["phi"], rel=1e-12)
+    tilts = np.abs(state.stress[np.triu_indices(3, 1)])
+    assert (tilts.max() < 1e-9 * state.pressure) == ("stabilise" in options)
+    assert state.coordination > 6.0 - 6.0 / 64 and disks.record["shear_modulus"] > 0
+    again = jp.pack(from_=disks, phi=disks.phi)
+    assert again.record["evaluations"] < 50 and np.allclose(again.positions, disks.positions, atol=1e-8)
