@@ -6,9 +6,10 @@ from typing import ClassVar
 
 from jampetsc.errors import InputError, about, named
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA, Physics
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
 from jampetsc.options.job import ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import ValueType, optional_parameter, parameter
-from jampetsc.options.physics_options import PackingJob
+from jampetsc.options.physics_options import PackingJob, load_parameter
 from jampetsc.options.values import Numbers, number_list
 from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
 
@@ -36,7 +37,7 @@ class Oscillate(PackingJob):
     Steady oscillation of a packing whose contacts are damped by a force ∝ |Δv|^alpha (BT eq. 9): G*(ω) of the first
     harmonic, third and fifth harmonic, work per cycle, with an estimate of the error. With fixed contacts the
     equations are solved for a whole cycle at once, for alpha of at least 0.45; with moving contacts, which open and
-    close, cycles are integrated in time until G* repeats.
+    close, cycles are integrated in time until G* repeats. Moving contacts are sheared, fixed ones take any single load.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING)
@@ -59,12 +60,12 @@ A killed run continues when the same command is given again."""
         unit="1/τ₁ (with τ₁ = 1)",
     )
     stress: Numbers | None = optional_parameter(
-        "amplitudes of an imposed shear stress",
+        "amplitudes of an imposed stress, the force per volume on the amplitude of the load",
         value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE),
         unit="k",
     )
     strain: Numbers | None = optional_parameter(
-        "amplitudes of an imposed shear strain", value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE)
+        "amplitudes of an imposed strain", value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE)
     )
     alpha: float = parameter(
         1.0,
@@ -83,6 +84,7 @@ A killed run continues when the same command is given again."""
         "until G* repeats from cycle to cycle",
         value_type=ValueType(_cycles, metavar="auto|N", python='integer or "auto"'),
     )
+    load: str = load_parameter()
     steps: int = parameter(64, "time steps per cycle, a multiple of 8", low=16, high=4096, metavar="N")
 
     def check(self):
@@ -96,6 +98,10 @@ A killed run continues when the same command is given again."""
             raise InputError(
                 f"{named('law')} {self.law.family or self.law}: not supported, {reason}. Give a law of contacts, or "
                 "use sweep, which takes any linear law."
+            )
+        if self.load == TENSOR:
+            raise InputError(
+                f"{named('load')} {TENSOR}: not supported, oscillations are not linear. Give a single {named('load')}."
             )
         self._check_contacts()
         self._check_frequencies()
@@ -113,6 +119,11 @@ A killed run continues when the same command is given again."""
                     "contacts, whose steady cycle is solved directly."
                 )
             return
+        if self.load != DEFAULT:
+            raise InputError(
+                f"{named('load')} {self.load}: not supported with {named('contacts')} moving, whose cell is sheared. "
+                f"Leave it out, or give {named('contacts')} fixed."
+            )
         if not self.prestress:
             raise InputError(
                 f"{named('prestress')}: not supported with {named('contacts')} moving. Leave out one of them."
@@ -168,6 +179,7 @@ A killed run continues when the same command is given again."""
             "steps": self.steps,
             "contacts": self.contacts,
             "cycles": self.cycles,
+            "load": self.load,
         }
 
     def work(self, to):
@@ -183,7 +195,8 @@ A killed run continues when the same command is given again."""
             require_plane(
                 source.source, "Oscillations are of disks in a plane: give a two-dimensional packing."
             )
-            require_stability(source.network, self.control)
+            (load,) = loads_of(self.load, source.network.dimension)
+            require_stability(source.network, self.control, load)
         checkpoint = to.checkpoint(self.key(source.identity), session.comm)
         sweep = sweep_amplitudes(
             source.source,
@@ -197,6 +210,7 @@ A killed run continues when the same command is given again."""
             self.cycles,
             checkpoint.done,
             checkpoint.save,
+            load,
         )
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
             writer.dataset("omega", self.omega)
@@ -205,6 +219,8 @@ A killed run continues when the same command is given again."""
                 writer.dataset(name, values)
             writer.attributes(
                 **source.record(self.parameters),
+                load=self.load,
+                stress_measure=STRESS_MEASURE,
                 control=self.control,
                 contacts=self.contacts,
                 steps=self.steps,
@@ -219,8 +235,9 @@ A killed run continues when the same command is given again."""
 def _summary(job, to, arrays) -> str:
     """The summary."""
     G, error = arrays["G"], arrays["error"]
+    of_load = "" if job.load == DEFAULT else f", load {job.load}"
     lines = [
-        f"{to}: {job.physics}, alpha = {job.alpha:g}, {G.size} oscillations, estimated to "
+        f"{to}: {job.physics}{of_load}, alpha = {job.alpha:g}, {G.size} oscillations, estimated to "
         f"{(error / abs(G)).max():.1e} of |G*|, energy balanced to {abs(arrays['energy_balance']).max():.0e}"
     ]
     for a, amplitude in enumerate(job.amplitude):

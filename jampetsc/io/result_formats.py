@@ -198,6 +198,8 @@ steps_taken | (A, M) | int? | | moving contacts: time steps of all cycles; of a 
 cycles | (A, M) | int? | | moving contacts: number of cycles in both runs, with half of the steps and with all
 """,
     attributes=r"""
+load, stress_measure | text? | | the displacement gradient E: a name, or its numbers (missing: simple shear `xy`), and
+  the stress measure of G*: energy along F = 1 + εE
 control, contacts, steps | text, text, int | | stress or strain; fixed or moving; steps of a cycle
 solver | text | | `cycle`: a whole cycle at once, for fixed contacts; `steps`: time steps, for moving contacts
 regularisation | float | | force below which a contact counts as linear, over the force at the rms velocity; 0 for

@@ -189,12 +189,12 @@ MODEL = CompositeParameter(
 LOAD = ValueType(loads.load_text, metavar="LOAD")  # see `laws.loads.load_text`
 LOAD_HELP = (
     "load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or "
-    "D² numbers row by row (with commas; on a command line with = where the first is negative); "
-    f"{loads.TENSOR}: {{}}. Moduli are "
+    "D² numbers row by row (with commas; on a command line with = where the first is negative){}. Moduli are "
     "second derivatives of the energy per volume along F = 1 + εE"
 )
 
 
-def load_parameter(of_tensor: str):
-    """The parameter `load` of a job; of_tensor: what it finds for all symmetric loads."""
-    return parameter(loads.DEFAULT, LOAD_HELP.format(of_tensor), value_type=LOAD)
+def load_parameter(of_tensor: str = ""):
+    """The parameter `load` of a job; of_tensor: what it finds for all symmetric loads, if it takes them."""
+    words = f"; {loads.TENSOR}: {of_tensor}" if of_tensor else ""
+    return parameter(loads.DEFAULT, LOAD_HELP.format(words), value_type=LOAD)

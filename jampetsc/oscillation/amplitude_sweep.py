@@ -8,7 +8,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import Law
-from jampetsc.laws.loads import simple_shear
+from jampetsc.laws.loads import Load
 from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.oscillation.drive import HARMONICS, Drive, OscillationResult
 from jampetsc.oscillation.power_law import LINEAR_BELOW, relative_softening
@@ -44,6 +44,7 @@ def sweep_amplitudes(
     cycles: int | None = None,
     resume: dict | None = None,
     save: Callable[[int, dict], None] | None = None,
+    load: Load | None = None,
 ) -> AmplitudeSweep:
     """Oscillations of a packing at every amplitude and frequency. Collective.
 
@@ -57,10 +58,11 @@ def sweep_amplitudes(
     cycles      with moving contacts: their number in each of two runs; None: until they repeat
     resume      {number of a point: record} of finished points, which are not solved again
     save        called on every rank with number and record of each point that is solved
+    load        of fixed contacts; simple shear if not given
 
     Raises ConvergenceError if all points fail.
     """
-    solver = _PointSolver(disks, network, law, contacts == "moving", steps, cycles)
+    solver = _PointSolver(disks, network, law, contacts == "moving", steps, cycles, load)
     points = [Drive(float(w), float(a), control == "stress") for a in amplitudes for w in omega]
     records, failures = _solve_points(solver, points, dict(resume or {}), save)
     if not records:
@@ -69,18 +71,18 @@ def sweep_amplitudes(
     return AmplitudeSweep(arrays, failures, solver.name, solver.regularisation)
 
 
-def require_stability(network: DistributedNetwork, control: str) -> None:
+def require_stability(network: DistributedNetwork, control: str, load: Load) -> None:
     """Raise InputError for a packing that is unstable under this control, "stress" or "strain". Collective.
 
-    An imposed strain fixes the shape of the cell. Under a stress the cell shears, so that a negative shear modulus is
-    one more negative mode: the equations still have a periodic solution then, but an unstable one.
+    An imposed strain fixes the shape of the cell. Under a stress the cell yields, so that a negative modulus of the
+    load is one more negative mode: the equations still have a periodic solution then, but an unstable one.
     """
     elastic = ElasticResponse(network)  # refuses packings with negative or floppy modes
-    modulus = elastic.respond(simple_shear()).value / network.volume if control == "stress" else np.inf
+    modulus = elastic.respond(load).value / network.volume if control == "stress" else np.inf
     if not modulus > 0.0:
         raise InputError(
-            f"shear modulus {modulus:.2g}: too low to impose a stress. Impose a {named('strain')}, or relax the "
-            f"shear of its cell (pack {named('stabilise')} shear)."
+            f"modulus {modulus:.2g} of load {load.name}: too low to impose a stress. Impose a {named('strain')}, or "
+            f"relax the shear of its cell (pack {named('stabilise')} shear)."
         )
 
 
@@ -90,7 +92,7 @@ class _PointSolver:
     on_one_rank     whether each rank solves points alone; else all ranks work on one point
     """
 
-    def __init__(self, disks, network, law, moving, steps, cycles):
+    def __init__(self, disks, network, law, moving, steps, cycles, load):
         self._disks, self._law, self._steps, self._cycles = disks, law, steps, cycles
         self.on_one_rank, self.name = moving, "steps" if moving else "cycle"
         if moving:
@@ -101,7 +103,7 @@ class _PointSolver:
             if moving:
                 network = build_network(disks, current().comm, network.prestress)
             rho0, steps = 2.0 * float(disks.radii.mean()), START_STEPS if moving else steps
-            self._oscillation = SteadyOscillation(network, law, rho0, steps)
+            self._oscillation = SteadyOscillation(network, law, rho0, steps, load=load)
 
     def solve(self, drive: Drive) -> OscillationResult:
         """The result of one point; raises ConvergenceError."""

@@ -14,6 +14,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.laws.damping import Law
 from jampetsc.laws.equivalent_damping import EquivalentDamping
+from jampetsc.laws.loads import Load
 from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.oscillation.cycle_equations import ContactMotions, Cycle, Equations
 from jampetsc.oscillation.cycle_solver import solve_cycle
@@ -89,14 +90,22 @@ class SteadyResult(OscillationResult):
 class SteadyOscillation:
     """All oscillations of one packing and law. Collective.
 
-    rho0: mean diameter, the length in the power law
+    rho0   mean diameter, the length in the power law
+    load   whose amplitude oscillates; simple shear if not given
     """
 
     def __init__(
-        self, network: DistributedNetwork, law: Law, rho0: float, steps: int, stiffest: float = STIFFEST
+        self,
+        network: DistributedNetwork,
+        law: Law,
+        rho0: float,
+        steps: int,
+        stiffest: float = STIFFEST,
+        load: Load | None = None,
     ):
         self.law, self.network = law, network
-        self.contacts = ContactMotions(assemble(network, law))
+        pencil = assemble(network, law)
+        self.contacts = ContactMotions(pencil if load is None else pencil.under(load))
         self.steps, self.stiffest, self.rho0 = steps, stiffest, rho0
         self.power = ContactPowerLaw.of(self.law, self.network.k, rho0)
 

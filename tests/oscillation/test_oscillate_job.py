@@ -5,6 +5,7 @@ import pytest
 from samples import SAMPLES, lattice, network_of, physics, polydisperse, published, put
 from sweeps import Sweep
 
+import jampetsc
 from jampetsc.commands.oscillate import Oscillate
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.outlet import Outlet
@@ -86,6 +87,20 @@ def test_a_sweep_in_memory_is_resumed(session):
     again = sweep_amplitudes(published(), network, law, [0.1, 1.0], [1e-5], "strain", steps=16, resume=marked)
     assert again.arrays["G"][0, 0] == 7.0 + 1.0j and list(marked) == [0]
     assert abs(again.arrays["G"][0, 1]) > abs(first.arrays["G"][0, 0])
+
+
+@pytest.mark.most_ranks(2)
+def test_any_load_of_fixed_contacts(session):
+    """Linear damping has the modulus of a sweep, whatever is imposed."""
+    law, load = physics(beta=0.3).law, ((0.5, 0.2), (-0.1, 0.5))
+    swept = jampetsc.sweep(published(), law, omega=[0.1], load=load)
+    for imposed in ({"strain": [1e-6]}, {"stress": [1e-6]}):
+        found = jampetsc.oscillate(published(), law, omega=[0.1], load=load, steps=16, **imposed)
+        assert found["G"][0, 0] == pytest.approx(swept.G[0], rel=1e-8)
+        assert found.attributes["load"] == swept.load
+    for refused in ({"load": "tensor"}, {"load": "xx", "contacts": "moving"}):
+        with pytest.raises(InputError, match=rf"load {refused['load']}: not supported"):
+            jampetsc.oscillate(published(), law, omega=[0.1], strain=[1e-6], **refused)
 
 
 def failing(monkeypatch, points, solver):
@@ -180,7 +195,9 @@ def test_a_packing_that_is_no_minimum_is_named(session, packing, contacts):
 def test_no_stress_is_imposed_on_what_shears_by_itself(session, packing, contacts):
     """K is positive and G₀ negative: held by a strain, such a packing answers, but no stress holds it."""
     put(packing, polydisperse(6)[0], session.comm)
-    with pytest.raises(InputError, match=f"^{packing}: shear modulus -0.072: too low to impose a stress"):
+    with pytest.raises(
+        InputError, match=f"^{packing}: modulus -0.072 of load xy: too low to impose a stress"
+    ):
         work(*ask(packing, contacts=contacts))
     assert left_behind(packing) == []
     if contacts == "fixed":
