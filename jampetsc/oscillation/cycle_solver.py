@@ -7,7 +7,7 @@ the block form
     (A, −B̄; B̄, A) ≈ (A, −B̄; B̄, A + 2B̄)                      (Axelsson, Neytcheva & Ahmad, Numer. Algor. 66, 811 (2014))
 
 has preconditioned eigenvalues between ½ and 1 and costs two solves with the real, positive definite H = A + B̄.
-Harmonics whose Ω differ by less than a factor SHARED use one factor of H. The strain, as γL, is the last unknown.
+Harmonics whose Ω differ by less than MAX_FREQUENCY_RATIO use one factor of H. The strain, as γL, is the last unknown.
 
 The harmonics are distributed over the ranks: each factorises whole matrices H, for its own harmonics, alone.
 
@@ -31,7 +31,7 @@ from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import whole_matrix
 
 FACTOR_PREFIX = "osc_factor_"
-SHARED = 1.5  # largest ratio of the Ω of harmonics that use one factor
+MAX_FREQUENCY_RATIO = 1.5  # largest ratio of the Ω of harmonics that use one factor
 
 
 class HarmonicPreconditioner:
@@ -56,7 +56,7 @@ class HarmonicPreconditioner:
 
         self._factor_of = []  # of each of this rank's harmonics
         for Omega in cycle.frequencies[self._mine]:
-            near = self._factor_of and Omega <= SHARED * self._factor_of[-1].Omega
+            near = self._factor_of and Omega <= MAX_FREQUENCY_RATIO * self._factor_of[-1].Omega
             self._factor_of.append(self._factor_of[-1] if near else _Factor(K, Omega))
         self._factors = list(dict.fromkeys(self._factor_of))
 

@@ -36,11 +36,11 @@ from jampetsc.laws.relative_motion import linear_forms
 from jampetsc.minimise.hessian import Bonds, gathered
 from jampetsc.response.compatibility import stacked
 
-TINY = 1e-300
-STIFFEST = 1e7  # slope df/dz of a contact at rest over that at the typical velocity
+MIN_POSITIVE = 1e-300
+MAX_SLOPE_RATIO = 1e7  # slope df/dz of a contact at rest over that at the typical velocity
 
 
-def relative_softening(alpha: float, stiffest: float = STIFFEST) -> float:
+def relative_softening(alpha: float, stiffest: float = MAX_SLOPE_RATIO) -> float:
     """δ over the force at the typical velocity, such that df/dz at rest is `stiffest` times that at this velocity."""
     return 0.0 if alpha >= 1.0 else stiffest ** (-alpha / (1.0 - alpha))
 
@@ -63,7 +63,7 @@ class ContactPowerLaw:
         """Whether the equations contain z(f) instead of f(z)."""
         return self.alpha <= 1.0
 
-    def softened(self, velocity: float, stiffest: float = STIFFEST) -> "ContactPowerLaw":
+    def softened(self, velocity: float, stiffest: float = MAX_SLOPE_RATIO) -> "ContactPowerLaw":
         """The law with the δ of `relative_softening` for this typical velocity."""
         typical = self.coefficient * velocity**self.alpha
         return replace(self, softening=typical * relative_softening(self.alpha, stiffest))
@@ -84,12 +84,16 @@ class ContactPowerLaw:
         method from alternating between both sides where contacts stick; f = 0 would give the secant (Chan, Golub &
         Mulet, SIAM J. Sci. Comput. 20, 1964 (1999)).
         """
-        size = np.maximum(np.einsum("...f,...f", z, z) + floor**2, TINY)
+        size = np.maximum(np.einsum("...f,...f", z, z) + floor**2, MIN_POSITIVE)
         secant = self.coefficient * size ** (0.5 * (self.alpha - 1.0))
         if not self.by_force:
             f = secant[..., None] * z
         length = np.sqrt(np.einsum("...f,...f", f, f))
-        pull = np.minimum(1.0, secant * np.sqrt(size) / np.maximum(length, TINY)) * (self.alpha - 1.0) / size
+        pull = (
+            np.minimum(1.0, secant * np.sqrt(size) / np.maximum(length, MIN_POSITIVE))
+            * (self.alpha - 1.0)
+            / size
+        )
         outer = (0.5 * pull)[..., None, None] * (f[..., :, None] * z[..., None, :])
         identity = np.eye(z.shape[-1])
         return secant[..., None, None] * identity + outer + np.swapaxes(outer, -1, -2)
@@ -111,7 +115,7 @@ class ContactPowerLaw:
     def tangent(self, z, f) -> "Tangent":
         """df/dz, at f where `by_force`, else at z."""
         if not self.by_force:
-            size = np.maximum(np.einsum("...f,...f", z, z), TINY)
+            size = np.maximum(np.einsum("...f,...f", z, z), MIN_POSITIVE)
             stiffness = self.coefficient * size ** (0.5 * (self.alpha - 1.0))
             return Tangent(stiffness, (self.alpha - 1.0) / size, z.copy(), False)
         compliance, size = self._isotropic(f)

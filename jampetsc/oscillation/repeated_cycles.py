@@ -31,17 +31,17 @@ from jampetsc.oscillation.steady_oscillation import Start
 from jampetsc.oscillation.time_step import STAGE, WEIGHTS
 from jampetsc.packing.packing import Packing
 
-REPEATED = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
-SAME = 1e-7  # of |G*|: a change that counts as none
+CYCLE_TOLERANCE = 1e-3  # of |G*|: estimated change by later cycles below which cycles count as repeating
+ROUNDING_TOLERANCE = 1e-7  # of |G*|: a change this small is rounding
 MAX_REPEATED_CYCLES = 60
 START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
-LOST = 8.0  # error allowed in the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
+ENERGY_TOLERANCE = 8.0  # of the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
-FINEST = 30  # most halvings of a step; no motion of a contact is so sudden
+MAX_HALVINGS = 30  # of a step; no motion of a contact is so sudden
 STEP_GROWTH_RATIO = (
     0.1  # of the allowed error: after a step with less the next is twice as long, with 8 times the error
 )
-FLOWING = 1.0  # change of the strain in a cycle at which a packing counts as flowing
+MAX_STRAIN_DRIFT = 1.0  # of a cycle; a packing whose strain changes by more flows
 
 
 def repeat_cycles(
@@ -54,27 +54,27 @@ def repeat_cycles(
     Raises ConvergenceError if a step is too long, the packing flows, or MAX_REPEATED_CYCLES do not repeat.
     """
     start = start.near(disks)
-    runs, strained, begin = [], 0.0, (start.displacement, start.velocity, start.gamma, start.rate)
+    runs, strain, initial = [], 0.0, (start.displacement, start.velocity, start.gamma, start.rate)
     for count in (steps // 2, steps):
-        run = Cycles(disks, law, start, count, strained)
+        run = Cycles(disks, law, start, count, strain)
         runs.append(run)
-        run.motion.displace(*begin)
+        run.motion.displace(*initial)
         run.repeat(cycles)
-        now = run.motion
-        disks, strained = now.disks, now.gamma
-        begin = 0.0 * now.u[:, :2], now.velocities, now.gamma, now.rate
-    half, whole = runs
-    last = whole.done[-1]
+        final = run.motion
+        disks, strain = final.disks, final.gamma
+        initial = 0.0 * final.u[:, :2], final.velocities, final.gamma, final.rate
+    coarse, fine = runs
+    last = fine.finished[-1]
     return OscillationResult(
         G=last.G,
-        error=abs(last.G - half.done[-1].G) + min(whole.left, whole.spread),
+        error=abs(last.G - coarse.finished[-1].G) + min(fine.remaining, fine.spread),
         harmonics=last.moduli.harmonics,
         work=last.moduli.work,
-        energy_balance=last.spent / last.moduli.work - 1.0,
-        cycle_change=whole.change,
+        energy_balance=last.consumed / last.moduli.work - 1.0,
+        cycle_change=fine.change,
         drift=last.drift,
-        cycles=sum(len(run.done) for run in runs),
-        steps_taken=sum(run.taken for run in runs),
+        cycles=sum(len(run.finished) for run in runs),
+        steps_taken=sum(run.accepted for run in runs),
         factorisations=sum(run.motion.matrix.factorisations for run in runs),
         newton_steps=sum(run.motion.stages.iterations for run in runs),
     )
@@ -83,7 +83,7 @@ def repeat_cycles(
 @dataclass(frozen=True)
 class _Cycle:
     moduli: Moduli
-    spent: float  # energy per area, dissipated and stored
+    consumed: float  # energy per area, dissipated and stored
     drift: float  # change of the strain
 
     @property
@@ -93,17 +93,17 @@ class _Cycle:
 
 def remaining_change(G) -> float:
     """Estimate of how much later cycles would change the last of G (cycles,): a geometric series; inf if it grows."""
-    change, before = abs(np.diff(G[-3:]))[::-1] if len(G) > 2 else (np.inf, np.inf)
-    if len(G) > 1 and abs(G[-1] - G[-2]) <= SAME * abs(G[-1]):
+    change, previous = abs(np.diff(G[-3:]))[::-1] if len(G) > 2 else (np.inf, np.inf)
+    if len(G) > 1 and abs(G[-1] - G[-2]) <= ROUNDING_TOLERANCE * abs(G[-1]):
         return float(abs(G[-1] - G[-2]))
-    return float(change * max(1.0, change / (before - change))) if change < before else np.inf
+    return float(change * max(1.0, change / (previous - change))) if change < previous else np.inf
 
 
 class Cycles:
     """Cycles, each of a number of steps, of a packing at this strain.
 
-    done    the `_Cycle` of each
-    taken   number of accepted steps; of one that was halved, its parts
+    finished   the `_Cycle` of each
+    accepted   number of accepted steps; of one that was halved, its parts
     """
 
     def __init__(self, disks, law, start, steps, gamma=0.0):
@@ -113,74 +113,74 @@ class Cycles:
         scaled = replace(law, tau1=drive.omega * law.tau1)
         self.motion = MovingContacts(disks, scaled, PERIOD / steps, start.strain, start.speed, gamma)
         self._halvings = 0  # of the current step length
-        self.taken = 0
-        self._lost = LOST / steps**3 * np.pi * self.motion.area  # over |G*|γ₁²
+        self.accepted = 0
+        self._lost = ENERGY_TOLERANCE / steps**3 * np.pi * self.motion.area  # over |G*|γ₁²
         self._stored = start.modulus * start.strain**2  # |G*|γ₁² of the last cycle
-        self.done = []
+        self.finished = []
 
     def repeat(self, cycles):
         """Run this number of cycles or, for None, until they repeat."""
-        while len(self.done) < (cycles or MAX_REPEATED_CYCLES):
+        while len(self.finished) < (cycles or MAX_REPEATED_CYCLES):
             self._cycle()
-            if cycles is None and self.left <= REPEATED * abs(self.done[-1].G):
+            if cycles is None and self.remaining <= CYCLE_TOLERANCE * abs(self.finished[-1].G):
                 return
         if cycles is None:
             raise ConvergenceError(
                 f"G* does not repeat: the last of {MAX_REPEATED_CYCLES} cycles changes it by "
-                f"{100 * self.change / abs(self.done[-1].G):.2g} %. Give {named('cycles')} {MAX_REPEATED_CYCLES} to "
-                "keep its value."
+                f"{100 * self.change / abs(self.finished[-1].G):.2g} %. Give {named('cycles')} "
+                f"{MAX_REPEATED_CYCLES} to keep its value."
             )
 
     @property
     def change(self) -> float:
         """|ΔG*| of the last two cycles."""
-        return abs(self.done[-1].G - self.done[-2].G) if len(self.done) > 1 else np.inf
+        return abs(self.finished[-1].G - self.finished[-2].G) if len(self.finished) > 1 else np.inf
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """Estimate of how much later cycles would change G*."""
-        return remaining_change([cycle.G for cycle in self.done])
+        return remaining_change([cycle.G for cycle in self.finished])
 
     @property
     def spread(self) -> float:
         """Largest |ΔG*| between the last cycle and any of the second half of all cycles."""
-        return max(abs(cycle.G - self.done[-1].G) for cycle in self.done[len(self.done) // 2 :])
+        return max(abs(cycle.G - self.finished[-1].G) for cycle in self.finished[len(self.finished) // 2 :])
 
     def _cycle(self):
-        motion, begin, rows, spent = self.motion, self.motion.gamma, [], 0.0
+        motion, initial, rows, consumed = self.motion, self.motion.gamma, [], 0.0
         step, free = PERIOD / self.count, self.drive.stress_controlled
         for n in range(self.count):
             # time within the cycle: rounding of a time over many periods would appear in the strain
             for stages in self.steps(n * step, step, self._lost * self._stored):
                 for time, weight, end in stages:
                     rows.append((time, weight, end.gamma if free else end.stress))
-                    spent += weight * end.power
-                spent += motion.gained
-            if not abs(motion.gamma - begin) < FLOWING + self.drive.amplitude:
+                    consumed += weight * end.power
+                consumed += motion.gained
+            if not abs(motion.gamma - initial) < MAX_STRAIN_DRIFT + self.drive.amplitude:
                 raise ConvergenceError(
-                    f"the packing flows: its strain has changed by {motion.gamma - begin:.2g} within a cycle. Give "
-                    f"less {named('stress')}"
+                    f"packing: flows, its strain changes by {motion.gamma - initial:.2g} in a cycle. Give "
+                    f"less {named('stress')}."
                 )
-        drift, (times, weights, response) = motion.gamma - begin, np.array(rows).T
+        drift, (times, weights, response) = motion.gamma - initial, np.array(rows).T
         moduli = self.drive.moduli(response, times / PERIOD, weights / PERIOD, drift if free else 0.0)
         self._stored = abs(moduli.G) * moduli.strain**2
-        self.done.append(_Cycle(moduli, spent / motion.area, drift))
+        self.finished.append(_Cycle(moduli, consumed / motion.area, drift))
 
     def steps(self, begin: float, length: float, allowed: float):
         """Yield the stages of each step over a time, with at most this error of energy: see `_step`.
 
         Raises ConvergenceError if they fail.
         """
-        done, whole = 0, 1 << FINEST
-        while done < whole:
-            part = whole >> self._halvings
-            stages, off = self._step(begin + length * (done / whole), length * (part / whole), allowed)
-            if off > allowed:
+        passed, total = 0, 1 << MAX_HALVINGS
+        while passed < total:
+            part = total >> self._halvings
+            stages, error = self._step(begin + length * (passed / total), length * (part / total), allowed)
+            if error > allowed:
                 self._halvings += 1
                 continue
             yield stages
-            done, self.taken = done + part, self.taken + 1
-            if self._halvings and off < STEP_GROWTH_RATIO * allowed and done % (2 * part) == 0:
+            passed, self.accepted = passed + part, self.accepted + 1
+            if self._halvings and error < STEP_GROWTH_RATIO * allowed and passed % (2 * part) == 0:
                 self._halvings -= 1
 
     def _step(self, begin, length, allowed):
@@ -188,7 +188,7 @@ class Cycles:
 
         That is infinite if the step fails; a step with more than `allowed` is undone.
         """
-        motion, last = self.motion, self._halvings == FINEST
+        motion, last = self.motion, self._halvings == MAX_HALVINGS
         motion.set_length(length)
         times = [begin + part * length for part in (STAGE, 1.0)]
         imposed = [self.drive.at(time) for time in times]
@@ -202,13 +202,13 @@ class Cycles:
             (time, weight * length, end) for time, weight, end in zip(times, WEIGHTS, ends, strict=True)
         ]
         fed = sum(weight * (motion.area * end.stress * end.rate - end.power) for _, weight, end in stages)
-        off = max(abs(fed - motion.gained) - motion.rounding, 0.0)
-        if off > allowed:
+        error = max(abs(fed - motion.gained) - motion.rounding, 0.0)
+        if error > allowed:
             if last:
                 remedy = f"less {named('stress')}" if imposed[-1].free else f"more {named('steps')}"
                 raise ConvergenceError(
-                    f"energy error of the shortest step of a cycle {off / allowed:.1e} times the tolerance, as where "
+                    f"energy error of the shortest step of a cycle {error / allowed:.1e} times the tolerance, as where "
                     f"the packing is not rigid. Give {remedy}."
                 )
             motion.undo()
-        return stages, off
+        return stages, error

@@ -19,7 +19,7 @@ from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.oscillation.cycle_equations import ContactMotions, Cycle, Equations
 from jampetsc.oscillation.cycle_solver import solve_cycle
 from jampetsc.oscillation.drive import HARMONICS, MIN_FIXED_ALPHA, Drive, OscillationResult
-from jampetsc.oscillation.power_law import STIFFEST, ContactPowerLaw
+from jampetsc.oscillation.power_law import MAX_SLOPE_RATIO, ContactPowerLaw
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.strain import simple_shear
@@ -73,8 +73,8 @@ def _pairs(contacts, n):
 
 # residual of the equations over the driving force, with all steps and with half
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7
-FLOOR = 1e-3  # of the typical |z|: below, damping forces of the start are linear
-SLOW = 1e-3  # of k: ωc of dashpots that hardly matter beside the springs
+LINEAR_RATIO = 1e-3  # of the typical |z|: below, damping forces of the start are linear
+MIN_DAMPING_RATIO = 1e-3  # of k: ωc of dashpots that hardly matter beside the springs
 MIN_EQUIVALENT_STRESS, MAX_EQUIVALENT_STRESS = 1e-30, 1.0  # range of stress in k for the equivalent damping
 
 
@@ -100,7 +100,7 @@ class SteadyOscillation:
         law: Law,
         rho0: float,
         steps: int,
-        stiffest: float = STIFFEST,
+        stiffest: float = MAX_SLOPE_RATIO,
         load: Load | None = None,
     ):
         self.law, self.network = law, network
@@ -176,7 +176,7 @@ class SteadyOscillation:
         strain, k = drive.amplitude, self.network.k
         if not drive.stress_controlled:
             return strain, drive.omega * strain * self.rho0
-        run = self._linear(drive, SLOW * k / drive.omega, strain)
+        run = self._linear(drive, MIN_DAMPING_RATIO * k / drive.omega, strain)
         forced = (strain * k * self.rho0 / self.power.coefficient) ** (1.0 / self.law.exponent)
         return run.strain, min(drive.omega * run.strain * self.rho0, forced)
 
@@ -205,7 +205,7 @@ class SteadyOscillation:
             state.v[:] = cycle.samples(waves[:, :-1])
             if equations.holds_rate:
                 state.rate[:] = cycle.samples(waves[:, -1])
-            state.f[:] = equations.law.forces(equations.motions(state), FLOOR * speed)
+            state.f[:] = equations.law.forces(equations.motions(state), LINEAR_RATIO * speed)
         size = equations.force * np.sqrt(0.5 * cycle.m)
         tolerance = TOLERANCE if cycle.steps == self.steps else HALF_TOLERANCE
         return _Run(equations, *solve_cycle(equations, values, tolerance * size))

@@ -35,9 +35,9 @@ from jampetsc.petsc.hessian_solver import NewtonSolver
 
 # Least μ in units of k or, in a short step, of the stiffest dashpot over h: without it rounding would move free disks
 # far. It changes the steps of Newton's method, not their limit.
-LEAST_SHIFT = 1e-10
-# μ is divided by RAISED for each new matrix, and multiplied by its square while that is not positive definite
-RAISED = 3.0
+MIN_SHIFT = 1e-10
+# μ is divided by SHIFT_GROWTH for each new matrix, and multiplied by its square while that is not positive definite
+SHIFT_GROWTH = 3.0
 
 
 class StepMatrix:
@@ -67,8 +67,8 @@ class StepMatrix:
         viscous, mixed, alone = dashpots.squares(damping)
         blocks[dashpots.touching] += viscous
         blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]
-        least = LEAST_SHIFT * max(self._stiffness, float(np.abs(viscous).max(initial=0.0)))
-        self._mu = max(self._mu / RAISED, least)
+        least = MIN_SHIFT * max(self._stiffness, float(np.abs(viscous).max(initial=0.0)))
+        self._mu = max(self._mu / SHIFT_GROWTH, least)
         self._border, unheld = None, self._unheld(bonds)
         while True:
             self.factorisations += 1
@@ -85,7 +85,7 @@ class StepMatrix:
                 self._schur = corner / self._length**2 + self._mu - self._border @ self._response
                 if self._schur > least:
                     return
-            self._mu *= RAISED**2
+            self._mu *= SHIFT_GROWTH**2
 
     def solve(self, right):
         """Solution (unknowns + 1,) for a right-hand side (unknowns + 1,)."""
@@ -107,14 +107,17 @@ class StepMatrix:
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
 WEIGHTS = 1.0 - STAGE, STAGE  # of the ends of the stages, in an integral over a step
 TOLERANCE = 1e-9  # of forces, in units of k times the largest diameter times the strain amplitude
-ROUNDED = 1e-15  # of forces, in units of k times the largest diameter
-NOISE = 1e-14  # likewise: a residual below it, or below TOLERANCE of damping forces, that stops falling is rounding
-ITERATIONS = 100
-WORN = 0.2  # a factor with which a step leaves more of the residual than this is replaced
+ROUNDING_FORCE = 1e-15  # of forces, in units of k times the largest diameter
+# likewise; a residual that stops falling below it, or below TOLERANCE of damping forces, is rounding
+NOISE_FORCE = 1e-14
+MAX_ITERATIONS = 100
+MAX_CONTRACTION = 0.2  # a factor with which a step leaves more of the residual than this is replaced
 # of the force along a step: at its end it is small below the first, too large above the second
 MIN_SLOPE_RATIO, MAX_SLOPE_RATIO = 0.3, 0.7
 MAX_LINE_SEARCH_POINTS = 20  # points of a line search
-BENT = 10.0  # in `reach`: longest move of a disk in a curved step, to which curvature may add one `reach`
+MAX_CURVED_MOVE = (
+    10.0  # in `reach`: longest move of a disk in a curved step, to which curvature may add one `reach`
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +173,7 @@ class _Trial:
     state: DiskState
     z: np.ndarray
     f: np.ndarray  # damping forces at z
-    left: np.ndarray  # (unknowns + 1,) residual forces, last that on γL
+    residual: np.ndarray  # (unknowns + 1,) residual forces, the last on γL
     virial: float  # σV
     rate: float
 
@@ -206,14 +209,16 @@ class _Problem:
         rate = self.rate + growth / self.h
         z = dashpots.velocities(x, self.h * rate, self.h)
         f = dashpots.forces(z)
-        left = -dashpots.on_disks(f, n)
+        residual = -dashpots.on_disks(f, n)
         elastic, sheared = self.springs.forces(state)
-        left[:, :2] += elastic
-        left[:, :2] -= left[:, :2].mean(axis=0)  # rounding, which would make a large translation of all disks
+        residual[:, :2] += elastic
+        residual[:, :2] -= residual[:, :2].mean(
+            axis=0
+        )  # rounding, which would make a large translation of all disks
         virial, row = dashpots.on_strain(f) + sheared, 0.0
         if self.imposed.free:
             row = (self.imposed.stress * self.springs.area - virial) / self.length
-        return _Trial(state, z, f, np.append(left, row), virial, rate)
+        return _Trial(state, z, f, np.append(residual, row), virial, rate)
 
     def curvature(self, state: DiskState, step):
         """Second derivative of the residual forces along a straight step."""
@@ -239,19 +244,19 @@ class Stages:
     def __init__(self, springs: StepForces, matrix: StepMatrix, h: float, scale: float):
         self.h, self._matrix = h, matrix
         self.unit = springs.stiffness * springs.largest  # of forces
-        self.tolerance = max(TOLERANCE * scale, ROUNDED) * self.unit
-        self.finest = max(self.tolerance, NOISE * self.unit)  # smallest force that counts
-        self.iterations, self._worn = 0, True  # no factor yet
+        self.tolerance = max(TOLERANCE * scale, ROUNDING_FORCE) * self.unit
+        self.finest = max(self.tolerance, NOISE_FORCE * self.unit)  # smallest force that counts
+        self.iterations, self._is_stale = 0, True  # no factor yet
 
     def set_length(self, h: float):
         """Set the time of the next stages."""
         if h != self.h:
-            self.h, self._worn = h, True
+            self.h, self._is_stale = h, True
 
     def step(self, springs: StepForces, places, gamma, imposed, last):
         """(places, velocities, StageEnds) after a step of two stages, or None if the pair list is too small for it.
 
-        springs         those that the Stages were made for
+        springs         the forces that the Stages were made for
         places, gamma   positions (N, 2) and strain at its beginning
         imposed         (Imposed, Imposed) at the ends of the stages
         last            velocities (N, dofs) and strain rate before the step
@@ -279,48 +284,53 @@ class Stages:
         if not springs.covers(problem.state(q)):
             return None
         dashpots = self._dashpots(problem, q, last)
-        now = problem.at(q, dashpots)
-        predicted = now.f
-        for _ in range(ITERATIONS):
-            size = np.abs(now.left).max()
+        iterate = problem.at(q, dashpots)
+        predicted = iterate.f
+        for _ in range(MAX_ITERATIONS):
+            size = np.abs(iterate.residual).max()
             if size <= self.tolerance:
                 break
-            tangents = dashpots.tangents(now.z, predicted)
-            fresh = self._worn or self._matrix.pairs is not now.state.bonds.pairs
+            tangents = dashpots.tangents(iterate.z, predicted)
+            fresh = self._is_stale or self._matrix.pairs is not iterate.state.bonds.pairs
             if fresh:
-                self._matrix.factorise(now.state.bonds, dashpots, tangents / self.h, free)
-            step = self._matrix.solve(now.left)
-            curvature = 0.5 * problem.curvature(now.state, step)
+                self._matrix.factorise(iterate.state.bonds, dashpots, tangents / self.h, free)
+            step = self._matrix.solve(iterate.residual)
+            curvature = 0.5 * problem.curvature(iterate.state, step)
             if np.abs(curvature).max() > self.tolerance:
                 curvature = self._matrix.solve(curvature)
             else:
                 curvature = np.zeros_like(step)
-            before = now
-            q, now = self._search(problem, dashpots, q, step, curvature, now.left)
-            predicted = before.f + np.einsum("cab,cb->ca", tangents, now.z - before.z)
+            previous = iterate
+            q, iterate = self._search(problem, dashpots, q, step, curvature, iterate.residual)
+            predicted = previous.f + np.einsum("cab,cb->ca", tangents, iterate.z - previous.z)
             self.iterations += 1
-            left = np.abs(now.left).max()
-            self._worn = False
-            if fresh and WORN * size < left <= self._noise(now, tangents, q):
+            remaining = np.abs(iterate.residual).max()
+            self._is_stale = False
+            if fresh and MAX_CONTRACTION * size < remaining <= self._noise(iterate, tangents, q):
                 break
-            self._worn = not left <= WORN * size
-            if not springs.covers(now.state):
+            self._is_stale = not remaining <= MAX_CONTRACTION * size
+            if not springs.covers(iterate.state):
                 return None
         else:
             remedy = f"more {named('steps')}"
             if free:
                 remedy += f" or, if the packing flows, less {named('stress')}"
             raise ConvergenceError(
-                f"forces of a time step not balanced after {ITERATIONS} Newton steps, "
+                f"forces of a time step not balanced after {MAX_ITERATIONS} Newton steps, "
                 f"max|F| = {size / self.unit:.1e} k d. Give {remedy}."
             )
-        end = StageEnd(now.state.gamma, now.rate, now.virial / springs.area, float(np.sum(now.f * now.z)))
-        return now.state.places, problem.split(q)[0] / self.h, end
+        end = StageEnd(
+            iterate.state.gamma,
+            iterate.rate,
+            iterate.virial / springs.area,
+            float(np.sum(iterate.f * iterate.z)),
+        )
+        return iterate.state.places, problem.split(q)[0] / self.h, end
 
-    def _noise(self, now, tangents, q):
+    def _noise(self, iterate, tangents, q):
         """Forces that may be rounding: of elastic and damping forces, and of velocities, differences of positions."""
-        moved = ROUNDED * np.abs(tangents).max(initial=0.0) * np.abs(q).max() / self.h
-        return NOISE * self.unit + TOLERANCE * np.abs(now.f).max(initial=0.0) + moved
+        moved = ROUNDING_FORCE * np.abs(tangents).max(initial=0.0) * np.abs(q).max() / self.h
+        return NOISE_FORCE * self.unit + TOLERANCE * np.abs(iterate.f).max(initial=0.0) + moved
 
     def _dashpots(self, problem, q, last) -> Dashpots:
         """The dashpots of the contacts at q or where the last velocities lead, whichever have the smaller residual."""
@@ -334,25 +344,27 @@ class Stages:
                 candidates.append((place, problem.springs.dashpots(state)))
         if candidates[0][1] is candidates[-1][1]:
             return candidates[0][1]
-        return min(candidates, key=lambda candidate: np.abs(problem.at(*candidate).left).max())[1]
+        return min(candidates, key=lambda candidate: np.abs(problem.at(*candidate).residual).max())[1]
 
-    def _search(self, problem, dashpots, q, step, curvature, left):
+    def _search(self, problem, dashpots, q, step, curvature, residual):
         """(q, _Trial) at a point of a curved step where the force along it is small."""
-        force, reach = np.vdot(step, left), problem.springs.reach
-        longest = min(BENT * reach / problem.farthest(step), np.sqrt(reach / problem.farthest(curvature)))
+        force, reach = np.vdot(step, residual), problem.springs.reach
+        longest = min(
+            MAX_CURVED_MOVE * reach / problem.farthest(step), np.sqrt(reach / problem.farthest(curvature))
+        )
         length, lower, upper = min(1.0, longest), (0.0, 1.0), None
         for _ in range(MAX_LINE_SEARCH_POINTS):
             end = q + length * (step + length * curvature)
             trial = problem.at(end, dashpots)
-            now = np.vdot(step + 2.0 * length * curvature, trial.left) / force
-            if upper is None and now > MAX_SLOPE_RATIO and 2.0 * length <= longest:
-                lower, length = (length, now), 2.0 * length  # the force hardly falls: a disk slides off
+            slope = np.vdot(step + 2.0 * length * curvature, trial.residual) / force
+            if upper is None and slope > MAX_SLOPE_RATIO and 2.0 * length <= longest:
+                lower, length = (length, slope), 2.0 * length  # the force hardly falls: a disk slides off
                 continue
-            if abs(now) <= MIN_SLOPE_RATIO or (upper is None and now > 0.0):
+            if abs(slope) <= MIN_SLOPE_RATIO or (upper is None and slope > 0.0):
                 break
-            if now < 0.0:
-                upper = length, now
+            if slope < 0.0:
+                upper = length, slope
             else:
-                lower = length, now
+                lower = length, slope
             length = flat_between(lower, upper)
         return end, trial

@@ -19,7 +19,7 @@ from jampetsc.oscillation import steady_oscillation as steady
 from jampetsc.oscillation.cycle_equations import Cycle, Equations
 from jampetsc.oscillation.cycle_solver import HarmonicPreconditioner, solve_cycle
 from jampetsc.oscillation.drive import Drive
-from jampetsc.oscillation.power_law import STIFFEST
+from jampetsc.oscillation.power_law import MAX_SLOPE_RATIO
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.scalar("real")
 OMEGA, STRESS = 2e-6, 1e-4  # for α = ½, the middle of the crossover of the published packing
 
 
-def shaker(alpha, steps=64, stiffest=STIFFEST, **options):
+def shaker(alpha, steps=64, stiffest=MAX_SLOPE_RATIO, **options):
     """A SteadyOscillation of the published packing with power-law damping. Collective."""
     return steady_oscillation(published(), physics(exponent=alpha, **options), steps, stiffest)
 
@@ -37,7 +37,7 @@ def drive_of(omega, stress=None, strain=None):
 
 
 @cache
-def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=STIFFEST):
+def shaken(alpha, steps=64, omega=OMEGA, stress=STRESS, strain=None, stiffest=MAX_SLOPE_RATIO):
     """The SteadyResult of the published packing, solved once. Collective."""
     oscillation = shaker(alpha, steps, stiffest)
     return oscillation.solve(drive_of(omega, stress, strain))
@@ -129,15 +129,15 @@ def test_what_the_solver_leaves_is_in_the_error(monkeypatch):
 @pytest.mark.most_ranks(1)
 def test_regularisation_does_not_matter():
     """A softening that is large changes G*, less when halved; the one in use does not."""
-    tried = (4.0, 8.0, 1e4, STIFFEST, 10 * STIFFEST)
+    tried = (4.0, 8.0, 1e4, MAX_SLOPE_RATIO, 10 * MAX_SLOPE_RATIO)
     ends = {stiffest: shaken(0.5, 16, stiffest=stiffest) for stiffest in tried}
-    exact = ends[10 * STIFFEST].G
+    exact = ends[10 * MAX_SLOPE_RATIO].G
     off = {stiffest: abs(run.G - exact) for stiffest, run in ends.items()}
     assert off[4.0] > 1.5 * off[8.0] > 1e-6 * abs(exact)
-    assert off[STIFFEST] < 1e-8 * abs(exact) and off[1e4] < 1e-6 * abs(exact)
+    assert off[MAX_SLOPE_RATIO] < 1e-8 * abs(exact) and off[1e4] < 1e-6 * abs(exact)
     for stiffest in (4.0, 8.0):
         assert ends[stiffest].regularisation_effect > 0.1 * off[stiffest]
-    assert ends[STIFFEST].regularisation_effect < 1e-7 * abs(exact)
+    assert ends[MAX_SLOPE_RATIO].regularisation_effect < 1e-7 * abs(exact)
 
 
 def test_only_what_is_left_of_the_equations_counts(monkeypatch):

@@ -43,7 +43,7 @@ def test_workspace_is_doubled_until_it_is_enough(session, saddle, monkeypatch, p
     b.set(1.0)
     mumps.solve(ksp, b, x, "a saddle")
     assert (saddle * x - b).norm() < 1e-4 * b.norm()
-    monkeypatch.setattr(mumps, "ATTEMPTS", 1)
+    monkeypatch.setattr(mumps, "MAX_ATTEMPTS", 1)
     with pytest.raises(
         mumps.FactorisationError, match=r"factorisation of a saddle: out of memory \(MUMPS"
     ) as failed:
@@ -58,7 +58,7 @@ def scripted(session, monkeypatch):
     def factorise(prefix, codes, pc="cholesky"):
         matrix = (2.0 * eye(6) - diags(np.ones(5), 1) - diags(np.ones(5), -1)).tocsr()
         ksp, left = mumps.make_ksp(session.comm, prefix, SOLVER | {"pc_type": pc}), list(codes)
-        monkeypatch.setattr(mumps, "failure", lambda pc: left.pop(0))
+        monkeypatch.setattr(mumps, "failure_code", lambda pc: left.pop(0))
         attempts = mumps.factorise(ksp, distributed_matrix(session.comm, matrix, matrix.data), "a chain")
         assert not left
         return attempts, session.PETSc.Options().getInt(prefix + "mat_mumps_icntl_14", 0)
@@ -85,7 +85,7 @@ def scripted(session, monkeypatch):
         (
             [-10],
             "cholesky",
-            r"the matrix is singular \(MUMPS INFOG\(1\) = -10\); is the packing a minimum\? see",
+            r"singular matrix \(MUMPS INFOG\(1\) = -10\)\. See info with matrices",
         ),
         ([-40], "lu", r"the solver reports MUMPS INFOG\(1\) = -40"),
     ],

@@ -262,7 +262,7 @@ def test_a_running_session(session):
     assert door.start() is door.start(scalar) is door.current() is session
     with pytest.raises(RuntimeError, match="first session"):
         door.start(petsc_argv=["-log_view"])
-    with pytest.raises(InputError, match="one process loads one"):
+    with pytest.raises(InputError, match="a process loads one PETSc"):
         door.start({"real": "complex", "complex": "real"}[scalar])
 
 
@@ -300,7 +300,7 @@ def test_options_of_one_job_are_not_recorded_by_the_next(session):
 
 @pytest.mark.scalar("real", "complex")
 def test_versions_for_the_record(session):
-    versions = door.versions()
+    versions = door.package_versions()
     assert list(versions) == ["numpy", "h5py", "mpi4py", "mpi", "petsc", "slepc", "mumps"]
     assert "unknown" not in versions.values()
 
