@@ -18,6 +18,7 @@ from jampetsc.petsc.complexform import ComplexForm
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.certificate import EPSILON, Certified, Functional, SingularBound
+from jampetsc.response.factor_memory import require_memory
 
 PREFIX = "freq_"
 DEFAULTS = {
@@ -44,8 +45,12 @@ class FrequencySolver:
         self.pencil, self.positive_semidefinite = pencil, positive_semidefinite
         self.functionals = [Functional(pencil.under(load)) for load in loads or [pencil.load]]
         self.functional = self.functionals[0]
-        self.form = ComplexForm(pencil.K, pencil.B)
         session = current()
+        # complex numbers, or twice as many real unknowns
+        require_memory(
+            pencil.network, pencil.unknowns, PREFIX, 2.0 if session.scalar_type == "complex" else 4.0
+        )
+        self.form = ComplexForm(pencil.K, pencil.B)
         self.ksp = mumps.make_ksp(session.comm, PREFIX, DEFAULTS)
         self.ksp.setOperators(self.form.A)
         # whether the factor of an earlier frequency serves until it no longer converges

@@ -18,9 +18,10 @@ from jampetsc.laws.damping import UNDAMPED
 from jampetsc.laws.loads import Load
 from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.cholesky import NotPositiveDefinite
-from jampetsc.petsc.shifted import ShiftedFactor
+from jampetsc.petsc.shifted import PREFIX, ShiftedFactor
 from jampetsc.response.assembly import assemble
 from jampetsc.response.compatibility import Compatibility
+from jampetsc.response.factor_memory import require_memory
 from jampetsc.response.minimum_check import require_unique_response
 
 SOFT = 1e-11  # zero modes are counted unless the smallest eigenvalue of K scaled to a unit diagonal is above this
@@ -96,6 +97,7 @@ class ElasticResponse:
     def __init__(self, network: DistributedNetwork):
         self.network = network
         self.pencil = assemble(network, UNDAMPED)
+        require_memory(network, self.pencil.unknowns, PREFIX)
         try:
             self.factor = ShiftedFactor(self.pencil.K.copy(), "K")
         except NotPositiveDefinite:

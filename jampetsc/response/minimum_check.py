@@ -15,8 +15,9 @@ from jampetsc.packing.contacts import BALANCED
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.inertia import Inertia, count_eigenvalues
 from jampetsc.petsc.session import current
-from jampetsc.petsc.shifted import ShiftedFactor
+from jampetsc.petsc.shifted import PREFIX, ShiftedFactor
 from jampetsc.response.assembly import Pencil, assemble
+from jampetsc.response.factor_memory import require_memory
 
 BY_CHOLESKY = "Cholesky's factorisation of K"
 BY_INERTIA = "the inertia of K"
@@ -83,8 +84,10 @@ def negative_modes(network: DistributedNetwork) -> tuple[int, str]:
     It is 0 if the Cholesky factorisation of K succeeds and proves it; otherwise they are counted by inertia. Raises as
     `count_modes`.
     """
+    pencil = assemble(network, UNDAMPED)
+    require_memory(network, pencil.unknowns, PREFIX)
     try:
-        proved = ShiftedFactor(assemble(network, UNDAMPED).K, "K").prove()
+        proved = ShiftedFactor(pencil.K, "K").prove()
     except NotPositiveDefinite:
         proved = False
     return (0, BY_CHOLESKY) if proved else (count_modes(network).negative, BY_INERTIA)

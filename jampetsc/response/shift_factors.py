@@ -11,29 +11,28 @@ import numpy as np
 
 from jampetsc.collective import agreed
 from jampetsc.petsc.session import current
-from jampetsc.petsc.shifted import ShiftedFactor, shifted
+from jampetsc.petsc.shifted import PREFIX, ShiftedFactor, shifted
 from jampetsc.response.assembly import Pencil
+from jampetsc.response.factor_memory import factor_bytes, require_memory
 from jampetsc.response.krylov_basis import RationalBasis, field_at
 
 SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
 MOST_AT_ONCE = 4  # shifts at the same time; a sweep needs few, and where to put more would be guessed
 FACTOR_MEMORY_SHARE = 0.25  # of the memory, for factors: the basis and its projection take as much or more
-BYTES = 60.0  # of a factor and its matrix per n log₂ n, n unknowns: 60 to 61 at N = 32768 to 900 000
-ALONE = 400_000  # unknowns up to which every rank holds whole matrices: a factor then takes about 1 GB
+ALONE_BYTES = factor_bytes(2, 400_000)  # of a factor, up to which every rank holds whole matrices
 
 
 def side_by_side(pencil: Pencil, parallel: str) -> bool:
     """Whether each rank has shifts of its own: for "shifts", and for "auto" by number of unknowns and ranks."""
     size = pencil.network.comm.size
-    few = size <= MOST_AT_ONCE and pencil.unknowns <= ALONE
-    return size > 1 and (parallel == "shifts" or (parallel == "auto" and few))
+    small = size <= MOST_AT_ONCE and factor_bytes(pencil.dimension, pencil.unknowns) <= ALONE_BYTES
+    return size > 1 and (parallel == "shifts" or (parallel == "auto" and small))
 
 
 def most_held(pencil: Pencil) -> int:
     """How many factors of K + sB, shared by all ranks, fit into SHARE of the memory: at least one. Collective."""
-    n = pencil.unknowns
     room = FACTOR_MEMORY_SHARE * pencil.network.sum(current().memory())
-    return max(1, int(room / (BYTES * n * np.log2(n))))
+    return max(1, int(room / factor_bytes(pencil.dimension, pencil.unknowns)))
 
 
 def _named(s):
@@ -68,7 +67,9 @@ class Factors:
         self._alone = side_by_side(pencil, parallel)
         self.width = min(self.comm.size, MOST_AT_ONCE) if self._alone else 1
         self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
-        self.whole = pencil.gathered() if self._alone else pencil  # what is factorised
+        with agreed(self.comm):
+            self.whole = pencil.gathered() if self._alone else pencil  # what is factorised
+            require_memory(self.whole.network, pencil.unknowns, PREFIX)
         self.owner: dict[float, int] = {}  # rank that has the factor of a shift; 0 if all share it
         self._least: dict[float, float] = {}  # least eigenvalues, which do not depend on the load
         self._held: dict[float, ShiftedFactor] = {}  # in this rank's memory, the one used last at the end

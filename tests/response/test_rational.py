@@ -29,7 +29,7 @@ from jampetsc.io.packing_file import read_identified
 from jampetsc.io.reader import load
 from jampetsc.packing.minimum_proof import with_proof
 from jampetsc.packing.packing import Packing
-from jampetsc.response import rational
+from jampetsc.response import factor_memory, rational
 from jampetsc.response import shift_factors as factors
 from jampetsc.response.minimum_check import MinimumCheck
 
@@ -67,7 +67,7 @@ def test_factors_that_do_not_fit_are_made_again(session, monkeypatch):
     plenty = Sweep(disks, LAWS[law], OMEGA, accuracy, session.comm, "matrix").solved()
     made, n = plenty.sweep.factors, plenty.pencil.unknowns
     assert len(made._held) == len(made.shifts) > 1
-    monkeypatch.setattr(factors, "BYTES", 1.0)
+    monkeypatch.setattr(factor_memory, "PLANE_BYTES", 1.0)
     monkeypatch.setattr(
         factors, "FACTOR_MEMORY_SHARE", 2.5 * n * np.log2(n) / session.comm.allreduce(session.memory())
     )

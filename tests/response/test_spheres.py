@@ -11,11 +11,13 @@ from samples import network_of as build
 from spheres import SPHERES, bidisperse, few_spheres
 
 import jampetsc
+from jampetsc.errors import InputError
 from jampetsc.laws.loads import symmetric_loads
 from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
+from jampetsc.response import factor_memory
 from jampetsc.response.assembly import ROW, assemble
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
 from jampetsc.response.slow_response import solve_quasistatic
@@ -208,3 +210,24 @@ def test_energies_stresses_and_constants_published_with_jaxmd(session):
         voigt = {"xx": 0, "yy": 1, "zz": 2, "yz": 3, "xz": 4, "xy": 5}
         found = [C[voigt[name[:2]], voigt[name[2:]]] for name in TABLE["constants"]]
         np.testing.assert_allclose(found, record["Cijkl"], rtol=0, atol=1e-8 * np.abs(C).max())
+
+
+@pytest.mark.scalar("real", "complex")
+@pytest.mark.most_ranks(2)
+def test_factors_that_memory_cannot_hold_are_refused(session, monkeypatch):
+    """Before they are made, in a line with what is needed and the remedy; options of the solver are the user's."""
+    pencil = pencil_of("few", next(iter(LAWS)))
+    solvers = {"freq_": lambda: sweep_directly(pencil, OMEGA, 1e-6)}
+    if session.scalar_type == "real":
+        solvers["shift_"] = lambda: sweep_rationally(pencil, OMEGA, 1e-6)
+        solvers["shift_ "] = lambda: solve_quasistatic(pencil.network, pencil.law)
+    monkeypatch.setattr(factor_memory, "SPACE_BYTES", 1e12)
+    for prefix, solve in solvers.items():
+        with pytest.raises(
+            InputError, match=r"factor of (42|84) unknowns: needs about .* GB of .* GB"
+        ) as refused:
+            solve()
+        assert f"-{prefix.strip()}mat_mumps_icntl_22 1." in str(refused.value)
+    assert "Without rotations" in str(refused.value) or len(solvers) == 3
+    monkeypatch.setattr(type(session), "has_options", lambda self, prefix: True)
+    assert np.all(np.isfinite(solvers["freq_"]().G))

@@ -1,0 +1,40 @@
+"""Memory that a sparse factor of K, B or K + sB needs, estimated before it is made.
+
+Nested dissection of n unknowns leaves n log n entries in two dimensions and n^(4/3) in three (George, SIAM J. Numer.
+Anal. 10, 345 (1973)); docs/performance.md has the measurements behind the constants.
+"""
+
+import numpy as np
+
+from jampetsc.errors import InputError, named
+from jampetsc.petsc.session import current
+
+PLANE_BYTES = 60.0  # of a factor and its matrix per n log₂ n: 60 to 61 at N = 32768 to 900 000
+SPACE_BYTES = 400.0  # per n^(4/3): 200 to 380 at n = 3000 to 91 000
+GIGABYTE = 1e9
+
+
+def factor_bytes(dimension: int, unknowns: int) -> float:
+    """Bytes of a real factor and its matrix, about."""
+    n = max(unknowns, 2)
+    return PLANE_BYTES * n * np.log2(n) if dimension == 2 else SPACE_BYTES * n ** (4.0 / 3.0)
+
+
+def require_memory(network, unknowns: int, prefix: str, copies: float = 1.0) -> None:
+    """Raise InputError where a factor needs more than the memory of all ranks of a network. Collective.
+
+    prefix   of the solver: with options of the user it is not judged, as these may keep factors on disk
+    copies   bytes of a number of the factor, in those of a real one
+    """
+    needed = copies * factor_bytes(network.dimension, unknowns)
+    there = float(network.sum(current().memory()))
+    if needed <= there or current().has_options(prefix):
+        return
+    rolls = unknowns > network.dimension * network.n
+    raise InputError(
+        f"factor of {unknowns} unknowns: needs about {needed / GIGABYTE:.3g} GB of {there / GIGABYTE:.3g} GB. "
+        f"Use more nodes, or have it on disk with -{prefix}pc_factor_mat_solver_type mumps "
+        f"-{prefix}mat_mumps_icntl_22 1."
+        + f" Without rotations ({named('rotations')}) fewer unknowns are left."
+        * rolls
+    )
