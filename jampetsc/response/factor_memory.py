@@ -20,6 +20,11 @@ def factor_bytes(dimension: int, unknowns: int) -> float:
     return PLANE_BYTES * n * np.log2(n) if dimension == 2 else SPACE_BYTES * n ** (4.0 / 3.0)
 
 
+def max_unknowns(size: float) -> int:
+    """Largest number of unknowns in three dimensions of which a factor needs this many bytes."""
+    return int((size / SPACE_BYTES) ** 0.75)
+
+
 def require_memory(network, unknowns: int, prefix: str, copies: float = 1.0) -> None:
     """Raise InputError where a factor needs more than the memory of all ranks of a network. Collective.
 

@@ -14,6 +14,7 @@ from jampetsc.io.atomic import refuse_links, write_error, write_whole
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.outputs import is_same
 from jampetsc.progress import Progress
+from jampetsc.response.factor_memory import max_unknowns
 from jampetsc.studies.journal import JOURNAL, LOCK, POLL_INTERVAL, Claims, Lock, keep_record, records_of, tidy
 from jampetsc.studies.study_table import rows_of, table_text
 from jampetsc.studies.task_runner import TaskRunner
@@ -23,6 +24,7 @@ MAX_LISTED_FILES = 10  # in a note
 MIN_SHARED_DISKS = 50_000  # disks from which all ranks work on one task together
 REFRESH_INTERVAL = 60.0  # seconds after which the table is written again while the study runs
 BYTES_PER_DISK = 30_000  # of a sweep on one rank
+FACTORS, UNKNOWNS = 3, 6  # of a sweep of spheres: factors that it keeps, unknowns of a sphere
 
 
 def run_study(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
@@ -122,9 +124,13 @@ def _open(folder, path, lock) -> Claims:
 
 def _phases(tasks, session):
     """[(whether all ranks share each task, tasks)]: small ones separately, large ones shared, then their readers."""
-    limit = 0 if session.size == 1 else _max_disks_alone(session)
-    shared = [task for task in tasks if limit and task.inputs and not study_inputs()[task.command].one_rank]
-    large = {task.name for task in shared if task.columns.get("n", 0) > limit}
+    limits = {D: 0 if session.size == 1 else _max_disks_alone(session, D) for D in (2, 3)}
+    shared = [
+        task for task in tasks if limits[2] and task.inputs and not study_inputs()[task.command].one_rank
+    ]
+    large = {
+        task.name for task in shared if task.columns.get("n", 0) > limits[task.columns.get("dimension") or 2]
+    }
     readers = {task.name for task in tasks if any(source.name in large for source in task.inputs)}
     large -= readers
     first = [task for task in tasks if task.name not in large | readers]
@@ -133,11 +139,11 @@ def _phases(tasks, session):
     yield False, [task for task in tasks if task.name in readers]
 
 
-def _max_disks_alone(session):
+def _max_disks_alone(session, dimension):
     """Largest packing that a rank works on alone while the others of its machine do the same. Collective."""
-    return session.comm.allreduce(
-        min(MIN_SHARED_DISKS, session.memory() // 2 // BYTES_PER_DISK), op=session.MPI.MIN
-    )
+    half = session.memory() // 2
+    fitting = half // BYTES_PER_DISK if dimension == 2 else max_unknowns(half / FACTORS) // UNKNOWNS
+    return session.comm.allreduce(min(MIN_SHARED_DISKS, fitting), op=session.MPI.MIN)
 
 
 class StudyRanks:

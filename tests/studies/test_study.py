@@ -22,6 +22,7 @@ from jampetsc.io.packing_file import write_packing
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import parameter
 from jampetsc.petsc.session import current
+from jampetsc.response.factor_memory import factor_bytes
 from jampetsc.studies import study_run, task_runner
 from jampetsc.studies.journal import Claims, Lock, keep_record, records_of, tidy
 from jampetsc.studies.plan import plan
@@ -322,12 +323,14 @@ def test_a_claim_that_cannot_be_written_is_an_error_and_an_input_is_waited_for(t
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
-    assert study_run._max_disks_alone(session) <= study_run.MIN_SHARED_DISKS
+    assert study_run._max_disks_alone(session, 2) <= study_run.MIN_SHARED_DISKS
     monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 10**18)
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    assert study_run._max_disks_alone(session) == memory // 2 // session.size // study_run.BYTES_PER_DISK
+    assert study_run._max_disks_alone(session, 2) == memory // 2 // session.size // study_run.BYTES_PER_DISK
+    spheres = study_run._max_disks_alone(session, 3)
+    assert 3 * factor_bytes(3, 6 * spheres) == pytest.approx(memory / 2 / session.size, rel=1e-3)
     monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 100 + session.rank)
-    assert study_run._max_disks_alone(session) == 100  # the least that any rank may
+    assert study_run._max_disks_alone(session, 3) == 100  # the least that any rank may
 
 
 @pytest.mark.scalar("real")

@@ -326,7 +326,7 @@ LARGE += '[sweep]\nomega = "1"\n[shear]\nstep = 1e-3\nstrain = 2e-3\n[spectrum]\
 def test_large_tasks_are_everybodys_and_what_reads_their_files_comes_after_them(
     monkeypatch, text, most, size, everybodys, late
 ):
-    monkeypatch.setattr(study_run, "_max_disks_alone", lambda session: most)
+    monkeypatch.setattr(study_run, "_max_disks_alone", lambda session, dimension: most)
     (_, apart), *rest = study_run._phases(tasks(text), SimpleNamespace(size=size))
     assert [task.level for task in apart] == sorted(task.level for task in apart)
     told = [(together, [(task.command, task.columns["n"]) for task in some]) for together, some in rest]
