@@ -9,7 +9,7 @@ from jampetsc.errors import JampetscError
 
 @contextmanager
 def agreed(comm):
-    """Collective. A JampetscError that any rank raises in the block is raised on every rank: that of the lowest rank.
+    """Collective. A JampetscError that any rank raises in the block is raised on every rank, the lowest rank's.
 
     `comm` is an mpi4py communicator, or None for one process. Other exceptions stay with their rank.
     """
@@ -27,7 +27,7 @@ def agreed(comm):
 def on_root(comm, action):
     """Collective. Call `action()` on rank 0 alone; return its result, or raise its JampetscError, on every rank.
 
-    For what is to happen once, such as reading a file. `comm` as in `agreed`.
+    For actions that happen once, such as reading a file. `comm` as in `agreed`.
     """
     result = None
     with agreed(comm):
@@ -37,10 +37,10 @@ def on_root(comm, action):
 
 
 def own_cores(comm, working: bool = True) -> int:
-    """Collective. Number of cores for this rank, at least 1: those it may run on, shared evenly among the ranks of its
-    node that are `working`.
+    """Collective. Number of cores for this rank, at least 1: the cores it may run on, shared evenly among the
+    ranks of its node that are `working`.
 
-    A rank may run on the cores of its affinity mask: those that the batch job or mpirun bound it to.
+    A rank may run on the cores of its affinity mask, to which the batch job or mpirun bound it.
     """
     own = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
     ranks = comm.allgather((socket.gethostname(), own if working else set()))

@@ -74,8 +74,8 @@ class ConvergenceError(JampetscError, RuntimeError):
 class about:
     """Context: puts `what`, such as the name of a file, before the message of an InputError raised inside.
 
-    It is a class as python 3.13 keeps what an error has passed through until its garbage collection, factors too, where
-    the context is a generator.
+    It is a class as python 3.13 keeps the objects an error has passed, factors as well, until its garbage collection,
+    where the context is a generator.
     """
 
     def __init__(self, what):

@@ -16,7 +16,7 @@ _outside = None  # handler outside the job; None: no job runs
 def _note(number, frame):
     global _noted
     _noted = True
-    signal.signal(signal.SIGINT, _outside)  # a second Ctrl-C does what it does without a job
+    signal.signal(signal.SIGINT, _outside)  # a second Ctrl-C acts as without a job
 
 
 def check() -> None:

@@ -16,7 +16,7 @@ def visible(text: str, keep: str = "") -> str:
 
 
 def prepare() -> None:
-    """Open closed standard streams on /dev/null, and write what the locale cannot encode as escapes.
+    """Open closed standard streams on /dev/null, and write characters that the locale cannot encode as escapes.
 
     A file opened later would otherwise get the descriptor 1 or 2, and messages would be written into it. Escaped are
     characters that the locale does not have and bytes of file names that are not text.

@@ -4,7 +4,7 @@
 
 averaged over pairs of disks in the same lane, a strip along x of given width, in 3D a bar of this width in y and in z
 (`lane_sums`). u_y has no affine part
-under u_x = γ y, so C is that of the non-affine motion. Real and imaginary part of a field, in phase with the stress (or
+under u_x = γ y, so C is of the non-affine motion. Real and imaginary part of a field, in phase with the stress (or
 the strain) and with its rate, are correlated each with itself. In a periodic cell a lane closes on itself after
 L = |a₁|, so C is even about δ = L/2.
 """
@@ -211,9 +211,9 @@ def stokes_collapse(omega, length, pressure, exponent=LOG_EXPONENT):
 
 
 def medium_collapse(omega, length, G):
-    """(√(|G*|/ω), l): the length under Stokes drag against that of an elastic medium (docs/theory/linear_response.md).
+    """(√(|G*|/ω), l): l under Stokes drag against l in an elastic medium (docs/theory/linear_response.md).
 
-    G (F,) complex in k is that of the solid alone, without iωη_F; ω in 1/τ₁.
+    G (F,) complex in k is of the solid alone, without iωη_F; ω in 1/τ₁.
     """
     return np.sqrt(np.abs(G) / omega), np.asarray(length)
 

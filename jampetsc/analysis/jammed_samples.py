@@ -57,8 +57,8 @@ def correlated_share(runs) -> Share:
 def share_of_runs(means, errors, samples) -> Share:
     """Mean share of runs (R,), each with error and effective number of samples as in `Average`.
 
-    The error is the larger of the scatter of runs and their own errors; not less than that of independent samples as
-    many as the runs are worth.
+    The error is the larger of the scatter of runs and their own errors; not less than the error of as many independent
+    samples as the effective sample size of the runs.
     """
     value, error = mean_of_runs(means, errors, samples)
     count = float(np.sum(samples))  # a series of ones alone is one: it may be one long memory
@@ -114,7 +114,7 @@ class AtDensity:
 
     phi: float
     jammed: Share | None  # None where no minimum was found
-    pressure: float  # mean of those that jam; nan where none does
+    pressure: float  # mean over jammed samples; nan where none jams
     means: dict  # name in OPTIONAL_COLUMNS -> (mean, its error)
 
 
@@ -167,7 +167,7 @@ def density(values, low=None, memory=1.0):
 
 
 def assortativity(kind, i, j) -> float:
-    """Assortativity, (share of like pairs − that of random pairs)/(1 − that of random pairs), Newman, PRE 67, 026126
+    """Assortativity, (s − s₀)/(1 − s₀) of the share s of like pairs, s₀ of random pairs, Newman, PRE 67, 026126
     (2003).
 
     kind (N,) of each disk; pairs (i, j). 1 where unlike disks never meet, 0 where they mix at random; nan for one kind.

@@ -2,7 +2,7 @@
 
     ψ₆ = (1/n) Σ_j exp(6iθ_j)
 
-of a disk, over its n neighbours j in the Delaunay triangulation of the centres, those whose Voronoi cells border on its
+of a disk, over its n neighbours j in the Delaunay triangulation of the centres, with Voronoi cells that border on its
 own; θ_j is the direction to j. |ψ₆| is 1 in a triangular lattice, about ½ in a liquid; |⟨ψ₆⟩| tells whether all are
 turned alike: 1 in one crystal, about 0.6/√N in a liquid.
 """

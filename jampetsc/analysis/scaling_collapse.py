@@ -57,7 +57,7 @@ class Points:
         return relative
 
     def within(self, low: float, high: float, largest: float) -> np.ndarray:
-        """Mask (M,) of those with low ≤ φ ≤ high and b ≤ largest, but for rounding."""
+        """Mask (M,) of the points with low ≤ φ ≤ high and b ≤ largest, up to rounding."""
         return (self.phi >= low) & (self.phi <= high) & (self.scale <= largest * (1 + 1e-9))
 
     def check(self) -> None:

@@ -105,7 +105,7 @@ def relative_bound(bound, value):
 
 
 BINS_PER_DECADE = 10
-HISTOGRAM_DECADES = 10  # below the decade of the largest value; what is smaller falls into the first bin
+HISTOGRAM_DECADES = 10  # below the decade of the largest value; smaller values fall into the first bin
 
 
 @dataclass(frozen=True, eq=False)

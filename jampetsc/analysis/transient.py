@@ -29,7 +29,7 @@ from jampetsc.errors import InputError
 _HALVINGS = 80  # halvings of a range of some 500 in the logarithm: far below rounding
 _MIN_POLE_DISTANCE = 1e-200  # closest to a pole, relative to the gap, that a zero is looked for
 TIMES_PER_DECADE = 20
-MIN_WINDOW = 0.25  # decades; the window of H is never narrower unless asked for
+MIN_WINDOW = 0.25  # decades; the window of H is never narrower unless requested
 _WINDOW_GAPS = 2.0  # its width in gaps between modes: with two, single modes show by a per cent or less
 # times are shown so far beyond the fastest and the slowest mode; there nothing happens any more
 _TIME_MARGIN = 100.0

@@ -1,4 +1,4 @@
-"""Jobs: what can be asked of the program, one module each. `JOBS` is the table of their names.
+"""The commands of the program, one module and one class of jobs each. `JOBS` is the table of their names.
 
 A job joins by one line here: command, python function, table of studies and documentation follow from its class.
 """
@@ -39,6 +39,6 @@ def job_class(name):
 
 @functools.cache
 def study_inputs():
-    """{name: its `STUDY_INPUTS`} of the jobs that a study runs, each after those whose results it reads."""
+    """{name: its `STUDY_INPUTS`} of the jobs that a study runs, each after the jobs whose results it reads."""
     declared = {name: job_class(name).STUDY_INPUTS for name in JOBS}
     return {name: inputs for name, inputs in declared.items() if inputs is not None}

@@ -251,7 +251,7 @@ def _correlated(sweeps, motions, lanes):
 
 
 def _motion(job, sweep, phase):
-    """((disks, rows of those in the fields (n,), u_y (2F, n): Re and Im of each), frequencies (F,)) of a sweep."""
+    """((disks, their rows in the fields (n,), u_y (2F, n): Re and Im of each), frequencies (F,)) of a sweep."""
     stored = sweep.fields.omega
     rows = chosen_frequencies(sweep, stored[np.argsort(stored)] if job.omega is None else job.omega)
     disks = source_of(sweep, job.packing)

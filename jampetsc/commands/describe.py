@@ -143,7 +143,7 @@ def _residual(disks, state):
 
 
 def _origin(a):
-    """What a result was made from: a packing, other files, or random disks of its command."""
+    """The source of a result: a packing, other files, or random disks of its command."""
     if "packing" in a:
         return str(a["packing"])
     if "sources" in a:
@@ -264,7 +264,7 @@ def _pins(facts):
 
 
 def minimum_lines(facts, at_rest) -> list[str]:
-    """Lines that say what the numbers of eigenvalues mean; at_rest: the forces are balanced."""
+    """Lines on the meaning of the numbers of eigenvalues; at_rest: the forces are balanced."""
     K, free = facts.with_prestress, facts.without_prestress
     lines = []
     floppy = free.zero - facts.translations

@@ -43,7 +43,7 @@ class Import(Job):
     npz with positions, radii or diameters, and box. Disks lie in one plane, periodic in x and y; centres with different
     z are spheres, periodic along all axes. Lengths keep their unit. The potential is the one in FILE, as
     `jampetsc export` writes it, or the one of the options. Also the published packings of jamBashbulk (text;
-    U = ½ δ², k = 1) and jax-md (netCDF4; U = ½ (1 − r/σ)²), whose pressure and energy must be those stored in FILE.
+    U = ½ δ², k = 1) and jax-md (netCDF4; U = ½ (1 − r/σ)²), whose pressure and energy must agree with FILE.
     With bonds FILE is a network of springs: its nodes need no radii, and bonds are read from LAMMPS data (Bonds, and
     Bond Coeffs of style harmonic), npz (bonds, and stiffness, tension, images), or lines of a text.
     """

@@ -17,7 +17,7 @@ ENDINGS = (".npz", ".mtx", ".petsc")
 
 
 def files_of(out) -> dict:
-    """{name of what it holds, "" for everything: path} of the files that `write_matrices` puts at `out`.
+    """{name of its matrix, "" for all: path} of the files that `write_matrices` puts at `out`.
 
     Raises InputError for an ending without a format.
     """

@@ -155,12 +155,12 @@ A killed run continues when the same command is given again."""
 
     @property
     def control(self) -> str:
-        """What is imposed, "stress" or "strain"."""
+        """The imposed quantity, "stress" or "strain"."""
         return "strain" if self.stress is None else "stress"
 
     @property
     def amplitude(self):
-        """Amplitudes of what is imposed, (A,) increasing."""
+        """Amplitudes of the imposed quantity, (A,) increasing."""
         return getattr(self, self.control)
 
     @property

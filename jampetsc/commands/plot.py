@@ -1,4 +1,4 @@
-"""Pictures of what files hold."""
+"""Pictures of the content of files."""
 
 import functools
 from dataclasses import dataclass

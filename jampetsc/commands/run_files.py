@@ -14,7 +14,7 @@ def run_provenance(seconds: float, running=None, ranks: int = 1, law=None, packi
 
     running   the session whose solvers it used, None if it used none
     law       its parameters, as `Law.parameters`
-    packing   what it was made from, as `read_identified` names it
+    packing   its source, as `read_identified` names it
     """
     return provenance(
         versions=session.package_versions(),

@@ -1,4 +1,4 @@
-"""Several results as one: which files are named, and what is made of them."""
+"""Inputs that are several results: the files of a study, and a result derived from them."""
 
 import time
 from pathlib import Path
@@ -61,7 +61,7 @@ def _wanted(where) -> dict:
 
 
 def write_derived(to, format, results, start_time, arrays: dict, **attributes) -> None:
-    """Write a result that was computed from other results: arrays by name, and attributes besides those they share.
+    """Write a result that was computed from other results: arrays by name, and attributes beside the shared ones.
 
     start_time   time.perf_counter() at the start
     """

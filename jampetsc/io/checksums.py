@@ -31,7 +31,7 @@ _verified = set()  # device, inode, size and time of files that this process has
 
 
 class Damaged(OSError):
-    """The bytes of a file are not those that were written."""
+    """The bytes of a file are not as they were written."""
 
 
 def append_seal(file) -> str:

@@ -1,4 +1,4 @@
-"""What a file of one format holds, declared as tables, and the check of a file against them before it is read.
+"""The content of a format, declared as tables, and the check of a file against them before it is read.
 
 A line of a table is a row, whose cells stand between bars; an indented line continues it.
 
@@ -140,7 +140,7 @@ class Format:
             if name not in HEADER and (row := self.attribute(name)):
                 row.check_attribute(path, name, value)
         lengths = {}
-        # in the order of the table: a length is that of the first dataset that has it
+        # in the order of the table: the first dataset with a length sets it
         declared = [name for name in self.datasets.rows if name in datasets]
         for name in dict.fromkeys([*declared, *datasets]):
             if row := self.datasets.row(name):
@@ -153,7 +153,7 @@ class Format:
 
 
 def _lengths_with(shape, entries, lengths):
-    """`lengths` with those that a shape adds; None where it does not have these entries."""
+    """`lengths` with the lengths that a shape adds; None where it does not have these entries."""
     if shape is None or len(shape) != len(entries):
         return None
     lengths = dict(lengths)

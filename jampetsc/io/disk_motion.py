@@ -13,7 +13,7 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.spring_network import Network
 
-# what the real part of a field is in phase with, the default first; files hold fields per strain
+# phase of the real part of a field, the default first; files hold fields per strain
 PHASES = ("stress", "strain")
 # attributes that flows share whose correlations are averaged
 FLOW_KIND = ("model", "rate", "particle_count", "mass")
@@ -86,7 +86,7 @@ def field_at(result, row):
 
 
 def phase_factor(result, omega, phase):
-    """e^{−i arg G*(ω)}, which turns what a sweep's file holds per strain into the phase of the stress; 1 for "strain".
+    """e^{−i arg G*(ω)}, which turns a sweep's fields, stored per strain, into the phase of the stress; 1 for "strain".
 
     u*/δσ = (u*/γ*)/G* (BT impose the stress, eq. 13): Re u* then is the motion when the stress is at its peak, −Im u*
     a quarter of a period later, when it is zero. Raises InputError where the sweep has no modulus at ω.
@@ -162,7 +162,7 @@ class Snapshot(Packing):
     strain: float = 0.0  # γ since the start
     rate: float = 0.0  # γ̇
     velocities: np.ndarray | None = None  # (N, 2) without the affine flow (γ̇ y, 0)
-    spins: np.ndarray | None = None  # (N,) angular velocities, if disks roll; that of the affine flow is −γ̇/2
+    spins: np.ndarray | None = None  # (N,) angular velocities, if disks roll; −γ̇/2 in affine flow
 
 
 def snapshot(result, row=-1) -> Snapshot:

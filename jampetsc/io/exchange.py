@@ -15,7 +15,7 @@ import numpy as np
 from jampetsc.errors import InputError, MissingPackage, named
 from jampetsc.packing.potentials import EXPONENTS
 
-LAW = ("potential", "stiffness", "k")  # what a file may say of its forces, see `packing.potentials`
+LAW = ("potential", "stiffness", "k")  # entries of a file on its forces, see `packing.potentials`
 STYLES = {  # columns of Atoms in LAMMPS data files
     "sphere": "id type diameter density x y z",
     "bpm/sphere": "id mol type diameter density x y z",

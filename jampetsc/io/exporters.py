@@ -80,7 +80,7 @@ def _deep_cell(cell, depth: float):
 
 
 def _frame_cell(frame):
-    """Rows (3, 3) of the cell; that of disks is a diameter deep."""
+    """Rows (3, 3) of the cell; a cell of disks is a diameter deep."""
     return _deep_cell(frame.disks.cell, 2.0 * float(frame.disks.radii.max()))
 
 

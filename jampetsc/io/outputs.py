@@ -57,7 +57,7 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> bool:
 
 
 def check_place(out, kind) -> None:
-    """Raise InputError unless a `kind` of file may be put at `out`, whatever its settings are."""
+    """Raise InputError unless a `kind` of file may be put at `out`, for any settings."""
     if kind.startswith("jampetsc-") and Path(out).suffix.lower() in _NOT_HDF5:
         raise InputError(
             f"{named('out')} {out}: an HDF5 file with the ending of another format. Give it the ending .h5."

@@ -44,7 +44,7 @@ _NETWORK_HEADER = (
 def write_packing(path, disks: Packing, request=None) -> None:
     """Write `disks` with its record (scalars and strings; None is left out), atomically, to the last bit.
 
-    request   what was asked for, where the record does not say it
+    request   settings of the run, a `request.Request`, where the record does not have them
 
     Raises InputError or JampetscError if the file cannot be written.
     """
@@ -93,7 +93,7 @@ def read_identified(source, comm=None, read=read_packing) -> tuple[Packing, tupl
 
 
 def check_packing(path) -> None:
-    """Raise InputError unless the header of `path` is that of a packing file: a check before long work."""
+    """Raise InputError unless `path` has the header of a packing file: a check before long work."""
     with open_file(path) as h5:
         check_file(h5, path, FORMAT)
 
@@ -116,7 +116,7 @@ def packing_from(h5, path) -> Packing:
 def write_network(path, network: Network, request=None) -> None:
     """Write a network with its record (scalars and strings; None is left out), atomically, to the last bit.
 
-    request   what was asked for, where the record does not say it
+    request   settings of the run, a `request.Request`, where the record does not have them
 
     Raises InputError or JampetscError if the file cannot be written.
     """

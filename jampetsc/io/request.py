@@ -52,7 +52,7 @@ class Request:
 
     @property
     def recorded(self) -> dict:
-        """The attributes of a result that say what was asked for."""
+        """The attributes of a result that record the request."""
         return {"argv": shortened(shlex.join(map(str, self.argv))), "request": self.text}
 
 

@@ -82,8 +82,8 @@ class ResultWriter:
     """Collects a result of `format`, such as "jampetsc-sweep", and writes it to `path` at the end of its block; path
     None: it stays in memory.
 
-    Every method is collective. `comm` is an mpi4py communicator, or None for one process; `request` is what was asked
-    for. After an exception in the block nothing is written. Its end raises as `write_result`.
+    Every method is collective. `comm` is an mpi4py communicator, or None for one process; `request` has the settings of
+    the run. After an exception in the block nothing is written. Its end raises as `write_result`.
 
     found    attributes by name, as a file gives them
     arrays   dataset name -> ArrayInMemory
@@ -237,7 +237,7 @@ def _join(joint, names, sizes, seals, arrays):
 def merge(path, out=None, request=None) -> int:
     """Write the result at `path` as one plain file at `out`, or in place and remove its parts.
 
-    request: what was asked for, which the file at `out` records.
+    request: settings of the run, which the file at `out` records.
 
     Returns the number of parts that were joined (0: it was a plain file already). Raises InputError for a
     file or part that is missing or damaged, JampetscError if writing fails; then everything is as it was.

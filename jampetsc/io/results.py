@@ -1,6 +1,6 @@
 """A result as a mapping of numpy arrays with attributes, from a file or from memory. Needs neither PETSc nor MPI.
 
-A note says what a user should know about the numbers of a result, such as that its errors are rough. It is a line
+A note warns of the numbers of a result, e.g. that its errors are rough. It is a line
 `KIND: what is the case. What to do`; notes of one kind differ after the colon. Notes are printed below the summary of
 a run, kept in the attribute `notes` of its file, and counted by kind in a study.
 """
@@ -141,7 +141,7 @@ class Result(Named):
         return result
 
     def __getstate__(self):
-        """What copies have, in other processes too: without ranks, so that of several all rows must be gathered."""
+        """The content of copies, also in other processes: without ranks, so rows of several are gathered first."""
         if self._comm is not None and self._comm.size > 1:
             if any(array.axis is not None for array in self._arrays.values()):
                 raise InputError(

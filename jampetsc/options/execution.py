@@ -20,7 +20,7 @@ def run_job(
     out         file of the result; None: it stays in memory
     checkpoint  file beside which a long run keeps its finished steps; None: in memory
     petsc_argv  PETSc's own options
-    argv        the command line that the result records; None: that of this process
+    argv        the command line that the result records; None: the one of this process
     overwrite   whether a finished result is computed again and replaced
     alone       whether only this rank calls, for a job without PETSc
 

@@ -54,8 +54,8 @@ class Job:
     SOLVERS: ClassVar[tuple] = ()  # prefixes of the PETSc options that its solvers read, see `solver_options`
     OUT: ClassVar[str] = "required"  # whether its command needs --out: required, optional, or "" for no file
     OUT_HELP: ClassVar[str] = "result file (HDF5)"
-    GIVES: ClassVar[str] = ""  # what the python function returns, if not what `load` gives for its file
-    STUDY_INPUTS: ClassVar[TaskInputs | None] = None  # what a task of a study reads; None: no study runs it
+    GIVES: ClassVar[str] = ""  # result of the python function, if not as `load` gives it for the file
+    STUDY_INPUTS: ClassVar[TaskInputs | None] = None  # inputs of a task of a study; None: no study runs it
     scalar: ClassVar[str | None] = (
         "real"  # scalars of PETSc that it needs: real, complex or any; None: it does not use PETSc
     )
@@ -186,7 +186,7 @@ class Job:
         return "nothing is kept."
 
     def complete(self, to: Outlet) -> None:
-        """Do what is left to do where the result is there already, as after a kill. Not collective."""
+        """Finish a run whose result exists already, as after a kill. Not collective."""
         from jampetsc.io.checkpoint import discard_unused
 
         discard_unused(to.checkpoint_path or to.path)

@@ -178,7 +178,7 @@ class Parameter:
 class CompositeParameter:
     """Several options that together describe one object, such as a damping law.
 
-    options      those options, or a function that returns them
+    options      the options, or a function that returns them
     make         called with the options that the user gave, as keywords → the object; raises InputError
     serialise    the object → {option: value}; `make` turns it back into the object
     type         class of the object

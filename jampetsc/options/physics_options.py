@@ -120,7 +120,7 @@ MODEL_HELP = (
     "model: drag (RD) or contact damping (CD; CDn normal, CDt tangential only); overdamped where the name ends "
     "in 0"
 )
-MOTION = {  # parameter -> what it is, and its range
+MOTION = {  # parameter -> help, and its range
     "mass": ("mass of every disk", {"above": 0.0, "metavar": "M"}),
     "quality": ("quality factor Q = √(m k)/(k τ₁), instead of a mass", {"above": 0.0, "metavar": "Q"}),
     "background_drag": (

@@ -1,4 +1,4 @@
-"""What a flow or a shear starts from: a packing, or random disks of a given number, packing fraction and sizes."""
+"""The start of a flow or a shear: a packing, or random disks of a given number, packing fraction and sizes."""
 
 from dataclasses import dataclass
 from functools import partial

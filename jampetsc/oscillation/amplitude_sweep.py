@@ -52,7 +52,7 @@ def sweep_amplitudes(
     law         damping of contacts, with its exponent
     omega       (M,) frequencies in 1/time
     amplitudes  (A,) of the stress in units of k, or of the strain
-    control     "stress" or "strain": what is imposed
+    control     the imposed quantity, "stress" or "strain"
     contacts    "fixed", or "moving": they open and close
     steps       of a cycle, a multiple of 8
     cycles      with moving contacts: their number in each of two runs; None: until they repeat

@@ -11,7 +11,7 @@ MIN_FIXED_ALPHA = 0.45  # below, FGMRES does not solve the equations of fixed co
 
 @dataclass(frozen=True)
 class Imposed:
-    """What is imposed at one time: a stress or, where that is None, a strain and its rate."""
+    """The imposed stress at one time or, where it is None, the imposed strain and its rate."""
 
     gamma: float = 0.0
     rate: float = 0.0
@@ -42,7 +42,7 @@ class Drive:
 
     @property
     def control(self) -> str:
-        """What is imposed, "stress" or "strain"."""
+        """The imposed quantity, "stress" or "strain"."""
         return "stress" if self.stress_controlled else "strain"
 
     def at(self, phase: float) -> Imposed:

@@ -23,9 +23,7 @@ from jampetsc.packing.neighbour_list import is_stale
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import bond_vector, displace, simple_shear
 
-MAX_OVERLAP_MOVE = (
-    3.0  # mean overlaps: no disk moves farther in one of Newton's steps, lest it reach another minimum
-)
+MAX_OVERLAP_MOVE = 3.0  # mean overlaps: largest move in a Newton step, to stay in the same minimum
 MAX_SKIN_RATIO = 2.0  # mean diameters: a step that needs a pair list with a larger skin is too long
 
 

@@ -23,7 +23,7 @@ step of length h in which disks move by x (spins times h included) and the strai
 
     h R(z)  is the potential,     Zᵀ f(z)  the forces on disks and strain,     Zᵀ (df/dz) Z / h  its second derivative.
 
-Z is that of one geometry and does not change within a step: R stays convex, and the forces do the work that is
+Z is of one geometry and does not change within a step: R stays convex, and the forces do the work that is
 dissipated.
 """
 
@@ -179,7 +179,7 @@ class Damping:
 
 
 class Dashpots:
-    """The damping of those bonds that touch. Arrays of z and f are (contacts, damped).
+    """The damping of the bonds that touch. Arrays of z and f are (contacts, damped).
 
     rims: radii of all disks (N,), in units of the length by which rotations are multiplied
     """

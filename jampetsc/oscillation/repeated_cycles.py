@@ -15,8 +15,8 @@ length of a step of the cycle over a power of two, so that one factor serves for
 the same quadrature, so where the strain is imposed the error of a cycle is the sum of the errors of its steps.
 
 There are two runs, the first with half of the steps; the second starts where the first ended. Their difference
-estimates the error of the steps, and the changes of the last cycles, continued as a geometric series, that of ending
-after finitely many cycles.
+estimates the error of the steps, and the changes of the last cycles, continued as a geometric series, the error of
+ending after finitely many cycles.
 """
 
 from dataclasses import dataclass, replace

@@ -234,7 +234,7 @@ class _Run:
         self.strain = abs(strain[0])
 
     def relative_residual(self, law: ContactPowerLaw) -> float:
-        """Bound on the power of the residual under `law`, over that of the oscillation: a relative error of G*."""
+        """Bound on the power of the residual under `law`, over the power of the oscillation: a relative error of G*."""
         equations, state = self.equations, self.state
         m, contacts = equations.cycle.m, equations.contacts
         left = equations.split(np.empty(equations.size))

@@ -11,7 +11,7 @@ where the law has them, and the growth s of the strain where a stress is imposed
     U(w, γ + s) − σV s + h R(w/h, s/h) ,
 
 U the energy of the springs, R the dissipation potential of the dashpots. The set of dashpots is fixed during a stage:
-if it changed, there might be no minimum. It is that of the contacts at the beginning of the stage, or at the positions
+if it changed, there might be no minimum. It holds the contacts at the beginning of the stage, or at the positions
 to which the last velocities lead. Newton's method keeps a factor of the Hessian as long as it reduces the residual
 well.
 

@@ -97,7 +97,7 @@ class _BlockFactor:
             )
 
     def apply(self, pc, b, x):
-        """x = (K − σ)⁻¹ b; after an exception, such as of a Ctrl-C, x = 0: SLEPc must come to its end, to be freed."""
+        """x = (K − σ)⁻¹ b; after an exception, such as of a Ctrl-C, x = 0: SLEPc must end normally to be freed."""
         try:
             interrupts.check()
             if self.stopped is None:

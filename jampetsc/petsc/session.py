@@ -86,7 +86,7 @@ def _load(petsc_argv):
 
         # Open MPI 4 would start a daemon for ranks to be spawned later, which survives when its process is killed
         os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
-        # CHOLMOD asks for four threads whatever OMP_NUM_THREADS says, and they wait for each other
+        # CHOLMOD starts four threads for any OMP_NUM_THREADS, and they wait for each other
         if threads := os.environ.get("OMP_NUM_THREADS"):
             os.environ.setdefault("OMP_THREAD_LIMIT", threads.partition(",")[0])
         from mpi4py import MPI
@@ -161,7 +161,7 @@ class Session:
     """PETSc as it runs in this process; made by `start`.
 
     PETSc, SLEPc   the petsc4py and slepc4py modules; SLEPc is None where no slepc4py is installed
-    pid            of the process that started them, not of those forked from it
+    pid            of the process that started them, not of a fork
     MPI            the module mpi4py.MPI
     comm           mpi4py communicator of the current work: COMM_WORLD, within `alone` COMM_SELF
     rank, size     of this process in `comm`
@@ -239,7 +239,7 @@ class Session:
     def stage(self, name):
         """A PETSc log stage as a context: -log_view sums what runs inside under `name`. Collective.
 
-        What it has dropped is freed at its end, unless that is an exception.
+        Objects dropped inside are freed at its end, unless it ends by an exception.
         """
         with self.PETSc.Log.Stage(name):
             yield

@@ -88,7 +88,7 @@ class ShiftedFactor:
     def solve(self, rhs, out) -> float:
         """out ← A⁻¹ rhs, PETSc vectors; rhs may be out. Collective.
 
-        Returns and raises as `Cholesky.solve`; the residual is that of the scaled system.
+        Returns and raises as `Cholesky.solve`; the residual is of the scaled system.
         """
         self._scale(rhs)
         residual = self.cholesky.solve(self.work, out)

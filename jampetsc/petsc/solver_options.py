@@ -1,7 +1,7 @@
 """PETSc's options on the command line: the solver that each is for, and messages about wrong ones.
 
 Each solver's options begin with a prefix of its own. An option of no solver of the command is a mistake, refused
-before anything starts; of the others, PETSc names at its end those that nothing has read (`Session.report_unused`).
+before anything starts; PETSc names at its end the options that nothing has read (`Session.report_unused`).
 """
 
 import difflib

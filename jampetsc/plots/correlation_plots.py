@@ -156,7 +156,7 @@ def plot_correlation(results, page, omega=None):
 
 
 def _curves_in_phase(results):
-    """Curves of the files. Raises InputError if some are in the phase of the stress, others in that of the strain."""
+    """Curves of the files. Raises InputError if some are in the phase of the stress, others of the strain."""
     curves = [correlation_curve(result) for result in results]
     for curve in curves:
         if curve.phase != curves[0].phase:

@@ -32,7 +32,7 @@ _SWITCHES = {  # attribute -> words for (off, on)
     "rotations": ("no rotations", "rotations"),
     "prestress": ("no pre-stress", "pre-stress"),
 }
-_SYMBOLS = {  # parameter -> its symbol; that of a law without one is its name
+_SYMBOLS = {  # parameter -> its symbol; a law's own parameters are shown by name
     **{name: rf"\rm {name}".replace("_", r"\_") for name in OPTIONS if name not in _SWITCHES},
     **{
         "normal": r"w_\parallel",

@@ -33,7 +33,7 @@ COMMANDS = {  # format -> its command, if that has another name
     "velocity-correlation": "correlate",
     "packing": "pack",
 }
-# panel, names of its axes, of what is drawn there, and as what
+# panel, names of its axes and of the series, kind of artist
 COLUMNS = ("panel", "x", "y", "series", "what")
 
 

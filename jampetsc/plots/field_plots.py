@@ -68,7 +68,7 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     total     with the affine part E x of the load, x from the middle of the cell
 
     Colours are rotations. Below each panel stands how many times the field its arrows are. Raises InputError for more
-    frequencies than fit, and for those that the file does not have.
+    frequencies than fit, and for frequencies that the file does not have.
     """
     (sweep,) = results
     fields = sweep.fields

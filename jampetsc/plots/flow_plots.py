@@ -102,7 +102,7 @@ def draw_flow_curves(results, page) -> str:
 
 
 def _draw_exponents(ax, curves):
-    """Local exponents with errors, in limits of the values, and lines at those that have a name and are in sight."""
+    """Local exponents with errors, in limits of the values, and lines at named limits within the panel."""
     values = np.concatenate([y for _, _, y, _ in curves])
     low, high = np.array([values.min(), values.max()]) + np.array([-0.06, 0.12]) * max(np.ptp(values), 0.1)
     for look, x, y, error in curves:

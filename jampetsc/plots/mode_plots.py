@@ -158,8 +158,8 @@ def plot_lowest(results, page):
     """Means over the files of one pressure, with errors, against p/k:
 
     (a) floppiness, rms Δu⊥ over rms Δu∥, of the lowest 10, 50 and 200 modes together, with slope −½ (λ ~ p);
-    (b) what they carry of Σ|u_na|², Σ(Δu⊥)² and Σ(Δu∥)², affine parts left out;
-    (c) medians of the whole response (filled, BT Fig. 5) and of what the most of these modes make up alone (open).
+    (b) their shares of Σ|u_na|², Σ(Δu⊥)² and Σ(Δu∥)², affine parts left out;
+    (c) medians of the whole response (filled, BT Fig. 5) and of the sum of the largest number of these modes (open).
 
     Raises InputError for files of several N, and for files that do not hold the numbers of modes that others do.
     """

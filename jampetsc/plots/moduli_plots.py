@@ -133,7 +133,7 @@ def _scaled(curve, mu, lam):
 def _draw(page, curves, labels, critical, symbol, what, parts):
     """critical: exponent of the regime between the crossovers, if it gets a guide as the viscous one does.
 
-    symbol: of what the guides are powers of; None: there are none.
+    symbol: of the base of the guides; None: no guides.
     """
     ax = page.panels(x=labels[0], y=labels[1], log="xy")
     title, groups = group_curves(curves)

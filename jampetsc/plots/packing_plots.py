@@ -164,7 +164,7 @@ def plot_snapshots(results, page):
 
 
 def find_touching(disks):
-    """(all contacts, number of each disk's (N,), mask (N,) of those that have none and are not of a wall)."""
+    """(all contacts, number of each disk's (N,), mask (N,) of disks without contacts that are not of a wall)."""
     contacts = find_contacts(disks)
     number = np.bincount(np.r_[contacts.i, contacts.j], minlength=disks.n)
     return contacts, number, (number == 0) & (np.arange(disks.n) >= disks.record.get("walls", 0))

@@ -273,7 +273,7 @@ def visible_labels(axis):
 
 @contextmanager
 def limits_kept(ax, when=True):
-    """What is drawn within it does not widen the limits of `ax`, or only `when` that holds."""
+    """Artists drawn within it do not widen the limits of `ax`, or only `when` that holds."""
     kept = ax.dataLim.frozen()
     yield
     if when:

@@ -23,7 +23,7 @@ from jampetsc.options.parameters import SWITCH, WORD, Parameter
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import drawn_in
 
-MAX_DRAWN = 1e150  # what is larger matplotlib may fail to draw
+MAX_DRAWN = 1e150  # larger numbers matplotlib may fail to draw
 PICTURES = {}  # kind -> Picture; `plots.draw` loads all of them
 
 

@@ -121,7 +121,7 @@ def plot_medians(results, page):
 
 
 def handles_of(styles) -> list:
-    """Legend entries of sizes, {N: how it is drawn}, and of what is drawn without pre-stress and with it."""
+    """Legend entries of sizes, {N: look}, and of values without pre-stress and with it."""
     sizes = [entry(f"$N={size}$", **look) for size, look in styles.items()]
     return sizes + [entry(words, marker="o", mew=0.7, **face) for _, words, face in PRESTRESS]
 

@@ -73,7 +73,7 @@ def plot_relaxation(results, page):
             look = {"color": group.colour, "label": hidden(f"{group.label}, {curve.name}")}
             t, rates, total = curve.transient, curve.spectrum.rates, np.cumsum(curve.spectrum.weights)
             _draw_spectrum(axes[0], curve, few, look)
-            # steps at the modes, whose number is that of the reduced pencil
+            # steps at the modes of the reduced pencil
             axes[1].step(1.0 / rates, total, where="post", marker="." if few else None, markersize=3, **look)
             axes[2].plot(*_positive(t.time, t.G), **look)
             dash = "-" if t.retardation.growth_rate == 0 else DASHED
@@ -105,7 +105,7 @@ def _draw_spectrum(ax, curve, few, look):
 
 
 def _notes(page, axes, curves):
-    """Notes on what the curves do not show."""
+    """Notes on limits of the curves."""
     small = {"fontsize": 7.5, "va": "top"}
     windows = sorted({round(curve.transient.window, 2) for curve in curves})
     text = f"averaged over {windows[0]:g}" + (f" to {windows[-1]:g}" if len(windows) > 1 else "") + " decades"

@@ -120,7 +120,7 @@ def entry(label, color="0.2", **look) -> Line2D:
 
 
 def hidden(name) -> str:
-    """The label of what a legend does not name, and the table of its numbers does."""
+    """The label of a series that the table of numbers names and the legend does not."""
     return f"_:{name}"
 
 

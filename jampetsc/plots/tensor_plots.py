@@ -142,7 +142,7 @@ def _line(ax, curve, values, bound, colour, name, dash, is_log=True):
 
 
 def _legends(page, axes, title, groups, parts):
-    """What the dashes are, and the groups."""
+    """Legends of dashes and of groups."""
     entries = [entry(group.label, group.colour) for group in groups] if len(groups) > 1 else []
     if len(axes) > 1 and entries:
         page.legend(axes[0], entries, title)

@@ -79,7 +79,7 @@ def read(path) -> bytes:
 
 
 def plan(path, content: bytes | dict) -> list[StudyTask]:
-    """The tasks of a study, each after those whose files it reads.
+    """The tasks of a study, each after the tasks whose files it reads.
 
     path      name of STUDY.toml in messages
     content   its content, or the same as a dictionary of tables

@@ -27,7 +27,7 @@ EXCLUDED_ATTRIBUTES = (
 
 
 def rows_of(tasks, records: dict) -> list[dict]:
-    """The rows of the tasks in STUDY.toml, in its order, then of done tasks that an earlier STUDY.toml asked for.
+    """The rows of the tasks in STUDY.toml, in its order, then of finished tasks of an earlier STUDY.toml.
 
     Unfinished tasks have no row.
     """

@@ -150,7 +150,7 @@ def _typed(parameter, value):
 
 
 def number_of(value):
-    """A number where a string is one, anything else as it is."""
+    """A number where a string is one, any other value as it is."""
     if isinstance(value, str):
         for kind in (int, float):
             try:

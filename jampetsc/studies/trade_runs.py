@@ -127,7 +127,7 @@ class TradeRuns:
         )
 
     def measure(self, choice: TradeSetting) -> TradeRow:
-        """The row of a choice; that of a failed run has the reason."""
+        """The row of a setting; of a failed run with the reason."""
         group, name = choice.group, choice.name
         outcome, result = self.run(choice.sweep, choice.petsc)
         if result is None:
@@ -146,7 +146,7 @@ class TradeRuns:
 
 
 def plan_settings(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
-    """(choices, lines about groups that are left out) for the groups asked for; needs the reference."""
+    """(settings, lines about groups that are left out) for the requested groups; needs the reference."""
     job, choices, left_out = bench.job, [], []
     if "accuracy" in job.choices:
         looser = [accuracy for accuracy in ACCURACIES if accuracy > bench.reference_accuracy]
