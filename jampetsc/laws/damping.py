@@ -97,7 +97,7 @@ OPTIONS = tuple(dict.fromkeys(name for family in FAMILIES.values() for name in f
 class Law:
     """A damping law: weights of the dissipation 2R in units of kτ₁ (docs/theory/linear_response.md).
 
-    `damping_law` makes those of BT.
+    `damping_law` makes the laws of BT.
 
     label                         name in messages and files
     normal, transverse, sliding   weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)² of contacts, ≥ 0; with sliding > 0 disks roll
@@ -169,8 +169,8 @@ class Law:
 
     def altered(self, **options) -> "Law":
         """The law of the same family with some options changed."""
-        kept = {"tau1": self.tau1, "exponent": self.exponent}
-        return damping_law(self.family, **{**dict(self.options), **kept, **options})
+        unchanged = {"tau1": self.tau1, "exponent": self.exponent}
+        return damping_law(self.family, **{**dict(self.options), **unchanged, **options})
 
     def __str__(self):
         return self.label
@@ -179,15 +179,15 @@ class Law:
         if self.family is None:
             values = {name: getattr(self, name) for name in (*WEIGHTS, "exponent", "tau1")}
             changed = {name: value for name, value in values.items() if value != getattr(Law, name)}
-            given = "".join(f", {name}={value!r}" for name, value in changed.items())
-            return f'Law("{self.label}"{given})'
-        given = {"tau1": self.tau1} if self.tau1 != 1.0 else {}
-        given |= {
+            options_text = "".join(f", {name}={value!r}" for name, value in changed.items())
+            return f'Law("{self.label}"{options_text})'
+        options = {"tau1": self.tau1} if self.tau1 != 1.0 else {}
+        options |= {
             name: value
             for name, value in self.options
             if value != FAMILIES[self.family].options[name].default
         }
-        return python_text(self.family, given)
+        return python_text(self.family, options)
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,7 @@ def damping_law(law: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0,
         for option, value in values.items()
         if value != family.options[option].default or option == family.leading
     )
-    made = Law(
+    family_law = Law(
         label,
         **family.weights(**values),
         exponent=exponent,
@@ -241,8 +241,8 @@ def damping_law(law: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0,
         family=law,
         options=(*values.items(),),
     )
-    made.require_dissipation()
-    return made
+    family_law.require_dissipation()
+    return family_law
 
 
 def python_text(family: str, options: dict) -> str:
@@ -255,7 +255,7 @@ def ContactDamping(beta=1.0, *, normal=1.0, rotations=True, tau1=1.0) -> Law:
 
     beta        weight of transverse motion, ≥ 0
     normal      weight of normal motion, ≥ 0
-    rotations   whether disks roll; transverse motion is then that of the rims
+    rotations   whether disks roll; transverse motion is then of the rims
     tau1        damping time τ₁
 
     Raises InputError for values out of range and if nothing dissipates.

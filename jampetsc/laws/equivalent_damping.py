@@ -5,7 +5,7 @@ oscillates with amplitude u₀ at frequency ω, as much per cycle as a linear da
 
     τ_α = (2/√π) τ₁ (u₀ωτ₁/ρ₀)^(α−1) Γ(1 + α/2) / Γ(3/2 + α/2)                                  (BT 25)
 
-and the moduli are those of the linear law at the equivalent frequency,  G*_α(ω) = G*(Ω),  Ω = ω τ_α/τ₁.
+and the moduli are of the linear law at the equivalent frequency,  G*_α(ω) = G*(Ω),  Ω = ω τ_α/τ₁.
 The amplitude u₀ is that of one spring k beside one such dashpot under the force F₀ that the stress
 amplitude σ₀ puts on a contact, F₀ = σ₀ρ₀ with ρ₀ the particle diameter (in 2D; ρ₀ itself then drops out):
 
@@ -71,9 +71,9 @@ class EquivalentDamping:
         omega = np.asarray(omega, float)
         if self.alpha == 1.0:
             return omega.copy()
-        found, moving = np.zeros_like(omega), omega != 0.0
-        found[moving] = np.copysign(self._frequency(np.abs(omega[moving])), omega[moving])
-        return found[()]
+        solved, moving = np.zeros_like(omega), omega != 0.0
+        solved[moving] = np.copysign(self._frequency(np.abs(omega[moving])), omega[moving])
+        return solved[()]
 
     def _frequency(self, omega):
         """That of ω > 0; infinite where no double holds it."""

@@ -54,7 +54,7 @@ class Model:
             raise InputError(f"{quality}: must be positive and at most {MAX_WEIGHT:g}")
         if self.quality is not None and self.mass:
             raise InputError(
-                f"{named('quality')} {self.quality:g}: {named('mass')} says the same; leave one out"
+                f"{named('quality')} {self.quality:g}, {named('mass')}: both given. Give one of them."
             )
         if law.tau1 > MAX_WEIGHT:
             raise InputError(f"{named('tau1')} {law.tau1:g}: must be at most {MAX_WEIGHT:g}")
@@ -108,15 +108,15 @@ def model_of(name: str, *, mass=None, quality=None, background_drag=0.0, tau1=1.
     law, massive = MODELS[name]
     if massive and not mass and quality is None:
         limit = (
-            f"; the overdamped limit is {name}0" if f"{name}0" in MODELS else "; it has no overdamped limit"
+            f" The overdamped limit is {name}0." if f"{name}0" in MODELS else " It has no overdamped limit."
         )
         raise InputError(
-            f"{named('model')} {name}: give {named('mass')} or {named('quality')}, positive{limit}"
+            f"{named('model')} {name}: no mass. Give a positive {named('mass')} or {named('quality')}.{limit}"
         )
     if not massive and (mass is not None or quality is not None):
-        given = "quality" if mass is None else "mass"
-        other = f", or take {name[:-1]}" if name[:-1] in MODELS else ""
-        raise InputError(f"{named(given)}: {named('model')} {name} is overdamped; leave it out{other}")
+        option = "quality" if mass is None else "mass"
+        other = f", or give model {name[:-1]}" if name[:-1] in MODELS else ""
+        raise InputError(f"{named(option)}: not of {named('model')} {name}, overdamped. Leave it out{other}.")
     return Model(replace(law, tau1=tau1), mass or 0.0, background_drag, name, quality)
 
 
@@ -124,8 +124,8 @@ def _maker(name):
     """The function that makes the model of this name."""
     law, massive = MODELS[name]
 
-    def make(**given):
-        bound = make.__signature__.bind(**given)
+    def make(**options):
+        bound = make.__signature__.bind(**options)
         return model_of(name, **bound.arguments)
 
     options = {"mass": None, "quality": None} if massive else {}

@@ -68,9 +68,9 @@ class Load:
         return bonds @ self.gradient.T
 
 
-def fluid_dissipation(one: Load, other: Load) -> float:
+def fluid_dissipation(load: Load, other: Load) -> float:
     """2 s′:s″ of the deviators of two loads: an incompressible fluid of viscosity 1 dissipates as much per volume."""
-    return 2.0 * float(np.sum(one.deviator * other.deviator))
+    return 2.0 * float(np.sum(load.deviator * other.deviator))
 
 
 def _load(name, gradient) -> Load:
@@ -130,8 +130,8 @@ def load_text(value) -> str:
     Raises InputError for a name that is not in the list above, and for numbers that are no displacement gradient.
     """
     if isinstance(value, Load):
-        known = named_loads(value.dimension).get(value.name)
-        return value.name if known == value else _numbers_text(np.ravel(value.rows))
+        named_load = named_loads(value.dimension).get(value.name)
+        return value.name if named_load == value else _numbers_text(np.ravel(value.rows))
     if isinstance(value, str):
         names = {TENSOR, *(name for dimension in DIMENSIONS for name in named_loads(dimension))}
         if value in names:
@@ -164,15 +164,15 @@ def is_shear(text: str) -> bool:
 
 
 def loads_of(text: str, dimension: int) -> tuple[Load, ...]:
-    """The loads that a text of `load_text` stands for: one, or those of the tensor.
+    """The loads that a text of `load_text` stands for: one, or all of the tensor.
 
     Raises InputError for a load of another dimension.
     """
     if text == TENSOR:
         return symmetric_loads(dimension)
-    known = named_loads(dimension)
-    if text in known:
-        return (known[text],)
+    loads = named_loads(dimension)
+    if text in loads:
+        return (loads[text],)
     numbers = None if text[:1].isalpha() else np.array(text.split(","), float)
     if numbers is None or len(numbers) != dimension**2:
         raise InputError(f"{named('load')} {text}: not a load in {dimension} dimensions. Give another one.")

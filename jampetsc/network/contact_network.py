@@ -34,7 +34,7 @@ FLOPPY_REMEDY = "add bonds, or sweep under a law with drag, which resists every 
 
 @dataclass(frozen=True, eq=False)
 class DistributedNetwork:
-    """Load-bearing contacts between n disks (rattlers left out), or bonds of a network, those of this rank.
+    """Load-bearing contacts between n disks (rattlers left out), or bonds of a network, on this rank.
 
     Disks are renumbered 0 … n−1 along the curve; this rank owns first … last−1. `contacts` has an entry for
     each contact of an owned disk, seen from that disk (its i is owned), ordered by i.
@@ -264,10 +264,10 @@ class Pieces:
 
     def mean(self, network: DistributedNetwork, values):
         """Mean over its piece of what each owned disk has: values and result (last − first, c). Collective."""
-        mine = self.index[network.first : network.last]
+        own_pieces = self.index[network.first : network.last]
         total = np.zeros((self.index.max() + 1, values.shape[1]), values.dtype)
-        np.add.at(total, mine, values)
-        return (network.sum(total) / np.bincount(self.index)[:, None])[mine]
+        np.add.at(total, own_pieces, values)
+        return (network.sum(total) / np.bincount(self.index)[:, None])[own_pieces]
 
 
 def find_pieces(network: DistributedNetwork) -> Pieces:

@@ -63,7 +63,7 @@ class PackingMatrices:
         2 (unknowns) + 1 states (x, v, γ). Raises InputError for a tensor, and where pymor is not installed.
         """
         if isinstance(self.k_gamma, tuple) or np.ndim(self.k_gg):
-            raise InputError(f"to_pymor: matrices of a tensor. Assemble those of a single {named('load')}.")
+            raise InputError(f"to_pymor: matrices of a tensor. Assemble them for a single {named('load')}.")
         try:
             from pymor.models.iosys import LTIModel
         except ImportError:
@@ -74,10 +74,10 @@ class PackingMatrices:
         kept = np.setdiff1d(np.arange(len(whole.dofs)), whole.pins)
         K, B = (matrix[kept][:, kept] for matrix in (whole.K, whole.B))
         k, b = whole.k_gamma[kept], whole.b_gamma[kept]
-        one, null = eye(len(kept)), np.zeros(len(kept))
+        identity, null = eye(len(kept)), np.zeros(len(kept))
         column = [csr_array(-vector[:, None]) for vector in (k, b)]
-        A = bmat([[None, one, None], [-K, -B, column[0]], [None, None, csr_array((1, 1))]])
-        E = bmat([[one, None, None], [None, 0 * K, None], [None, None, csr_array([[1.0]])]])
+        A = bmat([[None, identity, None], [-K, -B, column[0]], [None, None, csr_array((1, 1))]])
+        E = bmat([[identity, None, None], [None, 0 * K, None], [None, None, csr_array([[1.0]])]])
         into = np.concatenate((null, -b, [1.0]))[:, None]
         out = np.concatenate((k, b, [whole.k_gg]))[None] / whole.area
         through = np.array([[whole.b_gg / whole.area]])
@@ -92,7 +92,7 @@ class PackingMatrices:
 
 
 def _whole_border(comm, vectors):
-    """A border vector (u,), or those of a tensor (u, L), on every rank. Collective."""
+    """A border vector (u,), or all of a tensor (u, L), on every rank. Collective."""
     if isinstance(vectors, tuple):
         return np.column_stack([_whole_border(comm, vector) for vector in vectors])
     return np.concatenate(comm.allgather(vectors.getArray().real))
@@ -107,7 +107,7 @@ def build_matrices(network: DistributedNetwork, law: Law, loads=None) -> Packing
     pencils = [pencil.under(load) for load in loads or [pencil.load]]
     border = [getattr(pencils[0], name) for name in (*VECTORS, *CORNERS)]
     if len(pencils) > 1:
-        border = [tuple(getattr(one, name) for one in pencils) for name in VECTORS] + _corners(pencils)
+        border = [tuple(getattr(item, name) for item in pencils) for name in VECTORS] + _corners(pencils)
     particles = np.concatenate(comm.allgather(network.particles))
     component = np.tile(np.arange(pencil.dofs), len(particles))
     return PackingMatrices(
@@ -122,6 +122,6 @@ def build_matrices(network: DistributedNetwork, law: Law, loads=None) -> Packing
 def _corners(pencils):
     """[k, b] (L, L) between the loads of pencils that differ in the load alone. Collective."""
     c, network = pencils[0].compatibility, pencils[0].network
-    g = np.array([one.compatibility.g for one in pencils])
-    fluid = np.array([[c.fluid_gg(one.load, other.load) for other in pencils] for one in pencils])
+    g = np.array([pencil.compatibility.g for pencil in pencils])
+    fluid = np.array([[c.fluid_gg(pencil.load, other.load) for other in pencils] for pencil in pencils])
     return [network.sum((g * c.w_K) @ g.T), network.sum((g * c.w_B) @ g.T) + fluid]

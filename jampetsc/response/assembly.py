@@ -22,7 +22,7 @@ from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import diagonal_of, distributed_matrix
 from jampetsc.response.compatibility import Compatibility, build_compatibility, forms_of, weights
 
-# by D: |A| ≤ ROW max(diagonal) for the A of a contact network, as at most so many unknowns share a form
+# by D: |A| ≤ ROW max(diagonal) for the A of a contact network, the most unknowns of one form
 ROW = {2: 6.0, 3: 12.0}
 
 
@@ -31,7 +31,7 @@ class Pencil:
     """K + sB and its border for one law and load on one network. Matrices and vectors are distributed alike.
 
     Zero modes of K and B (translations of each connected piece, unless there is drag, and gear modes where disks roll)
-    are removed by pinning one unknown each: its row and column are those of the identity (times k) in K and zero in B,
+    are removed by pinning one unknown each: its row and column are of the identity (times k) in K and zero in B,
     and its border entries are zero. The response does not depend on the choice, because K, B and the border vanish on
     these modes. Under drag translations dissipate, and `project` removes them instead.
     """
@@ -108,7 +108,7 @@ class Pencil:
         return tuple(self.network.max(np.abs(diagonal)) for diagonal in self.diagonals)
 
     def gathered(self) -> "Pencil":
-        """A copy with all rows on every rank, on COMM_SELF; its contacts remain those of this rank. Collective."""
+        """A copy with all rows on every rank, on COMM_SELF; its contacts remain on this rank. Collective."""
         PETSc, MPI, comm = current().PETSc, current().MPI, self.network.comm
         border = (
             np.concatenate(comm.allgather(vector.getArray())) for vector in (self.k_gamma, self.b_gamma)
@@ -186,10 +186,10 @@ def pins_of(law: Law, pieces: Pieces):
     """Unknowns to pin against zero modes: moves of a disk of each piece, spins of one of each bipartite piece."""
     roots, dofs = pieces.roots, law.dofs(pieces.dimension)
     moves, spins = np.split(np.arange(dofs), [pieces.dimension])
-    held = [(roots[pieces.bipartite[roots], None] * dofs + spins).ravel()]
+    pinned = [(roots[pieces.bipartite[roots], None] * dofs + spins).ravel()]
     if not law.holds_translations:
-        held.append((roots[:, None] * dofs + moves).ravel())
-    return np.sort(np.concatenate(held))
+        pinned.append((roots[:, None] * dofs + moves).ravel())
+    return np.sort(np.concatenate(pinned))
 
 
 def _pin(matrix, gamma, pins, offset, k):

@@ -113,19 +113,19 @@ class Functional:
         return float(np.sqrt(self.network.sum(np.sum(np.abs(forces) ** 2 / diagonal))))
 
     def rounding(self, trial: Trial, omega: float, diagonal) -> float:
-        """Bound on the rounding of a trial's residual, in the norm of D⁻¹; ω and D are those of a `SingularBound`.
+        """Bound on the rounding of a trial's residual, in the norm of D⁻¹; ω and D of a `SingularBound`.
 
         With D(ω) = `reach(ω)` and forces f of contacts |D(ω)^(−½) |C|ᵀ|f||² ≤ ROW Σ f²/(|w_K| + ω w_B).
         The sum of f = w a is rounded, and so is a = C x + γ g in it.
         """
         c, x2 = self.compatibility, np.abs(trial.x) ** 2
-        here, there = (np.abs(c.w_K) + at * c.w_B for at in (trial.omega, omega))
+        trial_sizes, bound_sizes = (np.abs(c.w_K) + at * c.w_B for at in (trial.omega, omega))
         forces2 = np.abs(c.w_K + 1j * trial.omega * c.w_B) ** 2 * np.abs(trial.motions) ** 2
-        forces2 = np.divide(forces2, there, out=np.zeros_like(there), where=there > 0.0)
+        forces2 = np.divide(forces2, bound_sizes, out=np.zeros_like(bound_sizes), where=bound_sizes > 0.0)
         local = [
             np.sum(forces2),
             c.reach(trial.omega) @ x2,
-            here @ (trial.strain * c.g) ** 2,
+            trial_sizes @ (trial.strain * c.g) ** 2,
             np.sum((trial.omega * c.drag) ** 2 * x2 / diagonal),
         ]
         of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
@@ -178,10 +178,10 @@ class Functional:
         noise[::2] += 4.0 * self.affine
         return of_K, of_B, sizes, noise
 
-    def field_bound(self, found: Certified, x) -> float:
+    def field_bound(self, certified: Certified, x) -> float:
         """Bound on the error of the field x that was certified, see `field_bound`: an estimate where K is not ≥ 0."""
-        squared = 2.0 * np.sqrt(2.0) * found.error * self.network.volume  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
-        return field_bound(self.pencil, found.omega, x, squared)
+        squared = 2.0 * np.sqrt(2.0) * certified.error * self.network.volume  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
+        return field_bound(self.pencil, certified.omega, x, squared)
 
 
 def tensor_at(functionals, trials, results) -> tuple:
@@ -198,11 +198,13 @@ def tensor_at(functionals, trials, results) -> tuple:
     motions, fields = (np.array([getattr(trial, name) for trial in trials]) for name in ("motions", "x"))
     C = (motions * weights) @ motions.T + 1j * omega * (fields * c.drag) @ fields.T
     loads = [functional.pencil.load for functional in functionals]
-    fluid = np.array([[c.fluid_gg(one, other) for other in loads] for one in loads])
+    fluid = np.array([[c.fluid_gg(load, other) for other in loads] for load in loads])
     C = (first.network.sum(C) + 1j * omega * fluid) / volume
     sums = [functional._sums(trial)[2:] for functional, trial in zip(functionals, trials, strict=True)]
     # of the complex motions, in K (0) and in B (1)
-    sizes, noise = (np.array([np.hypot(one[part][::2], one[part][1::2]) for one in sums]) for part in (0, 1))
+    sizes, noise = (
+        np.array([np.hypot(pair[part][::2], pair[part][1::2]) for pair in sums]) for part in (0, 1)
+    )
     rounding = 0.0
     for part, weight in ((0, 1.0), (1, omega)):
         e, d = sizes[:, part], noise[:, part]

@@ -52,9 +52,9 @@ class Compatibility:
         g = np.stack([along, *across, *across][: self.forms], axis=1).ravel()
         return replace(self, g=g, drag_gg=self.fluid_gg(load, load))
 
-    def fluid_gg(self, one: Load, other: Load) -> float:
+    def fluid_gg(self, load: Load, other: Load) -> float:
         """The part of b_EE′ of two loads that the fluid adds."""
-        return self.viscosity * self.network.volume * fluid_dissipation(one, other)
+        return self.viscosity * self.network.volume * fluid_dissipation(load, other)
 
     def dissipation(self, motions, field) -> float:
         """aᵀ W_B a + xᵀ drag x of real motions a (rows,) and their field x (n_local,): this rank's part of the sum."""

@@ -5,7 +5,7 @@ With F = k_E·φ, the force of a unit load E on a mode φ of eigenvalue λ, the 
     ũ = −Σ (F/λ) φ ,     (G_affine − G₀) V = Σ F²/λ .
 
 Modes are orthogonal, so |ũ|² is a sum over them as well. The motions Δu∥ and Δu⊥ that ũ gives the contacts are not:
-the share of a mode is its projection on those of the whole, Σ_c Δu Δu_mode / Σ_c Δu². It can be negative; over all
+the share of a mode is its projection on the whole, Σ_c Δu Δu_mode / Σ_c Δu². It can be negative; over all
 modes the shares sum to one. Without pre-stress and with one stiffness of all contacts the share of Δu∥ is that of
 G_affine − G₀; with its affine part, which is left out here, the whole Δu∥ is then orthogonal to all modes, for its
 forces are in balance.
@@ -31,7 +31,7 @@ class Contributions:
     """Contributions of m modes. Medians are of |Δu∥|, |Δu⊥| and |u_na| per unit strain, over all contacts or disks."""
 
     share: dict  # "nonaffine", "normal", "transverse", "modulus" -> (m,) of Σ|ũ|², Σ(Δu∥)², Σ(Δu⊥)², G_affine − G₀
-    count: np.ndarray  # (q,) those of LOWEST that are at most m
+    count: np.ndarray  # (q,) entries of LOWEST that are at most m
     median: dict  # QUANTITIES -> (q,) of the motion that the lowest `count` modes make alone, no affine part
     whole: dict  # QUANTITIES -> the median of the whole response, the affine part of Δu∥ and Δu⊥ included
 
@@ -77,8 +77,8 @@ def _contributions(pencil, elastic, values, vectors, force):
         alone += motion
         moved += weight * vector
         for place in np.flatnonzero(count == row + 1):
-            for name, found in distributions(comm, *along_and_across(alone), moved).items():
-                median[name][place] = found.median
+            for name, distribution in distributions(comm, *along_and_across(alone), moved).items():
+                median[name][place] = distribution.median
     squares = network.sum(np.append(np.sum(motions**2, axis=0), np.sum(field**2)))
     products = network.sum(products)
     normal = products[:, 0] / squares[0]
@@ -90,7 +90,7 @@ def _contributions(pencil, elastic, values, vectors, force):
         "modulus": force**2 / values / (affine - shear.value),
     }
     whole = distributions(comm, *along_and_across(shear.motions), field)
-    return Contributions(share, count, median, {name: found.median for name, found in whole.items()})
+    return Contributions(share, count, median, {name: part.median for name, part in whole.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +103,13 @@ class LoadContributions:
 
 def _load_contributions(pencil, elastic, values, vectors, loads):
     network, pencils = pencil.network, [pencil.under(load) for load in loads]
-    push = np.array([one.k_gamma.getArray() for one in pencils])
+    push = np.array([loaded.k_gamma.getArray() for loaded in pencils])
     force = network.sum(vectors.reshape(len(values), -1) @ push.T)
     share = np.full(force.shape, np.nan)
     if elastic is not None:
-        for number, one in enumerate(pencils):
-            relaxed = one.k_gg - elastic.respond(one.load).value
-            if relaxed > AFFINE * abs(one.k_gg):
+        for number, loaded in enumerate(pencils):
+            relaxed = loaded.k_gg - elastic.respond(loaded.load).value
+            if relaxed > AFFINE * abs(loaded.k_gg):
                 share[:, number] = force[:, number] ** 2 / values / relaxed
     return LoadContributions(force, share)
 

@@ -101,7 +101,7 @@ class FrequencySolver:
         solution = self.form.solve(self.ksp, self.scale * right, f"ω = {omega:g}")
         self.iterations += self.ksp.getIterationNumber()
         if self.pencil.network.sum(np.count_nonzero(~np.isfinite(solution))):
-            raise ConvergenceError(f"ω = {omega:g}: KSP gave what is no number; try another options file")
+            raise ConvergenceError(f"ω = {omega:g}: KSP returned NaN or Inf. Give another options file.")
         solution *= self.scale
         self.pencil.project(solution)
         return solution
@@ -158,8 +158,8 @@ class FrequencySolver:
 
         def start():
             x = generator.standard_normal(2 * len(root)).view(complex)
-            mine = self.pencil.pins - first
-            x[mine[(mine >= 0) & (mine < len(x))]] = 0.0  # K and B do not act on what is pinned
+            pins = self.pencil.pins - first
+            x[pins[(pins >= 0) & (pins < len(x))]] = 0.0  # K and B do not act on what is pinned
             self.pencil.project(x)
             return x
 

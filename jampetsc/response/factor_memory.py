@@ -29,15 +29,15 @@ def require_memory(network, unknowns: int, prefix: str, copies: float = 1.0) -> 
     """Raise InputError where a factor needs more than the memory of all ranks of a network. Collective.
 
     prefix   of the solver: with options of the user it is not judged, as these may keep factors on disk
-    copies   bytes of a number of the factor, in those of a real one
+    copies   bytes of a number of the factor, over the bytes of a real one
     """
     needed = copies * factor_bytes(network.dimension, unknowns)
-    there = float(network.sum(current().memory()))
-    if needed <= there or current().has_options(prefix):
+    available = float(network.sum(current().memory()))
+    if needed <= available or current().has_options(prefix):
         return
     rolls = unknowns > network.dimension * network.n
     raise InputError(
-        f"factor of {unknowns} unknowns: needs about {needed / GIGABYTE:.3g} GB of {there / GIGABYTE:.3g} GB. "
+        f"factor of {unknowns} unknowns: needs about {needed / GIGABYTE:.3g} GB of {available / GIGABYTE:.3g} GB. "
         f"Use more nodes, or have it on disk with -{prefix}pc_factor_mat_solver_type mumps "
         f"-{prefix}mat_mumps_icntl_22 1."
         + f" Without rotations ({named('rotations')}) fewer unknowns are left."

@@ -125,7 +125,7 @@ class Factors:
     def field(self, pencil: Pencil, s: float):
         """(shift, x): the field x (n_local,) at the shift next to s that there is a factor of, see `field_at`.
 
-        pencil   with the load; its K and B are those of the factors
+        pencil   with the load; its K and B are as in the factors
         """
         s = closest(self.owner, s)
         border = SimpleNamespace(k_gamma=self._border(pencil.k_gamma), b_gamma=self._border(pencil.b_gamma))
@@ -195,12 +195,12 @@ class Factors:
         """vᵀ(K + sB)⁻¹v for each of `shifts`, as `ShiftedFactor.energy` has it; v (n_local,)."""
         rhs = self.whole.K.createVecRight()
         rhs.setArray(self._gather(v))
-        held = list(self._held)  # first, before they make room for the others
-        mine = sorted(filter(self._is_mine, self.shifts), key=lambda s: s not in held)
+        kept = list(self._held)  # first, before they make room for the others
+        own = sorted(filter(self._is_mine, self.shifts), key=lambda s: s not in kept)
         with agreed(self.comm):
-            found = {s: self._factor(s).energy(rhs) for s in mine}
+            energies = {s: self._factor(s).energy(rhs) for s in own}
         current().free_dropped(self.comm)  # vectors of the solves, of which a certificate may need many
-        every = {s: energy for part in self.comm.allgather(found) for s, energy in part.items()}
+        every = {s: energy for part in self.comm.allgather(energies) for s, energy in part.items()}
         return {s: every[s] for s in self.shifts}
 
     def least_eigenvalue(self, s: float) -> float:

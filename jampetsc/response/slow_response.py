@@ -9,7 +9,7 @@ On BT's plateau of the mean |Δu∥| at low pressure: none is seen here. Without
 √(G₀V/kN_c), an identity that these solves keep to 1e-13 down to p = 1e-6, and the mean follows it: mean/rms
 lies between 0.71 and 0.82 at every pressure from 1e-2 to 1e-6 (N = 256 and 1024, 6 to 12 packings each,
 with and without pre-stress; 0.80 for a normal distribution), and the largest hundredth of the contacts
-makes up 6 to 16 % of Σ(Δu∥)², so there is no long tail either. What levels off below pN² ≈ 1 is G₀ itself,
+makes up 6 to 16 % of Σ(Δu∥)², so it has no long tail either. G₀ itself levels off below pN² ≈ 1,
 by finite size. See benchmarks/claims/motion.py.
 """
 
@@ -87,8 +87,8 @@ def solve(
     response, area = responses[pencil.load], network.volume
     nonaffine = elastic.split(response.x)[0]
     fields = {
-        load: elastic.split(found.x)[0] if pencil.law.holds_translations else found.x.reshape(nonaffine.shape)
-        for load, found in responses.items()
+        load: elastic.split(part.x)[0] if pencil.law.holds_translations else part.x.reshape(nonaffine.shape)
+        for load, part in responses.items()
     }
     slow = SlowResponse(
         network,
@@ -151,7 +151,7 @@ def solve_quasistatic(
     networks = {"": network} | ({BARE: network.unstressed()} if network.prestress else {})
     pencil = _pencil(network, law, load)
     with session.stage("quasistatic"):
-        solved = {name: solve(one, pencil, tensor) for name, one in networks.items()}
+        solved = {name: solve(item, pencil, tensor) for name, item in networks.items()}
         responses = {name: slow for name, (slow, _) in solved.items()}
     with session.stage("eta_inf"):
         eta_inf = infinite_viscosity(pencil)
@@ -162,8 +162,8 @@ def solve_quasistatic(
         network,
         responses,
         {
-            name: distributions(network.comm, one.normal, one.transverse, one.nonaffine)
-            for name, one in responses.items()
+            name: distributions(network.comm, slow.normal, slow.transverse, slow.nonaffine)
+            for name, slow in responses.items()
         },
         eta_inf,
         np.array(scan).reshape(-1, 4),

@@ -70,7 +70,7 @@ def lowest_modes(
 
     Where the last one is in a cluster of equal eigenvalues, the whole cluster is returned. Unless it is `proved`
     that K has no negative modes, this is checked. Contributions are to the response to `load`, simple shear if not
-    given, and to those of `tensor`, several loads. Needs the real build.
+    given, and to several loads `tensor`. Needs the real build.
 
     Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
     ConvergenceError when they are not found or their number does not agree with inertia.
@@ -83,20 +83,20 @@ def lowest_modes(
         count = count_below(pencil.K, below, "K − λ") - pencil.pieces.translations
         if count <= 0:
             raise InputError(
-                f"{named('below')} {below:g}: no mode lies there; raise it, or ask for a number with {named('count')}"
+                f"{named('below')} {below:g}: no mode below it. Raise it, or give a number with {named('count')}."
             )
-    there = pencil.unknowns - pencil.pieces.translations
-    wanted = there if count is None else count
-    pairs, kept, shift = _certified(pencil, wanted, there, stiffness)
-    return _describe(pencil.under(load or pencil.load), pairs[:kept], shift, kept == there, tensor)
+    available = pencil.unknowns - pencil.pieces.translations
+    requested = available if count is None else count
+    pairs, kept, shift = _certified(pencil, requested, available, stiffness)
+    return _describe(pencil.under(load or pencil.load), pairs[:kept], shift, kept == available, tensor)
 
 
-def _certified(pencil, count, there, stiffness):
-    """(pairs, m, μ): eigenpairs of which the first m ≥ count of all `there` are those below μ, by inertia."""
-    wanted, pairs = count, None
+def _certified(pencil, count, available, stiffness):
+    """(pairs, m, μ): eigenpairs of which the first m ≥ count of all `available` lie below μ, by inertia."""
+    requested, pairs = count, None
     for _ in range(ATTEMPTS):
         if pairs is None:
-            pairs = _with_quotients(lowest(pencil, wanted, stiffness), pencil)
+            pairs = _with_quotients(lowest(pencil, requested, stiffness), pencil)
         worst = pairs.residuals.max()
         if not worst <= RESIDUAL * stiffness:
             raise ConvergenceError(
@@ -104,17 +104,17 @@ def _certified(pencil, count, there, stiffness):
             )
         if pairs.method != "lapack":
             _require_different(pairs.vectors, pencil.network)
-        kept, shift = _cut(pairs.values, count, there, stiffness)
-        if kept == there:
+        kept, shift = _cut(pairs.values, count, available, stiffness)
+        if kept == available:
             return pairs, kept, shift
         if kept is None:  # the last cluster is cut: find more of it
-            wanted, pairs = min(there, wanted + 8), None
+            requested, pairs = min(available, requested + 8), None
             continue
         counted = count_below(pencil.K, shift, "K − μ") - pencil.pieces.translations
         if counted == kept:
             return pairs, kept, shift
         # Lanczos finds one vector of equal eigenvalues, others only by rounding: search orthogonally to those found.
-        more = lowest(pencil, max(1, min(counted, there) - kept), stiffness, excluded=pairs.vectors)
+        more = lowest(pencil, max(1, min(counted, available) - kept), stiffness, excluded=pairs.vectors)
         pairs = _with_quotients(_together(pairs, more), pencil)
     raise ConvergenceError(
         f"{len(pairs.values)} modes were found and their count does not agree with inertia: some of a cluster are "
@@ -150,7 +150,7 @@ def _with_quotients(pairs, pencil):
     return replace(pairs, values=values)[np.argsort(values, kind="stable")]
 
 
-def _cut(values, count, there, stiffness):
+def _cut(values, count, available, stiffness):
     """(m, μ): the end of the cluster of eigenvalue number `count`, and a value in the gap above it.
 
     (None, None) if the values end before it.
@@ -159,7 +159,7 @@ def _cut(values, count, there, stiffness):
         low, high = values[m - 1], values[m]
         if high - low > GAP * abs(high) + SHIFT * stiffness:
             return m, float(0.5 * (low + high))
-    return (there, float(values[-1])) if len(values) == there else (None, None)
+    return (available, float(values[-1])) if len(values) == available else (None, None)
 
 
 def _describe(pencil: Pencil, pairs, shift, complete, loads):

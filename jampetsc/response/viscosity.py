@@ -74,7 +74,7 @@ def quasistatic_flow(pencil: Pencil, displacement) -> ViscousResponse:
 
 
 def _turns(pencil):
-    """solve(rhs, out) that solves for the spins only, with B_θθ, those of a disk pinned in each bipartite piece."""
+    """solve(rhs, out) that solves for the spins only, with B_θθ, the spins of a disk pinned in each bipartite piece."""
     PETSc, network, law = current().PETSc, pencil.network, pencil.law
     dofs, dimension = pencil.dofs, pencil.dimension
     spins = np.arange(dimension, dofs)
@@ -82,8 +82,8 @@ def _turns(pencil):
     rows = PETSc.IS().createGeneral(rows.ravel().astype(PETSc.IntType), comm=network.comm)
     block = pencil.B.createSubMatrix(rows, rows)
     disks, component = np.divmod(pencil.pins, dofs)
-    held = (disks * len(spins) + component - dimension)[component >= dimension]
-    set_diagonal(block, held, law.sliding * network.damping(law))
+    pinned = (disks * len(spins) + component - dimension)[component >= dimension]
+    set_diagonal(block, pinned, law.sliding * network.damping(law))
     factor = _factor(block, law)
     work = block.createVecRight()
 
@@ -118,7 +118,7 @@ def infinite_viscosities(pencil: Pencil, loads):
         for load in loads
     ]
     return dissipation_between(
-        pencil, loads, [one.motions.ravel() for one in relaxed], [one.x for one in relaxed]
+        pencil, loads, [flow.motions.ravel() for flow in relaxed], [flow.x for flow in relaxed]
     )
 
 
@@ -129,7 +129,7 @@ def dissipation_between(pencil: Pencil, loads, motions, fields):
     """
     c, motions, fields = pencil.compatibility, np.asarray(motions), np.asarray(fields)
     value = pencil.network.sum((motions * c.w_B) @ motions.T + (fields * c.drag) @ fields.T)
-    fluid = [[c.fluid_gg(one, other) for other in loads] for one in loads]
+    fluid = [[c.fluid_gg(load, other) for other in loads] for load in loads]
     return (value + fluid) / pencil.network.volume
 
 
