@@ -287,7 +287,7 @@ WRONG_STATES = {  # dataset or attribute -> what it holds instead, what is said 
     "offsets": (np.full((16, 2), np.inf), "dataset state/offsets: not the state"),
     "steps": (-1, "dataset state/steps: not the state"),
     "radii": (np.full(16, -0.5), r"radii\[0\] = -0.5: must be positive"),
-    "cell_base": (np.ones((2, 2)), "cell .*: need rows"),
+    "cell_base": (np.ones((2, 2)), "cell: .*must be rows"),
     "settings": ("[]", "damaged"),
 }
 

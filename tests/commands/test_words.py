@@ -28,7 +28,7 @@ def test_one_file_under_two_names(tmp_path):
 def test_no_two_sweeps_of_one_packing_but_of_unknown_ones():
     def sweep(name, sha256):
         known = {"packing_sha256": sha256} if sha256 else {}
-        return SimpleNamespace(path=Path(name), attributes=known, law={})
+        return SimpleNamespace(path=Path(name), attributes=known, law={}, load="xy")
 
     others = [sweep("a.h5", None), sweep("b.h5", None), sweep("c.h5", "1" * 64), sweep("d.h5", "2" * 64)]
     refuse_mixture(others)
