@@ -145,9 +145,12 @@ def shared_zero_modes(pencil: Pencil) -> str:
     if not count:
         return ""
     moves, cost = ("moves", "cost") if count > 1 else ("move", "costs")
+    remedy = "Take a law with drag, which resists every motion."
+    if pencil.dimension == 3 and pencil.law.couples_rotations:
+        remedy = f"Take a law without rotations ({named('rotations')}), as a sphere twists freely about a single bond."
     return (
         f"{count} {moves} besides translations {cost} neither energy nor dissipation under {pencil.law}. The response "
-        "is not unique. Take a law with drag, which resists every motion."
+        f"is not unique. {remedy}"
     )
 
 

@@ -90,6 +90,7 @@ def test_matrices_and_borders(session, sample):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("sample, law", [("few", law) for law in LAWS] + [("hertzian", next(iter(LAWS)))])
 def test_the_tensor_and_its_bounds(session, sample, law):
     """Both methods, as close as their bounds say, far above rounding and near it."""
@@ -182,7 +183,15 @@ def test_the_network_of_a_packing_responds_alike(session):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.parametrize("law", TABLE["laws"])
+@pytest.mark.parametrize(
+    "law",
+    [
+        pytest.param(
+            law, marks=() if law in ("contact beta=0.1", "stokes eta_f=1") else pytest.mark.most_ranks(1)
+        )
+        for law in TABLE["laws"]
+    ],
+)
 def test_moduli_of_an_independent_program(session, law):
     """The table of the first of jax-md's packings, to 1e-9 of the largest constant, with bounds that hold."""
     pencil = assemble(build(bidisperse()[0], TABLE_LAWS[law], session.comm), TABLE_LAWS[law].law)

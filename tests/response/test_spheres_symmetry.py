@@ -8,6 +8,7 @@ from samples import physics, published
 from spheres import few_spheres
 
 from jampetsc.analysis.elasticity import modulus_along
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.laws.loads import symmetric_loads
 from jampetsc.network.contact_network import build_network
 from jampetsc.packing.packing import Packing
@@ -76,3 +77,23 @@ def test_a_plane_in_space(session):
     simple = sweep_rationally(pencil, OMEGA, 1e-8)
     plane = sweep_rationally(assemble(build_network(flat, session.comm, False), law.law), OMEGA, 1e-8)
     np.testing.assert_allclose(depth * simple.G, plane.G, rtol=1e-7)
+
+
+def test_a_sphere_may_twist_about_its_only_bond(session):
+    """Which costs nothing whatever the damping of contacts: one line says so, with the remedy."""
+    network = Network.of_packing(few_spheres())
+    network = Network(
+        np.vstack((network.positions, network.positions[0] + [0.3, 0.9, 0.4])),
+        np.vstack((network.bonds, [0, network.n])),
+        network.cell,
+        images=np.vstack((network.images, [0, 0, 0])),
+        radii=np.append(network.radii, 0.5),
+    )
+    law = physics(beta=0.3, prestress=False)
+    pencil = assemble(build_network(network, session.comm, False), law.law)
+    with pytest.raises(
+        (InputError, ConvergenceError), match=r"3 moves besides translations cost neither .* twists freely"
+    ):
+        sweep_rationally(pencil, OMEGA, 1e-6)
+    still = physics(rotations=False, prestress=False)
+    assert np.abs(tensor(network, still, session.comm)).max() > 0.1
