@@ -34,13 +34,13 @@ class Galerkin:
         self.pencil, self.network = basis.pencil, basis.pencil.network
         compatibility = self.pencil.compatibility
         comm = self.network.comm
-        fields = np.column_stack((basis.x0, *basis.vectors))
+        fields = np.array((basis.x0, *basis.vectors)).T  # column by column in memory, as they are made
         rates = np.empty(0)
         if basis.size:
             # The basis is orthonormal in B up to rounding; in the eigenvectors of K, K is graded and small
             # rates are exact.
             tall.rotate(fields[:, 1:], on_root(comm, lambda: np.linalg.eigh(basis.K)[1]))
-        motions = np.empty((len(compatibility.g), basis.size + 1))
+        motions = np.empty((basis.size + 1, len(compatibility.g))).T
         for motion, field in zip(motions.T, fields.T, strict=True):
             motion[:] = compatibility.motions(field)
         motions[:, 0] += compatibility.g

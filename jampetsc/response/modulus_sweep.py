@@ -18,7 +18,7 @@ from jampetsc.response.assembly import Pencil
 from jampetsc.response.certificate import Certified, tensor_at
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.response.minimum_check import floppy_modes, shared_zero_modes
-from jampetsc.response.rational import RationalSweep
+from jampetsc.response.rational import VECTORS, RationalSweep
 from jampetsc.response.tensor import TensorProjection
 
 # estimated over allowed error of a load below which others do with a vector less at each shift: their error is some 13
@@ -129,8 +129,12 @@ def _grow(sweep, number, first, steps, save, progress):
         _restore(sweep, own)
     while shifts := sweep.next_shifts():
         fewer = 0
-        if sweep.basis is None and sweep is not first:  # which has needed all these shifts
+        if sweep is not first and sweep.basis is None:  # the first has needed all these shifts
             shifts, fewer = first.factors.shifts, int(first.worst() < SPARE_ERROR_RATIO)
+        elif sweep is not first:  # a vector more halves the error at least
+            fewer = VECTORS - min(
+                VECTORS, 1 + int(np.ceil(np.log2(np.clip(sweep.worst(), 1.0, 2.0**VECTORS))))
+            )
         before = sweep.basis.size if sweep.basis else 0
         with current().stage("shift"):
             sweep.add_shifts(shifts, fewer)

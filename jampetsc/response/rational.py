@@ -132,7 +132,7 @@ class RationalSweep:
         near = [
             s
             for s in self.factors.shifts
-            if 1.0 / NEARBY < s / wanted < NEARBY and self.basis.shifts.count(s) <= VECTORS
+            if 1.0 / NEARBY < s / wanted < NEARBY and self.basis.shifts.count(s) < 2 * VECTORS
         ]
         return min(near, key=lambda s: abs(np.log(s / wanted)), default=wanted)
 

@@ -96,7 +96,7 @@ class GalerkinResidual:
         (quasistatic, mode_fields), still, modes = fields, motions[:, 0], motions[:, 1:]
         self._fast, self._flow = still - modes @ loads, quasistatic - mode_fields @ loads
         self._still, self._modes, self._mode_fields = still, modes, mode_fields
-        self.columns = np.empty((len(quasistatic), len(rates) + 2))
+        self.columns = np.empty((len(rates) + 2, len(quasistatic))).T
         self.columns[:, 0] = c.forces(c.w_K * still)
         self.columns[:, 1] = c.forces(c.w_B * self._fast) + c.drag * self._flow
         for j, rate in enumerate(rates):

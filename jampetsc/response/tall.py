@@ -1,4 +1,7 @@
-"""Arrays of a few columns with a row per unknown or contact, taken block by block, never copied whole."""
+"""Arrays of a few columns with a row per unknown or contact, taken block by block, never copied whole.
+
+They are stored column by column: fields and motions are made one after another.
+"""
 
 import numpy as np
 

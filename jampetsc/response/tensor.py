@@ -72,8 +72,8 @@ class _Columns:
     def __init__(self, galerkin: Galerkin):
         c, network, spectrum = galerkin.pencil.compatibility, galerkin.network, galerkin.spectrum
         self.compatibility, h = c, galerkin.loads
-        self.fields = np.column_stack((galerkin.quasistatic, galerkin.modes))
-        self.motions = np.empty((len(c.g), self.fields.shape[1]))
+        self.fields = np.vstack((galerkin.quasistatic, galerkin.modes.T)).T
+        self.motions = np.empty((self.fields.shape[1], len(c.g))).T
         for motion, field in zip(self.motions.T, self.fields.T, strict=True):
             motion[:] = c.motions(field)
         self.motions[:, 0] += c.g
