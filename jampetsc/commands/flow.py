@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, about, named
 from jampetsc.io.hdf5 import attributes, check_format, open_file
 from jampetsc.io.outputs import check_place, is_same
 from jampetsc.io.results import note_lines, noted
@@ -17,11 +17,14 @@ from jampetsc.options.parameters import FILE, composite_parameter, optional_para
 from jampetsc.options.physics_options import MODEL
 from jampetsc.options.starts import GROUP, ShearJob, run_parameter
 from jampetsc.options.values import PACKING_OR_RESULT, input_name, load_source
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.packing import Packing, require_plane
 from jampetsc.petsc import session
 from jampetsc.progress import Progress, note
 
 TOLERANCE = 1e-4
+PLANE_ONLY = (
+    "Flow at a rate is of disks in a plane: give a two-dimensional packing; `jampetsc shear` takes spheres."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +82,8 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
 
     def check(self):
         self.check_discard()
+        if self.dimension == 3:
+            raise InputError(f"{named('dimension')} 3: not supported. {PLANE_ONLY}")
         every, spacing = named("snapshot_every"), named("snapshot_spacing")
         if self.snapshot_every is not None and (self.snapshots is not None or self.snapshot_spacing == "log"):
             raise InputError(f"{every}: excludes {named('snapshots')} and {spacing} log. Leave them out.")
@@ -215,6 +220,8 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
                 f"{named('rate')}; to continue one, give its file."
             )
         disks, origin = self.disks()
+        with about(input_name(self.start)):
+            require_plane(disks, PLANE_ONLY)
         run = define_flow(
             disks,
             self.model.of_stiffness(disks.potential.k),

@@ -18,6 +18,7 @@ from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.starts import PHI_RANGE, UNITS
 from jampetsc.options.values import SEEDS, Numbers, number_list
+from jampetsc.packing.packing import PARTICLES
 from jampetsc.packing.potentials import EXPONENTS, Potential
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
@@ -52,9 +53,12 @@ A killed run continues when the same command is given again. Options of the Newt
     SOLVERS: ClassVar = ("newton_",)
 
     n: int = parameter(help="number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
+    dimension: int = parameter(2, "2: disks, 3: spheres", low=2, high=3, metavar="D")
     phi: Numbers = parameter(
         help="packing fractions: M from A to B evenly, or a list with commas",
-        value_type=number_list(*PHI_RANGE, "A:B:M|LIST", "; disks jam near 0.84", even=True),
+        value_type=number_list(
+            *PHI_RANGE, "A:B:M|LIST", "; disks jam near 0.84, spheres near 0.64", even=True
+        ),
     )
     seeds: Sequence[int] = parameter(
         help="a sample at each packing fraction for each seed, both ends included", value_type=SEEDS
@@ -128,6 +132,7 @@ A killed run continues when the same command is given again. Options of the Newt
                 HessianSolver(),
                 self.tolerance,
                 comm,
+                dimension=self.dimension,
                 resume=resume,
                 save=lambda columns: on_root(comm, lambda: save_rows(checkpoint, columns, {})),
                 report=lambda samples, phi: progress.step(
@@ -140,6 +145,7 @@ A killed run continues when the same command is given again. Options of the Newt
             "energy_cut": ENERGY_CUT,
             "protocol": protocol.name,
             "particle_count": self.n,
+            **({"dimension": 3} if self.dimension == 3 else {}),
             "sizes": self.sizes,
             "potential": self.potential,
             "tolerance": self.tolerance,
@@ -151,7 +157,7 @@ A killed run continues when the same command is given again. Options of the Newt
             provenance = run_provenance(time.perf_counter() - began, running, running.size)
             writer.attributes(**provenance | facts | protocol.facts, notes=noted(notes))
         on_root(comm, lambda: checkpoint.remove())
-        return "\n".join([*_summary(self.n, columns, to), *note_lines(notes)])
+        return "\n".join([*_summary(self, columns, to), *note_lines(notes)])
 
 
 def _notes(columns) -> list[str]:
@@ -160,9 +166,9 @@ def _notes(columns) -> list[str]:
     return [f"no minimum found: {lost} samples, nan in the result"] if lost else []
 
 
-def _summary(n, columns, to) -> list[str]:
+def _summary(job, columns, to) -> list[str]:
     """A line for every φ."""
-    lines = [f"{to}: {len(columns['phi'])} samples of {n} disks"]
+    lines = [f"{to}: {len(columns['phi'])} samples of {job.n} {PARTICLES[job.dimension]}"]
     for density in at_densities(columns):
         if density.jammed is None:
             lines.append(f"  phi = {density.phi:.6g}: no minimum found")

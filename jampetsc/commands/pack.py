@@ -80,7 +80,8 @@ One rank makes one packing, on several threads; several packings are shared amon
 
 The same seed gives the same packing to the last bit on any number of threads and ranks and on every x86 processor with
 AVX2 and FMA (x86-64-v3: Intel since 2013, AMD since 2017), with one version of jampetsc and of its libraries.
-Above 32768 disks, and with options -newton_, last digits depend on BLAS, and another minimum may be reached.
+Above 32768 disks or 1024 spheres, and with options -newton_, last digits depend on BLAS, and another minimum may be
+reached.
 On other processors (arm64), and with JAMPETSC_CPU=native in the environment, a seed gives another packing of the same
 ensemble. The attribute instruction_set of the file says which processors it was compiled for.
 

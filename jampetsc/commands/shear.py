@@ -132,6 +132,7 @@ prefix -newton_."""
             "step": self.step,
             "phi": disks.phi,
             "particle_count": disks.n,
+            **({"dimension": 3} if disks.dimension == 3 else {}),
             **potential_facts(disks),
             "tolerance": self.tolerance,
             "discard": path.discard,

@@ -15,7 +15,7 @@ from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise
 from jampetsc.minimise.newton import FORCE_FLOOR
 from jampetsc.packing.contacts import find_contacts, measure, typical_force
 from jampetsc.packing.listed_packing import SKIN_RANGE, ListedPacking
-from jampetsc.packing.neighbours import fractional, vectors
+from jampetsc.packing.neighbours import fractional, lengths, vectors
 from jampetsc.packing.packing import PLACES, Packing
 from jampetsc.packing.strain import bond_vector, simple_shear
 from jampetsc.packing.threads import Team
@@ -27,7 +27,7 @@ MAX_MOVE_RATIO = 0.01
 RESTART_STEPS = 50  # steps between two calls of `_restart_list`
 MAX_OLD_FACTOR_STEPS = 12  # evaluations of a step with the present factor before a new one is made,
 MAX_NEW_FACTOR_STEPS = 40  # and with that one before disks are taken to rearrange
-DESCENT_TOLERANCE = 3e-2  # max |F| / (p d) to which they then descend without a factor
+DESCENT_TOLERANCE = 3e-2  # max |F| / (p d^(D−1)) to which they then descend without a factor
 MAX_STEP_EVALUATIONS = 1500  # evaluations of a step, in all, before a quench is begun
 HESSIAN_SHIFT_RATIO = 1e-5  # added to the Hessian, in units of the stiffness of a contact
 MAX_CONTACT_GAP = (
@@ -101,10 +101,10 @@ class QuasistaticShear(ListedPacking):
         self.step, self.solver, self.tolerance, self.team = step, solver, tolerance, team
         self.effort = Effort()
         self.steps = 0
-        self.last_displacement = np.zeros((disks.n, 2))  # non-affine displacement in the last step,
-        self._displacement = np.zeros((disks.n, 2))  # and in this one
+        self.last_displacement = np.zeros(disks.base.shape)  # non-affine displacement in the last step,
+        self._displacement = np.zeros(disks.base.shape)  # and in this one
         self._unit, self._law = stress_unit(disks), disks.potential.constants
-        self._memory = warm_start.nothing_remembered(disks.n)
+        self._memory = warm_start.nothing_remembered(disks.base.shape)
         super().__init__(self._quench(disks), SKIN_RANGE[1], team)
 
     @property
@@ -134,7 +134,7 @@ class QuasistaticShear(ListedPacking):
     def list(self, disks):
         """See `ListedPacking`; `shear` is zero then."""
         super().list(disks)
-        self.shear, self.area = 0.0, disks.volume
+        self.shear, self.volume = 0.0, disks.volume
 
     def _restart_list(self):
         """Fold the disks and make new list, order and factor: from here `restore` repeats a run to the last bit."""
@@ -152,7 +152,7 @@ class QuasistaticShear(ListedPacking):
         """Find an order of elimination for the present positions."""
         pairs, o = self.pairs, self.offsets
         r = bond_vector(self.cell_strain, pairs.r0, (o[pairs.j] - o[pairs.i]).T)
-        near = np.hypot(*r) < pairs.sigma + MAX_ORDER_GAP * self.diameter
+        near = lengths(np.stack(r, axis=1)) < pairs.sigma + MAX_ORDER_GAP * self.diameter
         self._order = self.solver.order(self.reference.n, pairs.i[near], pairs.j[near])
         self._entries = 0
 
@@ -172,9 +172,10 @@ class QuasistaticShear(ListedPacking):
         self.effort.newton_steps += 1
 
     def _descend(self, forces, tolerance, budget):
+        unit = typical_force(self.reference, 1.0)
         scalars = (
-            self.largest, self.skin, self.area, self.shear, tolerance, FORCE_FLOOR * self._stiffness * self.diameter,
-            UNJAMMED * self._unit, self.diameter, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
+            self.largest, self.skin, self.volume, self.shear, tolerance, FORCE_FLOOR * self._stiffness * self.diameter,
+            UNJAMMED * self._unit, unit, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
         state = self._factor, self._memory, self.offsets, self._displacement, forces
         return warm_start.follow(self.pairs, self._law, scalars, *state)
@@ -197,7 +198,7 @@ class QuasistaticShear(ListedPacking):
                 self.fold()
             elif tolerance == self.tolerance and budget == MAX_NEW_FACTOR_STEPS:
                 # disks rearrange: until they come to rest a factor of the Hessian does not pay
-                self._factor = warm_start.NO_FACTOR
+                self._factor = warm_start.NO_FACTOR[self.reference.dimension]
                 self._memory[2][0] = 0
                 tolerance, budget = max(2.0 * self.tolerance, DESCENT_TOLERANCE), MAX_STEP_EVALUATIONS
             else:
@@ -213,7 +214,9 @@ class QuasistaticShear(ListedPacking):
         self.shear += self.step
         self._displacement = np.empty_like(self.offsets)
         if self.stale(
-            warm_start.moved_on(self.offsets, self.shear, self.last_displacement, self._displacement)
+            warm_start.moved_on(
+                self.offsets, self.shear, self.last_displacement, self._displacement, self.pairs.r0
+            )
         ):
             self.fold()
         sums, proved = self._follow(), False
@@ -233,17 +236,17 @@ class QuasistaticShear(ListedPacking):
             self._displacement += displacement - vectors(images, start.cell)
             self._factorise()
             minimum, proved = self._minimum_state(self._forces()), True
-        size, longest = warm_start.without_drift(self._displacement)
+        size, longest = warm_start.without_drift(self._displacement, self.pairs.r0)
         repeats = longest < MAX_MOVE_RATIO * self.diameter
         self.last_displacement = self._displacement if repeats else np.zeros_like(self._displacement)
         self.minimum = minimum
-        work = 0.5 * (last_minimum.shear_stress + minimum.shear_stress) * self.area * self.step
+        work = 0.5 * (last_minimum.shear_stress + minimum.shear_stress) * self.volume * self.step
         dissipated = work - (minimum.energy - last_minimum.energy)
         return StrainStep(
             size / self.diameter,
             dissipated,
             last_minimum.jammed
-            and bool(dissipated > PLASTIC_RATIO * self.affine_modulus * self.area * self.step**2),
+            and bool(dissipated > PLASTIC_RATIO * self.affine_modulus * self.volume * self.step**2),
             proved,
             self.effort.evaluations - spent,
         )
@@ -255,13 +258,13 @@ class QuasistaticShear(ListedPacking):
     def _minimum_state(self, sums):
         disks, n = self.reference, self.reference.n
         contacts, stiffness, alike = warm_start.contacts_at(self.pairs, self.offsets, self.shear, self._law)
-        self.affine_modulus = stiffness / self.area
+        self.affine_modulus = stiffness / self.volume
         self._needs_proof |= bool(alike > MAX_ALIKE_RATIO)
         energy = sums.energy / disks.potential.alpha
         return MinimumState(
             energy,
-            -sums.elastic_xy / self.area,
-            0.5 * (sums.elastic_xx + sums.elastic_yy) / self.area,
+            -sums.elastic_xy / self.volume,
+            (sums.elastic_xx + sums.elastic_yy + sums.elastic_zz) / disks.dimension / self.volume,
             energy / n > ENERGY_CUT * disks.potential.k,
             2.0 * contacts / n,
         )

@@ -29,16 +29,17 @@ def make_samples(
     tolerance: float,
     comm,
     *,
+    dimension: int = 2,
     resume: dict | None = None,
     save: Callable[[dict], None] | None = None,
     report: Callable[[int, float], None] | None = None,
 ) -> dict:
     """Samples of every seed at every φ, divided among the ranks: {column: (n,) array}, by φ and seed. Collective.
 
-    radii       (N,) of the disks
+    radii       (N,) of the disks, or spheres with a `dimension` of 3
     phis, seeds of the samples
     solver      this rank's `petsc.hessian_solver.HessianSolver`
-    tolerance   max |F| / (p d) of a minimum
+    tolerance   max |F| / (p d^(D−1)) of a minimum
     resume      columns as given to `save`, from which an interrupted run continues
     save        called on every rank with all columns so far after each batch
     report      called on every rank with the number of samples so far and their last φ after each batch
@@ -50,7 +51,7 @@ def make_samples(
     while finished < len(starts):
         batch = starts[finished : finished + size]
         local = [
-            sample_seed(protocol, radii, phi, seed, potential, solver, tolerance)
+            sample_seed(protocol, radii, phi, seed, potential, solver, tolerance, dimension)
             for phi, seed in batch[comm.rank :: comm.size]
         ]
         samples = [None] * len(batch)
@@ -76,7 +77,14 @@ def _as_arrays(columns):
 
 
 def sample_seed(
-    protocol: SampleProtocol, radii, phi: float, seed: int, potential: Potential, solver, tolerance: float
+    protocol: SampleProtocol,
+    radii,
+    phi: float,
+    seed: int,
+    potential: Potential,
+    solver,
+    tolerance: float,
+    dimension: int = 2,
 ) -> list[dict]:
     """The samples of one seed at φ, of disks of these radii (N,): `protocol.rows` rows, nan where no minimum is found.
 
@@ -84,7 +92,7 @@ def sample_seed(
     would jam together, and fits to several φ take them as independent.
     """
     seeds = [seed, round(phi / PHI_ROUNDING)]
-    start = settle(random_start(radii, phi, seeds, potential, protocol.separated), RELAXED_FORCE)
+    start = settle(random_start(radii, phi, seeds, potential, protocol.separated, dimension), RELAXED_FORCE)
     rows = []
     try:
         if protocol.name == "shear":

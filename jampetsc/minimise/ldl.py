@@ -1,4 +1,4 @@
-"""L D Lᵀ of a Hessian by 2×2 blocks, one for each disk and contact, compiled: a factor for many small solves.
+"""L D Lᵀ of a Hessian by 2×2 or 3×3 blocks, one for each disk and contact, compiled: a factor for many small solves.
 
 It pays up to some 2e4 disks, from where a library's dense blocks are faster; at some thousand disks the call and the
 analysis of a library cost more than the work. The caller gives the order of elimination. Row k of L follows from the
@@ -6,7 +6,8 @@ rows before it: with W_j = L_kj D_j,
 
     W_j = A_kj − Σ_{i<j} W_i L_jiᵀ,    L_kj = W_j D_j⁻¹,    D_k = A_kk − Σ_j L_kj W_jᵀ,
 
-j running over the disks that the elimination tree leads to from the neighbours of k.
+j running over the disks that the elimination tree leads to from the neighbours of k. Blocks on the diagonal are rows
+(xx, xy, yy) in a plane and matrices (3, 3) in space: by the number of axes of their array numba knows the dimension.
 """
 
 import numpy as np
@@ -77,6 +78,45 @@ def diagonal_of(i, j, blocks, chosen, shift):
     return diagonal
 
 
+@compiled(NUMBERS, forceinline=True)
+def space_diagonal_of(i, j, blocks, chosen, shift):
+    """(N, 3, 3) diagonal blocks of Σ blocks (u_j − u_i)² + Σ shift u², blocks (M, 3, 3), shift (N,)."""
+    diagonal = np.zeros((len(shift), 3, 3))
+    for p in range(len(i)):
+        if chosen[p]:
+            for disk in (i[p], j[p]):
+                for x in range(3):
+                    for y in range(3):
+                        diagonal[disk, x, y] += blocks[p, x, y]
+    for disk in range(len(shift)):
+        for x in range(3):
+            diagonal[disk, x, x] += shift[disk]
+    return diagonal
+
+
+@compiled(False)
+def space_blocks_of(indptr, indices, values):
+    """As `blocks_of`, of a triangle of 3×3 blocks; diagonal (N, 3, 3)."""
+    n = len(indptr) // 3
+    number = (len(indices) - 6 * n) // 9
+    i, j = np.empty(number, np.uint32), np.empty(number, np.uint32)
+    blocks, chosen, diagonal = np.empty((number, 3, 3)), np.zeros(number, np.bool_), np.empty((n, 3, 3))
+    p = 0
+    for k in range(n):
+        first = indptr[3 * k]
+        for x in range(3):
+            for y in range(x, 3):
+                diagonal[k, x, y] = diagonal[k, y, x] = values[indptr[3 * k + x] + y - x]
+        for e in range(3, indptr[3 * k + 1] - first, 3):
+            i[p], j[p] = k, indices[first + e] // 3
+            for x in range(3):
+                for y in range(3):
+                    blocks[p, x, y] = -values[indptr[3 * k + x] + e - x + y]
+                    chosen[p] |= blocks[p, x, y] != 0.0
+            p += 1
+    return i, j, blocks, chosen, diagonal
+
+
 @compiled(False)
 def blocks_of(indptr, indices, values):
     """(i, j, blocks, chosen, diagonal) for `factorise`, of the upper triangle of a symmetric matrix as CSR.
@@ -100,15 +140,109 @@ def blocks_of(indptr, indices, values):
     return i, j, blocks, chosen, diagonal
 
 
+@compiled(False)
+def _find_pattern(k, start, column, parent, seen, path, pattern):
+    """First place in `pattern`, to whose end it has the columns of row k of L, in order."""
+    top = len(pattern)
+    seen[k] = k
+    for e in range(start[k], start[k + 1]):
+        a, length = column[e], 0
+        while seen[a] != k:
+            path[length] = a
+            length += 1
+            seen[a] = k
+            a = parent[a]
+        while length > 0:
+            length -= 1
+            top -= 1
+            pattern[top] = path[length]
+    return top
+
+
+@compiled(NUMBERS)
+def _invert(d, inverse):
+    """Inverse of a symmetric 3×3 matrix; returns whether it is positive definite."""
+    xx = d[1, 1] * d[2, 2] - d[1, 2] * d[1, 2]
+    xy = d[0, 2] * d[1, 2] - d[0, 1] * d[2, 2]
+    xz = d[0, 1] * d[1, 2] - d[0, 2] * d[1, 1]
+    minor = d[0, 0] * d[1, 1] - d[0, 1] * d[0, 1]
+    determinant = d[0, 0] * xx + d[0, 1] * xy + d[0, 2] * xz
+    if not (d[0, 0] > 0.0 and minor > 0.0 and determinant > 0.0):
+        return False
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = xx, d[0, 0] * d[2, 2] - d[0, 2] * d[0, 2], minor
+    inverse[0, 1] = inverse[1, 0] = xy
+    inverse[0, 2] = inverse[2, 0] = xz
+    inverse[1, 2] = inverse[2, 1] = d[0, 1] * d[0, 2] - d[0, 0] * d[1, 2]
+    for x in range(3):
+        for y in range(3):
+            inverse[x, y] /= determinant
+    return True
+
+
+@compiled(NUMBERS)
+def _factorise_in_space(order, start, column, pair, blocks, diagonal):
+    """`factorise` for 3×3 blocks, of what `rows_below` gives."""
+    n = len(order)
+    parent, entries = _tree(start, column)
+    begin = np.zeros(n + 1, np.uint32)
+    for k in range(n):
+        begin[k + 1] = begin[k] + entries[k]
+    fill = begin[:-1].copy()
+    row, lower = np.empty(begin[n], np.uint32), np.empty((begin[n] + n, 3, 3))
+    inverse = lower[begin[n] :]
+    w, above, d = np.zeros((n, 3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    seen, path, pattern = np.full(n, -1), np.empty(n, np.int64), np.empty(n, np.int64)
+    for k in range(n):
+        top = _find_pattern(k, start, column, parent, seen, path, pattern)
+        for e in range(start[k], start[k + 1]):
+            w[column[e]] -= blocks[pair[e]]
+        d[:] = diagonal[order[k]]
+        for q in range(top, n):
+            c = pattern[q]
+            above[:] = w[c]
+            w[c] = 0.0
+            for e in range(begin[c], fill[c]):
+                r = row[e]
+                for x in range(3):
+                    for y in range(3):
+                        w[r, x, y] -= (
+                            above[x, 0] * lower[e, y, 0]
+                            + above[x, 1] * lower[e, y, 1]
+                            + above[x, 2] * lower[e, y, 2]
+                        )
+            e = fill[c]
+            row[e] = k
+            fill[c] = e + 1
+            for x in range(3):
+                for y in range(3):
+                    lower[e, x, y] = (
+                        above[x, 0] * inverse[c, 0, y]
+                        + above[x, 1] * inverse[c, 1, y]
+                        + above[x, 2] * inverse[c, 2, y]
+                    )
+            for x in range(3):
+                for y in range(x, 3):
+                    d[x, y] -= (
+                        lower[e, x, 0] * above[y, 0]
+                        + lower[e, x, 1] * above[y, 1]
+                        + lower[e, x, 2] * above[y, 2]
+                    )
+        if not _invert(d, inverse[k]):
+            return False, (order, begin, row, lower)
+    return True, (order, begin, row, lower)
+
+
 @compiled(NUMBERS, forceinline=True)
 def factorise(order, i, j, blocks, chosen, diagonal):
-    """L D Lᵀ, in `order`, of a matrix with −blocks (M, 2, 2) of the chosen pairs (M,) and `diagonal` (N, 3).
+    """L D Lᵀ, in `order`, of a matrix with −blocks (M, D, D) of the chosen pairs (M,) and `diagonal`.
 
     The blocks are symmetric; for `diagonal` see `diagonal_of`. Returns (definite, factor): factor is (order,
-    begin (N + 1,), row (nonzeros,), L followed by D⁻¹ (nonzeros + N, 4)), four arrays only, since numba takes long to
-    inspect longer tuples.
+    begin (N + 1,), row (nonzeros,), L followed by D⁻¹ (nonzeros + N, 4) or (nonzeros + N, 3, 3)), four arrays only,
+    since numba takes long to inspect longer tuples.
     """
     start, column, pair = rows_below(order, i, j, chosen)
+    if diagonal.ndim == 3:
+        return _factorise_in_space(order, start, column, pair, blocks, diagonal)
     n = len(order)
     parent, entries = _tree(start, column)
     begin = np.zeros(n + 1, np.uint32)
@@ -171,9 +305,41 @@ def factorise(order, i, j, blocks, chosen, diagonal):
 
 @compiled(FAST, forceinline=True)
 def solve(factor, b, x, work):
-    """x = A⁻¹ b, (N, 2) each; work (N, 2)."""
+    """x = A⁻¹ b, (N, D) each; work (N, D)."""
     order, begin, row, lower = factor
+    _substitute(order, begin, row, lower, b, x, work)
+
+
+@compiled(FAST, forceinline=True)
+def _substitute(order, begin, row, lower, b, x, work):
+    """Forward and backward substitution of `solve`."""
     n = len(order)
+    if lower.ndim == 3:
+        y = np.empty(3)
+        for k in range(n):
+            work[k] = b[order[k]]
+        for k in range(n):
+            y[:] = work[k]
+            for e in range(begin[k], begin[k + 1]):
+                for axis in range(3):
+                    work[row[e], axis] -= (
+                        lower[e, axis, 0] * y[0] + lower[e, axis, 1] * y[1] + lower[e, axis, 2] * y[2]
+                    )
+        for k in range(n - 1, -1, -1):
+            own = lower[begin[n] + k]
+            for axis in range(3):
+                y[axis] = own[axis, 0] * work[k, 0] + own[axis, 1] * work[k, 1] + own[axis, 2] * work[k, 2]
+            for e in range(begin[k], begin[k + 1]):
+                r = row[e]
+                for axis in range(3):
+                    y[axis] -= (
+                        lower[e, 0, axis] * work[r, 0]
+                        + lower[e, 1, axis] * work[r, 1]
+                        + lower[e, 2, axis] * work[r, 2]
+                    )
+            work[k] = y
+            x[order[k]] = y
+        return
     inverse = lower[begin[n] :]
     for k in range(n):
         work[k, 0], work[k, 1] = b[order[k], 0], b[order[k], 1]

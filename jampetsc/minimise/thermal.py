@@ -1,6 +1,6 @@
 """Disks at a temperature: Metropolis Monte Carlo moves of one disk at a time, and slow cooling.
 
-A move of a disk chosen at random, by up to `reach` in x and in y, is accepted with probability min(1, e^(−ΔU/T));
+A move of a disk chosen at random, by up to `reach` along each axis, is accepted with probability min(1, e^(−ΔU/T));
 states then have the Boltzmann weight e^(−U/T), as long as `reach` is not changed (Metropolis et al., J. Chem. Phys. 21,
 1087 (1953)). T is in units of energy (k_B = 1). One sweep is N moves.
 """
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.packing.bond import bond_vector, pair_energy
+from jampetsc.packing.bond import added, bond_vector, inner, pair_energy, row, scaled, set_row
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.contacts import both_ends
 from jampetsc.packing.listed_packing import ListedPacking
@@ -44,32 +44,45 @@ class Around(NamedTuple):
 
 
 @compiled(False)
-def energy_of(a, x, y, around, o, law):
-    """Σ V of disk a's contacts if its offset were (x, y), those of the others being o (N, 2)."""
+def energy_of(a, place, around, o, law):
+    """Σ V of disk a's contacts if its offset were `place`, a tuple, those of the others being o (N, D)."""
     energy = 0.0
     for q in range(around.start[a], around.start[a + 1]):
         b = around.other[q]
-        r = bond_vector(UNSTRAINED, (around.bond[q, 0], around.bond[q, 1]), (o[b, 0] - x, o[b, 1] - y))
+        apart = added(row(o, b, place), scaled(-1.0, place))
+        r = bond_vector(UNSTRAINED, row(around.bond, q, place), apart)
         energy += pair_energy(r, around.sigma[q], law)
     return energy
 
 
 @compiled(False)
-def _moves(around, law, o, temperature, reach, stale, draws):
-    """Moves by the random numbers draws (M, 4) until all are done or one would make the list stale.
+def _offered(o, a, reach, draw, like):
+    """Offset that disk a would have after a move by the random numbers of `draw`; like: a tuple of length D."""
+    if len(like) == 3:
+        return (
+            o[a, 0] + reach * (2.0 * draw[1] - 1.0),
+            o[a, 1] + reach * (2.0 * draw[2] - 1.0),
+            o[a, 2] + reach * (2.0 * draw[3] - 1.0),
+        )
+    return o[a, 0] + reach * (2.0 * draw[1] - 1.0), o[a, 1] + reach * (2.0 * draw[2] - 1.0)
 
-    stale = (largest σ, skin). Returns (moves done, moves taken).
+
+@compiled(False)
+def _moves(around, law, o, temperature, reach, stale, draws, like):
+    """Moves by the random numbers draws (M, D + 2) until all are done or one would make the list stale.
+
+    stale = (largest σ, skin); like: a tuple of length D. Returns (moves done, moves taken).
     """
+    last = draws.shape[1] - 1
     accepted = 0
     for m in range(len(draws)):
         a = min(int(draws[m, 0] * len(o)), len(o) - 1)
-        x = o[a, 0] + reach * (2.0 * draws[m, 1] - 1.0)
-        y = o[a, 1] + reach * (2.0 * draws[m, 2] - 1.0)
-        if is_stale(np.sqrt(x * x + y * y), UNSTRAINED, stale[0], stale[1]):
+        place = _offered(o, a, reach, draws[m], like)
+        if is_stale(np.sqrt(inner(place, place)), UNSTRAINED, stale[0], stale[1]):
             return m, accepted
-        change = energy_of(a, x, y, around, o, law) - energy_of(a, o[a, 0], o[a, 1], around, o, law)
-        if change <= 0.0 or draws[m, 3] < np.exp(-change / temperature):
-            o[a, 0], o[a, 1] = x, y
+        change = energy_of(a, place, around, o, law) - energy_of(a, row(o, a, like), around, o, law)
+        if change <= 0.0 or draws[m, last] < np.exp(-change / temperature):
+            set_row(o, a, place)
             accepted += 1
     return len(draws), accepted
 
@@ -93,12 +106,12 @@ class Thermal(ListedPacking):
     def sweep(self, temperature: float, tune: bool = False) -> float:
         """One sweep at this temperature; returns the acceptance rate. A Ctrl-C is raised before, see `interrupts`."""
         interrupts.check()
-        left = self.generator.random((len(self.offsets), 4))
+        left = self.generator.random((len(self.offsets), self.reference.dimension + 2))
         law, accepted = self.reference.potential.constants, 0
         while len(left):
             stale = self.largest, self.skin
             attempted, newly_accepted = _moves(
-                self._around, law, self.offsets, temperature, self.reach, stale, left
+                self._around, law, self.offsets, temperature, self.reach, stale, left, self.pairs.r0
             )
             accepted += newly_accepted
             left = left[attempted:]

@@ -8,10 +8,10 @@ inverse of the factor). For disks in a cell of fixed shape; moves are in the lab
 import numpy as np
 
 from jampetsc.minimise.lbfgs_kernels import dot
-from jampetsc.minimise.ldl import diagonal_of, factorise, solve
-from jampetsc.packing.bond import bond_vector, difference, entry, inner, secant, simple_shear
+from jampetsc.minimise.ldl import diagonal_of, factorise, solve, space_diagonal_of
+from jampetsc.packing.bond import bond_vector, difference, entry, inner, row, secant, simple_shear
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled
-from jampetsc.packing.kernel import bond_forces
+from jampetsc.packing.kernel import bond_forces, elastic_trace
 from jampetsc.packing.neighbour_list import is_stale
 
 MEMORY = 8  # pairs (s, y)
@@ -22,28 +22,52 @@ CELLS = 20  # for each contact, of overlaps up to twice their mean: two in one c
 CONVERGED, STALE, SPENT, SEPARATED, LOST = range(5)
 
 
-NO_FACTOR = np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty((0, 4))
+NO_FACTOR = {  # by dimension
+    2: (np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty((0, 4))),
+    3: (np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty(0, np.uint32), np.empty((0, 3, 3))),
+}
 
 
-def nothing_remembered(n: int):
-    """An empty memory: (s and y (2, MEMORY, 2N), s · y (MEMORY,), [number of pairs, next place], work (4, 2N))."""
-    return np.zeros((2, MEMORY, 2 * n)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, 2 * n))
+def nothing_remembered(shape):
+    """An empty memory for moves of a shape (N, D).
+
+    (s and y (2, MEMORY, DN), s · y (MEMORY,), [number of pairs, next place], work (4, DN)).
+    """
+    size = shape[0] * shape[1]
+    return np.zeros((2, MEMORY, size)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, size))
+
+
+@compiled(FAST, forceinline=True)
+def _set_block(block, k, f, n):
+    """block ← k n nᵀ − f (1 − n nᵀ) in three dimensions."""
+    for x in range(3):
+        for y in range(3):
+            block[x, y] = (k + f) * n[x] * n[y]
+        block[x, x] -= f
 
 
 @compiled(FAST, forceinline=True)
 def springs(pairs, o, strain, law, nearby, stress):
-    """(blocks k n nᵀ − (f/r) t tᵀ (M, 2, 2) of the pairs at offsets o and `strain`, mask (M,) of those that count).
+    """(blocks k n nᵀ − (f/r) (1 − n nᵀ), (M, D, D), of the pairs at offsets o and `strain`, mask of those that count).
 
     A pair with a gap below `nearby` counts with half the stiffness that it has at an overlap of `nearby`, so that a
     move that closes it has a cost. With stress = 0 the blocks are without f.
     """
-    i, j, r0, sigma = pairs.i, pairs.j, pairs.r0, pairs.sigma
+    return _springs(pairs.i, pairs.j, pairs.r0, pairs.sigma, o, strain, law, nearby, stress)
+
+
+@compiled(FAST, forceinline=True)
+def _springs(i, j, r0, sigma, o, strain, law, nearby, stress):
+    """`springs`, of the arrays of the pairs."""
     alpha = 2.5 if law[1] else 2.0
-    blocks, chosen = np.zeros((len(i), 2, 2)), np.zeros(len(i), np.bool_)
+    blocks, chosen = np.zeros((len(i), len(r0), len(r0))), np.zeros(len(i), np.bool_)
     for p in range(len(i)):
         a, b = i[p], j[p]
-        x, y = bond_vector(strain, (r0[0][p], r0[1][p]), (o[b, 0] - o[a, 0], o[b, 1] - o[a, 1]))
-        r = np.sqrt(x * x + y * y)
+        if len(r0) == 3:
+            bond = bond_vector(strain, entry(r0, p), difference(o, a, b, r0))
+        else:
+            bond = bond_vector(strain, (r0[0][p], r0[1][p]), (o[b, 0] - o[a, 0], o[b, 1] - o[a, 1]))
+        r = np.sqrt(inner(bond, bond))
         d = sigma[p] - r
         if d <= -nearby:
             continue
@@ -52,10 +76,13 @@ def springs(pairs, o, strain, law, nearby, stress):
         k = (alpha - 1.0) * secant(d if d > 0.0 else nearby, sigma[p], law)
         if d <= 0.0:
             k *= 0.5
-        x, y = x / r, y / r
-        blocks[p, 0, 0] = k * x * x - f * y * y
-        blocks[p, 0, 1] = blocks[p, 1, 0] = (k + f) * x * y
-        blocks[p, 1, 1] = k * y * y - f * x * x
+        if len(r0) == 3:
+            _set_block(blocks[p], k, f, (bond[0] / r, bond[1] / r, bond[2] / r))
+        else:
+            x, y = bond[0] / r, bond[1] / r
+            blocks[p, 0, 0] = k * x * x - f * y * y
+            blocks[p, 0, 1] = blocks[p, 1, 0] = (k + f) * x * y
+            blocks[p, 1, 1] = k * y * y - f * x * x
     return blocks, chosen
 
 
@@ -70,16 +97,24 @@ def held_by(pairs, chosen, n):
     return number
 
 
+@compiled(NUMBERS, forceinline=True)
+def _diagonal_of(like, i, j, blocks, chosen, shift):
+    """Diagonal blocks for `factorise`; like: a tuple of length D."""
+    if len(like) == 3:
+        return space_diagonal_of(i, j, blocks, chosen, shift)
+    return diagonal_of(i, j, blocks, chosen, shift)
+
+
 @compiled(False)
 def _factorised(order, pairs, o, g, law, nearby, stress, damping, stiffness):
     """(definite, factor) of the Hessian with `damping` on its diagonal, and `stiffness` for what few contacts hold."""
-    n = len(o)
+    n, axes = o.shape
     shift = np.empty(n)
     blocks, chosen = springs(pairs, o, simple_shear(g), law, nearby, stress)
     number = held_by(pairs, chosen, n)
     for k in range(n):
-        shift[k] = damping + (stiffness if number[k] < 3 else 0.0)
-    diagonal = diagonal_of(pairs.i, pairs.j, blocks, chosen, shift)
+        shift[k] = damping + (stiffness if number[k] < axes + 1 else 0.0)
+    diagonal = _diagonal_of(pairs.r0, pairs.i, pairs.j, blocks, chosen, shift)
     return factorise(order, pairs.i, pairs.j, blocks, chosen, diagonal)
 
 
@@ -87,7 +122,7 @@ def _factorised(order, pairs, o, g, law, nearby, stress, damping, stiffness):
 def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     """A factor of the Hessian with `damping` on its diagonal; without pre-stress if it is not definite with it.
 
-    A disk with fewer than three contacts also gets this `stiffness` on its diagonal: otherwise it would move far when
+    A disk with fewer than D + 1 contacts also gets this `stiffness` on its diagonal: otherwise it would move far when
     another one touches it.
     """
     definite, factor = _factorised(order, pairs, o, g, law, nearby, 1.0, damping, stiffness)
@@ -103,8 +138,8 @@ def is_minimum(order, pairs, o, g, law, stiffness):
 
 
 @compiled(FAST, forceinline=True)
-def _go(o, moved, d, length, g):
-    """Move by length · d in the laboratory frame; returns max |o|."""
+def _go(o, moved, d, length, g, like):
+    """Move by length · d in the laboratory frame; returns max |o|; like: a tuple of length D."""
     far = 0.0
     for k in range(len(o)):
         dx, dy = length * d[k, 0], length * d[k, 1]
@@ -112,22 +147,29 @@ def _go(o, moved, d, length, g):
         moved[k, 1] += dy
         o[k, 0] += dx - g * dy
         o[k, 1] += dy
-        far = max(far, o[k, 0] * o[k, 0] + o[k, 1] * o[k, 1])
+        if len(like) == 3:
+            moved[k, 2] += length * d[k, 2]
+            o[k, 2] += length * d[k, 2]
+        here = row(o, k, like)
+        far = max(far, inner(here, here))
     return np.sqrt(far)
 
 
 @compiled(FAST)
-def moved_on(o, g, way, moved):
-    """Move by `way` (N, 2) in the laboratory frame: change the offsets o, copy it into `moved`; returns max |o|."""
+def moved_on(o, g, way, moved, like):
+    """Move by `way` (N, D) in the laboratory frame: change the offsets o, copy it into `moved`; returns max |o|."""
     moved[:] = 0.0
-    return _go(o, moved, way, 1.0, g)
+    return _go(o, moved, way, 1.0, g, like)
 
 
 @compiled(FAST)
-def without_drift(moved):
-    """Take the mean out of `moved` (N, 2); returns the rms of what is left, and its largest component."""
+def without_drift(moved, like):
+    """Take the mean out of `moved` (N, D); returns the rms of what is left, and its largest component.
+
+    like: a tuple of length D, a constant to the compiler
+    """
     n, square, longest = len(moved), 0.0, 0.0
-    for axis in range(2):
+    for axis in range(len(like)):
         mean = np.mean(moved[:, axis])
         for k in range(n):
             moved[k, axis] -= mean
@@ -176,8 +218,8 @@ def _add_dot(x, c, y, z):
 
 
 @compiled(FAST, forceinline=True)
-def _direction(factor, softness, memory, forces, d, work):
-    """d = H F, (2N,), by the two loops over the memory; without a factor H₀ is a number, at first `softness`."""
+def _direction(factor, softness, memory, forces, d, work, axes):
+    """d = H F, (DN,), by the two loops over the memory; without a factor H₀ is a number, at first `softness`."""
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     kept, following = count
@@ -191,7 +233,7 @@ def _direction(factor, softness, memory, forces, d, work):
         pull = _add_dot(work, -share[m], y[m], s[older])
         m = older
     if len(factor[0]):
-        solve(factor, work.reshape(-1, 2), d.reshape(-1, 2), spaces[3].reshape(-1, 2))
+        solve(factor, work.reshape(-1, axes), d.reshape(-1, axes), spaces[3].reshape(-1, axes))
     else:
         newest = (following - 1) % MEMORY
         scale = product[newest] / dot(y[newest], y[newest]) if kept else softness
@@ -206,11 +248,14 @@ def _direction(factor, softness, memory, forces, d, work):
 
 
 @compiled(NUMBERS, forceinline=True)
-def _longest(a):
-    """Largest a_x² + a_y² of a (2N,), NaN where there is one."""
+def _longest(a, like):
+    """Largest |a|² of N vectors one after another (DN,), NaN where there is one; like: a tuple of length D."""
     longest = total = 0.0
-    for k in range(len(a) // 2):
-        square = a[2 * k] * a[2 * k] + a[2 * k + 1] * a[2 * k + 1]
+    for k in range(len(a) // len(like)):
+        if len(like) == 3:
+            square = a[3 * k] * a[3 * k] + a[3 * k + 1] * a[3 * k + 1] + a[3 * k + 2] * a[3 * k + 2]
+        else:
+            square = a[2 * k] * a[2 * k] + a[2 * k + 1] * a[2 * k + 1]
         longest = square if square > longest else longest
         total += square
     return longest if total == total else np.nan
@@ -218,22 +263,22 @@ def _longest(a):
 
 @compiled(NUMBERS)
 def follow(pairs, law, scalars, factor, memory, o, moved, forces):
-    """Go down from offsets o (N, 2) at shear g of the list to the minimum; returns (status, evaluations, sums).
+    """Go down from offsets o (N, D) at shear g of the list to the minimum; returns (status, evaluations, sums).
 
     pairs     a `NeighbourList` of one domain
-    scalars   (σ_max, skin, V, g, max |F| / (p d) asked for, force that rounding leaves, pressure below which no disks
-              touch, d, longest move of a disk in one step, 1 / stiffness of a contact, most evaluations)
+    scalars   (σ_max, skin, V, g, max |F| / (p d^(D−1)) asked for, force that rounding leaves, pressure below which no
+              disks touch, d^(D−1), longest move of a disk in one step, 1 / stiffness of a contact, most evaluations)
     factor    of `factor_of`
     memory    of `nothing_remembered`
-    moved     (N, 2), to which the moves in the laboratory frame are added
+    moved     (N, D), to which the moves in the laboratory frame are added
 
     sums are those of `bond_forces`, at the end.
     """
-    largest, skin, area, g, share, floor, apart, diameter, reach, softness, most = scalars
+    largest, skin, volume, g, share, floor, apart, cross_section, reach, softness, most = scalars
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     d, old, work = spaces[0], spaces[1], spaces[2]
-    flat = forces.reshape(-1)
+    flat, axes = forces.reshape(-1), forces.shape[1]
     evaluations = tries = 0
     slope = length = done = 0.0
     while True:
@@ -255,27 +300,27 @@ def follow(pairs, law, scalars, factor, memory, o, moved, forces):
                     count[0] = min(count[0] + 1, MEMORY)
                     count[1] = (m + 1) % MEMORY
         if not tries:
-            top = np.sqrt(_longest(flat))
-            pressure = 0.5 * (sums.elastic_xx + sums.elastic_yy) / area
+            top = np.sqrt(_longest(flat, pairs.r0))
+            pressure = elastic_trace(sums) / (axes * volume)
             if not top < np.inf:
                 return LOST, evaluations, sums
             if pressure < apart:
                 return SEPARATED, evaluations, sums
-            if top <= max(share * pressure * diameter, floor):
+            if top <= max(share * pressure * cross_section, floor):
                 return CONVERGED, evaluations, sums
             if evaluations >= most:
                 return SPENT, evaluations, sums
             for _ in range(2):
-                _direction(factor, softness, memory, flat, d, work)
+                _direction(factor, softness, memory, flat, d, work, axes)
                 slope = dot(flat, d)
                 if slope > 0.0:
                     break
                 count[0] = 0  # what is remembered leads uphill
             if not slope > 0.0:
                 return LOST, evaluations, sums
-            length, done = min(1.0, reach / np.sqrt(_longest(d))), 0.0
+            length, done = min(1.0, reach / np.sqrt(_longest(d, pairs.r0))), 0.0
             old[:] = flat
-        far = _go(o, moved, d.reshape(-1, 2), length - done, g)
+        far = _go(o, moved, d.reshape(-1, axes), length - done, g, pairs.r0)
         done = length
         tries += 1
         if is_stale(far, simple_shear(g), largest, skin):

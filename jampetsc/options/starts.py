@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from jampetsc.errors import InputError, about, named
-from jampetsc.io.packing_file import read_identified, source_name, write_packing
+from jampetsc.errors import InputError, named
+from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
 from jampetsc.minimise.sizes import (
     MAX_DISKS,
@@ -20,7 +20,7 @@ from jampetsc.minimise.sizes import (
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, optional_parameter, parameters
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, input_name
-from jampetsc.packing.packing import Packing, require_plane
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, Potential
 
 PHI_RANGE = (0.1, 1.0)
@@ -40,8 +40,14 @@ class ShearJob(Job):
         "packing to start from", value_type=PACKING, place=FILE, metavar="START"
     )
     n: int | None = random_disks_parameter("number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
+    dimension: int | None = random_disks_parameter(
+        "2: disks (default), 3: spheres", low=2, high=3, metavar="D"
+    )
     phi: float | None = random_disks_parameter(
-        "packing fraction (disks jam near 0.84)", low=PHI_RANGE[0], high=PHI_RANGE[1], metavar="PHI"
+        "packing fraction (disks jam near 0.84, spheres near 0.64)",
+        low=PHI_RANGE[0],
+        high=PHI_RANGE[1],
+        metavar="PHI",
     )
     seed: int | None = random_disks_parameter(
         "seed of the random start (default 1)", low=0, high=MAX_SEED, metavar="S"
@@ -130,8 +136,6 @@ class ShearJob(Job):
         """
         if self.start is not None:
             disks, (name, digest) = read_identified(self.start)
-            with about(source_name(self.start)):
-                require_plane(disks, "Shear is of disks in a plane: give a two-dimensional packing.")
             return disks, {"packing": name, "packing_sha256": digest, "units": "those of the packing"}
 
         radii, units, seed = radii_asked(self.n, self.sizes, self.radii), OWN_UNITS, self.seed
@@ -146,7 +150,8 @@ class ShearJob(Job):
         from jampetsc.minimise.minimise import settle
         from jampetsc.minimise.protocols import random_start
 
-        return settle(random_start(radii, self.phi, seed, self.made_potential), RELAXED_START_FORCE), {}
+        start = random_start(radii, self.phi, seed, self.made_potential, dimension=self.dimension or 2)
+        return settle(start, RELAXED_START_FORCE), {}
 
     @property
     def made_potential(self) -> Potential:

@@ -106,7 +106,7 @@ def followed(listed, skin=2.0, **changes):
     aim |= {"soft": 0.5, "most": 2000}
     aim |= changes
     factor = compiled.factor_of(order, pairs, still, 0.0, law, 1e-3, 1e-4, 0.5)
-    memory, forces = compiled.nothing_remembered(disks.n), np.empty_like(still)
+    memory, forces = compiled.nothing_remembered(still.shape), np.empty_like(still)
     listed_so = 2.0 * float(disks.radii.max()), skin, disks.volume, 0.0
     status, evaluations, sums = compiled.follow(
         pairs, law, (*listed_so, *aim.values()), factor, memory, still, np.zeros_like(still), forces
@@ -127,7 +127,7 @@ def test_where_following_ends(listed):
 def test_displacements_are_told_without_their_drift():
     moved = np.random.default_rng(1).normal(size=(40, 2)) + np.array([3.0, -2.0])
     rest = moved - moved.mean(axis=0)
-    size, longest = compiled.without_drift(moved)
+    size, longest = compiled.without_drift(moved, (0, 0))
     np.testing.assert_allclose(moved, rest, atol=1e-14)
     assert size == pytest.approx(np.sqrt(np.mean(np.sum(rest**2, axis=1)))) and longest == np.abs(moved).max()
 
@@ -179,7 +179,7 @@ def test_what_is_no_number_is_lost_and_no_minimum(listed, where):
     disks, pairs, order = listed
     bad = np.zeros((disks.n, 2))
     bad[where] = np.nan
-    assert np.isnan(compiled._longest(bad.ravel()))
+    assert np.isnan(compiled._longest(bad.ravel(), pairs.r0))
     still = np.zeros_like(bad)
     blocks, chosen = compiled.springs(pairs, still, UNSTRAINED, disks.potential.constants, 0.0, 1.0)
     shift = np.full(disks.n, 0.1)

@@ -272,7 +272,7 @@ class Following:
 def test_a_minimum_is_followed_as_the_equations_say(factored, seed, reach, misled, happens):
     disks, shear, n = crowd(n=16, phi=0.95, seed=seed), 0.1, 16
     pairs, law, still = NeighbourList.build(disks, 3.0), disks.potential.constants, np.zeros((16, 2))
-    factor, inverse = compiled.NO_FACTOR, None
+    factor, inverse = compiled.NO_FACTOR[2], None
     if factored:
         order = np.arange(n, dtype=np.uint32)
         factor = compiled.factor_of(order, pairs, still, shear, law, 1e-3, 1e-2, 0.5)
@@ -284,7 +284,7 @@ def test_a_minimum_is_followed_as_the_equations_say(factored, seed, reach, misle
 
     plain = Following(disks, pairs, shear, inverse)
     o, moved, forces = np.zeros((n, 2)), np.zeros((n, 2)), np.empty((n, 2))
-    memory = compiled.nothing_remembered(n)
+    memory = compiled.nothing_remembered((n, 2))
     if misled:
         (s, _), product, count, _ = memory
         s[0] = plain.forces()

@@ -110,6 +110,7 @@ def test_small_systems():
     assert is_definite(matrix) and not is_definite(matrix - 1.01 * np.linalg.eigvalsh(matrix)[0] * np.eye(4))
 
 
+@pytest.mark.scalar("real")
 @pytest.mark.parametrize(("law", "options"), zip(LAWS, (
     {"pressure": 1e-3}, {"phi": 0.68, "stabilise": "shear"}, {"pressure": 1e-2, "stabilise": "shear"}, {"phi": 0.7},
 ), strict=True))  # fmt: skip

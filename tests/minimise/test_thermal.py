@@ -54,11 +54,11 @@ def test_energy_of_a_disk_and_of_all():
     potential = POTENTIALS[0]
     disks = random_start(radii_of("bidisperse", 40), 0.9, 1, potential)
     around, still = Around.of(NeighbourList.build(disks, 0.3), 40), np.zeros((40, 2))
-    alone = [energy_of(a, 0.0, 0.0, around, still, potential.constants) for a in range(40)]
+    alone = [energy_of(a, (0.0, 0.0), around, still, potential.constants) for a in range(40)]
     assert np.sum(alone) / 2 == pytest.approx(measure(disks).energy)
     moved = still.copy()
     moved[7] = 0.05, -0.03
-    change = energy_of(7, *moved[7], around, still, potential.constants) - alone[7]
+    change = energy_of(7, tuple(moved[7]), around, still, potential.constants) - alone[7]
     other = Packing.from_positions(disks.positions + moved, disks.radii, disks.cell, potential)
     assert change == pytest.approx(measure(other).energy - measure(disks).energy)
 
