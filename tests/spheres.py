@@ -30,6 +30,12 @@ def few_spheres(n=14, tilt=0.3, side=2.58, kind="harmonic"):
     rng = np.random.default_rng(7)
     cell = side * np.array([(1.0, 0, 0), (tilt, 0.95, 0), (-0.2, tilt, 0.9)])
     radii = np.tile([0.5, 0.6], n)[:n]
+    return relaxed(rng.uniform(size=(n, 3)) @ cell, radii, cell, kind)
+
+
+def relaxed(positions, radii, cell, kind="harmonic", rounds=3):
+    """The minimum of the energy near these positions (N, 3); rounds of BFGS, each from the end of the one before."""
+    n = len(radii)
 
     def packing_at(x):
         return Packing.from_positions(x.reshape(n, 3), radii, cell, Potential(kind))
@@ -40,8 +46,8 @@ def few_spheres(n=14, tilt=0.3, side=2.58, kind="harmonic"):
         gradient = -net_forces(n, contacts).ravel()
         return float(np.sum(packing.potential.energy(contacts.overlap, contacts.sigma))), gradient
 
-    x = (rng.uniform(size=(n, 3)) @ cell).ravel()
-    for _ in range(3):
+    x = positions.ravel()
+    for _ in range(rounds):
         x = minimize(energy, x, jac=True, method="BFGS", options={"gtol": 1e-14}).x
     return packing_at(x)
 

@@ -16,9 +16,10 @@ from jampetsc.laws.damping import UNDAMPED
 from jampetsc.laws.loads import Load
 from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.eigen import lowest
-from jampetsc.petsc.inertia import SHIFT, count_below
+from jampetsc.petsc.inertia import PREFIX, SHIFT, count_below
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.contributions import Contributions, LoadContributions, contributions_of
+from jampetsc.response.factor_memory import require_memory
 from jampetsc.response.minimum_check import require_minimum
 
 GAP = 1e-7  # eigenvalues closer than this, relatively, form a cluster: a count cannot separate them
@@ -77,6 +78,7 @@ def lowest_modes(
     """
     stiffness = network.max(network.contacts.stiffness)
     pencil = assemble(network, UNDAMPED, pinned=False)
+    require_memory(network, pencil.unknowns, PREFIX)
     if not proved:
         require_minimum(network)
     if below is not None:

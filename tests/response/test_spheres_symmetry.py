@@ -5,16 +5,18 @@ import itertools
 import numpy as np
 import pytest
 from samples import physics, published
-from spheres import few_spheres
+from spheres import few_spheres, relaxed
 
 from jampetsc.analysis.elasticity import modulus_along
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.laws.loads import symmetric_loads
+from jampetsc.laws.loads import Load, symmetric_loads
 from jampetsc.network.contact_network import build_network
+from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.response.assembly import assemble
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+from jampetsc.response.slow_response import solve_quasistatic
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
 OMEGA = np.array([1e-2, 1.0])
@@ -97,3 +99,24 @@ def test_a_sphere_may_twist_about_its_only_bond(session):
         sweep_rationally(pencil, OMEGA, 1e-6)
     still = physics(rotations=False, prestress=False)
     assert np.abs(tensor(network, still, session.comm)).max() > 0.1
+
+
+@pytest.mark.most_ranks(1)
+def test_moduli_of_any_load_and_finite_differences_of_the_energy(session):
+    """M_E = s:C:s + σ:(EᵀE − s²) where a rotation dissipates nothing, and the curvature of the least energy."""
+    disks, law, step = few_spheres(), physics(beta=0.0), 3e-5
+    C, network = tensor(disks, law, session.comm), build_network(disks, session.comm)
+    pencil, rng = assemble(network, law.law), np.random.default_rng(8)
+    for gradient in np.triu(rng.normal(size=(2, 3, 3))):
+        load = Load("of numbers", tuple(map(tuple, gradient.tolist())))
+        s, sigma = 0.5 * (gradient + gradient.T), disks.stress
+        expected = modulus_along(C, s) + np.sum(sigma * (gradient.T @ gradient - s @ s))
+        np.testing.assert_allclose(sweep_directly(pencil, OMEGA, 1e-9, [load]).G, expected, rtol=1e-9)
+
+    def energy(amplitude):
+        F = np.eye(3) + amplitude * gradient
+        return measure(relaxed(disks.positions @ F.T, disks.radii, disks.cell @ F.T, rounds=1)).energy
+
+    curvature = (energy(step) - 2.0 * measure(disks).energy + energy(-step)) / step**2
+    slow = solve_quasistatic(network, law.law, load=load).responses[""]
+    assert slow.G0 == pytest.approx(curvature / disks.volume, rel=1e-4)
