@@ -10,8 +10,7 @@ from jampetsc.io.ensemble import DISTINGUISHING_COLUMNS
 from jampetsc.io.parts import parts_of
 from jampetsc.laws.loads import AXES
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
-from jampetsc.packing.minimum_proof import ENTRIES, proved_minimum
-from jampetsc.packing.packing import PARTICLES
+from jampetsc.packing.packing import PARTICLES, PROOF_ATTRIBUTES, proved_minimum
 from jampetsc.packing.spring_network import Network
 from jampetsc.streams import visible
 
@@ -127,7 +126,7 @@ def describe_packing(path, disks) -> str:
         rows.append(("minimum", f"proved when it was made: {record['negative_modes_counted_by']}"))
     elif stated is not None:
         notes.append(f"the file records negative_modes = {stated}, but for other coordinates; ignored")
-    for name in ("max_force", "coordination", "rattlers", *ENTRIES):  # measured above
+    for name in ("max_force", "coordination", "rattlers", *PROOF_ATTRIBUTES):  # measured above
         record.pop(name, None)
     if record:
         rows.append(("recorded in the file",))

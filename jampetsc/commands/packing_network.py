@@ -8,8 +8,7 @@ from jampetsc.errors import about
 from jampetsc.io.packing_file import read_identified, read_source, source_name
 from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.packing.contacts import BALANCED
-from jampetsc.packing.minimum_proof import proved_minimum
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.packing import Packing, proved_minimum
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc import session
 from jampetsc.progress import warn

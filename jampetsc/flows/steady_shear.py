@@ -25,10 +25,8 @@ from jampetsc.flows.step_kernels import (
     StepConstants,
 )
 from jampetsc.laws.flow_models import Model, Scheme, stiffest
-from jampetsc.packing.domains import borders, domain_order
 from jampetsc.packing.kernel import block_room
-from jampetsc.packing.listed_packing import ListedPacking
-from jampetsc.packing.neighbour_list import NeighbourList
+from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, borders, domain_order
 from jampetsc.packing.packing import PLACES, Packing, deformed
 from jampetsc.packing.strain import simple_shear
 from jampetsc.packing.threads import Team
@@ -39,7 +37,9 @@ MAX_PART_MOVE_RATIO = (
     0.25  # in units of the largest diameter, longest move of a disk in a part of a divided step
 )
 MIN_STEP_PART = 2.0**-30  # part of a time step; if a disk jumps in this one too, the step is refused
-REBUILD = 25.0  # cost of a list in force evaluations; high, as width costs only when the inner list is made
+REBUILD_COST = (
+    25.0  # cost of a list in force evaluations; high, as width costs only when the inner list is made
+)
 
 
 class SteadyShear(ListedPacking):
@@ -257,7 +257,7 @@ class SteadyShear(ListedPacking):
             self.steps += done
             self.list_age += done
             if status == STALE and self.list_age:
-                self.tune(self.list_age * self._effort, REBUILD)
+                self.tune(self.list_age * self._effort, REBUILD_COST)
                 self.rebuilds += 1
                 self.fold()
             elif status != DONE:

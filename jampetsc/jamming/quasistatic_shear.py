@@ -14,7 +14,7 @@ from jampetsc.minimise.descent import Effort, Goal, stress_unit
 from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise
 from jampetsc.minimise.newton import FORCE_FLOOR
 from jampetsc.packing.contacts import find_contacts, measure, typical_force
-from jampetsc.packing.listed_packing import SKIN_RANGE, ListedPacking
+from jampetsc.packing.neighbour_list import SKIN_RANGE, ListedPacking
 from jampetsc.packing.neighbours import fractional, lengths, vectors
 from jampetsc.packing.packing import PLACES, Packing
 from jampetsc.packing.strain import bond_vector, simple_shear

@@ -9,9 +9,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.minimise.lbfgs import CONVERGED, STALE, LbfgsProblem, descend
 from jampetsc.minimise.lbfgs_kernels import LbfgsArrays
-from jampetsc.packing.domains import borders, padded
-from jampetsc.packing.listed_packing import ListedPacking
-from jampetsc.packing.neighbour_list import NeighbourList
+from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, borders, padded
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import Strain, cell_strain
 from jampetsc.packing.threads import Team

@@ -13,8 +13,8 @@ import numpy as np
 
 from jampetsc.packing.bond import box_strain
 from jampetsc.packing.compiled import FAST, compiled
-from jampetsc.packing.domains import GRAIN
 from jampetsc.packing.kernel import domain_forces, elastic_trace
+from jampetsc.packing.neighbour_list import GRAIN
 
 
 class LbfgsArrays(NamedTuple):

@@ -14,8 +14,7 @@ from jampetsc.minimise.descent import Descent, Effort, Goal, stress_unit
 from jampetsc.minimise.fire import fall
 from jampetsc.minimise.newton import Limits, Newton, Point
 from jampetsc.packing.contacts import IMBALANCE
-from jampetsc.packing.minimum_proof import with_proof
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.packing import Packing, with_proof
 from jampetsc.packing.threads import Team
 
 HANDOVER = 1e-5  # max |F| / (p d^(D−1)) at which Newton's method is tried first

@@ -14,8 +14,7 @@ from jampetsc import interrupts
 from jampetsc.packing.bond import added, bond_vector, inner, pair_energy, row, scaled, set_row
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.contacts import both_ends
-from jampetsc.packing.listed_packing import ListedPacking
-from jampetsc.packing.neighbour_list import NeighbourList, is_stale
+from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, is_stale
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import UNSTRAINED
 

@@ -16,6 +16,7 @@ from jampetsc.errors import InputError
 from jampetsc.laws.damping import Law
 from jampetsc.packing.contacts import (
     IMBALANCE,
+    LinearBonds,
     both_ends,
     find_contacts,
     find_rattlers,
@@ -23,7 +24,6 @@ from jampetsc.packing.contacts import (
     typical_force,
     virial_pressure,
 )
-from jampetsc.packing.linear_bonds import LinearBonds
 from jampetsc.packing.neighbours import lengths, spatial_order
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network

@@ -18,8 +18,7 @@ from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.power_law import ContactPowerLaw, Damping, Dashpots
 from jampetsc.oscillation.time_step import STAGE, DiskState, Stages, StepMatrix
 from jampetsc.packing.contacts import find_contacts
-from jampetsc.packing.listed_packing import SKIN_START, ListedPacking
-from jampetsc.packing.neighbour_list import is_stale
+from jampetsc.packing.neighbour_list import SKIN_START, ListedPacking, is_stale
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import bond_vector, displace, simple_shear
 

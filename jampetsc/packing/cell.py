@@ -79,11 +79,11 @@ def reduced_basis(cell):
         for turns, row in zip(np.eye(dimension), ratios, strict=True)
     ]
 
-    def inner(one, other):
-        return int(one[dimension:] @ other[dimension:])
+    def inner(vector, other):
+        return int(vector[dimension:] @ other[dimension:])
 
-    def square(one):
-        return inner(one, one)
+    def square(vector):
+        return inner(vector, vector)
 
     row = 1
     while row < dimension:
@@ -98,8 +98,8 @@ def reduced_basis(cell):
             basis[row], row = last, 1
         else:
             row += 1
-    vectors = [[whole / unit for whole in one[dimension:]] for one in basis]
-    return np.array(vectors), np.array([one[:dimension] for one in basis], object)
+    vectors = [[whole / unit for whole in row[dimension:]] for row in basis]
+    return np.array(vectors), np.array([row[:dimension] for row in basis], object)
 
 
 def read_numbers(name, values):

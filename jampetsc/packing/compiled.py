@@ -92,7 +92,7 @@ def _type_key(value):
     if isinstance(value, np.ndarray):
         return value.dtype, value.ndim, *(value.flags[name] for name in ("C", "F", "A", "W"))
     if isinstance(value, tuple):
-        keys = [_type_key(one) for one in value]
+        keys = [_type_key(item) for item in value]
         return None if None in keys else (type(value), *keys)
     return type(value) if value is None or type(value) in (bool, int, float) else None
 

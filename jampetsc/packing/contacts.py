@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.packing.linear_bonds import LinearBonds
 from jampetsc.packing.neighbours import lengths, neighbour_pairs, vectors
-
-if TYPE_CHECKING:
-    from jampetsc.packing.packing import Packing
 
 MIN_FORCE_RATIO = (
     1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
@@ -21,6 +17,44 @@ MIN_FORCE_RATIO = (
 FORCE_ROUNDING = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
 IMBALANCE = {2: "max|F|/(p d)", 3: "max|F|/(p d²)"}  # by dimension, see `imbalance`
 BALANCED = 1e-4  # largest max |F| / (p d^(D−1)) of forces that are called balanced; `pack` leaves 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class LinearBonds:
+    """M bonds, structure of arrays. Bond vectors point from i to j: r = x_j − x_i + image · cell."""
+
+    i: np.ndarray  # (M,)
+    j: np.ndarray  # (M,)
+    r: np.ndarray  # (M, D) bond vector
+    distance: np.ndarray  # (M,) |r|
+    force: np.ndarray  # (M,) f = −dV/dr, positive in compression
+    stiffness: np.ndarray  # (M,) d²V/dr², the k of BT eq. 4
+
+    def __len__(self):
+        return len(self.i)
+
+    def __getitem__(self, selection):
+        """The bonds of a mask or an index array."""
+        return type(self)(*(getattr(self, f.name)[selection] for f in fields(self)))
+
+    @property
+    def force_per_length(self):
+        """f/r, (M,): what pre-stress takes from the stiffness across a bond (BT eq. 4)."""
+        return self.force / self.distance
+
+    @property
+    def normal(self):
+        """n = r/|r|, (M, D)."""
+        return self.r / self.distance[:, None]
+
+    @property
+    def weight_rounding(self):
+        """What rounding of the input may do to k and to f/r, in units of ε, (M, 2): nothing, where they are given."""
+        return np.zeros((len(self), 2))
+
+
+if TYPE_CHECKING:
+    from jampetsc.packing.packing import Packing
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +194,8 @@ class State:
     @property
     def coordination(self) -> float:
         """Z = 2 N_c / (N − N_rattlers)."""
-        held = int(np.count_nonzero(~self.rattlers))
-        return 2.0 * len(self.contacts) / held if held else 0.0
+        backbone = int(np.count_nonzero(~self.rattlers))
+        return 2.0 * len(self.contacts) / backbone if backbone else 0.0
 
 
 def measure(disks: Packing, every: Contacts | None = None) -> State:

@@ -231,19 +231,19 @@ def add_forces(pairs, first, middle, last, o, strain, law, forces, motion, rolli
         weight = 1.0 if both else 0.5
         end = min(begin + np.uint64(BLOCK), turn if both else stop)
         for p in range(begin, end):
-            one = i[p]
+            own = i[p]
             other = j[p]
-            moved = difference(o, one, other, r0)
+            moved = difference(o, own, other, r0)
             if motion is not None:
-                put(velocities, p - begin, difference(u, one, other, r0))
+                put(velocities, p - begin, difference(u, own, other, r0))
             if rolling is not None:
-                _gather_rolling(moving, p - begin, one, other, spin, radii, r0)
+                _gather_rolling(moving, p - begin, own, other, spin, radii, r0)
             if motion is not None or in_space:
                 moved = added(moved, entry(r0, p))
             put(b, p - begin, moved)
         inside = np.uint64(0), end - begin
         arrays = _part(r0, begin, end), sigma[begin:end], _part(b, inside[0], inside[1]), moving
-        # With a flag that is no constant the compiler computes the root of a Hertzian law for every law.
+        # With a flag that is not constant the compiler computes the root of a Hertzian law for every law.
         if hertzian:
             sums = _block_forces(*arrays, strain, (k, True, scaled_law), motion, rolling)
         else:
@@ -264,20 +264,20 @@ def add_forces(pairs, first, middle, last, o, strain, law, forces, motion, rolli
             vyy += weight * sums[10]
         if both:
             for p in range(begin, end):
-                one = i[p]
+                own = i[p]
                 other = j[p]
                 force = entry(b, p - begin)
                 add_to_row(forces, other, force)
-                subtract_from_row(forces, one, force)
+                subtract_from_row(forces, own, force)
                 if rolling is not None:
-                    _add_torque(torques, one, radii[one], moving, p - begin, r0)
+                    _add_torque(torques, own, radii[own], moving, p - begin, r0)
                     _add_torque(torques, other, radii[other], moving, p - begin, r0)
         else:
             for p in range(begin, end):
-                one = i[p]
-                subtract_from_row(forces, one, entry(b, p - begin))
+                own = i[p]
+                subtract_from_row(forces, own, entry(b, p - begin))
                 if rolling is not None:
-                    _add_torque(torques, one, radii[one], moving, p - begin, r0)
+                    _add_torque(torques, own, radii[own], moving, p - begin, r0)
         begin = end
     return Sums(energy, wxx, wxy, wyy, wxz, wyz, wzz, dissipation, vxx, vxy, vyy, vzz)
 

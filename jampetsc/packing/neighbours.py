@@ -110,27 +110,27 @@ def neighbour_pairs(positions, radii, cell, skin=0.0, rows=None):
     )
     corner = (place_in_grid @ wide_strides)[:, None] + rows_of_cells
     first, last = rows or (0, n)
-    found = []
+    blocks = []
     for begin in range(first, max(last, first + 1), CHUNK):
-        some = slice(begin, min(begin + CHUNK, last))
-        begins = start[corner[some]]
-        count = start[corner[some] + 2 * margin[0] + 1] - begins
+        block = slice(begin, min(begin + CHUNK, last))
+        begins = start[corner[block]]
+        count = start[corner[block] + 2 * margin[0] + 1] - begins
         e = _ranges(begins.ravel(), count.ravel())
-        i = np.repeat(np.arange(some.start, some.stop), count.sum(axis=1))
+        i = np.repeat(np.arange(block.start, block.stop), count.sum(axis=1))
         near = radii[i] + reach[e]
         chosen = squared_length((place[e] - inside[i]).T) < near * near
         chosen &= particle[e] > i if rows is None else particle[e] != i
-        found.append((i[chosen], e[chosen]))
-    i, e = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        blocks.append((i[chosen], e[chosen]))
+    i, e = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     image = shift[e] - wrapped[particle[e]] + wrapped[i]
     return i.astype(np.int32), particle[e].astype(np.int32), vectors(image, numbers).astype(np.int32)
 
 
 def squared_length(components):
     """Σ x² over the first axis of components (D, M), added in the order of the axes, (M,)."""
-    x, *others = components
+    x, *rest = components
     total = x * x
-    for y in others:
+    for y in rest:
         total = total + y * y
     return total
 

@@ -31,6 +31,8 @@ GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved 
 UNIT_BALL = {2: np.pi, 3: 4.0 / 3.0 * np.pi}  # volume of a ball of radius one in D dimensions
 PARTICLES = {2: "disks", 3: "spheres"}
 PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Packing` that change when disks move
+PROVED_BY = "Cholesky of K with pre-stress, without rattlers, one disk pinned"
+PROOF_ATTRIBUTES = ("negative_modes", "negative_modes_counted_by", "proof_fingerprint")
 
 
 def split(high, low=0.0):
@@ -339,7 +341,7 @@ def deformed(packing: Packing, offsets, strain: Strain) -> Packing:
     base, offset = _deformed(packing.base, packing.offset, offsets, strain)
     cell_base, cell_offset = _deformed(packing.cell_base, packing.cell_offset, 0.0, strain)
     places = {"base": base, "offset": offset, "cell_base": cell_base, "cell_offset": cell_offset}
-    # not `replace`: velocities of a snapshot are not those of the deformed packing
+    # not `replace`: velocities of a snapshot are not of the deformed packing
     return Packing._of_fields(
         **{entry.name: getattr(packing, entry.name) for entry in fields(Packing)} | places
     )
@@ -351,3 +353,14 @@ def _deformed(base, offset, moves, strain):
     low += np.column_stack(displace(strain, (base + low).T))
     carry = GRID * np.rint(low / GRID)
     return base + carry, low - carry
+
+
+def with_proof(disks: Packing) -> Packing:
+    """The packing with the proof in its record, for one of which K was factorised as `PROVED_BY` says."""
+    return disks.with_record(**dict(zip(PROOF_ATTRIBUTES, (0, PROVED_BY, disks.fingerprint), strict=True)))
+
+
+def proved_minimum(disks: Packing) -> bool:
+    """Whether K with pre-stress of this very packing was proved to have no negative modes."""
+    entries = [str(disks.record.get(name)) for name in PROOF_ATTRIBUTES]
+    return entries == ["0", PROVED_BY, disks.fingerprint]

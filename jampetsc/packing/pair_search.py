@@ -142,11 +142,11 @@ def _squared_distance(place, e, here):
 
 
 @compiled(False)
-def _search(grid, radii, first, found, ends):
-    """Write the entries near disks first, first + 1, … into `found`, those of disk first + a before ends[a].
+def _search(grid, radii, first, entries, ends):
+    """Write the entries near disks first, first + 1, … into `entries`, of disk first + a before ends[a].
 
-    Returns how many, or −1 if `found` is too short. A pair of two of these disks is found once, from the lower index;
-    a pair with any other disk, from the one that is among these. There is no branch on which entries are near, which
+    Returns how many, or −1 if `entries` is too short. A pair of two of these disks is found once, from the lower index;
+    a pair with any other disk, from the one that is among these. No branch depends on which entries are near, which
     would often be mispredicted: all are stored, and only near ones advance the count.
     """
     place, reach, disk, rows, columns = grid.place, grid.reach, grid.disk, grid.rows, np.uint64(grid.columns)
@@ -157,11 +157,11 @@ def _search(grid, radii, first, found, ends):
         for r in range(np.uint64(len(rows))):
             cells = grid.corner[i] + rows[r]
             begin, end = grid.start[cells], grid.start[cells + columns]
-            if count + end - begin > np.uint64(len(found)):
+            if count + end - begin > np.uint64(len(entries)):
                 return -1
             for e in range(begin, end):
                 near = radius + reach[e]
-                found[count] = e
+                entries[count] = e
                 is_near = _squared_distance(place, e, here) < near * near
                 count += np.uint64(is_near & ((disk[e] > i) | (disk[e] < before)))
         ends[own] = count
@@ -170,26 +170,26 @@ def _search(grid, radii, first, found, ends):
 
 @compiled(False)
 def _search_domains(grid, radii, borders, counts):
-    """(found, ends) of `_search` for domains with borders (D + 1,); writes their pairs (within, across) into counts."""
+    """(entries, ends) of `_search` for domains with borders (D + 1,); writes numbers of their pairs into counts."""
     first, total, d = borders[0], 0, 0
     ends = np.empty(borders[-1] - first, np.int64)  # relative to the first entry of the domain
-    found = np.empty(FIRST_PAIRS_PER_DISK * len(ends) + 64, np.uint32)
+    entries = np.empty(FIRST_PAIRS_PER_DISK * len(ends) + 64, np.uint32)
     while d < len(counts):
         low, high = borders[d], borders[d + 1]
-        count = _search(grid, radii, low, found[total:], ends[low - first : high - first])
+        count = _search(grid, radii, low, entries[total:], ends[low - first : high - first])
         if count < 0:
-            longer = np.empty(2 * len(found), np.uint32)
-            longer[:total] = found[:total]
-            found = longer
+            longer = np.empty(2 * len(entries), np.uint32)
+            longer[:total] = entries[:total]
+            entries = longer
             continue
         inside = 0
         for q in range(total, total + count):
-            b = np.int64(grid.disk[found[q]])
+            b = np.int64(grid.disk[entries[q]])
             inside += (low <= b) & (b < high)
         counts[d, 0], counts[d, 1] = inside, count - inside
         total += count
         d += 1
-    return found, ends
+    return entries, ends
 
 
 @compiled(False, nogil=True)
@@ -198,14 +198,14 @@ def _fill_lists(me, threads, counter, borders, grid_arguments, exact, counts, pa
 
     Returns (number of all pairs, 1).
 
-    grid_arguments: those of `_grid`, in the upright cell T · cell; exact = (base, offset, cell_base, cell_offset, T) of
+    grid_arguments: of `_grid`, in the upright cell T · cell; exact = (base, offset, cell_base, cell_offset, T) of
     the disks
     """
     meet(counter, threads)  # all begin together
     number = len(borders) - 1
     first, last = me * number // threads, (me + 1) * number // threads
     grid, radii = _grid(*grid_arguments), grid_arguments[1]
-    found, ends = _search_domains(grid, radii, borders[first : last + 1], counts[first:last])
+    entries, ends = _search_domains(grid, radii, borders[first : last + 1], counts[first:last])
     meet(counter, threads)
     (base, offset, cell_base, cell_offset, numbers), (i, j, r0, sigma) = exact, pairs
     needed = counts.sum()
@@ -223,7 +223,7 @@ def _fill_lists(me, threads, counter, borders, grid_arguments, exact, counts, pa
             stop = start + np.uint64(ends[disk_of_part])
             disk_of_part += np.uint64(1)
             while q < stop:
-                e = found[q]
+                e = entries[q]
                 q += np.uint64(1)
                 b = np.uint64(disk[e])
                 inside = (b >= low) & (b < high)
@@ -266,6 +266,6 @@ def listed(disks, skin, borders, team):
     while needed > room:
         room = max(FIRST_PAIRS_PER_DISK * n, needed)
         i, j = np.empty((2, room), np.uint32)
-        found = i, j, np.empty((len(cell), room)), np.empty(room)
-        needed, _ = team.run(_fill_lists, number, borders, arguments, exact, counts, found)
-    return counts, *found
+        pairs = i, j, np.empty((len(cell), room)), np.empty(room)
+        needed, _ = team.run(_fill_lists, number, borders, arguments, exact, counts, pairs)
+    return counts, *pairs

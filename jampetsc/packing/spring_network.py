@@ -10,8 +10,7 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.packing.cell import MAX_COORDINATE, SIDES, cell_of, check_cell, read_numbers, reduced_basis
-from jampetsc.packing.contacts import measure, net_forces, stress_tensor, virial_pressure
-from jampetsc.packing.linear_bonds import LinearBonds
+from jampetsc.packing.contacts import LinearBonds, measure, net_forces, stress_tensor, virial_pressure
 from jampetsc.packing.neighbours import fractional, lengths, vectors
 from jampetsc.packing.packing import UNIT_BALL, Packing
 from jampetsc.packing.potentials import MAX_STIFFNESS
@@ -172,7 +171,7 @@ class Network:
     def diluted(self, keep: float, seed: int) -> "Network":
         """The network with the share `keep` of its bonds, chosen at random: round(keep M) of them, in their order.
 
-        Of one seed, the bonds of a lower share are among those of a higher one. Raises InputError for a share out of
+        Of one seed, a higher share has all bonds of a lower one. Raises InputError for a share out of
         (0, 1], and where no bond is left.
         """
         if not 0.0 < keep <= 1.0:
@@ -225,8 +224,8 @@ def _check_finite(name, values):
         raise InputError(f"{name}[{', '.join(map(str, row))}]: {values[tuple(row)]}, must be finite.")
 
 
-def _positions(given):
-    positions = read_numbers("positions", given)
+def _positions(values):
+    positions = read_numbers("positions", values)
     if positions.ndim != 2 or positions.shape[1] not in UNIT_BALL or not len(positions):
         raise InputError(f"positions: shape {positions.shape}, must be (N, 2) or (N, 3).")
     _check_finite("positions", positions)
@@ -235,22 +234,22 @@ def _positions(given):
     return positions
 
 
-def _cell(given, dimension):
-    cell = cell_of(given, dimension)
+def _cell(values, dimension):
+    cell = cell_of(values, dimension)
     check_cell(cell)
     return cell
 
 
-def _whole_numbers(name, given):
-    numbers = read_numbers(name, given)
+def _whole_numbers(name, values):
+    numbers = read_numbers(name, values)
     _check_finite(name, numbers)
     if (numbers != np.rint(numbers)).any() or np.abs(numbers).max(initial=0.0) > 2.0**53:
         raise InputError(f"{name}: must be whole numbers.")
     return numbers.astype(np.int64)
 
 
-def _bonds(given, n):
-    bonds = _whole_numbers("bonds", given)
+def _bonds(values, n):
+    bonds = _whole_numbers("bonds", values)
     if bonds.ndim != 2 or bonds.shape[1] != 2 or not len(bonds):
         raise InputError(
             f"bonds: shape {bonds.shape}, must be (M, 2) with at least one bond: two nodes of each."
@@ -279,11 +278,11 @@ def _check_repeated(bonds, images):
         raise InputError(f"{_bond(bonds, second)}: is bond {first} again. Give each bond once.")
 
 
-def _of_bonds(name, given, count):
-    values = read_numbers(name, given)
+def _of_bonds(name, values, count):
+    values = read_numbers(name, values)
     if values.shape not in ((), (count,)):
-        wanted = f"one number or ({count},), one for each bond" if count > 1 else "one number"
-        raise InputError(f"{name}: shape {values.shape}, must be {wanted}.")
+        shape_text = f"one number or ({count},), one for each bond" if count > 1 else "one number"
+        raise InputError(f"{name}: shape {values.shape}, must be {shape_text}.")
     _check_finite(name, np.atleast_1d(values))
     return np.broadcast_to(values, (count,)).copy()
 
@@ -297,8 +296,8 @@ def _check_stiffness(name, values):
         )
 
 
-def _radii(given, n):
-    radii = read_numbers("radii", given)
+def _radii(values, n):
+    radii = read_numbers("radii", values)
     if radii.shape != (n,):
         raise InputError(f"radii: shape {radii.shape}, must be ({n},), one for each node.")
     _check_finite("radii", radii)

@@ -85,7 +85,7 @@ def bond_vector(strain, r0, moved):
 def norms(strain):
     """(‖F⁻¹‖, ‖F‖), by how much vectors may grow: 1 over the least, and the largest, of the singular values of F.
 
-    Where z is apart, those of the plane are ½ √((F_xx + F_yy)² + (F_xy − F_yx)²) ± ½ √((F_xx − F_yy)² +
+    Where z is apart, the singular values of the plane are ½ √((F_xx + F_yy)² + (F_xy − F_yx)²) ± ½ √((F_xx − F_yy)² +
     (F_xy + F_yx)²), the smaller one as det F over the larger. Else they are √(1 + λ), λ of the symmetric FᵀF − 1 by the
     cosines of O. K. Smith, Commun. ACM 4, 168 (1961).
     """

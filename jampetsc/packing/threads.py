@@ -40,8 +40,8 @@ def _arrive(typing, counter):
 
     def generate(context, builder, signature, arguments):
         data = make_array(signature.args[0])(context, builder, arguments[0]).data
-        one = context.get_constant(types.int64, 1)
-        return builder.add(builder.atomic_rmw("add", data, one, "seq_cst"), one)
+        unit = context.get_constant(types.int64, 1)
+        return builder.add(builder.atomic_rmw("add", data, unit, "seq_cst"), unit)
 
     return types.int64(counter), generate
 
@@ -62,10 +62,10 @@ def meet(counter, threads):
     """Wait until all `threads` are here. counter (1,) int64, zero before the first meeting."""
     if threads == 1:
         return
-    mine = _arrive(counter)
-    wanted = ((mine + threads - 1) // threads) * threads
+    arrival = _arrive(counter)
+    expected = ((arrival + threads - 1) // threads) * threads
     spins = 0
-    while _read(counter) < wanted:
+    while _read(counter) < expected:
         spins += 1
         if spins > SPINS:
             _yield()
@@ -162,14 +162,14 @@ class Team:
         self._start_cores[0] = _core()
         for me in range(1, threads):
             self._tasks[me - 1].put((function, (me, threads, counter, *arguments), done, self._counter))
-        mine = function(0, threads, counter, *arguments)
+        own_result = function(0, threads, counter, *arguments)
         for _ in range(1, threads):
             if error := done.get():
                 raise error
         if compiled and most > 1:
-            pace = (time.perf_counter() - began) / max(mine[1], 1)
+            pace = (time.perf_counter() - began) / max(own_result[1], 1)
             self._paces[function, most][threads].append(pace)
-        return mine
+        return own_result
 
     def _fastest(self, function, most):
         """`most` or 1 threads, whichever was faster recently; both are tried again in every PERIOD of runs."""

@@ -1,7 +1,7 @@
 """Whether a packing is a minimum of its energy: the negative and zero modes of K, and how they were counted.
 
 K is that of a `contact_network.DistributedNetwork`, with or without pre-stress, on the displacements. For a proof that
-a packing's file records see `packing.minimum_proof`. `examine` has other facts of K and B: size, asymmetry, inertia.
+a packing's file records see `packing.proved_minimum`. `examine` has other facts of K and B: size, asymmetry, inertia.
 """
 
 from dataclasses import dataclass, replace

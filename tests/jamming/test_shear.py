@@ -19,8 +19,7 @@ from jampetsc.minimise.minimise import minimise, settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import measure
-from jampetsc.packing.minimum_proof import proved_minimum
-from jampetsc.packing.packing import deformed
+from jampetsc.packing.packing import deformed, proved_minimum
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import simple_shear
 

@@ -14,8 +14,7 @@ from jampetsc.minimise.newton import Point
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, net_forces
-from jampetsc.packing.listed_packing import tuned_skin
-from jampetsc.packing.neighbour_list import NeighbourList, is_stale
+from jampetsc.packing.neighbour_list import NeighbourList, is_stale, tuned_skin
 from jampetsc.packing.packing import deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import growth_and_shear, simple_shear

@@ -19,11 +19,9 @@ from jampetsc.minimise.minimise import relax
 from jampetsc.minimise.newton import Imbalance, Limits, Newton, Point
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing import contacts as state
-from jampetsc.packing import domains
 from jampetsc.packing.contacts import find_contacts, measure
-from jampetsc.packing.minimum_proof import proved_minimum
-from jampetsc.packing.neighbour_list import NeighbourList, is_stale
-from jampetsc.packing.packing import Packing, deformed
+from jampetsc.packing.neighbour_list import NeighbourList, borders, is_stale
+from jampetsc.packing.packing import Packing, deformed, proved_minimum
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import UNSTRAINED, growth_and_shear
 from jampetsc.packing.threads import Team
@@ -83,9 +81,7 @@ def test_a_move_is_one_of_the_disks_where_they_are():
 
 def test_domains_are_of_one_type_however_many():
     """Numba would compile the descent, ten seconds of it, once more for the first large packing."""
-    one, several = (
-        typeof(NeighbourList.build(random_disks(n, 0.3), 0.1, domains.borders(n))) for n in (16, 4100)
-    )
+    one, several = (typeof(NeighbourList.build(random_disks(n, 0.3), 0.1, borders(n))) for n in (16, 4100))
     assert one == several
 
 

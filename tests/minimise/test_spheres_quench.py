@@ -16,8 +16,7 @@ from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import imbalance, measure
 from jampetsc.packing.kernel import block_room
-from jampetsc.packing.minimum_proof import proved_minimum
-from jampetsc.packing.packing import deformed
+from jampetsc.packing.packing import deformed, proved_minimum
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.packing.strain import cell_strain
 

@@ -7,9 +7,19 @@ import pytest
 
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import bond_vectors, find_contacts, measure
-from jampetsc.packing.domains import EDGE, borders, domain_order
-from jampetsc.packing.listed_packing import REBUILD, SKIN_RANGE, WIDTH, tuned_skin
-from jampetsc.packing.neighbour_list import NeighbourList, choose_inner_list, inner_list_is_stale, is_stale
+from jampetsc.packing.neighbour_list import (
+    BORDER_GAP,
+    REBUILD_COST,
+    SKIN_COST,
+    SKIN_RANGE,
+    NeighbourList,
+    borders,
+    choose_inner_list,
+    domain_order,
+    inner_list_is_stale,
+    is_stale,
+    tuned_skin,
+)
 from jampetsc.packing.neighbours import neighbour_pairs
 from jampetsc.packing.packing import GRID, Packing, deformed
 from jampetsc.packing.strain import (
@@ -152,7 +162,7 @@ def test_the_disks_at_the_border_of_a_domain_are_its_first(held):
     disks, ends = crowd(4, n=6200, phi=0.8), borders(6200)
     order = domain_order(disks, held)
     assert np.array_equal(np.sort(order), np.arange(6200)) and np.array_equal(order[:held], np.arange(held))
-    domains = NeighbourList.build(disks.reordered(order), EDGE * disks.radii.mean(), ends)
+    domains = NeighbourList.build(disks.reordered(order), BORDER_GAP * disks.radii.mean(), ends)
     assert domains.number == 3
     for first, last, *part in zip(ends, ends[1:], domains.across, domains.end, strict=False):
         across = np.unique(domains.i[slice(*part)])
@@ -286,7 +296,7 @@ def test_skin_follows_how_long_lists_serve():
         for _ in range(50):
             skin = tuned_skin(skin, v * skin, 1.0)
         skins = np.linspace(*SKIN_RANGE, 1000)
-        cost = (REBUILD + v * skins * (1 + WIDTH * skins)) / (v * skins)
+        cost = (REBUILD_COST + v * skins * (1 + SKIN_COST * skins)) / (v * skins)
         assert skin == pytest.approx(skins[np.argmin(cost)], abs=2e-3)
 
 

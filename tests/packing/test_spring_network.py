@@ -182,5 +182,5 @@ def test_a_packing_is_no_network_and_a_network_no_packing():
     with pytest.raises(InputError, match="must be a packing, a result or the name"):
         jampetsc.flow(random_springs(), model="RD0", rate=1e-2, strain=0.1)
     assert np.array_equal(random_springs().cell, CELL)
-    with pytest.raises(InputError, match="one of them"):
+    with pytest.raises(InputError, match="lattice: missing, or given with a file"):
         jampetsc.springs(published(), lattice="square")

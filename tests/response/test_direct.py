@@ -27,8 +27,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.packing.minimum_proof import with_proof
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.packing import Packing, with_proof
 from jampetsc.petsc.cholesky import least_singular_value
 from jampetsc.response import modulus_sweep
 from jampetsc.response.assembly import assemble

@@ -10,8 +10,7 @@ from jampetsc.commands.modes import Modes
 from jampetsc.errors import InputError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
-from jampetsc.packing.minimum_proof import PROVED_BY, proved_minimum, with_proof
-from jampetsc.packing.packing import GRID, Packing
+from jampetsc.packing.packing import GRID, PROVED_BY, Packing, proved_minimum, with_proof
 from jampetsc.packing.potentials import Potential
 
 

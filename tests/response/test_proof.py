@@ -14,7 +14,7 @@ from jampetsc import main as cli
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.network.contact_network import build_network
-from jampetsc.packing.minimum_proof import with_proof
+from jampetsc.packing.packing import with_proof
 from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
 from jampetsc.petsc.hessian_solver import NewtonSolver

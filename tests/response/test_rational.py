@@ -27,8 +27,7 @@ from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified
 from jampetsc.io.reader import load
-from jampetsc.packing.minimum_proof import with_proof
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.packing import Packing, with_proof
 from jampetsc.response import factor_memory, rational
 from jampetsc.response import shift_factors as factors
 from jampetsc.response.minimum_check import MinimumCheck
