@@ -14,16 +14,25 @@ from jampetsc.io.provenance import PROVENANCE
 PAGE = Path(__file__).parents[1] / "docs" / "reference" / "files.md"
 HEADS = {False: "| attribute | type | unit | meaning |", True: "| dataset | shape | type | unit | meaning |"}
 COMMON = "## Every result"
+GROUPS = {  # of datasets that are one line each
+    "state/": "what `jampetsc` needs to continue the run; not for analysis",
+    "no_prestress/": "as the datasets without this prefix, of K without pre-stress",
+}
 _TABLE = re.compile(r"(?:^\|.*\n)+", re.MULTILINE)
 
 
 def table(declared, of_datasets: bool) -> str:
     """A table in Markdown of the rows of a `declaration.Table`."""
     head = HEADS[of_datasets]
-    lines = [head, "|---" * (head.count("|") - 1) + "|"]
+    lines, groups = [head, "|---" * (head.count("|") - 1) + "|"], []
     for names, *cells in declared.lines:
+        group = next((prefix for prefix in GROUPS if of_datasets and names.startswith(prefix)), None)
+        if group:
+            groups += [group] if group not in groups else []
+            continue
         cells[of_datasets] = cells[of_datasets].replace("?", ", optional")
         lines.append(f"| {', '.join(f'`{name}`' for name in names.split(', '))} | {' | '.join(cells)} |")
+    lines += [f"| `{group}*` | | | | {GROUPS[group]} |" for group in groups]
     return re.sub(r" +\|", " |", "\n".join(lines)) + "\n"
 
 

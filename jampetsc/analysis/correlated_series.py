@@ -12,9 +12,9 @@ T (1 − a)/(1 + a) of the exponential a^t through the last ρ(t) ≥ 1/e (Bayle
 it is underestimated.
 
 Both assume a single correlation time. Stress and pressure of massive disks have a fast part, of collisions, and a slow
-one, of density fluctuations, which the window leaves out: the same estimate from the means of blocks of 4τ contains it,
-and the larger error counts. Slower changes, or a drift, show in the means of the ten tenths of the series, if they
-scatter by more than the error allows.
+one, perhaps of density fluctuations, which the window leaves out: the same estimate from the means of blocks of 4τ
+contains it, and the larger error counts. Slower changes, or a drift, show in the means of the ten tenths of the series,
+if they scatter by more than the error allows.
 
 pyerrors has this estimator, but brings autograd, matplotlib and seconds of start-up for the thirty lines here;
 emcee and pymbar correct no bias.

@@ -19,15 +19,12 @@ format, format_version | text | | which of the kinds here, and the version of it
 run_id | text | | unique to the run
 argv, date | text? | | command line; when the run ended (ISO 8601)
 wall_seconds | float? | s | duration
-request | text? | | the settings of the run (JSON): command, options, hashes of its input files. The same command
-  on its own finished result, every byte as it was written, says that it is there and ends; `--overwrite` computes it
-  again. A result of other settings or inputs, a damaged or edited one, and an older file, which does not have this
-  attribute, are not replaced without `--overwrite`. PETSc's options, `--threads` and `--last` do not count
-notes | text? | | what to know about the numbers, such as that errors are rough: `KIND: details. Remedy`, several with
-  `; ` between; printed below the summary too
-instruction_set | text? | | processors for which loops were compiled: `x86-64-v3`, or LLVM's name of another one;
-  missing if none were needed. Packings have it too. Seeds give the same packing only where it is the same
-  ([installation](../install.md#processors))
+request | text? | | settings of the run (JSON): command, options, hashes of its input files, without PETSc's options,
+  `--threads` and `--last`. The same command finds its unchanged result and ends; any other file is replaced by
+  `--overwrite` alone
+notes | text? | | warnings about the numbers, `KIND: details. Remedy`, separated by `; `
+instruction_set | text? | | processors for which loops were compiled; seeds give the same packing only where it is the
+  same ([installation](../install.md#processors))
 git_commit | text? | | of the program, if it ran from a checkout
 *_version | text | | versions of the program and of PETSc, SLEPc, MUMPS, MPI, numpy, h5py, python if they were used
 scalar_type, petsc_options, ranks | text, text, int? | | if PETSc was used: real or complex; all options in force,
@@ -40,6 +37,9 @@ law, normal, beta, rotations, eta_f, tau1 | text, float, float, bool, float, flo
 transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of a law of one's own; of one made in
   python, `law` is its label and weights of 0 are left out
 prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
+load | text? | | displacement gradient E: a name, its numbers, or `tensor`, the symmetric loads xx, yy, (zz, yz, xz,)
+  xy, shears with E = ½(x̂ŷ + ŷx̂); missing: simple shear `xy`, of which the fields of `tensor` are, too
+stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε² and its viscous part
 alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress in units of k
 dimension | int? | | 3 for spheres and for networks in three dimensions; missing: 2
 k, pressure, phi, particle_count, rattlers, coordination | float > 0, float, float, int > 0, int, float? | | of the

@@ -21,8 +21,7 @@ reduced/G0 | scalar | float? | k | of the rational method: G₀, so that
 reduced/eta_inf | scalar | float? | kτ₁ | η_∞
 reduced/rates | (m,) | float? | 1/time | λ_m
 reduced/weights | (m,) | float? | k | g_m
-C | (M, L, L) | complex? | k | with `--load tensor`: elastic constants of the energy along F = 1 + εE, symmetric loads
-  in the order xx, yy, (zz, yz, xz,) xy, shears with E = ½(x̂ŷ + ŷx̂); `G` is then the shear modulus averaged over all
+C | (M, L, L) | complex? | k | with `--load tensor`: elastic constants; `G` is then the shear modulus averaged over all
   directions
 C_error_bound | (M, L, L) | float? | k | bound on \|ΔC\|
 bulk_modulus | (M,) | complex? | k | −V dp/dV = mean of C among xx, yy, (zz,) plus p (D − 1)/D (only with pre-stress)
@@ -35,8 +34,6 @@ reduced_tensor/forces | (c,) | float? | | h
 reduced_tensor/loads | (c,) | int? | | number of the load of each column
 """,
     attributes=r"""
-load | text? | | the displacement gradient E: a name, its numbers, or `tensor`; missing: simple shear `xy`
-stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε² and its viscous part
 method | text | | rational or direct
 accuracy | float | | relative error asked for
 positive_semidefinite | text | | whether K has no negative modes, and how that is known
@@ -64,8 +61,7 @@ histogram/*/counts | (B,) | int | | numbers in them
 beta_scan/beta | (b,) | float? | | with `--betas`: β
 beta_scan/eta0, beta_scan/eta_inf | (b,) | float? | kτ₁ | η₀ and η_∞ there
 beta_scan/no_prestress_eta0 | (b,) | float? | kτ₁ | η₀ of K without pre-stress
-C0 | (L, L) | float? | k | with `--load tensor`: elastic constants of the energy along F = 1 + εE, symmetric loads in
-  the order xx, yy, (zz, yz, xz,) xy, shears with E = ½(x̂ŷ + ŷx̂)
+C0 | (L, L) | float? | k | with `--load tensor`: elastic constants
 eta0, eta_inf | (L, L) | float? | kτ₁ | likewise η₀ and η_∞ between the loads
 no_prestress/C0 | (L, L) | float? | k | likewise
 no_prestress/eta0 | (L, L) | float? | kτ₁ | likewise
@@ -78,9 +74,6 @@ no_prestress/histogram/*/counts | (B,) | int? | | likewise
     attributes=r"""
 G0, G_affine, bulk_modulus | float | k | moduli: of the load and of its affine motion, of the energy along F = 1 + εE;
   −V dp/dV
-load | text? | | the displacement gradient E: a name, its numbers, or `tensor`; missing: simple shear `xy`, of which the
-  fields of `tensor` are too
-stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε²
 shear_modulus, anisotropy | float? | | of `tensor`: averaged over all directions, k; \|C − C_iso\|/\|C\|
 eta0, eta_inf | float | kτ₁ | viscosities η₀ and η_∞
 eta0_* | float? | kτ₁ | the part of each term of the dissipation in η₀
@@ -108,10 +101,10 @@ share/nonaffine, share/normal, share/transverse, share/modulus | (M,) | float? |
   not unique
 cumulative/nonaffine, cumulative/normal, cumulative/transverse, cumulative/modulus | (M,) | float? | | their sums up to
   each mode
-tensor/force | (M, L) | float? | | with `--load tensor`: such forces of the symmetric loads xx, yy, xy, shears with
-  E = ½(x̂ŷ + ŷx̂); the datasets above are then of simple shear
-tensor/modulus | (M, L) | float? | | shares of the non-affine part of the modulus of each, of the energy along
-  F = 1 + εE; nan where that is zero or not unique
+tensor/force | (M, L) | float? | | with `--load tensor`: such forces of its loads; the datasets above are then of
+  simple shear
+tensor/modulus | (M, L) | float? | | shares of the non-affine part of the modulus of each; nan where that is zero or
+  not unique
 lowest/count | (q,) | int? | | 10, 50 and 200, if they do not exceed M
 lowest/normal_median, lowest/transverse_median, lowest/nonaffine_median | (q,) | float? | length | medians of \|Δu∥\|,
   \|Δu⊥\|, \|u_na\| per unit strain of the response of only that many lowest modes, without affine part
@@ -121,8 +114,6 @@ inertia_count, inertia_shift | int, float? | | number of eigenvalues below the s
   was missed
 complete, contacts, method | bool, int, text | | whether the file has all modes; number of contacts; solver
 restarts | int? | | of the solver
-load | text? | | the displacement gradient E: a name, its numbers, or `tensor`; missing: simple shear `xy`
-stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε²
 normal_median, transverse_median, nonaffine_median | float? | length | medians of \|Δu∥\|, \|Δu⊥\|, \|u_na\| of the
   whole response, affine part included, per unit strain
 """,
@@ -149,7 +140,6 @@ G0, G_inf | float | k | limits of G′ at both ends
 eta0, eta_inf | float | kτ₁ | limits of G″/ω at both ends
 J_inf, fluidity, growth_rate | float | | of creep: instantaneous compliance, 1/k; final strain rate per stress; rate of
   divergence if G₀ < 0
-load | text? | | of the sweep: a name of a displacement gradient, or its numbers; missing: simple shear `xy`
 window_decades, resolution_decades | float | | window of H; widest gap between times that matter
 slowest_omega, fastest_omega | float | 1/time | range of frequencies of the sweep it was computed from
 """,
@@ -167,7 +157,6 @@ length, length_error | (W, F, 2) | float | length | first root of C; nan without
 minimum, minimum_error | (W, F, 2) | float | length | δ of the smallest C
 """,
     attributes=r"""
-load | text? | | of the sweep: a name of a displacement gradient, or its numbers; missing: simple shear `xy`
 packings | int | | number of packings averaged
 pairs | (W,) int | | number of pairs of disks for each lane width
 phase | text | | what Re u_y is in phase with, `stress` or `strain`; `strain` where it is missing

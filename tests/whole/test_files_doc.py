@@ -33,6 +33,8 @@ RARE = {  # of runs that are not made here
 RUNS = """\
 pack --n 16 --pressure 1e-2 --stabilise shear --out made.h5
 import JAMBASHBULK --out imported.h5
+pack --dimension 3 --n 16 --pressure 1e-2 --out spheres.h5
+quasistatic spheres.h5 --out slow-spheres.h5
 import plain.xyr --out plain.h5
 import nodes.txt --bonds bonds.txt --out net.h5
 springs --lattice triangular --size 4 --keep 0.9 --out lattice.h5
