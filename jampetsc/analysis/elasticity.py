@@ -50,15 +50,34 @@ def poisson_ratio(bulk, shear, dimension: int):
     return (D * bulk - 2.0 * shear) / (D * (D - 1) * bulk + 2.0 * shear)
 
 
+def _orthonormal(C):
+    """C between loads of unit norm Σ E², (…, L, L): a shear stands for xy and yx."""
+    C, D = np.asarray(C), dimension_of(C)
+    scale = np.array([1.0] * D + [np.sqrt(2.0)] * (C.shape[-1] - D))
+    return C * np.outer(scale, scale)
+
+
+def least_modulus(C) -> tuple[float, np.ndarray]:
+    """(value, E): the least E:C:E over symmetric gradients E (D, D) with Σ E² = 1, for real C (L, L).
+
+    All loads have a positive modulus, and C is positive definite, where it is positive.
+    """
+    D = dimension_of(C)
+    values, vectors = np.linalg.eigh(_orthonormal(C))
+    gradient = np.diag(vectors[:D, 0])
+    shears = [(1, 2), (0, 2), (0, 1)][3 - D * (D - 1) // 2 :]
+    for (a, b), amplitude in zip(shears, vectors[D:, 0] / np.sqrt(2.0), strict=True):
+        gradient[a, b] = gradient[b, a] = amplitude
+    return float(values[0]), gradient
+
+
 def anisotropy(C):
     """|C − C_iso|/|C|, (…): how far C is from its isotropic part, in the norm Σ |C_ijkl|²; 0 if it is isotropic."""
-    C, D = np.asarray(C), dimension_of(C)
-    scale = np.array([1.0] * D + [np.sqrt(2.0)] * (C.shape[-1] - D))  # a shear stands for xy and yx
-    weighted = C * np.outer(scale, scale)
-    volume = np.zeros(C.shape[-1:])
+    D, weighted = dimension_of(C), _orthonormal(C)
+    volume = np.zeros(weighted.shape[-1:])
     volume[:D] = 1.0 / np.sqrt(D)
     volumetric = np.outer(volume, volume)
-    deviatoric = np.eye(C.shape[-1]) - volumetric
+    deviatoric = np.eye(len(volume)) - volumetric
     dilation = np.einsum("ab,...ab->...", volumetric, weighted)
     shear = 2.0 * shear_modulus(C)
     isotropic = dilation[..., None, None] * volumetric + shear[..., None, None] * deviatoric

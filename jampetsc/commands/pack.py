@@ -121,7 +121,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
     stabilise: str = parameter(
         "volume",
-        "relaxed shape of the cell: volume alone, or shear as well, so that σ_xy = 0 (and σ_xz = σ_yz = 0), G₀ > 0",
+        "relaxed shape of the cell: volume alone, or shear as well, so that σ_xy = 0 (and σ_xz = σ_yz = 0), G₀ > 0. "
+        "With volume the bulk modulus is positive, with shear that of simple shear too; quasistatic with load tensor "
+        "says whether those of all loads are",
         choices=("volume", "shear"),
         group=WHAT,
     )

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jampetsc.analysis.elasticity import anisotropy, shear_modulus
+from jampetsc.analysis.elasticity import anisotropy, least_modulus, shear_modulus
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
@@ -113,7 +113,14 @@ def _write(writer, outcome):
         for key in ("C0", "eta0") if name else ("C0", "eta0", "eta_inf"):
             writer.dataset(f"{group}{key}", getattr(tensor, key))
         shear, deviation = shear_modulus(tensor.C0), anisotropy(tensor.C0)
-        writer.attributes(**{f"{prefix}shear_modulus": shear, f"{prefix}anisotropy": deviation})
+        least, _ = least_modulus(tensor.C0)
+        writer.attributes(
+            **{
+                f"{prefix}shear_modulus": shear,
+                f"{prefix}anisotropy": deviation,
+                f"{prefix}least_modulus": least,
+            }
+        )
     for name, column in zip(SCAN, outcome.scan.T, strict=True) if len(outcome.scan) else ():
         writer.dataset(f"beta_scan/{name}", column)
 
@@ -143,4 +150,13 @@ def _summary(to, physics, outcome, load=DEFAULT) -> str:
                 f"    shear modulus averaged over all directions {shear_modulus(tensor.C0):.6g}, anisotropy "
                 f"{anisotropy(tensor.C0):.2g}"
             )
+            lines.append(_stability(*least_modulus(tensor.C0)))
     return "\n".join(lines)
+
+
+def _stability(least, gradient) -> str:
+    """Whether C₀ is positive definite, in words."""
+    if least > 0.0:
+        return f"    every load has a positive modulus, at least {least:.6g} for a unit gradient"
+    rows = ",".join(f"{value + 0.0:.3g}" for value in gradient.ravel())
+    return f"    unstable to the load {rows}: modulus {least:.6g}"

@@ -8,7 +8,7 @@ from samples import network_of as build
 from scipy.io import mmread
 
 import jampetsc as jp
-from jampetsc.analysis.elasticity import anisotropy, bulk_modulus, modulus_along, shear_modulus
+from jampetsc.analysis.elasticity import anisotropy, bulk_modulus, least_modulus, modulus_along, shear_modulus
 from jampetsc.errors import InputError
 from jampetsc.laws.loads import (
     TENSOR,
@@ -302,6 +302,10 @@ def test_a_quasistatic_result_of_any_load(session):
         tensor.attributes["no_prestress_bulk_modulus"], rel=1e-10
     )
     assert tensor.attributes["shear_modulus"] == pytest.approx(shear_modulus(C0))
+    least, E = least_modulus(C0)
+    assert tensor.attributes["least_modulus"] == least and np.sum(E**2) == pytest.approx(1.0)
+    assert modulus_along(C0, E) == pytest.approx(least)
+    assert least <= min(2.0 * C0[2, 2], np.linalg.eigvalsh(C0[:2, :2])[0]) + 1e-12
     for name in ("G0", "eta0", "eta_inf"):  # of simple shear
         assert tensor.attributes[name] == plain.attributes[name]
     stress = measure(disks).stress
