@@ -159,9 +159,15 @@ def test_the_site_builds(tmp_path):
     settings = {"cwd": tmp_path, "capture_output": True, "text": True, "timeout": launch.MINUTES}
     done = subprocess.run(build, env=launch.environment() | {"NO_MKDOCS_2_WARNING": "1"}, **settings)
     assert done.returncode == 0, done.stderr
-    pages_made = [path.read_text() for path in (tmp_path / "site").rglob("*.html")]
+    site = tmp_path / "site"
+    pages_made = {path: path.read_text() for path in site.rglob("*.html")}
+    for path, page in pages_made.items():
+        for target in re.findall(
+            r'<(?:a|img)[^>]* (?:href|src)="([^"#?:]+)["#?]', page if path.name != "404.html" else ""
+        ):
+            assert (path.parent / target).exists(), f"{path.relative_to(site)}: {target}"
     fetched = r'<(?:script|link|img)[^>]*(?:src|href)="?(?:https?:)?//(?!jampetsc)'
-    assert len(pages_made) > 15 and not any(re.search(fetched, page) for page in pages_made)
+    assert len(pages_made) > 15 and not any(re.search(fetched, page) for page in pages_made.values())
 
 
 def test_links_between_documents_lead_somewhere():
