@@ -5,7 +5,7 @@ import numpy as np
 from jampetsc.commands import run_files
 from jampetsc.flows import flow_run
 from jampetsc.flows.steady_shear import SteadyShear
-from jampetsc.jamming import shear_path
+from jampetsc.jamming import quasistatic_shear
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.laws.relative_motion import transverse_axes
@@ -46,7 +46,7 @@ def shear(name, disks=None, rate=1e-2, step=0.05, method=None, tolerance=1e-13) 
 
 def stop_after(monkeypatch, saves) -> list:
     """Runs save after every row, and end as if killed when they have so often; [times that are left]."""
-    for module in (flow_run, shear_path):
+    for module in (flow_run, quasistatic_shear):
         monkeypatch.setattr(module, "SAVE_INTERVAL", -1.0)
     save, left = run_files.save_rows, [saves]
 

@@ -62,7 +62,7 @@ prefix -newton_."""
         from jampetsc.commands.run_files import run_provenance, save_rows, saved_rows, write_series
         from jampetsc.flows.means import discarded_strain
         from jampetsc.flows.trajectory import StrainSeries
-        from jampetsc.jamming.shear_path import PATH_COLUMNS, shear_quasistatically
+        from jampetsc.jamming.quasistatic_shear import PATH_COLUMNS, shear_quasistatically
         from jampetsc.minimise.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
 

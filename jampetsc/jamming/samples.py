@@ -1,22 +1,67 @@
-"""Samples of disks at packing fractions, jammed or not, each at a minimum of the energy: see `sample_protocol`."""
+"""Samples of disks at packing fractions, jammed or not, each at a minimum of the energy, and their jamming density.
+
+`sample_protocol` has the protocols. φ_J of a sample is where the energy of its minimum vanishes as the cell grows.
+"""
 
 from collections.abc import Callable
 
 import numpy as np
 
+from jampetsc.analysis.jammed_samples import assortativity
 from jampetsc.errors import ConvergenceError
-from jampetsc.jamming.jamming_density import find_jamming_density, segregation
 from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum, quench
 from jampetsc.jamming.sample_protocol import SampleProtocol
 from jampetsc.minimise.minimise import settle
-from jampetsc.minimise.protocols import random_start
+from jampetsc.minimise.protocols import random_start, rescaled
 from jampetsc.minimise.thermal import annealed
+from jampetsc.packing.neighbours import neighbour_pairs
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
+PHI_STEP = 2e-3  # of the search for φ_J before it is bracketed
+PHI_TOLERANCE = 1e-5  # largest final width of the bracket of φ_J
+MAX_SEARCH_PHI = 1.0  # largest φ of the search for φ_J
+MAX_NEIGHBOUR_GAP = 0.2  # largest gap between neighbours, in mean diameters
 RELAXED_FORCE = 1e-4  # max |F| in k_e/d to which a random start is relaxed before it is minimised
 PHI_ROUNDING = 1e-12  # packing fractions that differ by less have the same samples
 BATCH_SIZE = {"random": 20, "shear": 1, "compress": 2}  # starts of a rank between two calls of `save`
 _THERMAL = 1  # appended to the seeds of the random start, seeds the generator of its thermal moves
+
+
+def find_jamming_density(disks: Packing, jammed: bool, solver, tolerance: float) -> tuple[float, Packing]:
+    """(φ_J, disks of the loosest jammed state): φ_J is where the energy of a minimum vanishes as the cell grows.
+
+    disks: the minimum; if not jammed, it is compressed first. φ_J is bracketed to PHI_TOLERANCE; every looser state is
+    made from the loosest jammed one. Raises ConvergenceError where a minimum is not found, or none jams up to
+    MAX_SEARCH_PHI.
+    """
+    while not jammed:
+        if disks.phi + PHI_STEP > MAX_SEARCH_PHI:
+            raise ConvergenceError(f"no jammed state up to phi = {disks.phi:.6g}")
+        disks, state = quench(rescaled(disks, disks.phi + PHI_STEP), solver, tolerance)
+        jammed = state.jammed
+    loose = disks.phi
+    while jammed:
+        loose -= PHI_STEP
+        minimum, state = quench(rescaled(disks, loose), solver, tolerance)
+        jammed, disks = state.jammed, minimum if state.jammed else disks
+    while disks.phi - loose > PHI_TOLERANCE:
+        middle = 0.5 * (disks.phi + loose)
+        minimum, state = quench(rescaled(disks, middle), solver, tolerance)
+        disks, loose = (minimum, loose) if state.jammed else (disks, middle)
+    return 0.5 * (disks.phi + loose), disks
+
+
+def segregation(disks: Packing) -> float:
+    """Separation of sizes: assortativity of neighbours as large or small, 0 if mixed at random; nan for one size.
+
+    Neighbours are disks with a gap of less than MAX_NEIGHBOUR_GAP mean diameters.
+    """
+    large = disks.radii > disks.radii.mean()
+    i, j, _ = neighbour_pairs(
+        disks.positions, disks.radii, disks.cell, skin=2 * MAX_NEIGHBOUR_GAP * float(disks.radii.mean())
+    )
+    return assortativity(large, i, j)
 
 
 def make_samples(

@@ -10,11 +10,10 @@ from sheared import stop_after
 import jampetsc
 from jampetsc.analysis.jammed_samples import assortativity
 from jampetsc.errors import ConvergenceError
-from jampetsc.jamming import jamming_density, samples
-from jampetsc.jamming.jamming_density import find_jamming_density
+from jampetsc.jamming import samples
 from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, MinimumState, QuasistaticShear, quench
 from jampetsc.jamming.sample_protocol import SampleProtocol
-from jampetsc.jamming.samples import sample_seed
+from jampetsc.jamming.samples import find_jamming_density, sample_seed
 from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
@@ -241,7 +240,7 @@ def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
 
     def search(**more):
         quench = Densities(phi_J, **more)
-        monkeypatch.setattr(jamming_density, "quench", quench)
+        monkeypatch.setattr(samples, "quench", quench)
         return *find_jamming_density(disks, phi_J <= 0.85, None, 1e-6), quench.asked
 
     found, loosest, asked = search()
@@ -256,15 +255,11 @@ def test_a_jamming_density_is_bracketed(monkeypatch, phi_J):
 
 def test_the_search_for_a_jamming_density_ends(monkeypatch):
     quench = Densities(2.0)
-    monkeypatch.setattr(jamming_density, "quench", quench)
+    monkeypatch.setattr(samples, "quench", quench)
     disks = random_disks(16, 0.95)
     with pytest.raises(ConvergenceError, match="no jammed state"):
         find_jamming_density(disks, False, None, 1e-6)
-    assert (
-        jamming_density.MAX_SEARCH_PHI - jamming_density.PHI_STEP
-        < quench.asked[-1]
-        <= jamming_density.MAX_SEARCH_PHI + 1e-12
-    )
+    assert samples.MAX_SEARCH_PHI - samples.PHI_STEP < quench.asked[-1] <= samples.MAX_SEARCH_PHI + 1e-12
 
 
 def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):
@@ -292,7 +287,7 @@ def test_neighbours_are_a_fifth_of_a_diameter_apart_at_most(gap, found):
     apart = np.array([1.0, 0.8]) + gap * 0.9
     places = [[0.0, 0.0], [apart[0], 0.0], [5.0, 0.0], [5.0 + apart[1], 0.0]]
     disks = Packing.from_positions(places, [0.5, 0.5, 0.4, 0.4], 12 * np.eye(2))
-    assert jamming_density.segregation(disks) == pytest.approx(found, nan_ok=True)
+    assert samples.segregation(disks) == pytest.approx(found, nan_ok=True)
 
 
 def test_assortativity_of_a_star():

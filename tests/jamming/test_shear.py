@@ -10,9 +10,14 @@ import jampetsc
 from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.flows.trajectory import StrainSeries
-from jampetsc.jamming import quasistatic_shear, shear_path
-from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, QuasistaticShear, measure_minimum
-from jampetsc.jamming.shear_path import PATH_COLUMNS, shear_quasistatically
+from jampetsc.jamming import quasistatic_shear
+from jampetsc.jamming.quasistatic_shear import (
+    ENERGY_CUT,
+    PATH_COLUMNS,
+    QuasistaticShear,
+    measure_minimum,
+    shear_quasistatically,
+)
 from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.minimise.descent import Effort, Goal
 from jampetsc.minimise.minimise import minimise, settle
@@ -282,7 +287,7 @@ def test_one_run_is_one_process(session, shared_path):
 
 
 def test_a_path_of_minima_is_resumed_from_what_it_saves(jammed, monkeypatch):
-    monkeypatch.setattr(shear_path, "SAVE_INTERVAL", -1.0)  # after every step
+    monkeypatch.setattr(quasistatic_shear, "SAVE_INTERVAL", -1.0)  # after every step
     disks, solver = jammed
     saved = []
     whole = shear_quasistatically(

@@ -14,9 +14,8 @@ from jampetsc.packing.potentials import Potential
 from jampetsc.petsc import eigen
 from jampetsc.response import vibrations as modes_module
 from jampetsc.response.assembly import assemble
-from jampetsc.response.contributions import LOWEST
 from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.vibrations import _require_different, lowest_modes
+from jampetsc.response.vibrations import LOWEST, _require_different, lowest_modes
 
 pytestmark = pytest.mark.scalar("real")
 

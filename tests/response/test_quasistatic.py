@@ -27,8 +27,7 @@ from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.response import elastic as elastic_module
 from jampetsc.response.assembly import assemble
 from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.slow_response import solve
-from jampetsc.response.viscosity import infinite_viscosity
+from jampetsc.response.slow_response import infinite_viscosity, solve
 
 pytestmark = pytest.mark.scalar("real")
 
