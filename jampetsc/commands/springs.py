@@ -15,18 +15,19 @@ from jampetsc.packing.spring_network import Network
 
 
 def _size(value):
-    """(columns, rows) of unit cells; one number is both."""
+    """Numbers of unit cells along the axes; one number is that of all."""
     try:
-        sides = [int(word) for word in split_list(value)]
+        sides = tuple(int(word) for word in split_list(value))
     except (TypeError, ValueError):
-        raise ValueError("must be a whole number, or columns,rows such as 64,32") from None
-    if len(sides) not in (1, 2):
-        raise ValueError("must be a whole number, or columns,rows such as 64,32")
-    return (*sides, *sides) if len(sides) == 1 else tuple(sides)
+        raise ValueError("must be a whole number, or one for each axis such as 64,32") from None
+    if len(sides) > 3:
+        raise ValueError("must be a whole number, or one for each axis such as 64,32")
+    return sides
 
 
+DEFAULT_SIZES = {2: 32, 3: 10}  # unit cells along each axis, by dimension
 SIZE = ValueType(
-    _size, lambda size: ",".join(map(str, size)), metavar="N|NX,NY", python="integer or (NX, NY)"
+    _size, lambda size: ",".join(map(str, size)), metavar="N|NX,NY[,NZ]", python="integer or (NX, NY)"
 )
 
 
@@ -43,6 +44,7 @@ class Springs(Job):
     OUT_HELP: ClassVar = "network file to write"
     EPILOG: ClassVar = """examples:
   jampetsc springs --lattice triangular --size 32 --keep 0.7 --seed 1 --out net.h5
+  jampetsc springs --lattice fcc --size 8 --keep 0.5 --seed 1 --out net3d.h5       # 2048 nodes in three dimensions
   jampetsc springs p.h5 --keep 0.95 --seed 1 --out cut.h5     # contacts of a packing without 5 % of them"""
     STUDY_INPUTS: ClassVar = TaskInputs(NO_FILE)
 
@@ -51,7 +53,8 @@ class Springs(Job):
     )
     lattice: str | None = optional_parameter("kind of lattice", choices=tuple(LATTICES))
     size: tuple | None = optional_parameter(
-        "unit cells along x, or along x and y (default 32); triangular and square have one node each, kagome three",
+        "unit cells along all axes, or along each (default 32, in three dimensions 10); triangular, square and cubic "
+        "have one node each, kagome three, fcc four",
         value_type=SIZE,
     )
     keep: float = parameter(
@@ -69,11 +72,16 @@ class Springs(Job):
             raise InputError(f"{named('size')}: an option of {named('lattice')}. Leave it out.")
 
     def work(self, to):
-        network = build_lattice(self.lattice, self.size or (32, 32)) if self.lattice else self._of_source()
+        network = self._of_lattice() if self.lattice else self._of_source()
         if self.keep < 1.0:
             network = network.diluted(self.keep, self.seed).with_record(keep=self.keep, seed=self.seed)
         to.put_network(network)
         return describe_network(to, network)
+
+    def _of_lattice(self):
+        dimension = len(LATTICES[self.lattice].vectors)
+        size = self.size or (DEFAULT_SIZES[dimension],)
+        return build_lattice(self.lattice, size * dimension if len(size) == 1 else size)
 
     def _of_source(self):
         source, (name, digest) = read_identified(self.source, read=read_source)

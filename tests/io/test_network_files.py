@@ -180,7 +180,7 @@ def test_commands_make_and_describe_networks(tmp_path, monkeypatch, capsys):
         ("springs --lattice square --size 1 --out x.h5", "size: 1,1, must lie between 2 and 4096 unit cells"),
         (
             "springs --lattice square --size 2,3,4 --out x.h5",
-            "--size 2,3,4: must be a whole number, or columns,rows",
+            "size: 2,3,4, must be 2 numbers of unit cells of this lattice",
         ),
         ("springs --lattice square --keep 0 --out x.h5", "--keep 0: must"),
         (

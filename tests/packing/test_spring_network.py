@@ -142,7 +142,18 @@ def test_lattices(kind, neighbours, area, size):
     assert abs(network.cell[1, 0]) <= network.cell[0, 0] / 2
     angles = np.degrees(np.arctan2(*network.linear_bonds.r.T[::-1])) % 180.0
     assert {*np.rint(angles).astype(int) % 180} == ({0, 90} if kind == "square" else {0, 60, 120})
-    assert set(LATTICES) == {"triangular", "square", "kagome"}
+    assert set(LATTICES) == {"triangular", "square", "kagome", "cubic", "fcc"}
+
+
+@pytest.mark.parametrize(("kind", "neighbours", "volume"), [("cubic", 6, 1.0), ("fcc", 12, np.sqrt(0.5))])
+def test_lattices_in_space(kind, neighbours, volume):
+    network = build_lattice(kind, (2, 3, 4))
+    assert network.volume / network.n == pytest.approx(volume)
+    np.testing.assert_array_equal(np.bincount(network.bonds.ravel()), neighbours)
+    np.testing.assert_allclose(network.linear_bonds.distance, 1.0, rtol=1e-14)
+    assert network.record["protocol"] == f"{kind} lattice of 2 x 3 x 4 unit cells"
+    with pytest.raises(InputError, match="size: 4,4, must be 3 numbers of unit cells of this lattice"):
+        build_lattice(kind, (4, 4))
 
 
 def test_lattices_that_are_refused():

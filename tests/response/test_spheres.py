@@ -167,6 +167,13 @@ def test_results_in_files(session, shared_path):
     )
     assert modes["modes"].shape[::2] == (39, 3) and modes["tensor/force"].shape == (39, 6)
     np.testing.assert_allclose(modes["tensor/modulus"].sum(axis=0), 1.0, rtol=1e-9)
+    if (
+        session.size == 1
+    ):  # a∥² and the square of both transverse components are all of the motion of a contact
+        contacts, rows = measure(packing).contacts, np.argsort(modes["particles"])
+        apart = modes["modes"][:, rows][:, contacts.j] - modes["modes"][:, rows][:, contacts.i]
+        squares = np.sum(apart**2, axis=2).mean(axis=1)
+        np.testing.assert_allclose(modes["normal"] + modes["transverse"], squares, rtol=1e-9)
     few = jampetsc.modes(packing, count=5)
     np.testing.assert_allclose(few["eigenvalues"], modes["eigenvalues"][: len(few["eigenvalues"])], rtol=1e-9)
     matrices = jampetsc.assemble(packing, law).to_scipy()

@@ -12,6 +12,7 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.laws.loads import Load, symmetric_loads
 from jampetsc.network.contact_network import build_network
 from jampetsc.packing.contacts import measure
+from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.response.assembly import assemble
@@ -79,6 +80,17 @@ def test_a_plane_in_space(session):
     simple = sweep_rationally(pencil, OMEGA, 1e-8)
     plane = sweep_rationally(assemble(build_network(flat, session.comm, False), law.law), OMEGA, 1e-8)
     np.testing.assert_allclose(depth * simple.G, plane.G, rtol=1e-7)
+
+
+def test_the_face_centred_cubic_lattice(session):
+    """All motion is affine: C_xxxx = √2 k, C_xxyy = C_xyxy = k/√2, and drag adds the fluid alone."""
+    law = physics("stokes", eta_f=0.5)
+    C = tensor(build_lattice("fcc", (2, 2, 3)), law, session.comm)
+    pairs = {(0, 0): np.sqrt(2.0), (0, 1): np.sqrt(0.5), (3, 3): np.sqrt(0.5), (0, 3): 0.0, (4, 5): 0.0}
+    for (row, column), expected in pairs.items():
+        np.testing.assert_allclose(C[:, row, column].real, expected, atol=1e-13)
+    np.testing.assert_allclose(C[:, 5, 5].imag / OMEGA, 0.5, rtol=1e-12)
+    np.testing.assert_allclose(C[:, 0, 0].imag / OMEGA, 0.5 * 4.0 / 3.0, rtol=1e-12)
 
 
 def test_a_sphere_may_twist_about_its_only_bond(session):
