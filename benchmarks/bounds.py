@@ -67,31 +67,33 @@ def power(rng, decades) -> float:
 
 
 def draw(number: int) -> Case:
-    """The case of a number, the same on every machine."""
+    """The case of a number, the same on every machine; every fifth of packings is of spheres."""
     from jampetsc.laws.damping import Physics
 
     rng = np.random.default_rng([2026, number])
-    source, kind = draw_packing(rng) if rng.random() < 0.6 else draw_network(rng)
+    dimension = 3 if number % 5 == 3 else 2
+    source, kind = draw_packing(rng, dimension) if rng.random() < 0.6 else draw_network(rng)
     prestress = bool(rng.random() < 0.7)
     return Case(
         source,
         kind,
         Physics(draw_law(rng, source.radii is not None), prestress),
-        draw_load(rng),
+        draw_load(rng, len(source.cell)),
         np.sort([power(rng, FREQUENCIES) for _ in range(COUNT)]),
         power(rng, ACCURACIES),
         "rational" if rng.random() < 0.8 else "direct",
     )
 
 
-def draw_packing(rng):
+def draw_packing(rng, dimension):
     """(packing, words)."""
     import jampetsc
 
     n, pressure, seed = int(rng.choice(SIZES)), power(rng, PRESSURES), int(rng.integers(1, 10**6))
     potential = str(rng.choice(["harmonic", "hertzian"], p=[0.8, 0.2]))
-    packing = jampetsc.pack(n=n, pressure=pressure, seed=seed, potential=potential)
-    return packing, f"{potential} packing of {n}, p = {pressure:.1e}"
+    settings = {"pressure": pressure, "seed": seed, "potential": potential, "dimension": dimension}
+    packing = jampetsc.pack(n=n, **settings)
+    return packing, f"{potential} packing in {dimension}D of {n}, p = {pressure:.1e}"
 
 
 def draw_network(rng):
@@ -131,7 +133,7 @@ def draw_law(rng, rolls):
     return Law("random", **weights)
 
 
-def draw_load(rng):
+def draw_load(rng, dimension):
     """The tensor, a load with a name, or a gradient."""
     from jampetsc.laws.loads import named_loads
 
@@ -139,8 +141,8 @@ def draw_load(rng):
     if choice < 0.5:
         return "tensor"
     if choice < 0.75:
-        return str(rng.choice(sorted(named_loads(2))))
-    return rng.normal(size=(2, 2))
+        return str(rng.choice(sorted(named_loads(dimension))))
+    return rng.normal(size=(dimension, dimension))
 
 
 def examine(case: Case) -> Outcome:
@@ -164,7 +166,7 @@ def examine(case: Case) -> Outcome:
         )
     except JampetscError as error:
         return Outcome(case, refused=str(error))
-    loads = [load.gradient for load in loads_of(load_text(case.load), 2)]
+    loads = [load.gradient for load in loads_of(load_text(case.load), len(case.source.cell))]
     kind = Reference if isinstance(case.source, Packing) else NetworkReference
     reference = kind(case.source, case.physics, loads)
     if len(loads) == 1:
