@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.minimise.descent import Effort, Goal, stress_unit
+from jampetsc.minimise.isotropic import relax_sides
 from jampetsc.minimise.minimise import Minimum, minimise, relax, settle
 from jampetsc.packing.compiled import instruction_set
 from jampetsc.packing.contacts import measure, typical_force
 from jampetsc.packing.neighbours import spatial_order
-from jampetsc.packing.packing import PARTICLES, UNIT_BALL, Packing, deformed
+from jampetsc.packing.packing import PARTICLES, UNIT_BALL, Packing, deformed, require_plane
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import growth_of
 from jampetsc.packing.threads import Team
@@ -29,7 +30,8 @@ class Target:
 
     pressure: float | None = None
     phi: float | None = None
-    stabilise: str = "volume"  # "shear": also no shear stress and positive shear moduli
+    # "shear": also no shear stress and positive shear moduli; "all": also σ_xx = σ_yy, stable to all strains
+    stabilise: str = "volume"
     tolerance: float = 1e-10  # max |F| / (p d^(D−1)) and |Δp| / p
 
 
@@ -103,18 +105,22 @@ def make_packing(
     fresh: a random start, relaxed in its cell first; otherwise a packing whose pressure is changed. At a
     target pressure the path goes down decade by decade, every packing on the way relaxed to max |F| = 1e-2 p
     d. At a target φ the disks come to rest in their cell; to stabilise "shear" the cell then shears at this φ, to a
-    minimum of U over positions and γ, where dU/dγ = V σ_xy = 0. solver: see `newton`. team: the threads to do it
+    minimum of U over positions and γ, where dU/dγ = V σ_xy = 0; to stabilise "all" its sides relax as well. solver: see
+    `newton`. team: the threads to do it
     with; how many does not change the packing.
 
-    Raises ConvergenceError where no minimum is reached, InputError for a φ below jamming.
+    Raises ConvergenceError where no minimum is reached, InputError for a φ below jamming, and for spheres to be
+    stabilised against all strains.
     """
+    if target.stabilise == "all":
+        require_plane(start, f"Give {named('stabilise')} shear.")
     effort = effort or Effort()
     disks, path = start, []
     if target.pressure is None:
         goal = Goal()
         path.append(f"phi = {target.phi:.10g}")
     else:
-        goal = Goal(target.pressure, target.stabilise == "shear")
+        goal = Goal(target.pressure, target.stabilise != "volume")
         unit = stress_unit(disks)
         if fresh:
             effort.stage = "random start"
@@ -133,9 +139,13 @@ def make_packing(
         path.append(f"p = {target.pressure:.6g}")
     how = {"tolerance": target.tolerance, "shakes": SHAKES, "team": team, "effort": effort}
     found = minimise(disks, goal, solver, **how)
-    if target.pressure is None and target.stabilise == "shear" and found.jammed:
+    if target.pressure is None and target.stabilise != "volume" and found.jammed:
         path.append("shear_stress = 0")
-        found = minimise(found.disks, Goal(shear=True), solver, **how)
+        goal = Goal(shear=True)
+        found = minimise(found.disks, goal, solver, **how)
+    if target.stabilise == "all" and found.jammed:
+        path.append("isotropic stress")
+        found = relax_sides(found, goal, solver, **how)
     if not found.jammed:
         particles = PARTICLES[found.disks.dimension]
         raise InputError(

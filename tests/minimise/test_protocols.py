@@ -7,6 +7,7 @@ from samples import physics
 
 from jampetsc.minimise import protocols
 from jampetsc.minimise.descent import Goal
+from jampetsc.minimise.isotropic import stretched
 from jampetsc.minimise.minimise import minimise
 from jampetsc.minimise.protocols import Target
 from jampetsc.minimise.sizes import radii_of
@@ -59,6 +60,25 @@ def test_shear_stabilised(n, pressure, seed):
     assert abs(state.pressure - pressure) <= 1e-10 * pressure
     assert disks.cell[1, 0] != 0
     assert disks.record["shear_modulus"] > 0
+
+
+@pytest.mark.parametrize(("n", "pressure", "seed"), [(16, 1e-2, 2), (64, 1e-4, 2)])
+def test_stable_to_all_strains(n, pressure, seed):
+    """Isotropic stress, and the enthalpy grows with any stretch of the sides."""
+    disks = pack(n, Target(pressure, stabilise="all"), seed)
+    state = measure(disks)
+    np.testing.assert_allclose(state.stress, -pressure * np.eye(2), rtol=0, atol=3e-10 * pressure)
+    assert (
+        disks.record["protocol"].endswith(", then isotropic stress") and disks.record["shear_modulus"] > 0.0
+    )
+    enthalpies = []
+    for stretch in (-0.01 * pressure, 0.0, 0.01 * pressure):
+        goal = Goal(pressure, shear=True)
+        found = minimise(stretched(disks, stretch), goal, NewtonSolver(), tolerance=1e-12).disks
+        enthalpies.append(measure(found).energy + pressure * found.volume)
+    assert enthalpies[1] < min(enthalpies[0], enthalpies[2])
+    only_shear = measure(pack(n, Target(pressure, stabilise="shear"), seed)).stress
+    assert abs(only_shear[0, 0] - only_shear[1, 1]) > 1e-6 * pressure
 
 
 def sheared(disks, strain):
