@@ -15,9 +15,8 @@ from jampetsc.packing.spring_network import Network
     [
         (
             "flow p.h5 --model RD0 --rate 1e-2 --strain 0.1 --out f.h5",
-            "p.h5: three-dimensional. Shear is of disks",
+            "p.h5: three-dimensional. Flow at a rate is of disks",
         ),
-        ("shear p.h5 --step 1e-2 --strain 0.1 --out s.h5", "p.h5: three-dimensional. Shear is of disks"),
         (
             "plot p.h5 --out p.png",
             "the packing: three-dimensional. Draw it in OVITO or ParaView: jampetsc export",
