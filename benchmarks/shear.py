@@ -23,7 +23,7 @@ from common import processor
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
 from jampetsc.minimise.descent import Descent, Goal
-from jampetsc.minimise.fire import fall
+from jampetsc.minimise.fire import fire_descent
 from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
@@ -122,7 +122,7 @@ def conjugate(disks, goal, most):
 def by_fire(disks, goal):
     """As `by_conjugate_gradients`."""
     descent = Descent(disks, Goal(), Team())
-    fall(descent, goal, MOST)
+    fire_descent(descent, goal, MOST)
     return descent.evaluations
 
 

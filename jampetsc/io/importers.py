@@ -108,12 +108,12 @@ def read_table(content, index, format):
 
 def _read_exchanged(content, index, format, radius, box, law):
     table = read_table(content, index, format)
-    given = box_of(table, box)
+    cell = box_of(table, box)
     radii, law = radii_in(table.columns, radius), table.law | law
     positions, box = table.places(PLANE_TOLERANCE * float(np.max(radii, initial=0.0)))
     record = {"protocol": format} | ({"units": law.pop("units")} if "units" in law else {})
     assumed = ", ".join(name for name in LAW if name not in law)
-    disks = Packing(positions, radii, given if box is None else box, **law)
+    disks = Packing(positions, radii, cell if box is None else box, **law)
     return disks.with_record(**record, **({"assumed": assumed} if assumed else {}))
 
 

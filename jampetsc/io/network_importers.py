@@ -43,11 +43,11 @@ def import_network(path, bonds=None, index=0, *, format=None, radius=None, box=N
             )
         table = read_table(content, index, format)
         has_radii = radius or any(name.lower() in RADII for name in table.columns)
-        given = box_of(table, box)
+        cell = box_of(table, box)
         positions, box = table.places()
         nodes = {
             "positions": positions,
-            "cell": given if box is None else box,
+            "cell": cell if box is None else box,
             "radii": radii_in(table.columns, radius) if has_radii else None,
         }
         k = table.law.get("k", 1.0) if k is None else k

@@ -38,7 +38,7 @@ transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of 
   python, `law` is its label and weights of 0 are left out
 prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
 load | text? | | displacement gradient E: a name, its numbers, or `tensor`, the symmetric loads xx, yy, (zz, yz, xz,)
-  xy, shears with E = ½(x̂ŷ + ŷx̂); missing: simple shear `xy`, of which the fields of `tensor` are, too
+  xy, shears with E = ½(x̂ŷ + ŷx̂); missing: simple shear `xy`, as are the fields of `tensor`
 stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε² and its viscous part
 alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress in units of k
 dimension | int? | | 3 for spheres and for networks in three dimensions; missing: 2

@@ -17,7 +17,7 @@ from jampetsc.flows.flow_run import SAVE_INTERVAL
 from jampetsc.flows.trajectory import StrainSeries
 from jampetsc.minimise import warm_start
 from jampetsc.minimise.descent import Effort, Goal, stress_unit
-from jampetsc.minimise.minimise import HANDOVER, UNJAMMED, minimise
+from jampetsc.minimise.minimise import MIN_JAMMED_PRESSURE, NEWTON_START_FORCE, minimise
 from jampetsc.minimise.newton import FORCE_FLOOR
 from jampetsc.packing.contacts import find_contacts, measure, typical_force
 from jampetsc.packing.neighbour_list import SKIN_RANGE, ListedPacking
@@ -136,7 +136,9 @@ class QuasistaticShear(ListedPacking):
 
     def _quench(self, disks) -> Packing:
         effort = Effort()
-        tolerance = min(self.tolerance, HANDOVER)  # a saddle that was just left is at rest to a larger one
+        tolerance = min(
+            self.tolerance, NEWTON_START_FORCE
+        )  # a saddle that was just left is at rest to a larger one
         minimum = minimise(disks, Goal(), self.solver, tolerance=tolerance, team=self.team, effort=effort)
         self.effort.evaluations += effort.evaluations
         self.effort.newton_steps += effort.newton_steps
@@ -152,9 +154,12 @@ class QuasistaticShear(ListedPacking):
         """Fold the disks and make new list, order and factor: from here `restore` repeats a run to the last bit."""
         self.fold()
         self._anchor = self.reference, self.last_displacement.copy(), self.steps, replace(self.effort)
-        self._needs_proof = self.tolerance > HANDOVER  # forces as large also rest on slopes
+        self._needs_proof = self.tolerance > NEWTON_START_FORCE  # forces as large also rest on slopes
         self._find_order()
-        law, pressure = self.reference.potential, max(measure(self.reference).pressure, UNJAMMED * self._unit)
+        law, pressure = (
+            self.reference.potential,
+            max(measure(self.reference).pressure, MIN_JAMMED_PRESSURE * self._unit),
+        )
         usual = law.overlap_at(2.0 * typical_force(self.reference, pressure), self.diameter)
         self._stiffness = float(law.contact_stiffness(usual, self.diameter))
         self._factorise()
@@ -187,7 +192,7 @@ class QuasistaticShear(ListedPacking):
         unit = typical_force(self.reference, 1.0)
         scalars = (
             self.largest, self.skin, self.volume, self.shear, tolerance, FORCE_FLOOR * self._stiffness * self.diameter,
-            UNJAMMED * self._unit, unit, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
+            MIN_JAMMED_PRESSURE * self._unit, unit, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
         state = self._factor, self._memory, self.offsets, self._displacement, forces
         return warm_start.follow(self.pairs, self._law, scalars, *state)

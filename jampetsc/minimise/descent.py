@@ -17,7 +17,7 @@ from jampetsc.packing.threads import Team
 MEMORY = 5  # pairs (s, y) that are kept
 STEPS = 2000  # evaluations between two adjustments of the skin
 MAX_MOVE = 0.1  # no disk moves farther in one step, in units of d
-FIRST = 0.1  # first step, in units of force / contact stiffness
+FIRST_STEP = 0.1  # first step, in units of force / contact stiffness
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def stress_unit(disks: Packing) -> float:
 class Descent(ListedPacking):
     """Disks as they were when their pairs were listed, and their moves since.
 
-    `evaluations` counts those of forces, `effort` also those of descents before.
+    `evaluations` counts evaluations of forces, `effort` also the ones of earlier descents.
     """
 
     def __init__(self, disks: Packing, goal: Goal, team: Team | None = None, effort: Effort | None = None):
@@ -192,7 +192,7 @@ class Descent(ListedPacking):
             reach=MAX_MOVE * self.diameter,
             widest=self.largest,
             skin=self.skin,
-            softness=FIRST / self.stiffest(),
+            softness=FIRST_STEP / self.stiffest(),
             force=float(force),
             box_force=float(box_force),
             steps=steps,

@@ -121,7 +121,7 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
     return status, done, Clock(step, mixing, downhill)
 
 
-def fall(descent: Descent, force: float, evaluations: int) -> bool:
+def fire_descent(descent: Descent, force: float, evaluations: int) -> bool:
     """Move the disks of `descent` in their cell until max |F| ≤ force; False if `evaluations` did not suffice."""
     shape = descent.space.offsets.shape
     number = descent.domains.number

@@ -140,7 +140,7 @@ def _sum(values, i, j, on_i, on_j, across, free, diagonal, blocks):
 def border(bonds: Bonds, n: int, volume: float, pressure: float):
     """Second derivatives by moves and strains of the cell (N, D, C), and by two strains (C, C).
 
-    The C strains are those of `strain.cell_strain`: ε and the shears.
+    The C strains are as in `strain.cell_strain`: ε and the shears.
     """
     r, f, k, weights = bonds.distance, bonds.force, bonds.stiffness, bonds.weights.T
     forms = [
@@ -159,6 +159,8 @@ def border(bonds: Bonds, n: int, volume: float, pressure: float):
         rows.append(bonds.on_disks(sheared, n))
         corner[0, load] = corner[load, 0] = np.sum((k * r - f) * bonds.normal[a] * bonds.r[b])
         for other, motions in enumerate(loads, 1):
-            squares_of = [w * (one * two) for w, one, two in zip(weights, loads[-1], motions, strict=True)]
+            squares_of = [
+                w * (load * motion) for w, load, motion in zip(weights, loads[-1], motions, strict=True)
+            ]
             corner[load, other] = corner[other, load] = np.sum(sum(squares_of))
     return np.stack(rows, axis=-1), corner

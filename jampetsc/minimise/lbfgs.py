@@ -6,7 +6,7 @@ F = e^ε (1 + g) of `strain.cell_strain` and W = Σ (f/r) r rᵀ,
 
     ∂H/∂o = −Fᵀ f,    ∂H/∂ε = −(tr W − D p V),    ∂H/∂g_xy = −W_xy + g_yz W_xz,    H = U + p V,
 
-∂H/∂g_xz = −W_xz and ∂H/∂g_yz = −W_yz. In a plane there is no z.
+∂H/∂g_xz = −W_xz and ∂H/∂g_yz = −W_yz. A plane has no z.
 
 The direction is that of the two-loop recursion (Nocedal, Math. Comput. 35, 773 (1980)), carried out on inner products
 alone, which the loops of `lbfgs_kernels` sum over all disks, in two passes per step. Energies are not used: slopes stay
@@ -181,7 +181,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
                 shrinks += 1
                 meet(counter, threads)
                 continue
-            # The new pair: its products with the others follow from those of the two gradients.
+            # The new pair: its products with the others follow from products of the two gradients.
             for b in range(strains):
                 change = pull[b] - pull_before[b]
                 box_pairs[2 * head + 1, b] = change

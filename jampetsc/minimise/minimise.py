@@ -1,8 +1,8 @@
 """Minimise in this cell, at this area or at this pressure: from any disks to a proved minimum of energy or enthalpy.
 
 L-BFGS comes first: it follows the rearrangements of a quench cheaply, and does not need the contacts of the minimum.
-Newton's method then takes a few steps; if it does not converge, contacts still change, and L-BFGS goes on to a tenth of
-the forces. What has converged is proved a minimum; if it is a saddle, it is left along a mode of negative curvature.
+Newton's method then takes a few steps; if it does not converge, contacts still change, and L-BFGS continues to a tenth
+of the forces. What has converged is proved a minimum; if it is a saddle, it is left along a mode of negative curvature.
 """
 
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.descent import Descent, Effort, Goal, stress_unit
-from jampetsc.minimise.fire import fall
+from jampetsc.minimise.fire import fire_descent
 from jampetsc.minimise.newton import Limits, Newton, Point
 from jampetsc.packing.contacts import IMBALANCE
 from jampetsc.packing.packing import Packing, with_proof
 from jampetsc.packing.threads import Team
 
-HANDOVER = 1e-5  # max |F| / (p d^(D−1)) at which Newton's method is tried first
-EVALUATIONS = 20_000_000  # force evaluations after which a minimisation is given up
+NEWTON_START_FORCE = 1e-5  # max |F| / (p d^(D−1)) at which Newton's method is tried first
+MAX_EVALUATIONS = 20_000_000  # force evaluations after which a minimisation is given up
 SLICE = 20_000  # evaluations between two reports
-SETTLING = 20_000  # most evaluations for the first relaxation of a random start
-SADDLES = 20  # saddles left before the minimisation is given up or disks are shaken
-SHAKEN = 0.02  # how far disks move in the first shake, in units of d; twice as far in each next one
-UNJAMMED = 1e-11  # pressure in units of k below which disks in a fixed cell do not touch
+MAX_SETTLING_EVALUATIONS = 20_000  # evaluations for the first relaxation of a random start
+MAX_SADDLES = 20  # saddles left before the minimisation is given up or disks are shaken
+SHAKE_LENGTH = 0.02  # largest move of disks in the first shake, in units of d; twice as far in each next one
+MIN_JAMMED_PRESSURE = 1e-11  # pressure in units of k below which disks in a fixed cell do not touch
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class Minimum:
 def settle(
     disks: Packing, force: float, *, team: Team | None = None, effort: Effort | None = None
 ) -> Packing:
-    """Random disks after a first relaxation in their cell, to max |F| ≤ force or for SETTLING evaluations."""
+    """Random disks after a first relaxation in their cell, to max |F| ≤ force or for MAX_SETTLING_EVALUATIONS."""
     descent = Descent(disks, Goal(), team, effort)
-    fall(descent, force, SETTLING)
+    fire_descent(descent, force, MAX_SETTLING_EVALUATIONS)
     return descent.disks
 
 
@@ -52,7 +52,7 @@ def relax(
 ):
     """Disks after L-BFGS to max |F| ≤ force and, where the cell moves, |Δp| ≤ force / d^(D−1); not a minimum yet.
 
-    Raises ConvergenceError after EVALUATIONS.
+    Raises ConvergenceError after MAX_EVALUATIONS.
     """
     descent = Descent(disks, goal, team, effort)
     while not _down_to(descent, force):
@@ -85,26 +85,30 @@ def minimise(
     """
     descent = Descent(disks, goal, team, effort)
     effort, newton, limits = descent.effort, Newton(descent, solver), Limits(descent, tolerance)
-    fraction = HANDOVER
+    fraction = NEWTON_START_FORCE
     while True:
         pressure = _down_to_fraction(descent, fraction, limits)
-        if goal.pressure is None and pressure < UNJAMMED * stress_unit(disks):
+        if goal.pressure is None and pressure < MIN_JAMMED_PRESSURE * stress_unit(disks):
             return Minimum(descent.disks, False, pressure, Point.of(descent).residual.force, "tolerance", 0.0)
         if newton.converge(limits):
             descent.fold()  # so that the proof is of the disks that are returned, to the last bit
             point, modulus = Point.of(descent), newton.prove()
-            if modulus is None and effort.saddles < SADDLES * (effort.shakes + 1) and newton.leave_saddle():
+            if (
+                modulus is None
+                and effort.saddles < MAX_SADDLES * (effort.shakes + 1)
+                and newton.leave_saddle()
+            ):
                 effort.saddles += 1
-                fraction = HANDOVER
+                fraction = NEWTON_START_FORCE
                 continue
             if modulus is not None and point.residual.within(limits.at(point.pressure)):
-                asked = point.residual.within(limits.asked(point.pressure))
+                is_within_tolerance = point.residual.within(limits.of_tolerance(point.pressure))
                 return Minimum(
                     with_proof(descent.disks),
                     True,
                     point.pressure,
                     point.residual.force,
-                    "tolerance" if asked else "rounding",
+                    "tolerance" if is_within_tolerance else "rounding",
                     modulus,
                 )
         if fraction * descent.force_at(pressure) >= 0.1 * limits.at(pressure).force:
@@ -112,9 +116,9 @@ def minimise(
             continue
         if effort.shakes == shakes:
             raise _failure(descent, pressure)
-        shake(descent, SHAKEN * 2.0**effort.shakes * descent.diameter)
+        shake(descent, SHAKE_LENGTH * 2.0**effort.shakes * descent.diameter)
         effort.shakes += 1
-        fraction = HANDOVER
+        fraction = NEWTON_START_FORCE
 
 
 def proved(disks: Packing, solver) -> Packing:
@@ -134,11 +138,11 @@ def shake(descent: Descent, reach: float):
 
 
 def _down_to(descent: Descent, force: float) -> bool:
-    """One slice of L-BFGS; whether max |F| ≤ force is reached. Raises ConvergenceError after EVALUATIONS."""
+    """One slice of L-BFGS; whether max |F| ≤ force is reached. Raises ConvergenceError after MAX_EVALUATIONS."""
     box_force = descent.dimension * descent.volume * force / descent.force_at(1.0)
     reached = descent.descend(force, box_force, SLICE)
     descent.effort.report(descent.effort)
-    if not reached and descent.evaluations > EVALUATIONS:
+    if not reached and descent.evaluations > MAX_EVALUATIONS:
         raise _failure(descent, Point.of(descent).pressure)
     return reached
 
@@ -149,7 +153,9 @@ def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> floa
     while True:
         point = Point.of(descent)
         pressure = point.pressure if descent.goal.pressure is None else descent.goal.pressure
-        is_unjammed = descent.goal.pressure is None and pressure < UNJAMMED * stress_unit(descent.disks)
+        is_unjammed = descent.goal.pressure is None and pressure < MIN_JAMMED_PRESSURE * stress_unit(
+            descent.disks
+        )
         if is_unjammed:
             return pressure
         descent.effort.residual = point.residual.force / descent.force_at(pressure)

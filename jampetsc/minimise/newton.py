@@ -25,17 +25,17 @@ from jampetsc.minimise.hessian import Bonds, Pattern, border
 from jampetsc.packing.contacts import both_ends, find_rattlers, force_threshold, virial_pressure
 from jampetsc.packing.neighbours import lengths
 
-STEPS = 12  # at most; a few are enough once the contacts are those of the minimum, else L-BFGS should go on
+MAX_STEPS = 12  # a few are enough with the contacts of the minimum; without, L-BFGS should continue
 DAMPING = 1e-3  # first μ, in units of p
-DAMPING_RAISED = 4e-4  # at least, after a negative mode
-DAMPING_LEAST = 1e-4  # where max |F| > NEAR_MINIMUM_FORCE p d^(D−1)
+MIN_DAMPING_AFTER_MODE = 4e-4  # at least, after a negative mode
+MIN_DAMPING = 1e-4  # where max |F| > NEAR_MINIMUM_FORCE p d^(D−1)
 NEAR_MINIMUM_FORCE = 1e-3
 ROUNDING_FORCE = 1e-5  # max |F| / (p d^(D−1)) below which slopes are near rounding, and full steps are taken
 MAX_NEWTON_MOVE = 0.1  # no disk moves farther in one step, in units of d
-RAISES = 60  # of μ, fourfold each, before a Hessian is given up
+MAX_RAISES = 60  # of μ, fourfold each, before a Hessian is given up
 SLOPE_RATIO = 0.3  # slope at the end of a search, as a share of that at its beginning
 MAX_SEARCH_POINTS = 12  # points of a search
-ITERATIONS = 50  # at most, to find a negative mode
+MAX_MODE_ITERATIONS = 50  # to find a negative mode
 FORCE_FLOOR = 3e-15  # in units of k d
 STRESS_FLOOR = 4e-16  # in units of k/√N, in space over d
 
@@ -62,18 +62,18 @@ class Limits:
     def __init__(self, descent: Descent, tolerance: float):
         self._descent, self._tolerance = descent, tolerance
 
-    def asked(self, pressure: float) -> Imbalance:
-        """What `tolerance` means at this pressure."""
+    def of_tolerance(self, pressure: float) -> Imbalance:
+        """The limits that `tolerance` sets at this pressure."""
         stress = self._tolerance * pressure
         return Imbalance(self._descent.force_at(stress), stress, stress)
 
     def at(self, pressure: float) -> Imbalance:
-        """The larger of what was asked for and what rounding leaves."""
-        asked, stiffness = self.asked(pressure), self._descent.usual_stiffness(pressure)
+        """The larger of the limits of the tolerance and of rounding."""
+        limits, stiffness = self.of_tolerance(pressure), self._descent.usual_stiffness(pressure)
         length = self._descent.diameter ** (self._descent.dimension - 2)
         stress = STRESS_FLOOR * stiffness / length / np.sqrt(self._descent.n)
         force = FORCE_FLOOR * stiffness * self._descent.diameter
-        return Imbalance(max(asked.force, force), *[max(asked.pressure, stress)] * 2)
+        return Imbalance(max(limits.force, force), *[max(limits.pressure, stress)] * 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +122,11 @@ class Point:
         """
         i, j = self.bonds.pairs.i, self.bonds.pairs.j
         bears = self.bonds.force > force_threshold(disks, self.pressure)
-        held = ~find_rattlers(self.n, *both_ends(i[bears], j[bears]), disks.dimension)
-        bare = replace(self, bonds=self.bonds.only(bears & held[i] & held[j]))
-        if held.any():
-            held[np.argmax(held)] = False
-        return bare, held
+        backbone = ~find_rattlers(self.n, *both_ends(i[bears], j[bears]), disks.dimension)
+        bare = replace(self, bonds=self.bonds.only(bears & backbone[i] & backbone[j]))
+        if backbone.any():
+            backbone[np.argmax(backbone)] = False
+        return bare, backbone
 
 
 class Linear:
@@ -177,23 +177,23 @@ class Newton:
 
     def _damped(self, point, free, mu):
         """(H + μ) with μ raised until it is positive definite, and that μ."""
-        for _ in range(RAISES):
+        for _ in range(MAX_RAISES):
             linear = self._linear(point, free, mu)
             if linear.definite:
                 break
-            mu = max(4.0 * mu, DAMPING_RAISED * point.pressure)
+            mu = max(4.0 * mu, MIN_DAMPING_AFTER_MODE * point.pressure)
         return linear, mu
 
     def converge(self, limits: Limits) -> bool:
-        """Up to STEPS steps, until the residual is within `limits` or rounding stops it; whether it is within them."""
+        """Up to MAX_STEPS steps, until the residual is within `limits` or rounding stops it; whether it is within."""
         d, unit = self.descent.diameter, self.descent.force_at(1.0)
         free = np.ones(self.descent.n, bool)
         point = Point.of(self.descent)
         mu = DAMPING * point.pressure
         last = np.inf
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             scale, force = point.pressure, point.residual.force
-            if point.residual.within(limits.asked(scale)):
+            if point.residual.within(limits.of_tolerance(scale)):
                 return True
             if point.residual.within(limits.at(scale)) and force > 0.5 * last:
                 return True
@@ -210,7 +210,7 @@ class Newton:
                 point = self._go(step, length)
             if length > 0.7:
                 near = point.residual.force <= NEAR_MINIMUM_FORCE * scale * unit
-                mu = max(0.3 * mu, 0.0 if near else DAMPING_LEAST * scale)
+                mu = max(0.3 * mu, 0.0 if near else MIN_DAMPING * scale)
             elif length < 0.3:
                 mu *= 3.0
         return point.residual.within(limits.at(point.pressure))
@@ -244,15 +244,15 @@ class Newton:
 
     def prove(self):
         """G₀ of the load-bearing contacts if they are proved to make this a minimum, else None."""
-        point, held = Point.of(self.descent).load_bearing(self.descent.disks)
-        linear = self._linear(point, held, 0.0)
+        point, backbone = Point.of(self.descent).load_bearing(self.descent.disks)
+        linear = self._linear(point, backbone, 0.0)
         return linear.modulus if linear.definite else None
 
     def leave_saddle(self) -> bool:
         """Go down along a mode of negative curvature, to where the slope is steepest; False if none is found."""
         descent = self.descent
-        point, held = Point.of(descent).load_bearing(descent.disks)
-        mode = self._negative_mode(point, held) if held.any() else None
+        point, backbone = Point.of(descent).load_bearing(descent.disks)
+        mode = self._negative_mode(point, backbone) if backbone.any() else None
         if mode is None:
             return False
         longest = float(lengths(mode[0]).max())
@@ -280,14 +280,14 @@ class Newton:
         self._go(mode, -way)
         return pull
 
-    def _negative_mode(self, point, held):
+    def _negative_mode(self, point, backbone):
         """A move (u, strain) of negative curvature, by inverse iteration with μ; None without one."""
-        linear, mu = self._damped(point, held, DAMPING_LEAST * point.pressure)
+        linear, mu = self._damped(point, backbone, MIN_DAMPING * point.pressure)
         weight = float(point.n)  # of a strain, beside a move of one disk
         move = np.random.default_rng(point.n).standard_normal(point.forces.shape)
         strain = np.zeros(len(point.drive))
         curvature = np.inf
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_MODE_ITERATIONS):
             new, turned = linear.solve(move, weight * strain)
             norm = _inner(new, new) + weight * _inner(turned, turned)
             before = curvature

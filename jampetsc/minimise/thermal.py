@@ -25,7 +25,7 @@ COLD = 1e-8  # temperature in units of k at which cooling ends: overlaps are the
 
 
 class Around(NamedTuple):
-    """Every pair of a half list from both its ends; those of disk a are start[a] … start[a + 1] − 1."""
+    """Every pair of a half list from both its ends; the ones of disk a are start[a] … start[a + 1] − 1."""
 
     start: np.ndarray  # (N + 1,)
     other: np.ndarray  # (2M,) the other disk
@@ -44,12 +44,12 @@ class Around(NamedTuple):
 
 @compiled(False)
 def energy_of(a, place, around, o, law):
-    """Σ V of disk a's contacts if its offset were `place`, a tuple, those of the others being o (N, D)."""
+    """Σ V of disk a's contacts if its offset were `place`, a tuple, with offsets o (N, D) of the others."""
     energy = 0.0
     for q in range(around.start[a], around.start[a + 1]):
         b = around.other[q]
-        apart = added(row(o, b, place), scaled(-1.0, place))
-        r = bond_vector(UNSTRAINED, row(around.bond, q, place), apart)
+        separation = added(row(o, b, place), scaled(-1.0, place))
+        r = bond_vector(UNSTRAINED, row(around.bond, q, place), separation)
         energy += pair_energy(r, around.sigma[q], law)
     return energy
 

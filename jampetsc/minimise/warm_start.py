@@ -272,9 +272,9 @@ def follow(pairs, law, scalars, factor, memory, o, moved, forces):
     memory    of `nothing_remembered`
     moved     (N, D), to which the moves in the laboratory frame are added
 
-    sums are those of `bond_forces`, at the end.
+    sums are as in `bond_forces`, at the end.
     """
-    largest, skin, volume, g, share, floor, apart, cross_section, reach, softness, most = scalars
+    largest, skin, volume, g, share, floor, separated_pressure, cross_section, reach, softness, most = scalars
     both, product, count, spaces = memory
     s, y = both[0], both[1]
     d, old, work = spaces[0], spaces[1], spaces[2]
@@ -304,7 +304,7 @@ def follow(pairs, law, scalars, factor, memory, o, moved, forces):
             pressure = elastic_trace(sums) / (axes * volume)
             if not top < np.inf:
                 return LOST, evaluations, sums
-            if pressure < apart:
+            if pressure < separated_pressure:
                 return SEPARATED, evaluations, sums
             if top <= max(share * pressure * cross_section, floor):
                 return CONVERGED, evaluations, sums

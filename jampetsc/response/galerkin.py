@@ -136,7 +136,7 @@ class Galerkin:
         With a = s h/(λ + s) and b = h − a the field is x_qs − Σ a_m φ_m = x_∞ + Σ b_m φ_m. Its form in K is summed over
         the first expression, that in B over the second, where x_qs and x_∞ are orthogonal to all modes.
         """
-        amplitudes = np.array([self._amplitudes(one) for one in omega]).reshape(len(omega), -1)
+        amplitudes = np.array([self._amplitudes(frequency) for frequency in omega]).reshape(len(omega), -1)
         of_K, of_B = (
             _products(parts, *terms)
             for parts, terms in zip((amplitudes, self.loads - amplitudes), self._terms, strict=True)
@@ -167,8 +167,8 @@ def _products(weights, sizes, reach):
         (np.abs(part) @ sizes[1:], np.abs(part) @ reach[1:]) for part in (weights.real, weights.imag)
     )
 
-    def product(one, other):
-        return ROUNDING * (one[0] * (other[0] + other[1]) + one[1] * (other[0] + ROUNDING * other[1]))
+    def product(field, other):
+        return ROUNDING * (field[0] * (other[0] + other[1]) + field[1] * (other[0] + ROUNDING * other[1]))
 
     first = sizes[0], reach[0]
     of_real = 2.0 * product(first, real) + product(real, real) + product(imaginary, imaginary)

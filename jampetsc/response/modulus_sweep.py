@@ -43,10 +43,10 @@ class TensorProjection:
         network = galerkins[0].network
         local = [_between(*pair) for pair in itertools.combinations(solutions, 2)]
         between = [[network.sum(matrix) for matrix in pair] for pair in local]
-        sizes = [len(one.rates) for one in solutions]
+        sizes = [len(solution.rates) for solution in solutions]
         K, B = ([[None] * len(sizes) for _ in sizes] for _ in range(2))
-        for number, one in enumerate(solutions):
-            K[number][number], B[number][number] = one.own
+        for number, solution in enumerate(solutions):
+            K[number][number], B[number][number] = solution.own
         numbers = itertools.combinations(range(len(sizes)), 2)
         for (first, second), blocks in zip(numbers, between, strict=True):
             loads = (galerkins[number].pencil.load for number in (first, second))
@@ -54,15 +54,16 @@ class TensorProjection:
             for matrix, block in zip((K, B), blocks, strict=True):
                 matrix[first][second], matrix[second][first] = block, block.T
         self.reduced = ReducedTensor(
-            np.concatenate([one.rates for one in solutions]),
-            np.concatenate([one.forces for one in solutions]),
+            np.concatenate([solution.rates for solution in solutions]),
+            np.concatenate([solution.forces for solution in solutions]),
             np.repeat(np.arange(len(sizes)), sizes),
             np.block(K) / network.volume,
             np.block(B) / network.volume,
         )
         # (2, c) in K and in B: roots of Σ w a² over V, and of the terms of the motions a
         self._noise = [
-            np.concatenate([getattr(one, name) for one in solutions], axis=1) / np.sqrt(network.volume)
+            np.concatenate([getattr(solution, name) for solution in solutions], axis=1)
+            / np.sqrt(network.volume)
             for name in ("sizes", "reach")
         ]
 
@@ -166,8 +167,8 @@ def sweep_rationally(
 
     omega         (M,) increasing, in 1/time
     accuracy      relative, allowed in G' and in G'' of each load
-    loads         one or, for the tensor, those of `symmetric_loads`; that of the pencil if not given
-    field_omega   those of omega at which fields are wanted, of a single load
+    loads         one or, for the tensor, all `symmetric_loads`; the pencil's if not given
+    field_omega   the frequencies of omega at which fields are stored, of a single load
     parallel      what ranks share: "shifts", "matrix" or "auto"
 
     Raises InputError where a factorisation shows that K has negative modes, ConvergenceError where the accuracy cannot

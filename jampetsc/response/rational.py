@@ -58,7 +58,7 @@ class RationalSweep:
         self.factors = factors or Factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
-        self.certificate: Certified | None = None  # the last of so many, of the solution `galerkin`:
+        self.certificate: Certified | None = None  # the last of `_certified`, of the solution `galerkin`:
         self._certified, self.galerkin = 0, None
 
     @property
@@ -104,13 +104,13 @@ class RationalSweep:
             return self._for_certificate()
         if self.basis.complete and self._nothing_resists(worst):
             raise ConvergenceError(
-                "nothing resists the shear: G* vanishes but for rounding, as where no connected piece of contacts "
+                "nothing resists the shear: G* vanishes up to rounding, as where no connected piece of contacts "
                 "reaches around the cell along y"
             )
         if self.basis.complete and not np.isfinite(ratio[worst]):
             raise ConvergenceError(
                 f"G″ vanishes at ω = {self.omega[worst]:g}, so no relative accuracy can be met: nothing moves "
-                "against the strain, and there is no fluid"
+                "against the strain, and no fluid dissipates"
             )
         if self.basis.complete or self.basis.size >= MOST_VECTORS:
             raise ConvergenceError(
@@ -127,14 +127,14 @@ class RationalSweep:
             ] = 0.0
         return shifts
 
-    def _serving(self, wanted):
-        """The nearest shift whose factor was used only once, if it is near the one wanted; else the wanted one."""
+    def _serving(self, shift):
+        """The nearest shift whose factor was used only once, if it is near `shift`; else `shift`."""
         near = [
             s
             for s in self.factors.shifts
-            if 1.0 / NEARBY < s / wanted < NEARBY and self.basis.shifts.count(s) < 2 * VECTORS
+            if 1.0 / NEARBY < s / shift < NEARBY and self.basis.shifts.count(s) < 2 * VECTORS
         ]
-        return min(near, key=lambda s: abs(np.log(s / wanted)), default=wanted)
+        return min(near, key=lambda s: abs(np.log(s / shift)), default=shift)
 
     def _nothing_resists(self, i):
         """Whether G* at the i-th frequency is rounding of what it would be if nothing relaxed."""
@@ -142,12 +142,12 @@ class RationalSweep:
         return abs(self._modulus()[i]) * self.pencil.network.volume <= ROUNDING_MODULUS_RATIO * affine
 
     def _for_certificate(self):
-        """The shift where the certificate is worst, if there is no factor near it; else none."""
+        """The shift where the certificate is worst, unless a factor is near it."""
         if self.certificate is None:
             return []
         worst = np.argmax(np.max(self.certificate.relative, axis=1))
-        wanted = float(self._clip(self.omega[worst]))
-        return [] if closest(self.factors.shifts, wanted) else [wanted]
+        shift = float(self._clip(self.omega[worst]))
+        return [] if closest(self.factors.shifts, shift) else [shift]
 
     def _spread(self, shifts):
         """Extend a first shift to as many as are done at once, evenly spread in log ω."""
@@ -237,13 +237,13 @@ class RationalSweep:
 
     def _is_met(self):
         """Whether the certificate is good enough. Raises ConvergenceError where it will never be."""
-        found = self.certificate
-        if found.within(self.accuracy).all():
+        certificate = self.certificate
+        if certificate.within(self.accuracy).all():
             return True
-        relative = found.relative
+        relative = certificate.relative
         worst = np.unravel_index(np.argmax(relative), relative.shape)
         where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
-        if not np.all(found.rounding <= self.accuracy * found.parts):
+        if not np.all(certificate.rounding <= self.accuracy * certificate.parts):
             raise ConvergenceError(
                 f"{where}, by rounding; {named('accuracy')} {self.accuracy:g} cannot be met here"
             )

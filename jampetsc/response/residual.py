@@ -190,9 +190,9 @@ class ResidualBound:
 
     def _sharpen(self, worst):
         """Add a shift bound or a direction for the worst frequency; False if neither can help."""
-        held = {lower.shift for lower in self.shift_bounds}
-        nearest = min(held | set(self.factors.shifts), key=lambda s: abs(np.log(s / worst.omega)))
-        if nearest not in held:
+        kept = {lower.shift for lower in self.shift_bounds}
+        nearest = min(kept | set(self.factors.shifts), key=lambda s: abs(np.log(s / worst.omega)))
+        if nearest not in kept:
             self.shift_bounds.append(self._shift_bound(nearest))
             return True
         if worst.hopeless or self.directions.shape[1] >= DIRECTIONS:
@@ -205,14 +205,15 @@ class ResidualBound:
         triangles = [self._triangle(lower) for lower in self.shift_bounds]
         diagonals = [self.pencil.diagonal(s) for s in self.factors.shifts]
         stretch = [
-            [self.network.max(one / lower.diagonal) for one in diagonals] for lower in self.shift_bounds
+            [self.network.max(diagonal / lower.diagonal) for diagonal in diagonals]
+            for lower in self.shift_bounds
         ]
         return on_root(self.network.comm, lambda: self._judge(triangles, stretch, allowed))
 
     def _triangle(self, lower):
         """The triangle T of the QR factorisation D^(−½) [v_1, …, R] = QT, on rank 0."""
-        mine = tall.triangle((self.directions, self.residual.columns), np.sqrt(lower.diagonal))
-        parts = self.network.comm.gather(mine)
+        own = tall.triangle((self.directions, self.residual.columns), np.sqrt(lower.diagonal))
+        parts = self.network.comm.gather(own)
         return None if parts is None else np.linalg.qr(np.vstack(parts), mode="r")
 
     def _judge(self, triangles, stretch, allowed):
@@ -227,16 +228,16 @@ class ResidualBound:
         w = self.residual.weights(omega)
         norms = [self._norm(energies, stretch) for energies in self._energies]
         norms = np.array(norms).reshape(k, len(omega))
-        known, rest, parts = [], [], []
+        proved, rest, parts = [], [], []
         for lower, triangle in zip(self.shift_bounds, triangles, strict=True):
             c = solve_triangular(triangle[:k, :k], triangle[:k, k:] @ w) if k else np.empty((0, len(omega)))
             e = triangle[k:, k:] @ w
             inverse = np.sqrt(self._inverse(lower, omega))
             with np.errstate(invalid="ignore"):  # 0 · ∞, where K + sB may be singular
-                known.append(np.sum(np.abs(c) * norms, axis=0) + (lower.rounding @ np.abs(w)) * inverse)
+                proved.append(np.sum(np.abs(c) * norms, axis=0) + (lower.rounding @ np.abs(w)) * inverse)
                 rest.append(np.linalg.norm(e, axis=0) * inverse)
             parts.append(e)
-        total = np.array(known) + np.array(rest)
+        total = np.array(proved) + np.array(rest)
         best = np.argmin(np.nan_to_num(total, nan=np.inf), axis=0)
         bound = np.sqrt(2.0) * np.take_along_axis(total, best[None], axis=0)[0] ** 2
         bound = np.nan_to_num(bound, nan=np.inf)
@@ -246,7 +247,7 @@ class ResidualBound:
             i = int(np.argmax(bound / allowed))
         which = best[i]
         return bound, self._worst(
-            omega[i], triangles[which], w[:, i], parts[which][:, i], known[which][i], allowed[i]
+            omega[i], triangles[which], w[:, i], parts[which][:, i], proved[which][i], allowed[i]
         )
 
     def _norm(self, energies, stretch):
@@ -260,7 +261,7 @@ class ResidualBound:
             bounds[s] = e + left**2 * float(inverse)
         return np.sqrt(energy_between(self.largest_rate, bounds, self.omega))
 
-    def _worst(self, omega, triangle, w, e, known, allowed):
+    def _worst(self, omega, triangle, w, e, proved, allowed):
         """The direction in which e is largest, as a combination of the columns of R and of the directions."""
         k = self.directions.shape[1]
         _, _, axes = np.linalg.svd(np.column_stack((e.real, e.imag)), full_matrices=False)
@@ -268,4 +269,4 @@ class ResidualBound:
         of_directions = (
             solve_triangular(triangle[:k, :k], triangle[:k, k:] @ of_columns) if k else np.empty(0)
         )
-        return _Worst(float(omega), of_columns, of_directions, bool(np.sqrt(2.0) * known**2 > allowed))
+        return _Worst(float(omega), of_columns, of_directions, bool(np.sqrt(2.0) * proved**2 > allowed))

@@ -19,10 +19,10 @@ def rotate(columns, rotation) -> None:
         columns[rows] = columns[rows] @ rotation
 
 
-def gram(columns, weights, others=None):
+def gram(columns, weights, second=None):
     """Σ_i w_i a_ij b_ik, (m, k), of columns a (n, m), weights w (n,) and other columns b (n, k), a if not given."""
-    others = columns if others is None else others
-    parts = ((columns[rows], weights[rows, None], others[rows]) for rows in blocks(len(columns)))
+    second = columns if second is None else second
+    parts = ((columns[rows], weights[rows, None], second[rows]) for rows in blocks(len(columns)))
     return sum(part.T @ (weight * other) for part, weight, other in parts)
 
 

@@ -14,7 +14,7 @@ from jampetsc.minimise import descent as descent_module
 from jampetsc.minimise import fire, minimise, protocols
 from jampetsc.minimise import newton as newton_module
 from jampetsc.minimise.descent import Descent, Effort, Goal
-from jampetsc.minimise.fire import fall
+from jampetsc.minimise.fire import fire_descent
 from jampetsc.minimise.minimise import relax
 from jampetsc.minimise.newton import Imbalance, Limits, Newton, Point
 from jampetsc.minimise.sizes import radii_of
@@ -106,7 +106,7 @@ def test_no_touching_pair_is_ever_unlisted(goal, monkeypatch):
         descent.fold()
         steps = int(rng.integers(1, 80))
         if goal is None:
-            fall(descent, 0.0, steps)
+            fire_descent(descent, 0.0, steps)
         else:
             descent.descend(0.0, 0.0, steps)
         far = np.hypot(*descent.offsets.T).max()
@@ -178,10 +178,11 @@ def test_the_proof_is_of_the_very_disks_and_what_rounding_leaves_is_said(
 @pytest.mark.parametrize(
     ("patches", "after"),
     [
-        ([(minimise, "EVALUATIONS", 20), (minimise, "SLICE", 10)], "30 force evaluations and 0 saddles"),
+        ([(minimise, "MAX_EVALUATIONS", 20), (minimise, "SLICE", 10)], "30 force evaluations and 0 saddles"),
         ([(Newton, "converge", lambda *_: False)], r"\d+ force evaluations and 0 saddles"),
         *(
-            ([(minimise, "SADDLES", most), (Newton, "prove", lambda _: None), (Newton, "leave_saddle", lambda _: True)],
+            ([(minimise, "MAX_SADDLES", most), (Newton, "prove", lambda _: None),
+              (Newton, "leave_saddle", lambda _: True)],
              rf"\d+ force evaluations and {most} saddles: max\|F\|/\(p d\) = ")
             for most in (0, 2)
         ),
@@ -333,7 +334,7 @@ def test_a_minimum_that_hangs_on_a_weak_contact_is_left_for_another(monkeypatch)
     assert proved_minimum(disks) and measure(disks).max_force <= 1e-10
     assert disks.record["protocol"].endswith(", then p = 1e-05" + effort.shakes * ", then shaken")
     monkeypatch.setattr(protocols, "SHAKES", effort.shakes - 1)
-    with pytest.raises(ConvergenceError, match=f"and {effort.shakes * minimise.SADDLES} saddles"):
+    with pytest.raises(ConvergenceError, match=f"and {effort.shakes * minimise.MAX_SADDLES} saddles"):
         protocols.make_packing(start, target, NewtonSolver())
 
 
@@ -384,7 +385,7 @@ def test_evaluations_are_not_exceeded(monkeypatch):
         assert not descent.descend(1e-14, 1e-14, more)
         assert descent.evaluations == before + more
     other = Descent(random_disks(64), Goal(), Team())
-    assert not fall(other, 1e-14, 100) and other.evaluations == 100
+    assert not fire_descent(other, 1e-14, 100) and other.evaluations == 100
 
 
 def fallen(disks, steps):
@@ -420,14 +421,14 @@ def test_fire_moves_as_its_equations_say(n, steps, k):
     descent = Descent(disks, Goal(), Team())
     assert descent.domains.number == 1 + (n > 4000)
     largest = np.sqrt(2.0) * np.abs(state.net_forces(n, find_contacts(disks))).max()
-    assert not fall(descent, 1e-300, steps)
+    assert not fire_descent(descent, 1e-300, steps)
     wanted, uphill = fallen(disks, steps)
     found = descent.disks
     apart = (found.positions - wanted) @ np.linalg.inv(disks.cell)
     assert np.abs((apart - np.round(apart)) @ disks.cell).max() < 1e-9
     assert uphill >= 1 + (steps > 100)  # the first one is: there is no velocity yet
     for share in (1 - 1e-9, 1 + 1e-9):
-        assert fall(Descent(disks, Goal(), Team()), share * largest, 1) == (share > 1)
+        assert fire_descent(Descent(disks, Goal(), Team()), share * largest, 1) == (share > 1)
 
 
 @one_rank
@@ -455,7 +456,7 @@ def test_every_force_is_as_small_as_was_asked(way):
     for seed in range(1, 6):
         descent = Descent(random_disks(16, 0.95, seed), Goal(), Team())
         for force in np.geomspace(0.1, 1e-4, 10):
-            there = fall(descent, force, 5000) if way == "fire" else descent.descend(force, 1.0, 5000)
+            there = fire_descent(descent, force, 5000) if way == "fire" else descent.descend(force, 1.0, 5000)
             forces = Point.of(descent).forces
             assert there and np.hypot(*forces.T).max() <= force * (1 + 1e-9)
             used.append(np.sqrt(2.0) * np.abs(forces).max() / force)

@@ -220,7 +220,7 @@ def damped(monkeypatch):
 def test_damping_goes_where_steps_are_full(damped):
     """Threefold smaller after each; but for a floor as long as forces are not small."""
     disks = relax(crowd(n=24), Goal(0.05), 1e-5)
-    for floor, near in ((0.0, newton.NEAR_MINIMUM_FORCE), (newton.DAMPING_LEAST, 0.0)):
+    for floor, near in ((0.0, newton.NEAR_MINIMUM_FORCE), (newton.MIN_DAMPING, 0.0)):
         damped.clear()
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(newton, "NEAR_MINIMUM_FORCE", near)
@@ -238,7 +238,7 @@ def test_damping_is_raised_until_a_hessian_is_definite(damped):
     point = newton.Point.of(walker.descent)
     linear, mu = walker._damped(point, np.ones(16, bool), 0.0)
     assert linear.definite and walker.descent.effort.newton_steps == len(damped) > 2
-    wanted = np.append(0.0, newton.DAMPING_RAISED * 4.0 ** np.arange(len(damped) - 1))
+    wanted = np.append(0.0, newton.MIN_DAMPING_AFTER_MODE * 4.0 ** np.arange(len(damped) - 1))
     assert damped == pytest.approx(wanted) and mu == pytest.approx(wanted[-1] * point.pressure)
     damped.clear()
     walker._damped(point, np.ones(16, bool), 1e-3 * point.pressure)
@@ -250,13 +250,13 @@ def test_damping_is_raised_until_a_hessian_is_definite(damped):
 )
 def test_damping_follows_how_far_steps_go(damped, monkeypatch, length, factor):
     """Threefold where the slope ends a step early, as it is in between."""
-    monkeypatch.setattr(newton, "STEPS", 2)
+    monkeypatch.setattr(newton, "MAX_STEPS", 2)
     monkeypatch.setattr(newton.Newton, "_search", lambda self, point, *_: (length, point))
     descent = Descent(settle(crowd(n=24), 0.03), Goal(), Team())
     newton.Newton(descent, NewtonSteps()).converge(newton.Limits(descent, 1e-14))
     first = newton.DAMPING
     while first != pytest.approx(damped[-1] / factor, rel=1e-9) and first < 1e3:
-        first = max(4.0 * first, newton.DAMPING_RAISED)
+        first = max(4.0 * first, newton.MIN_DAMPING_AFTER_MODE)
     assert len(damped) > 2 and damped[-1] == pytest.approx(factor * first)
 
 

@@ -319,7 +319,9 @@ def test_bounds_are_the_same_in_any_unit_of_length(session, law):
 def test_how_ranks_are_used(ranks, unknowns, asked, alone):
     """Side by side where a matrix fits a rank's memory and no more shifts are made at once than are needed."""
     network = SimpleNamespace(comm=SimpleNamespace(size=ranks))
-    assert factors.side_by_side(SimpleNamespace(network=network, unknowns=unknowns), asked) == alone
+    assert (
+        factors.side_by_side(SimpleNamespace(network=network, unknowns=unknowns, dimension=2), asked) == alone
+    )
 
 
 @pytest.mark.least_ranks(2)
