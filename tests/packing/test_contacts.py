@@ -107,6 +107,8 @@ def test_rattlers_are_removed_until_none_is_left():
         8,
     ]
     assert find_rattlers(8, *both_ends(*np.array(tail).T), 2).all()
+    assert find_rattlers(4, *both_ends(*np.array(square).T), 3).all()  # a sphere needs four
+    assert not find_rattlers(4, *both_ends(*np.array(square).T), 2).any()
 
 
 def test_a_contact_that_only_just_touches_does_not_count():

@@ -167,9 +167,10 @@ def test_results_in_files(session, shared_path):
     )
     assert modes["modes"].shape[::2] == (39, 3) and modes["tensor/force"].shape == (39, 6)
     np.testing.assert_allclose(modes["tensor/modulus"].sum(axis=0), 1.0, rtol=1e-9)
-    if (
-        session.size == 1
-    ):  # a∥² and the square of both transverse components are all of the motion of a contact
+    for name in ("nonaffine", "normal", "transverse", "modulus"):
+        assert modes[f"share/{name}"].sum() == pytest.approx(1.0, rel=1e-9)
+    if session.size == 1:
+        # a∥² and the square of both transverse components are all of the motion of a contact
         contacts, rows = measure(packing).contacts, np.argsort(modes["particles"])
         apart = modes["modes"][:, rows][:, contacts.j] - modes["modes"][:, rows][:, contacts.i]
         squares = np.sum(apart**2, axis=2).mean(axis=1)

@@ -93,6 +93,15 @@ def test_the_face_centred_cubic_lattice(session):
     np.testing.assert_allclose(C[:, 0, 0].imag / OMEGA, 0.5 * 4.0 / 3.0, rtol=1e-12)
 
 
+def test_diamond_is_below_jamming(session):
+    """Four contacts each are enough for a sphere, but not for all: 2n where 3n − 3 are needed."""
+    faces = np.array([(0, 0, 0), (0, 2, 2), (2, 0, 2), (2, 2, 0)])
+    places = 0.98 / np.sqrt(3.0) * np.vstack((faces, faces + 1))
+    diamond = Packing.from_positions(places, np.full(8, 0.5), 4 * 0.98 / np.sqrt(3.0) * np.eye(3))
+    with pytest.raises(InputError, match="16 contacts between 8 disks leave at least 5 floppy modes"):
+        build_network(diamond, session.comm)
+
+
 def test_a_sphere_may_twist_about_its_only_bond(session):
     """Which costs nothing whatever the damping of contacts: one line says so, with the remedy."""
     network = Network.of_packing(few_spheres())
