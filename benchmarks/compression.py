@@ -3,7 +3,7 @@
     .venv/bin/python benchmarks/compression.py figures/compression-quick          # after run/figures/compression
 
 K is −V dp/dV, G the shear modulus averaged over all directions. The forces f of the contacts are the one state of self
-stress of a packing that has just jammed; alone it would give the modulus of PHYSICS' identity 6,
+stress of a packing that has just jammed; alone it would give
 
     K_f = k (Σ f r)²/(4V Σ f²) = p² V/(2U) ,
 
