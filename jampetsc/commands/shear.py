@@ -60,8 +60,7 @@ prefix -newton_."""
 
     def work(self, to):
         from jampetsc.commands.run_files import run_provenance, save_rows, saved_rows, write_series
-        from jampetsc.flows.means import discarded_strain
-        from jampetsc.flows.trajectory import StrainSeries
+        from jampetsc.flows.trajectory import StrainSeries, discarded_strain
         from jampetsc.jamming.quasistatic_shear import PATH_COLUMNS, shear_quasistatically
         from jampetsc.minimise.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
@@ -117,7 +116,7 @@ prefix -newton_."""
         return "\n".join([_summary(self, to, disks.phi, path), *note_lines(notes)])
 
     def _notes(self, path) -> list[str]:
-        from jampetsc.flows.means import short_run_warnings
+        from jampetsc.flows.trajectory import short_run_warnings
 
         stress, pressure = path.averages["shear_stress"], path.averages["pressure"]
         return short_run_warnings(self.strain - path.discard, self.step, stress, pressure)
@@ -125,7 +124,7 @@ prefix -newton_."""
     def _facts(self, disks, path) -> dict:
         """Attributes of the file, without provenance and origin of the disks."""
         from jampetsc.commands.run_files import potential_facts
-        from jampetsc.flows.means import average_facts
+        from jampetsc.flows.trajectory import average_facts
         from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, PLASTIC_RATIO
 
         return {

@@ -7,10 +7,9 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
-from jampetsc.flows.means import Means, discarded_strain
 from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.flows.step_kernels import TALLY
-from jampetsc.flows.trajectory import Trajectory
+from jampetsc.flows.trajectory import Means, Trajectory, discarded_strain
 from jampetsc.flows.walls import phi_between, wall_columns
 from jampetsc.laws.damping import WEIGHTS, Law
 from jampetsc.laws.flow_models import Model, Scheme, scheme_for

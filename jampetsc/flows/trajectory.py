@@ -1,9 +1,11 @@
-"""What a flow leaves in memory: series over strain and snapshots."""
+"""The trajectory of a flow: series over strain, snapshots, and means over the steady part with their errors."""
 
 from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.analysis.correlated_series import MIN_EFFECTIVE_SAMPLES, Average
 from jampetsc.flows.walls import LAYERS
 
 # name -> columns: strain and time at the end of a row, four means over the row, the others at its end again
@@ -14,6 +16,10 @@ FLOW_COLUMNS = {
 WALL_AVERAGES = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, at the end of a row
 WALL_COLUMNS = WALL_AVERAGES | {"velocity_profile": LAYERS}
 SNAPSHOT_ARRAYS = ("strain", "positions", "velocities", "cell", "images", "spins")  # spins where disks roll
+MAX_MISMATCH = 0.05  # largest |mismatch| of the energy balance
+MIN_CHECKED_ROWS = 20  # for which the balance is checked
+# dissipation over Σ|work| below which disks follow the affine flow but for rounding, which may grow
+MAX_REVERSIBLE_RATIO = 1e-6
 
 
 class StrainSeries:
@@ -100,3 +106,128 @@ class Trajectory(StrainSeries):
         trajectory = cls(with_walls="wall_pressure" in arrays)
         trajectory.restore(arrays)
         return trajectory
+
+
+@dataclass(frozen=True)
+class Means:
+    """Averages of the series of a trajectory over strain > discard; stress and pressure are sums of their parts."""
+
+    shear_stress: Average
+    pressure: Average
+    coordination: Average
+    largest_cluster: float  # mean number of disks in the largest cluster of touching disks
+    walls: dict  # name -> Average of stress and pressure on walls; empty without walls
+    parts: np.ndarray  # (3,) elastic, viscous and kinetic shear stress
+    strain: float  # over which the means are taken
+    spacing: float  # strain between rows
+    energy_balance: float  # σγ̇V/⟨D⟩; nan where motion is reversible
+    mismatch: float  # (work − dissipation − growth of the energy) / dissipation; nan if there are too few rows to tell
+    # part of the mismatch that rows leave open: second difference of the energy / dissipation
+    unresolved: float
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, discard: float, rate: float, area: float) -> "Means | None":
+        """Means of the rows after discard; None if there are none."""
+        strain = trajectory.column("strain")
+        kept = strain > discard * (1 + 1e-12)
+        if not kept.any():
+            return None
+        spacing = float(strain[1] - strain[0]) if len(strain) > 1 else float(strain[0])
+        stress, pressure = (trajectory.column(name)[kept] for name in ("shear_stress", "pressure"))
+        energy, spent = (trajectory.column(name)[kept] for name in ("energy", "dissipation"))
+        work = rate * area * stress.sum(1)
+        # An energy is the mean over a row: their change is that from the middle of the first row to that of the last.
+        inner = np.ones(len(work))
+        inner[[0, -1]] = 0.5
+        duration = spacing / rate
+        total = duration * float(np.sum(inner * spent))
+        excess = duration * float(np.sum(inner * (work - spent))) - float(energy[-1] - energy[0])
+        checked = len(work) >= MIN_CHECKED_ROWS and total > 0
+        return cls(
+            Average.of(stress.sum(1)),
+            Average.of(pressure.sum(1)),
+            Average.of(trajectory.column("coordination")[kept]),
+            float(trajectory.column("largest_cluster")[kept].mean()),
+            {
+                name: Average.of(trajectory.column(name)[kept])
+                for name in WALL_AVERAGES
+                if name in trajectory.columns
+            },
+            stress.mean(0),
+            spacing * int(kept.sum()),
+            spacing,
+            float(work.sum() / spent.sum())
+            if spent.sum() > MAX_REVERSIBLE_RATIO * np.abs(work).sum()
+            else np.nan,
+            excess / total if checked else np.nan,
+            float(np.abs(np.diff(energy, 2)).max()) / total if checked else np.nan,
+        )
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether work and dissipation balance, as far as the rows tell."""
+        return not abs(self.mismatch) > MAX_MISMATCH + self.unresolved
+
+    @property
+    def correlation_strain(self) -> float:
+        """Integrated autocorrelation of the shear stress, in strain."""
+        return self.shear_stress.time * self.spacing
+
+    def warnings(self) -> list[str]:
+        """Warnings about the means, see `io.results`."""
+        warnings = short_run_warnings(self.strain, self.spacing, self.shear_stress, self.pressure)
+        if self.shear_stress.drifts or self.pressure.drifts:
+            warnings.append(
+                "slow changes, or not steady yet: the tenths of the run differ by more than its fluctuations explain. "
+                "Discard more"
+            )
+        if np.isnan(self.energy_balance):
+            warnings.append(
+                "no energy is dissipated: every disk follows the affine flow, as in a perfect crystal"
+            )
+        elif np.isnan(self.mismatch):
+            warnings.append(
+                f"energy balance not checked: fewer than {MIN_CHECKED_ROWS} rows after discard. Give a smaller step or "
+                "a longer strain"
+            )
+        return warnings
+
+    def facts(self) -> dict:
+        """The numbers by name."""
+        return {
+            **average_facts(
+                shear_stress=self.shear_stress,
+                pressure=self.pressure,
+                coordination=self.coordination,
+                **self.walls,
+            ),
+            "largest_cluster_mean": self.largest_cluster,
+            "correlation_strain": self.correlation_strain,
+            "energy_balance": self.energy_balance,
+        }
+
+
+def discarded_strain(strain: float, discard: float | None) -> float:
+    """Strain before the means of a run: `discard`, or by default 1, but at most half of the run."""
+    return min(1.0, 0.5 * strain) if discard is None else discard
+
+
+def average_facts(**averages) -> dict:
+    """Mean, standard error and effective sample size of each average, as NAME_mean, NAME_error, NAME_samples."""
+    return {
+        f"{name}_{part}": getattr(average, part)
+        for name, average in averages.items()
+        for part in ("mean", "error", "samples")
+    }
+
+
+def short_run_warnings(strain, spacing, *averages) -> list[str]:
+    """Warning, if any, that one of the averages over `strain`, rows `spacing` apart, has too few effective samples."""
+    least = min(averages, key=lambda average: average.samples)
+    if least.enough:
+        return []
+    return [
+        f"errors are widened and still rough: effective sample size {least.samples:.0f} (below "
+        f"{MIN_EFFECTIVE_SAMPLES:.0f}), as strain {strain:.3g} after discard is short for a correlation strain of "
+        f"about {spacing * least.time:.2g}. Give a longer strain"
+    ]

@@ -21,9 +21,9 @@ from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.strain import Strain
 
-MAX_STEPS = 60  # changes of the sides
+MAX_CHANGES = 60  # changes of the sides
 MAX_STRETCH = 0.01  # of one of them
-PROBE = 1e-2  # stretch of the last difference, over p in units of k: contacts stay as they are
+PROBE_RATIO = 1e-2  # stretch of the last difference, over p in units of k: contacts stay as they are
 
 
 def stretched(disks: Packing, stretch: float) -> Packing:
@@ -38,36 +38,39 @@ def stress_difference(disks: Packing) -> float:
     return float(stress[0, 0] - stress[1, 1])
 
 
-def relax_sides(found: Minimum, goal: Goal, solver, *, tolerance: float, **settings) -> Minimum:
-    """The minimum over the sides of the cell as well, downhill from `found`.
+def relax_sides(minimum: Minimum, goal: Goal, solver, *, tolerance: float, **settings) -> Minimum:
+    """The minimum over the sides of the cell as well, downhill from `minimum`.
 
     goal, solver, tolerance, settings   as `minimise` has them; |σ_xx − σ_yy| ≤ 2 tolerance p, or limited by rounding
 
     Raises ConvergenceError where that is not reached.
     """
-    difference, stretch, unit = stress_difference(found.disks), 0.0, stress_unit(found.disks)
-    slope = 4.0 * max(found.modulus, found.pressure)  # of an isotropic solid: 4 G
-    for _ in range(MAX_STEPS):
-        probe, floor = PROBE * found.pressure / unit, 4.0 * STRESS_FLOOR * unit / math.sqrt(found.disks.n)
-        if abs(difference) <= max(2.0 * tolerance * found.pressure, floor):
-            if _difference_after(found, probe, goal, solver, tolerance, settings)[1] > difference:
-                return found
+    difference, stretch, unit = stress_difference(minimum.disks), 0.0, stress_unit(minimum.disks)
+    slope = 4.0 * max(minimum.modulus, minimum.pressure)  # of an isotropic solid: 4 G
+    for _ in range(MAX_CHANGES):
+        probe, floor = (
+            PROBE_RATIO * minimum.pressure / unit,
+            4.0 * STRESS_FLOOR * unit / math.sqrt(minimum.disks.n),
+        )
+        if abs(difference) <= max(2.0 * tolerance * minimum.pressure, floor):
+            if _difference_after(minimum, probe, goal, solver, tolerance, settings)[1] > difference:
+                return minimum
             slope = -1.0  # a maximum of the enthalpy
         if slope > 0.0:
             stretch = -difference / slope
         else:  # downhill, farther than before
             stretch = -math.copysign(max(2.0 * abs(stretch), probe), difference)
         stretch = math.copysign(min(abs(stretch), MAX_STRETCH), stretch)
-        before = difference
-        found, difference = _difference_after(found, stretch, goal, solver, tolerance, settings)
-        slope = (difference - before) / stretch
+        previous = difference
+        minimum, difference = _difference_after(minimum, stretch, goal, solver, tolerance, settings)
+        slope = (difference - previous) / stretch
     raise ConvergenceError(
-        f"sides of the cell: σ_xx − σ_yy = {difference:.1e} is left after {MAX_STEPS} changes (p = "
-        f"{found.pressure:.1e}). Choose another seed, or a larger tolerance."
+        f"sides of the cell: σ_xx − σ_yy = {difference:.1e} is left after {MAX_CHANGES} changes (p = "
+        f"{minimum.pressure:.1e}). Choose another seed, or a larger tolerance."
     )
 
 
-def _difference_after(found, stretch, goal, solver, tolerance, settings):
+def _difference_after(minimum, stretch, goal, solver, tolerance, settings):
     """(Minimum, σ_xx − σ_yy) after a stretch of the sides."""
-    found = minimise(stretched(found.disks, stretch), goal, solver, tolerance=tolerance, **settings)
-    return found, stress_difference(found.disks)
+    minimum = minimise(stretched(minimum.disks, stretch), goal, solver, tolerance=tolerance, **settings)
+    return minimum, stress_difference(minimum.disks)

@@ -17,11 +17,11 @@ from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import growth_of
 from jampetsc.packing.threads import Team
 
-FIRST = 1e-3  # pressure in units of k from which a random start is decompressed decade by decade
-LOOSE = 1e-2  # max |F| / (p d^(D−1)) to which the packings on the way are quenched
-SHAKES = 4  # of a packing for which no minimum is found, before that is an error
+START_PRESSURE = 1e-3  # pressure in units of k from which a random start is decompressed decade by decade
+PATH_TOLERANCE = 1e-2  # max |F| / (p d^(D−1)) to which the packings on the way are quenched
+MAX_SHAKES = 4  # of a packing for which no minimum is found, before that is an error
 START_PHI = {2: 0.85, 3: 0.66}  # by dimension, at p → 0: a little above φ_J
-TOUCHING = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cell
+START_FORCE = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cell
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def changed(disks: Packing, target: Target) -> Packing:
     if target.phi is None:
         if measure(disks).pressure <= 0:
             raise InputError(
-                "no disks touch, so there is no pressure to change: give a packing fraction, or use a random start"
+                "packing: no disks touch, so the pressure is 0. Give a packing fraction, or use a random start."
             )
         return disks
     return rescaled(disks, target.phi)
@@ -124,45 +124,47 @@ def make_packing(
         unit = stress_unit(disks)
         if fresh:
             effort.stage = "random start"
-            disks = settle(disks, typical_force(disks, TOUCHING * unit), team=team, effort=effort)
+            disks = settle(disks, typical_force(disks, START_FORCE * unit), team=team, effort=effort)
             path.append(f"phi = {start.phi:.6g}")
-            now = max(FIRST * unit, target.pressure)
+            first = max(START_PRESSURE * unit, target.pressure)
         else:
-            now = measure(start).pressure
-            path.append(f"p = {now:.6g}")
-        for pressure in _decades(now, target.pressure, fresh):
+            first = measure(start).pressure
+            path.append(f"p = {first:.6g}")
+        for pressure in _decades(first, target.pressure, fresh):
             effort.stage = f"p = {pressure:.3g}"
-            on_the_way = Goal(pressure, goal.shear)
-            disks = relax(disks, on_the_way, LOOSE * typical_force(disks, pressure), team=team, effort=effort)
+            intermediate = Goal(pressure, goal.shear)
+            disks = relax(
+                disks, intermediate, PATH_TOLERANCE * typical_force(disks, pressure), team=team, effort=effort
+            )
             path.append(f"p = {pressure:.6g}")
         effort.stage = f"p = {target.pressure:.3g}"
         path.append(f"p = {target.pressure:.6g}")
-    how = {"tolerance": target.tolerance, "shakes": SHAKES, "team": team, "effort": effort}
-    found = minimise(disks, goal, solver, **how)
-    if target.pressure is None and target.stabilise != "volume" and found.jammed:
+    settings = {"tolerance": target.tolerance, "shakes": MAX_SHAKES, "team": team, "effort": effort}
+    minimum = minimise(disks, goal, solver, **settings)
+    if target.pressure is None and target.stabilise != "volume" and minimum.jammed:
         path.append("shear_stress = 0")
         goal = Goal(shear=True)
-        found = minimise(found.disks, goal, solver, **how)
-    if target.stabilise == "all" and found.jammed:
+        minimum = minimise(minimum.disks, goal, solver, **settings)
+    if target.stabilise == "all" and minimum.jammed:
         path.append("isotropic stress")
-        found = relax_sides(found, goal, solver, **how)
-    if not found.jammed:
-        particles = PARTICLES[found.disks.dimension]
+        minimum = relax_sides(minimum, goal, solver, **settings)
+    if not minimum.jammed:
+        particles = PARTICLES[minimum.disks.dimension]
         raise InputError(
             f"phi = {target.phi:.6g}: the {particles} do not touch. Choose a larger packing fraction."
         )
     path += ["shaken"] * effort.shakes
-    return _recorded(found, target, ("random, " if fresh else "") + ", then ".join(path), effort)
+    return _recorded(minimum, target, ("random, " if fresh else "") + ", then ".join(path), effort)
 
 
-def _decades(now, wanted, include_first):
-    """Pressures between `now` and a lower `wanted`, a decade apart."""
-    steps = math.ceil(math.log10(now / wanted) - 1e-9) if now > wanted else 0
-    return [now * 10.0**-s for s in range(0 if include_first else 1, steps)]
+def _decades(start, end, include_first):
+    """Pressures from `start` down to `end`, a decade apart."""
+    steps = math.ceil(math.log10(start / end) - 1e-9) if start > end else 0
+    return [start * 10.0**-s for s in range(0 if include_first else 1, steps)]
 
 
-def _recorded(found: Minimum, target, protocol, effort) -> Packing:
-    disks, state = found.disks, measure(found.disks)
+def _recorded(minimum: Minimum, target, protocol, effort) -> Packing:
+    disks, state = minimum.disks, measure(minimum.disks)
     return disks.with_record(
         pressure=state.pressure,
         phi=disks.phi,
@@ -171,11 +173,11 @@ def _recorded(found: Minimum, target, protocol, effort) -> Packing:
         coordination=state.coordination,
         rattlers=int(np.count_nonzero(state.rattlers)),
         shear_stress=float(state.stress[0, 1]),
-        shear_modulus=found.modulus,
+        shear_modulus=minimum.modulus,
         protocol=protocol,
         stabilise=target.stabilise,
         tolerance=target.tolerance,
-        limited_by=found.limit,
+        limited_by=minimum.limit,
         evaluations=effort.evaluations,
         newton_steps=effort.newton_steps,
         instruction_set=instruction_set(),

@@ -11,8 +11,7 @@ from jampetsc.analysis.velocity_correlation import LaneCorrelation
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import flow_run
 from jampetsc.flows.flow_run import Schedule, _add_row, check_balance
-from jampetsc.flows.means import MIN_CHECKED_ROWS, Means
-from jampetsc.flows.trajectory import FLOW_COLUMNS, WALL_AVERAGES, Trajectory
+from jampetsc.flows.trajectory import FLOW_COLUMNS, MIN_CHECKED_ROWS, WALL_AVERAGES, Means, Trajectory
 from jampetsc.io.disk_motion import correlate_lanes
 from jampetsc.io.reader import load
 from jampetsc.packing.contacts import find_contacts, measure

@@ -324,7 +324,7 @@ def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
 def test_a_minimum_that_hangs_on_a_weak_contact_is_left_for_another(monkeypatch):
     """Proofs leave out what bears less than a share of p d, here so large that it decides in some of these packings."""
     monkeypatch.setattr(state, "MIN_FORCE_RATIO", 0.015)
-    monkeypatch.setattr(protocols, "SHAKES", 8)
+    monkeypatch.setattr(protocols, "MAX_SHAKES", 8)
     target = protocols.Target(1e-5)
     for seed in range(1, 60):
         start, effort = random_disks(32, protocols.start_phi(1e-5), seed), Effort()
@@ -333,7 +333,7 @@ def test_a_minimum_that_hangs_on_a_weak_contact_is_left_for_another(monkeypatch)
             break
     assert proved_minimum(disks) and measure(disks).max_force <= 1e-10
     assert disks.record["protocol"].endswith(", then p = 1e-05" + effort.shakes * ", then shaken")
-    monkeypatch.setattr(protocols, "SHAKES", effort.shakes - 1)
+    monkeypatch.setattr(protocols, "MAX_SHAKES", effort.shakes - 1)
     with pytest.raises(ConvergenceError, match=f"and {effort.shakes * minimise.MAX_SADDLES} saddles"):
         protocols.make_packing(start, target, NewtonSolver())
 
