@@ -8,7 +8,6 @@ from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.jamming import quasistatic_shear
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
-from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.minimise.minimise import settle
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts
@@ -26,6 +25,16 @@ OVERDAMPED = [name for name, (_, mass) in ROWS.items() if not mass]
 def model(name) -> Model:
     law, mass = ROWS[name]
     return Model(law, mass, name=name)
+
+
+def spheres(n=40, phi=0.7, seed=1, kind="harmonic"):
+    """Spheres without deep overlaps in a tilted cell that is not a cube, stiffness as Vågberg's."""
+    rng = np.random.default_rng(seed)
+    radii = 0.6 * radii_of("bidisperse", n) / 0.5
+    height = np.cbrt(4.0 / 3.0 * np.pi * np.sum(radii**3) / phi / 1.3)
+    cell = height * np.array([[1.3, 0.0, 0.0], [0.2, 1.0, 0.0], [-0.1, 0.3, 1.0]])
+    potential = Potential(kind, "inverse-square-diameter")
+    return settle(Packing.from_positions(rng.random((n, 3)) @ cell, radii, cell, potential), 1e-3)
 
 
 def crowd(n=64, phi=0.86, aspect=1.3, tilt=0.2, seed=1, kind="harmonic"):
@@ -60,36 +69,44 @@ def stop_after(monkeypatch, saves) -> list:
     return left
 
 
+def crossed(spins, n):
+    """spins × n of contacts, (M, D): spins (M,) about z in a plane, (M, 3) in space."""
+    return np.cross(spins, n) if spins.ndim == 2 else spins[:, None] * np.column_stack((-n[:, 1], n[:, 0]))
+
+
 def forces(disks, law, rate, u, spin):
-    """(elastic (N, 2), viscous (N, 2), torques (N,), viscous virial Σ f r (2, 2), dissipation in contacts)."""
+    """(elastic (N, D), viscous (N, D), torques as `spin`, viscous virial Σ f r (D, D), dissipation in contacts)."""
     c = find_contacts(disks)
-    unit = disks.potential.k * law.tau1
-    n, (t,) = c.normal, transverse_axes(c.normal)
-    velocity = u[c.j] - u[c.i] + rate * np.outer(c.r[:, 1], [1.0, 0.0])
-    along, across = np.sum(n * velocity, 1), np.sum(t * velocity, 1)
-    sliding = across - disks.radii[c.i] * spin[c.i] - disks.radii[c.j] * spin[c.j]
-    on_j = -unit * (
-        (law.normal * along)[:, None] * n + (law.transverse * across + law.sliding * sliding)[:, None] * t
-    )
-    elastic, viscous, torques = np.zeros((disks.n, 2)), np.zeros((disks.n, 2)), np.zeros(disks.n)
+    unit, n = disks.potential.k * law.tau1, c.normal
+    velocity = u[c.j] - u[c.i]
+    velocity[:, 0] += rate * c.r[:, 1]
+    along = np.sum(n * velocity, 1)
+    across = velocity - along[:, None] * n
+    turning = (disks.radii[c.i] * spin[c.i].T + disks.radii[c.j] * spin[c.j].T).T
+    sliding = across - crossed(turning, n)
+    on_j = -unit * ((law.normal * along)[:, None] * n + law.transverse * across + law.sliding * sliding)
+    elastic, viscous, torques = np.zeros(u.shape), np.zeros(u.shape), np.zeros(spin.shape)
     for end, sign in ((c.j, 1.0), (c.i, -1.0)):
         np.add.at(elastic, end, sign * c.force[:, None] * n)
         np.add.at(viscous, end, sign * on_j)
-        np.add.at(torques, end, unit * law.sliding * sliding * disks.radii[end])
-    spent = unit * np.sum(law.normal * along**2 + law.transverse * across**2 + law.sliding * sliding**2)
-    return elastic, viscous, torques, on_j.T @ c.r, float(spent)
+        np.add.at(torques, end, (unit * law.sliding * disks.radii[end] * np.cross(n, sliding).T).T)
+    squares = (
+        law.normal * along**2 + law.transverse * np.sum(across**2, 1) + law.sliding * np.sum(sliding**2, 1)
+    )
+    return elastic, viscous, torques, on_j.T @ c.r, float(unit * np.sum(squares))
 
 
 def overdamped_velocities(disks, law, rate, held=0):
-    """u (N, 2) with no net force on any disk; the limit of vanishing drag where there is none. u = 0 of the `held`."""
-    still = np.zeros((disks.n, 2))
-    turned = np.zeros(disks.n)
+    """u (N, D) with no net force on any disk; the limit of vanishing drag where there is none. u = 0 of the `held`."""
+    axes = disks.dimension
+    still = np.zeros((disks.n, axes))
+    turned = np.zeros(disks.n) if axes == 2 else np.zeros((disks.n, 3))
     load = sum(forces(disks, law, rate, still, turned)[:2]).ravel()
     columns = [
-        forces(disks, law, 0.0, unit.reshape(-1, 2), turned)[1].ravel() for unit in np.eye(2 * disks.n)
+        forces(disks, law, 0.0, unit.reshape(-1, axes), turned)[1].ravel() for unit in np.eye(axes * disks.n)
     ]
     drag = law.drag * disks.potential.k * law.tau1
-    matrix = drag * np.eye(2 * disks.n) - np.array(columns).T
-    free = slice(2 * held, None)
+    matrix = drag * np.eye(axes * disks.n) - np.array(columns).T
+    free = slice(axes * held, None)
     still.reshape(-1)[free] = np.linalg.lstsq(matrix[free, free], load[free], rcond=1e-11)[0]
     return still

@@ -75,16 +75,17 @@ def _minimum_errors(x, products, pairs, squares):
 
 
 def lane_products(positions, cell, v, half_width, bins):
-    """Sums over the pairs of one snapshot with |y_ij| < half_width, of a lane: (Σ v_i v_j (D,), pairs (D,)).
+    """Sums over the pairs of one snapshot with |y_ij| < half_width, of a lane: (Σ v_i v_j (B,), pairs (B,)).
 
-    positions (N, 2) anywhere, cell (2, 2) rows (Lx, 0), (γ Ly, Ly), v (N,); bins: edges (D + 1,) of |x|, at most Lx/2.
+    In space also |z_ij| < half_width. positions (N, D) anywhere; cell (D, D) rows (Lx, 0), (γ Ly, Ly), in space
+    (Lx, 0, 0), (γ Ly, Ly, 0), (0, 0, Lz); v (N,); bins: edges (B + 1,) of |x|, at most Lx/2.
     """
     width, height = cell[0, 0], cell[1, 1]
     turns = np.floor(positions[:, 1] / height)
     y = positions[:, 1] - turns * height
     order = np.argsort(y)
     x, y, v = (positions[:, 0] - turns * cell[1, 0])[order], y[order], v[order]
-    n = len(y)
+    n, depth = len(y), positions[order, 2:].T  # z, if there is one
     products, pairs = np.zeros(len(bins) - 1), np.zeros(len(bins) - 1)
     for shift in range(1, n):
         # the next disk up, beyond the top edge an image one cell higher
@@ -93,6 +94,9 @@ def lane_products(positions, cell, v, half_width, bins):
         near = dy < half_width
         if not near.any():
             break
+        for z in depth:
+            dz = np.roll(z, -shift) - z
+            near = near & (np.abs(dz - cell[2, 2] * np.round(dz / cell[2, 2])) < half_width)
         dx = np.roll(x, -shift) - x + cell[1, 0] * across
         dx = np.abs(dx - width * np.round(dx / width))[near]
         products += np.histogram(dx, bins, weights=(np.roll(v, -shift) * v)[near])[0]
@@ -105,9 +109,9 @@ def correlate_velocities(
 ) -> LaneCorrelation:
     """g_y of snapshots of flows of one kind, in bins of |x|.
 
-    snapshots   iterable of (positions (N, 2), v_y (N,), cell (2, 2)), one at least
+    snapshots   iterable of (positions (N, D), v_y (N,), cell (D, D)), one at least
     diameter    mean diameter of the disks; lengths in its units:
-    lane        width of the lane around each disk, whose pairs have |y| < lane/2
+    lane        width of the lane around each disk, whose pairs have |y| < lane/2, in space also |z| < lane/2
     width       of a bin
 
     Raises InputError for lanes or bins that do not fit, and for velocities that are rounding.
@@ -143,7 +147,11 @@ def correlate_velocities(
 
 def _bin_edges(cell, diameter, lane, width):
     """Edges of the bins of |x|, up to half of the cell. Raises InputError for a lane or bin that does not fit."""
-    step, half, height = width * diameter, 0.5 * cell[0, 0], cell[1, 1]
+    step, half, height = width * diameter, 0.5 * cell[0, 0], cell.diagonal()[1:].min()
+    if cell[2:, :2].any():
+        raise InputError(
+            "cell: tilted along z, not supported here. Give a flow that began in an upright cell."
+        )
     if not 2.0 * (0.5 * lane * diameter) < height:
         raise InputError(
             f"{named('lane')} {lane:g}: must be less than the height of the cell, "

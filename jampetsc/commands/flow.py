@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jampetsc.errors import InputError, about, named
+from jampetsc.errors import InputError, named
 from jampetsc.io.hdf5 import attributes, check_format, open_file
 from jampetsc.io.outputs import check_place, is_same
 from jampetsc.io.results import note_lines, noted
@@ -17,14 +17,11 @@ from jampetsc.options.parameters import FILE, composite_parameter, optional_para
 from jampetsc.options.physics_options import MODEL
 from jampetsc.options.starts import GROUP, ShearJob, run_parameter
 from jampetsc.options.values import PACKING_OR_RESULT, input_name, load_source
-from jampetsc.packing.packing import Packing, require_plane
+from jampetsc.packing.packing import Packing
 from jampetsc.petsc import session
 from jampetsc.progress import Progress, note
 
 TOLERANCE = 1e-4
-PLANE_ONLY = (
-    "Flow at a rate is of disks in a plane: give a two-dimensional packing; `jampetsc shear` takes spheres."
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +41,7 @@ class Flow(ShearJob):
   jampetsc flow --n 1024 --phi 0.8433 --model RD0 --rate 1e-3 --strain 20 --snapshots 40 --out rd0.h5
   jampetsc flow p.h5 --model CD0 --rate 1e-4 --strain 5 --out cd0.h5
   jampetsc flow --n 256 --phi 0.78 --model CDn --mass 1 --rate 1e-3 --strain 40 --out cdn.h5
+  jampetsc flow --dimension 3 --n 512 --phi 0.65 --model RD0 --rate 1e-3 --strain 10 --out rd0-3d.h5
   jampetsc flow rd0.h5 --strain 20                      # twenty more
 
 A killed run continues when the same command is given again. Many disks use several cores, with the same result
@@ -82,8 +80,10 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
 
     def check(self):
         self.check_discard()
-        if self.dimension == 3:
-            raise InputError(f"{named('dimension')} 3: not supported. {PLANE_ONLY}")
+        if self.dimension == 3 and self.walls:
+            raise InputError(
+                f"{named('walls')}: not supported for spheres. Leave it out, or {named('dimension')}."
+            )
         every, spacing = named("snapshot_every"), named("snapshot_spacing")
         if self.snapshot_every is not None and (self.snapshots is not None or self.snapshot_spacing == "log"):
             raise InputError(f"{every}: excludes {named('snapshots')} and {spacing} log. Leave them out.")
@@ -220,8 +220,6 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
                 f"{named('rate')}; to continue one, give its file."
             )
         disks, origin = self.disks()
-        with about(input_name(self.start)):
-            require_plane(disks, PLANE_ONLY)
         run = define_flow(
             disks,
             self.model.of_stiffness(disks.potential.k),
@@ -288,6 +286,7 @@ def _facts(run, result) -> dict:
         "quality": float(np.sqrt(model.mass * k)) / (k * model.law.tau1) if model.mass else None,
         "friction": model.background_drag,
         "particle_count": disks.n - run.wall_disks,
+        **({"dimension": 3} if disks.dimension == 3 else {}),
         **potential_facts(disks),
         "step": run.scheme.step,
         "method": run.scheme.method,

@@ -13,8 +13,11 @@ NONE = np.uint32(2**32 - 1)
 
 
 @compiled(False)
-def find_clusters_of(graph, d, u):
-    """Clusters of the disks of domain d by contacts within it, with their sums of u (N, 2) and sizes, into `graph`."""
+def find_clusters_of(graph, d, u, like):
+    """Clusters of the disks of domain d by contacts within it, with their sums of u (N, D) and sizes, into `graph`.
+
+    like: a tuple of length D
+    """
     # taken out of their tuple, or their references would be counted at every access
     column, number, root, over, queue = graph.column, graph.number, graph.root, graph.over, graph.queue
     first, last = np.uint32(graph.disks[d]), np.uint32(graph.disks[d + 1])
@@ -24,12 +27,14 @@ def find_clusters_of(graph, d, u):
             continue
         root[start] = over[start] = queue[first] = start
         done, found = np.uint64(first), np.uint64(first) + np.uint64(1)
-        m0 = m1 = 0.0
+        m0 = m1 = m2 = 0.0
         while done < found:
             a = queue[done]
             done += np.uint64(1)
             m0 += u[a, 0]
             m1 += u[a, 1]
+            if len(like) == 3:
+                m2 += u[a, 2]
             for k in range(min(number[a], np.uint32(WIDTH))):
                 b = column[a, k]
                 if first <= b < last and root[b] == NONE:
@@ -37,6 +42,8 @@ def find_clusters_of(graph, d, u):
                     queue[found] = b
                     found += np.uint64(1)
         graph.total[start, 0], graph.total[start, 1] = m0, m1
+        if len(like) == 3:
+            graph.total[start, 2] = m2
         graph.size[start] = found - np.uint64(first)
 
 
@@ -70,7 +77,7 @@ def unite_clusters(domains, graph):
             if top == a:
                 number += 1
             else:
-                for axis in range(2):
+                for axis in range(total.shape[1]):
                     total[top, axis] += total[a, axis]
                 size[top] += size[a]
             largest = max(largest, size[top])
@@ -80,23 +87,25 @@ def unite_clusters(domains, graph):
 
 
 @compiled(FAST, forceinline=True)
-def centre_clusters_of(graph, d, u):
-    """Subtract the mean of its cluster from u (N, 2) for every disk of domain d; a disk without contacts gets u = 0."""
+def centre_clusters_of(graph, d, u, like):
+    """Subtract the mean of its cluster from u (N, D) for every disk of domain d; a disk without contacts gets u = 0."""
     root, over, total, size = graph.root, graph.over, graph.total, graph.size
     for a in range(graph.disks[d], graph.disks[d + 1]):
         top = over[root[a]]
         u[a, 0] -= total[top, 0] / size[top]
         u[a, 1] -= total[top, 1] / size[top]
+        if len(like) == 3:
+            u[a, 2] -= total[top, 2] / size[top]
 
 
 @compiled(FAST)
 def survey_of(domains, o, shear, graph):
-    """(number of clusters, disks of the largest, largest δ/σ) at offsets o (N, 2) and `shear`; overwrites `graph`."""
+    """(number of clusters, disks of the largest, largest δ/σ) at offsets o (N, D) and `shear`; overwrites `graph`."""
     i, j, sigma, r0 = domains.i, domains.j, domains.sigma, domains.r0
     strain, deepest = simple_shear(shear), 0.0
     for d in range(len(domains.begin)):
         find_contacts_of(domains, d, o, strain, graph)
-        find_clusters_of(graph, d, o)
+        find_clusters_of(graph, d, o, r0)
         for c in range(domains.begin[d], graph.ends[d, 1]):
             p = graph.touching[c]
             a, b = i[p], j[p]

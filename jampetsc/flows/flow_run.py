@@ -284,13 +284,15 @@ def _add_row(trajectory, shear, steps):
         shear.advance(min(steps, batch))
         steps -= batch
     terms = dict(zip(TALLY, shear.tally / shear.tally[TALLY.index("steps")], strict=True))
-    area = shear.reference.volume
+    volume = shear.reference.volume
     walls = wall_columns(shear) if shear.wall_disks else {}
     trajectory.add(
         strain=shear.strain,
         time=shear.strain / shear.rate,
-        shear_stress=[-terms[f"{part}_xy"] / area for part in ("elastic", "viscous", "kinetic")],
-        pressure=[terms[part] / (2.0 * area) for part in ("elastic", "viscous", "kinetic")],
+        shear_stress=[-terms[f"{part}_xy"] / volume for part in ("elastic", "viscous", "kinetic")],
+        pressure=[
+            terms[part] / (shear.reference.dimension * volume) for part in ("elastic", "viscous", "kinetic")
+        ],
         energy=terms["energy"],
         dissipation=terms["dissipation"],
         **shear.survey(),

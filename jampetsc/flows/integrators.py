@@ -3,7 +3,7 @@
 Positions are offsets o in the coordinates of the last pair list, γ_ref; g = γ − γ_ref; u is the non-affine
 velocity in the laboratory, the same in every frame (Vågberg, thesis eqs. 4.1–4.5):
 
-    ȯ = (u_x − g u_y, u_y),    u̇ = F/m − γ̇ u_y x̂  (SLLOD, 4.25)    or    F(u) = 0  without mass
+    ȯ = u − g u_y x̂,    u̇ = F/m − γ̇ u_y x̂  (SLLOD, 4.25)    or    F(u) = 0  without mass
 
 A move takes g in the middle of its step: exact for constant u. Every function steps until `steps` are done, the
 list is stale or something is wrong, and adds the terms of TALLY of each time step to `tally`. A step begins with
@@ -52,12 +52,15 @@ class ContactSolve(NamedTuple):
 
 
 @compiled(FAST, nogil=True)
-def drag_steps(me, threads, counter, arrays, constants, steps):
-    """Overdamped disks in a fluid, u = f/drag, by Euler or Heun: (status, steps done)."""
+def drag_steps(me, threads, counter, arrays, constants, like, steps):
+    """Overdamped disks in a fluid, u = f/drag, by Euler or Heun: (status, steps done).
+
+    like, here and below: a tuple of length D.
+    """
     first, last, begin, stop = find_own_domains(me, threads, arrays)
     domains = range(first, last)
     disks, forces, u, o, ahead = arrays.pairs.disks, arrays.forces, arrays.u, arrays.o, arrays.ahead
-    mobility, room, buffer, done, status = 1.0 / constants.drag, block_room(arrays.o.shape[1]), 0, 0, DONE
+    mobility, room, buffer, done, status = 1.0 / constants.drag, block_room(len(like)), 0, 0, DONE
     path, list_shear = UNSET_PATH, 0.0
     while done < steps and status == DONE:
         g = (constants.list_age + done) * constants.rate * constants.step
@@ -75,7 +78,7 @@ def drag_steps(me, threads, counter, arrays, constants, steps):
                 forces[disks[d] : constants.wall_disks] = 0.0
                 if part == 0:
                     far, longest, xy, squares = drift(
-                        o[rows], forces[rows], mobility, middle, constants.step, u[rows], ahead[rows]
+                        o[rows], forces[rows], mobility, middle, constants.step, u[rows], ahead[rows], like
                     )
                     write_terms(constants, bonds, xy, squares, sums[d])
                 else:
@@ -83,7 +86,10 @@ def drag_steps(me, threads, counter, arrays, constants, steps):
                     for a in range(len(f)):
                         f[a, 0] = 0.5 * (u[a + disks[d], 0] + mobility * f[a, 0])
                         f[a, 1] = 0.5 * (u[a + disks[d], 1] + mobility * f[a, 1])
-                    far, longest = move(o[rows], f, middle, constants.step, o[rows])
+                    if len(like) == 3:
+                        for a in range(len(f)):
+                            f[a, 2] = 0.5 * (u[a + disks[d], 2] + mobility * f[a, 2])
+                    far, longest = move(o[rows], f, middle, constants.step, o[rows], like)
                 sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest
             meet(counter, threads)
             buffer = 1 - buffer
@@ -102,10 +108,10 @@ def drag_steps(me, threads, counter, arrays, constants, steps):
 
 
 @compiled(FAST, forceinline=True)
-def residual_at(pairs, d, o, g, constants, u, forces, rolling, room):
+def residual_at(pairs, d, o, g, constants, u, forces, rolling, room, like):
     """Net force m u̇ on the disks of domain d at velocities u into `forces`: bonds, drag and −m γ̇ u_y x̂ of SLLOD.
 
-    Disks of walls have u̇ = 0. rolling: None, or (Ω, ρ, torques), each (N,); see `bond_forces`, whose Sums it returns.
+    Disks of walls have u̇ = 0. rolling: None, or (Ω, ρ, torques); see `domain_forces`, whose Sums it returns.
     """
     sums = domain_forces(
         pairs,
@@ -122,6 +128,8 @@ def residual_at(pairs, d, o, g, constants, u, forces, rolling, room):
     for a in range(begin, pairs.disks[d + 1]):
         forces[a, 0] -= constants.drag * u[a, 0] + constants.mass * constants.rate * u[a, 1]
         forces[a, 1] -= constants.drag * u[a, 1]
+        if len(like) == 3:
+            forces[a, 2] -= constants.drag * u[a, 2]
     forces[begin : constants.wall_disks] = 0.0
     if rolling is not None:
         rolling[2][begin : constants.wall_disks] = 0.0
@@ -129,7 +137,7 @@ def residual_at(pairs, d, o, g, constants, u, forces, rolling, room):
 
 
 @compiled(FAST, nogil=True, forceinline=True)
-def balance(me, threads, counter, arrays, constants, contacts, pairs, o, g, u, room):
+def balance(me, threads, counter, arrays, constants, contacts, pairs, o, g, u, room, like):
     """Solve for u: velocities at which forces balance, or with a mass those of a step of backward Euler.
 
     Returns (UNSOLVED or DONE, iterations), after a barrier.
@@ -137,7 +145,7 @@ def balance(me, threads, counter, arrays, constants, contacts, pairs, o, g, u, r
     first, last, _, _ = find_own_domains(me, threads, arrays)
     graph = contacts.graph
     for d in range(first, last):
-        bonds = residual_at(pairs, d, o, g, constants, u, arrays.forces, None, room)
+        bonds = residual_at(pairs, d, o, g, constants, u, arrays.forces, None, room, like)
         # elastic forces follow from distances; squares of viscous ones are weights times dissipation
         elastic = (graph.disks[d + 1] - graph.disks[d]) * (ROUNDING * constants.largest_force) ** 2
         contacts.search.rounding[d] = elastic + ROUNDING**2 * max(constants.weights) * bonds.dissipation
@@ -154,29 +162,30 @@ def balance(me, threads, counter, arrays, constants, contacts, pairs, o, g, u, r
         u,
         constants.tolerance,
         contacts.search,
+        like,
     )
     # set to zero: mean u of each cluster, which no force determines without mass and drag; that of all disks with mass
     # and neither drag nor walls, which forces do not change
     free = constants.drag == 0.0 and constants.mass == 0.0
     if free:
         for d in range(first, last):
-            find_clusters_of(graph, d, u)
+            find_clusters_of(graph, d, u, like)
     meet(counter, threads)
     if free and me == 0:
         unite_clusters(pairs, graph)
     elif me == 0 and constants.drag == 0.0 and constants.wall_disks == 0:
-        for axis in range(2):
+        for axis in range(len(like)):
             u[:, axis] -= np.mean(u[:, axis])
     meet(counter, threads)
     if free:
         for d in range(first, last):
-            centre_clusters_of(graph, d, u)
+            centre_clusters_of(graph, d, u, like)
         meet(counter, threads)
     return DONE if iterations >= 0 else UNSOLVED, iterations
 
 
 @compiled(FAST, nogil=True)
-def contact_steps(me, threads, counter, arrays, constants, contacts, steps):
+def contact_steps(me, threads, counter, arrays, constants, like, contacts, steps):
     """Disks damped by contacts, implicit in the velocities: without mass by Euler or Heun, with mass by Euler.
 
     Returns (status, steps done).
@@ -184,7 +193,7 @@ def contact_steps(me, threads, counter, arrays, constants, contacts, steps):
     first, last, begin, stop = find_own_domains(me, threads, arrays)
     domains = range(first, last)
     disks, o, ahead, u, after = arrays.pairs.disks, arrays.o, arrays.ahead, arrays.u, arrays.after[0]
-    room = block_room(arrays.o.shape[1])
+    room = block_room(len(like))
     done, status = 0, DONE
     path, list_shear = UNSET_PATH, 0.0
     while done < steps and status == DONE:
@@ -196,7 +205,7 @@ def contact_steps(me, threads, counter, arrays, constants, contacts, steps):
                 (arrays.inner_pairs, o, g, u) if part == 0 else (arrays.pairs, ahead, later, after)
             )
             solved, iterations = balance(
-                me, threads, counter, arrays, constants, contacts, pairs, place, shear, v, room
+                me, threads, counter, arrays, constants, contacts, pairs, place, shear, v, room, like
             )
             status = solved
             if status != DONE:
@@ -206,7 +215,7 @@ def contact_steps(me, threads, counter, arrays, constants, contacts, steps):
             if part == 0 and constants.heun:
                 for d in domains:
                     rows = slice(disks[d], disks[d + 1])
-                    far, longest = move(o[rows], u[rows], middle, constants.step, ahead[rows])
+                    far, longest = move(o[rows], u[rows], middle, constants.step, ahead[rows], like)
                     arrays.sums[0, d, SUMMED], arrays.sums[0, d, SUMMED + 1] = far, longest
                     after[rows] = u[rows]
                 meet(counter, threads)
@@ -219,6 +228,8 @@ def contact_steps(me, threads, counter, arrays, constants, contacts, steps):
             for a in range(begin, stop):
                 after[a, 0] = 0.5 * (u[a, 0] + after[a, 0])
                 after[a, 1] = 0.5 * (u[a, 1] + after[a, 1])
+                if len(like) == 3:
+                    after[a, 2] = 0.5 * (u[a, 2] + after[a, 2])
         sums = arrays.sums[1]
         for d in domains:
             rows = slice(disks[d], disks[d + 1])
@@ -233,9 +244,9 @@ def contact_steps(me, threads, counter, arrays, constants, contacts, steps):
                 None,
                 room,
             )
-            write_terms(constants, bonds, *squares_of(u[rows]), sums[d])
+            write_terms(constants, bonds, *squares_of(u[rows], like), sums[d])
             velocity = after[rows] if constants.heun else u[rows]
-            far, longest = move(o[rows], velocity, middle, constants.step, ahead[rows])
+            far, longest = move(o[rows], velocity, middle, constants.step, ahead[rows], like)
             sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest
         meet(counter, threads)
         status, longest = joint_status(constants, sums, later)
@@ -250,19 +261,19 @@ def contact_steps(me, threads, counter, arrays, constants, contacts, steps):
 
 
 class Turning(NamedTuple):
-    """Spins Ω of disks that roll, each (N,)."""
+    """Spins Ω of disks that roll, (N,), in space (N, 3)."""
 
     spins: np.ndarray  # Ω half a step ago
     rates: np.ndarray  # Ω̇ one step ago
-    radii: np.ndarray
-    inertia: np.ndarray
+    radii: np.ndarray  # (N,)
+    inertia: np.ndarray  # (N,)
     current_spins: np.ndarray  # work array: Ω now
     next_spins: np.ndarray  # work array: Ω at the next step
     torques: np.ndarray  # work array
 
 
 @compiled(FAST, nogil=True)
-def massive_steps(me, threads, counter, arrays, constants, turning, steps):
+def massive_steps(me, threads, counter, arrays, constants, like, turning, steps):
     """Massive disks by velocity Verlet, one force per step, taken at the predicted velocity: (status, steps done).
 
     u is the velocity half a step ago; `forces` has the acceleration one step ago; turning: None, or a Turning.
@@ -271,17 +282,20 @@ def massive_steps(me, threads, counter, arrays, constants, turning, steps):
     domains = range(first, last)
     dt, forces, u, o, ahead = constants.step, arrays.forces, arrays.u, arrays.o, arrays.ahead
     disks, buffer, done, status = arrays.pairs.disks, 0, 0, DONE
-    predicted, after, room = arrays.after[0], arrays.after[1], block_room(arrays.o.shape[1])
+    predicted, after, room = arrays.after[0], arrays.after[1], block_room(len(like))
     for a in range(begin, stop):
-        for axis in range(2):
+        for axis in range(len(like)):
             predicted[a, axis] = u[a, axis] + 0.5 * dt * forces[a, axis]
     if turning is not None:
         spin, spin_last, inertia, current_spins, next_spins, torques = (
             turning.spins, turning.rates, turning.inertia, turning.current_spins, turning.next_spins,
             turning.torques,
         )  # fmt: skip
-        for a in range(begin, stop):
-            current_spins[a] = spin[a] + 0.5 * dt * spin_last[a]
+        if len(like) == 3:
+            current_spins[begin:stop] = spin[begin:stop] + 0.5 * dt * spin_last[begin:stop]
+        else:
+            for a in range(begin, stop):
+                current_spins[a] = spin[a] + 0.5 * dt * spin_last[a]
     meet(counter, threads)
     path, list_shear = UNSET_PATH, 0.0
     while done < steps and status == DONE:
@@ -303,17 +317,25 @@ def massive_steps(me, threads, counter, arrays, constants, turning, steps):
             forces[disks[d] : constants.wall_disks] = 0.0
             far, longest, xy, squares = kick(
                 o[rows], forces[rows], predicted[rows], constants, g + 0.5 * constants.rate * dt,
-                u[rows], after[rows], ahead[rows],
+                u[rows], after[rows], ahead[rows], like,
             )  # fmt: skip
             write_terms(constants, bonds, xy, squares, sums[d])
             sums[d, SUMMED], sums[d, SUMMED + 1] = far, longest
             if turning is not None:
                 torques[disks[d] : constants.wall_disks] = 0.0
-                for a in range(disks[d], disks[d + 1]):
-                    sums[d, 6] += 0.5 * inertia[a] * current_spins[a] * current_spins[a]
-                    spin_last[a] = torques[a] / inertia[a]
-                    spin[a] += dt * spin_last[a]
-                    next_spins[a] = spin[a] + 0.5 * dt * spin_last[a]
+                if len(like) == 3:
+                    for a in range(disks[d], disks[d + 1]):
+                        for axis in range(3):
+                            sums[d, 6] += 0.5 * inertia[a] * current_spins[a, axis] * current_spins[a, axis]
+                            spin_last[a, axis] = torques[a, axis] / inertia[a]
+                            spin[a, axis] += dt * spin_last[a, axis]
+                            next_spins[a, axis] = spin[a, axis] + 0.5 * dt * spin_last[a, axis]
+                else:
+                    for a in range(disks[d], disks[d + 1]):
+                        sums[d, 6] += 0.5 * inertia[a] * current_spins[a] * current_spins[a]
+                        spin_last[a] = torques[a] / inertia[a]
+                        spin[a] += dt * spin_last[a]
+                        next_spins[a] = spin[a] + 0.5 * dt * spin_last[a]
         meet(counter, threads)
         status, longest = joint_status(constants, sums, g + constants.rate * dt)
         if me == 0:

@@ -37,33 +37,33 @@ class Graph(NamedTuple):
     begin: np.ndarray  # (D,) and where their pairs begin
     column: np.ndarray  # (N, WIDTH) uint32: the other disks
     number: np.ndarray  # (N,) uint32: of contacts
-    normals: np.ndarray  # (N, WIDTH, 2), zero where column is the disk itself, or (0, WIDTH, 2)
+    normals: np.ndarray  # (N, WIDTH, D), zero where column is the disk itself, or (0, WIDTH, D)
     more: np.ndarray  # (2M', 2) uint32: the disk itself and the other one
-    more_normals: np.ndarray  # (2M', 2), or (0, 2)
+    more_normals: np.ndarray  # (2M', D), or (0, D)
     touching: np.ndarray  # (M',) uint32: pairs that touch, those of domain d from begin[d]
     ends: np.ndarray  # (D, 3): ends of touching pairs within the domain, of all, and of `more`
     root: np.ndarray  # (N,) uint32: first disk of a disk's cluster within the domain,
     over: np.ndarray  # (N,) uint32: of these, parents; in the end, first disk of the whole cluster
     queue: np.ndarray  # (N,) uint32: of the search for clusters
-    total: np.ndarray  # (N, 2) sum of u over a cluster, at its first disk,
+    total: np.ndarray  # (N, D) sum of u over a cluster, at its first disk,
     size: np.ndarray  # (N,) int64: and its number of disks
     held: int
 
     @classmethod
     def room(cls, domains, n: int, held: int, with_normals: bool) -> "Graph":
         """Arrays for the contacts of n disks among the pairs of domains."""
-        m, some = len(domains.i), int(with_normals)
+        m, some, axes = len(domains.i), int(with_normals), len(domains.r0)
         return cls(
             domains.disks, domains.begin, np.empty((n, WIDTH), np.uint32), np.empty(n, np.uint32),
-            np.empty((some * n, WIDTH, 2)), np.empty((2 * m, 2), np.uint32), np.empty((some * 2 * m, 2)),
+            np.empty((some * n, WIDTH, axes)), np.empty((2 * m, 2), np.uint32), np.empty((some * 2 * m, axes)),
             np.empty(m, np.uint32), np.empty((len(domains.begin), 3), np.int64),
-            *np.empty((3, n), np.uint32), np.empty((n, 2)), np.empty(n, np.int64), held,
+            *np.empty((3, n), np.uint32), np.empty((n, axes)), np.empty(n, np.int64), held,
         )  # fmt: skip
 
 
 @compiled(FAST, nogil=True, forceinline=True)
 def find_contacts_of(domains, d, o, strain, graph):
-    """Write the contacts of domain d into `graph`, at offsets o (N, 2) and `strain`."""
+    """Write the contacts of domain d into `graph`, at offsets o (N, D) and `strain`."""
     i, j, sigma, r0 = domains.i, domains.j, domains.sigma, domains.r0
     # taken out of their tuples, or their references would be counted at every access
     column, number, touching = graph.column, graph.number, graph.touching
@@ -111,8 +111,25 @@ def find_contacts_of(domains, d, o, strain, graph):
 
 
 @compiled(FAST, forceinline=True)
-def multiply(graph, d, weights, hold, x, y):
-    """y = (A + hold) x for the disks of domain d, x, y (N, 2), zero for held ones; returns their part of x·y."""
+def _add_third(graph, e, across, extra, x, y):
+    """Third component of contact e of `more` in `multiply`."""
+    a, b = graph.more[e, 0], graph.more[e, 1]
+    d2 = x[a, 2] - x[b, 2]
+    y2 = across * d2
+    if len(graph.more_normals):
+        n = graph.more_normals[e]
+        stretch = n[0] * (x[a, 0] - x[b, 0]) + n[1] * (x[a, 1] - x[b, 1]) + n[2] * d2
+        y2 += extra * stretch * n[2]
+    y[a, 2] += y2
+    return x[a, 2] * y2
+
+
+@compiled(FAST, forceinline=True)
+def multiply(graph, d, weights, hold, x, y, like):
+    """y = (A + hold) x for the disks of domain d, x, y (N, D), zero for held ones; returns their part of x·y.
+
+    like, here and below: a tuple of length D.
+    """
     column, normals = graph.column, graph.normals
     along, across = weights[0], weights[1]
     extra = along - across
@@ -134,21 +151,47 @@ def multiply(graph, d, weights, hold, x, y):
             for k in range(np.uint64(WIDTH)):
                 b = column[a, k]
                 d0, d1 = x0 - x[b, 0], x1 - x[b, 1]
-                stretch = extra * (normals[a, k, 0] * d0 + normals[a, k, 1] * d1)
+                if len(like) == 3:
+                    d2 = x[a, 2] - x[b, 2]
+                    stretch = extra * (normals[a, k, 0] * d0 + normals[a, k, 1] * d1 + normals[a, k, 2] * d2)
+                else:
+                    stretch = extra * (normals[a, k, 0] * d0 + normals[a, k, 1] * d1)
                 s0 += across * d0 + stretch * normals[a, k, 0]
                 s1 += across * d1 + stretch * normals[a, k, 1]
         y0, y1 = s0 + hold * x0, s1 + hold * x1
         y[a, 0] = y0
         y[a, 1] = y1
         product += x0 * y0 + x1 * y1
+        if len(like) == 3:
+            x2 = x[a, 2]
+            s2 = 0.0
+            if len(normals) == 0:
+                for k in range(np.uint64(WIDTH)):
+                    s2 += x[column[a, k], 2]
+                s2 = across * (WIDTH * x2 - s2)
+            else:
+                for k in range(np.uint64(WIDTH)):
+                    b = column[a, k]
+                    d2 = x2 - x[b, 2]
+                    stretch = normals[a, k, 0] * (x0 - x[b, 0]) + normals[a, k, 1] * (x1 - x[b, 1])
+                    stretch = extra * (stretch + normals[a, k, 2] * d2)
+                    s2 += across * d2 + stretch * normals[a, k, 2]
+            y2 = s2 + hold * x2
+            y[a, 2] = y2
+            product += x2 * y2
     for e in range(np.uint64(2 * graph.begin[d]), np.uint64(graph.ends[d, 2])):
         a, b = graph.more[e, 0], graph.more[e, 1]
         if a >= graph.held:
             d0, d1 = x[a, 0] - x[b, 0], x[a, 1] - x[b, 1]
             y0, y1 = across * d0, across * d1
+            if len(like) == 3:
+                product += _add_third(graph, e, across, extra, x, y)
             if len(normals):
                 nx, ny = graph.more_normals[e, 0], graph.more_normals[e, 1]
-                stretch = extra * (nx * d0 + ny * d1)
+                if len(like) == 3:
+                    stretch = extra * (nx * d0 + ny * d1 + graph.more_normals[e, 2] * (x[a, 2] - x[b, 2]))
+                else:
+                    stretch = extra * (nx * d0 + ny * d1)
                 y0 += stretch * nx
                 y1 += stretch * ny
             y[a, 0] += y0
@@ -158,38 +201,40 @@ def multiply(graph, d, weights, hold, x, y):
 
 
 @compiled(FAST, forceinline=True)
-def invert_diagonal(graph, d, weights, hold, inverse):
-    """1 / diagonal of A + hold into the rows of domain d of `inverse` (N, 2); 1 where no damping acts on a disk."""
+def invert_diagonal(graph, d, weights, hold, inverse, like):
+    """1 / diagonal of A + hold into the rows of domain d of `inverse` (N, D); 1 where no damping acts on a disk."""
     along, across = weights[0], weights[1]
     first, last, number = graph.disks[d], graph.disks[d + 1], graph.number
     for a in range(first, last):
         inverse[a, 0] = inverse[a, 1] = hold + across * float(number[a])
+        if len(like) == 3:
+            inverse[a, 2] = inverse[a, 0]
     if len(graph.normals):
         for a in range(first, last):
             for k in range(WIDTH):
-                for axis in range(2):
+                for axis in range(len(like)):
                     inverse[a, axis] += (along - across) * graph.normals[a, k, axis] ** 2
         for e in range(2 * graph.begin[d], graph.ends[d, 2]):
-            for axis in range(2):
+            for axis in range(len(like)):
                 inverse[graph.more[e, 0], axis] += (along - across) * graph.more_normals[e, axis] ** 2
     for a in range(first, last):
-        for axis in range(2):
+        for axis in range(len(like)):
             inverse[a, axis] = 1.0 / inverse[a, axis] if inverse[a, axis] > 0.0 else 1.0
 
 
 class Search(NamedTuple):
     """Work arrays of conjugate gradients."""
 
-    q: np.ndarray  # (N, 2) (A + hold) p
-    p: np.ndarray  # (N, 2) direction
-    inverse: np.ndarray  # (N, 2) 1 / diagonal
-    sums: np.ndarray  # (2, D, 3) of domains; two in turn: some threads still read the last ones
-    rounding: np.ndarray  # (D,) square of the residual that rounding leaves
+    q: np.ndarray  # (N, D) (A + hold) p
+    p: np.ndarray  # (N, D) direction
+    inverse: np.ndarray  # (N, D) 1 / diagonal
+    sums: np.ndarray  # (2, domains, 3); two in turn: some threads still read the last ones
+    rounding: np.ndarray  # (domains,) square of the residual that rounding leaves
 
 
 @compiled(FAST, forceinline=True)
-def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, search):
-    """Add to u (N, 2) the correction x with (A + hold) x = residual, both axes in one conjugate gradient.
+def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, search, like):
+    """Add to u (N, D) the correction x with (A + hold) x = residual, all axes in one conjugate gradient.
 
     residual = b − (A + hold) u is overwritten; ends when |residual| ≤ tolerance |b|, or at `search.rounding`: where
     forces cancel, as in a crystal, b is less than that. Preconditioned by the diagonal.
@@ -197,14 +242,14 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
     """
     number = len(graph.begin)
     mine = range(me * number // threads, (me + 1) * number // threads)
-    # flat: one loop over the coordinates of both axes
+    axes = np.uint64(len(like))  # flat: one loop over the coordinates of all axes
     x, r, q, p = u.reshape(-1), residual.reshape(-1), search.q.reshape(-1), search.p.reshape(-1)
     inverse, (sums, others) = search.inverse.reshape(-1), (search.sums[0], search.sums[1])
     for d in mine:
-        multiply(graph, d, weights, hold, u, search.q)
-        invert_diagonal(graph, d, weights, hold, search.inverse)
+        multiply(graph, d, weights, hold, u, search.q, like)
+        invert_diagonal(graph, d, weights, hold, search.inverse, like)
         goal = rho = size = 0.0
-        for a in range(np.uint64(2 * graph.disks[d]), np.uint64(2 * graph.disks[d + 1])):
+        for a in range(axes * np.uint64(graph.disks[d]), axes * np.uint64(graph.disks[d + 1])):
             b = r[a] + q[a]
             goal += b * b
             size += r[a] * r[a]
@@ -221,7 +266,7 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
         if size <= goal:
             return iteration
         for d in mine:
-            others[d, 0] = multiply(graph, d, weights, hold, search.p, search.q)
+            others[d, 0] = multiply(graph, d, weights, hold, search.p, search.q, like)
         meet(counter, threads)
         curvature = 0.0
         for d in range(number):
@@ -229,7 +274,7 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
         step = rho / curvature if curvature > 0.0 else 0.0
         for d in mine:
             size = after = 0.0
-            for a in range(np.uint64(2 * graph.disks[d]), np.uint64(2 * graph.disks[d + 1])):
+            for a in range(axes * np.uint64(graph.disks[d]), axes * np.uint64(graph.disks[d + 1])):
                 x[a] += step * p[a]
                 left = r[a] - step * q[a]
                 r[a] = left
@@ -244,7 +289,7 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
             rho += sums[d, 1]
         beta = rho / last
         for d in mine:
-            for a in range(np.uint64(2 * graph.disks[d]), np.uint64(2 * graph.disks[d + 1])):
+            for a in range(axes * np.uint64(graph.disks[d]), axes * np.uint64(graph.disks[d + 1])):
                 p[a] = inverse[a] * r[a] + beta * p[a]
         meet(counter, threads)
     return -1

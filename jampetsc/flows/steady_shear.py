@@ -37,6 +37,7 @@ MAX_PART_MOVE_RATIO = (
     0.25  # in units of the largest diameter, longest move of a disk in a part of a divided step
 )
 MIN_STEP_PART = 2.0**-30  # part of a time step; if a disk jumps in this one too, the step is refused
+INERTIA = {2: 0.5, 3: 0.4}  # moment of a uniform disk and sphere, in units of m ρ²
 REBUILD_COST = (
     25.0  # cost of a list in force evaluations; high, as width costs only when the inner list is made
 )
@@ -68,21 +69,21 @@ class SteadyShear(ListedPacking):
         self.damping_unit = float(disks.potential.k * model.law.tau1)  # kτ₁, of all weights
         sigma = 2.0 * np.array([disks.radii.min(), disks.radii.max()])
         self.largest_force = float(disks.potential.force(sigma, sigma).max())
-        self.inertia = 0.5 * model.mass * disks.radii**2  # uniform disks
+        self.inertia = INERTIA[disks.dimension] * model.mass * disks.radii**2
         self.steps = 0  # time steps in all
         self.list_age = 0  # those since the list was made
         self.rebuilds = 0
         self.substeps = 0  # parts of steps that were divided
-        self.velocities = np.zeros((n, 2))
-        self.accelerations = np.zeros((n, 2))
-        self.spins, self.spin_rates = np.zeros(n), np.zeros(n)
+        shape = disks.base.shape
+        self.velocities, self.accelerations = np.zeros((2, *shape))
+        self.spins, self.spin_rates = np.zeros((2, n) if disks.dimension == 2 else (2, n, 3))
         self.tally = np.zeros(len(TALLY))
         self._borders = np.minimum(borders(n), n)
         self.order, self._sorted_at = np.arange(n), -np.inf  # strain
         sums = np.zeros((2, len(self._borders) - 1, SUMMED + 2))
-        self._work_arrays = np.empty((2, n, 2)), np.empty((n, 2)), sums
-        self._next_offsets, self._direction = np.empty((n, 2)), np.empty((3, n, 2))
-        super().__init__(self._sorted(disks.replace(images=np.zeros((n, 2), int))), team=team)
+        self._work_arrays = np.empty((2, *shape)), np.empty(shape), sums
+        self._next_offsets, self._direction = np.empty(shape), np.empty((3, *shape))
+        super().__init__(self._sorted(disks.replace(images=np.zeros(shape, int))), team=team)
         if wall_disks and model.mass:  # at rest when the walls begin to slide
             middle = 0.5 * disks.cell[1, 1]
             self.velocities[wall_disks:, 0] = rate * (middle - self.reference.positions[wall_disks:, 1])
@@ -157,10 +158,21 @@ class SteadyShear(ListedPacking):
         return self.sorted_disks.reordered(self._input_order)
 
     def residual(self, u, rolling=None):
-        """m u̇ (N, 2) at velocities u (N, 2); see `integrators.residual_at`."""
+        """m u̇ (N, D) at velocities u (N, D); see `integrators.residual_at`."""
         forces, listed, room = np.empty_like(u), self.lists[0], block_room(u.shape[1])
         for d in range(listed.number):
-            residual_at(listed, d, self.offsets, self.shear, self.step_constants(), u, forces, rolling, room)
+            residual_at(
+                listed,
+                d,
+                self.offsets,
+                self.shear,
+                self.step_constants(),
+                u,
+                forces,
+                rolling,
+                room,
+                listed.r0,
+            )
         return forces
 
     def step_constants(self, part: float = 1.0) -> StepConstants:
@@ -200,11 +212,11 @@ class SteadyShear(ListedPacking):
         }
 
     def nonaffine_velocities(self) -> np.ndarray:
-        """Non-affine velocities (N, 2) at the present positions, in the order of `disks`; see `sorted_velocities`."""
+        """Non-affine velocities (N, D) at the present positions, in the order of `disks`; see `sorted_velocities`."""
         return self.sorted_velocities()[self._input_order]
 
     def sorted_velocities(self) -> np.ndarray:
-        """Non-affine velocities (N, 2) at the present positions, in the order of `sorted_disks`.
+        """Non-affine velocities (N, D) at the present positions, in the order of `sorted_disks`.
 
         The next step computes its stresses and dissipation of them. With contact damping or backward Euler they are
         solved for here, as the velocities of the last step belong to the contacts before it.
@@ -223,11 +235,11 @@ class SteadyShear(ListedPacking):
             self.shear,
             u,
         )
-        balance(0, 1, np.zeros(1, np.int64), *place, block_room(u.shape[1]))
+        balance(0, 1, np.zeros(1, np.int64), *place, block_room(u.shape[1]), self.lists[0].r0)
         return u
 
     def angular_velocities(self) -> np.ndarray | None:
-        """Angular velocities (N,) at the same time, in the order of `disks`; None if disks do not roll."""
+        """Angular velocities (N,), of spheres (N, 3), at the same time; order as `disks`; None if they do not roll."""
         if not self.model.law.couples_rotations:
             return None
         return (self.spins + 0.5 * self.scheme.step * self.spin_rates)[self._input_order]
@@ -307,11 +319,11 @@ class SteadyShear(ListedPacking):
         self.has_started = True
         if self.scheme.method != "verlet":
             return
-        torques = np.zeros(len(self.spins))
+        torques = np.zeros_like(self.spins)
         rolling = (self.spins, self.reference.radii, torques) if self.model.law.couples_rotations else None
         forces = self.residual(self.velocities, rolling)
         self.accelerations = forces / self.model.mass
-        self.spin_rates = torques / self.inertia
+        self.spin_rates = (torques.T / self.inertia).T
         half = 0.5 * self.scheme.step
         self.velocities = self.velocities - half * self.accelerations
         self.spins = self.spins - half * self.spin_rates
@@ -335,7 +347,9 @@ class SteadyShear(ListedPacking):
             arrays, rest = arrays._replace(forces=self.accelerations), (turning,)
         elif self.solves_velocities:
             run, rest = contact_steps, (self._contact_solve,)
-        return self.team.run(run, self.lists[0].number, arrays, self.step_constants(part), *rest, steps)[::-1]
+        return self.team.run(
+            run, self.lists[0].number, arrays, self.step_constants(part), arrays.pairs.r0, *rest, steps
+        )[::-1]
 
     def state(self) -> dict:
         """The whole state as arrays and numbers, for `restore` to the last bit.
@@ -364,7 +378,7 @@ class SteadyShear(ListedPacking):
         self.order, self._sorted_at = np.asarray(state["order"], int), float(state["sorted_at"])
         places = {name: np.asarray(state[name], float) for name in PLACES}
         self.list(disks.replace(images=state["images"], **places).reordered(self.order))
-        self.inertia = 0.5 * self.model.mass * self.reference.radii**2
+        self.inertia = INERTIA[self.reference.dimension] * self.model.mass * self.reference.radii**2
         for name in self.ARRAYS:
             setattr(self, name, np.array(state[name], float)[self.order])
         self.tally = np.array(state["seen"], float)

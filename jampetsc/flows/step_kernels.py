@@ -6,6 +6,7 @@ import numpy as np
 
 from jampetsc.packing.bond import simple_shear
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled
+from jampetsc.packing.kernel import elastic_trace, viscous_trace
 from jampetsc.packing.neighbour_list import NeighbourList, choose_inner_list, inner_list_is_stale, is_stale
 
 # Σ f_x r_y and Σ f·r of elastic and viscous bonds, Σ m u_x u_y and Σ m |u|², energy U + kinetic, dissipation,
@@ -43,18 +44,21 @@ class StepArrays(NamedTuple):
 
     pairs: NeighbourList  # of the neighbour list
     inner_pairs: NeighbourList  # of the inner list
-    o: np.ndarray  # (N, 2) offsets
-    ahead: np.ndarray  # (N, 2) offsets after the step, of the predictor or of the whole
-    u: np.ndarray  # (N, 2) non-affine velocities
-    after: np.ndarray  # (2, N, 2) velocities at other times
-    forces: np.ndarray  # (N, 2)
-    sums: np.ndarray  # (2, D, SUMMED + 2) of domains; two in turn: some threads still read the last ones
+    o: np.ndarray  # (N, D) offsets
+    ahead: np.ndarray  # (N, D) offsets after the step, of the predictor or of the whole
+    u: np.ndarray  # (N, D) non-affine velocities
+    after: np.ndarray  # (2, N, D) velocities at other times
+    forces: np.ndarray  # (N, D)
+    sums: np.ndarray  # (2, domains, SUMMED + 2); two in turn: some threads still read the last ones
     tally: np.ndarray  # (TALLY,) sums over time steps
 
 
 @compiled(False)
-def move(o, u, g, dt, out):
-    """out = o + dt (u_x − g u_y, u_y), all (n, 2); returns max |out| and the longest move, NaN if any is."""
+def move(o, u, g, dt, out, like):
+    """out = o + dt (u_x − g u_y, u_y, u_z), all (n, D); returns max |out| and the longest move, NaN if any is.
+
+    like, here and below: a tuple of length D.
+    """
     far = longest = total = 0.0
     for a in range(len(o)):
         dx = dt * (u[a, 0] - g * u[a, 1])
@@ -63,15 +67,23 @@ def move(o, u, g, dt, out):
         y = o[a, 1] + dy
         out[a, 0] = x
         out[a, 1] = y
-        far = max(far, x * x + y * y)
-        longest = max(longest, dx * dx + dy * dy)
+        if len(like) == 3:
+            dz = dt * u[a, 2]
+            z = o[a, 2] + dz
+            out[a, 2] = z
+            far = max(far, x * x + y * y + z * z)
+            longest = max(longest, dx * dx + dy * dy + dz * dz)
+            total += dz
+        else:
+            far = max(far, x * x + y * y)
+            longest = max(longest, dx * dx + dy * dy)
         total += dx
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan
 
 
 @compiled(NUMBERS, forceinline=True)
-def drift(o, forces, mobility, g, dt, u, out):
-    """u = mobility · forces, and out = o moved by it, (n, 2) each.
+def drift(o, forces, mobility, g, dt, u, out, like):
+    """u = mobility · forces, and out = o moved by it, (n, D) each.
 
     In one pass: four of them would take half as long as the forces. Returns (max |out|, longest move, NaN if any is,
     Σ u_x u_y, Σ |u|²).
@@ -86,14 +98,22 @@ def drift(o, forces, mobility, g, dt, u, out):
         xy += ux * uy
         squares += ux * ux + uy * uy
         reach, move = x * x + y * y, dx * dx + dy * dy
+        if len(like) == 3:
+            uz = mobility * forces[a, 2]
+            dz = dt * uz
+            z = o[a, 2] + dz
+            u[a, 2], out[a, 2] = uz, z
+            squares += uz * uz
+            reach += z * z
+            move += dz * dz
         far = reach if reach > far else far
         longest = move if move > longest else longest
     return np.sqrt(far), np.sqrt(longest) if squares == squares else np.nan, xy, squares
 
 
 @compiled(NUMBERS, forceinline=True)
-def kick(o, forces, predicted, constants, g, u, after, out):
-    """Move u from half a step before to half a step after now, out = o moved by it, (n, 2) each.
+def kick(o, forces, predicted, constants, g, u, after, out, like):
+    """Move u from half a step before to half a step after now, out = o moved by it, (n, D) each.
 
     forces: of bonds, turned into accelerations; `predicted`: velocities now; `after`: those predicted for the next
     step. Returns the same as `drift`, with the sums of the velocities now.
@@ -114,18 +134,30 @@ def kick(o, forces, predicted, constants, g, u, after, out):
         squares += px * px + py * py
         total += dx
         reach, move = x * x + y * y, dx * dx + dy * dy
+        if len(like) == 3:
+            pz = predicted[a, 2]
+            az = (forces[a, 2] - drag * pz) / mass
+            uz = u[a, 2] + dt * az
+            z = o[a, 2] + dt * uz
+            after[a, 2], forces[a, 2], u[a, 2], out[a, 2] = uz + 0.5 * dt * az, az, uz, z
+            squares += pz * pz
+            reach += z * z
+            move += dt * uz * dt * uz
+            total += uz
         far = reach if reach > far else far
         longest = move if move > longest else longest
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan, xy, squares
 
 
 @compiled(FAST, forceinline=True)
-def squares_of(u):
-    """(Σ u_x u_y, Σ |u|²) of u (n, 2)."""
+def squares_of(u, like):
+    """(Σ u_x u_y, Σ |u|²) of u (n, D)."""
     xy = squares = 0.0
     for a in range(len(u)):
         xy += u[a, 0] * u[a, 1]
         squares += u[a, 0] * u[a, 0] + u[a, 1] * u[a, 1]
+        if len(like) == 3:
+            squares += u[a, 2] * u[a, 2]
     return xy, squares
 
 
@@ -134,9 +166,9 @@ def write_terms(constants, bonds, xy, squares, row):
     """The terms of TALLY of one domain into `row`; bonds: Sums of its forces; xy, squares: see `squares_of`."""
     alpha = 2.5 if constants.law[1] else 2.0
     row[0] = bonds.elastic_xy
-    row[1] = bonds.elastic_xx + bonds.elastic_yy
+    row[1] = elastic_trace(bonds)
     row[2] = bonds.viscous_xy
-    row[3] = bonds.viscous_xx + bonds.viscous_yy
+    row[3] = viscous_trace(bonds)
     row[4] = constants.mass * xy
     row[5] = constants.mass * squares
     row[6] = bonds.energy / alpha + 0.5 * constants.mass * squares

@@ -20,7 +20,7 @@ from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.neighbours import spatial_order
-from jampetsc.packing.packing import Packing
+from jampetsc.packing.packing import UNIT_BALL, Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import simple_shear
 
@@ -32,7 +32,7 @@ SETTLING = 2000, 0.05
 
 def phi_between(disks: Packing, wall_disks: int) -> float:
     """Packing fraction of the disks that move, in the area V = L_x H less that of the walls' disks."""
-    areas = np.pi * disks.radii**2
+    areas = UNIT_BALL[disks.dimension] * disks.radii**disks.dimension
     return float(np.sum(areas[wall_disks:]) / (disks.volume - np.sum(areas[:wall_disks])))
 
 

@@ -161,8 +161,10 @@ class Snapshot(Packing):
 
     strain: float = 0.0  # γ since the start
     rate: float = 0.0  # γ̇
-    velocities: np.ndarray | None = None  # (N, 2) without the affine flow (γ̇ y, 0)
-    spins: np.ndarray | None = None  # (N,) angular velocities, if disks roll; −γ̇/2 in affine flow
+    velocities: np.ndarray | None = None  # (N, D) without the affine flow, γ̇ y along x
+    spins: np.ndarray | None = (
+        None  # (N,) or (N, 3) angular velocities, if disks roll; −γ̇/2 about z in affine flow
+    )
 
 
 def snapshot(result, row=-1) -> Snapshot:
@@ -200,8 +202,12 @@ def check_snapshots(result) -> None:
 def six_fold_order(result):
     """`analysis.order.mean_order` of each snapshot of a flow, as stored in a file without positions: (S,) each.
 
-    Raises InputError for a file without snapshots.
+    Raises InputError for a file without snapshots, and for spheres.
     """
+    if result.attributes.get("dimension", 2) != 2:
+        raise InputError(
+            f"{result.path}: spheres, and six-fold order is of disks in a plane. Give flows of disks."
+        )
     if STORED_ORDER[0] in result:
         return tuple(result[name] for name in STORED_ORDER)
     check_snapshots(result)

@@ -226,12 +226,14 @@ snapshots/velocities | (S, N, D) | float? | length/time | velocities without the
 snapshots/images | (S, N, D) | int? | | k₁, k₂: x + k₁ a₁ + k₂ a₂ with the `cell` of the snapshot is the position that
   was never folded back into the cell, `flow.snapshot(i).unwrapped`; between snapshots it changes by Δγ y and the
   non-affine displacement. Older files have none
-snapshots/spins | (S, N) | float? | 1/time | laws with rotations: angular velocities; that of uniform shear is −γ̇/2
+snapshots/spins | (S, N) or (S, N, 3) | float? | 1/time | laws with rotations: angular velocities; that of
+  uniform shear is −γ̇/2 about z
 snapshots/psi6_local, snapshots/psi6_global | (S,) | float? | | six-fold order ⟨\|ψ₆\|⟩ and \|⟨ψ₆⟩\| of results
   kept without positions
 state/base, state/offset, state/offsets, state/velocities, state/accelerations | (N, D) | float | | `state`: with which
   `jampetsc flow FILE --strain MORE` continues; not for analysis
-state/radii, state/spins, state/spin_rates | (N,) | float | | likewise
+state/radii | (N,) | float | | likewise
+state/spins, state/spin_rates | (N,) or (N, 3) | float | | likewise
 state/cell_base, state/cell_offset | (D, D) | float | | likewise
 state/images | (N, D) | int | | likewise
 state/order | (N,) | int | | likewise, a permutation

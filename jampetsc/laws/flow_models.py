@@ -23,6 +23,8 @@ MODELS = {
     "CDt": (Law("tangential contact damping", transverse=1.0), True),
 }
 STRAIN_STEP = 5e-3  # largest γ̇Δt
+# by dimension, as the largest eigenvalues are: of the Hessian 3.6 and 6.1 k/σ², of contact damping 6.7 and 15 c
+DRAG_STEP, VERLET_STEP = {2: 0.2, 3: 0.12}, {2: 0.1, 3: 0.04}
 QUALITY = 0.3  # Q below which damping is stiff and backward Euler takes over from velocity Verlet
 
 
@@ -170,7 +172,8 @@ def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> S
 
     Δt follows from the stiffest contact, k/σ² at the smallest σ, damping c = kτ₁ × weight and mass m: drag 0.2 c/k
     (unstable from 0.56), contacts 0.5 c/k (unstable from 2), backward Euler 0.25 c/k, velocity Verlet
-    0.1 min(m/c, √(m/k)). c is the weakest of several without mass, the strongest with.
+    0.1 min(m/c, √(m/k)); of spheres, which have more contacts, 0.12 (unstable from 0.33) and 0.04 in place of 0.2 and
+    0.1. c is the weakest of several without mass, the strongest with.
     """
     law, potential, stiffness = model.law, disks.potential, stiffest(disks)
     unit = potential.k * law.tau1
@@ -178,16 +181,17 @@ def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> S
     drag = unit * model.drag
     fast = rate * unit / stiffness > 5e-3
     if not model.mass:
-        longest = 0.5 * min(weights) / stiffness if weights else 0.2 * drag / stiffness
+        longest = 0.5 * min(weights) / stiffness if weights else DRAG_STEP[disks.dimension] * drag / stiffness
         method = "heun" if fast else "euler"
     else:
         swing = math.sqrt(model.mass / stiffness)
-        # A disk's moment of inertia is only ½ m ρ²: sliding damps its spin at a higher rate than its velocity.
-        damping = max([*weights, drag, 4.0 * unit * law.sliding])
+        # The moment of inertia is only ½ m ρ² or 0.4 m ρ²: sliding damps spins at a higher rate than velocities.
+        spin_ratio = 4.0 if disks.dimension == 2 else 5.0
+        damping = max([*weights, drag, spin_ratio * unit * law.sliding])
         # Damped in every direction, a disk follows the forces; else it flies freely between collisions that last m/c.
         braked = drag or (law.normal and law.transverse)
         if swing * stiffness / damping < QUALITY and braked and not law.couples_rotations:
             method, longest = "backward Euler", 0.25 * damping / stiffness
         else:
-            method, longest = "verlet", 0.1 * min(model.mass / damping, swing)
+            method, longest = "verlet", VERLET_STEP[disks.dimension] * min(model.mass / damping, swing)
     return Scheme(step or min(longest, STRAIN_STEP / rate), method, tolerance)

@@ -89,3 +89,22 @@ def test_a_lane_ends_where_it_is_as_wide():
     positions, bins = np.array([[0.0, 0.0], [0.25, 0.5], [0.5, 1.25]]), np.array([0.0, 0.5, 1.0])
     for lane, pairs in ((0.5, 0), (0.75, 1), (0.76, 2), (1.3, 3)):
         assert lane_products(positions, np.diag([4.0, 4.0]), np.ones(3), lane, bins)[1].sum() == pairs
+
+
+def test_lanes_of_spheres_are_narrow_along_z_too():
+    """Against all pairs and images in a sheared cell."""
+    rng, n, half, edges = np.random.default_rng(3), 30, 0.8, np.array([0.0, 1.0, 2.0, 3.0])
+    cell = np.array([[6.0, 0.0, 0.0], [1.3, 5.0, 0.0], [0.0, 0.0, 4.0]])
+    x, v = rng.uniform(-2.0, 3.0, (n, 3)) @ cell, rng.normal(size=n)
+    turns = np.stack(np.meshgrid(*[np.arange(-7, 8)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) @ cell
+    products, pairs = np.zeros(3), np.zeros(3)
+    for i in range(n):
+        for j in range(i + 1, n):
+            across = x[j] - x[i] + turns
+            near = across[(np.abs(across[:, 1:]) < half).all(axis=1) & (np.abs(across[:, 0]) <= 3.0)]
+            counts = np.histogram(np.abs(near[:, 0]), edges)[0]
+            pairs += counts
+            products += counts * v[i] * v[j]
+    found = lane_products(x, cell, v, half, edges)
+    assert np.array_equal(found[1], pairs) and pairs.sum() > 50
+    np.testing.assert_allclose(found[0], products, atol=1e-12)
