@@ -4,10 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from spheres import few_spheres
 
 import jampetsc
 from jampetsc.errors import InputError
 from jampetsc.packing.cell import reduced_basis
+from jampetsc.packing.contacts import assigned_volumes, disk_stresses, force_threshold, imbalance, measure
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network, nearest_images
 
@@ -125,3 +127,20 @@ def test_folding_keeps_all_bonds_of_spheres():
     np.testing.assert_allclose(folded.unwrapped, packing.unwrapped, rtol=1e-13)
     inside = np.linalg.solve(folded.cell.T, folded.positions.T)
     assert inside.min() >= -1e-12 and inside.max() < 1.0
+
+
+def test_forces_are_measured_by_the_pressure_on_a_cross_section():
+    """In another unit of length thresholds and imbalance belong to the same contacts and forces: p d² in three
+    dimensions."""
+    disks = few_spheres().replace(offset=few_spheres().offset + 1e-3 * np.eye(14, 3))
+    state, unit = measure(disks), 3.0
+    large = Packing.from_positions(unit * disks.positions, unit * disks.radii, unit * disks.cell)
+    d = 2.0 * disks.radii.mean()
+    assert force_threshold(disks, state.pressure) == pytest.approx(1e-6 * state.pressure * d**2, rel=1e-12)
+    assert imbalance(disks, state) == pytest.approx(state.max_force / (state.pressure * d**2), rel=1e-12)
+    assert imbalance(large, measure(large)) == pytest.approx(imbalance(disks, state), rel=1e-9)
+    volumes, stresses = assigned_volumes(disks), disk_stresses(disks, disks.contacts())
+    assert volumes.sum() == pytest.approx(disks.volume) and volumes[1] / volumes[0] == pytest.approx(1.2**3)
+    np.testing.assert_allclose(
+        np.einsum("i,iab->ab", volumes, stresses) / disks.volume, disks.stress, atol=1e-15
+    )
