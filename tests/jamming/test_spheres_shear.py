@@ -17,7 +17,7 @@ from jampetsc.packing.packing import deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import simple_shear
 
-pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,6 @@ def spheres():
     return settle(random_start(radii, 0.72, 1, law, dimension=3), 1e-6)
 
 
-@pytest.mark.most_ranks(1)
 def test_the_factor_is_that_of_the_hessian(spheres):
     """Of springs of the pairs, and of the values of a pattern; what is indefinite is found."""
     rng, n = np.random.default_rng(1), spheres.n
@@ -52,7 +51,6 @@ def test_the_factor_is_that_of_the_hessian(spheres):
     assert not ldl.factorise(order, *ldl.space_blocks_of(pattern.indptr, pattern.indices, values))[0]
 
 
-@pytest.mark.most_ranks(1)
 def test_minima_along_shear_are_those_of_quenches(session, spheres):
     """As L-BFGS and a proof find from the same affine step; `restore` repeats them to the last bit."""
     from jampetsc.petsc.hessian_solver import HessianSolver
