@@ -1,91 +1,62 @@
-"""The Hessian that a quench ends with, factorised by CHOLMOD, and as 2×2 blocks, as the quench of few disks does.
+"""Time and memory of one factor of K + sB of a packing, with and without rotations, by any solver of PETSc.
 
-    .venv/bin/python benchmarks/factors.py [--n 4096] [--pressure 1e-4] [--seeds 1:3]
+    .venv/bin/python benchmarks/factors.py PACKING … [-shift_pc_factor_mat_solver_type mumps …]
 
-Both orders are of approximate minimum degree: CHOLMOD's of coordinates, PETSc's of disks. Shortest processor times, in
-turn, and what blocks save of the whole quench with its number of factorisations, each for three solves.
+For packings of spheres: jampetsc pack --dimension 3 --n 4000 --pressure 0.02 --seed 1 --out s4000.h5. Options with one
+dash are PETSc's. Every factor is made in a process of its own. The last column is in bytes per n^(4/3), n unknowns.
 """
 
-import argparse
-from functools import partial
+import resource
+import subprocess
+import sys
+import time
 
-import numpy as np
-from common import both_included, in_turn, machine, processor
+SHIFT = 1e-2  # s
 
-from jampetsc.minimise import ldl, protocols, warm_start
-from jampetsc.minimise.descent import Descent, Goal
-from jampetsc.minimise.newton import DAMPING, Pattern, Point
-from jampetsc.minimise.sizes import radii_of
-from jampetsc.packing.potentials import Potential
-from jampetsc.packing.strain import UNSTRAINED
-from jampetsc.packing.threads import Team
-from jampetsc.petsc import session
-from jampetsc.petsc.hessian_solver import NewtonSolver
 
-ROUNDS = 10
-SOLVES = 3  # for each factor: the forces, and the strains of the cell
+def measure(path, rotations, options) -> str:
+    """A row of the table."""
+    from jampetsc.io.packing_file import read_packing
+    from jampetsc.laws.damping import ContactDamping
+    from jampetsc.network.contact_network import build_network
+    from jampetsc.petsc import session
+    from jampetsc.petsc.shifted import ShiftedFactor, shifted
+    from jampetsc.response.assembly import assemble
+
+    running = session.start("real", options)
+    disks = read_packing(path)
+    pencil = assemble(
+        build_network(disks, running.comm, prestress=False), ContactDamping(rotations=rotations)
+    )
+    matrix, before = shifted(pencil.K, pencil.B, SHIFT), resident()
+    start = time.perf_counter()
+    factor = ShiftedFactor(matrix, "K + sB")
+    seconds, size = time.perf_counter() - start, resident() - before
+    peak, n = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, pencil.unknowns
+    kind = factor.cholesky.ksp.getPC().getFactorSolverType()
+    return (
+        f"{path} {disks.n} {'rotations' if rotations else 'none':9s} {kind} n = {n}: {seconds:.2f} s, "
+        f"{size / 1e9:.3f} GB (peak {peak / 1e9:.2f}), {size / n ** (4 / 3):.0f}"
+    )
+
+
+def resident() -> int:
+    """Bytes of this process in memory."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * resource.getpagesize()
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--n", type=int, default=4096)
-    parser.add_argument("--pressure", type=float, default=1e-4)
-    parser.add_argument("--seeds", type=both_included, default="1:3")
-    args = parser.parse_args()
-    session.start(scalar="real")
-    solver = NewtonSolver()
-    quench(64, args.pressure, 1, solver)  # compiled before the clocks start
-    for seed in args.seeds:
-        compare(args.n, args.pressure, seed, solver)
-    print(machine())
-
-
-def quench(n, pressure, seed, solver):
-    """(processor seconds, effort, packing)."""
-    effort, start_phi = protocols.Effort(), protocols.start_phi(pressure)
-    start = protocols.random_start(radii_of("bidisperse", n), start_phi, seed, Potential())
-    seconds, disks = processor(
-        lambda: protocols.make_packing(start, protocols.Target(pressure), solver, effort=effort)
-    )
-    return seconds, effort, disks
-
-
-def compare(n, pressure, seed, solver):
-    """Print the times of both for the Hessian of one packing, with the damping of a first Newton step."""
-    whole, effort, disks = quench(n, pressure, seed, solver)
-    descent, mu = Descent(disks, Goal(pressure), Team()), DAMPING * pressure
-    pairs, law = descent.pairs, disks.potential.constants
-    pattern = Pattern(pairs, n)
-    values = pattern.fill(Point.of(descent).bonds, np.ones(n, bool), mu)
-    blocks, touching = warm_start.springs(pairs, np.zeros((n, 2)), UNSTRAINED, law, 0.0, 1.0)
-    order = partial(solver.order, n, pairs.i[touching], pairs.j[touching])
-    matter = pairs.i, pairs.j, blocks, touching
-    by_blocks = partial(ldl.factorise, order(), *matter, ldl.diagonal_of(*matter, np.full(n, mu)))
-    factor = by_blocks()[1]
-    b = np.random.default_rng(1).standard_normal((n, 2))
-    runs = {
-        "CHOLMOD": partial(solver.factorise, pattern.indptr, pattern.indices, values),
-        "its solve": partial(solver.solve, b.ravel()),
-        "order of disks": order,
-        "blocks": by_blocks,
-        "their solve": partial(ldl.solve, factor, b, np.empty((n, 2)), np.empty((n, 2))),
-    }
-    for run in runs.values():
-        run()
-    took = in_turn(ROUNDS, {name: partial(processor, run) for name, run in runs.items()})
-    ms = {name: 1e3 * min(seconds for seconds, _ in found) for name, found in took.items()}
-    less = ms["CHOLMOD"] - ms["order of disks"] - ms["blocks"]
-    less += SOLVES * (ms["its solve"] - ms["their solve"])
-    print(
-        f"N = {n}, p = {pressure:g}, seed {seed}: "
-        + ", ".join(f"{name} {t:.3g} ms" for name, t in ms.items())
-    )
-    print(
-        f"    {len(factor[2]) / n:.1f} blocks a disk below the diagonal; blocks save "
-        f"{0.1 * less * effort.newton_steps / whole:.1f} % of a quench of {effort.newton_steps} factorisations "
-        f"and {effort.evaluations} force evaluations, {whole:.2f} s",
-        flush=True,
-    )
+    """Print a row for each packing, with rotations and without."""
+    if sys.argv[1] == "--one":
+        path, rotations, *options = sys.argv[2:]
+        print(measure(path, rotations == "1", options), flush=True)
+        return
+    paths = [word for word in sys.argv[1:] if word.endswith(".h5")]
+    options = [word for word in sys.argv[1:] if word not in paths]
+    for path in paths:
+        for rotations in "01":
+            subprocess.run([sys.executable, __file__, "--one", path, rotations, *options], check=True)
 
 
 if __name__ == "__main__":
