@@ -147,7 +147,7 @@ def _summary(to, file, disks) -> str:
 
 def _command_to_minimise(path, disks) -> str:
     """The command that minimises the energy of a packing file: at its φ, or at its p where `pack` refuses that φ."""
-    low, high = PHIS
+    low, high = PHIS[disks.dimension]
     goal = (
         f"--phi {disks.phi!r}"
         if low <= disks.phi <= high
