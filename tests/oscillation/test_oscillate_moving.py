@@ -47,7 +47,7 @@ def moving(step, scale, *more, law=SLIDING, kind="harmonic"):
     [
         (1e-4, 1e-7, False, {"normal": 0.25, "beta": 3.0, "tau1": 2.0}),
         (3.0, 1e-7, False, {"rotations": False, "beta": 0.3}),
-        (1e-4, 1e-8, True, {"beta": 0.0}),
+        (1e-4, 1e-8, True, {}),
     ],
 )
 def test_small_amplitudes_are_the_sweep(omega, amplitude, stress, options):
