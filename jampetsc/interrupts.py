@@ -63,12 +63,12 @@ class waiting:
     def __enter__(self):
         self._before = {}
         if threading.current_thread() is threading.main_thread():
-            for number, before, during in (
+            for number, previous, during in (
                 (signal.SIGINT, _note, signal.default_int_handler),
                 (signal.SIGTERM, signal.SIG_DFL, lambda number, frame: sys.exit(128 + number)),
             ):
-                if signal.getsignal(number) == before:
-                    self._before[number] = before
+                if signal.getsignal(number) == previous:
+                    self._before[number] = previous
                     signal.signal(number, during)
 
     def __exit__(self, kind, error, trace):

@@ -39,15 +39,15 @@ def report(level: int = 0) -> None:
 @contextmanager
 def reporting(shown: bool):
     """Context: runs inside report their progress, or nothing but warnings."""
-    before, token = (LOG.level, LOG.propagate, list(LOG.handlers)), _silent.set(not shown)
+    previous, token = (LOG.level, LOG.propagate, list(LOG.handlers)), _silent.set(not shown)
     if shown:
         report()
     try:
         yield
     finally:
         _silent.reset(token)
-        LOG.setLevel(before[0])
-        LOG.propagate, LOG.handlers[:] = before[1:]
+        LOG.setLevel(previous[0])
+        LOG.propagate, LOG.handlers[:] = previous[1:]
 
 
 def note(line: str) -> None:

@@ -229,9 +229,9 @@ class Fit:
         leading = np.exp(np.clip(values @ first, -MAX_LOG_F, MAX_LOG_F))
         if not self.form.corrections:
             return leading, np.zeros_like(x), slopes @ first, np.zeros_like(x), values
-        some = len(second)
-        other = self.sign * np.exp(np.clip(values[:, :some] @ second, -MAX_LOG_F, MAX_LOG_F))
-        return leading, other, slopes @ first, slopes[:, :some] @ second, values
+        count = len(second)
+        other = self.sign * np.exp(np.clip(values[:, :count] @ second, -MAX_LOG_F, MAX_LOG_F))
+        return leading, other, slopes @ first, slopes[:, :count] @ second, values
 
     def terms(self, points):
         """(leading, correction) parts of the observable, (M,) each."""

@@ -107,8 +107,8 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
             network = import_network(self.file, self.bonds, self.index, **options)
             to.put_network(network)
             return describe_network(to, network)
-        how = ("format", "radius", "box", "potential", "stiffness", "k")
-        disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in how})
+        settings = ("format", "radius", "box", "potential", "stiffness", "k")
+        disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in settings})
         to.put_packing(disks)
         return _summary(to, self.file, disks)
 

@@ -113,7 +113,7 @@ A killed run continues when the same command is given again. Options of the Newt
         from jampetsc.jamming.samples import batch_size, make_samples
         from jampetsc.petsc.hessian_solver import HessianSolver
 
-        began, running, protocol = time.perf_counter(), session.current(), self.made_protocol
+        start_time, running, protocol = time.perf_counter(), session.current(), self.made_protocol
         comm, checkpoint, resume = running.comm, None, None
         with agreed(comm):
             if comm.rank == 0:
@@ -154,7 +154,7 @@ A killed run continues when the same command is given again. Options of the Newt
         with to.writer(self.FORMAT, comm) as writer:
             for name, values in columns.items():
                 writer.dataset(name, values)
-            provenance = run_provenance(time.perf_counter() - began, running, running.size)
+            provenance = run_provenance(time.perf_counter() - start_time, running, running.size)
             writer.attributes(**provenance | facts | protocol.facts, notes=noted(notes))
         on_root(comm, lambda: checkpoint.remove())
         return "\n".join([*_summary(self, columns, to), *note_lines(notes)])

@@ -86,7 +86,7 @@ def make_packings(tasks, team, rank) -> dict:
     solver, outcomes = HessianSolver(), {}
     with Progress(len(tasks), "packings", rank) as progress:
         for number, task, start in tasks:
-            began = time.perf_counter()
+            start_time = time.perf_counter()
             effort = Effort(report=lambda e: progress.show(f"{e.stage}, max|F|/p = {e.residual:.0e}"))
             try:
                 disks, fresh = start.disks_of(task), task.seed is not None
@@ -101,7 +101,7 @@ def make_packings(tasks, team, rank) -> dict:
             except JampetscError as error:
                 outcomes[number] = error
                 continue
-            line = _line(task.path or "in memory", disks, time.perf_counter() - began)
+            line = _line(task.path or "in memory", disks, time.perf_counter() - start_time)
             outcomes[number] = (disks if task.path is None else None), line
             if len(tasks) > 1:
                 progress.step(line)

@@ -68,7 +68,7 @@ prefix -newton_."""
         running = session.current()
         if running.size > 1:
             raise InputError(f"shear on {running.size} ranks: one run is one process; a study runs many")
-        (disks, origin), solver, began = self.disks(), HessianSolver(), time.perf_counter()
+        (disks, origin), solver, start_time = self.disks(), HessianSolver(), time.perf_counter()
         steps = max(1, int(np.ceil(self.strain / self.step - 1e-9)))
         discard = discarded_strain(self.strain, self.discard)
         settings = {  # everything that determines the result
@@ -106,7 +106,7 @@ prefix -newton_."""
                 report=report,
             )
         notes = self._notes(path)
-        facts = run_provenance(time.perf_counter() - began, running) | origin | self._facts(disks, path)
+        facts = run_provenance(time.perf_counter() - start_time, running) | origin | self._facts(disks, path)
         facts["notes"] = noted(notes)
         if self.last is not None:
             self.write_last(proved(path.disks.replace(record={}), solver), facts, to)

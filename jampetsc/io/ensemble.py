@@ -79,8 +79,8 @@ class Ensemble(Named):
         chosen = np.ones(self.rows, bool)
         for name, choice in values.items():
             column = self[name]
-            some = choice if isinstance(choice, list | tuple | set | np.ndarray) else [choice]
-            chosen &= np.any([is_equal(column, value) for value in some], axis=0)
+            group = choice if isinstance(choice, list | tuple | set | np.ndarray) else [choice]
+            chosen &= np.any([is_equal(column, value) for value in group], axis=0)
         return self.taken(chosen)
 
     def taken(self, rows) -> "Ensemble":

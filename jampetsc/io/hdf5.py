@@ -157,11 +157,11 @@ def retry_if_replaced(action):
     @wraps(action)
     def again(path, *more):
         while True:
-            before = _identity(path)
+            previous = _identity(path)
             try:
                 return action(path, *more)
             except InputError:
-                if _identity(path) == before:
+                if _identity(path) == previous:
                     raise
 
     return again

@@ -148,7 +148,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
     own = LbfgsArrays(
         space.offsets, box, space.forces, space.pairs, box_pairs, products, space.sums, space.reaches
     )
-    total, before = np.zeros(space.sums.shape[1]), np.zeros(space.sums.shape[1])
+    total, previous = np.zeros(space.sums.shape[1]), np.zeros(space.sums.shape[1])
     strains, axes = len(box), space.offsets.shape[1]
     diagonal = np.sqrt(float(axes))  # of a cube, in its sides
     pull, pull_before = np.zeros(strains), np.zeros(strains)  # gradient of the cell
@@ -156,13 +156,13 @@ def descend(me, threads, counter, domains, space, task, count, head):
     factors, room = np.zeros(2), block_room(axes)
     status, evaluations = MORE, 0
     # which forces, and which pair they complete; plain numbers would have types of their own
-    now, slot = np.int64(0), np.int64(-1)
+    current, slot = np.int64(0), np.int64(-1)
     slope = length = lower = lower_slope = 0.0
     shrinks = 0  # of the step that is tried
     while True:
-        factors[now] = 1.0 if np.any(box[1:] != 0.0) else np.exp(box[0])
+        factors[current] = 1.0 if np.any(box[1:] != 0.0) else np.exp(box[0])
         for d in range(first, last):
-            measure(domains, d, own, task, factors, now, slot, room)
+            measure(domains, d, own, task, factors, current, slot, room)
         meet(counter, threads)
         if slot >= 0:
             box_pairs[2 * head + 1] = 0.0  # of the cell y is known with all sums only
@@ -191,15 +191,15 @@ def descend(me, threads, counter, domains, space, task, count, head):
             if s_y > 0.0:
                 for back in range(min(count, memory - 1)):
                     a = (head - 1 - back) % memory
-                    products[0, a, head] = total[2 * a] - before[2 * a]
-                    products[1, a, head] = products[1, head, a] = total[2 * a + 1] - before[2 * a + 1]
+                    products[0, a, head] = total[2 * a] - previous[2 * a]
+                    products[1, a, head] = products[1, head, a] = total[2 * a + 1] - previous[2 * a + 1]
                 products[0, head, head] = s_y
                 products[1, head, head] = total[rows]
                 head = (head + 1) % memory
                 count = min(count + 1, memory)
             else:
                 count = min(count, memory - 1)
-        top = total[rows + 2] * factors[now] / np.exp(box[0])
+        top = total[rows + 2] * factors[current] / np.exp(box[0])
         box_force = task.scale * np.max(np.abs(pull))
         if diagonal * top <= task.force and box_force <= task.box_force:
             status = CONVERGED
@@ -213,7 +213,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
                 move[b] += coefficients[row] * box_pairs[row, b]
             box[b] += move[b] / task.scale
         for d in range(first, last):
-            step(domains, d, own, now, factors[now], coefficients, head, room)
+            step(domains, d, own, current, factors[current], coefficients, head, room)
         meet(counter, threads)
         longest = far = 0.0
         for d in range(number):
@@ -237,10 +237,10 @@ def descend(me, threads, counter, domains, space, task, count, head):
             status = STALE
             break
         box_pairs[2 * head] = move
-        before[:] = total
+        previous[:] = total
         pull_before[:] = pull
         lower, lower_slope, shrinks = 0.0, slope, 0
-        now, slot = 1 - now, head
+        current, slot = 1 - current, head
     if me == 0:
         space.products[:] = products
         space.box[:] = box

@@ -226,20 +226,20 @@ class Newton:
         """
         pull = start.along(step)
         point = self._go(step, length)
-        now = point.along(step)
-        if now >= 0.0:
+        slope = point.along(step)
+        if slope >= 0.0:
             return length, point
-        lower, upper = (0.0, pull), (length, now)
+        lower, upper = (0.0, pull), (length, slope)
         for _ in range(MAX_SEARCH_POINTS):
-            if abs(now) <= SLOPE_RATIO * pull:
+            if abs(slope) <= SLOPE_RATIO * pull:
                 break
             here, length = length, flat_between(lower, upper)
             point = self._go(step, length - here)
-            now = point.along(step)
-            if now > 0.0:
-                lower = (length, now)
+            slope = point.along(step)
+            if slope > 0.0:
+                lower = (length, slope)
             else:
-                upper = (length, now)
+                upper = (length, slope)
         return length, point
 
     def prove(self):
@@ -290,10 +290,10 @@ class Newton:
         for _ in range(MAX_MODE_ITERATIONS):
             new, turned = linear.solve(move, weight * strain)
             norm = _inner(new, new) + weight * _inner(turned, turned)
-            before = curvature
+            previous = curvature
             curvature = (_inner(new, move) + weight * _inner(turned, strain)) / norm - mu
             move, strain = new / np.sqrt(norm), turned / np.sqrt(norm)
-            if curvature < 0.0 and abs(curvature - before) < 0.1 * abs(curvature):
+            if curvature < 0.0 and abs(curvature - previous) < 0.1 * abs(curvature):
                 break
         return (move, strain) if curvature < 0.0 else None
 

@@ -128,8 +128,8 @@ def annealed(disks: Packing, temperature: float, rate: float, sweeps: int, gener
     thermal, cold = Thermal(disks, generator), COLD * disks.potential.k
     for _ in range(sweeps):
         thermal.sweep(temperature, tune=True)
-    now = temperature
-    while now > cold:
-        now *= math.exp(-rate)
-        thermal.sweep(now, tune=True)
+    current = temperature
+    while current > cold:
+        current *= math.exp(-rate)
+        thermal.sweep(current, tune=True)
     return thermal.disks.folded()

@@ -192,12 +192,12 @@ def _without(left_out, contacts, radii, order, comm, **units):
     first, last = _rows_of(len(order), comm)
     number = np.cumsum(~left_out) - 1
     owned = ~left_out[first:last]
-    before = int(np.count_nonzero(~left_out[:first]))
+    offset = int(np.count_nonzero(~left_out[:first]))
     return DistributedNetwork(
         comm=comm,
         n=int(number[-1]) + 1,
-        first=before,
-        last=before + int(np.count_nonzero(owned)),
+        first=offset,
+        last=offset + int(np.count_nonzero(owned)),
         particles=order[first:last][owned],
         contacts=replace(contacts, i=number[contacts.i], j=number[contacts.j]),
         radii=None if radii is None else radii[~left_out],

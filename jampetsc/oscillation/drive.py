@@ -47,10 +47,10 @@ class Drive:
 
     def at(self, phase: float) -> Imposed:
         """The Imposed at ωt = phase, with a strain rate in units of ω."""
-        now = self.amplitude * np.sin(phase)
+        value = self.amplitude * np.sin(phase)
         if self.stress_controlled:
-            return Imposed(stress=now)
-        return Imposed(now, self.amplitude * np.cos(phase))
+            return Imposed(stress=value)
+        return Imposed(value, self.amplitude * np.cos(phase))
 
     def moduli(self, values, times, weights, drift: float = 0.0) -> Moduli:
         """Moduli of a response (strain or stress) with these values (n,) at these times (n,) of a cycle of length 1.

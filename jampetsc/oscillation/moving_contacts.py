@@ -102,10 +102,10 @@ class MovingContacts(ListedPacking):
                 self.tune(10 * self._served)
             self.fold()
         self._before = self.offsets, self.u, self.gamma, self.rate, self._served
-        before = self._state
+        previous = self._state
         self.offsets, self.u, ends = step
         self.gamma, self.rate, self._served = ends[1].gamma, ends[1].rate, self._served + 1
-        self.gained = self.energy_change(before, self._state)
+        self.gained = self.energy_change(previous, self._state)
         return ends
 
     def undo(self):

@@ -160,8 +160,8 @@ class SteadyOscillation:
         waves = solution.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the maximum
         motions = waves / (1j * cycle.frequencies[:, None]), waves / drive.omega
         (moved, gamma), (velocity, rate) = (
-            (now[:-1].reshape(network.n, -1), float(now[-1]) / length)
-            for now in (motion.sum(axis=0).real for motion in motions)
+            (current[:-1].reshape(network.n, -1), float(current[-1]) / length)
+            for current in (motion.sum(axis=0).real for motion in motions)
         )
         strain = drive.amplitude
         if drive.stress_controlled:

@@ -153,8 +153,8 @@ def _hilbert(axes, bits):
             swapped = (first ^ axis) & (low * (1 - is_up))
             first ^= low * is_up ^ swapped
             axis ^= swapped
-    for before, axis in pairwise(axes):
-        axis ^= before
+    for previous, axis in pairwise(axes):
+        axis ^= previous
     turned = np.zeros_like(first)
     for bit in range(1, bits)[::-1]:
         turned ^= ((last >> bit) & 1) * first.dtype.type((1 << bit) - 1)

@@ -150,9 +150,9 @@ def _search(grid, radii, first, entries, ends):
     would often be mispredicted: all are stored, and only near ones advance the count.
     """
     place, reach, disk, rows, columns = grid.place, grid.reach, grid.disk, grid.rows, np.uint64(grid.columns)
-    count, before = np.uint64(0), np.uint64(first)
+    count, base = np.uint64(0), np.uint64(first)
     for own in range(np.uint64(len(ends))):
-        i = before + own
+        i = base + own
         here, radius = row(grid.inside, i, place), radii[i]
         for r in range(np.uint64(len(rows))):
             cells = grid.corner[i] + rows[r]
@@ -163,7 +163,7 @@ def _search(grid, radii, first, entries, ends):
                 near = radius + reach[e]
                 entries[count] = e
                 is_near = _squared_distance(place, e, here) < near * near
-                count += np.uint64(is_near & ((disk[e] > i) | (disk[e] < before)))
+                count += np.uint64(is_near & ((disk[e] > i) | (disk[e] < base)))
         ends[own] = count
     return np.int64(count)
 

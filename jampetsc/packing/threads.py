@@ -158,7 +158,7 @@ class Team:
         threads = self._fastest(function, most)
         counter, self._counter = self._counter, np.zeros(1, np.int64)
         compiled, done = bool(function.overloads), SimpleQueue()
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         self._start_cores[0] = _core()
         for me in range(1, threads):
             self._tasks[me - 1].put((function, (me, threads, counter, *arguments), done, self._counter))
@@ -167,7 +167,7 @@ class Team:
             if error := done.get():
                 raise error
         if compiled and most > 1:
-            pace = (time.perf_counter() - began) / max(own_result[1], 1)
+            pace = (time.perf_counter() - start_time) / max(own_result[1], 1)
             self._paces[function, most][threads].append(pace)
         return own_result
 

@@ -57,7 +57,7 @@ def selected(scalar):
     Raises InputError where this build is missing.
     """
     variables = {} if "petsc4py" in sys.modules else _choose(scalar)
-    before = {name: os.environ[name] for name in variables.keys() & os.environ.keys()}
+    previous = {name: os.environ[name] for name in variables.keys() & os.environ.keys()}
     os.environ.update(variables)
     for name, package in (("SLEPC_DIR", "slepc4py"), ("PETSC_DIR", "petsc4py")):
         folder = _module_folder(Path(variables[name]), package) if name in variables else None
@@ -69,7 +69,7 @@ def selected(scalar):
     finally:
         for name in variables:
             del os.environ[name]
-        os.environ.update(before)
+        os.environ.update(previous)
 
 
 def can_choose(scalar) -> bool:

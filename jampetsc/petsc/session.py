@@ -197,12 +197,12 @@ class Session:
     @contextlib.contextmanager
     def alone(self):
         """A context for work of this rank alone: `comm` is COMM_SELF, so nothing waits for other ranks."""
-        before = self.comm
+        previous = self.comm
         self._work_on(self.MPI.COMM_SELF)
         try:
             yield
         finally:
-            self._work_on(before)
+            self._work_on(previous)
 
     def options(self):
         """All PETSc options in force, {name: value}, without their dash."""

@@ -167,8 +167,8 @@ def flow_regimes(results) -> dict:
             f"{results[0].path}: no massive disks at two rates of one φ and Q. For regimes give such flows."
         )
     return {
-        model: {phi: np.array(sorted(rows)).T for phi, rows in sorted(some.items())}
-        for model, some in table.items()
+        model: {phi: np.array(sorted(rows)).T for phi, rows in sorted(group.items())}
+        for model, group in table.items()
     }
 
 
@@ -179,15 +179,15 @@ def plot_regimes(results, page):
     Raises InputError as `regimes`.
     """
     maps = flow_regimes(results)
-    phis = sorted({phi for some in maps.values() for phi in some})
+    phis = sorted({phi for group in maps.values() for phi in group})
     styles = dict(looks(phis))
     axes = page.panels(2, len(maps), PAGE, 4.2, x="$Q$", log="x", sharex=True, sharey="row").reshape(2, -1)
     axes[0, 0].set_ylabel(r"$d\ln\sigma/d\ln\dot\gamma$")
     axes[1, 0].set_ylabel("largest cluster$/N$")
-    for (slope, share), (model, some) in zip(axes.T, sorted(maps.items()), strict=True):
+    for (slope, share), (model, group) in zip(axes.T, sorted(maps.items()), strict=True):
         for value in (1, 2):
             slope.axhline(value, color=GREY, lw=0.6, ls=":")
-        for phi, (quality, exponent, error, cluster, *_) in some.items():
+        for phi, (quality, exponent, error, cluster, *_) in group.items():
             look = styles[phi] | {"label": hidden(rf"${phi:g}$")}
             draw_points(slope, quality, exponent, error, **look)
             share.plot(quality, cluster, **look)

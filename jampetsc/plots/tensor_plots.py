@@ -119,7 +119,7 @@ def plot_tensor(results, page):
 def _averages(results, statistic):
     """Curves of K* and of G*, of each sweep or averaged over packings."""
     curves = [bulk_curve_of(result) for result in results], [curve_of(result) for result in results]
-    return curves if statistic is None else tuple(average_curves(some, statistic) for some in curves)
+    return curves if statistic is None else tuple(average_curves(group, statistic) for group in curves)
 
 
 def _ratio_bounds(bulk, shear, D):

@@ -227,8 +227,8 @@ class FrequencySolver:
                 y = y + self._apply_inverse(omega, rest)
                 trial = self.functional.trial(omega, y, strain=0.0)
                 rest = right - trial.left
-                before, left = left, self.functional.norm(rest, diagonal)
-                if left <= PRECISE * size or not left <= 0.5 * before:
+                previous, left = left, self.functional.norm(rest, diagonal)
+                if left <= PRECISE * size or not left <= 0.5 * previous:
                     break
             left += self.functional.rounding(trial, omega, diagonal) + EPSILON * size
             return root * y, left, self.functional.norm(root * y, 1.0)

@@ -74,11 +74,11 @@ def relax(compatibility: Compatibility, weights, solve, g, what: str, start=None
     size = np.abs(weights)
     field = x.getArray().copy()
     of_drag = np.sum(drag * field**2)
-    value, after, before = network.sum(
+    value, final, initial = network.sum(
         np.array([weights @ motions**2 + of_drag, size @ motions**2 + of_drag, size @ g**2])
     )
-    defect = abs(x.dot(r)) / (after + FLOOR * before) if start is None else 0.0
-    error = float(np.sqrt(energies[2] / before))
+    defect = abs(x.dot(r)) / (final + FLOOR * initial) if start is None else 0.0
+    error = float(np.sqrt(energies[2] / initial))
     if not (error <= LARGEST_ERROR and defect <= LARGEST_DEFECT):
         raise ConvergenceError(
             f"{what}: only certain to {error:.1e}, its energy to {defect:.1e}: the matrix is too "

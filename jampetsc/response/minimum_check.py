@@ -63,10 +63,10 @@ def check_minimum(network: DistributedNetwork, proved: bool, count: bool = True)
     Raises as `count_modes`.
     """
     construction = network.sum_of_squares
-    negative, how = (0, "") if proved or construction else (None, "")
+    negative, method = (0, "") if proved or construction else (None, "")
     if negative is None and count:
-        negative, how = negative_modes(network)
-    return MinimumCheck(construction, negative, how, network.imbalance, network.imbalance_text)
+        negative, method = negative_modes(network)
+    return MinimumCheck(construction, negative, method, network.imbalance, network.imbalance_text)
 
 
 def count_modes(network: DistributedNetwork) -> Inertia:

@@ -228,11 +228,11 @@ def _grow(sweep, number, first, steps, save, progress):
             fewer = VECTORS - min(
                 VECTORS, 1 + int(np.ceil(np.log2(np.clip(sweep.worst(), 1.0, 2.0**VECTORS))))
             )
-        before = sweep.basis.size if sweep.basis else 0
+        previous = sweep.basis.size if sweep.basis else 0
         with current().stage("shift"):
             sweep.add_shifts(shifts, fewer)
         step = max(steps, default=-1) + 1
-        record, arrays = _rational_step(sweep, before)
+        record, arrays = _rational_step(sweep, previous)
         steps[step] = record | {"load": number}, arrays
         if save is not None:
             save(step, *steps[step])
@@ -289,16 +289,16 @@ def sweep_directly(
         if steps:
             solver.restore(*steps[max(steps)][0]["singular_bound"])
         for index in missing:
-            at, before = float(omega[index]), solver.factorisations
+            at, previous = float(omega[index]), solver.factorisations
             try:
                 with session.stage("frequency"):
                     results = solver.solve_loads(at, accuracy)
             except ConvergenceError as error:
                 failures[at] = error
-                factorisations += solver.factorisations - before
+                factorisations += solver.factorisations - previous
                 progress.step(f"failed: {error}")
                 continue
-            steps[index] = _direct_step(solver, results, solver.factorisations - before, at in field_omega)
+            steps[index] = _direct_step(solver, results, solver.factorisations - previous, at in field_omega)
             if save is not None:
                 save(index, *steps[index])
             result = results[0]

@@ -100,9 +100,9 @@ def plan(path, content: bytes | dict) -> list[StudyTask]:
             starts = _chosen(_starts(task_inputs, planned, where), conditions, where) if reads_files else [()]
             count = len(starts) * math.prod(len(values) for _, values in lists)
             if len(tasks) + count > MAX_TASKS:
-                before = f" with the {len(tasks)} before them" if tasks else ""
+                existing = f" with the {len(tasks)} before them" if tasks else ""
                 raise InputError(
-                    f"{where}: too many tasks, {count}{before} (at most {MAX_TASKS}). Divide the study."
+                    f"{where}: too many tasks, {count}{existing} (at most {MAX_TASKS}). Divide the study."
                 )
             last_rungs = {}  # of each ladder: the task of its last pressure so far
             for settings in combinations_of(job_class(command), lists, where, reads_files):

@@ -32,8 +32,8 @@ def rows_of(tasks, records: dict) -> list[dict]:
     Unfinished tasks have no row.
     """
     names = {task.name: None for task in tasks if task.name in records}  # a set in order
-    before = [name for name, record in records.items() if name not in names and record["state"] == "done"]
-    return [_row(records[name]) for name in [*names, *sorted(before)]]
+    previous = [name for name, record in records.items() if name not in names and record["state"] == "done"]
+    return [_row(records[name]) for name in [*names, *sorted(previous)]]
 
 
 def _row(record):

@@ -85,11 +85,11 @@ def format_table(rows) -> str:
         if column.metadata.get("title") and any(not math.isnan(getattr(row, column.name)) for row in rows)
     ]
     lines = [["", "choice", *(column.metadata["title"] for column in shown), "note"]]
-    before = None
+    previous = None
     for row in rows:
         cells = [_text(row, column, rows[0].certified) for column in shown]
-        lines.append([row.group if row.group != before else "", row.choice, *cells, row.note])
-        before = row.group
+        lines.append([row.group if row.group != previous else "", row.choice, *cells, row.note])
+        previous = row.group
     lines = aligned(lines)
     lines.insert(1, ["-" * len(cell) for cell in lines[0]])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -329,14 +329,14 @@ def measure_trade(job, out) -> str:
 def _facts(job, out, reference, load):
     disks, (name, digest) = read_identified(job.packing)
     attributes = reference.result.attributes
-    how = f"mpirun -n {job.ranks}" if job.ranks else "one process each"
+    launch = f"mpirun -n {job.ranks}" if job.ranks else "one process each"
     versions = f"jampetsc {VERSION}, commit {git_commit() or 'unknown'}, PETSc {attributes['petsc_version']}"
     date = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
     facts = [
         f"command: {shlex.join(job.line(out))}",
         f"packing: {name}, N = {disks.n}, p = {attributes['pressure']:.6g}, sha256 {digest}",
         f"law: {job.physics}, tau1 = {job.physics.law.tau1:g}; frequencies {job.frequencies}",
-        f"runs: {how}; {platform.machine()}, {os.cpu_count()} cores, load average {load:.1f} at the start",
+        f"runs: {launch}; {platform.machine()}, {os.cpu_count()} cores, load average {load:.1f} at the start",
         f"program: {versions}; {date}",
         f"reference: certified to {reference.certified:.1e}; errors below that are not resolved",
     ]
