@@ -134,10 +134,13 @@ def test_moduli_of_any_load_and_finite_differences_of_the_energy(session):
         expected = modulus_along(C, s) + np.sum(sigma * (gradient.T @ gradient - s @ s))
         np.testing.assert_allclose(sweep_directly(pencil, OMEGA, 1e-9, [load]).G, expected, rtol=1e-9)
 
-    def energy(amplitude):
-        F = np.eye(3) + amplitude * gradient
-        return measure(relaxed(disks.positions @ F.T, disks.radii, disks.cell @ F.T, rounds=1)).energy
+    def strained(amplitude, gradient):
+        F = np.eye(3) + amplitude * np.asarray(gradient)
+        return measure(relaxed(disks.positions @ F.T, disks.radii, disks.cell @ F.T, rounds=1))
 
-    curvature = (energy(step) - 2.0 * measure(disks).energy + energy(-step)) / step**2
+    ends = [strained(amplitude, gradient).energy for amplitude in (step, -step)]
+    curvature = (sum(ends) - 2.0 * measure(disks).energy) / step**2
     slow = solve_quasistatic(network, law.law, load=load).responses[""]
     assert slow.G0 == pytest.approx(curvature / disks.volume, rel=1e-4)
+    low, high = (strained(amplitude, np.eye(3) / 3.0).pressure for amplitude in (step, -step))
+    assert slow.bulk_modulus == pytest.approx((high - low) / (2.0 * step), rel=1e-4)  # −V dp/dV
