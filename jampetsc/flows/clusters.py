@@ -26,9 +26,9 @@ def find_clusters_of(graph, d, u, like):
         if root[start] != NONE:
             continue
         root[start] = over[start] = queue[first] = start
-        done, found = np.uint64(first), np.uint64(first) + np.uint64(1)
+        done, end = np.uint64(first), np.uint64(first) + np.uint64(1)
         m0 = m1 = m2 = 0.0
-        while done < found:
+        while done < end:
             a = queue[done]
             done += np.uint64(1)
             m0 += u[a, 0]
@@ -39,12 +39,12 @@ def find_clusters_of(graph, d, u, like):
                 b = column[a, k]
                 if first <= b < last and root[b] == NONE:
                     root[b] = start
-                    queue[found] = b
-                    found += np.uint64(1)
+                    queue[end] = b
+                    end += np.uint64(1)
         graph.total[start, 0], graph.total[start, 1] = m0, m1
         if len(like) == 3:
             graph.total[start, 2] = m2
-        graph.size[start] = found - np.uint64(first)
+        graph.size[start] = end - np.uint64(first)
 
 
 @compiled(False)

@@ -11,7 +11,7 @@ forces, from a list that is not stale, and ends with a move.
 
 All are run by a `packing.threads.Team`, thread `me` of `threads`, each on its domains: it reads arrays of all disks and
 writes rows of its own, where no other thread reads before the next barrier (`meet`). So a step takes one barrier, two
-by Heun's method, besides those of a solve for velocities. All threads take the same decisions, from the same sums.
+by Heun's method, besides the sums of a solve for velocities. All threads take the same decisions, from the same sums.
 """
 
 from typing import NamedTuple
@@ -138,7 +138,7 @@ def residual_at(pairs, d, o, g, constants, u, forces, rolling, room, like):
 
 @compiled(FAST, nogil=True, forceinline=True)
 def balance(me, threads, counter, arrays, constants, contacts, pairs, o, g, u, room, like):
-    """Solve for u: velocities at which forces balance, or with a mass those of a step of backward Euler.
+    """Solve for u: velocities at which forces balance, or with a mass the velocities of a step of backward Euler.
 
     Returns (UNSOLVED or DONE, iterations), after a barrier.
     """

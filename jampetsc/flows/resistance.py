@@ -10,7 +10,7 @@ connected cluster, on which b sums to zero. The limit s → 0⁺ is then: mean u
 without contacts follows the flow. Conjugate gradients solve the singular system as it is, from the last
 velocities; the means are subtracted afterwards (see `clusters`), so s needs no small value.
 
-The first `held` disks, those of walls, keep u = 0: their rows are left out, and a cluster that touches one has no free
+The first `held` disks, of walls, keep u = 0: their rows are left out, and a cluster that touches one has no free
 translation.
 
 Threads share the work by domains (see `packing.neighbour_list`); all take the same decisions, from the same sums.
@@ -31,7 +31,7 @@ WIDTH = 6
 
 
 class Graph(NamedTuple):
-    """Contacts of every disk; those of domain d beyond WIDTH begin at 2 begin[d] of `more`."""
+    """Contacts of every disk; contacts of domain d beyond WIDTH begin at 2 begin[d] of `more`."""
 
     disks: np.ndarray  # (D + 1,) of the domains,
     begin: np.ndarray  # (D,) and where their pairs begin
@@ -40,7 +40,7 @@ class Graph(NamedTuple):
     normals: np.ndarray  # (N, WIDTH, D), zero where column is the disk itself, or (0, WIDTH, D)
     more: np.ndarray  # (2M', 2) uint32: the disk itself and the other one
     more_normals: np.ndarray  # (2M', D), or (0, D)
-    touching: np.ndarray  # (M',) uint32: pairs that touch, those of domain d from begin[d]
+    touching: np.ndarray  # (M',) uint32: pairs that touch, of domain d from begin[d]
     ends: np.ndarray  # (D, 3): ends of touching pairs within the domain, of all, and of `more`
     root: np.ndarray  # (N,) uint32: first disk of a disk's cluster within the domain,
     over: np.ndarray  # (N,) uint32: of these, parents; in the end, first disk of the whole cluster
@@ -241,11 +241,11 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
     Returns the number of iterations, −1 if SOLVES were not enough. By thread `me` of `threads`: see `packing.threads`.
     """
     number = len(graph.begin)
-    mine = range(me * number // threads, (me + 1) * number // threads)
+    own = range(me * number // threads, (me + 1) * number // threads)
     axes = np.uint64(len(like))  # flat: one loop over the coordinates of all axes
     x, r, q, p = u.reshape(-1), residual.reshape(-1), search.q.reshape(-1), search.p.reshape(-1)
-    inverse, (sums, others) = search.inverse.reshape(-1), (search.sums[0], search.sums[1])
-    for d in mine:
+    inverse, (sums, products) = search.inverse.reshape(-1), (search.sums[0], search.sums[1])
+    for d in own:
         multiply(graph, d, weights, hold, u, search.q, like)
         invert_diagonal(graph, d, weights, hold, search.inverse, like)
         goal = rho = size = 0.0
@@ -265,14 +265,14 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
     for iteration in range(SOLVES):
         if size <= goal:
             return iteration
-        for d in mine:
-            others[d, 0] = multiply(graph, d, weights, hold, search.p, search.q, like)
+        for d in own:
+            products[d, 0] = multiply(graph, d, weights, hold, search.p, search.q, like)
         meet(counter, threads)
         curvature = 0.0
         for d in range(number):
-            curvature += others[d, 0]
+            curvature += products[d, 0]
         step = rho / curvature if curvature > 0.0 else 0.0
-        for d in mine:
+        for d in own:
             size = after = 0.0
             for a in range(axes * np.uint64(graph.disks[d]), axes * np.uint64(graph.disks[d + 1])):
                 x[a] += step * p[a]
@@ -288,7 +288,7 @@ def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, se
             size += sums[d, 0]
             rho += sums[d, 1]
         beta = rho / last
-        for d in mine:
+        for d in own:
             for a in range(axes * np.uint64(graph.disks[d]), axes * np.uint64(graph.disks[d + 1])):
                 p[a] = inverse[a] * r[a] + beta * p[a]
         meet(counter, threads)

@@ -18,7 +18,7 @@ SUMMED = 8
 ITERATIONS, STEPS = (TALLY.index(name) for name in ("iterations", "steps"))
 DONE, STALE, BLOWN_UP, UNSOLVED = range(4)
 MAX_MOVE_RATIO = 0.5  # in units of σ_max, longest move of a stable step
-UNSET_PATH = 1e300  # as path since the inner list was made: there is none yet
+UNSET_PATH = 1e300  # as path where no inner list was made yet
 
 
 class StepConstants(NamedTuple):

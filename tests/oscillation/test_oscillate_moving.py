@@ -46,7 +46,7 @@ def moving(step, scale, *more, law=SLIDING, kind="harmonic"):
     ("omega", "amplitude", "stress", "options"),
     [
         (1e-4, 1e-7, False, {"normal": 0.25, "beta": 3.0, "tau1": 2.0}),
-        (3.0, 1e-7, False, {"rotations": False, "beta": 0.3}),
+        (3.0, 1e-7, False, {"rotations": False, "beta": 0.0}),
         (1e-4, 1e-8, True, {}),
     ],
 )
