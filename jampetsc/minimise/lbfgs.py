@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.minimise.lbfgs_kernels import LbfgsArrays, adjust, measure, step
+from jampetsc.minimise.lbfgs_kernels import LbfgsArrays, adjust, is_sheared, measure, step
 from jampetsc.packing.bond import box_strain
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.kernel import block_room
@@ -160,9 +160,9 @@ def descend(me, threads, counter, domains, space, task, count, head):
     slope = length = lower = lower_slope = 0.0
     shrinks = 0  # of the step that is tried
     while True:
-        factors[current] = 1.0 if np.any(box[1:] != 0.0) else np.exp(box[0])
+        factors[current] = 1.0 if is_sheared(box, domains.r0) else np.exp(box[0])
         for d in range(first, last):
-            measure(domains, d, own, task, factors, current, slot, room)
+            measure(domains, d, own, task, factors, current, slot, room, domains.r0)
         meet(counter, threads)
         if slot >= 0:
             box_pairs[2 * head + 1] = 0.0  # of the cell y is known with all sums only
@@ -175,7 +175,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
                 shorter = lower + share * (length - lower)
                 _adjust_box(box, move, shorter / length, task.scale)
                 for d in range(first, last):
-                    adjust(domains, d, own, shorter / length, head)
+                    adjust(domains, d, own, shorter / length, head, domains.r0)
                 box_pairs[2 * head] = move
                 length = shorter
                 shrinks += 1
@@ -213,7 +213,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
                 move[b] += coefficients[row] * box_pairs[row, b]
             box[b] += move[b] / task.scale
         for d in range(first, last):
-            step(domains, d, own, current, factors[current], coefficients, head, room)
+            step(domains, d, own, current, factors[current], coefficients, head, room, domains.r0)
         meet(counter, threads)
         longest = far = 0.0
         for d in range(number):
@@ -224,7 +224,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
         if length < 1.0:
             _adjust_box(box, move, length, task.scale)
             for d in range(first, last):
-                space.reaches[d, 2] = adjust(domains, d, own, length, head)
+                space.reaches[d, 2] = adjust(domains, d, own, length, head, domains.r0)
             meet(counter, threads)
             far = 0.0
             for d in range(number):
@@ -232,7 +232,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
         if is_stale(diagonal * far, box_strain(box, domains.r0), task.widest, task.skin):
             _adjust_box(box, move, 0.0, task.scale)
             for d in range(first, last):
-                adjust(domains, d, own, 0.0, head)
+                adjust(domains, d, own, 0.0, head, domains.r0)
             count = min(count, memory - 1)  # its s has taken the place of the oldest
             status = STALE
             break

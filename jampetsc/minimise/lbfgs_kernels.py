@@ -103,12 +103,12 @@ def _rescale(ratio, s, o):
     return far
 
 
-@compiled(FAST, forceinline=True)
-def chunk_length(like):
-    """Coordinates of GRAIN disks, which are worked on at a time; like: a tuple of length D."""
+@compiled(False, forceinline=True)
+def is_sheared(box, like):
+    """Whether a cell has shears; like: a tuple of length D."""
     if len(like) == 3:
-        return 3 * GRAIN
-    return 2 * GRAIN
+        return box[1] != 0.0 or box[2] != 0.0 or box[3] != 0.0
+    return box[1] != 0.0
 
 
 @compiled(FAST, forceinline=True)
@@ -123,18 +123,22 @@ def _shear(f, growth, box, like):
 
 
 @compiled(FAST, forceinline=True)
-def measure(domains, d, space, task, factors, now, slot, room):
+def measure(domains, d, space, task, factors, now, slot, room, like):
     """Forces of domain d, the change of its gradient as y of pair `slot` (unless −1), and its part of all sums.
 
-    room: see `block_room`.
+    room: see `block_room`; like, here and below: a tuple of length D.
     """
-    box, size = space.box, chunk_length(domains.r0)
-    strain = box_strain(box, domains.r0)
+    if len(like) == 3:  # coordinates of a chunk: constants to the compiler
+        size = 3 * GRAIN
+    else:
+        size = 2 * GRAIN
+    box = space.box
+    strain = box_strain(box, like)
     fresh = space.forces[now]
     bonds = domain_forces(domains, d, space.offsets, strain, task.law, fresh, None, None, room)
     first, last = domains.disks[d], domains.disks[d + 1]
-    if np.any(box[1:] != 0.0):
-        _shear(fresh[first:last], np.exp(box[0]), box, domains.r0)
+    if is_sheared(box, like):
+        _shear(fresh[first:last], np.exp(box[0]), box, like)
     rows = len(space.box_pairs)
     new = fresh.reshape(-1)
     old = space.forces[1 - now].reshape(-1)
@@ -166,9 +170,13 @@ def measure(domains, d, space, task, factors, now, slot, room):
 
 
 @compiled(FAST, forceinline=True)
-def step(domains, d, space, now, factor, coefficients, head, room):
+def step(domains, d, space, now, factor, coefficients, head, room, like):
     """Move the disks of domain d along the direction, which becomes the s of pair `head`."""
-    rows, size = len(space.box_pairs), chunk_length(domains.r0)
+    if len(like) == 3:  # coordinates of a chunk: constants to the compiler
+        size = 3 * GRAIN
+    else:
+        size = 2 * GRAIN
+    rows = len(space.box_pairs)
     f = space.forces[now].reshape(-1)
     o = space.offsets.reshape(-1)
     direction, longest, far = room[0][:size], room[1][:size], room[2][:size]
@@ -190,9 +198,13 @@ def step(domains, d, space, now, factor, coefficients, head, room):
 
 
 @compiled(FAST, forceinline=True)
-def adjust(domains, d, space, ratio, head):
+def adjust(domains, d, space, ratio, head, like):
     """Multiply the last move, the s of pair `head`, by `ratio` for the disks of domain d; returns max |o|."""
-    rows, size = len(space.box_pairs), chunk_length(domains.r0)
+    if len(like) == 3:  # coordinates of a chunk: constants to the compiler
+        size = 3 * GRAIN
+    else:
+        size = 2 * GRAIN
+    rows = len(space.box_pairs)
     o = space.offsets.reshape(-1)
     far = 0.0
     for chunk in range(domains.disks[d] // GRAIN, domains.disks[d + 1] // GRAIN):

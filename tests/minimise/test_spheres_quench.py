@@ -66,7 +66,7 @@ def test_gradient_and_hessian(law):
     np.testing.assert_allclose(units @ force, differences, rtol=0, atol=1e-8 * np.abs(force).max())
     # the compiled gradient, in strains from the list on
     own, task, room = descent.space, descent.task(1.0, 1.0, 1), block_room(3)
-    measure_domain(descent.domains, 0, own, task, np.ones(2), 0, -1, room)
+    measure_domain(descent.domains, 0, own, task, np.ones(2), 0, -1, room, (0, 0, 0))
     total, pull = np.zeros(own.sums.shape[1]), np.zeros(4)
     lbfgs._collect(own, task, total, pull)
     offsets, box = descent.offsets, descent.box.copy()
