@@ -52,15 +52,16 @@ def relaxed(positions, radii, cell, kind="harmonic", rounds=3):
     return packing_at(x)
 
 
-def cubic(sides=(2, 2, 4), seed=3):
-    """A slightly irregular simple cubic lattice: bipartite, so that spheres turn like gears about any axis."""
-    rng = np.random.default_rng(seed)
-    places = np.stack(np.meshgrid(*map(np.arange, sides), indexing="ij"), -1).reshape(-1, 3) * 0.98
-    places += rng.normal(0, 0.002, places.shape)
-    return Packing.from_positions(places, np.full(len(places), 0.5), 0.98 * np.diag(np.array(sides, float)))
+def body_centred():
+    """A slightly irregular body-centred cubic lattice: bipartite, so that spheres turn like gears about any axis."""
+    rng = np.random.default_rng(5)
+    corners = np.stack(np.meshgrid(*[np.arange(2)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    side = 0.97 * 2.0 / np.sqrt(3.0)
+    places = side * np.vstack((corners, corners + 0.5)) + rng.normal(0, 0.01, (16, 3))
+    return Packing.from_positions(places, np.full(16, 0.5), 2.0 * side * np.eye(3))
 
 
-SPHERES = {"few": few_spheres, "cubic": cubic, "hertzian": lambda: few_spheres(kind="hertzian")}
+SPHERES = {"few": few_spheres, "body-centred": body_centred, "hertzian": lambda: few_spheres(kind="hertzian")}
 
 
 if __name__ == "__main__":

@@ -33,6 +33,8 @@ LAWS = {
         physics("custom", normal=0.5, transverse=0.3, sliding=0.7, drag=0.2, eta_f=0.4, prestress=False),
     )
 }
+GEARS = str(physics(beta=0.3, prestress=False))  # for a lattice that is no minimum
+LAWS[GEARS] = physics(beta=0.3, prestress=False)
 OMEGA = np.geomspace(1e-3, 10.0, 4)
 
 
@@ -108,9 +110,9 @@ def test_the_tensor_and_its_bounds(session, sample, law):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.parametrize("law", LAWS)
-def test_quasistatic_motion_and_viscosities(session, law):
-    pencil, exact = pencil_of("few", law), reference("few", law)
+@pytest.mark.parametrize("sample, law", [*(("few", law) for law in LAWS), ("body-centred", GEARS)])
+def test_quasistatic_motion_and_viscosities(session, sample, law):
+    pencil, exact = pencil_of(sample, law), reference(sample, law)
     network, (load, number) = pencil.network, (LOADS[3], 3)
     found = solve_quasistatic(network, LAWS[law].law, load=load, tensor=LOADS)
     response = found.responses[""]
