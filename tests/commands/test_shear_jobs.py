@@ -2,6 +2,7 @@
 
 import inspect
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -301,7 +302,7 @@ def test_a_summary_has_jammed_fraction_pressure_and_lost_samples(lost):
         rows.append((0.84, n, jammed, 2e-3 * (n + 1), at if n else np.nan))
     rows += [(0.84, 5, 0.0, 9.0, np.nan), (0.85, 1, np.nan, 1.0, np.nan)]
     columns = dict(zip(("phi", "seed", "jammed", "pressure", "phi_J"), np.transpose(rows), strict=True))
-    lines = jam._summary(16, columns, Outlet("j.h5"))
+    lines = jam._summary(SimpleNamespace(n=16, dimension=2), columns, Outlet("j.h5"))
     share = independent_share(np.r_[np.ones(4 - lost), 0.0])
     pressure = 1e-3 * (lost + 1 + 4)
     assert lines[0] == "j.h5: 6 samples of 16 disks"

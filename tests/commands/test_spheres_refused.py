@@ -14,10 +14,6 @@ from jampetsc.packing.spring_network import Network
     ("words", "says"),
     [
         (
-            "flow p.h5 --model RD0 --rate 1e-2 --strain 0.1 --out f.h5",
-            "p.h5: three-dimensional. Flow at a rate is of disks",
-        ),
-        (
             "plot p.h5 --out p.png",
             "the packing: three-dimensional. Draw it in OVITO or ParaView: jampetsc export",
         ),

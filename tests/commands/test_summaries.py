@@ -112,7 +112,7 @@ def test_a_study_tells_what_failed_and_what_its_runs_noted():
 def test_an_oscillation_tells_both_ends_of_its_frequencies():
     omega = np.array([0.1, 1.0, 10.0])
     asked = SimpleNamespace(
-        alpha=1.0, physics=PHYSICS, amplitude=np.array([1e-6]), omega=omega, control="strain"
+        alpha=1.0, physics=PHYSICS, amplitude=np.array([1e-6]), omega=omega, control="strain", load="xy"
     )
     arrays = {
         "G": np.array([[1 + 1j, 2 + 2j, 3 + 4j]]), "error": np.array([[1e-3, 1e-3, 1e-1]]),
