@@ -57,8 +57,9 @@ correlate flow.h5 --out velocities.h5
 merge flow.h5 --out merged.h5
 export flow.h5 --out frames.xyz
 import frames.xyz --out frames.h5
-shear --n 16 --phi 0.9 --step 1e-2 --strain 0.05 --out shear.h5
-jam --n 16 --phi 0.9 --seeds 1:1 --protocol shear --strain 0.1 --discard 0.05 --step 0.01 --out jam.h5
+shear --dimension 3 --n 16 --phi 0.7 --step 1e-2 --strain 0.05 --out shear.h5
+flow --dimension 3 --n 16 --phi 0.7 --model RD0 --rate 1e-2 --strain 0.1 --discard 0.02 --out flow3.h5
+jam --dimension 3 --n 16 --phi 0.7 --seeds 1:1 --protocol shear --strain 0.1 --discard 0.05 --step 0.01 --out jam.h5
 jam --n 16 --phi 0.9 --seeds 1:1 --protocol compress --separated --cooling-rate 1 --sweeps 1 --out cooled.h5
 jam --n 24 --phi 0.9,0.92,0.94 --seeds 1:3 --out jam24.h5
 jam --n 32 --phi 0.9,0.92,0.94 --seeds 1:3 --out jam32.h5
