@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.io.disk_motion import six_fold_order, snapshot
+from jampetsc.plots.cell_drawing import disk_images, draw_circles, wrap
 from jampetsc.plots.flow_plots import ORDERS, flow_curves
-from jampetsc.plots.packing_plots import disk_images, draw_circles, wrap
 from jampetsc.plots.page import draw_band, draw_points, limits_kept
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 from pictures.shared import drawn, results

@@ -11,8 +11,8 @@ import jampetsc
 from jampetsc.analysis.statistics import log_median
 from jampetsc.io.disk_motion import field_at, packing_of, particle_rows, phase_factor
 from jampetsc.packing.contacts import measure
+from jampetsc.plots.cell_drawing import draw_circles, wrap
 from jampetsc.plots.moduli_plots import average_files, plot_collapse, plot_moduli
-from jampetsc.plots.packing_plots import draw_circles, wrap
 from jampetsc.plots.page import draw_guide, draw_points
 from jampetsc.plots.quasistatic_plots import plot_viscosities
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number, power_or_number

@@ -20,19 +20,19 @@ from jampetsc.io.disk_motion import (
 from jampetsc.laws.loads import DEFAULT, loads_of
 from jampetsc.options.parameters import SWITCH, WORD
 from jampetsc.options.values import INTEGERS
-from jampetsc.plots.correlation_plots import OMEGA
-from jampetsc.plots.mode_plots import mode_fields
-from jampetsc.plots.packing_plots import (
+from jampetsc.plots.cell_drawing import (
     clip_artists,
     disk_images,
     draw_circles,
     frame_cells,
     lay_out,
     points_per_length,
-    refuse_spheres,
     segment_images,
     wrap,
 )
+from jampetsc.plots.correlation_plots import OMEGA
+from jampetsc.plots.mode_plots import mode_fields
+from jampetsc.plots.packing_plots import refuse_spheres
 from jampetsc.plots.picture import PACKING, option, picture
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
 

@@ -19,7 +19,7 @@ from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
-from jampetsc.plots import packing_plots
+from jampetsc.plots import cell_drawing
 from jampetsc.plots.curves import group_curves
 from jampetsc.plots.draw import draw, pictures, table_rows
 from jampetsc.plots.field_plots import ARROWS, _colours, _spaced_rows, plot_fields
@@ -301,19 +301,19 @@ def test_colours_grow_lighter_with_pressure_and_stay_visible_on_white():
 def test_what_leaves_the_cell_comes_in_on_the_other_side(cell):
     """Every point of every disk and segment, folded into the cell, lies on a drawn image, also across a corner."""
     rng = np.random.default_rng(7)
-    starts, radii = packing_plots.wrap(rng.uniform(-20, 20, (40, 2)), cell), rng.uniform(0.1, 0.6, 40)
+    starts, radii = cell_drawing.wrap(rng.uniform(-20, 20, (40, 2)), cell), rng.uniform(0.1, 0.6, 40)
     vectors, turns = rng.uniform(-1.2, 1.2, (40, 2)), np.linspace(0, 2 * np.pi, 60)
     rims = radii[:, None, None] * np.column_stack((np.cos(turns), np.sin(turns)))
     along = vectors[:, None] * np.linspace(0, 1, 23)[:, None]
     for (rows, anchors), points in (
-        (packing_plots.disk_images(starts, radii, cell), rims),
-        (packing_plots.segment_images(starts, vectors, cell), along),
+        (cell_drawing.disk_images(starts, radii, cell), rims),
+        (cell_drawing.segment_images(starts, vectors, cell), along),
     ):
         assert len({(row, *np.round(anchor, 9)) for row, anchor in zip(rows, anchors, strict=True)}) == len(
             rows
         )
         for row, offsets in enumerate(points):
-            folded = packing_plots.wrap(starts[row] + offsets, cell)
+            folded = cell_drawing.wrap(starts[row] + offsets, cell)
             images = anchors[rows == row][:, None] + offsets
             assert np.linalg.norm(images - folded, axis=2).min(axis=0).max() < 1e-9
 
@@ -343,7 +343,7 @@ def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part(lo
     sweep = sweep_of(fields=(OMEGA[24:25], u, u[..., 0], np.arange(16)), load=load)
     sweep.packing = disks
     turn = np.exp(-1j * np.angle(modulus(OMEGA, 1e-3)[24]))
-    centres = packing_plots.wrap(disks.positions, disks.cell) - disks.cell.sum(axis=0) / 2
+    centres = cell_drawing.wrap(disks.positions, disks.cell) - disks.cell.sum(axis=0) / 2
     total = u[0] + centres @ np.transpose(E)
     motion, spin = turn * total, turn * u[0, :, 0]
     axes = plot_fields([sweep], total=True)
@@ -352,8 +352,8 @@ def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part(lo
         assert f"$u$ at {name} stress" in ax.get_title()
         require_arrows(ax, take(motion))
         turned = take(spin) / np.sqrt(np.mean(take(spin) ** 2))
-        rows = packing_plots.disk_images(
-            packing_plots.wrap(disks.positions, disks.cell), disks.radii, disks.cell
+        rows = cell_drawing.disk_images(
+            cell_drawing.wrap(disks.positions, disks.cell), disks.radii, disks.cell
         )[0]
         np.testing.assert_allclose(faces.get_facecolors(), _colours()(0.5 + turned[rows] / 4))
 
@@ -362,9 +362,9 @@ def test_rattlers_are_hollow_walls_dark_and_both_are_told():
     disks = samples.published()
     radii = disks.radii * np.where(np.arange(16) == 5, 0.5, 1.0)
     disks = Packing.from_positions(disks.positions, radii, disks.cell)
-    rows = packing_plots.disk_images(
-        packing_plots.wrap(disks.positions, disks.cell), disks.radii, disks.cell
-    )[0]
+    rows = cell_drawing.disk_images(cell_drawing.wrap(disks.positions, disks.cell), disks.radii, disks.cell)[
+        0
+    ]
     state, loose = measure(disks), disks.replace(record={"walls": 3})
     flow = drawn_by(lambda page: _draw(page, [flow_panel("", loose)]))
     for fig, hollow, walls in (
