@@ -12,6 +12,7 @@ from jampetsc import main
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.packing.contacts import measure
+from jampetsc.packing.packing import Packing
 from jampetsc.plots.packing_plots import _draw, flow_panel, plot_packing
 from jampetsc.plots.page import Page
 from jampetsc.plots.sphere_drawing import SphereView, cut_spheres
@@ -29,11 +30,14 @@ def test_disks_of_slices_fill_phi():
 def test_a_slice_shows_spheres_and_contacts_that_it_cuts():
     """Every image of a sphere and of a contact, folded into the plane of the slice, is drawn, and nothing else."""
     spheres = few_spheres()
+    cell = spheres.cell.copy()
+    cell[2] += 9 * cell[0]  # the same spheres, farther to fold
+    spheres = Packing.from_positions(spheres.positions, spheres.radii, cell)
     contacts, radii = measure(spheres).contacts, spheres.radii
     slice_ax, view_ax = figure_of(plot_packing, spheres, height=HEIGHT).axes
     assert "0.8" in slice_ax.get_title() and f"Z={measure(spheres).coordination:.3f}" in slice_ax.get_xlabel()
     (image,) = view_ax.images
-    assert 0.3 < np.mean(image.get_array()[..., 3] > 0) < 1
+    assert (image.get_array()[..., 3] > 0).any()
     disks, lines = slice_ax.collections
     inverse, middle = np.linalg.inv(spheres.cell[:2, :2]), HEIGHT * spheres.cell[2]
 
@@ -43,6 +47,10 @@ def test_a_slice_shows_spheres_and_contacts_that_it_cuts():
         rows = np.column_stack((np.cos(angles), np.sin(angles), *numbers))
         return np.unique(np.round(rows, 6) + 0.0, axis=0)
 
+    def is_inside(points):
+        """Mask of points in the cell."""
+        return ((points @ inverse >= 0) & (points @ inverse < 1)).all(axis=1)
+
     expected = []
     for n in range(-4, 5):
         away = spheres.positions + n * spheres.cell[2] - middle
@@ -50,6 +58,7 @@ def test_a_slice_shows_spheres_and_contacts_that_it_cuts():
         expected.append(np.column_stack((away, np.sqrt(np.abs(radii**2 - away[:, 2] ** 2))))[cut])
     expected = np.concatenate(expected)
     shown = folded(disks.get_offsets(), disks._widths)
+    assert is_inside(disks.get_offsets()).sum() == len(shown)
     np.testing.assert_allclose(shown, folded(expected[:, :2], expected[:, 3]), atol=2e-6)
     expected = []
     for n in range(-4, 5):
@@ -60,6 +69,7 @@ def test_a_slice_shows_spheres_and_contacts_that_it_cuts():
     expected = np.concatenate(expected)
     (first, second), widths = np.moveaxis(lines.get_segments(), 1, 0), lines.get_linewidths()
     shown = folded(first, second - first, widths / np.max(widths))
+    assert is_inside(first).sum() == len(shown)
     np.testing.assert_allclose(
         shown, folded(expected[:, :2], expected[:, 2:4], expected[:, 4] / expected[:, 4].max()), atol=2e-6
     )
@@ -83,13 +93,33 @@ def test_a_view_shows_what_is_nearest_to_the_eye():
     # a step along the line of sight from a face that is seen is as long as its depth
     face = np.array([(1.0, 0.4, 0.5), (0.5, 1.0, 0.5), (0.3, 0.6, 1.0)]) @ spheres.cell @ view.axes.T
     np.testing.assert_allclose(view.depth_in_cell(face - [0, 0, 0.1]), 0.1)
+    # the strongest channel of a pixel is that of its sphere
+    pixels, (left, right, low, high) = view.image(np.eye(3)[np.arange(spheres.n) % 3])
+    x, y = (
+        ends[0] + (np.arange(count) + 0.5) * np.diff(ends) / count
+        for ends, count in (((left, right), pixels.shape[1]), ((low, high), pixels.shape[0]))
+    )
+    rows, _ = view.nearest(x, y)
+    assert (np.argmax(pixels[..., :3], axis=-1) == rows % 3)[rows >= 0].mean() > 0.999
+    np.testing.assert_array_equal(pixels[..., 3] > 0, rows >= 0)
 
 
 def test_snapshots_of_spheres_stand_in_rows_and_disks_have_no_slice(tmp_path, capsys):
     spheres, disks = few_spheres(), samples.published()
     page = Page()
-    _draw(page, [flow_panel("a", spheres), flow_panel("b", spheres)])
+    panel = flow_panel("b", spheres)
+    _draw(page, [flow_panel("a", spheres), (*panel[:3], np.ones(spheres.n, bool), panel[4])])
     assert [ax.get_title() for ax in page.axes[::2]] == ["a, $z=0.5\\,L_z$", "b, $z=0.5\\,L_z$"]
+    pixels = [np.asarray(ax.images[0].get_array()) for ax in page.axes[1::2]]
+    blue = [np.median(np.divide(*image[image[..., 3] > 0][:, [2, 0]].T)) for image in pixels]
+    assert blue[0] > 1.2 and blue[1] < 1.0  # hollow ones are white
+    # edges behind the spheres meet in the corner from which a step to the eye leads into the cell
+    view, corners = SphereView(spheres), np.array(list(product((0, 1), repeat=3)))
+    steps = corners + 0.01 * view.axes[2] @ np.linalg.inv(spheres.cell)
+    (corner,) = corners[((steps > 0) & (steps < 1)).all(axis=1)] @ spheres.cell @ view.axes[:2].T
+    (behind,) = (lines for lines in page.axes[1].collections if lines.get_zorder() == 0)
+    distances = np.linalg.norm(np.array(behind.get_segments()) - corner, axis=-1)
+    np.testing.assert_allclose(distances.min(axis=1), np.zeros(3), atol=1e-12)
     with pytest.raises(InputError, match="of disks and of spheres"):
         _draw(Page(), [flow_panel("", spheres), flow_panel("", disks)])
     write_packing(tmp_path / "p.h5", disks)
