@@ -13,7 +13,16 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from claims import checks, exponents, flow, jamming, moduli, motion, power_law  # noqa: F401  they enter their claims
+from claims import (  # noqa: F401  they enter their claims
+    checks,
+    exponents,
+    flow,
+    jamming,
+    moduli,
+    motion,
+    power_law,
+    spheres,
+)
 from claims.page import PAGE
 from claims.selection import claim_of, page_rows
 from claims.shared import CLAIMS

@@ -155,7 +155,7 @@ def limit_of(series, low, high):
         error.append(values[:, inside].std(axis=0) / np.sqrt(len(values) - 1))
     x, y, error = (np.concatenate(parts) for parts in (x, y, error))
     found, _ = curve_fit(limit_form, x, y, (1.0, 0.8, 0.4), error)
-    decade = np.abs(np.log10(x) - np.round(np.log10(x))) < 1e-3
+    decade = np.abs(np.log10(x) - np.round(np.log10(x))) < 0.01
     chi2 = float(np.sum(((y - limit_form(x, *found)) / error)[decade] ** 2))
     return found[0], chi2, int(np.count_nonzero(decade)) - 3
 

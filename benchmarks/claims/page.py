@@ -458,4 +458,49 @@ PAGE = {
             {"RD0 at φ_J = …: |x − y/zν| of σ less that of p…": ""},
         ),
     ),
+    "Three dimensions": (
+        PageClaim(
+            "the same exponents in 3D: G₀ ~ p^x, without pre-stress (BT 2)",
+            {"3D, β = 1: G₀ ~ p^x, without pre-stress": ""},
+            ("3D, β = 1: G₀ ~ p^x, …",),
+        ),
+        PageClaim(
+            "the same in 3D: η₀ ~ p^x, without pre-stress (BT 2)",
+            {"3D, β = 1: η₀ ~ p^x, without pre-stress": ""},
+            ("3D, β = 1: η₀…",),
+        ),
+        PageClaim(
+            "the same in 3D: ω* = G₀/η₀ ~ p^x, without pre-stress (BT 2)",
+            {"3D, β = 1: ω* = G₀/η₀ ~ p^x, without pre-stress": ""},
+            ("3D, β = 1: ω* = G₀/η₀…",),
+        ),
+        PageClaim(
+            "the same in 3D: G′, G″ ~ ω^Δ for p ≪ ω ≪ 1, with pre-stress (BT 2)",
+            {"3D, β = 1, with pre-stress: Δ": ""},
+            ("3D, β = 1, …",),
+        ),
+        PageClaim(
+            "the same in 3D: floppy-like motion, rms of Δu∥, Δu⊥, u_na ~ p^x, without pre-stress (BT 2)",
+            {
+                "3D, rms |Δu∥|…(BT 19–21)": "Δu∥",
+                "3D, rms |Δu⊥|…(BT 19–21)": "Δu⊥",
+                "3D, rms |u_na|…(BT 19–21)": "u_na",
+            },
+            ("3D, rms …", "3D, median …", "3D, mean …", "3D, Σ…"),
+        ),
+        PageClaim(
+            "isostatic in 3D: Z + 6/N extrapolated to p = 0 (BT 2, V 2.5)",
+            {"3D, Z + 6/N extrapolated to p = 0…": ""},
+            ("3D, Z − 6 + 6/N ~ p^x, rattlers left out",),
+        ),
+        PageClaim(
+            "φ_c of random starts in 3D, equal spheres: φ(p) extrapolated to p = 0 (BT 2, V 2.3)",
+            {"3D, equal spheres, random starts: φ(p)…": ""},
+            ("3D, spheres of two sizes, random starts: φ(p)…",),
+        ),
+        PageClaim(
+            "y/zν of disks in 3D: p ~ γ̇^(y/zν) of RD0 at φ_c of random starts (BT 2, V Fig. 5.1)",
+            {"3D, RD0 at φ_c…": ""},
+        ),
+    ),
 }

@@ -159,7 +159,7 @@ def _find_pattern(k, start, column, parent, seen, path, pattern):
     return top
 
 
-@compiled(NUMBERS)
+@compiled(NUMBERS, forceinline=True)
 def _invert(d, inverse):
     """Inverse of a symmetric 3×3 matrix; returns whether it is positive definite."""
     xx = d[1, 1] * d[2, 2] - d[1, 2] * d[1, 2]
@@ -179,7 +179,7 @@ def _invert(d, inverse):
     return True
 
 
-@compiled(NUMBERS)
+@compiled(NUMBERS, forceinline=True)
 def _factorise_in_space(order, start, column, pair, blocks, diagonal):
     """`factorise` for 3×3 blocks, of what `rows_below` gives."""
     n = len(order)

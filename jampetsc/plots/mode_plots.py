@@ -130,7 +130,7 @@ def mode_fields(result, numbers):
 
 def pooled_density(results):
     """(ω, D) of complete spectra together, see `density_of_states`."""
-    states = sum(2 * len(result["particles"]) for result in results)
+    states = sum(result.attributes.get("dimension", 2) * len(result["particles"]) for result in results)
     return density_of_states(np.concatenate([frequencies(result) for result in results]), states)
 
 

@@ -167,9 +167,11 @@ def units_of(result) -> Units:
 
 
 UNITS = ("energy", "stress", "rate", "viscosity", "length")
-_VAGBERG = (
-    r"k_{\rm e}", r"k_{\rm e}/d_{\rm s}^2", r"k_{\rm e}/k_{\rm d}d_{\rm s}^2", r"k_{\rm d}", r"d_{\rm s}"
-)  # fmt: skip
+_RATE = r"k_{\rm e}/k_{\rm d}d_{\rm s}^2"
+_VAGBERG = {  # D -> names of his units, of spheres with stress as energy over volume
+    2: (r"k_{\rm e}", r"k_{\rm e}/d_{\rm s}^2", _RATE, r"k_{\rm d}", r"d_{\rm s}"),
+    3: (r"k_{\rm e}", r"k_{\rm e}/d_{\rm s}^3", _RATE, r"k_{\rm d}/d_{\rm s}", r"d_{\rm s}"),
+}
 
 
 @dataclass(frozen=True)
@@ -195,7 +197,7 @@ def flow_units(results) -> FlowUnits:
     for result in results:
         attributes, scales = result.attributes, units_of(result)
         if str(attributes.get("units", "")).startswith("k_e"):
-            texts = _VAGBERG
+            texts = _VAGBERG[attributes.get("dimension", 2)]
         elif attributes.get("stiffness") == "inverse-square-diameter":
             texts = (r"k_{\rm e}", r"k_{\rm e}", r"1/\tau_1", r"k_{\rm e}\tau_1", "")  # over the unit of area
         else:

@@ -126,6 +126,9 @@ def test_units_are_those_of_the_files(runs):
     assert own.label("p", "stress") == r"$p\ [k]$" and own.label("x", "length") == "$x$"
     assert made.label("p", "stress") == r"$p\ [k_{\rm e}/d_{\rm s}^2]$"
     assert made.label(r"\eta", "viscosity") == r"$\eta\ [k_{\rm d}]$"
+    spheres = flow_units([facts(units="k_e = k_d = 1, diameter of the small disks 1", dimension=3)])
+    assert spheres.label("p", "stress") == r"$p\ [k_{\rm e}/d_{\rm s}^3]$"
+    assert spheres.label(r"\eta", "viscosity") == r"$\eta\ [k_{\rm d}/d_{\rm s}]$"
     with pytest.raises(InputError, match=r"a\.h5: units those of the packing, but 1e-2"):
         flow_units([jampetsc.load(runs[0]), facts()])
 

@@ -123,8 +123,8 @@ TINY = sizes(
     "COOLED=1:2 COOLING=0.1"
 )
 WHOLE = "bt-fig5"  # is run by its script
-ALIKE = (  # as others are, but for laws, models and rates; their kinds of pictures are drawn elsewhere
-    *("bt-fig3", "bt-fig6", "paper5"),
+ALIKE = (  # as others are, but for laws, models, rates and the dimension; their kinds of pictures are drawn elsewhere
+    *("bt-fig3", "bt-fig6", "paper5", "three-dimensions", "three-dimensions-flow"),
     *("vagberg-fig4.8", "vagberg-fig5.1-slow", "vagberg-flow-curves", "walls"),
 )
 SAME = "bt-fig7cd-in-phase-with-the-strain"  # of bt-fig7cd, of the other phase

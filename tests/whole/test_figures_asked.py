@@ -90,6 +90,13 @@ paper5 --paper flow rate model=RD0|CD0 phi=0.8|0.8433 = 1e-5 3e-5 1e-4 3e-4 1e-3
 paper5 flow quality model=CD phi=0.8|0.8433 = 0.1 0.3 1
 paper5 correlate model = CD CD0
 split-coordinates pack pressure >= 1e-7
+three-dimensions pack,sweep,quasistatic pressure >= 1e-2 1e-3 1e-4 2e-5
+three-dimensions pack dimension = 3
+three-dimensions --paper pack n >= 8192
+three-dimensions sweep prestress = 0 1
+three-dimensions-flow flow dimension = 3
+three-dimensions-flow flow model = RD0
+three-dimensions-flow flow phi >= 0.6475
 vagberg-fig4.6-4.7 flow n = 256
 vagberg-fig4.6-4.7 flow phi = 0.8
 vagberg-fig4.6-4.7 flow rate = 1e-3
