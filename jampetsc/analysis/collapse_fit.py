@@ -32,9 +32,8 @@ _OMEGA_STARTS, _CORRECTION_RATIO = (
 SIGMAS = 2.0  # of the ends, where χ² is SIGMAS² above the least
 DEGREE_STEPS = (2, 4)  # added to the degree: as many even as odd terms
 MAX_SIDE_RATIO = 1.5  # ratio of the longer to the shorter side of an error from which both are reported
-MIN_SCATTER_PROBABILITY = (
-    0.02  # probability of a scatter as small, below which errors are taken as common to a scale
-)
+# probability of a scatter as small, below which errors are taken as common to a scale
+MIN_SCATTER_PROBABILITY = 0.02
 MAX_COMMON_SHARE = 0.98  # largest share of errors that is taken as common
 _END_TOLERANCE = 0.02  # of an end, in its distance from the best
 _MIN_GAIN = 0.01  # a fit whose χ² is lower by this replaces the best so far

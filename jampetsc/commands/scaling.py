@@ -15,9 +15,8 @@ COMMON_ATTRIBUTES = (
     "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units", "k", "tau1"
 )  # fmt: skip
 PHI_DECIMALS = 6  # of packing fractions that count as equal
-MIN_PROBABILITY = (
-    0.01  # of χ²; below, the form or the errors are wrong, above 1 − this the errors are too large
-)
+# of χ²; below, the form or the errors are wrong, above 1 − this the errors are too large
+MIN_PROBABILITY = 0.01
 
 
 def read_points(results, observable: str, finite_size: bool) -> Points:

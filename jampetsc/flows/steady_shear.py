@@ -24,7 +24,7 @@ from jampetsc.flows.step_kernels import (
     StepArrays,
     StepConstants,
 )
-from jampetsc.laws.flow_models import Model, Scheme, stiffest
+from jampetsc.laws.flow_models import INERTIA, Model, Scheme, stiffest
 from jampetsc.packing.kernel import block_room
 from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, borders, domain_order
 from jampetsc.packing.packing import PLACES, Packing, deformed
@@ -33,14 +33,11 @@ from jampetsc.packing.threads import Team
 
 INNER_SKIN_RATIO = 0.2  # skin of the inner list, of which forces are computed, relative to that of the list
 SORT_STRAIN = 0.5  # strain between two sorts of the disks, which keep domains compact
-MAX_PART_MOVE_RATIO = (
-    0.25  # in units of the largest diameter, longest move of a disk in a part of a divided step
-)
+# in units of the largest diameter, longest move of a disk in a part of a divided step
+MAX_PART_MOVE_RATIO = 0.25
 MIN_STEP_PART = 2.0**-30  # part of a time step; if a disk jumps in this one too, the step is refused
-INERTIA = {2: 0.5, 3: 0.4}  # moment of a uniform disk and sphere, in units of m ρ²
-REBUILD_COST = (
-    25.0  # cost of a list in force evaluations; high, as width costs only when the inner list is made
-)
+# cost of a list in force evaluations; high, as width costs only when the inner list is made
+REBUILD_COST = 25.0
 
 
 class SteadyShear(ListedPacking):

@@ -36,15 +36,12 @@ MAX_NEW_FACTOR_STEPS = 40  # and with that one before disks are taken to rearran
 DESCENT_TOLERANCE = 3e-2  # max |F| / (p d^(D−1)) to which they then descend without a factor
 MAX_STEP_EVALUATIONS = 1500  # evaluations of a step, in all, before a quench is begun
 HESSIAN_SHIFT_RATIO = 1e-5  # added to the Hessian, in units of the stiffness of a contact
-MAX_CONTACT_GAP = (
-    3e-3  # mean diameters: pairs with a smaller gap, which may touch within the step, are in the Hessian
-)
-MAX_ORDER_GAP = (
-    0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched,
-)
-MAX_FILL_RATIO = (
-    1.25  # and found again if a factor has this many times the entries of the first one in that order
-)
+# mean diameters: pairs with a smaller gap, which may touch within the step, are in the Hessian
+MAX_CONTACT_GAP = 3e-3
+# mean diameters: the order of elimination is found as if pairs with a smaller gap touched,
+MAX_ORDER_GAP = 0.1
+# and found again if a factor has this many times the entries of the first one in that order
+MAX_FILL_RATIO = 1.25
 # share of contacts with the overlap of another one from which states are proved, until `_restart_list`
 MAX_ALIKE_RATIO = 0.125
 PLASTIC_RATIO = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event

@@ -25,6 +25,7 @@ MODELS = {
 STRAIN_STEP = 5e-3  # largest γ̇Δt
 # by dimension, as the largest eigenvalues are: of the Hessian 3.6 and 6.1 k/σ², of contact damping 6.7 and 15 c
 DRAG_STEP, VERLET_STEP = {2: 0.2, 3: 0.12}, {2: 0.1, 3: 0.04}
+INERTIA = {2: 0.5, 3: 0.4}  # moment of a uniform disk and sphere, in units of m ρ²
 QUALITY = 0.3  # Q below which damping is stiff and backward Euler takes over from velocity Verlet
 
 
@@ -185,9 +186,8 @@ def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> S
         method = "heun" if fast else "euler"
     else:
         swing = math.sqrt(model.mass / stiffness)
-        # The moment of inertia is only ½ m ρ² or 0.4 m ρ²: sliding damps spins at a higher rate than velocities.
-        spin_ratio = 4.0 if disks.dimension == 2 else 5.0
-        damping = max([*weights, drag, spin_ratio * unit * law.sliding])
+        # The moment of inertia is less than m ρ²: sliding damps spins at a higher rate than velocities.
+        damping = max([*weights, drag, 2.0 / INERTIA[disks.dimension] * unit * law.sliding])
         # Damped in every direction, a disk follows the forces; else it flies freely between collisions that last m/c.
         braked = drag or (law.normal and law.transverse)
         if swing * stiffness / damping < QUALITY and braked and not law.couples_rotations:

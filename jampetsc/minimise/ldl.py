@@ -45,10 +45,10 @@ def rows_below(order, i, j, chosen):
 
 @compiled(False)
 def _tree(start, column):
-    """(parent (N,), entries of each column of L (N,)) of the elimination tree."""
+    """(parent (N,) in the elimination tree, begin (N + 1,) of each column of L)."""
     n = len(start) - 1
     parent, seen = np.full(n, -1), np.full(n, -1)
-    entries = np.zeros(n, np.int64)
+    begin = np.zeros(n + 1, np.uint32)
     for k in range(n):
         seen[k] = k
         for e in range(start[k], start[k + 1]):
@@ -56,10 +56,12 @@ def _tree(start, column):
             while seen[a] != k:
                 if parent[a] < 0:
                     parent[a] = k
-                entries[a] += 1
+                begin[a + 1] += np.uint32(1)
                 seen[a] = k
                 a = parent[a]
-    return parent, entries
+    for k in range(n):
+        begin[k + 1] += begin[k]
+    return parent, begin
 
 
 @compiled(NUMBERS, forceinline=True)
@@ -183,10 +185,7 @@ def _invert(d, inverse):
 def _factorise_in_space(order, start, column, pair, blocks, diagonal):
     """`factorise` for 3×3 blocks, of what `rows_below` gives."""
     n = len(order)
-    parent, entries = _tree(start, column)
-    begin = np.zeros(n + 1, np.uint32)
-    for k in range(n):
-        begin[k + 1] = begin[k] + entries[k]
+    parent, begin = _tree(start, column)
     fill = begin[:-1].copy()
     row, lower = np.empty(begin[n], np.uint32), np.empty((begin[n] + n, 3, 3))
     inverse = lower[begin[n] :]
@@ -244,10 +243,7 @@ def factorise(order, i, j, blocks, chosen, diagonal):
     if diagonal.ndim == 3:
         return _factorise_in_space(order, start, column, pair, blocks, diagonal)
     n = len(order)
-    parent, entries = _tree(start, column)
-    begin = np.zeros(n + 1, np.uint32)
-    for k in range(n):
-        begin[k + 1] = begin[k] + entries[k]
+    parent, begin = _tree(start, column)
     fill = begin[:-1].copy()
     inverse = np.zeros((n, 3))
     row, lower = np.empty(begin[n], np.uint32), np.empty((begin[n] + n, 4))
@@ -255,22 +251,11 @@ def factorise(order, i, j, blocks, chosen, diagonal):
     seen, path, pattern = np.full(n, -1), np.empty(n, np.int64), np.empty(n, np.int64)
     definite = True
     for k in range(n):
-        top = n
-        seen[k] = k
+        top = _find_pattern(k, start, column, parent, seen, path, pattern)
         for e in range(start[k], start[k + 1]):
             a, p = column[e], pair[e]
             for b in range(4):
                 w[a, b] -= blocks[p, b // 2, b % 2]
-            length = 0
-            while seen[a] != k:
-                path[length] = a
-                length += 1
-                seen[a] = k
-                a = parent[a]
-            while length > 0:
-                length -= 1
-                top -= 1
-                pattern[top] = path[length]
         disk = order[k]
         d0, d1, d2 = diagonal[disk, 0], diagonal[disk, 1], diagonal[disk, 2]
         for q in range(top, n):

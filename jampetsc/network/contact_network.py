@@ -52,9 +52,8 @@ class DistributedNetwork:
     pressure: float  # p = Σ f r / (D V) over all overlaps
     rattlers: int  # number of disks left out
     threshold: float  # force above which a contact counts
-    imbalance: (
-        float  # max |F|/(p d^(D−1)) of the disks that bear load, d the mean diameter; infinite at p = 0
-    )
+    # max |F|/(p d^(D−1)) of the disks that bear load, d the mean diameter; infinite at p = 0
+    imbalance: float
     pushes: bool  # whether any contact has f > 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
     imbalance_measure: str = IMBALANCE[2]  # of a `Network`: max|F|/mean|T|

@@ -38,9 +38,8 @@ START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is ex
 ENERGY_TOLERANCE = 8.0  # of the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
 MAX_HALVINGS = 30  # of a step; no motion of a contact is so sudden
-STEP_GROWTH_RATIO = (
-    0.1  # of the allowed error: after a step with less the next is twice as long, with 8 times the error
-)
+# of the allowed error: after a step with less the next is twice as long, with 8 times the error
+STEP_GROWTH_RATIO = 0.1
 MAX_STRAIN_DRIFT = 1.0  # of a cycle; a packing whose strain changes by more flows
 
 

@@ -115,9 +115,8 @@ MAX_CONTRACTION = 0.2  # a factor with which a step leaves more of the residual 
 # of the force along a step: at its end it is small below the first, too large above the second
 MIN_SLOPE_RATIO, MAX_SLOPE_RATIO = 0.3, 0.7
 MAX_LINE_SEARCH_POINTS = 20  # points of a line search
-MAX_CURVED_MOVE = (
-    10.0  # in `reach`: longest move of a disk in a curved step, to which curvature may add one `reach`
-)
+# in `reach`: longest move of a disk in a curved step, to which curvature may add one `reach`
+MAX_CURVED_MOVE = 10.0
 
 
 @dataclass(frozen=True, eq=False)

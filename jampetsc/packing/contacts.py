@@ -11,9 +11,8 @@ import numpy as np
 from jampetsc.errors import InputError
 from jampetsc.packing.neighbours import lengths, neighbour_pairs, vectors
 
-MIN_FORCE_RATIO = (
-    1e-6  # a contact that carries less than this fraction of p·d only just touches and does not count
-)
+# a contact that carries less than this fraction of p·d only just touches and does not count
+MIN_FORCE_RATIO = 1e-6
 FORCE_ROUNDING = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
 IMBALANCE = {2: "max|F|/(p d)", 3: "max|F|/(p d²)"}  # by dimension, see `imbalance`
 BALANCED = 1e-4  # largest max |F| / (p d^(D−1)) of forces that are called balanced; `pack` leaves 1e-10

@@ -157,7 +157,8 @@ def domain_order(packing: Packing, wall_disks: int = 0):
     """Order (N,) in which domains are compact patches, each with the disks at its border first.
 
     What a thread reads of disks across a border was written by another core, from which a cache line takes 50 to
-    250 ns; disks that are adjacent in memory fill a quarter as many lines. The first `held` disks keep their places.
+    250 ns; disks that are adjacent in memory fill a quarter as many lines. Disks of walls, the first
+    ones, keep their places.
     """
     places = packing.positions[wall_disks:]
     order = np.append(np.arange(wall_disks), wall_disks + spatial_order(places, packing.cell))

@@ -25,9 +25,8 @@ PREFIX = "modes_"
 SHIFT = 1e-7
 # eigenpairs more than requested: the first shows whether a cluster of equal eigenvalues ends there
 EXTRA_PAIRS = 2
-DENSE_SOLVE_UNKNOWNS = (
-    30_000  # unknowns from which dense blocks are faster in the triangular solves of CHOLMOD
-)
+# unknowns from which dense blocks are faster in the triangular solves of CHOLMOD
+DENSE_SOLVE_UNKNOWNS = 30_000
 DENSE_BLOCK_UNKNOWNS = 250_000  # unknowns from which dense blocks are faster in the factorisation as well
 BASIS_RATIO = 2.5  # vectors of the basis for each eigenpair, with which SLEPc hardly ever restarts
 MAX_LAPACK_UNKNOWNS = 8192  # unknowns up to which LAPACK finds all eigenpairs

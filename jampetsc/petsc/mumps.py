@@ -6,14 +6,8 @@ from jampetsc import interrupts
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.petsc.session import current
 
-WORKSPACE_CODES = (
-    -8,
-    -9,
-    -14,
-    -15,
-    -17,
-    -20,
-)  # INFOG(1): some work array was too small; ICNTL(14) enlarges them
+# INFOG(1): some work array was too small; ICNTL(14) enlarges them
+WORKSPACE_CODES = (-8, -9, -14, -15, -17, -20)
 MEMORY_CODES = (-13, -19)  # INFOG(1): the memory of the machine, or the limit ICNTL(23), is used up
 SINGULAR_CODES = (-10,)
 OUT_OF_CORE_CODES = (-90,)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from jampetsc.analysis.elasticity import dimension_of, poisson_ratio
-from jampetsc.laws.loads import AXES
+from jampetsc.laws.loads import symmetric_loads
 from jampetsc.plots.curves import average_curves, bulk_curve_of, curve_of, group_curves, require_tensor
 from jampetsc.plots.moduli_plots import STATISTIC
 from jampetsc.plots.page import draw_band
@@ -27,22 +27,7 @@ def plot_bulk(results, page, statistic=None):
     y = [f"{part}$/k$" for part in (f"{BULK_STORAGE}, {STORAGE}", f"{BULK_LOSS}, {LOSS}")]
     axes = page.panels(1, 2, PAGE, HEIGHT, x=OMEGA, y=y, log="xy")
     for curves, dash, name in ((bulk, "-", "K"), (shear, DASHED, "G")):
-        title, groups = group_curves(curves, crossed=False)
-        for group in groups:
-            for curve in group.curves:
-                parts = zip(
-                    axes, (curve.G.real, curve.G.imag), curve.bounds, ("\u2032", "\u2033"), strict=True
-                )
-                for ax, values, bound, prime in parts:
-                    _line(
-                        ax,
-                        curve,
-                        values,
-                        bound,
-                        group.colour,
-                        f"{name}{prime}, {group.label}, {curve.name}",
-                        dash,
-                    )
+        title, groups = _draw_parts(axes, curves, name, (dash, dash))
     _legends(page, axes, title, groups, [entry("$K$*"), entry("$G$*", ls=DASHED)])
     return f"K* and G* of {count_text(results)}"
 
@@ -58,23 +43,7 @@ def plot_poisson(results, page, statistic=None):
     ]
     ax = page.panels(x=OMEGA, y="$\\nu$\u2032, $\\nu$\u2033", log="x")
     ax.axhline(0.0, color=GREY, lw=0.5, ls=DOTTED)
-    title, groups = group_curves(ratios, crossed=False)
-    for group in groups:
-        for curve in group.curves:
-            parts = zip(
-                (curve.G.real, curve.G.imag), curve.bounds, ("\u2032", "\u2033"), ("-", DASHED), strict=True
-            )
-            for values, bound, prime, dash in parts:
-                _line(
-                    ax,
-                    curve,
-                    values,
-                    bound,
-                    group.colour,
-                    f"nu{prime}, {group.label}, {curve.name}",
-                    dash,
-                    False,
-                )
+    title, groups = _draw_parts((ax, ax), ratios, "nu", ("-", DASHED), is_log=False)
     _legends(page, [ax], title, groups, [entry("$\\nu$\u2032"), entry("$\\nu$\u2033", ls=DASHED)])
     return f"Poisson's ratio of {count_text(results)}"
 
@@ -130,7 +99,21 @@ def _ratio_bounds(bulk, shear, D):
     return np.array([error, error])
 
 
-def _line(ax, curve, values, bound, colour, name, dash, is_log=True):
+def _draw_parts(axes, curves, name, dashes, is_log=True):
+    """Draw the real and the imaginary part of curves, each on its axes; (title, groups) of `group_curves`."""
+    title, groups = group_curves(curves, crossed=False)
+    for group in groups:
+        for curve in group.curves:
+            parts = zip(
+                axes, (curve.G.real, curve.G.imag), curve.bounds, ("\u2032", "\u2033"), dashes, strict=True
+            )
+            for ax, values, bound, prime, dash in parts:
+                label = f"{name}{prime}, {group.label}, {curve.name}"
+                _line(ax, curve, values, bound, group.colour, label, dash, is_log)
+    return title, groups
+
+
+def _line(ax, curve, values, bound, colour, name, dash, is_log):
     """A line with the band of its error."""
     shown = np.where(values > 0.0, values, np.nan) if is_log else values
     if not np.isfinite(shown).any():
@@ -152,5 +135,4 @@ def _legends(page, axes, title, groups, parts):
 
 def _names(dimension):
     """Indices of the loads of the tensor, xx, yy, (zz, yz, xz,) xy."""
-    axes = AXES[:dimension]
-    return [2 * axis for axis in axes] + [pair for pair in ("yz", "xz", "xy") if set(pair) <= set(axes)]
+    return [load.name.removeprefix("symmetric-") for load in symmetric_loads(dimension)]

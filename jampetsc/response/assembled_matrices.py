@@ -37,9 +37,8 @@ class PackingMatrices:
     b_gg: object  # b_γγ = V η_∞ of affine motion; the same
     area: float  # V
     particles: np.ndarray  # (n,) numbers of the disks in the packing file
-    dofs: (
-        np.ndarray
-    )  # (u, 2) of every unknown: number of its disk in the packing file; 0 x, 1 y, 2 θ, in 3D 2 z, 3 … 5 θ
+    # (u, 2) of every unknown: number of its disk in the packing file; 0 x, 1 y, 2 θ, in 3D 2 z, 3 … 5 θ
+    dofs: np.ndarray
     pins: np.ndarray  # unknowns to leave out, so that K + iωB is regular
 
     def to_scipy(self) -> "PackingMatrices":

@@ -18,9 +18,8 @@ from jampetsc.response.certificate import EPSILON, ROUNDING, field_bound
 from jampetsc.response.krylov_basis import RationalBasis
 from jampetsc.response.residual import GalerkinResidual
 
-MAX_RATE_ROUNDING = (
-    1e-6  # relative rounding of a rate above which its vector counts as floppy; usual are 1e-13
-)
+# relative rounding of a rate above which its vector counts as floppy; usual are 1e-13
+MAX_RATE_ROUNDING = 1e-6
 
 
 class Galerkin:

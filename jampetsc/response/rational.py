@@ -30,9 +30,8 @@ MIN_SHIFT_RATIO = 30.0  # least ratio of shifts that are done at the same time
 SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but for rounding
 LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
 ROUNDING_MODULUS_RATIO = 1e-13  # a modulus this small, relative to the affine one, is rounding
-ESTIMATE_SHARE = (
-    0.5  # of the allowed error, for the estimate, after a certificate was larger than the estimate
-)
+# of the allowed error, for the estimate, after a certificate was larger than the estimate
+ESTIMATE_SHARE = 0.5
 
 
 class RationalSweep:

@@ -140,9 +140,8 @@ class VibrationalModes:
     normal: np.ndarray  # (m,) mean over contacts of a∥²
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
     participation_ratio: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
-    shear_force: (
-        np.ndarray
-    )  # (m,) F = k_E·φ per unit amplitude of the load, simple shear unless another is given
+    # (m,) F = k_E·φ per unit amplitude of the load, simple shear unless another is given
+    shear_force: np.ndarray
     contributions: Contributions | None  # to the response to the load; None if that is not unique, or affine
     tensor: LoadContributions | None  # to the responses to the loads of a tensor
     inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m

@@ -20,9 +20,8 @@ from jampetsc.options.job import NETWORKS
 from jampetsc.petsc import session
 from jampetsc.studies.study_table import numbers_of
 
-REPLACED_SUFFIX = (
-    ".replaced"  # appended to the name of a file that somebody put in the place of the study's own
-)
+# appended to the name of a file that somebody put in the place of the study's own
+REPLACED_SUFFIX = ".replaced"
 
 
 class TaskRunner:

@@ -15,9 +15,8 @@ LOOK, FIGURE = 0.05, 0.005  # largest error of G' and of G''
 MAX_SLOPE_CHANGE = 0.005  # largest change of either slope of the critical branch
 STAND_IN_TOLERANCE = 0.05  # simpler physics that changes neither slope by more has the same exponent
 SIGNIFICANT_ERRORS = 2.8  # standard errors: 2√2, because the big packing of the same size scatters as much
-EQUAL_TIME_RATIO = (
-    1.1  # runs within this ratio of the shortest time are equally fast; the most exact one is taken
-)
+# runs within this ratio of the shortest time are equally fast; the most exact one is taken
+EQUAL_TIME_RATIO = 1.1
 
 
 def _word(meaning, **default):
