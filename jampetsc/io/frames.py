@@ -13,12 +13,11 @@ from jampetsc.io.disk_motion import (
     snapshot,
     source_of,
 )
-from jampetsc.laws.loads import AXES
+from jampetsc.laws.loads import AXES, tensor_components
 from jampetsc.packing.contacts import Contacts, assigned_volumes, disk_stresses, find_contacts, measure
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 
-_COMPONENTS = {2: ("xx", "yy", "xy"), 3: ("xx", "yy", "zz", "yz", "xz", "xy")}  # of the stress, by dimension
 _ASSIGNED = {2: "area", 3: "volume"}
 
 
@@ -67,7 +66,7 @@ def packing_frame(disks: Packing, vectors=None, facts=None) -> Frame:
         "rattler": state.rattlers.astype(int),
         **{
             f"stress_{a}{b}": np.ascontiguousarray(stress[:, AXES.index(a), AXES.index(b)])
-            for a, b in _COMPONENTS[disks.dimension]
+            for a, b in tensor_components(disks.dimension)
         },
         **(vectors or {}),
     }

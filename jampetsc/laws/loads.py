@@ -104,14 +104,22 @@ def uniaxial(dimension: int = 2, axis: str = "x") -> Load:
     return _load(2 * axis, _dyad(axis, axis, dimension))
 
 
-def symmetric_loads(dimension: int = 2) -> tuple[Load, ...]:
-    """The D(D + 1)/2 loads of the elastic tensor: xx, yy, (zz, yz, xz,) xy, shears with E = ½(x̂ŷ + ŷx̂)."""
+def tensor_components(dimension: int = 2) -> tuple[str, ...]:
+    """Pairs of axes in the order of the elastic tensor: xx, yy, (zz, yz, xz,) xy."""
     axes = AXES[:dimension]
     shears = [pair for pair in ("yz", "xz", "xy") if set(pair) <= set(axes)]
-    loads = [uniaxial(dimension, axis) for axis in axes]
-    for first, second in shears:
-        gradient = 0.5 * (_dyad(first, second, dimension) + _dyad(second, first, dimension))
-        loads.append(_load(f"symmetric-{first}{second}", gradient))
+    return (*(2 * axis for axis in axes), *shears)
+
+
+def symmetric_loads(dimension: int = 2) -> tuple[Load, ...]:
+    """The D(D + 1)/2 loads of the elastic tensor: xx, yy, (zz, yz, xz,) xy, shears with E = ½(x̂ŷ + ŷx̂)."""
+    loads = []
+    for first, second in tensor_components(dimension):
+        if first == second:
+            loads.append(uniaxial(dimension, first))
+        else:
+            gradient = 0.5 * (_dyad(first, second, dimension) + _dyad(second, first, dimension))
+            loads.append(_load(f"symmetric-{first}{second}", gradient))
     return tuple(loads)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from jampetsc.analysis.elasticity import dimension_of, poisson_ratio
-from jampetsc.laws.loads import symmetric_loads
+from jampetsc.laws.loads import tensor_components
 from jampetsc.plots.curves import average_curves, bulk_curve_of, curve_of, group_curves, require_tensor
 from jampetsc.plots.moduli_plots import STATISTIC
 from jampetsc.plots.page import draw_band
@@ -57,7 +57,7 @@ def plot_tensor(results, page):
     (result,) = results
     require_tensor(result)
     units, C = units_of(result), result["C"]
-    omega, names = result.omega * units.tau1, _names(dimension_of(C))
+    omega, names = result.omega * units.tau1, tensor_components(dimension_of(C))
     rows = [(a, b) for a in range(len(names)) for b in range(a, len(names))]
     D = dimension_of(C)
     isotropic = [(a, b) for a, b in rows if a == b or b < D]
@@ -131,8 +131,3 @@ def _legends(page, axes, title, groups, parts):
         page.legend(axes[0], entries, title)
         entries = []
     page.legend(axes[-1], [*entries, *parts], title if entries else None)
-
-
-def _names(dimension):
-    """Indices of the loads of the tensor, xx, yy, (zz, yz, xz,) xy."""
-    return [load.name.removeprefix("symmetric-") for load in symmetric_loads(dimension)]
