@@ -137,7 +137,7 @@ def command_parser(words):
     """(parser, its subparsers) for these words: of the command that they name, or else of all commands."""
     parser = Parser(
         prog="jampetsc",
-        description="How jammed packings of soft disks respond to slow and fast shear.",
+        description="How jammed packings of soft disks and spheres respond to slow and fast shear.",
         epilog="examples:\n"
         "  jampetsc pack --n 1024 --pressure 1e-3 --out p.h5\n  jampetsc sweep p.h5 --out sweep.h5\n  jampetsc plot "
         "sweep.h5 --out moduli.png\n\njampetsc COMMAND --help says more. Options with a single dash are PETSc's and "

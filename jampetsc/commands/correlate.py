@@ -278,7 +278,7 @@ def refuse_mixture(sweeps):
         for what, value, other in (
             ("law", _words(sweep.law), _words(first.law)),
             ("load", sweep.load, first.load),
-            ("number of disks", *(s.attributes.get("particle_count") for s in (sweep, first))),
+            ("number of particles", *(s.attributes.get("particle_count") for s in (sweep, first))),
         ):
             if value != other:
                 raise InputError(

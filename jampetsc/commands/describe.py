@@ -147,7 +147,11 @@ def _origin(a):
         return str(a["packing"])
     if "sources" in a:
         return str(a["sources"])
-    return f"{a['particle_count']} random disks" if "particle_count" in a else "an unknown packing"
+    return (
+        f"{a['particle_count']} random {PARTICLES[a.get('dimension', 2)]}"
+        if "particle_count" in a
+        else "an unknown packing"
+    )
 
 
 def describe_result(path, loaded) -> str:

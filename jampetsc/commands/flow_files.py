@@ -73,6 +73,6 @@ def check_space(to, disks: int, snapshots: int) -> None:
         free = shutil.disk_usage(follow(out).parent).free
         if needed > free:
             raise InputError(
-                f"{named('snapshots')} {snapshots}: of {disks} disks need {needed / 1e9:.3g} GB with the checkpoint, "
-                f"and {free / 1e9:.3g} GB are free where {out} is to be: ask for fewer"
+                f"{named('snapshots')} {snapshots}: of {disks} particles need {needed / 1e9:.3g} GB with the "
+                f"checkpoint, and {free / 1e9:.3g} GB are free where {out} is to be: ask for fewer"
             )

@@ -52,7 +52,7 @@ A killed run continues when the same command is given again. Options of the Newt
 -newton_."""
     SOLVERS: ClassVar = ("newton_",)
 
-    n: int = parameter(help="number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
+    n: int = parameter(help="number of particles", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
     dimension: int = parameter(2, "2: disks, 3: spheres", low=2, high=3, metavar="D")
     phi: Numbers = parameter(
         help="packing fractions: M from A to B evenly, or a list with commas",
@@ -67,7 +67,7 @@ A killed run continues when the same command is given again. Options of the Newt
     potential: str = parameter("harmonic", "energy of an overlap", choices=EXPONENTS)
     tolerance: float = parameter(1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T")
     protocol: str = parameter("random", "how samples are made", choices=tuple(PROTOCOLS))
-    separated: bool = parameter(False, "large disks start on one side of the cell, small on the other")
+    separated: bool = parameter(False, "large particles start on one side of the cell, small on the other")
     step: float | None = shear_compress_parameter(
         "strain of one step (default 1e-3)", low=1e-8, high=0.1, metavar="DG"
     )

@@ -46,7 +46,7 @@ class Matrices(NetworkJob):
         names = ", ".join(map(str, files_of(to.path).values()))
         unknowns, disks, pins = len(matrices.dofs), len(matrices.particles), len(matrices.pins)
         matrices.destroy()
-        return f"{names}: {self.physics}, {unknowns} unknowns of {disks} disks, {pins} pins"
+        return f"{names}: {self.physics}, {unknowns} unknowns of {disks} particles, {pins} pins"
 
     def build(self, comm):
         """The `assembled_matrices.PackingMatrices`. Collective."""

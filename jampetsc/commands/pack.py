@@ -23,7 +23,7 @@ PRESSURES = (1e-8, 1.0)
 PHIS = {2: (0.8, 1.5), 3: (0.6, 1.2)}  # packing fractions by dimension
 TOLERANCES = (1e-13, 1e-4)
 PHI_REMEDY = (
-    "Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears disks below it."
+    "Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears particles below it."
 )
 WHAT, HOW = "packing", "start and run"
 packing_parameter = partial(optional_parameter, group=WHAT)
@@ -89,7 +89,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     SOLVERS: ClassVar = ("newton_",)
 
-    n: int | None = packing_parameter("number of disks", low=MIN_DISKS, high=MAX_DISKS)
+    n: int | None = packing_parameter("number of particles", low=MIN_DISKS, high=MAX_DISKS)
     dimension: int | None = packing_parameter("2: disks (default), 3: spheres", low=2, high=3, metavar="D")
     pressure: float | Sequence[float] | None = packing_parameter(
         "pressure p = Σ f r / (D V)",
@@ -112,12 +112,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
     sizes: str | None = packing_parameter(
-        "disk sizes: bidisperse (50:50, ratio 1.4; default) or monodisperse",
+        "particle sizes: bidisperse (50:50, ratio 1.4; default) or monodisperse",
         choices=SIZES,
         remedy=OTHER_SIZES,
     )
     radii: Radii | None = packing_parameter(
-        "text file of radii, one per disk, or an array, instead of n and sizes", value_type=RADII
+        "text file of radii, one per particle, or an array, instead of n and sizes", value_type=RADII
     )
     stabilise: str = parameter(
         "volume",
@@ -143,7 +143,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     )
     from_: Packing | None = making_parameter("packing to start from, with its cell", value_type=PACKING)
     ladder: bool = parameter(
-        False, "start each pressure from the packing at the preceding one, not from random disks", group=HOW
+        False, "start each pressure from the packing at the preceding one, not from a random start", group=HOW
     )
     threads: int | None = making_parameter(
         "threads of a rank (default: its share of the cores of the node)",
@@ -339,6 +339,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             n = disks.n
         if self.n not in (None, n):
             raise InputError(
-                f"{named('n')} {self.n}: {name} has {n} disks. Leave it out with {named('from_')}."
+                f"{named('n')} {self.n}: {name} has {n} particles. Leave it out with {named('from_')}."
             )
         return begin

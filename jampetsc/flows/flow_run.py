@@ -203,7 +203,7 @@ def define_flow(
     overlap = float(np.max(contacts.overlap / contacts.sigma, initial=0.0))
     if overlap > MAX_START_OVERLAP:
         raise InputError(
-            f"start: two disks overlap by {100 * overlap:.3g} % of their distance at contact (at most "
+            f"start: two particles overlap by {100 * overlap:.3g} % of their distance at contact (at most "
             f"{100 * MAX_START_OVERLAP:.0f} %). Quench it first: pack with {named('from_')}."
         )
     scheme = scheme_for(model, disks, rate, step, tolerance)
@@ -239,7 +239,7 @@ def run_flow(
     means = check_balance(trajectory, run.schedule.discard, shear)
     if means is None or means.pressure.mean < MIN_PRESSURE * run.rate * shear.damping_unit:
         raise ConvergenceError(
-            f"phi = {run.phi:.4g}: no two disks touched within the strain of {shear.strain:.3g}: "
+            f"phi = {run.phi:.4g}: no two particles touched within the strain of {shear.strain:.3g}: "
             f"choose a larger {named('phi')}, or a longer {named('strain')}"
         )
     return CompletedFlow(shear.disks, trajectory, means, shear.state())

@@ -307,7 +307,7 @@ class SteadyShear(ListedPacking):
                 f"raise {named('tolerance')}"
             )
         raise ConvergenceError(
-            f"strain {self.strain:.6g}: a disk moves by more than half a diameter in one step of "
+            f"strain {self.strain:.6g}: a particle moves by more than half a diameter in one step of "
             f"{self.scheme.step:g}: give a smaller {named('step')}"
         )
 

@@ -183,7 +183,7 @@ class Means:
             )
         if np.isnan(self.energy_balance):
             warnings.append(
-                "no energy is dissipated: every disk follows the affine flow, as in a perfect crystal"
+                "no energy is dissipated: every particle follows the affine flow, as in a perfect crystal"
             )
         elif np.isnan(self.mismatch):
             warnings.append(

@@ -112,7 +112,8 @@ def disk_rows(result, disks):
     rows = result["particles"] if "particles" in result else np.arange(disks.n)
     if not ((0 <= rows) & (rows < disks.n)).all():
         raise InputError(
-            f"{result.path}: dataset particles: not rows of the {disks.n} disks of the packing. Make the file again."
+            f"{result.path}: dataset particles: not rows of the {disks.n} particles of the packing. "
+            "Make the file again."
         )
     return rows
 
@@ -121,10 +122,12 @@ def particle_rows(result, disks):
     """Rows (n,) of the packing that the fields of a sweep belong to. Raises InputError if the numbers do not fit."""
     count, rows = result.fields.displacement.shape[1], disk_rows(result, disks)
     if not count:
-        raise InputError(f"{result.path}: fields without disks, as all are rattlers. Sweep a jammed packing.")
+        raise InputError(
+            f"{result.path}: fields without particles, as all are rattlers. Sweep a jammed packing."
+        )
     if len(rows) != count:
         raise InputError(
-            f"{result.path}: fields of {count} particles do not fit the {disks.n} disks of the packing. "
+            f"{result.path}: fields of {count} particles do not fit the {disks.n} particles of the packing. "
             "Run the sweep again."
         )
     return rows

@@ -319,14 +319,14 @@ def _rows(body, count):
     """The words of the first `count` lines that are not empty. Raises InputError where there are fewer."""
     rows = [line.split() for line in body.splitlines() if line.strip()][:count]
     if len(rows) != count:
-        raise InputError(f"{len(rows)} lines for {count} disks: truncated or edited. Get it again.")
+        raise InputError(f"{len(rows)} lines for {count} particles: truncated or edited. Get it again.")
     return rows
 
 
 def _columns(names, rows):
     """{name: words of the column}, by `id` where there is one; further columns are left out. Raises InputError."""
     if not rows:
-        raise InputError("no disks. Give a file with disks.")
+        raise InputError("no particles. Give a file with particles.")
     for row in rows:
         if len(row) < len(names):
             raise InputError(f"line {' '.join(row)!r}: not {' '.join(names)}. Correct the file.")
@@ -346,5 +346,5 @@ def _table(body, rows, columns):
 
 def _count(word):
     if not re.fullmatch(r"\s*\d+\s*", word):
-        raise InputError(f"{word.strip()!r}: not a number of disks. Correct the file.")
+        raise InputError(f"{word.strip()!r}: not a number of particles. Correct the file.")
     return int(word)

@@ -158,7 +158,9 @@ def _read_jambashbulk(text, index):
     body = re.search(r"\{([^{}]*)(\}?)\s*\Z", packing)
     rows = re.findall(rf"{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER}", body[1]) if body else []
     if len(rows) != n or not body[2]:
-        raise InputError(f"{len(rows)} lines x, y, r for N = {n:g} disks: truncated or edited. Get it again.")
+        raise InputError(
+            f"{len(rows)} lines x, y, r for N = {n:g} particles: truncated or edited. Get it again."
+        )
     table = np.array([to_numbers(row) for row in rows])
     return Packing.from_positions(
         table[:, :2],
@@ -183,7 +185,7 @@ def _read_jaxmd(h5, index):
     dimension = {(4,): 2, (9,): 3}.get(data["box"].shape, 0)
     if not dimension or data["pos"].shape != (dimension * len(data["rad"]),):
         raise InputError(
-            f"{data['pos'].size} coordinates for {data['rad'].size} disks in a box of {data['box'].size} numbers: "
+            f"{data['pos'].size} coordinates for {data['rad'].size} particles in a box of {data['box'].size} numbers: "
             "neither two- nor three-dimensional. Get it again."
         )
     # jax-md maps a fraction s to box · s: cell vectors are its columns

@@ -60,7 +60,7 @@ FAMILIES = {
         {
             "normal": Option(1.0, "weight of normal contact damping, ≥ 0"),
             "beta": Option(1.0, "weight of transverse contact damping, ≥ 0"),
-            "rotations": Option(True, "disks do not roll"),
+            "rotations": Option(True, "particles do not roll"),
         },
         lambda normal, beta, rotations: {"normal": normal, "sliding" if rotations else "transverse": beta},
         python="ContactDamping({})",
@@ -80,8 +80,8 @@ FAMILIES = {
         {
             "normal": Option(0.0, "weight of normal contact damping, ≥ 0"),
             "transverse": Option(0.0, "weight of transverse contact damping without rotations, ≥ 0"),
-            "sliding": Option(0.0, "weight of the sliding of rims, ≥ 0; above 0 disks roll"),
-            "drag": Option(0.0, "weight of the drag of the fluid on every disk, ≥ 0"),
+            "sliding": Option(0.0, "weight of the sliding of rims, ≥ 0; above 0 particles roll"),
+            "drag": Option(0.0, "weight of the drag of the fluid on every particle, ≥ 0"),
             "eta_f": Option(0.0, "fluid viscosity in units of k τ₁, ≥ 0"),
         },
         dict,

@@ -76,8 +76,8 @@ class Model:
         remedy = f"give {named('mass')}"  # otherwise forces do not determine the velocities
         if law.couples_rotations:
             raise InputError(
-                f"{self}: no overdamped limit, because disks that roll have motions that no contact damps: {remedy}, "
-                f"or turn {named('rotations')} off"
+                f"{self}: no overdamped limit, because particles that roll have motions that no contact damps: "
+                f"{remedy}, or turn {named('rotations')} off"
             )
         if law.damps_contacts and not (law.normal and law.transverse) and not self.drag:
             raise InputError(

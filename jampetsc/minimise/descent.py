@@ -175,7 +175,7 @@ class Descent(ListedPacking):
         self.evaluations += steps
         self.effort.evaluations += steps
         if not (np.isfinite(self.offsets).all() and np.isfinite(self.box).all()):
-            raise ConvergenceError("forces are not finite: do two disks lie on the same spot?")
+            raise ConvergenceError("forces are not finite: do two particles lie on the same spot?")
         skin = self.skin
         if stale or steps >= STEPS:
             self.tune(steps)

@@ -47,12 +47,14 @@ class Radii:
         try:
             values = np.array(self.values, float)
         except (TypeError, ValueError, OverflowError):
-            raise InputError(f"{self}: not numbers. Give one number per disk.") from None
+            raise InputError(f"{self}: not numbers. Give one number per particle.") from None
         object.__setattr__(self, "values", values)
         if values.ndim != 1 or not (np.isfinite(values).all() and (values > 0).all()):
-            raise InputError(f"{self}: not positive numbers. Give one for each disk.")
+            raise InputError(f"{self}: not positive numbers. Give one for each particle.")
         if not MIN_DISKS <= len(values) <= MAX_DISKS:
-            raise InputError(f"{self}: {len(values)} disks: not supported. Give {MIN_DISKS} to {MAX_DISKS}.")
+            raise InputError(
+                f"{self}: {len(values)} particles: not supported. Give {MIN_DISKS} to {MAX_DISKS}."
+            )
         if not MIN_RADIUS <= values.min() <= values.max() <= MAX_RADIUS:
             raise InputError(
                 f"{self}: radii from {values.min():g} to {values.max():g}: outside "
@@ -89,7 +91,9 @@ def radii_asked(n: int | None, sizes: str | None, radii: Radii | None):
     """Radii (N,) of one's own, or of n disks of one of SIZES. Raises InputError for both and for neither."""
     if radii is None:
         if n is None:
-            raise InputError(f"{named('n')}: missing. Give the number of disks, or their {named('radii')}.")
+            raise InputError(
+                f"{named('n')}: missing. Give the number of particles, or their {named('radii')}."
+            )
         return radii_of(sizes or SIZES[0], n)
     for name, value in (("n", n), ("sizes", sizes)):
         if value is not None:

@@ -211,7 +211,7 @@ def _require_directions(every, order, comm):
     pairs = np.concatenate(comm.allgather(order[np.column_stack((every.i, every.j))[coincident]]))
     if len(pairs):
         i, j = sorted(pairs[0])
-        raise InputError(f"disks {i} and {j} are in one place: a force has no direction there")
+        raise InputError(f"particles {i} and {j} are in one place: a force has no direction there")
 
 
 def _imbalance(disks, every, rows, rattler, pressure, comm):
@@ -228,12 +228,13 @@ def _require_rigid(network, total):
     contacts = network.contact_count
     if network.n == 0:
         raise InputError(
-            f"no load-bearing contacts among {total} disks: below jamming, nothing resists shear; raise the pressure"
+            f"no load-bearing contacts among {total} particles: below jamming, nothing resists shear; "
+            "raise the pressure"
         )
     floppy = network.dimension * (network.n - 1) - contacts
     if floppy > 0:
         raise InputError(
-            f"{contacts} contacts between {network.n} disks leave at least {floppy} floppy modes: below jamming; "
+            f"{contacts} contacts between {network.n} particles leave at least {floppy} floppy modes: below jamming; "
             "raise the pressure or finish the quench"
         )
 

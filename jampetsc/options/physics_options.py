@@ -121,7 +121,7 @@ MODEL_HELP = (
     "in 0"
 )
 MOTION = {  # parameter -> help, and its range
-    "mass": ("mass of every disk", {"above": 0.0, "metavar": "M"}),
+    "mass": ("mass of every particle", {"above": 0.0, "metavar": "M"}),
     "quality": ("quality factor Q = √(m k)/(k τ₁), instead of a mass", {"above": 0.0, "metavar": "Q"}),
     "background_drag": (
         "drag δ of the fluid beside contact damping (default: the limit δ → 0)",

@@ -39,7 +39,7 @@ class ShearJob(Job):
     start: Packing | None = optional_parameter(
         "packing to start from", value_type=PACKING, place=FILE, metavar="START"
     )
-    n: int | None = random_disks_parameter("number of disks", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
+    n: int | None = random_disks_parameter("number of particles", low=MIN_DISKS, high=MAX_DISKS, metavar="N")
     dimension: int | None = random_disks_parameter(
         "2: disks (default), 3: spheres", low=2, high=3, metavar="D"
     )
@@ -53,12 +53,12 @@ class ShearJob(Job):
         "seed of the random start (default 1)", low=0, high=MAX_SEED, metavar="S"
     )
     sizes: str | None = random_disks_parameter(
-        f"disk sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default {SIZES[0]})",
+        f"particle sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default {SIZES[0]})",
         choices=SIZES,
         remedy=OTHER_SIZES,
     )
     radii: Radii | None = random_disks_parameter(
-        "text file of radii, one per disk, or an array, instead of n and sizes", value_type=RADII
+        "text file of radii, one per particle, or an array, instead of n and sizes", value_type=RADII
     )
     potential: str | None = random_disks_parameter(
         f"energy of an overlap (default {next(iter(EXPONENTS))})", choices=EXPONENTS

@@ -60,7 +60,9 @@ def check_cell(cell) -> None:
     if np.triu(cell, 1).any() or (sides <= 0).any():
         raise InputError(f"cell: {cell.tolist()}, must be rows {ROWS[len(cell)]}.")
     if np.abs(cell).max() > MAX_COORDINATE:
-        raise InputError("cell: beyond 2^28 units of length. Scale it to disks or bonds of size about one.")
+        raise InputError(
+            "cell: beyond 2^28 units of length. Scale it to particles or bonds of size about one."
+        )
     if not math.prod(sides) > 0:
         raise InputError(f"cell: {cell.tolist()}, has no volume in doubles. Scale it to sides of about one.")
 

@@ -206,7 +206,7 @@ def measure(disks: Packing, every: Contacts | None = None) -> State:
     if not every.distance.all():
         pair = int(np.argmin(every.distance))
         raise InputError(
-            f"disks {every.i[pair]} and {every.j[pair]} are in one place: a force has no direction there"
+            f"particles {every.i[pair]} and {every.j[pair]} are in one place: a force has no direction there"
         )
     pressure = virial_pressure(every.force, every.distance, disks.volume, disks.dimension)
     threshold = force_threshold(disks, pressure)

@@ -136,7 +136,9 @@ class Packing:
             raise InputError(f"radii[{row}] = {radii[row]}: must be positive")
         check_cell(cell)
         if np.abs(positions).max() > MAX_COORDINATE:
-            raise InputError("positions: beyond 2^28 units of length. Scale them to disks of size about one.")
+            raise InputError(
+                "positions: beyond 2^28 units of length. Scale them to particles of size about one."
+            )
         (base, offset), (cell_base, cell_offset) = split(positions, low), split(cell, cell_rest)
         packing = cls._of_fields(
             base=base,
@@ -150,8 +152,8 @@ class Packing:
         )
         if 2 * radii.max() > packing.period:
             raise InputError(
-                f"cell that repeats at a distance of {packing.period:.6g} with a disk of diameter "
-                f"{2 * radii.max():.6g}: a disk would touch its own image; use more disks"
+                f"cell that repeats at a distance of {packing.period:.6g} with a particle of diameter "
+                f"{2 * radii.max():.6g}: a particle would touch its own image; use more particles"
             )
         return packing
 

@@ -78,7 +78,7 @@ def lowest(pencil, count: int, stiffness: float, excluded=None) -> Eigenpairs:
     if pencil.unknowns > MAX_LAPACK_UNKNOWNS:
         raise InputError(
             f"{count} of {available} modes: more than half the spectrum is found up to "
-            f"{MAX_LAPACK_UNKNOWNS // pencil.dimension} disks. Give a smaller number."
+            f"{MAX_LAPACK_UNKNOWNS // pencil.dimension} particles. Give a smaller number."
         )
     return _dense(pencil, moves, min(count + EXTRA_PAIRS, available), stiffness)
 

@@ -185,7 +185,7 @@ class FrequencySolver:
             if abs(result.G) + result.error < ZERO_MODULUS_RATIO * affine:
                 raise ConvergenceError(
                     f"ω = {omega:g}: G* is zero but for rounding, where affine motion would have {affine:.2g}: the "
-                    "contacts do not resist shear, as of disks that are not at rest: quench them (pack from)"
+                    "contacts do not resist shear, as of particles that are not at rest: quench them (pack from)"
                 )
             _, storage, loss = result.bounds
             raise ConvergenceError(

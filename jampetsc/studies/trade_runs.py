@@ -232,7 +232,7 @@ def plan_ensembles(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
         return [], [f"ensemble: left out, {reason}"]
     for share in PACKING_COUNTS:
         if disks.n // share < MIN_DISKS:
-            left_out.append(f"{share} packings: left out, fewer than {MIN_DISKS} disks each")
+            left_out.append(f"{share} packings: left out, fewer than {MIN_DISKS} particles each")
             continue
         try:
             pack = Pack(

@@ -272,7 +272,7 @@ def folder(tmp_path_factory):
         ("s.h5 t.h5 s.h5", r"s\.h5: given twice\. Give each file once"),
         ("s.h5 t.h5 again.h5", r"again\.h5: the packing of s\.h5 \(sha256 [0-9a-f]{12}…\)"),
         ("s.h5 contact.h5", r"contact\.h5: law law contact"),
-        ("s.h5 large.h5", r"large\.h5: number of disks 900, but s\.h5 has 400"),
+        ("s.h5 large.h5", r"large\.h5: number of particles 900, but s\.h5 has 400"),
         (
             "s.h5 dense.h5",
             r"dense\.h5: pressure 0\.01, but s\.h5 has 0\.001\. Average sweeps of one pressure",

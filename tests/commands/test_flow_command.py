@@ -215,7 +215,7 @@ def test_a_law_of_the_linear_part(tmp_path):
 
 
 BAD = [  # (options, words of the message); ranges: test_flow_jobs
-    ("--n 16 --phi 0.1 --strain 0.05 --discard 0.04", "no two disks touched"),
+    ("--n 16 --phi 0.1 --strain 0.05 --discard 0.04", "no two particles touched"),
     ("--step 900", "--step"),
     ("--step 0.8", "work and dissipation differ"),  # nothing blows up
     ("--strain 1e300", "--strain 1e+300"),
@@ -247,7 +247,7 @@ def test_bad_starts(tmp_path, capsys):
     write_packing(packing, Packing.from_positions(positions, np.full(16, 0.5), np.eye(2) * 4.0))
     rest = ["--model", "RD0", "--rate", "0.01", "--strain", "1"]
     for words, message in [
-        ((packing, *rest, "--out", out), "two disks overlap by"),
+        ((packing, *rest, "--out", out), "two particles overlap by"),
         ((packing, *rest, "--out", packing), "the input, which would be lost"),
         ((tmp_path / "none.h5", *rest, "--out", out), "no such file"),
         (("--n", 64, "--phi", 0.8, *rest), "--out: missing"),
@@ -333,7 +333,7 @@ def test_snapshots_need_room_twice(tmp_path, monkeypatch):
         if fits:
             flow_files.check_space(Outlet(tmp_path / "x.h5"), 10, 7)
         else:
-            with pytest.raises(InputError, match="snapshots 7: of 10 disks need"):
+            with pytest.raises(InputError, match="snapshots 7: of 10 particles need"):
                 flow_files.check_space(Outlet(tmp_path / "x.h5"), 10, 7)
 
 

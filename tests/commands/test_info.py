@@ -203,7 +203,7 @@ def test_matrices_below_jamming_are_refused(capsys, session, shared_path):
     assert (status, lines) == (2, [])
     assert (
         session.rank
-        or "12 contacts between 8 disks leave at least 2 floppy modes: below jamming" in errors[0]
+        or "12 contacts between 8 particles leave at least 2 floppy modes: below jamming" in errors[0]
     )
 
 

@@ -133,7 +133,7 @@ def test_a_perfect_crystal_flows(name):
     disks = Packing.from_positions(0.95 * places, np.full(16, 0.5), 0.95 * cell)
     means = run_flow(define_flow(disks, Model(ROWS[name][0]), 1e-2, 0.5)).means
     assert means.pressure.mean > 0.01
-    note = "no energy is dissipated: every disk follows the affine flow, as in a perfect crystal"
+    note = "no energy is dissipated: every particle follows the affine flow, as in a perfect crystal"
     assert np.isnan(means.energy_balance) == (note in means.warnings()) == (name == "RD0")
 
 
@@ -189,9 +189,9 @@ def test_the_time_step_suits_the_model(name, mass, rate, step, method):
         (
             {"normal": 1.0, "sliding": 1.0},
             {"background_drag": 0.1},
-            "disks that roll .* no contact damps: give mass",
+            "particles that roll .* no contact damps: give mass",
         ),
-        ({"normal": 1.0, "sliding": 1.0}, {}, "no overdamped limit.* because disks that roll"),
+        ({"normal": 1.0, "sliding": 1.0}, {}, "no overdamped limit.* because particles that roll"),
         ({"normal": 1.0}, {}, "no overdamped limit.* because damping of one direction only"),
         ({"transverse": 1.0}, {}, "no overdamped limit.* because damping of one direction only"),
         ({"drag": 1.0}, {"background_drag": 0.1}, "an option of contact damping, not of some"),
@@ -301,7 +301,8 @@ def test_starts_of_soft_disks_overlap_by_half_at_most():
             assert define_flow(disks, sheared.model("RD0"), 1e-2, 0.5).disks is disks
             continue
         with pytest.raises(
-            InputError, match=r"two disks overlap by 50\.1 % of their distance at contact \(at most 50 %\)"
+            InputError,
+            match=r"two particles overlap by 50\.1 % of their distance at contact \(at most 50 %\)",
         ):
             define_flow(disks, sheared.model("RD0"), 1e-2, 0.5)
 
@@ -322,5 +323,5 @@ def test_disks_that_touch_a_little_flow():
 @pytest.mark.parametrize("k", [1.0, 1e9])
 def test_disks_that_do_not_touch_are_an_error_for_any_k(k):
     """One pair that overlaps by 1e-9 at the start presses with 1e-9 γ̇kτ₁ or so: that is no flow."""
-    with pytest.raises(ConvergenceError, match=r"no two disks touched within the strain of 0\.02"):
+    with pytest.raises(ConvergenceError, match=r"no two particles touched within the strain of 0\.02"):
         run_flow(one_pair(1e-9, k))

@@ -72,8 +72,8 @@ def test_cell_vectors_are_the_columns_of_a_box(tmp_path):
 TEXT = JAMBASHBULK.read_text()
 NONE_OF = "none of lammps-data, lammps-dump, extxyz, gsd, xyr, npz, jamBashbulk, jax-md"
 SPOILED = {  # what is wrong -> (content, the message)
-    "a line lost": ("\n".join(TEXT.splitlines()[:20]), "lines x, y, r for N = 16 disks: truncated"),
-    "the end lost": (TEXT.replace("\n}", "\n"), "lines x, y, r for N = 16 disks: truncated"),
+    "a line lost": ("\n".join(TEXT.splitlines()[:20]), "lines x, y, r for N = 16 particles: truncated"),
+    "the end lost": (TEXT.replace("\n}", "\n"), "lines x, y, r for N = 16 particles: truncated"),
     "no L2": (TEXT.replace("L2=", "LL="), "no L2 = … in the header"),
     "no P": (TEXT.replace("P =", "Q ="), "no P = … in the header"),
     "nan": (TEXT.replace("8.8767069662298361795", "nan"), r"positions\[0\].*must be finite"),
@@ -84,7 +84,7 @@ SPOILED = {  # what is wrong -> (content, the message)
     "no number": (TEXT.replace("8.8767069662298361795", "8.8.7"), r"8\.8\.7 .*: not numbers"),
     "negative": (TEXT.replace("1.3999999999999999112", "-1.4"), r"radii\[8\] = -1.4: must be positive"),
     "moved": (TEXT.replace("8.87670", "8.97670"), "pressure is .* but stored as 0.001: another"),
-    "cell": (TEXT.replace("9.5393607291793076335 ,", "1.5 ,"), "cell that repeats at .*use more disks"),
+    "cell": (TEXT.replace("9.5393607291793076335 ,", "1.5 ,"), "cell that repeats at .*use more particles"),
     "other text": ("x y r\n1 2 3\n", NONE_OF),
     "empty": ("", NONE_OF),
     "netCDF of another kind": (b"CDF\x01" + bytes(range(256)), NONE_OF),
@@ -118,9 +118,7 @@ def test_hdf5_of_other_contents_is_refused_in_one_line(tmp_path):
     path = tmp_path / "x.nc"
     for pos, rad, box in ((8, 4, 9), (12, 5, 4), (8, 4, 2)):
         arrays = {"pos": np.ones((1, pos)), "rad": np.ones((1, rad)), "box": np.ones((1, box))}
-        message = (
-            f"{pos} coordinates for {rad} disks in a box of {box} numbers: neither two- nor three-dimensional"
-        )
+        message = f"{pos} coordinates for {rad} particles in a box of {box} numbers: neither two- nor three-dimensional"
         refused(path, h5_of(tmp_path, **arrays), message)
     refused(
         path, h5_of(tmp_path, pos=np.zeros((2, 8))), "no variable rad, box, hence not a packing of jax-md"

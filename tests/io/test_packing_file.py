@@ -93,9 +93,9 @@ DEFECTS = {
     "flat cell": (change("cell", (1, 1), 0.0), r"cell: .*Lx, Ly > 0"),
     "no cell": (
         change("cell", (0, 0), 1e-300),
-        "cell that repeats at .*use more disks",
+        "cell that repeats at .*use more particles",
     ),  # the search had no end
-    "small cell": (change("cell", (0, 0), 1.0), r"cell that repeats at .*use more disks"),
+    "small cell": (change("cell", (0, 0), 1.0), r"cell that repeats at .*use more particles"),
     "rows missing": (
         lambda h5: put(h5, "radii", np.ones(59)),
         r"dataset radii: shape \(59,\), must be \(N,\) with N = 60",

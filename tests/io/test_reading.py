@@ -262,9 +262,9 @@ def test_rows_of_fields_are_disks_of_the_packing():
     assert disk_motion.particle_rows(of_fields([1.0], particles=[2, 0, 1]), disks).tolist() == [2, 0, 1]
     for n, more in ((3, [0, 1]), (3, [0, 1, 3]), (3, [-1, 0, 1]), (4, None)):
         held = of_fields([1.0], n, **({} if more is None else {"particles": more}))
-        with pytest.raises(InputError, match="the 3 disks of the packing"):
+        with pytest.raises(InputError, match="the 3 particles of the packing"):
             disk_motion.particle_rows(held, disks)
-    with pytest.raises(InputError, match="fields without disks, as all are rattlers"):
+    with pytest.raises(InputError, match="fields without particles, as all are rattlers"):
         disk_motion.particle_rows(of_fields([1.0], 0, particles=[]), disks)
 
 

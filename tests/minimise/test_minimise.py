@@ -359,7 +359,7 @@ def test_disks_on_the_same_spot_and_coordinates_that_are_lost_are_an_error():
     for spoil in ("offsets", "box"):
         descent = Descent(random_disks(16), Goal(1e-2), Team())
         getattr(descent, spoil)[:] = np.nan
-        with pytest.raises(ConvergenceError, match="forces are not finite: do two disks lie on the same"):
+        with pytest.raises(ConvergenceError, match="forces are not finite: do two particles lie on the same"):
             descent.served(1, False)
 
 

@@ -118,7 +118,7 @@ def test_a_packing_file_is_changed_with_its_potential_and_record(session, tmp_pa
         assert found.potential == first.potential and np.array_equal(found.radii, first.radii)
         assert found.record["source"] == "a.h5" and "seed" not in found.record
     assert found.phi == pytest.approx(0.95, rel=1e-12)
-    with pytest.raises(InputError, match=r"^n 47: a\.h5 has 48 disks"):
+    with pytest.raises(InputError, match=r"^n 47: a\.h5 has 48 particles"):
         jampetsc.pack(from_="a.h5", n=47, pressure=1e-3)
 
 
@@ -129,7 +129,7 @@ def test_a_changed_packing_leaves_its_record_behind():
     assert wider.phi == pytest.approx(0.7)
     apart = old.replace(radii=0.5 * old.radii)
     assert changed(apart, Target(phi=0.9)).phi == pytest.approx(0.9)
-    with pytest.raises(InputError, match="no disks touch, so the pressure is 0"):
+    with pytest.raises(InputError, match="no particles touch, so the pressure is 0"):
         changed(apart, Target(1e-3))
 
 
@@ -329,7 +329,8 @@ def test_a_packing_tells_when_rounding_forbids_its_tolerance(factor, note):
 
 GOOD = {"--n": "64", "--pressure": "1e-3", "--out": "a.h5"}
 BAD = [  # options that are changed, what is named
-    ({"--n": "15"}, "--n 15"), ({"--n": None}, "--n: missing. Give the number of disks"), ({"--n": "many"}, "--n many"),
+    ({"--n": "15"}, "--n 15"), ({"--n": None}, "--n: missing. Give the number of particles"),
+    ({"--n": "many"}, "--n many"),
     ({"--pressure": "2"}, "--pressure 2"), ({"--pressure": "1e-9"}, "1e-9"), ({"--pressure": "nan"}, "nan"),
     ({"--pressure": "-1e-4"}, "--pressure -1e-4"), ({"--pressure": "1e-3,"}, "--pressure 1e-3,"),
     ({"--pressure": "1e-3,low"}, "--pressure 1e-3,low"),
@@ -372,11 +373,11 @@ def test_bad_input_gets_one_line(change, said, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ([1e-6] * 8 + [1e6] * 8, None), ([1.0] * 15, "15 disks: not supported"), ([1.0] * 21, "21 disks"),
+        ([1e-6] * 8 + [1e6] * 8, None), ([1.0] * 15, "15 particles: not supported"), ([1.0] * 21, "21 particles"),
         ([1.0] * 15 + [0.99e-6], "radii from 9.9e-07 to 1: outside"),
         ([1.0] * 15 + [1.01e6], "radii from 1 to 1.01e+06: outside"), ([1.0] * 15 + [0.0], "not positive"),
         ([1.0] * 15 + ["inf"], "not positive"), (["1 2"] * 16, "not positive"),
-        (["x"] * 16, "not a list of radii"), ([], "0 disks"),
+        (["x"] * 16, "not a list of radii"), ([], "0 particles"),
     ],
 )  # fmt: skip
 def test_radii_of_a_file_and_of_an_array(values, said, tmp_path, monkeypatch):

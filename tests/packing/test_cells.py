@@ -75,7 +75,7 @@ def test_networks_in_tiny_and_oblique_cells():
     ):
         with pytest.raises(InputError, match=says):
             Network(places, bonds, cell)
-    with pytest.raises(InputError, match="a disk would touch its own image"):
+    with pytest.raises(InputError, match="a particle would touch its own image"):
         Packing.from_positions(places, np.full(3, 1e-9), np.array([(1.0, 0.0), (0.3, 1e-200)]))
 
 
@@ -109,7 +109,7 @@ def test_packings_of_spheres_in_the_forms_of_their_cell():
             SimpleNamespace(Lx=4, Ly=4, Lz=4, xy=0, xz=0, yz=0, periodic=(1, 1, 0)),
             "periodic in x, y and z",
         ),
-        (x, 0.9, "a disk would touch its own image"),
+        (x, 0.9, "a particle would touch its own image"),
     ):
         with pytest.raises(InputError, match=says):
             jampetsc.Packing(positions, radii, cell)

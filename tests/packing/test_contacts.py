@@ -174,10 +174,13 @@ def square(n=4, side=4.0):
         ({"cell": np.diag([-4.0, 4.0])}, r"with Lx, Ly > 0"),
         ({"cell": np.diag([0.0, 4.0])}, r"with Lx, Ly > 0"),
         ({"cell": np.diag([4.0, 0.0])}, r"with Lx, Ly > 0"),
-        ({"cell": np.diag([4.0, np.nextafter(1.0, 0)])}, r"with a disk of diameter 1: a disk would touch"),
+        (
+            {"cell": np.diag([4.0, np.nextafter(1.0, 0)])},
+            r"with a particle of diameter 1: a particle would touch",
+        ),
         (
             {"cell": np.array([[0.9, 0.0], [1.2, 1.2]])},
-            r"repeats at a distance of 0.9 with a disk of diameter 1",
+            r"repeats at a distance of 0.9 with a particle of diameter 1",
         ),
         ({"cell": np.array([[8.0, 0.0], [4.01, 0.4]])}, r"a distance of 0.800"),  # a1 − 2 a2
         ({"cell": np.array([[4.0, 0.0], [-(2.0**29), 4.0]])}, r"cell: beyond 2\^28"),

@@ -115,7 +115,7 @@ def test_a_large_part_of_a_large_spectrum_is_refused(session, monkeypatch):
     assert lowest_modes(network, 20).method == "lapack"
     monkeypatch.setattr(eigen, "MAX_LAPACK_UNKNOWNS", 2 * network.n - 1)
     with pytest.raises(
-        InputError, match=r"20 of 30 modes: more than half the spectrum is found up to 15 disks"
+        InputError, match=r"20 of 30 modes: more than half the spectrum is found up to 15 particles"
     ):
         lowest_modes(network, 20)
     assert lowest_modes(network, 2).method == "krylovschur"

@@ -91,11 +91,13 @@ def test_a_rank_may_own_rattlers_only(session):
 
 def test_too_few_contacts_are_below_jamming(session):
     """2n − 2 are enough for rigidity by Maxwell's count; of the last sample there is one more."""
-    with pytest.raises(InputError, match=r"12 contacts between 8 disks leave at least 2 floppy modes: below"):
+    with pytest.raises(
+        InputError, match=r"12 contacts between 8 particles leave at least 2 floppy modes: below"
+    ):
         build_network(honeycomb(), session.comm)
     disks = published()
     loose = Packing.from_positions(disks.positions, 0.5 * disks.radii, disks.cell)
-    with pytest.raises(InputError, match=r"no load-bearing contacts among 16 disks: below jamming"):
+    with pytest.raises(InputError, match=r"no load-bearing contacts among 16 particles: below jamming"):
         build_network(loose, session.comm)
     network = build_network(SAMPLES["isostatic"](), session.comm)
     pairs = pairs_of(network)

@@ -123,7 +123,7 @@ def test_one_state_of_self_stress(session):
         ("quasistatic", lattice, "K has 14 negative modes: not a minimum"),
         ("modes", lattice, "K has 14 negative modes: not a minimum of the energy; quench it (pack with --from) or "
          "leave the pre-stress out (--no-prestress)"),
-        ("sweep", honeycomb, "12 contacts between 8 disks leave at least 2 floppy"),
+        ("sweep", honeycomb, "12 contacts between 8 particles leave at least 2 floppy"),
     ],
 )  # fmt: skip
 def test_refused_packings_leave_no_file(session, shared_path, capsys, command, disks, says):

@@ -98,7 +98,7 @@ def test_diamond_is_below_jamming(session):
     faces = np.array([(0, 0, 0), (0, 2, 2), (2, 0, 2), (2, 2, 0)])
     places = 0.98 / np.sqrt(3.0) * np.vstack((faces, faces + 1))
     diamond = Packing.from_positions(places, np.full(8, 0.5), 4 * 0.98 / np.sqrt(3.0) * np.eye(3))
-    with pytest.raises(InputError, match="16 contacts between 8 disks leave at least 5 floppy modes"):
+    with pytest.raises(InputError, match="16 contacts between 8 particles leave at least 5 floppy modes"):
         build_network(diamond, session.comm)
 
 
