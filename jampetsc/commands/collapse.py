@@ -16,7 +16,17 @@ from jampetsc.options.values import RESULT, load_source, refuse_repeated, split_
 
 OBSERVABLES = ("pressure", "shear_stress", "jammed")
 CURVE_POINTS = 200  # points along x at which f₀ and f₁ are stored
-COMMON_ATTRIBUTES = ("model", "mass", "sizes", "potential", "stiffness", "protocol", "units", "tau1")
+COMMON_ATTRIBUTES = (
+    "dimension",
+    "model",
+    "mass",
+    "sizes",
+    "potential",
+    "stiffness",
+    "protocol",
+    "units",
+    "tau1",
+)
 
 
 def _range(limits):
@@ -38,7 +48,7 @@ class Collapse(Job):
 
       O = rate^(y/znu) [f0(x) + rate^(omega/z) f1(x)],   x = (phi - phi_J) / rate^(1/znu)
 
-    and with finite_size, of jam and shear results at several N and phi, L = sqrt(N):
+    and with finite_size, of jam and shear results at several N and phi, L = N^(1/D):
 
       O = L^(-y/nu) [f0(x) + L^(-omega) f1(x)],          x = (phi - phi_J) L^(1/nu)
 
@@ -65,7 +75,7 @@ examples:
         help="names of the parameters to fit: phi_J,y,znu[,omega] (nu for znu with finite_size); y=1 fixes y",
         value_type=ValueType(lambda names: ",".join(map(str, split_list(names))), metavar="NAMES"),
     )
-    finite_size: bool = parameter(False, "scale with L = sqrt(N) instead of the rate")
+    finite_size: bool = parameter(False, "scale with L = N^(1/D) instead of the rate")
     corrections: bool = parameter(False, "also fit f1, which needs omega in fit")
     degree: int = parameter(5, "degree of the polynomial ln f0", low=1, high=12, metavar="D")
     spline: bool = parameter(False, "cubic spline over degree intervals instead of a polynomial")
@@ -113,7 +123,10 @@ examples:
         results = [load_source(source) for source in self._sources()]
         points = scaling.read_points(results, self.observable, self.finite_size)
         low, high = self.range or (0.0, math.inf)
-        largest = math.inf if self.cut is None else self.cut**-0.5 if self.finite_size else self.cut
+        to_length = scaling.LENGTH[scaling.dimension_of(results[0])]
+        largest = (
+            math.inf if self.cut is None else 1.0 / to_length(self.cut) if self.finite_size else self.cut
+        )
         points = points[points.within(low, high, largest)]
         if not len(points):
             raise InputError(
@@ -143,7 +156,7 @@ examples:
             **dict(zip(("leading", "correction"), fit.terms(points), strict=True)),
             "curve/x": along,
             **dict(zip(("curve/f0", "curve/f1"), fit.functions(along), strict=True)),
-            "drift/cut": _in_user_units(np.array([cut for cut, _, _ in cuts]), self.finite_size),
+            "drift/cut": np.array([_in_user_units(cut, points, self.finite_size) for cut, _, _ in cuts]),
             "drift/parameters": np.array([[fit.parameters[name] for name in free] for _, fit, _ in cuts]),
             "drift/errors": np.array([[estimates[name].error for name in free] for _, _, estimates in cuts]),
             "drift/chi2_per_dof": np.array([fit.chi2 / fit.dof for _, fit, _ in cuts]),
@@ -172,9 +185,9 @@ examples:
         }
 
 
-def _in_user_units(scale, finite_size):
+def _in_user_units(cut, points, finite_size) -> float:
     """A cut in the user's terms: a rate, or N."""
-    return scale**-2 if finite_size else scale
+    return float(points.size[points.scale == cut][0]) if finite_size else cut
 
 
 def _summary(to, job, points, cuts, notes) -> str:
@@ -189,7 +202,7 @@ def _summary(to, job, points, cuts, notes) -> str:
     what = "N >=" if job.finite_size else "rates <="
     for cut, other_fit, other_estimates in further:
         lines.append(
-            f"  {what} {_in_user_units(cut, job.finite_size):.4g}: "
+            f"  {what} {_in_user_units(cut, points, job.finite_size):.4g}: "
             f"{text_of(other_fit.parameters, other_estimates, job.finite_size)}, "
             f"chi2/dof = {other_fit.chi2 / other_fit.dof:.3g}"
         )

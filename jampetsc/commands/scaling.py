@@ -12,8 +12,10 @@ from jampetsc.errors import InputError, named
 
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
 COMMON_ATTRIBUTES = (
-    "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units", "k", "tau1"
+    "dimension", "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units",
+    "k", "tau1",
 )  # fmt: skip
+LENGTH = {2: np.sqrt, 3: np.cbrt}  # L = N^(1/D) of D dimensions
 PHI_DECIMALS = 6  # of packing fractions that count as equal
 # of χ²; below, the form or the errors are wrong, above 1 − this the errors are too large
 MIN_PROBABILITY = 0.01
@@ -50,6 +52,11 @@ def read_points(results, observable: str, finite_size: bool) -> Points:
     return Points(phi, scale, value, error, size, count)
 
 
+def dimension_of(result) -> int:
+    """D of a result; those of disks have no such attribute."""
+    return int(result.attributes.get("dimension", 2))
+
+
 def _check(result, first, finite_size):
     """Raise InputError unless a file is of a kind that is scaled, and has the same settings as the first."""
     if getattr(result, "format", "") not in FORMATS[finite_size]:
@@ -75,7 +82,7 @@ def _rows(result, observable, finite_size):
     """
     a = result.attributes
     n = int(a["particle_count"])
-    scale = 1.0 / math.sqrt(n) if finite_size else float(a["rate"])
+    scale = 1.0 / float(LENGTH[dimension_of(result)](n)) if finite_size else float(a["rate"])
     origin = f"seed {a['seed']}" if "seed" in a else str(a.get("packing", "a packing"))
     if finite_size:
         if observable not in result:

@@ -351,7 +351,7 @@ COLLAPSE = Format(
     datasets=r"""
 phi | (M,) | float | | φ
 rate | (M,) | float? | 1/time | γ̇, of fits to rates
-size | (M,) | float? | | L = √N, of fits to sizes
+size | (M,) | float? | | L = N^(1/D), of fits to sizes
 N | (M,) | float | | number of disks
 value, error, runs | (M,) | float | | the observable, its error (half of a 68 % interval), number of runs or samples
   averaged
@@ -362,6 +362,7 @@ drift/cut, drift/chi2_per_dof | (K,) | float | | largest rate or smallest N of f
 drift/parameters, drift/errors | (K, P) | float | | their parameters and errors (nan: not determined by the data)
 """,
     attributes=r"""
+dimension | int? | | 3 for spheres, else missing
 observable, scaling, fitted | text | | the observable; `rate` or `size`; names of the free parameters in the order of
   the columns
 functions, corrections | text, bool | | polynomial or spline and its degree; whether there is f₁

@@ -49,7 +49,8 @@ def _draw_collapse(page, top, middle, result):
     middle.axhline(0, color=GREY, lw=0.6)
     scales = np.unique(b)
     for scale, look in looks(scales):
-        here, label = b == scale, f"${1 / scale**2:.0f}$" if sized else f"${number(scale)}$"
+        here = b == scale
+        label = f"${result['N'][here][0]:.0f}$" if sized else f"${number(scale)}$"
         draw_points(top, x[here], left[here], bars[here], ls="none", ms=3, label=label, **look)
         middle.plot(x[here], residuals[here], ls="none", ms=3, label=hidden(label), **look)
     symbol = SYMBOLS.get(attributes["observable"], "O")

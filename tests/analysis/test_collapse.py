@@ -499,7 +499,9 @@ def test_flows_of_one_state_are_averaged_each_observable_with_its_own_error(tmp_
 
 @pytest.mark.parametrize("name", COMMON_ATTRIBUTES)
 def test_what_is_scaled_is_of_one_kind(tmp_path, name):
-    one, two = (1.0, 2.0) if name in ("k", "mass", "tau1") else ("one", "two")
+    one, two = (
+        (1.0, 2.0) if name in ("k", "mass", "tau1") else (2, 3) if name == "dimension" else ("one", "two")
+    )
     first, other = (
         load(write_flow(tmp_path / f"{n}.h5", 0.84, 1e-3, seed=n, **{name: value}))
         for n, value in enumerate((one, two))
@@ -558,18 +560,20 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
     assert not (tmp_path / "x.h5").exists()
 
 
-def test_a_file_of_sizes_holds_what_was_fitted_in_words_of_the_command(tmp_path, capsys):
-    """--cut N and --range take their ends along; of four sizes and four φ, three of each are left."""
-    rng, sizes = np.random.default_rng(3), (36, 64, 144, 256, 400)
+@pytest.mark.parametrize("D", [2, 3])
+def test_a_file_of_sizes_holds_what_was_fitted_in_words_of_the_command(tmp_path, capsys, D):
+    """L^D = N; --cut N and --range take their ends along; of four sizes and four φ, three of each are left."""
+    rng, sizes = np.random.default_rng(3), [side**D for side in (6, 8, 12, 16, 20)]
+    more = {"dimension": 3} if D == 3 else {}
     for n in sizes:
-        share = 1 / (1 + np.exp(-(np.array([0.82, 0.83, 0.84, 0.85]) - 0.835) * 10 * np.sqrt(n)))
-        write_jam(tmp_path / f"{n}.h5", n, rng.random((4, 40)) < share[:, None])
-    words = "--finite-size --observable jammed --fit phi_J,y=0,nu=1 --degree 1 --cut 64 --spline --range 0.82:0.84"
-    files = [tmp_path / f"{n}.h5" for n in (400, 36, 256, 64, 144)]
+        share = 1 / (1 + np.exp(-(np.array([0.82, 0.83, 0.84, 0.85]) - 0.835) * 10 * n ** (1 / D)))
+        write_jam(tmp_path / f"{n}.h5", n, rng.random((4, 40)) < share[:, None], **more)
+    words = f"--finite-size --observable jammed --fit phi_J,y=0,nu=1 --degree 1 --cut {8**D} --spline --range 0.82:0.84"
+    files = [tmp_path / f"{sizes[i]}.h5" for i in (4, 0, 3, 1, 2)]
     assert command(*files, *words.split(), "--out", tmp_path / "f.h5") == 0
     found = load(tmp_path / "f.h5")
     a = found.attributes
-    assert found["N"].tolist() == [400, 256, 144, 64] * 3 and np.allclose(found["size"] ** 2, found["N"])
+    assert found["N"].tolist() == sizes[:0:-1] * 3 and np.allclose(found["size"] ** D, found["N"])
     assert found["phi"].tolist() == [0.82] * 4 + [0.83] * 4 + [0.84] * 4 and (found["runs"] == 40).all()
     assert np.allclose(found["x"], (found["phi"] - a["phi_J"]) * found["size"])
     data = read_points([load(path) for path in files], "jammed", True)
@@ -580,22 +584,25 @@ def test_a_file_of_sizes_holds_what_was_fitted_in_words_of_the_command(tmp_path,
     assert a["phi_J"] == pytest.approx(fit.parameters["phi_J"]) and a["chi2"] == pytest.approx(fit.chi2)
     assert (a["fitted"], a["scaling"], a["dof"], a["y"], a["nu"]) == ("phi_J", "size", fit.dof, 0.0, 1.0)
     assert a["probability"] == pytest.approx(fit.probability) and not a["corrections"]
-    assert a["functions"] == "spline, degree 1" and {name: a[name] for name in HARMONIC} == HARMONIC
+    assert (
+        a["functions"] == "spline, degree 1"
+        and {name: a[name] for name in HARMONIC | more} == HARMONIC | more
+    )
     one = estimate(points, fit.form)[1]["phi_J"]
     assert [a[f"phi_J_{what}"] for what in ("error", "low", "high")] == [one.error, one.low, one.high]
-    np.testing.assert_allclose(found["drift/cut"], [64, 144])
+    np.testing.assert_allclose(found["drift/cut"], sizes[1:3])
     for row, (cut, one, some) in enumerate(drift(points, fit.form)):
         drifted = [found[f"drift/{name}"][row] for name in ("cut", "parameters", "chi2_per_dof")]
-        assert drifted == pytest.approx([cut**-2, one.parameters["phi_J"], one.chi2 / one.dof])
+        assert drifted == pytest.approx([cut**-D, one.parameters["phi_J"], one.chi2 / one.dof])
         np.testing.assert_array_equal(found["drift/errors"][row], some["phi_J"].error)
     np.testing.assert_allclose(found["curve/f0"], fit.functions(found["curve/x"])[0])
     assert (found["curve/f1"] == 0).all()
     assert found["curve/x"][[0, -1]] == pytest.approx([found["x"].min(), found["x"].max()])
     said = capsys.readouterr().out.splitlines()
     assert "jammed at 12 points, phi_J = " in said[0] and "nu = 1 fixed" in said[0]
-    assert [line[:9] for line in said[2:] if "note" not in line] == ["  N >= 14"]
+    assert [line[:9] for line in said[2:] if "note" not in line] == [f"  N >= {sizes[2]}"[:9]]
     for more, message in (
-        ("--cut 200", "2 different rates or sizes: too few for a collapse. Give at least 3"),
+        (f"--cut {14**D}", "2 different rates or sizes: too few for a collapse. Give at least 3"),
         ("--observable pressure", "no dataset pressure"),
         ("--observable shear_stress", "no dataset shear_stress"),
     ):
@@ -626,7 +633,7 @@ def test_a_picture_of_a_collapse(scale, kappa, observable, symbol, off, inside):
     cuts, values = np.array([1e-2, 1e-3, 1e-4]), best + np.array([1e-3, -2e-3, off])
     result = {
         scale: 1 / b if sized else b, "value": leading + correction + noise, "error": np.full(6, 0.1),
-        "leading": leading, "correction": correction, "x": rng.normal(size=6),
+        "leading": leading, "correction": correction, "x": rng.normal(size=6), "N": np.repeat([1000.0, 512.0], 3),
         "curve/x": np.linspace(-2, 2, 9), "curve/f0": np.linspace(1, 3, 9), "drift/cut": cuts,
         "drift/parameters": values[:, None], "drift/errors": errors[:, None],
     }  # fmt: skip
@@ -635,6 +642,8 @@ def test_a_picture_of_a_collapse(scale, kappa, observable, symbol, off, inside):
     top, middle, drifted = figure_of(plot_scaling, Held(result, facts)).axes
     for label in (top.get_ylabel(), middle.get_xlabel(), drifted.get_xlabel()):
         assert (r"\dot\gamma" in label) != sized
+    if sized:
+        assert [text.get_text() for text in top.get_legend().get_texts()] == ["$1000$", "$512$"]
     unit = b ** (1.2 / 3.0)
     for number, (x, y, down, up) in enumerate(bars(top)):
         here = slice(3 * number, 3 * number + 3)
