@@ -124,7 +124,14 @@ TINY = sizes(
 )
 WHOLE = "bt-fig5"  # is run by its script
 ALIKE = (  # as others are, but for laws, models, rates and the dimension; their kinds of pictures are drawn elsewhere
-    *("bt-fig3", "bt-fig6", "paper5", "three-dimensions", "three-dimensions-flow"),
+    *(
+        "bt-fig3",
+        "bt-fig6",
+        "paper5",
+        "three-dimensions",
+        "three-dimensions-flow",
+        "three-dimensions-jamming",
+    ),
     *("vagberg-fig4.8", "vagberg-fig5.1-slow", "vagberg-flow-curves", "walls"),
 )
 SAME = "bt-fig7cd-in-phase-with-the-strain"  # of bt-fig7cd, of the other phase

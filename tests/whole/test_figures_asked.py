@@ -96,7 +96,12 @@ three-dimensions --paper pack n >= 8192
 three-dimensions sweep prestress = 0 1
 three-dimensions-flow flow dimension = 3
 three-dimensions-flow flow model = RD0
-three-dimensions-flow flow phi >= 0.6475
+three-dimensions-flow flow phi >= 0.6425 0.6475
+three-dimensions-flow --paper flow rate phi=0.635|0.6425|0.6475|0.655 = 1e-4 3e-4 1e-3 3e-3 1e-2
+three-dimensions-jamming jam dimension = 3
+three-dimensions-jamming jam protocol = random
+three-dimensions-jamming jam phi n=256 >= 0.635 0.64 0.6425 0.6475
+three-dimensions-jamming --paper jam n >= 64 128 256 512 1024
 vagberg-fig4.6-4.7 flow n = 256
 vagberg-fig4.6-4.7 flow phi = 0.8
 vagberg-fig4.6-4.7 flow rate = 1e-3
@@ -168,6 +173,8 @@ vagberg-fig4.8 4.8b.png --kind lanes --where model=CD0,phi=0.8
 vagberg-fig5.1 collapse --observable pressure --fit phi_J,y,znu !--corrections
 vagberg-fig5.1 collapse --observable shear_stress --fit phi_J,y,znu !--corrections
 vagberg-fig5.1 draw.py vagberg-fig5.1.png
+three-dimensions-jamming collapse --finite-size --observable jammed --fit phi_J,y=0,nu !--corrections
+three-dimensions-jamming collapse --finite-size --observable jammed --fit phi_J,y=0,nu,omega --corrections
 vagberg-fig5.1-slow collapse --observable pressure --fit phi_J,y,znu !--corrections
 vagberg-fig5.1 plot --kind branches
 vagberg-flow-curves plot --kind flow
