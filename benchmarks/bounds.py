@@ -170,16 +170,14 @@ def examine(case: Case) -> Outcome:
     kind = Reference if isinstance(case.source, Packing) else NetworkReference
     reference = kind(case.source, case.physics, loads)
     if len(loads) == 1:
-        exact = np.array([reference.modulus(omega) for omega in case.omega])
-        found = np.stack([result.G - exact, (result.G - exact).real, (result.G - exact).imag], axis=-1)
-        sizes = np.abs(np.stack([exact, exact.real, exact.imag], axis=-1))
-        bounds = np.stack(
-            [result[name] for name in ("error_bound", "error_bound_storage", "error_bound_loss")], axis=-1
-        )
+        exact, values, prefix = np.array([reference.modulus(omega) for omega in case.omega]), result.G, ""
     else:
-        exact = np.array([reference.tensor(omega) for omega in case.omega])
-        found, bounds = result["C"] - exact, result["C_error_bound"]
-        sizes = np.abs(exact)
+        exact, values, prefix = np.array([reference.tensor(omega) for omega in case.omega]), result["C"], "C_"
+    error = values - exact
+    found = np.stack([error, error.real, error.imag], axis=-1)
+    sizes = np.abs(np.stack([exact, exact.real, exact.imag], axis=-1))
+    names = ("error_bound", "error_bound_storage", "error_bound_loss")
+    bounds = np.stack([result[prefix + name] for name in names], axis=-1)
     errors, sizes = np.abs(found).astype(float), sizes.astype(float)
     ratios = np.maximum(errors - DOUBLE * sizes, 0.0) / bounds
     known = errors > KNOWN * sizes

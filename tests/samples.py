@@ -235,3 +235,13 @@ def reference(sample, name):
 def modulus(sample, name, omega):
     """G*(ω) of that reference, complex."""
     return reference(sample, name).modulus(omega)
+
+
+def errors_of(errors):
+    """|ΔC|, |ΔC'| and |ΔC''|, (..., 3)."""
+    return np.abs(np.stack((np.abs(errors), errors.real, errors.imag), axis=-1))
+
+
+def sizes_of(C):
+    """The largest |C|, |C'| and |C''| among the constants at each frequency, (M, 1, 1, 3)."""
+    return errors_of(C).max(axis=(1, 2), keepdims=True)

@@ -278,7 +278,8 @@ def _write_tensor(writer, tensor, network) -> None:
     """Put `TensorModuli` of a network into a result. Collective."""
     pressure = network.pressure if network.prestress else 0.0
     writer.dataset("C", tensor.C)
-    writer.dataset("C_error_bound", tensor.bounds)
+    for number, name in enumerate(("C_error_bound", "C_error_bound_storage", "C_error_bound_loss")):
+        writer.dataset(name, tensor.bounds[..., number])
     writer.dataset("bulk_modulus", bulk_modulus(tensor.C, pressure))
     writer.dataset("anisotropy", anisotropy(tensor.C))
     if tensor.reduced is not None:

@@ -24,6 +24,7 @@ reduced/weights | (m,) | float? | k | g_m
 C | (M, L, L) | complex? | k | with `--load tensor`: elastic constants; `G` is then the shear modulus averaged over all
   directions
 C_error_bound | (M, L, L) | float? | k | bound on \|ΔC\|
+C_error_bound_storage, C_error_bound_loss | (M, L, L) | float? | k | bounds on \|ΔC′\| and \|ΔC″\|
 bulk_modulus | (M,) | complex? | k | −V dp/dV = mean of C among xx, yy, (zz,) plus p (D − 1)/D (only with pre-stress)
 anisotropy | (M,) | float? | | \|C − C_iso\|/\|C\|, C_iso the isotropic part of C
 reduced_tensor/K | (c, c) | float? | k | of the rational method: K between the columns of all loads, over V, so that

@@ -113,8 +113,9 @@ def bulk_curve_of(result) -> Curve:
     """The curve of K*, the bulk modulus, of a sweep of the tensor. Raises InputError for a sweep of a single load."""
     require_tensor(result)
     D = dimension_of(result["C"])
-    bound = result["C_error_bound"][:, :D, :D].mean(axis=(1, 2))
-    return _curve(result, result.omega * units_of(result).tau1, result["bulk_modulus"], [bound, bound])
+    names = [name if (name := f"C_{part}") in result else "C_error_bound" for part in _BOUNDS]
+    bounds = [result[name][:, :D, :D].mean(axis=(1, 2)) for name in names]
+    return _curve(result, result.omega * units_of(result).tau1, result["bulk_modulus"], bounds)
 
 
 def require_tensor(result) -> None:

@@ -185,7 +185,7 @@ class Functional:
 
 
 def tensor_at(functionals, trials, results) -> tuple:
-    """C (L, L), complex, and bounds on |ΔC|, (L, L), of trials of several loads at one frequency. Collective.
+    """C (L, L), complex, and bounds on |ΔC|, |ΔC'|, |ΔC''|, (L, L, 3), of several loads at one frequency. Collective.
 
     With any trial fields the bilinear form C_EE′ V = Σ w a_E a_E′ is off by r_EᵀA⁻¹r_E′, exactly; by Cauchy and Schwarz
     that is at most the root of the product of both bounds on r_EᵀA⁻¹r_E.
@@ -201,20 +201,39 @@ def tensor_at(functionals, trials, results) -> tuple:
     fluid = np.array([[c.fluid_gg(load, other) for other in loads] for load in loads])
     C = (first.network.sum(C) + 1j * omega * fluid) / volume
     sums = [functional._sums(trial)[2:] for functional, trial in zip(functionals, trials, strict=True)]
-    # of the complex motions, in K (0) and in B (1)
-    sizes, noise = (
-        np.array([np.hypot(pair[part][::2], pair[part][1::2]) for pair in sums]) for part in (0, 1)
-    )
-    rounding = 0.0
-    for part, weight in ((0, 1.0), (1, omega)):
-        e, d = sizes[:, part], noise[:, part]
-        rounding = rounding + weight * (np.outer(e, e) + 0.5 * (np.outer(e, d) + np.outer(d, e)))
-    errors = np.sqrt([result.error for result in results])
-    bounds = np.outer(errors, errors) + 4.0 * EPSILON * rounding / volume
+    # (L, 4) each: of the real and imaginary parts in K, then in B
+    sizes, noise = (np.array([pair[part] for pair in sums]) / np.sqrt(volume) for part in (0, 1))
+    in_K, in_B = ((sizes[:, part], noise[:, part]) for part in (slice(0, 2), slice(2, 4)))
+    bounds = pair_bounds([result.error for result in results], in_K, in_B, omega, 4.0 * EPSILON)
     diagonal = np.arange(len(loads))
     C[diagonal, diagonal] = [result.G for result in results]
-    bounds[diagonal, diagonal] = [result.bounds[0] for result in results]
+    bounds[diagonal, diagonal] = [result.bounds for result in results]
     return C, bounds
+
+
+def pair_bounds(errors, in_K, in_B, omega, unit: float):
+    """Bounds on |ΔC|, |ΔC'| and |ΔC''| between L loads at frequencies (…), (…, L, L, 3).
+
+    errors      (…, L) bounds on |rᵀA⁻¹r| / V of each load
+    in_K, in_B  (sizes, noise), each (…, L, 2): of the real and the imaginary part of the motions of a load the root of
+                Σ w a² / V, and what rounding can do to it in units of `unit`
+    omega       (…)
+    """
+
+    def products(part, first, second):
+        size, noise = ((values[..., first], values[..., second]) for values in part)
+        return outer(*size) + 0.5 * (outer(size[0], noise[1]) + outer(noise[0], size[1]))
+
+    def outer(first, second):
+        return first[..., :, None] * second[..., None, :]
+
+    real, imaginary = 0, 1
+    even = [products(part, real, real) + products(part, imaginary, imaginary) for part in (in_K, in_B)]
+    odd = [products(part, real, imaginary) + products(part, imaginary, real) for part in (in_K, in_B)]
+    omega, roots = np.asarray(omega)[..., None, None], np.sqrt(errors)
+    storage, loss = even[0] + omega * odd[1], odd[0] + omega * even[1]
+    rounding = unit * np.stack((np.hypot(storage, loss), storage, loss), axis=-1)
+    return outer(roots, roots)[..., None] + rounding
 
 
 def field_bound(pencil: Pencil, omega: float, x, squared: float, size: float = 0.0) -> float:

@@ -21,7 +21,7 @@ from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
 from jampetsc.response import tall
 from jampetsc.response.assembly import ROW, Pencil
-from jampetsc.response.certificate import ROUNDING, Certified, tensor_at
+from jampetsc.response.certificate import ROUNDING, Certified, pair_bounds, tensor_at
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.response.galerkin import Galerkin
 from jampetsc.response.minimum_check import floppy_modes, shared_zero_modes
@@ -68,19 +68,16 @@ class TensorProjection:
         ]
 
     def certify(self, certificates: list[Certified]):
-        """C (M, L, L), complex, and bounds on |ΔC|, (M, L, L), at the frequencies of the certificates of all loads."""
+        """C (M, L, L), complex, and bounds on |ΔC|, |ΔC'| and |ΔC''|, (M, L, L, 3), where all loads are certified."""
         omega = certificates[0].omega
-        C, weights = self.reduced.modulus(omega), np.abs(self.reduced.weights(omega))
-        rounding = np.zeros(C.shape)
-        for part, factor in ((0, np.ones(len(omega))), (1, omega)):
-            size, reach = (weights @ noise[part] for noise in self._noise)  # (M, L)
-            terms = size[:, :, None] * (size + reach)[:, None, :]
-            rounding += factor[:, None, None] * (terms + terms.transpose(0, 2, 1))
-        errors = np.sqrt([certificate.error for certificate in certificates]).T
-        bounds = errors[:, :, None] * errors[:, None, :] + ROUNDING * rounding
+        C, weights = self.reduced.modulus(omega), self.reduced.weights(omega)
+        weights = np.abs(np.stack((weights.real, weights.imag), axis=2))  # (M, L, 2, c)
+        in_K, in_B = ([weights @ noise[part] for noise in self._noise] for part in (0, 1))
+        errors = np.transpose([certificate.error for certificate in certificates])
+        bounds = pair_bounds(errors, in_K, in_B, omega, 2.0 * ROUNDING)
         for number, certificate in enumerate(certificates):
             C[:, number, number] = certificate.G
-            bounds[:, number, number] = certificate.bounds[:, 0]
+            bounds[:, number, number] = certificate.bounds
         return C, bounds
 
 
@@ -134,7 +131,7 @@ class TensorModuli:
     """Elastic constants C* of L loads at M frequencies."""
 
     C: np.ndarray  # (M, L, L) complex
-    bounds: np.ndarray  # (M, L, L) on |ΔC|
+    bounds: np.ndarray  # (M, L, L, 3) on |ΔC|, |ΔC'| and |ΔC''|
     reduced: ReducedTensor | None = None  # of the rational method: C at any frequency
 
 
@@ -208,8 +205,7 @@ def sweep_rationally(
 def _mean_shear(tensor):
     """(G (M,), bounds (M, 3)) of the shear modulus averaged over all directions."""
     weights = np.abs(shear_weights(dimension_of(tensor.C)))
-    bound = np.sum(weights * tensor.bounds, axis=(-2, -1))
-    return shear_modulus(tensor.C), np.repeat(bound[:, None], 3, axis=1)
+    return shear_modulus(tensor.C), np.einsum("ab,...abc->...c", weights, tensor.bounds)
 
 
 def _grow(sweep, number, first, steps, save, progress):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dense import Reference
 from gathered import dense, unknowns, whole
-from samples import TABLE_LAWS, TENSOR_TABLE, physics, put, table_tensor
+from samples import TABLE_LAWS, TENSOR_TABLE, errors_of, physics, put, sizes_of, table_tensor
 from samples import network_of as build
 from spheres import SPHERES, bidisperse, few_spheres
 
@@ -100,11 +100,11 @@ def test_the_tensor_and_its_bounds(session, sample, law):
     size = np.abs(expected).max()
     for accuracy in (1e-2, 1e-6):
         found = sweep_rationally(pencil, OMEGA, accuracy, LOADS).tensor
-        assert np.all(np.abs(found.C - expected) <= found.bounds + 1e-14 * size)
+        assert np.all(errors_of(found.C - expected) <= found.bounds + 1e-14 * sizes_of(expected))
         assert found.bounds.max() <= accuracy * size
     found = sweep_directly(pencil, OMEGA, 1e-9, LOADS, positive_semidefinite=True).tensor
     assert (
-        np.all(np.abs(found.C - expected) <= found.bounds + 1e-14 * size)
+        np.all(errors_of(found.C - expected) <= found.bounds + 1e-14 * sizes_of(expected))
         and found.bounds.max() <= 1e-9 * size
     )
 
@@ -208,7 +208,7 @@ def test_moduli_of_an_independent_program(session, law):
     omega, expected = np.array(TABLE["omega"]), table_tensor(3, law)
     size = np.abs(expected).max(axis=(1, 2), keepdims=True)
     found = sweep_rationally(pencil, omega, 1e-6, LOADS).tensor
-    assert np.all(np.abs(found.C - expected) <= found.bounds + 1e-13 * size)
+    assert np.all(errors_of(found.C - expected) <= found.bounds + 1e-13 * sizes_of(expected))
     simple = sweep_directly(pencil, omega[::2], 1e-9)
     np.testing.assert_allclose(simple.G, (np.array(TABLE["laws"][law]["shear"]) @ [1, 1j])[::2], rtol=1e-9)
     found = sweep_directly(pencil, omega[1:3], 1e-9, LOADS).tensor
