@@ -122,8 +122,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     stabilise: str = parameter(
         "volume",
         "relaxed shape of the cell: volume alone, for a positive bulk modulus; shear as well, so that σ_xy = 0 (and "
-        "σ_xz = σ_yz = 0), G₀ > 0; or all (in the plane), so that σ_xx = σ_yy too and the moduli of all loads are "
-        "positive",
+        "σ_xz = σ_yz = 0), G₀ > 0; or all, so that σ_xx = σ_yy (= σ_zz) too and the moduli of all loads are positive",
         choices=("volume", "shear", "all"),
         group=WHAT,
     )
@@ -163,10 +162,6 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             )
         if self.ladder and self.pressure is None:
             raise InputError(f"{named('ladder')}: a ladder without pressures. Give {named('pressure')}.")
-        if self.stabilise == "all" and self.dimension == 3:
-            raise InputError(
-                f"{named('stabilise')} all: not supported in three dimensions. Give {named('stabilise')} shear."
-            )
         if self.from_ is None:
             radii_asked(self.n, self.sizes, self.radii)
             self._check_phi(self.dimension or 2)

@@ -1,12 +1,14 @@
-"""A cell whose sides relax too: no stress difference σ_xx − σ_yy, and stable to every strain. In the plane.
+"""A cell whose sides relax too: the normal stresses are equal, and the packing is stable to every strain of its cell.
 
-Along F = diag(e^x, e^−x) the enthalpy of packings that are minimised at each x, with volume and shear of the cell free,
-has the slope
+Along F = diag(e^x₁, …, e^−Σx) with D − 1 stretches x, the enthalpy of packings that are minimised at each x, with
+volume and tilts of the cell free, has the slopes
 
-    dH/dx = V (σ_xx − σ_yy) ,
+    ∂H/∂x_a = V (σ_aa − σ_bb) ,     b the last axis,
 
-so that its minimum is a zero that this difference crosses upwards. With the Schur complement of the other strains,
-which `minimise` proves positive, a positive slope there makes the packing stable to all strains of its cell.
+which vanish at its minimum. With the Schur complement of the other strains, which `minimise` proves positive, positive
+second derivatives there make the packing stable to all strains of its cell. Along a direction steps are those of the
+secant; with two stretches, directions are Newton's, with Powell's symmetric update of the second derivatives (Nonlinear
+Programming, Academic Press 1970, p. 31).
 """
 
 import math
@@ -16,61 +18,95 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.descent import Goal, stress_unit
 from jampetsc.minimise.minimise import Minimum, minimise
-from jampetsc.minimise.newton import STRESS_FLOOR
+from jampetsc.minimise.newton import STRESS_FLOOR, is_definite
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.strain import Strain
 
-MAX_CHANGES = 60  # changes of the sides
-MAX_STRETCH = 0.01  # of one of them
-PROBE_RATIO = 1e-2  # stretch of the last difference, over p in units of k: contacts stay as they are
+MAX_CHANGES = 60  # of the sides, for each stretch
+MAX_STRETCH = 0.01  # in one of them
+SLOPE_RATIO = 0.3  # of the slope along a direction to all slopes, below which another direction is taken
+PROBE_RATIO = 1e-2  # stretch of the last differences, over p in units of k: contacts stay as they are
 
 
-def stretched(disks: Packing, stretch: float) -> Packing:
-    """The disks under F = diag(e^x, e^−x), x = `stretch`."""
-    grown = Strain(math.expm1(stretch), 0.0, 0.0, 0.0, math.expm1(-stretch), 0.0, 0.0, 0.0, 0.0)
-    return deformed(disks, np.zeros(disks.base.shape), grown)
+def stretched(disks: Packing, stretch) -> Packing:
+    """The disks under F = diag(e^x₁, …, e^−Σx), x = `stretch` (D − 1,)."""
+    xx, yy, zz = (math.expm1(x) for x in (*stretch, -math.fsum(stretch), 0.0)[:3])
+    return deformed(disks, np.zeros(disks.base.shape), Strain(xx, 0.0, 0.0, 0.0, yy, 0.0, 0.0, 0.0, zz))
 
 
-def stress_difference(disks: Packing) -> float:
-    """σ_xx − σ_yy."""
-    stress = measure(disks).stress
-    return float(stress[0, 0] - stress[1, 1])
+def stress_differences(disks: Packing):
+    """σ_aa − σ_bb of all axes a but the last, b, (D − 1,)."""
+    stress = np.diag(measure(disks).stress)
+    return stress[:-1] - stress[-1]
 
 
 def relax_sides(minimum: Minimum, goal: Goal, solver, *, tolerance: float, **settings) -> Minimum:
     """The minimum over the sides of the cell as well, downhill from `minimum`.
 
-    goal, solver, tolerance, settings   as `minimise` has them; |σ_xx − σ_yy| ≤ 2 tolerance p, or limited by rounding
+    goal, solver, tolerance, settings   as `minimise` has them; |σ_aa − σ_bb| ≤ 2 tolerance p, or limited by rounding
 
     Raises ConvergenceError where that is not reached.
     """
-    difference, stretch, unit = stress_difference(minimum.disks), 0.0, stress_unit(minimum.disks)
-    slope = 4.0 * max(minimum.modulus, minimum.pressure)  # of an isotropic solid: 4 G
-    for _ in range(MAX_CHANGES):
+
+    def after(stretch):
+        result = minimise(stretched(minimum.disks, stretch), goal, solver, tolerance=tolerance, **settings)
+        return result, stress_differences(result.disks)
+
+    differences, unit = stress_differences(minimum.disks), stress_unit(minimum.disks)
+    axes = np.eye(len(differences))
+    slopes = 2.0 * max(minimum.modulus, minimum.pressure) * (axes + 1.0)  # of an isotropic solid
+    way, stretch, changes = None, 0.0, MAX_CHANGES * len(axes)
+    for _ in range(changes):
         probe, floor = (
             PROBE_RATIO * minimum.pressure / unit,
             4.0 * STRESS_FLOOR * unit / math.sqrt(minimum.disks.n),
         )
-        if abs(difference) <= max(2.0 * tolerance * minimum.pressure, floor):
-            if _difference_after(minimum, probe, goal, solver, tolerance, settings)[1] > difference:
+        if np.abs(differences).max() <= max(2.0 * tolerance * minimum.pressure, floor):
+            slopes = np.stack([(after(probe * axis)[1] - differences) / probe for axis in axes])
+            slopes, way = 0.5 * (slopes + slopes.T), None
+            if is_definite(slopes):
                 return minimum
-            slope = -1.0  # a maximum of the enthalpy
+        if way is None or abs(np.sum(way * differences)) <= SLOPE_RATIO * math.hypot(*differences):
+            way = _downhill(slopes, differences)
+            slope = np.einsum("a,ab,b", way, slopes, way)
+        difference = float(np.sum(way * differences))
         if slope > 0.0:
             stretch = -difference / slope
         else:  # downhill, farther than before
             stretch = -math.copysign(max(2.0 * abs(stretch), probe), difference)
         stretch = math.copysign(min(abs(stretch), MAX_STRETCH), stretch)
-        previous = difference
-        minimum, difference = _difference_after(minimum, stretch, goal, solver, tolerance, settings)
-        slope = (difference - previous) / stretch
+        previous = differences
+        minimum, differences = after(stretch * way)
+        change = (differences - previous) / stretch
+        slope, slopes = float(np.sum(way * change)), _updated(slopes, way, change)
     raise ConvergenceError(
-        f"sides of the cell: σ_xx − σ_yy = {difference:.1e} is left after {MAX_CHANGES} changes (p = "
-        f"{minimum.pressure:.1e}). Choose another seed, or a larger tolerance."
+        f"sides of the cell: normal stresses still differ by {np.abs(differences).max():.1e} after {changes} changes "
+        f"(p = {minimum.pressure:.1e}). Choose another seed, or a larger tolerance."
     )
 
 
-def _difference_after(minimum, stretch, goal, solver, tolerance, settings):
-    """(Minimum, σ_xx − σ_yy) after a stretch of the sides."""
-    minimum = minimise(stretched(minimum.disks, stretch), goal, solver, tolerance=tolerance, **settings)
-    return minimum, stress_difference(minimum.disks)
+def _downhill(slopes, differences):
+    """The direction of Newton's step, a unit vector (D − 1,), or the opposite one along axes whose slope falls."""
+    stretch = np.zeros(len(differences))
+    for slope, axis in zip(*_principal(slopes), strict=True):
+        stretch -= axis * np.sum(axis * differences) / abs(slope)
+    return stretch / math.hypot(*stretch)
+
+
+def _updated(slopes, direction, change):
+    """Symmetric second derivatives that are `change` along the unit vector `direction`, and else as before."""
+    along = np.outer(direction, direction)
+    across = np.eye(len(direction)) - along
+    turned = np.outer(change, direction)
+    kept = np.einsum("ab,bc,cd->ad", across, slopes, across)
+    return kept + turned + turned.T - np.sum(direction * change) * along
+
+
+def _principal(matrix):
+    """(values, unit vectors) of a symmetric matrix of order one or two, (C,) and (C, C); without LAPACK's digits."""
+    axes = np.eye(len(matrix))
+    if len(matrix) == 2:
+        angle = 0.5 * math.atan2(2.0 * matrix[0, 1], matrix[0, 0] - matrix[1, 1])
+        axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    return np.einsum("ia,ab,ib->i", axes, matrix, axes), axes

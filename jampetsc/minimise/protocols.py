@@ -5,20 +5,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError
 from jampetsc.minimise.descent import Effort, Goal, stress_unit
 from jampetsc.minimise.isotropic import relax_sides
 from jampetsc.minimise.minimise import Minimum, minimise, relax, settle
 from jampetsc.packing.compiled import instruction_set
 from jampetsc.packing.contacts import measure, typical_force
 from jampetsc.packing.neighbours import spatial_order
-from jampetsc.packing.packing import PARTICLES, UNIT_BALL, Packing, deformed, require_plane
+from jampetsc.packing.packing import PARTICLES, UNIT_BALL, Packing, deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import growth_of
 from jampetsc.packing.threads import Team
 
 START_PRESSURE = 1e-3  # pressure in units of k from which a random start is decompressed decade by decade
 PATH_TOLERANCE = 1e-2  # max |F| / (p d^(D−1)) to which the packings on the way are quenched
+SIDES_TOLERANCE = 1e-4  # to which the sides of the cell of spheres relax on the way
 MAX_SHAKES = 4  # of a packing for which no minimum is found, before that is an error
 START_PHI = {2: 0.85, 3: 0.66}  # by dimension, at p → 0: a little above φ_J
 START_FORCE = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cell
@@ -30,7 +31,7 @@ class Target:
 
     pressure: float | None = None
     phi: float | None = None
-    # "shear": also no shear stress and positive shear moduli; "all": also σ_xx = σ_yy, stable to all strains
+    # "shear": also no shear stress and positive shear moduli; "all": also equal normal stresses, stable to all strains
     stabilise: str = "volume"
     tolerance: float = 1e-10  # max |F| / (p d^(D−1)) and |Δp| / p
 
@@ -105,16 +106,14 @@ def make_packing(
     fresh: a random start, relaxed in its cell first; otherwise a packing whose pressure is changed. At a
     target pressure the path goes down decade by decade, every packing on the way relaxed to max |F| = 1e-2 p
     d. At a target φ the disks come to rest in their cell; to stabilise "shear" the cell then shears at this φ, to a
-    minimum of U over positions and γ, where dU/dγ = V σ_xy = 0; to stabilise "all" its sides relax as well. solver: see
-    `newton`. team: the threads to do it
-    with; how many does not change the packing.
+    minimum of U over positions and γ, where dU/dγ = V σ_xy = 0; to stabilise "all" its sides relax as well, of spheres
+    at every pressure on the way. solver: see `newton`. team: the threads to do it with; how many does not change the
+    packing.
 
-    Raises ConvergenceError where no minimum is reached, InputError for a φ below jamming, and for spheres to be
-    stabilised against all strains.
+    Raises ConvergenceError where no minimum is reached, InputError for a φ below jamming.
     """
-    if target.stabilise == "all":
-        require_plane(start, f"Give {named('stabilise')} shear.")
     effort = effort or Effort()
+    settings = {"shakes": MAX_SHAKES, "team": team, "effort": effort}
     disks, path = start, []
     if target.pressure is None:
         goal = Goal()
@@ -136,10 +135,17 @@ def make_packing(
             disks = relax(
                 disks, intermediate, PATH_TOLERANCE * typical_force(disks, pressure), team=team, effort=effort
             )
+            if (
+                target.stabilise == "all" and disks.dimension == 3
+            ):  # at low pressure alone two sides rarely relax
+                minimum = minimise(disks, intermediate, solver, tolerance=SIDES_TOLERANCE, **settings)
+                disks = relax_sides(
+                    minimum, intermediate, solver, tolerance=SIDES_TOLERANCE, **settings
+                ).disks
             path.append(f"p = {pressure:.6g}")
         effort.stage = f"p = {target.pressure:.3g}"
         path.append(f"p = {target.pressure:.6g}")
-    settings = {"tolerance": target.tolerance, "shakes": MAX_SHAKES, "team": team, "effort": effort}
+    settings["tolerance"] = target.tolerance
     minimum = minimise(disks, goal, solver, **settings)
     if target.pressure is None and target.stabilise != "volume" and minimum.jammed:
         path.append("shear_stress = 0")

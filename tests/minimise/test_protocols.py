@@ -74,7 +74,7 @@ def test_stable_to_all_strains(n, pressure, seed):
     enthalpies = []
     for stretch in (-0.01 * pressure, 0.0, 0.01 * pressure):
         goal = Goal(pressure, shear=True)
-        found = minimise(stretched(disks, stretch), goal, NewtonSolver(), tolerance=1e-12).disks
+        found = minimise(stretched(disks, (stretch,)), goal, NewtonSolver(), tolerance=1e-12).disks
         enthalpies.append(measure(found).energy + pressure * found.volume)
     assert enthalpies[1] < min(enthalpies[0], enthalpies[2])
     only_shear = measure(pack(n, Target(pressure, stabilise="shear"), seed)).stress

@@ -20,6 +20,8 @@ from jampetsc.packing.packing import deformed, proved_minimum
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.packing.strain import cell_strain
 
+VOIGT = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+
 LAWS = [(kind, stiffness) for kind in EXPONENTS for stiffness in STIFFNESSES]
 IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
 
@@ -127,3 +129,82 @@ def test_a_packing_of_spheres_is_a_proved_minimum(session, law, options):
     assert state.coordination > 6.0 - 6.0 / 64 and disks.record["shear_modulus"] > 0
     again = jp.pack(from_=disks, phi=disks.phi)
     assert again.record["evaluations"] < 50 and np.allclose(again.positions, disks.positions, atol=1e-8)
+
+
+def slopes(disks, moves, strain):
+    """∂U/∂o (N, 3) and ∂U/∂S (3, 3) at the places (1 + S)(x + o), from all pairs and images."""
+    F = np.eye(3) + strain
+    bonds = disks.positions + moves
+    bonds = bonds[None] - bonds[:, None] + (IMAGES @ disks.cell)[:, None, None]
+    stretched = bonds @ F.T
+    sigma, law = disks.radii[None] + disks.radii[:, None], disks.potential
+    distance = np.linalg.norm(stretched, axis=-1)
+    overlap = np.maximum(sigma - distance, 0.0)
+    overlap[:, np.arange(disks.n), np.arange(disks.n)] = 0.0
+    pull = -law.k * overlap ** (law.alpha - 1.0) / np.maximum(distance, 1e-9)
+    pulls = pull[..., None] * stretched
+    on_strain = 0.5 * np.einsum("mija,mijb->ab", pulls, bonds)
+    return -pulls.sum(axis=(0, 2)) @ F, 0.5 * (on_strain + on_strain.T)
+
+
+def elastic_constants(disks, step=1e-6):
+    """C (6, 6) of the spheres at rest by differences of `slopes`, at unit shears ½(x̂ŷ + ŷx̂)."""
+
+    def gradient(vector):
+        strain = np.zeros((3, 3))
+        for amplitude, (a, b) in zip(vector[3 * disks.n :], VOIGT, strict=True):
+            strain[a, b] += 0.5 * amplitude
+            strain[b, a] += 0.5 * amplitude
+        moves, strains = slopes(disks, vector[: 3 * disks.n].reshape(-1, 3), strain)
+        return np.append(moves.ravel(), [strains[pair] for pair in VOIGT])
+
+    units = step * np.eye(3 * disks.n + 6)
+    K = np.array([gradient(unit) - gradient(-unit) for unit in units]) / (2.0 * step)
+    moves, border = slice(3 * disks.n), slice(3 * disks.n, None)
+    response = np.linalg.pinv(0.5 * (K + K.T)[moves, moves], rcond=1e-7) @ K[moves, border]
+    return (K[border, border] - K[border, moves] @ response) / disks.volume
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("options", [
+    {"pressure": 1e-2}, {"pressure": 3e-4, "potential": "hertzian", "seed": 2}, {"phi": 0.72, "seed": 3},
+])  # fmt: skip
+def test_stable_to_all_strains(session, options):
+    """The stress is isotropic; elastic constants by differences are positive definite, with and without its part.
+
+    Of the enthalpy, along any path through no strain, they are C_ijkl + p (δ_ij δ_kl − ½ δ_ik δ_jl − ½ δ_il δ_jk).
+    """
+    disks = jp.pack(n=16, dimension=3, stabilise="all", **options)
+    state, cell = measure(disks), disks.cell
+    pressure = state.pressure
+    np.testing.assert_allclose(state.stress, -pressure * np.eye(3), rtol=0, atol=3e-10 * pressure)
+    if "pressure" in options:
+        assert pressure == pytest.approx(options["pressure"], rel=1e-10)
+    else:
+        assert disks.phi == pytest.approx(0.72, rel=1e-12)
+    assert proved_minimum(disks) and disks.record["protocol"].endswith(", then isotropic stress")
+    tilts = np.abs(cell[[1, 2, 2], [0, 0, 1]]) / np.diag(cell)[[0, 0, 1]]
+    assert np.all(tilts > 0.0) and np.all(tilts <= 0.5) and np.ptp(np.diag(cell)) > 1e-4
+    C = elastic_constants(disks)
+    np.testing.assert_allclose(
+        jp.quasistatic(disks, load="tensor")["C0"], C, rtol=0, atol=1e-5 * np.abs(C).max()
+    )
+    norms = np.sqrt([1.0] * 3 + [2.0] * 3)
+    C *= np.outer(norms, norms)
+    volume = np.array([1.0] * 3 + [0.0] * 3) / np.sqrt(3.0)
+    enthalpy = C + pressure * (3.0 * np.outer(volume, volume) - np.eye(6))
+    if "phi" in options:  # at its volume
+        enthalpy += 1e3 * np.outer(volume, volume)
+    assert np.linalg.eigvalsh(C)[0] > 0.0 and np.linalg.eigvalsh(enthalpy)[0] > 0.0
+
+
+@pytest.mark.scalar("real")
+def test_only_all_strains_make_the_stress_isotropic(session, tmp_path):
+    """Not the tilts alone; a cell of which all six numbers are relaxed comes back from other programs' files."""
+    sheared = jp.pack(n=16, dimension=3, pressure=1e-2, stabilise="shear").stress
+    assert np.ptp(np.diag(sheared)) > 1e-4 * 1e-2
+    disks = jp.pack(n=16, dimension=3, pressure=1e-2, stabilise="all", out=tmp_path / "all.h5")
+    assert jp.load(tmp_path / "all.h5").fingerprint == disks.fingerprint
+    jp.export(disks, out=tmp_path / "all.data")
+    again = jp.import_packing(tmp_path / "all.data")
+    np.testing.assert_allclose(again.stress, -1e-2 * np.eye(3), rtol=0, atol=1e-12)
