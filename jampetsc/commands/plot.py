@@ -76,10 +76,12 @@ class Plot(Job):
 
     G' and G'' of sweeps and oscillations, K*, Poisson's ratio and elastic constants of sweeps of the tensor, the
     scaling collapse of sweeps, relaxation spectra with stress relaxation and creep, correlations of displacements
-    and their length, a packing with its contacts and forces, of spheres as a slice and a view, a network,
-    displacement fields of a sweep, quasistatic responses, modes, or steady shear: series of one rate, flow curves
-    of several, snapshots, velocities and their correlation; quasistatic shear along the strain; the share of
-    samples that jam, f(phi), and their pressures, P(p).
+    and their length, a packing with its contacts and forces, a network, displacement fields of a sweep,
+    quasistatic responses, modes, or steady shear: series of one rate, flow curves of several, snapshots, velocities
+    and their correlation; quasistatic shear along the strain; the share of samples that jam, f(phi), and their
+    pressures, P(p).
+    In three dimensions packings, networks and snapshots are a slice z = const beside a view of the cell; fields,
+    responses, modes and velocities are slices, with arrows of their x and y components and colours of z.
     Frequencies are shown in 1/τ₁, moduli and pressures in k.
     """
 
@@ -92,7 +94,7 @@ class Plot(Job):
   jampetsc plot s1e-2.h5 s1e-3.h5 s1e-4.h5 --kind collapse --out collapse.pdf
   jampetsc plot C-sweep.h5 --kind bulk --out bulk.png                 # K* and G* of a sweep of the tensor
   jampetsc plot p.h5 --out packing.svg
-  jampetsc plot spheres.h5 --height 0.25 --out slice.png              # spheres: a slice and a view of the cell
+  jampetsc plot spheres.h5 --height 0.25 --out slice.png              # three dimensions: z = L_z/4, and a view
   jampetsc plot net.h5 --out network.pdf                              # bonds of a network
   jampetsc plot sweep.h5 --kind fields --omega 1e-3 --total --out fields.png
   jampetsc plot modes.h5 --mode 1,2,5 --out modes.png                 # on the packing

@@ -209,7 +209,8 @@ def six_fold_order(result):
     """
     if result.attributes.get("dimension", 2) != 2:
         raise InputError(
-            f"{result.path}: spheres, and six-fold order is of disks in a plane. Give flows of disks."
+            f"{result.path}: spheres, and six-fold order is of disks in a plane. Give flows of disks, "
+            "or look at the spheres in OVITO: jampetsc export FILE --out FILE.xyz."
         )
     if STORED_ORDER[0] in result:
         return tuple(result[name] for name in STORED_ORDER)
@@ -225,6 +226,11 @@ def velocity_profiles(results, low: float, high: float) -> list:
     """
     profiles = []
     for result in results:
+        if result.attributes.get("dimension", 2) != 2:
+            raise InputError(
+                f"{result.path}: spheres, and walls, between which profiles are measured, are of disks. Give flows of "
+                "disks, or look at the spheres in OVITO: jampetsc export FILE --out FILE.xyz."
+            )
         if "velocity_profile" not in result:
             raise InputError(f"{result.path}: no velocity profiles. Run the flow with {named('walls')}.")
         strain = result["strain"]

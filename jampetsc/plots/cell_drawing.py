@@ -1,5 +1,7 @@
 """Drawing in a periodic, possibly sheared cell of the plane: its outline, images of disks and segments, force lines."""
 
+from itertools import product
+
 import numpy as np
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.patches import Polygon
@@ -7,13 +9,14 @@ from matplotlib.patches import Polygon
 from jampetsc.plots.style import hidden
 
 MAX_ASPECT = 2.5  # height over width of a cell; taller cells shrink
+MAX_VECTOR_BONDS = 15000  # beyond, vector files hold pixels
 CAPTION_HEIGHT = 0.42  # inches above and below a panel
-_SHIFTS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+EDGE_TOLERANCE = 1e-9  # of the cell: what lies on its edge counts as inside
 MAX_FORCE_WIDTH = 2.0  # points: of the line of a mean force
 
 
 def wrap(positions, cell):
-    """Positions (N, 2) moved by cell vectors into the cell."""
+    """Positions (N, D) moved by cell vectors into the cell."""
     fractional = positions @ np.linalg.inv(cell)
     return (fractional - np.floor(fractional)) @ cell
 
@@ -26,20 +29,37 @@ def disk_images(centres, radii, cell):
 
 
 def segment_images(start, vector, cell):
-    """(rows, starts) of all images that may cross the cell of segments start → start + vector, (M, 2)."""
+    """(rows, starts) of all images that may cross the cell of segments start → start + vector, (M, D).
+
+    Those along an edge of the cell have an image on both of its sides.
+    """
     inverse = np.linalg.inv(cell)
     ends = np.stack((start @ inverse, (start + vector) @ inverse))
-    return _images(ends.min(axis=0), ends.max(axis=0), start, cell)
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    margin = EDGE_TOLERANCE * (high - low < EDGE_TOLERANCE)
+    return _images(low - margin, high + margin, start, cell)
 
 
 def _images(low, high, anchors, cell):
-    """Images of fractional boxes [low, high] that overlap the unit square: their rows and shifted anchors."""
+    """Images of fractional boxes [low, high] that overlap the unit cell: their rows and shifted anchors."""
     rows, points = [], []
-    for shift in _SHIFTS:
+    for shift in np.array(list(product((-1, 0, 1), repeat=len(cell)))):
         seen = np.flatnonzero(((high + shift > 0) & (low + shift < 1)).all(axis=1))
         rows.append(seen)
         points.append(anchors[seen] + shift @ cell)
     return np.concatenate(rows), np.concatenate(points)
+
+
+def visible_shares(starts, vectors, low, high):
+    """(first, last) (…,) shares of vectors (…, K) between which start + share · vector lies from low to high.
+
+    Along all K axes; where it does so nowhere, last ≤ first.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):  # of vectors along a face
+        to_low = (low - EDGE_TOLERANCE - starts) / vectors
+        to_high = (high + EDGE_TOLERANCE - starts) / vectors
+    first, last = np.fmin(to_low, to_high).max(axis=-1), np.fmax(to_low, to_high).min(axis=-1)
+    return np.maximum(first, 0.0), np.minimum(last, 1.0)
 
 
 def frame_cells(page, cells, rows, width, linewidth=0.6) -> list:
@@ -95,7 +115,7 @@ def points_per_length(ax) -> float:
 
 def draw_circles(ax, places, diameters, **look) -> EllipseCollection:
     """Circles (M,) at places (M, 2), drawn on `ax`."""
-    look |= {"offsets": places, "transOffset": ax.transData, "label": hidden("disks"), "zorder": 1}
+    look = {"offsets": places, "transOffset": ax.transData, "label": hidden("disks"), "zorder": 1} | look
     drawn = EllipseCollection(diameters, diameters, np.zeros(len(places)), units="xy", **look)
     return ax.add_collection(drawn, autolim=False)
 

@@ -28,12 +28,11 @@ from jampetsc.plots.cell_drawing import (
     lay_out,
     points_per_length,
     segment_images,
-    wrap,
 )
 from jampetsc.plots.correlation_plots import OMEGA
 from jampetsc.plots.mode_plots import mode_fields
-from jampetsc.plots.packing_plots import refuse_spheres
 from jampetsc.plots.picture import PACKING, option, picture
+from jampetsc.plots.sections import HEIGHT, section_of
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
 
 ARROWS = 1600  # in a panel at most, evenly spread
@@ -54,11 +53,12 @@ FIELDS = (
         "with its rate", choices=PHASES,
     ),
     option("total", SWITCH, "fields: displacements with the affine part, from the middle of the cell"),
+    HEIGHT,
 )  # fmt: skip
 
 
 @picture("fields", "sweep", options=FIELDS, single=True)
-def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=False):
+def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=False, height=None):
     """Displacement fields of a sweep at two instants of their cycle, side by side for one ω, in two rows for more.
 
     omega     (F,) as the file has them; None: up to four
@@ -66,26 +66,33 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     phase     "strain": Re and Im, in phase with the strain and with its rate; "stress": Re and −Im, when the stress is
               at its peak and a quarter of a period later, when it is zero (BT)
     total     with the affine part E x of the load, x from the middle of the cell
+    height    of the slice of three dimensions, z over L_z
 
-    Colours are rotations. Below each panel stands how many times the field its arrows are. Raises InputError for more
-    frequencies than fit, and for frequencies that the file does not have.
+    Colours are rotations. Below each panel stands how many times the field its arrows are.
+
+    In three dimensions panels are slices z = height·L_z: disks in which the plane cuts spheres, arrows of the x and y
+    components, and colours of the z component. Its rms in the slice stands below, in mean diameters d (of a network
+    mean lengths of bonds). Rotations are not drawn.
+
+    Raises InputError for more frequencies than fit, for frequencies that the file does not have, and for a height in
+    two dimensions.
     """
     (sweep,) = results
     fields = sweep.fields
     rows = chosen_frequencies(sweep, omega)
     disks = source_of(sweep, packing)
-    refuse_spheres(disks)
-    particles = particle_rows(sweep, disks)
+    section = section_of(disks, height)
+    shown, numbers = section.members(particle_rows(sweep, disks))
     (load,) = loads_of(sweep.load, disks.dimension)
-    affine = np.zeros((len(particles), disks.dimension))
+    affine = np.zeros((len(shown), disks.dimension))
     if total:
-        affine = load.imposed(wrap(disks.positions, disks.cell)[particles] - 0.5 * disks.cell.sum(axis=0))
+        affine = load.imposed(section.positions[shown] - 0.5 * disks.cell.sum(axis=0))
     turns = [phase_factor(sweep, fields.omega[row], phase) for row in rows]
     stored = [field_at(sweep, row) for row in rows]
-    motion = [turn * (affine + field) for turn, (field, _) in zip(turns, stored, strict=True)]
+    motion = [turn * (affine + field[numbers]) for turn, (field, _) in zip(turns, stored, strict=True)]
     spin = None
-    if fields.rotation is not None:
-        spin = [turn * rotation for turn, (_, rotation) in zip(turns, stored, strict=True)]
+    if fields.rotation is not None and disks.dimension == 2:
+        spin = [turn * rotation[numbers] for turn, (_, rotation) in zip(turns, stored, strict=True)]
     omega = fields.omega[rows] * float(sweep.attributes.get("tau1", 1.0))
     if len(omega) > MAX_COLUMNS:
         raise InputError(
@@ -99,99 +106,138 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
             title = f"{instant},  {frequency}" if single else "" if part else frequency
             rolls = None if spin is None else take(spin[f])
             panels.append((title, take(motion[f]), rolls, "" if single or f else instant))
-    _draw(page, disks, panels, particles, rf"{symbol}/{strain}", 1 if single else 2, strain)
+    _draw(page, section, shown, panels, symbol, strain, 1 if single else 2)
     if spin is not None:
-        shown = ScalarMappable(Normalize(-_RANGE, _RANGE), _colours())
-        settings = {"shrink": 0.5, "aspect": 18, "pad": 0.01, "ticks": (-_RANGE, 0, _RANGE)}
-        bar = page.figure.colorbar(shown, ax=page.axes, label=r"$\theta/\theta_{\rm rms}$", **settings)
-        bar.ax.tick_params(length=2, labelsize=_SMALL)
-    shown = ", ".join(f"{w:g}" for w in omega)
+        _draw_bar(page, r"\theta")
+    frequencies = ", ".join(f"{w:g}" for w in omega)
     kind = "total" if total else "non-affine"
-    return f"{kind} displacement fields at omega tau1 = {shown}, in phase with the {phase}"
+    return f"{kind} displacement fields at omega tau1 = {frequencies}, in phase with the {phase}"
 
 
-@picture("response", "quasistatic", options=(PACKING,), single=True)
-def plot_response(results, page, packing=None):
-    """Displacements u_na per unit strain under slow shear, without pre-stress and with it."""
+@picture("response", "quasistatic", options=(PACKING, HEIGHT), single=True)
+def plot_response(results, page, packing=None, height=None):
+    """Displacements u_na per unit strain under slow shear, without pre-stress and with it.
+
+    In three dimensions a slice, as in `plot_fields`.
+    """
     (result,) = results
     fields = {"no pre-stress": "no_prestress/nonaffine", "pre-stress": "nonaffine"}
     if not result.attributes["prestress"]:
         fields = {"no pre-stress": "nonaffine"}
     panels = [(title, result[name]) for title, name in fields.items()]
-    disks = source_of(result, packing)
-    refuse_spheres(disks)
-    _draw_real(page, disks, panels, disk_rows(result, disks), r"u_{\rm na}/\gamma")
+    _draw_real(page, result, packing, height, panels, r"u_{\rm na}", r"\gamma")
     return f"quasistatic response, {' and '.join(fields)}"
 
 
 MODE = option("mode", INTEGERS, "mode: numbers of modes from 1, drawn on the packing (default 1)", "i,j,…")
 
 
-@picture("mode", "modes", options=(PACKING, MODE), single=True)
-def plot_mode(results, page, packing=None, mode=(1,)):
-    """Modes on the packing, numbered from 1. Raises InputError for one that the file does not hold."""
+@picture("mode", "modes", options=(PACKING, MODE, HEIGHT), single=True)
+def plot_mode(results, page, packing=None, mode=(1,), height=None):
+    """Modes on the packing, numbered from 1; in three dimensions a slice, as in `plot_fields`.
+
+    Raises InputError for a mode that the file does not hold.
+    """
     (result,) = results
-    panels = mode_fields(result, mode)
-    disks = source_of(result, packing)
-    refuse_spheres(disks)
-    _draw_real(page, disks, panels, disk_rows(result, disks), r"\varphi")
+    _draw_real(page, result, packing, height, mode_fields(result, mode), r"\varphi")
     return f"mode {','.join(map(str, np.ravel(mode)))}"
 
 
-@picture("velocities", "flow", single=True)
-def plot_velocities(results, page):
-    """Non-affine velocities u/γ̇ of the last snapshot."""
+@picture("velocities", "flow", options=(HEIGHT,), single=True)
+def plot_velocities(results, page, height=None):
+    """Non-affine velocities u/γ̇ of the last snapshot; in three dimensions a slice, as in `plot_fields`."""
     (result,) = results
     disks = snapshot(result)
-    refuse_spheres(disks)
+    section = section_of(disks, height)
     field = result["snapshots/velocities"][-1] / float(result.attributes["rate"])
     strain = result["snapshots/strain"][-1]
-    _draw_real(page, disks, [(rf"$\gamma={strain:.4g}$", field)], np.arange(disks.n), r"u/\dot\gamma")
+    panels = [(rf"$\gamma={strain:.4g}$", field[section.rows], None, "")]
+    _draw(page, section, np.arange(len(section.rows)), panels, "u", r"\dot\gamma")
     return f"non-affine velocities at strain {strain:.4g}"
 
 
-def _draw_real(page, disks, panels, particles, symbol):
-    """Panels [(title, field), …] side by side, without rotations. Raises InputError for more panels than fit."""
+def _draw_real(page, result, packing, height, panels, symbol, strain=""):
+    """Fields [(title, (n, D)), …] of a result side by side. Raises InputError for more than fit."""
     if len(panels) > MAX_COLUMNS:
         raise InputError(f"{len(panels)} fields: one picture holds {MAX_COLUMNS}. Choose fewer.")
-    _draw(page, disks, [(title, field, None, "") for title, field in panels], particles, symbol, 1)
+    disks = source_of(result, packing)
+    section = section_of(disks, height)
+    shown, numbers = section.members(disk_rows(result, disks))
+    _draw(
+        page, section, shown, [(title, field[numbers], None, "") for title, field in panels], symbol, strain
+    )
 
 
-def _draw(page, disks, panels, particles, symbol, rows, strain=r"\gamma"):
-    """Panels [(title, field (n, 2), rotations (n,) or None, name of the row), …] on the packing; particles (n,) rows of
-    `disks`, `symbol` the name of the fields in TeX. Below each stands how many times the field its arrows are.
+def _draw(page, section, shown, panels, symbol, strain="", rows=1):
+    """Panels [(title, field (m, D), rotations (m,) or None, name of the row), …] on the disks of a section.
+
+    shown            (m,) rows of its disks that have a field
+    symbol, strain   TeX of the field, and of what it is divided by
+
+    Below each panel stands how many times the field its arrows are, and the rms of the quantity in colour: rotations,
+    or the third component.
     """
+    colour, unit, gap = r"\theta", strain, ",  "
+    if section.height is not None:
+        d = 2.0 * float(np.mean(radii_of(section.source))) if strain else 1.0
+        colour, unit, gap = _subscripted(symbol, "z"), rf"{strain}\,d" if strain else "", "\n"
+        panels = [(title, field, field[:, 2] / d, row) for title, field, _, row in panels]
     width = COLUMN if len(panels) // rows <= 2 else PAGE
-    axes = frame_cells(page, [disks.cell] * len(panels), rows, width, linewidth=0.4)
-    centres = wrap(disks.positions, disks.cell)
-    chosen = _spaced_rows(centres[particles], disks.cell)
-    spacing = np.sqrt(disks.volume / max(len(chosen), 1))
-    for (ax, _), (title, u, spin, row) in zip(axes, panels, strict=True):
-        factor = _arrow_factor(u, spacing)
-        scales = rf"arrows ${number(factor)}\,{symbol}$" if factor else f"${symbol}=0$"
-        if spin is not None:
-            scales += rf",  $\theta_{{\rm rms}}={number(_rms(spin))}\,{strain}$"
+    axes = frame_cells(page, [section.cell] * len(panels), rows, width, linewidth=0.4)
+    chosen = _spaced_rows(section.centres[shown], section.cell)
+    spacing = np.sqrt(section.cell[0, 0] * section.cell[1, 1] / max(len(chosen), 1))
+    name = rf"{symbol}/{strain}" if strain else symbol
+    for (ax, _), (title, u, tone, row) in zip(axes, panels, strict=True):
+        factor = _arrow_factor(u[:, :2], spacing)
+        scales = rf"arrows ${number(factor)}\,{name}$" if factor else f"${name}=0$"
+        if tone is not None:
+            scales += rf"{gap}${_rms_name(colour)}={number(_rms(tone))}\,{unit}$"
         ax.set_title(title, pad=3)
         ax.set_ylabel(row, fontsize=9)
         ax.set_xlabel(scales, fontsize=_SMALL, labelpad=3)
-    few = len(chosen) < len(particles)
-    if few and page.is_new:
-        page.figure.supxlabel(f"arrows on {len(chosen)} of {len(particles)} disks", fontsize=_SMALL)
-    lay_out(page, rows, 0.15 if few else 0.0)
-    radii = radii_of(disks)
-    images, places = disk_images(centres, radii, disks.cell)
-    for (ax, outline), (_, u, spin, _) in zip(axes, panels, strict=True):
-        scale, faces = points_per_length(ax), np.ones((disks.n, 4))
-        if spin is not None:
-            faces[particles] = _colours()(0.5 + spin / (2 * _RANGE * (_rms(spin) or 1.0)))
+    notes = [section.title and rf"slice {section.title}:  arrows show $x$ and $y$, colours $z$"]
+    if len(chosen) < len(shown):
+        notes.append(f"arrows on {len(chosen)} of {len(shown)} disks")
+    note = ";  ".join(filter(None, notes))
+    if note and page.is_new:
+        page.figure.supxlabel(note, fontsize=_SMALL)
+    elif section.height is not None:
+        ax.set_xlabel(f"{ax.get_xlabel()}\n{note}")
+    if section.height is not None:
+        _draw_bar(page, colour)
+    lay_out(page, rows, 0.15 if note and page.is_new else 0.0)
+    images, places = disk_images(section.centres, section.radii, section.cell)
+    for (ax, outline), (_, u, tone, _) in zip(axes, panels, strict=True):
+        scale, faces = points_per_length(ax), np.ones((len(section.rows), 4))
+        if tone is not None:
+            faces[shown] = _colours()(0.5 + tone / (2 * _RANGE * (_rms(tone) or 1.0)))
         look = {"facecolors": faces[images], "edgecolors": "0.72", "linewidths": min(0.3, 0.03 * scale)}
-        drawn = draw_circles(ax, places, 2 * radii[images], **look)
-        clip_artists(outline, [drawn], rasterized=disks.n > ARROWS)
-        if factor := _arrow_factor(u, spacing):
-            vectors = factor * u[chosen]
-            clip_artists(
-                outline, [_arrows(ax, centres[particles][chosen], vectors, disks.cell, scale * spacing)]
-            )
+        drawn = draw_circles(ax, places, 2 * section.radii[images], **look)
+        clip_artists(outline, [drawn], rasterized=len(section.rows) > ARROWS)
+        if factor := _arrow_factor(u[:, :2], spacing):
+            starts, vectors = section.centres[shown][chosen], factor * u[chosen, :2]
+            clip_artists(outline, [_arrows(ax, starts, vectors, section.cell, scale * spacing)])
+
+
+def _draw_bar(page, symbol):
+    """The colour bar of a quantity over its rms."""
+    shown = ScalarMappable(Normalize(-_RANGE, _RANGE), _colours())
+    label, settings = (
+        f"${symbol}/{_rms_name(symbol)}$",
+        {"shrink": 0.5, "aspect": 18, "pad": 0.01, "ticks": (-_RANGE, 0, _RANGE)},
+    )
+    bar = page.figure.colorbar(shown, ax=page.axes, label=label, **settings)
+    bar.ax.tick_params(length=2, labelsize=_SMALL)
+
+
+def _rms_name(symbol):
+    return _subscripted(symbol, r"\rm rms")
+
+
+def _subscripted(symbol, subscript):
+    """TeX of a symbol with one subscript more."""
+    base, _, first = symbol.partition("_")
+    return f"{base}_{{{f'{first},' if first else ''}{subscript}}}"
 
 
 def _arrows(ax, starts, vectors, cell, spacing):
@@ -210,12 +256,12 @@ def _colours():
 
 
 def _rms(values):
-    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+    return float(np.sqrt(np.mean(np.abs(values) ** 2))) if len(values) else 0.0
 
 
 def _arrow_factor(u, spacing):
     """How many times the field arrows are: round, long ones reach past the next; 0 if nothing moves."""
-    long = float(np.quantile(np.hypot(u[:, 0], u[:, 1]), 0.9))
+    long = float(np.quantile(np.hypot(u[:, 0], u[:, 1]), 0.9)) if len(u) else 0.0
     if long == 0:
         return 0.0
     exact = _REACH * spacing / long

@@ -2,59 +2,53 @@
 
 import numpy as np
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 
-from jampetsc.errors import InputError, about, named
+from jampetsc.errors import InputError
 from jampetsc.flows.walls import phi_between
 from jampetsc.io.disk_motion import snapshot
-from jampetsc.io.packing_file import source_name
-from jampetsc.options.parameters import NUMBER
 from jampetsc.packing.contacts import find_contacts, measure, virial_pressure
-from jampetsc.packing.packing import PARTICLES, require_plane
+from jampetsc.packing.packing import PARTICLES
 from jampetsc.plots.cell_drawing import (
+    MAX_VECTOR_BONDS,
     clip_artists,
+    disk_images,
+    draw_circles,
     draw_disks,
     draw_forces,
     frame_cells,
     lay_out,
     segment_images,
-    wrap,
 )
+from jampetsc.plots.cell_view import VIEW_NOTE, CellView, frame_slices
 from jampetsc.plots.flow_plots import kind_of, labels_of
-from jampetsc.plots.picture import option, picture
-from jampetsc.plots.sphere_drawing import draw_spheres
+from jampetsc.plots.picture import picture
+from jampetsc.plots.sections import HEIGHT, section_of
+from jampetsc.plots.sphere_drawing import SphereView
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
 
-DRAW_SPHERES = "Draw it in OVITO or ParaView: jampetsc export FILE --out FILE.xyz or FILE.vtp."
 MAX_VECTOR_DISKS = 5000  # beyond, vector files hold pixels and outlines are thin
-FORCE_WIDTH = 0.18  # of the line of a mean force, in mean radii
+FORCE_WIDTH = {2: 0.18, 3: 0.1}  # D -> of the line of a mean force, in mean radii
 MAX_SNAPSHOTS = 4  # side by side
-MAX_VECTOR_BONDS = 15000  # beyond, vector files hold pixels
 REST_COLOUR, PUSH_COLOUR, PULL_COLOUR = (
     "0.15",
     "#b2182b",
     "#2166ac",
 )  # colours of bonds without force, that push, that pull
 NETWORK_LINE_WIDTH = 1.6  # points: of the largest force, and of bonds without any at half this width
-
-
-def refuse_spheres(source) -> None:
-    """Raise InputError for a packing or a network in three dimensions."""
-    with about(source_name(source)):
-        require_plane(source, DRAW_SPHERES)
-
-
-HEIGHT = option(
-    "height", NUMBER, "packing, minimum, snapshot: height of the slice of spheres over that of the cell (default 0.5)",
-    "Z", low=0, high=1,
-)  # fmt: skip
+NODE_SIZE = 0.12  # diameter of a node of a slice, in mean bond lengths
 
 
 @picture("packing", "packing", single=True, options=(HEIGHT,))
 def plot_packing(results, page, height=None):
     """Disks grey, rattlers hollow, contacts as lines whose width is proportional to the force.
 
-    Contacts and disks that cross the boundary appear on both sides of the cell, cut at its edge. Of spheres a slice
-    z = height·L_z is drawn in this way, beside a view of the cell, as `sphere_drawing.draw_spheres` says.
+    Contacts and disks that cross the boundary appear on both sides of the cell, cut at its edge.
+
+    Of spheres a slice z = height·L_z is drawn in this way: disks in which it cuts spheres, and the contacts between two
+    of these, seen along z, as wide as their whole force. Beside it stands a view of the spheres whose centres are in
+    the cell, along an oblique direction without perspective, darker with the depth behind the faces of the cell.
+    Hollow spheres are white there, and a dashed line is the edge of the slice.
 
     Raises InputError for a height of disks.
     """
@@ -127,29 +121,38 @@ def _draw(page, panels, height=None):
     dimensions = {disks.dimension for _, disks, *_ in panels}
     if len(dimensions) > 1:
         raise InputError("snapshots: of disks and of spheres. Draw them in two pictures.")
-    if dimensions == {3}:
-        draw_spheres(page, panels, 0.5 if height is None else height)
-        return
-    if height is not None:
-        raise InputError(
-            f"{named('height')} {height:g}: a slice of spheres, but these are disks. Leave it out."
-        )
-    count, largest = len(panels), max(disks.n for _, disks, *_ in panels)
-    width = count * (COLUMN if count > 1 or largest <= MAX_VECTOR_DISKS else PAGE)
-    axes = frame_cells(page, [disks.cell for _, disks, *_ in panels], 1, width)
-    for (ax, _), (title, *_, caption) in zip(axes, panels, strict=True):
-        ax.set_title(title)
+    sections = [section_of(disks, height) for _, disks, *_ in panels]
+    views = [SphereView(disks) for _, disks, *_ in panels if disks.dimension == 3]
+    if views:
+        axes, view_axes = frame_slices(page, sections, views)
+    else:
+        count, largest = len(panels), max(disks.n for _, disks, *_ in panels)
+        width = count * (COLUMN if count > 1 or largest <= MAX_VECTOR_DISKS else PAGE)
+        axes, view_axes = frame_cells(page, [section.cell for section in sections], 1, width), []
+    for (ax, _), section, (title, *_, caption) in zip(axes, sections, panels, strict=True):
+        ax.set_title(", ".join(filter(None, (title, section.title))))
         ax.set_xlabel(caption, linespacing=1.4)
-    lay_out(page, 1)
-    for (ax, outline), (_, disks, contacts, hollow, _) in zip(axes, panels, strict=True):
-        centres, count = wrap(disks.positions, disks.cell), disks.n
-        walls = np.arange(count) < disks.record.get("walls", 0)
-        rim = 0.3 if count <= MAX_VECTOR_DISKS else 0.1
-        drawn = [draw_disks(ax, centres, disks.radii, hollow, walls, disks.cell, rim)]
+    for ax, (_, _, _, hollow, _) in zip(view_axes, panels, strict=False):
+        notes = "dashed: slice" + (";  white: hollow in the slice" if hollow.any() else "")
+        ax.set_xlabel(f"{VIEW_NOTE}\n{notes}", linespacing=1.4)
+    lay_out(page, len(views) or 1)
+    for (ax, outline), section, (_, disks, contacts, hollow, _) in zip(axes, sections, panels, strict=True):
+        walls = _wall_mask(disks)
+        many, rows = len(section.rows) > MAX_VECTOR_DISKS, section.rows
+        masks, rim = (hollow[rows], walls[rows]), 0.1 if many else 0.3
+        drawn = [draw_disks(ax, section.centres, section.radii, *masks, section.cell, rim)]
         if len(contacts):
-            forces, width = contacts.force / np.mean(contacts.force), FORCE_WIDTH * np.mean(disks.radii)
-            drawn.append(draw_forces(ax, centres[contacts.i], contacts.r, forces, width, disks.cell))
-        clip_artists(outline, drawn, rasterized=count > MAX_VECTOR_DISKS)
+            rows, starts, vectors = section.contacts(contacts)
+            forces = contacts.force[rows] / np.mean(contacts.force)
+            width = FORCE_WIDTH[disks.dimension] * np.mean(disks.radii)
+            drawn.append(draw_forces(ax, starts, vectors, forces, width, section.cell))
+        clip_artists(outline, drawn, rasterized=many)
+    for ax, view, section, (_, disks, _, hollow, _) in zip(view_axes, views, sections, panels, strict=False):
+        view.draw(ax, hollow, _wall_mask(disks), section.height)
+
+
+def _wall_mask(disks):
+    return np.arange(disks.n) < disks.record.get("walls", 0)
 
 
 def _caption(disks, contacts, pressure, coordination, hollow):
@@ -162,28 +165,51 @@ def _caption(disks, contacts, pressure, coordination, hollow):
     return "   ".join(parts) + "\n" + ";  ".join(below)
 
 
-@picture("network", "network", single=True)
-def plot_network(results, page):
+@picture("network", "network", single=True, options=(HEIGHT,))
+def plot_network(results, page, height=None):
     """Bonds as lines; red pushes, blue pulls, as wide as the force, where bonds have forces.
 
     Bonds that cross the boundary appear on both sides of the cell, cut at its edge.
+
+    In three dimensions a slab about z = height·L_z is drawn in this way, as thick as the mean length of a bond, with
+    its nodes as dots and bonds cut at its faces. Beside it stands a view of all bonds, cut at the faces of the cell,
+    whose colours fade with the depth behind these. A dashed line is the middle of the slab.
+
+    Raises InputError for a height in two dimensions.
     """
     (network,) = results
-    refuse_spheres(network)
     bonds = network.linear_bonds
-    width = COLUMN if len(bonds) <= MAX_VECTOR_BONDS else PAGE
-    ((ax, outline),) = frame_cells(page, [network.cell], 1, width)
+    length = float(bonds.distance.mean())
+    section = section_of(network, height, np.full(network.n, 0.5 * length))
+    widths, colours = _bond_widths(bonds), _bond_colours(bonds)
+    view = CellView(network.cell) if network.dimension == 3 else None
+    if view is None:
+        axes = frame_cells(page, [network.cell], 1, COLUMN if len(bonds) <= MAX_VECTOR_BONDS else PAGE)
+    else:
+        axes, (view_ax,) = frame_slices(page, [section], [view])
+        view_ax.set_xlabel(f"{VIEW_NOTE}\ndashed: middle of the slab", linespacing=1.4)
+    ((ax, outline),) = axes
+    if view is not None:
+        ax.set_title(rf"slab {section.title} $\pm\,\langle r\rangle/2$")
     ax.set_xlabel(_network_caption(network), linespacing=1.4)
     lay_out(page, 1)
-    start = wrap(network.positions, network.cell)[bonds.i]
-    rows, starts = segment_images(start, bonds.r, network.cell)
-    style = {"capstyle": "round", "zorder": 2, "label": hidden("bonds")}
-    segments = np.stack((starts, starts + bonds.r[rows]), axis=1)
-    drawn = LineCollection(
-        segments, linewidths=_bond_widths(bonds)[rows], colors=_bond_colours(bonds)[rows], **style
-    )
-    ax.add_collection(drawn, autolim=False)
-    clip_artists(outline, [drawn], rasterized=len(bonds) > MAX_VECTOR_BONDS)
+    rows, starts, vectors = section.bonds(bonds)
+    images, starts = segment_images(starts, vectors, section.cell)
+    rows, vectors = rows[images], vectors[images]
+    style = {"capstyle": "round", "zorder": 6, "label": hidden("bonds")}
+    segments = np.stack((starts, starts + vectors), axis=1)
+    drawn = [LineCollection(segments, linewidths=widths[rows], colors=colours[rows], **style)]
+    ax.add_collection(drawn[0], autolim=False)
+    if view is not None:
+        size, look = (
+            NODE_SIZE * length,
+            {"facecolors": REST_COLOUR, "linewidths": 0, "zorder": 7, "label": hidden("nodes")},
+        )
+        _, places = disk_images(section.centres, np.full(len(section.rows), size / 2), section.cell)
+        drawn.append(draw_circles(ax, places, np.full(len(places), size), **look))
+        view.draw_bonds(view_ax, network.positions[bonds.i], bonds.r, widths, colours)
+        view.draw_edges(view_ax, section.height)
+    clip_artists(outline, drawn, rasterized=len(bonds) > MAX_VECTOR_BONDS)
     return f"network of {network.n} nodes and {len(bonds)} bonds"
 
 
@@ -197,11 +223,14 @@ def _bond_widths(bonds):
 
 
 def _bond_colours(bonds):
-    return np.array([PULL_COLOUR, REST_COLOUR, PUSH_COLOUR])[np.sign(bonds.force).astype(int) + 1]
+    shades = np.array([to_rgb(colour) for colour in (PULL_COLOUR, REST_COLOUR, PUSH_COLOUR)])
+    return shades[np.sign(bonds.force).astype(int) + 1]
 
 
 def _network_caption(network):
     parts = [f"$N={network.n}$", f"{len(network.bonds)} bonds"]
+    if network.dimension == 3:
+        parts.append(rf"$\langle r\rangle={network.linear_bonds.distance.mean():.3g}$")
     if not network.tension.any():
         return "   ".join(parts)
     parts.append(f"$p/k={number(network.pressure / network.k)}$")

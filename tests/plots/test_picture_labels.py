@@ -1,5 +1,8 @@
 """Every axis of every picture says what it shows, in which unit and on which scale; panels have their letters."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from drawn import drawn_by, figure_of, require_inside
@@ -21,7 +24,7 @@ from jampetsc.plots import (
     quasistatic_plots,
     trade_plots,
 )
-from jampetsc.plots.draw import plain_text, table_rows
+from jampetsc.plots.draw import pictures, plain_text, table_rows
 from jampetsc.plots.spectrum_plots import plot_relaxation, spectrum_curve
 from jampetsc.plots.style import COLUMN, LOSS, PAGE, STORAGE
 
@@ -140,3 +143,11 @@ def test_flanks_of_the_window_are_not_drawn(tmp_path):
     assert cumulative.get_ylim() == pytest.approx((0.0, 1.05 * 1.00001))  # the sum of the weights is in sight
     H = ax.get_lines()[0].get_ydata()
     assert one.transient.H.min() < 1e-4 * one.transient.H.max() and H.min() >= 1e-4 * H.max() > 0
+
+
+def test_the_page_of_pictures_has_every_kind():
+    page = (Path(__file__).parents[2] / "docs/howto/pictures.md").read_text(encoding="utf-8")
+    columns = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    assert set(re.findall(r"`([\w-]+)`", " ".join(columns))) == {
+        kind for kind, picture in pictures().items() if picture.function.__module__.startswith("jampetsc")
+    }

@@ -15,7 +15,8 @@ from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import Packing
 from jampetsc.plots.packing_plots import _draw, flow_panel, plot_packing
 from jampetsc.plots.page import Page
-from jampetsc.plots.sphere_drawing import SphereView, cut_spheres
+from jampetsc.plots.sections import section_of
+from jampetsc.plots.sphere_drawing import SphereView
 
 HEIGHT = 0.8
 
@@ -23,7 +24,7 @@ HEIGHT = 0.8
 def test_disks_of_slices_fill_phi():
     """The mean over heights of Σ π (ρ² − h²) / |a₁ × a₂| is φ."""
     spheres, heights = few_spheres(), (np.arange(300) + 0.5) / 300
-    areas = [np.pi * np.sum(cut_spheres(spheres, height)[2] ** 2) for height in heights]
+    areas = [np.pi * np.sum(section_of(spheres, height).radii ** 2) for height in heights]
     assert np.mean(areas) / np.prod(np.diag(spheres.cell)[:2]) == pytest.approx(spheres.phi, rel=1e-4)
 
 
@@ -126,4 +127,4 @@ def test_snapshots_of_spheres_stand_in_rows_and_disks_have_no_slice(tmp_path, ca
     assert (
         main.main(["plot", str(tmp_path / "p.h5"), "--height", "0.5", "--out", str(tmp_path / "p.png")]) == 2
     )
-    assert "--height 0.5: a slice of spheres" in capsys.readouterr().err
+    assert "--height 0.5: of a slice in three dimensions" in capsys.readouterr().err
