@@ -131,7 +131,9 @@ def floppy_modes(pencil: Pencil) -> str:
 def shared_zero_modes(pencil: Pencil) -> str:
     """The reason that moves which K and B both let pass give where K + sB is singular; empty without them. Collective.
 
-    Empty where they cannot be counted, as for `floppy_modes`.
+    Under drag they are spins alone: (ρ_i θ_i + ρ_j θ_j) × n = 0 in all contacts. In a plane these are the gears, which
+    are pinned; in space also spheres that twist about n where all their bonds lie in one line. Empty where
+    they cannot be counted, as for `floppy_modes`.
     """
     if current().scalar_type != "real":
         return ""
@@ -145,12 +147,13 @@ def shared_zero_modes(pencil: Pencil) -> str:
     if not count:
         return ""
     moves, cost = ("moves", "cost") if count > 1 else ("move", "costs")
+    besides = "" if pencil.law.holds_translations else " besides translations"
     remedy = "Take a law with drag, which resists every motion."
     if pencil.dimension == 3 and pencil.law.couples_rotations:
-        remedy = f"Take a law without rotations ({named('rotations')}), as a sphere twists freely about a single bond."
+        remedy = f"Take a law without rotations ({named('rotations')}): spheres twist freely about bonds of one line."
     return (
-        f"{count} {moves} besides translations {cost} neither energy nor dissipation under {pencil.law}. The response "
-        f"is not unique. {remedy}"
+        f"{count} {moves}{besides} {cost} neither energy nor dissipation under {pencil.law}. The response is not "
+        f"unique. {remedy}"
     )
 
 

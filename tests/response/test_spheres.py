@@ -8,6 +8,7 @@ from dense import Reference
 from gathered import dense, unknowns, whole
 from samples import TABLE_LAWS, TENSOR_TABLE, errors_of, physics, put, sizes_of, table_tensor
 from samples import network_of as build
+from scipy.linalg import null_space
 from spheres import SPHERES, bidisperse, few_spheres
 
 import jampetsc
@@ -20,6 +21,7 @@ from jampetsc.petsc.session import current
 from jampetsc.response import factor_memory
 from jampetsc.response.assembly import ROW, assemble
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
+from jampetsc.response.shift_factors import _new_factor
 from jampetsc.response.slow_response import solve_quasistatic
 
 LOADS = symmetric_loads(3)
@@ -89,6 +91,23 @@ def test_matrices_and_borders(session, sample):
             assert moves.shape[1] == len(pencil.pins) == np.linalg.matrix_rank(moves[pencil.pins])
         matrix = exact.B.astype(float)[: len(rows), : len(rows)]
         assert np.linalg.norm(matrix, 2) <= ROW[3] * np.diag(matrix).max()
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize("s", [1e-6, 1.0])
+@pytest.mark.parametrize("sample", ["few", "body-centred"])
+def test_the_shift_bound_under_drag_on_spheres_that_roll(session, sample, s):
+    """K + sB ≥ μ apart from translations, which are its eigenvectors with s kτ₁ drag whatever spins are pinned."""
+    law = physics("custom", normal=0.5, transverse=0.3, sliding=0.7, drag=1e-6, prestress=False).law
+    network = build(SPHERES[sample](), LAWS[GEARS], session.comm)
+    pencil = assemble(network, law)
+    A = dense(pencil.K) + s * dense(pencil.B)
+    moves = np.kron(np.ones((len(A) // 6, 1)), np.eye(6, 3))
+    np.testing.assert_allclose(A @ moves, s * network.damping(law) * law.drag * moves, atol=1e-14)
+    others = null_space(moves.T)
+    least = np.linalg.eigvalsh(others.T @ A @ others)[0]
+    assert 1e-3 * least < _new_factor(pencil, s).least_eigenvalue() <= least
 
 
 @pytest.mark.scalar("real")

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from dense import NetworkReference
 from samples import physics, published
 from spheres import few_spheres, relaxed
 
@@ -102,24 +103,46 @@ def test_diamond_is_below_jamming(session):
         build_network(diamond, session.comm)
 
 
-def test_a_sphere_may_twist_about_its_only_bond(session):
-    """Which costs nothing whatever the damping of contacts: one line says so, with the remedy."""
-    network = Network.of_packing(few_spheres())
-    network = Network(
-        np.vstack((network.positions, network.positions[0] + [0.3, 0.9, 0.4])),
-        np.vstack((network.bonds, [0, network.n])),
+def with_another(network, place, neighbours):
+    """A network with one more sphere at a place (3,), bonded to these."""
+    bonds = [[neighbour, network.n] for neighbour in neighbours]
+    return Network(
+        np.vstack((network.positions, place)),
+        np.vstack((network.bonds, bonds)),
         network.cell,
-        images=np.vstack((network.images, [0, 0, 0])),
+        images=np.vstack((network.images, np.zeros((len(bonds), 3)))),
         radii=np.append(network.radii, 0.5),
     )
-    law = physics(beta=0.3, prestress=False)
-    pencil = assemble(build_network(network, session.comm, False), law.law)
-    with pytest.raises(
-        (InputError, ConvergenceError), match=r"3 moves besides translations cost neither .* twists freely"
-    ):
-        sweep_rationally(pencil, OMEGA, 1e-6)
+
+
+@pytest.mark.parametrize("law, moves", [
+    (physics(beta=0.3, prestress=False), (3, 1)),
+    (physics("custom", sliding=0.7, drag=0.2, prestress=False), (1, 1)),
+    (physics("custom", normal=0.5, transverse=0.3, sliding=0.7, drag=0.2, prestress=False), (1, 1)),
+], ids=str)  # fmt: skip
+def test_a_sphere_may_twist_about_bonds_of_one_line(session, law, moves):
+    """Which costs nothing whatever the damping: one line says how many such moves there are, with the remedy.
+
+    They are as many as a dense K + B has zeros, but for translations and gears, if these cost nothing.
+    """
+    network = Network.of_packing(few_spheres())
+    alone = with_another(network, network.positions[0] + [0.3, 0.9, 0.4], [0])
+    inside = np.flatnonzero(~network.images.any(axis=1))[0]  # a bond that does not leave the cell
+    middle = network.positions[network.bonds[inside]].mean(axis=0)
+    between = with_another(network, middle, network.bonds[inside])
+    for more, expected in zip((alone, between), moves, strict=True):
+        exact = NetworkReference(more, law)
+        both = (exact.K + exact.B)[:-1, :-1].astype(float)
+        scale = 1.0 / np.sqrt(np.diag(both))
+        zeros = np.count_nonzero(np.linalg.eigvalsh(both * np.outer(scale, scale)) < 1e-10)
+        assert zeros - exact._costless().shape[1] == expected
+        pencil = assemble(build_network(more, session.comm, False), law.law)
+        besides = "" if law.law.drag else " besides translations"
+        says = f"{expected} moves?{besides} costs? neither .* twist freely"
+        with pytest.raises((InputError, ConvergenceError), match=f"^{says}"):
+            sweep_rationally(pencil, OMEGA, 1e-6)
     still = physics(rotations=False, prestress=False)
-    assert np.abs(tensor(network, still, session.comm)).max() > 0.1
+    assert np.abs(tensor(alone, still, session.comm)).max() > 0.1
 
 
 @pytest.mark.most_ranks(1)
