@@ -82,7 +82,7 @@ class Plot(Job):
     pressures, P(p).
     In three dimensions packings, networks and snapshots are a slice z = const beside a view of the cell; fields,
     responses, modes and velocities are slices, with arrows of their x and y components and colours of z.
-    Frequencies are shown in 1/τ₁, moduli and pressures in k.
+    Frequencies are shown in 1/τ₁, moduli and pressures in k, in three dimensions over the unit of length.
     """
 
     FORMAT: ClassVar = "picture"

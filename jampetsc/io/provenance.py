@@ -87,6 +87,7 @@ def derived_from(sweeps, wall_seconds) -> dict:
         "law",
         *LAW_PARAMETERS,
         "load",
+        "dimension",
         "pressure",
         "phi",
         "k",

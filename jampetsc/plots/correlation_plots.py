@@ -17,7 +17,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.options.values import FREQUENCIES
 from jampetsc.plots.curves import Curve, entries_of, group_curves
 from jampetsc.plots.page import HEIGHT, draw_band, draw_points
-from jampetsc.plots.picture import count_text, option, picture, units_of
+from jampetsc.plots.picture import count_text, option, picture, stress_unit, units_of
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
@@ -259,12 +259,13 @@ def plot_lengths(results, page):
     for curve in curves:
         if curve.pressure is None:
             raise InputError(f"{curve.name}: attribute pressure: missing. Correlate sweeps that have it.")
-    medium = all(curve.modulus is not None for curve in curves)
+    medium, over = all(curve.modulus is not None for curve in curves), stress_unit(curves).over
     panels = [  # names of the axes, and where lengths y of a curve lie in them
         (r"$\omega\tau_1$", "$l/L$", lambda curve, y: (curve.omega, y / curve.size)),
-        (r"$\omega\tau_1\,/\,(p/k)^{1/2}$", rf"$(l/d)\,[-\ln(p/k)]^{{{LOG_EXPONENT:g}}}$",
+        (rf"$\omega\tau_1\,/\,(p{over})^{{1/2}}$", rf"$(l/d)\,[-\ln(p{over})]^{{{LOG_EXPONENT:g}}}$",
          lambda curve, y: stokes_collapse(curve.omega, y, curve.pressure, LOG_EXPONENT)),
-        (r"$(|G^*|/k\omega\tau_1)^{1/2}$", "$l/d$", lambda curve, y: medium_collapse(curve.omega, y, curve.modulus)),
+        (rf"$(|G^*|{over}\omega\tau_1)^{{1/2}}$", "$l/d$",
+         lambda curve, y: medium_collapse(curve.omega, y, curve.modulus)),
     ][: 3 if medium else 2]  # fmt: skip
     x_names, y_names, places = zip(*panels, strict=True)
     axes = page.panels(1, len(panels), PAGE, HEIGHT + 0.2, x=x_names, y=y_names, log="xy")

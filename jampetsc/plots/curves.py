@@ -11,7 +11,7 @@ from jampetsc.analysis.statistics import STATISTICS, median_interval
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import FAMILIES, OPTIONS
 from jampetsc.laws.loads import DEFAULT, TENSOR
-from jampetsc.plots.picture import group_by, units_of
+from jampetsc.plots.picture import group_by, stress_unit, units_of
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
@@ -167,17 +167,17 @@ def _curve(result, x, G, bounds, **more):
 def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:
     """(legend title, groups) of curves that differ in pressure, law or parameters, low pressure first.
 
-    Colours run from dark at low pressure (or at the first label) to light; the title is "p/k" if that is all. Where
-    one number differs, its logarithm sets the colour, and grey is 0. If they may be `crossed`, several laws at several
-    pressures have the colours of these, and each law a marker and a dash.
+    Colours run from dark at low pressure (or at the first label) to light; the title is p over its unit if that is all.
+    Where one number differs, its logarithm sets the colour, and grey is 0. If they may be `crossed`, several laws at
+    several pressures have the colours of these, and each law a marker and a dash.
     """
-    descriptions = [c.description for c in curves]
+    descriptions, over = [c.description for c in curves], stress_unit(curves).over
     varying = [key for key in descriptions[0] if _varies(key, [d[key] for d in descriptions])]
     only_pressure = varying in (["p/k"], []) and all(c.pressure and c.pressure > 0 for c in curves)
     keys = varying or ["p/k"]
     members = group_by(
         sorted(zip(curves, descriptions, strict=True), key=lambda pair: _rank(pair[1])),
-        lambda pair: tuple(_part(key, pair[1][key], only_pressure) for key in keys),
+        lambda pair: tuple(_part(key, pair[1][key], only_pressure, over) for key in keys),
     )
     numbers = [own[0][0].pressure if only_pressure else own[0][1][keys[0]] for own in members.values()]
     scaled = keys in ([name] for name in ("p/k", *_SYMBOLS)) and all(
@@ -197,7 +197,7 @@ def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:
         for n, (level, law) in enumerate(pairs):
             look = {"colour": levels[level]["color"], "marker": laws[law]["marker"], "dash": dashes[law]}
             groups[n] = replace(groups[n], **look, parts=pairs[n])
-    return ("$p/k$" if only_pressure else ""), groups
+    return (f"$p{over}$" if only_pressure else ""), groups
 
 
 def log_colours(values) -> list[tuple]:
@@ -242,8 +242,8 @@ def _rank(description):
     )
 
 
-def _part(key, value, bare):
-    """The words for one property in a label."""
+def _part(key, value, bare, over):
+    """The words for one property in a label; over: the unit of stress, as `StressUnit.over`."""
     if key == "contacts":
         return _CONTACTS[value]
     if key == "load":
@@ -251,13 +251,13 @@ def _part(key, value, bare):
     if value is None:
         return "" if key != "p/k" else "$p$ unknown"
     if key == "p/k":
-        return f"${power_or_number(value)}$" if bare else f"$p/k={power_or_number(value)}$"
+        return f"${power_or_number(value)}$" if bare else f"$p{over}={power_or_number(value)}$"
     if key == "N":
         return f"$N={value}$"
     if key == "alpha" and value == 1.0:
         return "linear damping"
     if key in _SYMBOLS:
-        return f"${_SYMBOLS[key]}={number(value)}$"
+        return f"${_SYMBOLS[key].replace('/k', over)}={number(value)}$"
     if key in _SWITCHES:
         return _SWITCHES[key][bool(value)]
     return FAMILIES[value].label.split()[0] if value in FAMILIES else str(value)

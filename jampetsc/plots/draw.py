@@ -170,7 +170,8 @@ def choose_kind(kinds, items, names) -> str:
             hint = f" Give the packing of a sweep by {named('packing')}." if "packing" in formats else ""
             nouns = " and ".join(_with_article(_file_noun(formats[n])) for n in (0, different))
             raise InputError(f"{names[0]}, {names[different]}: {nouns}. Draw them in two pictures.{hint}")
-    kind = next((kind for kind in kinds if formats[0] in PICTURES[kind].of), kinds[0])
+    able = [kind for kind in kinds if formats[0] in PICTURES[kind].of] or kinds
+    kind = next((kind for kind in able if all(map(PICTURES[kind].suits, items))), able[0])
     if formats[0] not in PICTURES[kind].of:
         raise InputError(
             f"{names[0]}: {_with_article(formats[0], 'file')}. For {kind} pictures give {_needed_files([kind])}."

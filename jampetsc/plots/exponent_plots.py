@@ -14,12 +14,13 @@ from jampetsc.errors import InputError
 from jampetsc.io.reader import SweepResult
 from jampetsc.plots.curves import Curve, curve_of, entries_of, group_curves, require_same_frequencies
 from jampetsc.plots.page import draw_band, draw_points
-from jampetsc.plots.picture import count_text, picture
+from jampetsc.plots.picture import count_text, picture, stress_unit
 from jampetsc.plots.quasistatic_plots import (
     PRESTRESS,
     QUANTITIES,
     groups_of,
     handles_of,
+    has_pressure,
     pressures_of,
     unstable,
     value_of,
@@ -43,7 +44,7 @@ _PANELS = (  # what it is, limits that have a name, range, whether only above ω
 )
 
 
-@picture("exponents", "sweep", "quasistatic")
+@picture("exponents", "sweep", "quasistatic", suits=has_pressure)
 def plot_exponents(results, page):
     """Of sweeps `draw_exponents`, against ω; of quasistatic files `draw_pressure_exponents`, against p."""
     if isinstance(results[0], Curve | SweepResult):
@@ -97,7 +98,7 @@ def draw_pressure_exponents(results, page) -> str:
         raise InputError(f"{results[0].path}: one pressure alone. For local exponents give files at several.")
     styles = dict(looks(groups))
     names = [rf"$d\,\ln {symbol}\,/\,d\,\ln p$" for symbol, _ in _LIMITS.values()]
-    axes = page.panels(2, 3, PAGE, 2 * HEIGHT, x="$p/k$", y=names, log="x")
+    axes = page.panels(2, 3, PAGE, 2 * HEIGHT, x=f"$p{stress_unit(results).over}$", y=names, log="x")
     for ax, (name, (_, limit)) in zip(axes, _LIMITS.items(), strict=True):
         ax.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
         for size, levels in groups.items():

@@ -100,10 +100,11 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
         )
     strain = r"\gamma" if load.name == DEFAULT else r"\epsilon"
     symbol, single, panels = "u" if total else r"\tilde u", len(omega) == 1, []
+    gap = ",  " if disks.dimension == 2 else "\n"  # a colour bar leaves slices little width
     for part, (take, name) in enumerate(INSTANTS[phase]):
         for f, w in enumerate(omega):
             frequency, instant = rf"$\omega\tau_1={power_or_number(w)}$", name.format(symbol)
-            title = f"{instant},  {frequency}" if single else "" if part else frequency
+            title = gap.join((instant, frequency)) if single else "" if part else frequency
             rolls = None if spin is None else take(spin[f])
             panels.append((title, take(motion[f]), rolls, "" if single or f else instant))
     _draw(page, section, shown, panels, symbol, strain, 1 if single else 2)

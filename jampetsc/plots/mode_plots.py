@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
 from jampetsc.plots.page import draw_band, draw_points, draw_power_law
-from jampetsc.plots.picture import count_text, group_by, picture, units_of
+from jampetsc.plots.picture import count_text, group_by, picture, stress_unit, units_of
 from jampetsc.plots.quasistatic_plots import QUANTITIES, groups_of, pressures_of, values_of
 from jampetsc.plots.style import (
     COLUMN,
@@ -60,8 +60,8 @@ def _pressure(level):
 
 
 def group_by_pressure(results) -> dict:
-    """{p/k: files}, low pressure first."""
-    levels = group_by(zip(pressures_of(results), results, strict=True), lambda pair: pair[0])
+    """{p/k: files}, low pressure first; 0 of networks at rest."""
+    levels = group_by(zip(pressures_of(results, zero=True), results, strict=True), lambda pair: pair[0])
     return {level: [result for _, result in files] for level, files in sorted(levels.items())}
 
 
@@ -107,7 +107,7 @@ def plot_modes(results, page):
     handles = [entry(_pressure(p), "0.3", ls="none", marker=look["marker"]) for (p, _), look in pressures]
     if any(len(files) > 1 for (_, files), _ in pressures):
         handles.append(Patch(facecolor="0.2", alpha=0.25, label="68 % interval"))
-    page.legend(above, handles, "$p/k$")
+    page.legend(above, handles, f"$p{stress_unit(results).over}$")
     nonaffine = entry(r"$\Sigma|u_{\rm na}|^2$", "k", lw=0.8)
     modulus = entry(r"$G_{\rm aff}-G_0$", "k", lw=0.8, ls=DASHED)
     below.legend(handles=[nonaffine, modulus], loc="upper left", ncol=2)
@@ -149,7 +149,7 @@ def plot_states(results, page):
     ax = page.panels(x=FREQUENCY, y=r"$D(\omega_m)$", log="xy")
     for (level, files), look in looks(group_by_pressure(results).items()):
         ax.plot(*pooled_density(files), markersize=2.8, label=_pressure(level), **look)
-    page.legend(ax, title="$p/k$")
+    page.legend(ax, title=f"$p{stress_unit(results).over}$")
     return f"density of states of {count_text(results, 'packing', 'packings')}"
 
 
@@ -188,7 +188,7 @@ def plot_lowest(results, page):
         return (np.exp(means), np.exp(means) * errors) if log else (means, errors)
 
     names = "floppiness of the lowest modes", "share of the lowest modes", "median per unit strain"
-    axes = page.panels(1, 3, PAGE, 3.1, x="$p/k$", y=names, log=("xy", "x", "xy"))
+    axes = page.panels(1, 3, PAGE, 3.1, x=f"$p{stress_unit(results).over}$", y=names, log=("xy", "x", "xy"))
     axes[1].set_ylim(-0.03, 1.03)
     of_modes = [  # modes together -> how they are drawn
         (m, {"linestyle": dash, "marker": marker, "label": hidden(f"lowest {m}")})

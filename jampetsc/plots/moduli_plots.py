@@ -14,7 +14,7 @@ from jampetsc.errors import InputError, about
 from jampetsc.options.parameters import NUMBER, WORD
 from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves, symbol_of
 from jampetsc.plots.page import draw_band, draw_guide
-from jampetsc.plots.picture import count_text, option, picture
+from jampetsc.plots.picture import count_text, option, picture, stress_unit
 from jampetsc.plots.style import DASHED, LOSS, OPEN, STORAGE, entry, hidden, power_text, sequential
 
 _MAX_MARKED = 16  # frequencies up to which each has a marker
@@ -58,7 +58,7 @@ def plot_loss(results, page, statistic=None):
 def _draw_parts(results, page, statistic, parts, words):
     along, x = _abscissa(results)
     curves, what, text = average_files(results, statistic, along)
-    y = ",  ".join(f"{part}$/k$" for part in parts)
+    y = ",  ".join(f"{part}${stress_unit(results).over}$" for part in parts)
     _draw(page, curves, (x, y), None, r"\omega" if along == "omega" else None, what, parts)
     of = count_text(results) if not any(map(_oscillates, results)) else count_text(results, "file", "files")
     return f"{words} of {of}{text}"
@@ -73,7 +73,10 @@ def _abscissa(results):
     if all(_oscillates(result) and len(result["omega"]) == 1 for result in results):
         imposed = {result.attributes["control"] for result in results}
         if len(imposed) == 1 and max(len(result["amplitude"]) for result in results) > 1:
-            return "amplitude", {"strain": r"$\gamma_0$", "stress": r"$\sigma_0/k$"}[imposed.pop()]
+            return "amplitude", {
+                "strain": r"$\gamma_0$",
+                "stress": rf"$\sigma_0{stress_unit(results).over}$",
+            }[imposed.pop()]
     return "omega", r"$\omega\tau_1$"
 
 
@@ -87,8 +90,10 @@ def plot_collapse(results, page, statistic=None, mu=MU, **more):
     """
     lam = more.get("lambda", LAMBDA)  # a keyword of python
     curves, what, averages = average_files(results, statistic)
-    x = rf"$\omega\tau_1\,/\,{power_text('(p/k)', lam)}$" if lam else r"$\omega\tau_1$"
-    y = rf"{STORAGE}, {LOSS}  $[\,k\,{power_text('(p/k)', mu)}\,]$"
+    unit = stress_unit(results)
+    p = f"(p{unit.over})"
+    x = rf"$\omega\tau_1\,/\,{power_text(p, lam)}$" if lam else r"$\omega\tau_1$"
+    y = rf"{STORAGE}, {LOSS}  $[\,{unit.name}\,{power_text(p, mu)}\,]$"
     critical, symbol = (mu / lam, "x") if lam else (None, r"\omega")
     _draw(page, [_scaled(curve, mu, lam) for curve in curves], (x, y), critical, symbol, what, _BOTH)
     text = f"collapse of {count_text(results)} with mu = {mu:g}, lambda = {lam:g}{averages}"

@@ -22,7 +22,7 @@ from jampetsc.plots.cell_drawing import (
 )
 from jampetsc.plots.cell_view import VIEW_NOTE, CellView, frame_slices
 from jampetsc.plots.flow_plots import kind_of, labels_of
-from jampetsc.plots.picture import picture
+from jampetsc.plots.picture import STRESS_UNITS, picture
 from jampetsc.plots.sections import HEIGHT, section_of
 from jampetsc.plots.sphere_drawing import SphereView
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
@@ -160,7 +160,10 @@ def _caption(disks, contacts, pressure, coordination, hollow):
     parts = [f"$N={disks.n - walls}$", rf"$\phi={phi_between(disks, walls):.4f}$"]
     below = [r"line width $\propto$ contact force" if len(contacts) else "no load-bearing contacts"]
     if len(contacts):
-        parts += [f"$p/k={power_or_number(pressure / disks.potential.k)}$", f"$Z={coordination:.3f}$"]
+        over = STRESS_UNITS[disks.dimension].over
+        if disks.dimension == 3 and disks.potential.stiffness != "constant":  # k is an energy
+            over = r"\,d^3/k"
+        parts += [f"$p{over}={power_or_number(pressure / disks.potential.k)}$", f"$Z={coordination:.3f}$"]
     below += [f"hollow: {hollow}"] * bool(hollow) + ["dark: walls"] * bool(walls)
     return "   ".join(parts) + "\n" + ";  ".join(below)
 
@@ -233,5 +236,5 @@ def _network_caption(network):
         parts.append(rf"$\langle r\rangle={network.linear_bonds.distance.mean():.3g}$")
     if not network.tension.any():
         return "   ".join(parts)
-    parts.append(f"$p/k={number(network.pressure / network.k)}$")
+    parts.append(f"$p{STRESS_UNITS[network.dimension].over}={number(network.pressure / network.k)}$")
     return "   ".join(parts) + "\nred pushes, blue pulls;  line width $\\propto$ force"

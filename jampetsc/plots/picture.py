@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +49,7 @@ class Picture:
     options: tuple[Parameter, ...]
     single: bool  # one file at a time
     mixed: bool  # files of several of these formats at once
+    suits: Callable  # result -> whether it has what the picture needs; asked where no kind is given
 
     @property
     def keywords(self) -> dict:
@@ -109,11 +111,11 @@ def _unsound(result) -> str:
     return ""
 
 
-def picture(kind, *of, options=(), single=False, mixed=False):
+def picture(kind, *of, options=(), single=False, mixed=False, suits=lambda result: True):
     """A decorator that makes a `Picture` of a function and enters it in PICTURES."""
 
     def enter(function):
-        PICTURES[kind] = Picture(kind, function, of, tuple(options), single, mixed)
+        PICTURES[kind] = Picture(kind, function, of, tuple(options), single, mixed, suits)
         PICTURES[kind].__dict__["__doc__"] = function.__doc__
         return PICTURES[kind]
 
@@ -166,6 +168,25 @@ def units_of(result) -> Units:
     return Units(values["k"], values["tau1"], None if pressure is None else pressure / values["k"])
 
 
+class StressUnit(NamedTuple):
+    """TeX of the unit of stress, of a stress over it (behind its symbol), and of the unit of viscosity."""
+
+    name: str
+    over: str
+    viscosity: str
+
+
+STRESS_UNITS = {  # D -> unit, with d the unit of length
+    2: StressUnit("k", "/k", r"k\tau_1"),
+    3: StressUnit("k/d", r"\,d/k", r"k\tau_1/d"),
+}
+
+
+def stress_unit(results) -> StressUnit:
+    """That of spheres if all results are of spheres or of networks in three dimensions, else that of disks."""
+    return STRESS_UNITS[3 if all(result.attributes.get("dimension", 2) == 3 for result in results) else 2]
+
+
 UNITS = ("energy", "stress", "rate", "viscosity", "length")
 _RATE = r"k_{\rm e}/k_{\rm d}d_{\rm s}^2"
 _VAGBERG = {  # D -> names of his units, of spheres with stress as energy over volume
@@ -201,7 +222,9 @@ def flow_units(results) -> FlowUnits:
         elif attributes.get("stiffness") == "inverse-square-diameter":
             texts = (r"k_{\rm e}", r"k_{\rm e}", r"1/\tau_1", r"k_{\rm e}\tau_1", "")  # over the unit of area
         else:
-            texts = ("k", "k", r"1/\tau_1", r"k\tau_1", "")  # times the packing's unit of area
+            D = attributes.get("dimension", 2)
+            energy, unit = {2: "k", 3: r"k\,d^2"}[D], STRESS_UNITS[D]  # in the plane times the unit of area
+            texts = (energy, unit.name, r"1/\tau_1", unit.viscosity, "")
         units = FlowUnits(scales.k, scales.tau1, texts)
         first_units = first_units or units
         if units != first_units:

@@ -16,7 +16,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import having
 from jampetsc.laws.loads import DEFAULT
 from jampetsc.plots.page import draw_band, draw_guide, draw_points, draw_power_law, limits_kept
-from jampetsc.plots.picture import count_text, picture, units_of
+from jampetsc.plots.picture import count_text, picture, stress_unit, units_of
 from jampetsc.plots.style import (
     GREY,
     OPEN,
@@ -41,12 +41,17 @@ PRESTRESS = (  # prefix of attributes, its meaning, further keywords of the line
 )
 
 
-def pressures_of(results):
-    """p/k of each file, (F,). Raises InputError where it is not positive."""
+def has_pressure(result) -> bool:
+    """Whether a file has a positive pressure, unlike networks at rest."""
+    return float(result.attributes.get("pressure", 0.0)) > 0
+
+
+def pressures_of(results, zero=False):
+    """p/k of each file, (F,). Raises InputError where it is not positive, or `zero`, as of networks at rest."""
     pressures = []
     for result in results:
         pressure = units_of(result).pressure
-        if pressure is None or not pressure > 0:
+        if pressure is None or not (pressure > 0 or (zero and pressure == 0)):
             words = "is not recorded" if pressure is None else f"{pressure:g}"
             raise InputError(f"{result.path}: pressure {words}. Give files of positive pressure.")
         pressures.append(float(f"{pressure:.6g}"))
@@ -86,7 +91,7 @@ def prestress_samples(levels, value, *more):
             yield samples, words, face, prefix
 
 
-@picture("medians", "quasistatic")
+@picture("medians", "quasistatic", suits=has_pressure)
 def plot_medians(results, page):
     """Medians of |Δu∥|, |Δu⊥| and |u_na| per unit strain against p/k, with slopes ±1/4 (BT eqs. 19-21).
 
@@ -94,7 +99,7 @@ def plot_medians(results, page):
     one pressure and N; where each has several, bands are 68 % intervals of these medians by resampling the files.
     """
     groups = groups_of(results)
-    ax = page.panels(x="$p/k$", y="median per unit strain", log="xy")
+    ax = page.panels(x=f"$p{stress_unit(results).over}$", y="median per unit strain", log="xy")
     styles = {size: {"marker": look["marker"]} for size, look in looks(groups)}
     several, handles, bands, single = len(groups) > 1, [], [], False
     for (name, (symbol, slope)), own in looks(QUANTITIES.items()):
@@ -154,7 +159,7 @@ def unstable(results) -> str:
     return f"; G0 < 0 in {negative} of them, which count like the others" if negative else ""
 
 
-@picture("viscosities", "quasistatic")
+@picture("viscosities", "quasistatic", suits=has_pressure)
 def plot_viscosities(results, page):
     """η₀ (filled) and η_∞ (open) in kτ₁ against β, a colour for each pressure and N; with the scans over β of the
     files. Guides are β and β^½, where the first colour's lines follow them.
@@ -168,7 +173,7 @@ def plot_viscosities(results, page):
             )
     sizes = groups_of(results)
     groups = looks((size, level, files) for size, levels in sizes.items() for level, files in levels.items())
-    ax = page.panels(x=r"$\beta$", y=r"$\eta_0,\ \eta_\infty\ [k\tau_1]$", log="xy")
+    ax = page.panels(x=r"$\beta$", y=rf"$\eta_0,\ \eta_\infty\ [{stress_unit(results).viscosity}]$", log="xy")
     handles, bands, first = [], [], {}
     columns = ((r"$\eta_0$", {}), (r"$\eta_\infty$", OPEN))
     for (size, level, files), look in groups:
@@ -184,7 +189,7 @@ def plot_viscosities(results, page):
     for (symbol, _), exponent, above in zip(columns, (1.0, 0.5), (True, False), strict=True):
         draw_guide(ax, *first[symbol], exponent, r"\beta", above)
     handles += [entry(symbol, marker="o", mew=0.7, **face) for symbol, face in columns]
-    page.legend(ax, handles + bands, "$p/k$")
+    page.legend(ax, handles + bands, f"$p{stress_unit(results).over}$")
     return f"eta0 and eta_inf against beta of {count_text(results, 'file', 'files')}"
 
 
@@ -204,7 +209,7 @@ MAX_CRITICAL_PRESSURE = 2e-3  # p/k below which √p η₀ does not depend on p
 MIN_SIZES = 3  # of a line in ln N
 
 
-@picture("finite-size", "quasistatic")
+@picture("finite-size", "quasistatic", suits=has_pressure)
 def plot_finite_size(results, page):
     """As `draw_finite_size` with a = 1, the exponent of contact damping (BT)."""
     return draw_finite_size(results, page, 1.0)
@@ -230,16 +235,17 @@ def draw_finite_size(results, page, size_power) -> str:
     fluid = any(fluid_of(result) > 0 for result in results)
     symbols = [r"\eta_0"] + [r"(\eta_0-\eta_F)"] * fluid
     styles = dict(looks(groups))
-    y = [rf"${symbol}\,/\,{power_text('N', size_power)}$ $[k\tau_1]$" for symbol in symbols]
+    unit = stress_unit(results)
+    y = [rf"${symbol}\,/\,{power_text('N', size_power)}$ $[{unit.viscosity}]$" for symbol in symbols]
     axes = {
-        "x": ["$N^2p/k$"] * len(symbols) + ["$N$"],
-        "y": [*y, rf"$(p/k)^{{1/2}}\,{symbols[-1]}$ $[k\tau_1]$"],
+        "x": [f"$N^2p{unit.over}$"] * len(symbols) + ["$N$"],
+        "y": [*y, rf"$(p{unit.over})^{{1/2}}\,{symbols[-1]}$ $[{unit.viscosity}]$"],
         "log": ["xy"] * len(symbols) + ["x"],
     }
     axes = page.panels(1, 1 + len(symbols), PAGE, HEIGHT if fluid else 0.9 * HEIGHT, **axes)
     for ax, subtracted in zip(axes[:-1], (False, True), strict=False):
         _draw_collapse(ax, groups, styles, size_power, subtracted)
-    _draw_sizes(page, axes[-1], groups)
+    _draw_sizes(page, axes[-1], groups, unit)
     guide = entry(f"slope ${exponent_text(-size_power / 2)}$", GREY, linestyle="--")
     page.legend(axes[0], [*handles_of(styles), guide], first="lower left", handlelength=1.8)
     return f"eta0/N^{size_power:g} against pN^2 of {count_text(results, 'file', 'files')}{unstable(results)}"
@@ -275,7 +281,7 @@ def _draw_collapse(ax, groups, styles, power, subtracted):
             ax.plot(guide, level * guide ** (-power / 2), "--", color=GREY, linewidth=0.8, zorder=1)
 
 
-def _draw_sizes(page, ax, groups):
+def _draw_sizes(page, ax, groups, unit):
     large = {}  # {p/k: {N: (mean, error) of √p (η₀ − η_F)}}
     for size, levels in groups.items():
         for level, files in levels.items():
@@ -294,7 +300,7 @@ def _draw_sizes(page, ax, groups):
             constant, slope = fit_logarithm(n[certain], y[certain], error[certain])
             ax.plot(n, constant + slope * np.log(n), color=look["color"], linewidth=0.8, zorder=1)
     ax.set_ylim(0.0, None)
-    page.legend(ax, title="$p/k$", named=False)
+    page.legend(ax, title=f"$p{unit.over}$", named=False)
     ax.xaxis.set_major_locator(FixedLocator(sorted({size for sizes in large.values() for size in sizes})))
     ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.xaxis.set_minor_locator(NullLocator())

@@ -9,7 +9,7 @@ from jampetsc.analysis.transient import Transient, transient
 from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.page import limits_kept
-from jampetsc.plots.picture import count_text, picture, units_of
+from jampetsc.plots.picture import count_text, picture, stress_unit, units_of
 from jampetsc.plots.style import DASHED, PAGE, entry, hidden, number
 
 HEIGHT = 5.0  # inches
@@ -65,7 +65,9 @@ def plot_relaxation(results, page):
         )
     title, groups = group_curves(curves, crossed=False)
     x = [r"$\tau/\tau_1$"] * 2 + [r"$t/\tau_1$"] * 2
-    y = [r"$H/k$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", r"$G(t)/k$", r"$J(t)\,k$"]
+    unit = stress_unit(curves)
+    y = [rf"${symbol}{unit.over}$" for symbol in ("H", r"\sum_{\tau_m\leq\tau}\,g_m", "G(t)")]
+    y.append(rf"$J(t)\,{unit.name}$")
     axes = page.panels(2, 2, PAGE, HEIGHT, x=x, y=y, log=["xy", "x", "xy", "xy"])
     few = len(curves) <= _MAX_DETAILED
     for group in groups:
@@ -117,7 +119,7 @@ def _notes(page, axes, curves):
     if viscous:
         text = r"without $\eta_\infty\,\delta(t)$"
         if max(viscous) < 1.005 * min(viscous):
-            text += rf", $\eta_\infty={number(viscous[0])}\,k\tau_1$"
+            text += rf", $\eta_\infty={number(viscous[0])}\,{stress_unit(curves).viscosity}$"
         axes[2].text(0.97, 0.97, text, ha="right", transform=axes[2].transAxes, **small)
     unstable = sum(curve.transient.retardation.growth_rate > 0 for curve in curves)
     if unstable:

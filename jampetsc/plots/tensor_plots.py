@@ -9,7 +9,7 @@ from jampetsc.laws.loads import tensor_components
 from jampetsc.plots.curves import average_curves, bulk_curve_of, curve_of, group_curves, require_tensor
 from jampetsc.plots.moduli_plots import STATISTIC
 from jampetsc.plots.page import draw_band
-from jampetsc.plots.picture import count_text, picture, units_of
+from jampetsc.plots.picture import STRESS_UNITS, count_text, picture, stress_unit, units_of
 from jampetsc.plots.style import DASHED, DOTTED, GREY, LOSS, PAGE, STORAGE, colours, entry, hidden
 
 HEIGHT = 3.0  # inches
@@ -24,7 +24,8 @@ def plot_bulk(results, page, statistic=None):
     Storage and loss are panels of their own; values that are not positive are left out.
     """
     bulk, shear = _averages(results, statistic)
-    y = [f"{part}$/k$" for part in (f"{BULK_STORAGE}, {STORAGE}", f"{BULK_LOSS}, {LOSS}")]
+    over = stress_unit(results).over
+    y = [f"{part}${over}$" for part in (f"{BULK_STORAGE}, {STORAGE}", f"{BULK_LOSS}, {LOSS}")]
     axes = page.panels(1, 2, PAGE, HEIGHT, x=OMEGA, y=y, log="xy")
     for curves, dash, name in ((bulk, "-", "K"), (shear, DASHED, "G")):
         title, groups = _draw_parts(axes, curves, name, (dash, dash))
@@ -61,7 +62,8 @@ def plot_tensor(results, page):
     rows = [(a, b) for a in range(len(names)) for b in range(a, len(names))]
     D = dimension_of(C)
     isotropic = [(a, b) for a, b in rows if a == b or b < D]
-    axes = page.panels(1, 2, PAGE, HEIGHT + 0.4, x=OMEGA, y=["$|C$\u2032$|/k$", "$|C$\u2033$|/k$"], log="xy")
+    y = [f"$|C${prime}$|{STRESS_UNITS[D].over}$" for prime in "\u2032\u2033"]
+    axes = page.panels(1, 2, PAGE, HEIGHT + 0.4, x=OMEGA, y=y, log="xy")
     shades, entries = dict(zip(isotropic, colours(len(isotropic)), strict=True)), []
     for a, b in sorted(rows, key=lambda pair: pair in shades):
         colour, label = shades.get((a, b), "0.7"), f"$C_{{{names[a]}{names[b]}}}$"

@@ -8,7 +8,7 @@ from samples import published
 from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots import style
-from jampetsc.plots.draw import plot
+from jampetsc.plots.draw import choose_kind, pictures, plot
 from jampetsc.plots.mode_plots import plot_lowest, plot_modes, plot_states, pooled_density
 from jampetsc.plots.quasistatic_plots import plot_medians, plot_viscosities
 
@@ -218,3 +218,9 @@ MODES.stored = lambda name: np.zeros((2, 4, 2))
 def test_what_is_refused(results, asked, says):
     with pytest.raises(InputError, match=says):
         plot(results, **asked)
+
+
+def test_networks_at_rest_have_pictures_of_their_modes_and_of_their_response():
+    assert told(plot([modes_of([1.0, 2.0], pressure=0.0)])[0]) == ["$0$"]
+    assert choose_kind(list(pictures()), [quasistatic_of([1, 1, 1], pressure=0.0)], [""]) == "response"
+    assert choose_kind(list(pictures()), [quasistatic_of([1, 1, 1])], [""]) == "medians"

@@ -145,6 +145,22 @@ def test_flanks_of_the_window_are_not_drawn(tmp_path):
     assert one.transient.H.min() < 1e-4 * one.transient.H.max() and H.min() >= 1e-4 * H.max() > 0
 
 
+def test_stresses_in_space_are_in_k_over_a_length(tmp_path):
+    """Labels and legends of files of spheres have d/k and k/d where those of disks have 1/k and k."""
+    for picture, made, panels in PICTURES:
+        if picture.kind not in ("collapse", "viscosities", "spectrum"):
+            continue
+        results = made(tmp_path)
+        for result in results:
+            result.attributes["dimension"] = 3
+        found = [(ax.get_xlabel(), ax.get_ylabel()) for ax in picture.draw(results).axes]
+        for labels, flat in zip(found, panels, strict=True):
+            for label, other in zip(labels, flat, strict=False):
+                other = other.replace("/k", r"\,d/k").replace(r"k\tau_1]", r"k\tau_1/d]")
+                other = other.replace(r"[\,k\,", r"[\,k/d\,").replace(r"J(t)\,k", r"J(t)\,k/d")
+                assert label == other
+
+
 def test_the_page_of_pictures_has_every_kind():
     page = (Path(__file__).parents[2] / "docs/howto/pictures.md").read_text(encoding="utf-8")
     columns = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
