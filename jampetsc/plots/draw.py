@@ -272,8 +272,9 @@ def _named_artists(ax):
             )
         elif isinstance(collection, PathCollection | EllipseCollection):
             x, y = collection.get_offsets().T
-            disks = isinstance(collection, EllipseCollection)
-            more = {"diameter": 2 * collection._widths} if disks else {"colour": collection.get_array()}
+            disks, colour = isinstance(collection, EllipseCollection), collection.get_array()
+            more = {"diameter": 2 * collection._widths} if disks else {}
+            more |= {} if colour is None else {"colour": np.ma.filled(colour, np.nan)}
             yield collection, "points", {"x_value": x, "y_value": y} | more
         elif isinstance(collection, LineCollection):
             (x, y), (x_end, y_end) = np.moveaxis(collection.get_segments(), 0, -1)

@@ -209,10 +209,12 @@ def _draw(page, section, shown, panels, symbol, strain="", rows=1):
     lay_out(page, rows, 0.15 if note and page.is_new else 0.0)
     images, places = disk_images(section.centres, section.radii, section.cell)
     for (ax, outline), (_, u, tone, _) in zip(axes, panels, strict=True):
-        scale, faces = points_per_length(ax), np.ones((len(section.rows), 4))
+        scale = points_per_length(ax)
+        look = {"facecolors": "white", "edgecolors": "0.72", "linewidths": min(0.3, 0.03 * scale)}
         if tone is not None:
-            faces[shown] = _colours()(0.5 + tone / (2 * _RANGE * (_rms(tone) or 1.0)))
-        look = {"facecolors": faces[images], "edgecolors": "0.72", "linewidths": min(0.3, 0.03 * scale)}
+            values = np.full(len(section.rows), np.nan)
+            values[shown] = tone / (_rms(tone) or 1.0)
+            look |= _scale() | {"array": np.ma.masked_invalid(values[images])}
         drawn = draw_circles(ax, places, 2 * section.radii[images], **look)
         clip_artists(outline, [drawn], rasterized=len(section.rows) > ARROWS)
         if factor := _arrow_factor(u[:, :2], spacing):
@@ -222,13 +224,15 @@ def _draw(page, section, shown, panels, symbol, strain="", rows=1):
 
 def _draw_bar(page, symbol):
     """The colour bar of a quantity over its rms."""
-    shown = ScalarMappable(Normalize(-_RANGE, _RANGE), _colours())
-    label, settings = (
-        f"${symbol}/{_rms_name(symbol)}$",
-        {"shrink": 0.5, "aspect": 18, "pad": 0.01, "ticks": (-_RANGE, 0, _RANGE)},
-    )
-    bar = page.figure.colorbar(shown, ax=page.axes, label=label, **settings)
+    settings = {"shrink": 0.5, "aspect": 18, "pad": 0.01, "ticks": (-_RANGE, 0, _RANGE)}
+    label = f"${symbol}/{_rms_name(symbol)}$"
+    bar = page.figure.colorbar(ScalarMappable(**_scale()), ax=page.axes, label=label, **settings)
     bar.ax.tick_params(length=2, labelsize=_SMALL)
+
+
+def _scale():
+    """Norm and colour map of a quantity over its rms."""
+    return {"norm": Normalize(-_RANGE, _RANGE), "cmap": _colours()}
 
 
 def _rms_name(symbol):
@@ -253,7 +257,7 @@ def _arrows(ax, starts, vectors, cell, spacing):
 def _colours():
     """A diverging colour map for any colour vision, nowhere so dark that a black arrow cannot be seen."""
     shades = 0.3 + 0.7 * matplotlib.colormaps["PuOr"](np.linspace(0.12, 0.88, 256))[:, :3]
-    return LinearSegmentedColormap.from_list("PuOr-light", shades)
+    return LinearSegmentedColormap.from_list("PuOr-light", shades).with_extremes(bad="white")
 
 
 def _rms(values):

@@ -22,7 +22,7 @@ from jampetsc.packing.potentials import Potential
 from jampetsc.plots import cell_drawing
 from jampetsc.plots.curves import group_curves
 from jampetsc.plots.draw import draw, pictures, table_rows
-from jampetsc.plots.field_plots import ARROWS, _colours, _spaced_rows, plot_fields
+from jampetsc.plots.field_plots import ARROWS, _spaced_rows, plot_fields
 from jampetsc.plots.moduli_plots import plot_collapse, plot_moduli
 from jampetsc.plots.packing_plots import _draw, find_touching, flow_panel, plot_packing
 from jampetsc.plots.style import LOSS, STORAGE, sequential
@@ -355,7 +355,7 @@ def test_arrows_are_the_field_at_peak_and_at_zero_stress_with_its_affine_part(lo
         rows = cell_drawing.disk_images(
             cell_drawing.wrap(disks.positions, disks.cell), disks.radii, disks.cell
         )[0]
-        np.testing.assert_allclose(faces.get_facecolors(), _colours()(0.5 + turned[rows] / 4))
+        np.testing.assert_allclose(faces.get_array(), turned[rows])
 
 
 def test_rattlers_are_hollow_walls_dark_and_both_are_told():
@@ -443,7 +443,7 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
         ),
         ("p2.h5 --kind fields --lambda 1", r"lambda 1\.0: an option of collapse pictures, not of fields"),
         ("few.h5 --kind fields", "dataset particles: shape .15,., must be .n,. with n = 16"),
-        ("beyond.h5 --kind fields", "dataset particles: not rows of the 16 disks"),
+        ("beyond.h5 --kind fields", "dataset particles: not rows of the 16 particles"),
         ("many.h5 --omega 1e-3:1:6 --phase strain", "6 frequencies: one picture holds 5"),
         ("fields.h5 --omega 0.001", r"no fields at omega = 0\.001 \(nearest 1e-06, 0\.0001, 0\.0316228\)"),
         ("none.h5", "none.h5: no modulus at any frequency"),
