@@ -14,7 +14,7 @@ from jampetsc.io.packing_file import check_packing, source_name
 from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, OTHER_SIZES, SIZES, Radii, radii_asked, sizes_text
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import ValueType, format_value, optional_parameter, parameter
-from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, split_list
+from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, STRESS_UNIT, split_list
 from jampetsc.packing.packing import PARTICLES, Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.petsc import session
@@ -98,7 +98,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             lambda pressures: pressures if isinstance(pressures, str) else ",".join(pressures),
             python="number or numbers",
         ),
-        unit="k, in three dimensions over that of length",
+        unit=STRESS_UNIT,
         metavar="P[,P…]",
     )
     phi: float | None = packing_parameter(

@@ -16,7 +16,7 @@ from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, is_shear, loads
 from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.physics_options import NetworkJob, load_parameter
-from jampetsc.options.values import FREQUENCIES, Numbers
+from jampetsc.options.values import FREQUENCIES, STRESS_UNIT, Numbers
 from jampetsc.petsc import builds, session
 from jampetsc.progress import note, warn
 
@@ -74,7 +74,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         "exponent of the damping force (1 is linear)", low=0.05, high=5.0, metavar="A"
     )
     stress: float | None = of_power_law(
-        "amplitude of the shear stress, with alpha", low=1e-30, high=1.0, unit="k", metavar="S"
+        "amplitude of the shear stress, with alpha", low=1e-30, high=1.0, unit=STRESS_UNIT, metavar="S"
     )
 
     def check(self):
@@ -331,7 +331,7 @@ def _summary(job, to, frequencies, sweep, certified) -> str:
 def _damping_lines(damping, frequencies, G):
     """Lines about power-law damping: the equivalent frequencies, and where G* is formal."""
     lines = [
-        f"  alpha {damping.alpha:g}, stress {damping.stress:g} k: equivalent linear frequencies "
+        f"  alpha {damping.alpha:g}, stress {damping.stress:g}: equivalent linear frequencies "
         f"{frequencies.solved[0]:.3g} to {frequencies.solved[-1]:.3g}; the stored spectrum is that of the linear law"
     ]
     if G.real.min() < 0.0:

@@ -15,6 +15,7 @@ from jampetsc.options.parameters import ValueType, format_value
 
 Numbers = str | Sequence[float]
 MAX_GRID_SIZE = 100_000  # numbers of a grid
+STRESS_UNIT = "k, in three dimensions over that of length"
 MAX_SEED = 2**63 - 1  # largest that a file can record
 MAX_SEEDS = 1_000_000
 MAX_THREADS = 256

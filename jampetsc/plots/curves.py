@@ -213,7 +213,9 @@ def symbol_of(groups) -> str:
     if any(group.value is None for group in groups):
         return ""
     first, last = groups[0].curves[0].description, groups[-1].curves[0].description
-    return next((f"${_SYMBOLS.get(key, key)}$" for key in first if first[key] != last[key]), "")
+    over = stress_unit([curve for group in groups for curve in group.curves]).over
+    symbols = (_SYMBOLS.get(key, key).replace("/k", over) for key in first if first[key] != last[key])
+    return next((f"${symbol}$" for symbol in symbols), "")
 
 
 def entries_of(groups, look) -> list:

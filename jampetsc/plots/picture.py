@@ -180,11 +180,13 @@ STRESS_UNITS = {  # D -> unit, with d the unit of length
     2: StressUnit("k", "/k", r"k\tau_1"),
     3: StressUnit("k/d", r"\,d/k", r"k\tau_1/d"),
 }
+_MIXED_UNIT = StressUnit(r"k\,d^{2-D}", r"\,d^{D-2}/k", r"k\tau_1\,d^{2-D}")
 
 
 def stress_unit(results) -> StressUnit:
-    """That of spheres if all results are of spheres or of networks in three dimensions, else that of disks."""
-    return STRESS_UNITS[3 if all(result.attributes.get("dimension", 2) == 3 for result in results) else 2]
+    """That of disks, or of spheres and networks in three dimensions; with the power of D for results of both."""
+    dimensions = {int(result.attributes.get("dimension", 2)) for result in results}
+    return _MIXED_UNIT if len(dimensions) > 1 else STRESS_UNITS[dimensions.pop()]
 
 
 UNITS = ("energy", "stress", "rate", "viscosity", "length")
@@ -220,7 +222,8 @@ def flow_units(results) -> FlowUnits:
         if str(attributes.get("units", "")).startswith("k_e"):
             texts = _VAGBERG[attributes.get("dimension", 2)]
         elif attributes.get("stiffness") == "inverse-square-diameter":
-            texts = (r"k_{\rm e}", r"k_{\rm e}", r"1/\tau_1", r"k_{\rm e}\tau_1", "")  # over the unit of area
+            over = {2: "", 3: "/d^3"}[attributes.get("dimension", 2)]  # in the plane over the unit of area
+            texts = (r"k_{\rm e}", rf"k_{{\rm e}}{over}", r"1/\tau_1", rf"k_{{\rm e}}\tau_1{over}", "")
         else:
             D = attributes.get("dimension", 2)
             energy, unit = {2: "k", 3: r"k\,d^2"}[D], STRESS_UNITS[D]  # in the plane times the unit of area
