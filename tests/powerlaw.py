@@ -4,6 +4,8 @@ Shares no code with the package. K comes from `dense.Reference`, or forces from 
 are those at which the damping forces of all contacts balance them, found at every instant by Newton's method.
 """
 
+from itertools import product
+
 import numpy as np
 from dense import Reference
 from scipy.integrate import solve_ivp
@@ -18,33 +20,34 @@ class Motion:
     def __init__(self, disks, physics, omega, stress=None, strain=None):
         exact = self.exact = Reference(disks, physics)
         law, self.alpha, self.omega = exact.law, physics.law.exponent, omega
+        self.law = law
         self.stress, self.strain, self.area = stress, strain, float(exact.area)
         self.K = exact.K.astype(float)
-        n, d = exact.n, exact.dofs
-        normal = (exact.r / exact.distance[:, None]).astype(float)
-        tangent = np.stack((-normal[:, 1], normal[:, 0]), axis=1)
-        rows = []
-        for c, (i, j) in enumerate(zip(exact.i, exact.j, strict=True)):
-            for weight, direction, rolls in (
-                (law.normal, normal[c], False),
-                (law.transverse, tangent[c], False),
-                (law.sliding, tangent[c], True),
-            ):
-                row = np.zeros(n * d + 1)
-                row[j * d : j * d + 2], row[i * d : i * d + 2] = direction, -direction
-                row[-1] = direction[0] * exact.r[c, 1]
-                if rolls:
-                    row[i * d + 2], row[j * d + 2] = -exact.radii[i], -exact.radii[j]
-                if weight:
-                    rows.append(np.sqrt(weight) * row)
         self.contacts = len(exact.i)
-        self.Z = np.array(rows).reshape(self.contacts, -1, n * d + 1)
+        self.Z = self._motions(exact.i, exact.j, exact.r.astype(float))
         rho0 = 2.0 * float(disks.radii.mean())
         self.c = float(exact.k) * law.tau1 * (rho0 / law.tau1) ** (1.0 - self.alpha)
         moves = exact.free_moves().astype(float)
         self.held = np.zeros_like(self.K)
         self.held[:-1, :-1] = moves @ moves.T
         self.f = None
+
+    def _motions(self, i, j, r):
+        """√w a∥ and the D components of √w a⊥ and √w a⊥ᶜ of contacts, as coefficients (M, f, m + 1)."""
+        exact, law, (M, D), n = self.exact, self.law, r.shape, r / np.linalg.norm(r, axis=1)[:, None]
+        every, bond, rims = np.arange(M), *np.zeros((2, M, D, exact.n, exact.dofs))
+        turned = np.einsum("sab,cb->cas", exact.spins.astype(float), n)  # θ × n
+        for end, sign in ((j, 1.0), (i, -1.0)):
+            bond[every, :, end, :D] = sign * np.eye(D)
+            rims[every, :, end, D:] = -exact.radii.astype(float)[end, None, None] * turned
+        strained = r[:, 1, None] * np.eye(D)[0]
+        bond, rims = (
+            np.concatenate((part.reshape(M, D, -1), last[..., None]), axis=2)
+            for part, last in ((bond, strained), (rims, 0.0 * strained))
+        )
+        across = (np.eye(D) - n[:, :, None] * n[:, None, :]) @ bond
+        forms = (law.normal, n[:, None] @ bond), (law.transverse, across), (law.sliding, across + rims)
+        return np.concatenate([np.sqrt(weight) * rows for weight, rows in forms if weight], axis=1)
 
     def elastic(self, Q):
         """∂U/∂Q (m + 1,), the strain last."""
@@ -115,45 +118,37 @@ class Opening(Motion):
 
     def __init__(self, disks, physics, omega, stress=None, strain=None):
         super().__init__(disks, physics, omega, stress, strain)
-        self.law, self.k = self.exact.law, float(self.exact.k)
+        self.k = float(self.exact.k)
         self.radii, self.cell = disks.radii, disks.cell
         self.n, self.counts = disks.n, set()
         self.start = np.append(disks.positions.ravel(), 0.0)
 
     def _look(self, Q):
         """Pairs (i, j), r and overlaps of what touches."""
-        x, cell = Q[:-1].reshape(-1, 2), self.cell.copy()
+        cell, D = self.cell.copy(), len(self.cell)
+        x = Q[:-1].reshape(-1, D)
         cell[:, 0] += Q[-1] * cell[:, 1]
         i, j = np.triu_indices(self.n, 1)
         r = x[j] - x[i]
-        images = np.round(np.linalg.solve(cell.T, r.T).T)
-        r -= images @ cell
-        overlap = self.radii[i] + self.radii[j] - np.hypot(*r.T)
+        r -= np.round(np.linalg.solve(cell.T, r.T).T) @ cell
+        images = np.array(list(product((-1, 0, 1), repeat=D))) @ cell  # small cells: two may touch
+        i, j = (np.tile(end, len(images)) for end in (i, j))
+        r = (images[:, None] + r).reshape(-1, D)
+        overlap = self.radii[i] + self.radii[j] - np.linalg.norm(r, axis=1)
         touching = overlap > 0.0
         return i[touching], j[touching], r[touching], overlap[touching]
 
     def elastic(self, Q):
         i, j, r, overlap = self._look(Q)
-        force = (self.k * overlap / np.hypot(*r.T))[:, None] * r
-        total = np.zeros((self.n, 2))
+        force = (self.k * overlap / np.linalg.norm(r, axis=1))[:, None] * r
+        total = np.zeros((self.n, r.shape[1]))
         np.add.at(total, i, force)
         np.add.at(total, j, -force)
         return np.append(total.ravel(), -np.sum(force[:, 0] * r[:, 1]))
 
     def velocities(self, t, Q):
         i, j, r, _ = self._look(Q)
-        normal = r / np.hypot(*r.T)[:, None]
-        rows = []
-        for weight, axis in (
-            (self.law.normal, normal),
-            (self.law.transverse, np.column_stack((-normal[:, 1], normal[:, 0]))),
-        ):
-            row = np.zeros((len(i), self.n, 2))
-            row[np.arange(len(i)), j], row[np.arange(len(i)), i] = axis, -axis
-            if weight:
-                sheared = axis[:, :1] * r[:, 1:]
-                rows.append(np.sqrt(weight) * np.hstack((row.reshape(len(i), -1), sheared)))
-        self.Z = np.stack(rows, axis=1)
+        self.Z = self._motions(i, j, r)
         if self.f is not None and len(self.f) != len(i):
             self.f = None
         self.counts.add(len(i))
@@ -164,8 +159,9 @@ class Opening(Motion):
 
         def rates(t, Q):
             v, _ = self.velocities(t, Q)
-            moved = v[:-1].reshape(-1, 2).copy()
-            moved[:, 0] += v[-1] * Q[:-1].reshape(-1, 2)[:, 1]
+            shape = self.n, len(self.cell)
+            moved = v[:-1].reshape(shape).copy()
+            moved[:, 0] += v[-1] * Q[:-1].reshape(shape)[:, 1]
             return np.append(moved.ravel(), v[-1])
 
         Q = solve_ivp(rates, (0.0, end), self.start, "LSODA", rtol=rtol, atol=1e-3 * rtol).y[:, -1]

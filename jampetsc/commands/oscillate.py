@@ -62,7 +62,7 @@ A killed run continues when the same command is given again."""
     stress: Numbers | None = optional_parameter(
         "amplitudes of an imposed stress, the force per volume on the amplitude of the load",
         value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE),
-        unit="k",
+        unit="k, in three dimensions over that of length",
     )
     strain: Numbers | None = optional_parameter(
         "amplitudes of an imposed strain", value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE)
@@ -186,15 +186,11 @@ A killed run continues when the same command is given again."""
         from jampetsc.commands.packing_network import read_network
         from jampetsc.io.packing_file import read_packing
         from jampetsc.oscillation.amplitude_sweep import require_stability, sweep_amplitudes
-        from jampetsc.packing.packing import require_plane
         from jampetsc.petsc.session import current
 
         session = current()
         source = read_network(self.packing, self.prestress, to, read_packing)
         with session.stage("assembly"), about(source.name):
-            require_plane(
-                source.source, "Oscillations are of disks in a plane: give a two-dimensional packing."
-            )
             (load,) = loads_of(self.load, source.network.dimension)
             require_stability(source.network, self.control, load)
         checkpoint = to.checkpoint(self.key(source.identity), session.comm)

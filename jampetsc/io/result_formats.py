@@ -170,13 +170,13 @@ L, mean_diameter | float > 0 | length | side of the cell along x, mean diameter
 OSCILLATE = Format(
     datasets=r"""
 omega | (M,) | float | 1/time | ω, increasing
-amplitude | (A,) | float | | of what is imposed: stress in units of k, or strain
+amplitude | (A,) | float | | of what is imposed: stress in units of k, of spheres over that of length, or strain
 G | (A, M) | complex | k | G* = first harmonic of the stress over that of the strain
 error | (A, M) | float | k | estimate of \|ΔG*\|: the difference from the result with half of the steps, plus the
   errors of the solver and of ending after finitely many cycles
 harmonics | (A, M, 2) | complex | | third and fifth harmonic over the first, of the strain where stress is imposed and
   the other way round
-work | (A, M) | float | k | ∮σdγ of a cycle, per area
+work | (A, M) | float | k | ∮σdγ of a cycle, per area, of spheres per volume
 energy_balance | (A, M) | float | | energy dissipated in a cycle and, with moving contacts, stored, over the work,
   minus 1
 regularisation_effect | (A, M) | float? | k | fixed contacts: estimate of \|ΔG*\| when `regularisation` is halved

@@ -130,6 +130,12 @@ class Law:
         """Weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)²."""
         return self.normal, self.transverse, self.sliding
 
+    def on_forms(self, dimension: int) -> tuple[float, ...]:
+        """Weights of the squares of `relative_motion.linear_forms`, along each of the D − 1 axes across a contact."""
+        axes = dimension - 1
+        sliding = [self.sliding] * axes if self.couples_rotations else []
+        return (self.normal, *[self.transverse] * axes, *sliding)
+
     @property
     def damps_contacts(self) -> bool:
         """Whether contacts dissipate; otherwise only the fluid does, if anything."""

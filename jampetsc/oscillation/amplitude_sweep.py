@@ -10,6 +10,7 @@ from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load
 from jampetsc.network.contact_network import DistributedNetwork, build_network
+from jampetsc.oscillation.cycle_solver import FACTOR_PREFIX
 from jampetsc.oscillation.drive import HARMONICS, Drive, OscillationResult
 from jampetsc.oscillation.power_law import LINEAR_BELOW, relative_softening
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
@@ -18,6 +19,7 @@ from jampetsc.packing.packing import Packing
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
 from jampetsc.response.elastic import ElasticResponse
+from jampetsc.response.factor_memory import require_memory
 
 COUNTS = ("newton_steps", "linear_iterations", "factorisations", "steps_taken", "cycles")
 
@@ -51,7 +53,7 @@ def sweep_amplitudes(
     network     of the disks, which is stable under this control (`require_stability`)
     law         damping of contacts, with its exponent
     omega       (M,) frequencies in 1/time
-    amplitudes  (A,) of the stress in units of k, or of the strain
+    amplitudes  (A,) of the stress in units of k, of spheres over that of length, or of the strain
     control     the imposed quantity, "stress" or "strain"
     contacts    "fixed", or "moving": they open and close
     steps       of a cycle, a multiple of 8
@@ -97,6 +99,9 @@ class _PointSolver:
         self.on_one_rank, self.name = moving, "steps" if moving else "cycle"
         if moving:
             self.regularisation = LINEAR_BELOW**law.exponent if law.exponent != 1.0 else 0.0
+            # each rank has a factor of its own
+            unknowns = network.n * law.dofs(network.dimension)
+            require_memory(network, unknowns, FACTOR_PREFIX, current().size)
         else:
             self.regularisation = relative_softening(law.exponent)
         with current().alone() if moving else contextlib.nullcontext():

@@ -82,17 +82,18 @@ class Cycle:
 class ContactMotions:
     """Relative motions of contacts at several times, and forces on the unknowns. Methods are collective.
 
-    C is applied to all times at once. The strain enters as γL, L = √V, so that its row of the equations is a force as
-    the others.
+    C is applied to all times at once. The strain enters as γL with V = L²H, H = ρ₀^(D−2), so that its row of the
+    equations is a force as the others; rho0 is a length of the order of a diameter.
     """
 
-    def __init__(self, pencil: Pencil):
+    def __init__(self, pencil: Pencil, rho0: float):
         network, compatibility = pencil.network, pencil.compatibility
         self.pencil, self.C, self.network = pencil, compatibility.C, network
-        self.length = np.sqrt(network.volume)
+        self.thickness = rho0 ** (network.dimension - 2)  # H
+        self.length = np.sqrt(network.volume / self.thickness)  # L
         self.g = compatibility.g / self.length
         self.w_K, self.forms = compatibility.w_K, compatibility.forms
-        weights = np.array(pencil.law.on_contacts[: self.forms])
+        weights = np.array(pencil.law.on_forms(network.dimension))
         self.damped = np.flatnonzero(weights)  # indices of forms
         self.roots = np.sqrt(weights[self.damped])
         self.rows, self.unknowns = self.C.getLocalSize()
@@ -164,7 +165,7 @@ class Equations:
     @property
     def force(self) -> float:
         """Amplitude of the force on γL, σ₀V/L."""
-        return self.stress * self.contacts.length
+        return self.stress * self.contacts.length * self.contacts.thickness
 
     def motions(self, state: CycleState):
         """z (m, contacts, damped)."""

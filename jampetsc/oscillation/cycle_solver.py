@@ -29,6 +29,7 @@ from jampetsc.oscillation.cycle_equations import ContactMotions, Cycle, Equation
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
 from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import whole_matrix
+from jampetsc.response.factor_memory import require_memory
 
 FACTOR_PREFIX = "osc_factor_"
 MAX_FREQUENCY_RATIO = 1.5  # largest ratio of the Ω of harmonics that use one factor
@@ -59,6 +60,8 @@ class HarmonicPreconditioner:
             near = self._factor_of and Omega <= MAX_FREQUENCY_RATIO * self._factor_of[-1].Omega
             self._factor_of.append(self._factor_of[-1] if near else _Factor(K, Omega))
         self._factors = list(dict.fromkeys(self._factor_of))
+        count = contacts.network.sum(len(self._factors))
+        require_memory(contacts.network, pencil.unknowns, FACTOR_PREFIX, count)
 
     def update(self, stiffness):
         """Factorise for `stiffness` (contacts, damped), the mean diagonal of df/dz.

@@ -29,12 +29,15 @@ class Moduli(NamedTuple):
     G: complex
     harmonics: np.ndarray  # (2,) complex: third and fifth over the first
     strain: float  # amplitude
-    work: float  # ∮σdγ per area
+    work: float  # ∮σdγ per volume
 
 
 @dataclass(frozen=True)
 class Drive:
-    """An imposed sine. A stress amplitude is in units of the stiffness k, unless a solver uses its own units."""
+    """An imposed sine.
+
+    A stress amplitude is in units of k, of spheres over that of length, unless a solver uses its own units.
+    """
 
     omega: float
     amplitude: float  # σ₀ or γ₀
@@ -76,7 +79,7 @@ class OscillationResult:
     G: complex  # of the first harmonic
     error: float  # estimate of |ΔG*|
     harmonics: np.ndarray  # as in Moduli: of the strain where a stress is imposed, else of the stress
-    work: float  # per area and cycle
+    work: float  # per volume and cycle
     energy_balance: float  # (energy dissipated + stored) / work − 1
     newton_steps: int
     linear_iterations: int | None = None

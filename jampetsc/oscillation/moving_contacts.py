@@ -1,7 +1,7 @@
 """Disks whose contacts open and close while their cell is sheared: implicit steps in time, without inertia.
 
 In the coordinates of a list (see `packing.neighbour_list`) disks move by offsets o, and r = F (r0 + o_j − o_i) with
-F = [[1, g], [0, 1]]; their non-affine velocity in the laboratory is u = F ȯ. Forces balance at every instant,
+F = 1 + g x̂ŷ; their non-affine velocity in the laboratory is u = F ȯ. Forces balance at every instant,
 
     ∂R/∂u = f(o, γ) ,     ∂R/∂γ̇ = σV − ∂U/∂γ   where the stress σ is imposed and the strain free,
 
@@ -14,11 +14,13 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.laws.damping import Law
+from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.oscillation.power_law import ContactPowerLaw, Damping, Dashpots
 from jampetsc.oscillation.time_step import STAGE, DiskState, Stages, StepMatrix
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.neighbour_list import SKIN_START, ListedPacking, is_stale
+from jampetsc.packing.neighbours import lengths
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import bond_vector, displace, simple_shear
 
@@ -41,13 +43,18 @@ class MovingContacts(ListedPacking):
         self.step, self.gamma, self.rate = step, gamma, 0.0
         super().__init__(disks)
         potential = self._potential = disks.potential
-        self.n, self.dofs, self.area = disks.n, law.dofs(2), disks.volume
+        dimension = disks.dimension
+        self.n, self.dofs, self.volume = disks.n, law.dofs(dimension), disks.volume
+        # of V over a thickness of one diameter for each axis beyond two, so that γL is a displacement
+        self.length = float(np.sqrt(self.volume / self.diameter ** (dimension - 2)))
         self.stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
         self.reach = MAX_OVERLAP_MOVE * float(np.mean(find_contacts(disks).overlap))
         # rotations are solved for as lengths, times this diameter, as displacements are
-        self._lengths = np.array([1.0, 1.0, self.diameter])[: self.dofs]
+        self._lengths = np.repeat((1.0, self.diameter), (dimension, self.dofs - dimension))
         self.rims = disks.radii / self.diameter
-        self._damping = Damping.of(law, ContactPowerLaw.of(law, float(potential.k), self.diameter), speed)
+        self._damping = Damping.of(
+            law, dimension, ContactPowerLaw.of(law, float(potential.k), self.diameter), speed
+        )
         self.u = np.zeros((disks.n, self.dofs))
         self.gained = 0.0  # change of the elastic energy in the last step
         self.matrix = StepMatrix(self)
@@ -73,7 +80,7 @@ class MovingContacts(ListedPacking):
         return self.u / self._lengths
 
     def displace(self, displacements, velocities, gamma, rate):
-        """Set the start: disks displaced by (N, 2), velocities (N, dofs), strain and strain rate."""
+        """Set the start: disks displaced by (N, D), velocities (N, dofs), strain and strain rate."""
         self.gamma, self.u, self.rate = gamma, velocities * self._lengths, rate
         self.offsets = self.offsets + displacements
         self.fold()
@@ -122,7 +129,7 @@ class MovingContacts(ListedPacking):
         return self.at(self.offsets, np.zeros_like(self.offsets), self.gamma)
 
     def at(self, base, x, gamma) -> DiskState:
-        """See `time_step.StepForces`; places are offsets o, moves x (N, 2) are in the laboratory frame."""
+        """See `time_step.StepForces`; places are offsets o, moves x (N, D) are in the laboratory frame."""
         moved = x.copy()
         moved[:, 0] -= (gamma - self.listed) * moved[:, 1]
         offsets = base + moved
@@ -132,20 +139,20 @@ class MovingContacts(ListedPacking):
 
     def covers(self, state) -> bool:
         """See `time_step.StepForces`."""
-        far = float(np.hypot(*state.places.T).max())
+        far = float(lengths(state.places).max())
         return not is_stale(far, self._strain_at(state.gamma), self.largest, self.skin)
 
     def energy_change(self, before: DiskState, after: DiskState) -> float:
         """U(after) − U(before) of two states of the same list, computed without subtracting energies."""
         pairs, potential = self.pairs, self._potential
-        rx, ry = after.bonds.r + before.bonds.r
         drawn = after.places - before.places
         # r − r of before = F (Δo_j − Δo_i) + ΔE (r0 + o_j − o_i)
-        dx, dy = bond_vector(self._strain_at(before.gamma), (0.0, 0.0), (drawn[pairs.j] - drawn[pairs.i]).T)
+        moved = (drawn[pairs.j] - drawn[pairs.i]).T
+        change = np.stack(bond_vector(self._strain_at(before.gamma), np.zeros(len(moved)), moved))
         bond = np.stack(pairs.r0) + (after.places[pairs.j] - after.places[pairs.i]).T
-        sheared_x, sheared_y = displace(simple_shear(after.gamma - before.gamma), bond)
-        dx, dy = dx + sheared_x, dy + sheared_y
-        deeper = -(rx * dx + ry * dy) / (after.bonds.distance + before.bonds.distance)
+        change += np.stack(displace(simple_shear(after.gamma - before.gamma), bond))
+        mean_bond = after.bonds.r + before.bonds.r
+        deeper = -np.sum(mean_bond * change, axis=0) / (after.bonds.distance + before.bonds.distance)
         old, new = (np.maximum(state.bonds.overlap, 0.0) for state in (before, after))
         energy, little = potential.energy(old, pairs.sigma), np.abs(deeper) < 0.5 * old
         grown = np.expm1(potential.alpha * np.log1p(deeper[little] / old[little]))
@@ -163,15 +170,17 @@ class MovingContacts(ListedPacking):
 
         For a relative motion w of a bond, −k w⊥²/r (1 + f/kr) along it and −2 k w∥ w⊥/r (1 + f/kr) across.
         """
-        bonds, (nx, ny) = state.bonds, state.bonds.normal
-        wx, wy = (x[bonds.pairs.j] - x[bonds.pairs.i]).T
-        wx = wx + growth * bonds.r[1]
-        along, across = nx * wx + ny * wy, nx * wy - ny * wx
-        push = bonds.force / bonds.distance
-        stiff = (bonds.stiffness + push) * across / bonds.distance
-        second = -stiff * across * bonds.normal - 2.0 * stiff * along * np.stack((-ny, nx))
-        first = -bonds.stiffness * along * nx - push * across * ny
-        sheared = -float(np.sum(second[0] * bonds.r[1] + 2.0 * first * wy))
+        bonds, pairs = state.bonds, state.bonds.pairs
+        w = (x[pairs.j] - x[pairs.i]).T
+        w[0] += growth * bonds.r[1]
+        along, push = np.sum(bonds.normal * w, axis=0), bonds.force / bonds.distance
+        first, second = -bonds.stiffness * along * bonds.normal[0], np.zeros_like(w)
+        for axis in transverse_axes(bonds.normal.T):
+            across = np.sum(axis.T * w, axis=0)
+            stiff = (bonds.stiffness + push) * across / bonds.distance
+            first += push * across * axis[:, 0]
+            second -= stiff * across * bonds.normal + 2.0 * stiff * along * axis.T
+        sheared = -float(np.sum(second[0] * bonds.r[1] + 2.0 * first * w[1]))
         return bonds.on_disks(second, self.n), sheared
 
     def dashpots(self, state) -> Dashpots:

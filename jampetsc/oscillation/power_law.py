@@ -173,9 +173,9 @@ class Damping:
     floor: float  # |z| below which the force is linear
 
     @classmethod
-    def of(cls, law: Law, power: ContactPowerLaw, speed: float) -> "Damping":
-        """Of a law; speed: typical |z|, without effect where damping is linear."""
-        return cls(power, np.sqrt(law.on_contacts), LINEAR_BELOW * speed)
+    def of(cls, law: Law, dimension: int, power: ContactPowerLaw, speed: float) -> "Damping":
+        """Of a law in D dimensions; speed: typical |z|, without effect where damping is linear."""
+        return cls(power, np.sqrt(law.on_forms(dimension)), LINEAR_BELOW * speed)
 
 
 class Dashpots:
@@ -189,7 +189,7 @@ class Dashpots:
         self.i, self.j = bonds.pairs.i[self.touching], bonds.pairs.j[self.touching]
         self._damping = damping
         rows, sheared = motion_rows(bonds, rims, dofs, self.touching)
-        damped = np.flatnonzero(damping.roots[: rows.shape[1]])
+        damped = np.flatnonzero(damping.roots)
         roots = damping.roots[damped]
         self._Z, self._sheared = roots[:, None] * rows[:, damped], roots * sheared[:, damped]
 
@@ -216,7 +216,7 @@ class Dashpots:
         return gathered(np.einsum("cf,cfx->cx", f, self._Z), self.i, self.j, n)
 
     def on_strain(self, f) -> float:
-        """Zᵀf on the strain: viscous shear stress times area."""
+        """Zᵀf on the strain: viscous shear stress times volume."""
         return float(np.sum(f * self._sheared))
 
     def squares(self, tangents):
@@ -233,5 +233,5 @@ class Dashpots:
 def motion_rows(bonds: Bonds, rims, dofs: int, chosen=slice(None)):
     """`linear_forms` of the chosen bonds: coefficients of disks, (M, forms, 2 dofs), and of strain, (M, forms)."""
     i, j = bonds.pairs.i[chosen], bonds.pairs.j[chosen]
-    ends = (rims[i], rims[j]) if dofs == 3 else None
+    ends = (rims[i], rims[j]) if dofs > bonds.dimension else None
     return stacked(linear_forms(bonds.normal[:, chosen].T, bonds.r[1, chosen], ends))

@@ -61,7 +61,7 @@ def repeat_cycles(
         run.repeat(cycles)
         final = run.motion
         disks, strain = final.disks, final.gamma
-        initial = 0.0 * final.u[:, :2], final.velocities, final.gamma, final.rate
+        initial = 0.0 * final.offsets, final.velocities, final.gamma, final.rate
     coarse, fine = runs
     last = fine.finished[-1]
     return OscillationResult(
@@ -82,7 +82,7 @@ def repeat_cycles(
 @dataclass(frozen=True)
 class _Cycle:
     moduli: Moduli
-    consumed: float  # energy per area, dissipated and stored
+    consumed: float  # energy per volume, dissipated and stored
     drift: float  # change of the strain
 
     @property
@@ -113,7 +113,7 @@ class Cycles:
         self.motion = MovingContacts(disks, scaled, PERIOD / steps, start.strain, start.speed, gamma)
         self._halvings = 0  # of the current step length
         self.accepted = 0
-        self._lost = ENERGY_TOLERANCE / steps**3 * np.pi * self.motion.area  # over |G*|γ₁²
+        self._lost = ENERGY_TOLERANCE / steps**3 * np.pi * self.motion.volume  # over |G*|γ₁²
         self._stored = start.modulus * start.strain**2  # |G*|γ₁² of the last cycle
         self.finished = []
 
@@ -163,7 +163,7 @@ class Cycles:
         drift, (times, weights, response) = motion.gamma - initial, np.array(rows).T
         moduli = self.drive.moduli(response, times / PERIOD, weights / PERIOD, drift if free else 0.0)
         self._stored = abs(moduli.G) * moduli.strain**2
-        self.finished.append(_Cycle(moduli, consumed / motion.area, drift))
+        self.finished.append(_Cycle(moduli, consumed / motion.volume, drift))
 
     def steps(self, begin: float, length: float, allowed: float):
         """Yield the stages of each step over a time, with at most this error of energy: see `_step`.
@@ -200,7 +200,7 @@ class Cycles:
         stages = [
             (time, weight * length, end) for time, weight, end in zip(times, WEIGHTS, ends, strict=True)
         ]
-        fed = sum(weight * (motion.area * end.stress * end.rate - end.power) for _, weight, end in stages)
+        fed = sum(weight * (motion.volume * end.stress * end.rate - end.power) for _, weight, end in stages)
         error = max(abs(fed - motion.gained) - motion.rounding, 0.0)
         if error > allowed:
             if last:

@@ -31,7 +31,7 @@ class Start:
     """A steady oscillation of N disks at the time when the drive grows through zero; time is in units of 1/ω."""
 
     drive: Drive
-    displacement: np.ndarray  # (N, 2) non-affine; 0 for rattlers
+    displacement: np.ndarray  # (N, D) non-affine; 0 for rattlers
     velocity: np.ndarray  # (N, dofs), with spins where the law has them
     gamma: float
     rate: float  # of strain
@@ -41,7 +41,7 @@ class Start:
 
     @classmethod
     def of(cls, network: DistributedNetwork, drive: Drive, motion, velocity, *scalars: float) -> "Start":
-        """From arrays of a network's n disks: displacements (and rotations) `motion` (n, ≥ 2), velocities (n, dofs).
+        """From arrays of a network's n disks: displacements (and rotations) `motion` (n, ≥ D), velocities (n, dofs).
 
         scalars: gamma, rate, strain, modulus, speed
         """
@@ -51,7 +51,7 @@ class Start:
             field[network.particles] = part
             return field
 
-        return cls(drive, whole(motion[:, :2]), whole(velocity), *scalars)
+        return cls(drive, whole(motion[:, : network.dimension]), whole(velocity), *scalars)
 
     def near(self, disks: Packing) -> "Start":
         """This start or, if its displacements open or close contacts of these disks, an undeformed start at rest.
@@ -75,7 +75,8 @@ def _pairs(contacts, n):
 TOLERANCE, HALF_TOLERANCE = 1e-10, 1e-7
 LINEAR_RATIO = 1e-3  # of the typical |z|: below, damping forces of the start are linear
 MIN_DAMPING_RATIO = 1e-3  # of k: ωc of dashpots that hardly matter beside the springs
-MIN_EQUIVALENT_STRESS, MAX_EQUIVALENT_STRESS = 1e-30, 1.0  # range of stress in k for the equivalent damping
+# range of the stress for the equivalent damping, in k or, in three dimensions, k/ρ₀
+MIN_EQUIVALENT_STRESS, MAX_EQUIVALENT_STRESS = 1e-30, 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +84,7 @@ class SteadyResult(OscillationResult):
     """The response, the same on all ranks except `velocity`, of which each has its part."""
 
     speed: float  # root mean square of |z| over contacts and time, of the equivalent linear damping
-    # (odd harmonics, unknowns + 1) complex amplitudes of velocities; last, of the strain rate times √V
+    # (odd harmonics, unknowns + 1) complex amplitudes of velocities; last, of the strain rate times L
     velocity: np.ndarray
 
 
@@ -105,7 +106,7 @@ class SteadyOscillation:
     ):
         self.law, self.network = law, network
         pencil = assemble(network, law)
-        self.contacts = ContactMotions(pencil if load is None else pencil.under(load))
+        self.contacts = ContactMotions(pencil if load is None else pencil.under(load), rho0)
         self.steps, self.stiffest, self.rho0 = steps, stiffest, rho0
         self.power = ContactPowerLaw.of(self.law, self.network.k, rho0)
 
@@ -151,11 +152,10 @@ class SteadyOscillation:
         except ConvergenceError:
             solution = None
         if solution is None:
-            still, (strain, speed) = (
-                np.zeros((network.n, self.law.dofs(network.dimension))),
-                self._scales(drive),
-            )
-            return Start.of(network, drive, still, still, 0.0, 0.0, strain, network.k, speed / drive.omega)
+            still = np.zeros((network.n, self.law.dofs(network.dimension)))
+            strain, speed = self._scales(drive)
+            modulus = network.k / self.contacts.thickness
+            return Start.of(network, drive, still, still, 0.0, 0.0, strain, modulus, speed / drive.omega)
         cycle = Cycle(self.steps, drive.omega)
         waves = solution.velocity * (-1j) ** cycle.orders[:, None]  # a quarter of a cycle before the maximum
         motions = waves / (1j * cycle.frequencies[:, None]), waves / drive.omega
@@ -177,15 +177,19 @@ class SteadyOscillation:
         if not drive.stress_controlled:
             return strain, drive.omega * strain * self.rho0
         run = self._linear(drive, MIN_DAMPING_RATIO * k / drive.omega, strain)
-        forced = (strain * k * self.rho0 / self.power.coefficient) ** (1.0 / self.law.exponent)
+        force = strain * k * self.rho0 * self.contacts.thickness
+        forced = (force / self.power.coefficient) ** (1.0 / self.law.exponent)
         return run.strain, min(drive.omega * run.strain * self.rho0, forced)
 
     def equivalent(self, drive: Drive) -> tuple["_Run", float]:
         """(_Run, stress amplitude) with the linear damping that is equivalent in energy (BT 25, 26)."""
         law, k, scaled = self.law, self.network.k, drive.omega * self.law.tau1
         stress = drive.amplitude  # in k
+        if not drive.stress_controlled:
+            stress /= self.contacts.thickness  # that of a modulus k/H
         for _ in range(1 if drive.stress_controlled or law.exponent == 1.0 else 4):
-            within = min(max(stress, MIN_EQUIVALENT_STRESS), MAX_EQUIVALENT_STRESS)
+            force = stress * self.contacts.thickness  # of a contact, in kρ₀
+            within = min(max(force, MIN_EQUIVALENT_STRESS), MAX_EQUIVALENT_STRESS)
             ratio = float(EquivalentDamping(law.exponent, within).frequency(scaled)) / scaled
             run = self._linear(drive, self.network.damping(law) * ratio, stress)
             if not drive.stress_controlled:
@@ -216,14 +220,14 @@ class _Run:
 
     def __init__(self, equations: Equations, values, newton: int, linear: int):
         cycle, contacts, drive = equations.cycle, equations.contacts, equations.drive
-        network, L = contacts.network, contacts.length
+        network, L, H = contacts.network, contacts.length, contacts.thickness
         self.equations, self.state = equations, equations.split(values)
         self.newton, self.linear = newton, linear
         rate = equations.rate(self.state)
         self.waves = cycle.harmonics(np.column_stack((self.state.v, rate)))
         _, row, self.z = equations.balance(self.state, rate)
         strain = self.waves[:, -1] / (1j * cycle.frequencies * L)
-        stress = equations.stress * np.cos(cycle.phase) if drive.stress_controlled else row / L
+        stress = equations.stress * np.cos(cycle.phase) if drive.stress_controlled else row / (L * H)
         response = strain if drive.stress_controlled else cycle.harmonics(stress)
         self.G = complex((equations.stress if drive.stress_controlled else response[0]) / strain[0])
         self.harmonics = np.append(response[1:] / response[0], np.zeros(HARMONICS))[:HARMONICS]
@@ -241,5 +245,6 @@ class _Run:
         replace(equations, law=law).residual(state, left)
         parts = [left.v, left.rate, left.f / equations.unit, state.v, state.rate, state.f]
         sums = np.sqrt(contacts.network.sum(np.array([np.sum(part**2) for part in parts])))
-        power = 0.5 * m * abs(self.G) * (contacts.length * self.strain) ** 2 * equations.cycle.omega
+        volume_strain = contacts.thickness * (contacts.length * self.strain) ** 2  # Vγ²
+        power = 0.5 * m * abs(self.G) * volume_strain * equations.cycle.omega
         return float(sums[:3] @ sums[3:]) / power

@@ -1,6 +1,6 @@
 """The matrix of a time step: K + B/h + μ of the disks and, if it is free, the strain, factorised.
 
-The strain enters as γL, L = √V, a border (k, κ) of the matrix A of the disks. With A positive definite, the whole
+The strain enters as γL, a length, a border (k, κ) of the matrix A of the disks. With A positive definite, the whole
 matrix is if and only if the Schur complement κ + μ − kᵀA⁻¹k is positive. μ is about as small as that allows.
 
 A time step without inertia, in two implicit stages, each solved by Newton's method.
@@ -31,6 +31,7 @@ from jampetsc.oscillation.cycle_solver import FACTOR_PREFIX
 from jampetsc.oscillation.drive import Imposed
 from jampetsc.oscillation.power_law import Dashpots, motion_rows
 from jampetsc.packing.contacts import both_ends, find_rattlers
+from jampetsc.packing.neighbours import lengths
 from jampetsc.petsc.hessian_solver import NewtonSolver
 
 # Least μ in units of k or, in a short step, of the stiffest dashpot over h: without it rounding would move free disks
@@ -49,7 +50,7 @@ class StepMatrix:
     def __init__(self, springs):
         self._solver = NewtonSolver(FACTOR_PREFIX, "the matrix of a time step", proves=False)
         self._n, self._dofs, self._rims = springs.n, springs.dofs, springs.rims
-        self._stiffness, self._length, self._mu = springs.stiffness, float(np.sqrt(springs.area)), 0.0
+        self._stiffness, self._length, self._mu = springs.stiffness, springs.length, 0.0
         self.factorisations, self.pairs = 0, None
 
     def factorise(self, bonds: Bonds, dashpots: Dashpots, damping, free: bool):
@@ -59,11 +60,12 @@ class StepMatrix:
         free        whether the strain is unknown
         """
         n, d, pairs, every = self._n, self._dofs, bonds.pairs, np.ones(self._n, bool)
+        dimension, weights = bonds.dimension, bonds.weights
         if pairs is not self.pairs:
             self.pairs, self._pattern = pairs, Pattern(pairs, n, d)
         rows, sheared = motion_rows(bonds, self._rims, d)
-        weights = np.column_stack((bonds.stiffness, -bonds.force / bonds.distance))
-        blocks = np.einsum("cf,cfx,cfy->cxy", weights, rows[:, :2], rows[:, :2])
+        elastic_rows, elastic_sheared = rows[:, :dimension], sheared[:, :dimension]
+        blocks = np.einsum("cf,cfx,cfy->cxy", weights, elastic_rows, elastic_rows)
         viscous, mixed, alone = dashpots.squares(damping)
         blocks[dashpots.touching] += viscous
         blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]
@@ -77,10 +79,10 @@ class StepMatrix:
             if self._solver.factorise(self._pattern.indptr, self._pattern.indices, values):
                 if not free:
                     return
-                elastic = np.einsum("cf,cfx,cf->cx", weights, rows[:, :2], sheared[:, :2])
+                elastic = np.einsum("cf,cfx,cf->cx", weights, elastic_rows, elastic_sheared)
                 border = gathered(elastic, pairs.i, pairs.j, n) + gathered(mixed, dashpots.i, dashpots.j, n)
                 self._border = border.ravel() / self._length
-                corner = np.sum(weights * sheared[:, :2] ** 2) + np.sum(alone)
+                corner = np.sum(weights * elastic_sheared**2) + np.sum(alone)
                 self._response = self._solver.solve(self._border)
                 self._schur = corner / self._length**2 + self._mu - self._border @ self._response
                 if self._schur > least:
@@ -100,7 +102,7 @@ class StepMatrix:
         n, (i, j), touching = self._n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
         push = bonds.force / bonds.distance
         aside = gathered(np.column_stack((push, push)), i, j, n)
-        rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]), dimension=2)
+        rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]), bonds.dimension)
         return np.where(rattlers[:, None], 2.0 * aside, 0.0)
 
 
@@ -123,7 +125,7 @@ MAX_CURVED_MOVE = 10.0
 class DiskState:
     """Positions of the disks, the strain, and the bonds there."""
 
-    places: np.ndarray  # (N, 2)
+    places: np.ndarray  # (N, D)
     gamma: float
     bonds: Bonds
 
@@ -133,23 +135,24 @@ class StepForces(Protocol):
 
     n: int  # number of disks
     dofs: int  # unknowns of each
-    area: float
+    volume: float
+    length: float  # L, by which the strain is multiplied where it is unknown
     largest: float  # diameter
     rims: np.ndarray  # (N,) radii, in units of the length by which rotations are multiplied
     stiffness: float  # typical, of a contact
     reach: float  # longest move of a disk in one of Newton's steps
 
     def at(self, base, x, gamma: float) -> DiskState:
-        """The DiskState with disks moved by x (N, 2) from the positions `base` (N, 2), at this strain."""
+        """The DiskState with disks moved by x (N, D) from the positions `base` (N, D), at this strain."""
 
     def covers(self, state: DiskState) -> bool:
         """Whether the bonds of a state include all its contacts."""
 
     def forces(self, state: DiskState):
-        """−∂U/∂r (N, 2), and ∂U/∂γ."""
+        """−∂U/∂r (N, D), and ∂U/∂γ."""
 
     def curvature(self, state: DiskState, x, growth: float):
-        """Second derivatives of `forces` along moves x (N, 2) and a growth of the strain, at constant stiffness."""
+        """Second derivatives of `forces` along moves x (N, D) and a growth of the strain, at constant stiffness."""
 
     def dashpots(self, state: DiskState) -> Dashpots:
         """The dashpots of the contacts of a state."""
@@ -179,28 +182,27 @@ class _Trial:
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """One stage with unknowns q (N dofs + 1,): displacements and rotations; last the growth of γL, L = √V, if free."""
+    """One stage with unknowns q (N dofs + 1,): displacements and rotations; last the growth of γL if free."""
 
     springs: StepForces
     h: float
-    base: np.ndarray  # (N, 2) positions at the beginning
+    base: np.ndarray  # (N, D) positions at the beginning
     gamma: float  # strain at the beginning or, where it is imposed, at the end
     rate: float  # imposed strain rate, or 0
     imposed: Imposed
 
-    @property
-    def length(self) -> float:
-        """L."""
-        return float(np.sqrt(self.springs.area))
-
     def split(self, q):
         """Displacements (N, dofs) and the growth of the strain in q."""
-        return q[:-1].reshape(self.springs.n, -1), float(q[-1]) / self.length
+        return q[:-1].reshape(self.springs.n, -1), float(q[-1]) / self.springs.length
+
+    def moves(self, x):
+        """The moves (N, D) among displacements and rotations x (N, dofs)."""
+        return x[:, : self.base.shape[1]]
 
     def state(self, q) -> DiskState:
         """The DiskState that q leads to."""
         x, growth = self.split(q)
-        return self.springs.at(self.base, x[:, :2], self.gamma + growth)
+        return self.springs.at(self.base, self.moves(x), self.gamma + growth)
 
     def at(self, q, dashpots: Dashpots) -> _Trial:
         """The iterate at q, with its residual forces."""
@@ -210,27 +212,26 @@ class _Problem:
         f = dashpots.forces(z)
         residual = -dashpots.on_disks(f, n)
         elastic, sheared = self.springs.forces(state)
-        residual[:, :2] += elastic
-        residual[:, :2] -= residual[:, :2].mean(
-            axis=0
-        )  # rounding, which would make a large translation of all disks
+        forces = self.moves(residual)
+        forces += elastic
+        forces -= forces.mean(axis=0)  # rounding, which would make a large translation of all disks
         virial, row = dashpots.on_strain(f) + sheared, 0.0
         if self.imposed.free:
-            row = (self.imposed.stress * self.springs.area - virial) / self.length
+            row = (self.imposed.stress * self.springs.volume - virial) / self.springs.length
         return _Trial(state, z, f, np.append(residual, row), virial, rate)
 
     def curvature(self, state: DiskState, step):
         """Second derivative of the residual forces along a straight step."""
         x, growth = self.split(step)
         curvature = np.zeros_like(x)
-        elastic, sheared = self.springs.curvature(state, x[:, :2], growth)
-        curvature[:, :2] = elastic - elastic.mean(axis=0)
-        return np.append(curvature, -sheared / self.length if self.imposed.free else 0.0)
+        elastic, sheared = self.springs.curvature(state, self.moves(x), growth)
+        self.moves(curvature)[:] = elastic - elastic.mean(axis=0)
+        return np.append(curvature, -sheared / self.springs.length if self.imposed.free else 0.0)
 
     def farthest(self, step) -> float:
         """The longest move of a disk in a step."""
         x, growth = self.split(step)
-        return max(float(np.hypot(*x[:, :2].T).max()) + abs(growth) * self.springs.largest, 1e-300)
+        return max(float(lengths(self.moves(x)).max()) + abs(growth) * self.springs.largest, 1e-300)
 
 
 class Stages:
@@ -256,7 +257,7 @@ class Stages:
         """(places, velocities, StageEnds) after a step of two stages, or None if the pair list is too small for it.
 
         springs         the forces that the Stages were made for
-        places, gamma   positions (N, 2) and strain at its beginning
+        places, gamma   positions (N, D) and strain at its beginning
         imposed         (Imposed, Imposed) at the ends of the stages
         last            velocities (N, dofs) and strain rate before the step
 
@@ -321,7 +322,7 @@ class Stages:
         end = StageEnd(
             iterate.state.gamma,
             iterate.rate,
-            iterate.virial / springs.area,
+            iterate.virial / springs.volume,
             float(np.sum(iterate.f * iterate.z)),
         )
         return iterate.state.places, problem.split(q)[0] / self.h, end
@@ -334,7 +335,7 @@ class Stages:
     def _dashpots(self, problem, q, last) -> Dashpots:
         """The dashpots of the contacts at q or where the last velocities lead, whichever have the smaller residual."""
         ahead = np.append(
-            self.h * last[0], self.h * last[1] * problem.length if problem.imposed.free else 0.0
+            self.h * last[0], self.h * last[1] * problem.springs.length if problem.imposed.free else 0.0
         )
         candidates = []
         for place in (q, ahead):

@@ -111,13 +111,12 @@ def forms_of(network: DistributedNetwork, law: Law):
 def weights(network: DistributedNetwork, law: Law):
     """Weights of the squares of `forms_of`, per contact, complex (M, forms): real part for K, imaginary for B."""
     c = network.contacts
-    across = network.dimension - 1
-    w = np.zeros((len(c), 1 + 2 * across), complex)
+    damping = network.damping(law) * np.array(law.on_forms(network.dimension))
+    w = np.zeros((len(c), len(damping)), complex)
     w[:, 0] = c.stiffness
     if network.prestress:
-        w[:, 1 : 1 + across] = -c.force_per_length[:, None]
-    w += 1j * network.damping(law) * np.repeat(law.on_contacts, (1, across, across))
-    return w if law.couples_rotations else w[:, : 1 + across]
+        w[:, 1 : network.dimension] = -c.force_per_length[:, None]
+    return w + 1j * damping
 
 
 def stacked(forms):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from oscillations import steady_oscillation
 from powerlaw import Opening
-from samples import isostatic, physics, published
+from samples import SAMPLES, isostatic, physics, published
 from sheared import forces
+from spheres import few_spheres
 from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError
@@ -37,9 +38,9 @@ def shaken(omega, amplitude, steps=32, cycles=None, sample=published, stress=Fal
     return repeat_cycles(disks, law.law, start, steps, cycles)
 
 
-def moving(step, scale, *more, law=SLIDING, kind="harmonic"):
-    """A motion of the published packing, without rotations unless told."""
-    return MovingContacts(published(kind), law, step, scale, *more)
+def moving(step, scale, *more, law=SLIDING, disks=None):
+    """A motion of the published packing or of other disks, without rotations unless told."""
+    return MovingContacts(disks or published(), law, step, scale, *more)
 
 
 @pytest.mark.parametrize(
@@ -279,7 +280,7 @@ def test_steps_are_cut_where_disks_rearrange():
         steps, spent, work = [], 0.0, 0.0
         for n in range(4):
             for stages in run.steps(n * period, period, allowed):
-                fed = [weight * run.motion.area * seen.stress * seen.rate for _, weight, seen in stages]
+                fed = [weight * run.motion.volume * seen.stress * seen.rate for _, weight, seen in stages]
                 dissipated = [weight * seen.power for _, weight, seen in stages]
                 assert abs(sum(fed) - sum(dissipated) - run.motion.gained) <= allowed
                 spent, work = spent + sum(dissipated) + run.motion.gained, work + sum(fed)
@@ -297,17 +298,16 @@ def test_steps_are_cut_where_disks_rearrange():
     assert lengths.min() <= 0.25 * period and np.any(np.diff(lengths) > 1e-9)
 
 
-@pytest.mark.parametrize("kind", ["harmonic", "hertzian"])
-def test_energy_of_a_change(kind):
+@pytest.mark.parametrize("sample", ["published", "hertzian", "spheres"])
+def test_energy_of_a_change(sample):
     """As the difference of energies, but for rounding; of a small change to the last digits."""
-    rng = np.random.default_rng(1)
-    motion = moving(1.0, 1e-3, kind=kind)
-    x = rng.normal(size=(16, 2))
-    still = motion.at(np.zeros((16, 2)), np.zeros((16, 2)), 0.0)
+    rng, disks = np.random.default_rng(1), few_spheres() if sample == "spheres" else SAMPLES[sample]()
+    motion, x = moving(1.0, 1e-3, disks=disks), rng.normal(size=disks.base.shape)
+    still = motion.at(0.0 * x, 0.0 * x, 0.0)
 
     def energy(state):
         overlaps = np.maximum(state.bonds.overlap, 0.0)
-        return float(np.sum(published(kind).potential.energy(overlaps, motion.pairs.sigma)))
+        return float(np.sum(disks.potential.energy(overlaps, motion.pairs.sigma)))
 
     moved = motion.at(still.places, 1e-2 * x, 2e-3)
     assert np.any((moved.bonds.overlap > 0.0) != (still.bonds.overlap > 0.0))
@@ -317,12 +317,13 @@ def test_energy_of_a_change(kind):
     assert little == pytest.approx(sheared - np.sum(forces * x), rel=1e-6)
 
 
-def test_curved_steps_follow_the_forces():
+@pytest.mark.parametrize("sample", [published, few_spheres])
+def test_curved_steps_follow_the_forces(sample):
     """Their curvature is the second derivative of the forces of springs along a straight step."""
-    rng = np.random.default_rng(1)
-    motion = moving(1.0, 1e-3)
-    x, growth = rng.normal(size=(16, 2)), 0.7
-    still, h = np.zeros((16, 2)), 1e-5
+    rng, disks = np.random.default_rng(1), sample()
+    motion = moving(1.0, 1e-3, disks=disks)
+    x, growth = rng.normal(size=disks.base.shape), 0.7
+    still, h = 0.0 * x, 1e-5
     pulls = [motion.forces(motion.at(still, t * x, t * growth)) for t in (-h, 0.0, h)]
     forces, sheared = motion.curvature(motion.at(still, still, 0.0), x, growth)
     for k, bend in enumerate((forces, sheared)):
