@@ -13,8 +13,8 @@ from jampetsc.plots.cell_drawing import visible_shares, wrap
 from jampetsc.plots.picture import option
 
 HEIGHT = option(
-    "height", NUMBER, "three dimensions: height z of the slice over L_z, of pictures of particles (default 0.5; of a "
-    "network that of the node nearest to it)", "Z", low=0, high=1,
+    "height", NUMBER, "packing, minimum, snapshot, network, fields, response, mode, velocities in three dimensions: "
+    "height z of the slice over L_z (default 0.5; of a network that of the node nearest to it)", "Z", low=0, high=1,
 )  # fmt: skip
 
 
