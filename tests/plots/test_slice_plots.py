@@ -16,7 +16,7 @@ from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.spring_network import Network
 from jampetsc.plots.cell_view import CellView
 from jampetsc.plots.field_plots import _draw, plot_fields, plot_velocities
-from jampetsc.plots.packing_plots import plot_network
+from jampetsc.plots.packing_plots import NETWORK_LINE_WIDTH, plot_network
 from jampetsc.plots.sections import section_of
 
 HEIGHT = 0.83
@@ -88,8 +88,44 @@ def test_the_layer_of_a_lattice_and_its_bonds():
     assert np.linalg.norm(np.diff(lines, axis=1), axis=2).sum() == pytest.approx(expected)
 
 
-def test_a_view_has_the_parts_of_bonds_in_the_cell_the_nearest_last_and_darkest():
+def pulling():
+    """A network of few nodes, all far from the cell, some of whose bonds push and some pull."""
     network = Network.of_packing(few_spheres())
+    tension = np.random.default_rng(2).normal(size=len(network.bonds))
+    places = network.positions + 3 * network.cell[0] - 2 * network.cell[2]
+    return Network(places, network.bonds, network.cell, tension=tension, images=network.images)
+
+
+def test_a_slab_has_the_parts_of_all_images_of_bonds_with_their_force():
+    network = pulling()
+    bonds, cell = network.linear_bonds, network.cell
+    drawn = figure_of(plot_network, network, height=HEIGHT).axes[0].collections[0]
+    half, inverse, expected = 0.5 * bonds.distance.mean(), np.linalg.inv(cell[:2, :2]), []
+
+    def folded(starts, *numbers):
+        angles = 2 * np.pi * starts @ inverse
+        return np.unique(
+            np.round(np.column_stack((np.cos(angles), np.sin(angles), *numbers)), 6) + 0.0, axis=0
+        )
+
+    for n in range(-1, 5):
+        starts = network.positions[bonds.i] + (n - HEIGHT) * cell[2]
+        ends = np.sort(np.clip((np.array([[-half], [half]]) - starts[:, 2]) / bonds.r[:, 2], 0, 1), axis=0)
+        share, force = (ends[1] - ends[0])[:, None], bonds.force / np.abs(bonds.force).max()
+        parts = np.column_stack(
+            (starts + ends[0][:, None] * bonds.r, share * bonds.r, np.abs(force), force > 0)
+        )
+        expected.append(parts[ends[1] > ends[0]])
+    expected = np.concatenate(expected)[:, [0, 1, 3, 4, 6, 7]]
+    (first, second), widths = np.moveaxis(drawn.get_segments(), 1, 0), drawn.get_linewidths()
+    pushes = drawn.get_colors()[:, 0] > drawn.get_colors()[:, 2]  # red
+    shown = folded(first, second - first, np.array(widths) / NETWORK_LINE_WIDTH, pushes)
+    np.testing.assert_allclose(shown, folded(expected[:, :2], *expected[:, 2:].T), atol=2e-6)
+    assert 0 < pushes.sum() < len(pushes)
+
+
+def test_a_view_has_the_parts_of_bonds_in_the_cell_the_nearest_last_and_darkest():
+    network = pulling()
     figure = figure_of(plot_network, network, height=HEIGHT)
     require_inside(figure)
     view_ax, bonds, view = figure.axes[1], network.linear_bonds, CellView(network.cell)
