@@ -27,6 +27,7 @@ from jampetsc.plots.style import (
 )
 
 BINS_PER_DECADE = 8  # of frequency
+MIN_EIGENVALUE = 1e-14  # λ/k: what is smaller is the rounding of modes of no energy
 FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"
 
 
@@ -52,7 +53,7 @@ def eigenvalues(result):
 def frequencies(result):
     """√(λ/k) of the modes, in units of √(k/m); modes of no energy are left out."""
     values = eigenvalues(result)
-    return np.sqrt(values[values > 0])
+    return np.sqrt(values[values > MIN_EIGENVALUE])
 
 
 def _pressure(level):
@@ -71,7 +72,10 @@ def plot_modes(results, page):
     shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry, means over the files of one
     pressure with errors as bands. A marker for each pressure.
     """
-    floppiness = np.concatenate([result["floppiness"] for result in results])
+    stiff = [np.abs(eigenvalues(result)) > MIN_EIGENVALUE for result in results]
+    floppiness = np.concatenate(
+        [result["floppiness"][mask] for result, mask in zip(results, stiff, strict=True)]
+    )
     floppiness = floppiness[np.isfinite(floppiness) & (floppiness > 0)]
     if not len(floppiness):
         raise InputError(f"{results[0].path}: dataset floppiness: no positive number. Make the file again.")
@@ -83,7 +87,7 @@ def plot_modes(results, page):
         name, marker = _pressure(level), look["marker"]
         for result in files:
             values = eigenvalues(result)
-            shown = values > 0
+            shown = values > MIN_EIGENVALUE
             floppiness = np.minimum(result["floppiness"][shown], norm.vmax)
             drawn = {"marker": marker, "s": 8, "linewidths": 0, "zorder": 3, "label": hidden(name)}
             number = 1 + np.flatnonzero(shown)

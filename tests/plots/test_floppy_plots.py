@@ -114,14 +114,14 @@ def test_guides_at_the_viscosities_have_slopes_1_and_one_half():
 
 def test_modes_keep_their_numbers_where_some_have_no_frequency():
     """Of λ = −1, 0, 4, 16 in k = 4 the third and fourth are shown, coloured by floppiness; infinite is the largest."""
-    one = modes_of([-4.0, 0.0, 4.0, 16.0], [1.0, 10.0, 5.0, np.inf], k=4.0)
+    one = modes_of([-4.0, 0.0, 4.0, 16.0], [10.0, 99.0, 5.0, np.inf], k=4.0)
     fig = figure_of(plot_modes, [one])
     fig.draw_without_rendering()  # which gives points their colours
     shown = fig.axes[0].collections[0]
     np.testing.assert_allclose(shown.get_offsets(), [(3, 1.0), (4, 2.0)])
     colours = shown.get_facecolors()
-    np.testing.assert_allclose(colours, style.sequential()([np.log10(5.0), 1.0]))
-    assert fig.axes[2].get_ylim() == pytest.approx((1.0, 10.0)) and not lines(fig.axes[1], 4)
+    np.testing.assert_allclose(colours, style.sequential()([0.0, 1.0]))
+    assert fig.axes[2].get_ylim() == pytest.approx((5.0, 10.0)) and not lines(fig.axes[1], 4)
     assert told(fig.axes[0]) == [r"$2.5\times10^{-4}$"]
     share = np.array([0.1, 0.4, 0.7, 1.0])
     one |= {"cumulative/nonaffine": share, "cumulative/modulus": share**2}
@@ -224,3 +224,10 @@ def test_networks_at_rest_have_pictures_of_their_modes_and_of_their_response():
     assert told(plot([modes_of([1.0, 2.0], pressure=0.0)])[0]) == ["$0$"]
     assert choose_kind(list(pictures()), [quasistatic_of([1, 1, 1], pressure=0.0)], [""]) == "response"
     assert choose_kind(list(pictures()), [quasistatic_of([1, 1, 1])], [""]) == "medians"
+
+
+def test_modes_of_no_energy_are_left_out():
+    (above, *_) = plot([modes_of([3e-32, 1e-2, 4e-2], [1e16, 5.0, 2.0], pressure=0.0)])
+    (dots,) = above.collections
+    np.testing.assert_allclose(dots.get_offsets(), [(2, 0.1), (3, 0.2)])
+    assert (dots.norm.vmin, dots.norm.vmax) == (2.0, 5.0)
