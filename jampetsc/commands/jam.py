@@ -177,8 +177,14 @@ def _summary(job, columns, to) -> list[str]:
         means = "".join(
             f", {name} {value:.5g} ± {error:.2g}" for name, (value, error) in density.means.items()
         )
-        lines.append(
-            f"  phi = {density.phi:.6g}: jammed {density.jammed.value:.3f} ± {density.jammed.error:.2g} (as of "
-            f"{density.jammed.independent:.0f} independent samples){pressure}{means}"
-        )
+        lines.append(f"  phi = {density.phi:.6g}: {_share_text(density.jammed)}{pressure}{means}")
     return lines
+
+
+def _share_text(share) -> str:
+    """How many samples of one φ are jammed."""
+    independent = round(share.independent)
+    size = f"effective sample size {independent}"
+    if share.value in (0.0, 1.0):
+        return f"{'all' if share.value else 'none'} of {share.samples} samples jammed ({size})"
+    return f"jammed {share.value:.3f} ± {share.error:.2g} ({size})"

@@ -154,7 +154,13 @@ def _summary(job, to, phi, path) -> str:
     return (
         f"{to}: phi = {phi:.6g}, {len(series)} steps of {job.step:g}, {evaluations:.0f} force evaluations each, "
         f"{events} plastic event{'s' * (events != 1)}\n"
-        f"  sigma = {stress}, p = {pressure}, jammed {share.value:.3g} "
-        f"(68 % interval {share.low:.2g} to {share.high:.2g}), "
-        f"Z = {averages['coordination']}; {sample_sizes(stress, pressure)}"
+        f"  sigma = {stress}, p = {pressure}, {_share_text(share)}, Z = {averages['coordination']}; "
+        f"{sample_sizes(stress, pressure)}"
     )
+
+
+def _share_text(share) -> str:
+    """How much of one run is jammed; a run that never changes has no error of its own."""
+    if share.value in (0.0, 1.0):
+        return "jammed at every step" if share.value else "jammed at no step"
+    return f"jammed at {share.value:.3g} of the steps (68 % interval {share.low:.2g} to {share.high:.2g})"

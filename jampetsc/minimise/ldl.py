@@ -227,7 +227,7 @@ def _factorise_in_space(order, start, column, pair, blocks, diagonal):
                         + lower[e, x, 2] * above[y, 2]
                     )
         if not _invert(d, inverse[k]):
-            return False, (order, begin, row, lower)
+            return False, (order[:0], begin[:1], row[:0], lower[:0])
     return True, (order, begin, row, lower)
 
 
@@ -237,7 +237,7 @@ def factorise(order, i, j, blocks, chosen, diagonal):
 
     The blocks are symmetric; for `diagonal` see `diagonal_of`. Returns (definite, factor): factor is (order,
     begin (N + 1,), row (nonzeros,), L followed by D⁻¹ (nonzeros + N, 4) or (nonzeros + N, 3, 3)), four arrays only,
-    since numba takes long to inspect longer tuples.
+    since numba takes long to inspect longer tuples; of no disk where the matrix is not definite.
     """
     start, column, pair = rows_below(order, i, j, chosen)
     if diagonal.ndim == 3:
@@ -285,7 +285,9 @@ def factorise(order, i, j, blocks, chosen, diagonal):
             break
         inverse[k, 0], inverse[k, 1], inverse[k, 2] = d2 / minor, -d1 / minor, d0 / minor
     lower[begin[n] :, :3] = inverse
-    return definite, (order, begin, row, lower)
+    if not definite:
+        return False, (order[:0], begin[:1], row[:0], lower[:0])
+    return True, (order, begin, row, lower)
 
 
 @compiled(FAST, forceinline=True)

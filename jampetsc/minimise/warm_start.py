@@ -118,7 +118,6 @@ def _factorised(order, pairs, o, g, law, nearby, stress, damping, stiffness):
     return factorise(order, pairs.i, pairs.j, blocks, chosen, diagonal)
 
 
-@compiled(False)
 def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     """A factor of the Hessian with `damping` on its diagonal; without pre-stress if it is not definite with it.
 
@@ -131,7 +130,6 @@ def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     return factor
 
 
-@compiled(False)
 def is_minimum(order, pairs, o, g, law, stiffness):
     """Whether the Hessian of the contacts has no eigenvalue below −MIN_CURVATURE · stiffness; rattlers have none."""
     return _factorised(order, pairs, o, g, law, 0.0, 1.0, MIN_CURVATURE * stiffness, stiffness)[0]

@@ -97,6 +97,8 @@ class HessianSolver(NewtonSolver):
         """See `NewtonSolver.solve`."""
         if self._factor is None:
             return super().solve(b)
+        if not len(self._factor[0]):
+            raise RuntimeError("solve: the matrix is not positive definite, so it has no factor")
         b = b.reshape(-1, self._block_order)
         x, work = np.empty_like(b), np.empty_like(b)
         ldl.solve(self._factor, b, x, work)

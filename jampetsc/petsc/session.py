@@ -46,8 +46,9 @@ def start(scalar=None, petsc_argv=()):
                 `jampetsc:NAME` is an options file that comes with the package
 
     Raises InputError when no build has that scalar type, when the user's own has the other one, when SLEPc
-    was built for another PETSc, for an options file that cannot be read, or in a process forked from one with
-    threads in which PETSc runs. A second call returns the running session.
+    was built for another PETSc, for an options file that cannot be read or that names itself, also one that PETSc
+    reads by itself, or in a process forked from one with threads in which PETSc runs. A second call returns the running
+    session.
     """
     global _session
     petsc_argv = [located(str(token)) for token in petsc_argv]
@@ -56,6 +57,9 @@ def start(scalar=None, petsc_argv=()):
         with about(f"PETSC_OPTIONS={variable}"):
             option_names(variable.split())  # whose files may name each other
         names = option_names(petsc_argv)
+        for file in _default_files([*variable.split(), *petsc_argv]):
+            with about(file):
+                option_names(["-options_file", str(file)])
         with builds.selected(scalar):
             PETSc, SLEPc, comm = _load(petsc_argv)
         _session = Session(PETSc, SLEPc, comm, petsc_argv, names)
@@ -121,9 +125,14 @@ def _load(petsc_argv):
 def _describe_options(petsc_argv) -> str:
     """Where PETSc takes options from: a command line, PETSC_OPTIONS, files that it reads by itself."""
     variable = os.environ.get("PETSC_OPTIONS")
-    files = [Path.home() / ".petscrc", Path(".petscrc"), Path("petscrc")]
-    sources = [*petsc_argv, *([f"PETSC_OPTIONS={variable}"] if variable else []), *filter(Path.exists, files)]
+    sources = [*petsc_argv, *([f"PETSC_OPTIONS={variable}"] if variable else []), *_default_files(petsc_argv)]
     return " ".join(map(str, sources)) or "no options"
+
+
+def _default_files(words) -> list[Path]:
+    """Options files that PETSc reads by itself, without the word that tells it not to."""
+    files = [Path.home() / ".petscrc", Path(".petscrc"), Path("petscrc")]
+    return [] if "-skip_petscrc" in words else [file for file in files if file.is_file()]
 
 
 def current():

@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 from jampetsc.analysis.power_laws import fit_logarithm
 from jampetsc.analysis.statistics import mean_with_error, median_interval
 from jampetsc.errors import InputError, named
-from jampetsc.laws.damping import having
+from jampetsc.laws.damping import OPTIONS, having
 from jampetsc.laws.loads import DEFAULT
 from jampetsc.plots.page import draw_band, draw_guide, draw_points, draw_power_law, limits_kept
 from jampetsc.plots.picture import count_text, picture, stress_unit, units_of
@@ -58,18 +58,23 @@ def pressures_of(results, zero=False):
     return np.array(pressures)
 
 
-def groups_of(results) -> dict:
+def groups_of(results, varied=()) -> dict:
     """{N: {p/k: files}}, of files that differ in the packing alone, small N and low pressure first.
 
-    Raises InputError for files of several loads.
+    varied: parameters of the law in which they may differ as well. Raises InputError for several loads or laws.
     """
     groups, first = {}, results[0]
     for result in results:
-        load, other = (str(item.attributes.get("load", DEFAULT)) for item in (result, first))
-        if load != other:
-            raise InputError(
-                f"{result.path}: {named('load')} {load}, but {first.path.name} has {other}. Draw files of one load."
+        for name in ("load", "law", *OPTIONS):
+            value, other = (
+                item.attributes.get(name, DEFAULT if name == "load" else None) for item in (result, first)
             )
+            if value != other and name not in varied:
+                of_one = "load" if name == "load" else "law"
+                raise InputError(
+                    f"{result.path}: {named(name)} {value}, but {first.path.name} has {other}. "
+                    f"Draw files of one {of_one}."
+                )
     for result, pressure in sorted(
         zip(results, pressures_of(results), strict=True), key=lambda pair: pair[1]
     ):
@@ -171,7 +176,7 @@ def plot_viscosities(results, page):
             raise InputError(
                 f"{result.path}: law {result.attributes.get('law')}, without beta. Give files of contact damping."
             )
-    sizes = groups_of(results)
+    sizes = groups_of(results, varied=("beta",))
     groups = looks((size, level, files) for size, levels in sizes.items() for level, files in levels.items())
     ax = page.panels(x=r"$\beta$", y=rf"$\eta_0,\ \eta_\infty\ [{stress_unit(results).viscosity}]$", log="xy")
     handles, bands, first = [], [], {}

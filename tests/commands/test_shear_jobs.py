@@ -11,7 +11,7 @@ from sheared import crowd
 
 import jampetsc
 from jampetsc.analysis.jammed_samples import independent_share
-from jampetsc.commands import jam
+from jampetsc.commands import jam, shear
 from jampetsc.commands.flow import Flow
 from jampetsc.commands.jam import Jam
 from jampetsc.commands.shear import Shear
@@ -294,6 +294,16 @@ def test_a_checkpoint_of_samples_serves_only_the_same_job(more):
     assert Jam(**JAM, sizes="bidisperse", tolerance=1e-6).settings() == Jam(**JAM).settings()
 
 
+@pytest.mark.parametrize(("jammed", "run", "samples"), [
+    ([1, 1, 1, 1], "at every step", "all of 4 samples jammed (effective sample size 4)"),
+    ([0, 0, 0, 0], "at no step", "none of 4 samples jammed (effective sample size 4)"),
+    ([1, 0, 1, 1], "at 0.75 of the steps (68 % interval 0.5 to 0.9)", "jammed 0.750 ± 0.2 (effective sample size 4)"),
+])  # fmt: skip
+def test_a_share_of_all_or_nothing_is_said_without_an_interval(jammed, run, samples):
+    share = independent_share(np.array(jammed, float))
+    assert shear._share_text(share) == f"jammed {run}" and jam._share_text(share) == samples
+
+
 @pytest.mark.parametrize("lost", [0, 1, 3])
 def test_a_summary_has_jammed_fraction_pressure_and_lost_samples(lost):
     rows = []
@@ -306,7 +316,7 @@ def test_a_summary_has_jammed_fraction_pressure_and_lost_samples(lost):
     share = independent_share(np.r_[np.ones(4 - lost), 0.0])
     pressure = 1e-3 * (lost + 1 + 4)
     assert lines[0] == "j.h5: 6 samples of 16 disks"
-    line = f"phi = 0.84: jammed {share.value:.3f} ± {0.5 * (share.high - share.low):.2g} (as of {5 - lost} "
+    line = f"phi = 0.84: jammed {share.value:.3f} ± {share.error:.2g} (effective sample size {5 - lost})"
     assert line in lines[1] and f"p of the jammed {pressure:.4g}, phi_J 0.85 ± 0.0076" in lines[1]
     assert "phi = 0.85: no minimum found" in lines[2]
     assert jam._notes(columns) == [f"no minimum found: {lost + 1} samples, nan in the result"]

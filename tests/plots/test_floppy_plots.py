@@ -71,6 +71,9 @@ def test_lines_run_through_medians_and_small_points_are_files():
     some[0].attributes["load"] = "compression"
     with pytest.raises(InputError, match=r"load xy, but .* has compression\. Draw files of one load"):
         figure_of(plot_medians, some)
+    some[0].attributes |= {"load": "xy", "beta": 0.1}
+    with pytest.raises(InputError, match=r"beta 1\.0, but .* has 0\.1\. Draw files of one law"):
+        figure_of(plot_medians, some)
 
 
 def test_the_guide_goes_with_the_largest_packings_and_sizes_have_markers():
