@@ -17,7 +17,7 @@ from jampetsc.io.disk_motion import (
     snapshot,
     source_of,
 )
-from jampetsc.laws.loads import DEFAULT, loads_of
+from jampetsc.laws.loads import DEFAULT, TENSOR, loads_of
 from jampetsc.options.parameters import SWITCH, WORD
 from jampetsc.options.values import INTEGERS
 from jampetsc.plots.cell_drawing import (
@@ -98,7 +98,7 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
         raise InputError(
             f"{len(omega)} frequencies: one picture holds {MAX_COLUMNS}. Choose some with omega."
         )
-    strain = r"\gamma" if load.name == DEFAULT else r"\epsilon"
+    strain = _strain_symbol(load.name)
     symbol, single, panels = "u" if total else r"\tilde u", len(omega) == 1, []
     gap = ",  " if disks.dimension == 2 else "\n"  # a colour bar leaves slices little width
     for part, (take, name) in enumerate(INSTANTS[phase]):
@@ -126,7 +126,8 @@ def plot_response(results, page, packing=None, height=None):
     if not result.attributes["prestress"]:
         fields = {"no pre-stress": "nonaffine"}
     panels = [(title, result[name]) for title, name in fields.items()]
-    _draw_real(page, result, packing, height, panels, r"u_{\rm na}", r"\gamma")
+    strain = _strain_symbol(result.attributes.get("load", DEFAULT))
+    _draw_real(page, result, packing, height, panels, r"u_{\rm na}", strain)
     return f"quasistatic response, {' and '.join(fields)}"
 
 
@@ -155,6 +156,11 @@ def plot_velocities(results, page, height=None):
     panels = [(rf"$\gamma={strain:.4g}$", field[section.rows], None, "")]
     _draw(page, section, np.arange(len(section.rows)), panels, "u", r"\dot\gamma")
     return f"non-affine velocities at strain {strain:.4g}"
+
+
+def _strain_symbol(load):
+    """TeX of the amplitude of a load; fields of the tensor are of simple shear."""
+    return r"\gamma" if load in (DEFAULT, TENSOR) else r"\epsilon"
 
 
 def _draw_real(page, result, packing, height, panels, symbol, strain=""):

@@ -187,7 +187,7 @@ def test_other_vectors_are_drawn_in_slices_and_planes_have_none(tmp_path):
     arrays = {"eigenvalues": np.ones(2), "modes": field, "particles": np.arange(14)}
     modes = stored(None, "modes", arrays, k=1.0, dimension=3)
     still = {"nonaffine": field[0], "no_prestress/nonaffine": field[1], "particles": np.arange(14)}
-    response = stored(None, "quasistatic", still, prestress=True, dimension=3, pressure=0.0)
+    response = stored(None, "quasistatic", still, prestress=True, dimension=3, pressure=0.0, load="zz")
     flow = {f"snapshots/{name}": getattr(spheres, name)[None] for name in ("positions", "cell")}
     flow |= {
         "snapshots/velocities": 0.1 * field[:1],
@@ -204,6 +204,7 @@ def test_other_vectors_are_drawn_in_slices_and_planes_have_none(tmp_path):
         axes = np.ravel(jampetsc.plot([result], **options))
         for ax, drawn in zip(axes, fields, strict=True):
             require_arrows(ax, drawn[rows, :2])
+            assert (r"\epsilon" in ax.get_xlabel()) == (result is response)
     page = plot_velocities.draw([flow], height=HEIGHT, ax=axes[0].figure.subplots())
     assert "z=0.83" in page.axes[0].get_xlabel()  # there is no caption below axes of the caller
     with pytest.raises(InputError, match=r"height 0\.3: the slice cuts nothing\. Give another height"):
