@@ -2,8 +2,8 @@
 
 Plain tests run once; they may start `jampetsc` or mpirun as a program. Tests marked `scalar("real")`,
 `scalar("complex")` or `scalar("real", "complex")` use PETSc in their process, which can load one of the two
-builds: JAMPETSC_TEST_SCALAR says which. run/test runs them on 1 and 3 ranks for each type, with pytest on
-every rank; those marked `most_ranks(2)` on 1 and 2, `most_ranks(1)` on 1, `least_ranks(2)` on 2 and 3.
+builds: JAMPETSC_TEST_SCALAR says which. run/test runs them on 1 and 3 ranks, with complex scalars on 1 and 2, with
+pytest on every rank; those marked `most_ranks(2)` on 1 and 2, `most_ranks(1)` on 1, `least_ranks(2)` on 2 and 3.
 After each step of a test the ranks agree on its outcome: what fails on one fails on all, and a rank that failed and
 that the others do not follow ends the run instead of leaving them waiting.
 """
@@ -29,6 +29,7 @@ LONG = "figures help trade interrupted options oscillate_command pack documents"
 HANG = 300.0  # seconds after which a test without `allowed_seconds` hangs: every rank says where, and the run ends
 
 running = None  # the Session of this process
+dots = None  # per inch of a picture, those of its style
 signal.signal(
     signal.SIGINT, signal.default_int_handler
 )  # a shell ignores it in what it starts in the background
@@ -81,6 +82,10 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection_finish(session):
+    global dots
+    if "jampetsc.plots.style" in sys.modules:  # dots cost time, and tests look at them with `own_dots`
+        style = sys.modules["jampetsc.plots.style"].STYLE
+        dots, style["savefig.dpi"] = style["savefig.dpi"], 100
     gc.freeze()  # what is imported by now stays
     gc.set_threshold(10_000)  # objects until garbage is looked for: at 700 pictures take a tenth longer
 
@@ -98,6 +103,14 @@ def reporting():
 
     with progress.reporting(True):
         yield
+
+
+@pytest.fixture
+def own_dots(monkeypatch):
+    """Pictures have as many dots per inch as their style says."""
+    from jampetsc.plots import style
+
+    monkeypatch.setitem(style.STYLE, "savefig.dpi", dots)
 
 
 @pytest.fixture

@@ -12,7 +12,10 @@ import sys
 from jampetsc import main as cli
 
 names, commands = {}, set()
+gc.set_threshold(10_000)  # objects until garbage is looked for, as in conftest.py
 for item in json.load(sys.stdin):
+    if "jampetsc.plots.style" in sys.modules:  # pictures are drawn, at a third of the dots
+        sys.modules["jampetsc.plots.style"].STYLE["savefig.dpi"] = 100
     if isinstance(item, dict):
         os.chdir(item["folder"])
         names = {}

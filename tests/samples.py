@@ -7,6 +7,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pytest
 from dense import Reference
 
 from jampetsc.commands.sweep import Sweep
@@ -223,6 +224,12 @@ def laws_of(sample, ranks=1):
     }.get(sample, [])
     names = list(LAWS) if sample == "published" else [str(one) for one in some]
     return names if ranks == 1 else names[::5]
+
+
+def on_ranks(values, several):
+    """Values of a parameter, of which those not among `several` are tested on one rank: more would show the same."""
+    one = pytest.mark.most_ranks(1)
+    return [pytest.param(value, marks=() if value in several else one) for value in values]
 
 
 @cache

@@ -74,9 +74,9 @@ def crossed(spins, n):
     return np.cross(spins, n) if spins.ndim == 2 else spins[:, None] * np.column_stack((-n[:, 1], n[:, 0]))
 
 
-def forces(disks, law, rate, u, spin):
+def forces(disks, law, rate, u, spin, contacts=None):
     """(elastic (N, D), viscous (N, D), torques as `spin`, viscous virial Σ f r (D, D), dissipation in contacts)."""
-    c = find_contacts(disks)
+    c = find_contacts(disks) if contacts is None else contacts
     unit, n = disks.potential.k * law.tau1, c.normal
     velocity = u[c.j] - u[c.i]
     velocity[:, 0] += rate * c.r[:, 1]
@@ -96,17 +96,25 @@ def forces(disks, law, rate, u, spin):
     return elastic, viscous, torques, on_j.T @ c.r, float(unit * np.sum(squares))
 
 
-def overdamped_velocities(disks, law, rate, held=0):
+def resistance_matrix(disks, law, drag, contacts):
+    """(DN, DN): minus the viscous forces of contacts by velocities of disks that do not spin, and drag."""
+    c, axes, n = contacts, disks.dimension, disks.n
+    along = c.normal[:, :, None] * c.normal[:, None]
+    weights = law.normal * along + (law.transverse + law.sliding) * (np.eye(axes) - along)
+    matrix = np.zeros((n, n, axes, axes))
+    for one, other, sign in ((c.i, c.i, 1), (c.j, c.j, 1), (c.i, c.j, -1), (c.j, c.i, -1)):
+        np.add.at(matrix, (one, other), sign * disks.potential.k * law.tau1 * weights)
+    return drag * np.eye(axes * n) + matrix.transpose(0, 2, 1, 3).reshape(axes * n, -1)
+
+
+def overdamped_velocities(disks, law, rate, held=0, contacts=None):
     """u (N, D) with no net force on any disk; the limit of vanishing drag where there is none. u = 0 of the `held`."""
     axes = disks.dimension
+    contacts = find_contacts(disks) if contacts is None else contacts
     still = np.zeros((disks.n, axes))
     turned = np.zeros(disks.n) if axes == 2 else np.zeros((disks.n, 3))
-    load = sum(forces(disks, law, rate, still, turned)[:2]).ravel()
-    columns = [
-        forces(disks, law, 0.0, unit.reshape(-1, axes), turned)[1].ravel() for unit in np.eye(axes * disks.n)
-    ]
-    drag = law.drag * disks.potential.k * law.tau1
-    matrix = drag * np.eye(axes * disks.n) - np.array(columns).T
+    load = sum(forces(disks, law, rate, still, turned, contacts)[:2]).ravel()
+    matrix = resistance_matrix(disks, law, law.drag * disks.potential.k * law.tau1, contacts)
     free = slice(axes * held, None)
     still.reshape(-1)[free] = np.linalg.lstsq(matrix[free, free], load[free], rcond=1e-11)[0]
     return still

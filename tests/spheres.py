@@ -1,5 +1,6 @@
 """Packings of spheres that the tests share, and jax-md's with their published numbers."""
 
+import json
 from functools import cache
 
 import h5py
@@ -12,6 +13,7 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 JAXMD = DATA / "jaxmd-3d_bi_N128_Lp-1.0.nc"
+FEW_SPHERES = json.loads((DATA / "few-spheres.json").read_text())  # positions by kind of potential
 
 
 def bidisperse(index=0):
@@ -25,12 +27,16 @@ def bidisperse(index=0):
 
 
 @cache
-def few_spheres(n=14, tilt=0.3, side=2.58, kind="harmonic"):
-    """A minimum of the energy of n spheres in a tilted cell, p ≈ 0.01, several of them touching through two images."""
-    rng = np.random.default_rng(7)
+def few_spheres(kind="harmonic"):
+    """A minimum of the energy of 14 spheres in a tilted cell, p ≈ 0.01, several touching through two images."""
+    cell, radii, _ = few_spheres_start()
+    return Packing.from_positions(np.array(FEW_SPHERES[kind]), radii, cell, Potential(kind))
+
+
+def few_spheres_start(n=14, side=2.58, tilt=0.3):
+    """(cell, radii, random positions) from which `few_spheres` were relaxed."""
     cell = side * np.array([(1.0, 0, 0), (tilt, 0.95, 0), (-0.2, tilt, 0.9)])
-    radii = np.tile([0.5, 0.6], n)[:n]
-    return relaxed(rng.uniform(size=(n, 3)) @ cell, radii, cell, kind)
+    return cell, np.tile([0.5, 0.6], n)[:n], np.random.default_rng(7).uniform(size=(n, 3)) @ cell
 
 
 def relaxed(positions, radii, cell, kind="harmonic", rounds=3):
@@ -64,7 +70,11 @@ def body_centred():
 SPHERES = {"few": few_spheres, "body-centred": body_centred, "hertzian": lambda: few_spheres(kind="hertzian")}
 
 
-if __name__ == "__main__":
+if __name__ == "__main__":  # makes tests/data/few-spheres.json again, and prints what the samples are
+    cell, radii, start = few_spheres_start()
+    for kind in FEW_SPHERES:
+        FEW_SPHERES[kind] = relaxed(start, radii, cell, kind).positions.tolist()
+    (DATA / "few-spheres.json").write_text(json.dumps(FEW_SPHERES, indent=1) + "\n")
     for name, make in SPHERES.items():
         state = measure(make())
         print(name, state.pressure, state.max_force, state.coordination, state.rattlers.sum(), make().phi)

@@ -35,10 +35,10 @@ def made(request):
         yield declared, h5, {one: value for one, value in attributes.items() if one not in HEADER}
 
 
-def refused(declared, h5, attributes, what):
-    """The line of the error with which a file is refused."""
+def refused(declared, items, attributes, what):
+    """The line of the error with which a file with these contents is refused."""
     with pytest.raises(InputError, match=f"^p: {what}.*Make the file again.$") as error:
-        declared.check("p", contents(h5, "p"), attributes)
+        declared.check("p", items, attributes)
     return str(error.value)
 
 
@@ -52,30 +52,34 @@ WRONG = {  # of an array: what is said of it
 
 def test_other_shapes_and_types_than_declared_are_refused(made):
     declared, h5, attributes = made
-    declared.check("p", contents(h5, "p"), attributes)
-    datasets = {name: item[()] for name, item in contents(h5, "p").items() if isinstance(item, h5py.Dataset)}
+    items = contents(h5, "p")
+    declared.check("p", items, attributes)
+    datasets = {name: item[()] for name, item in items.items() if isinstance(item, h5py.Dataset)}
     for name, array in datasets.items():
         for what, (change, said) in WRONG.items():
             del h5[name]
             h5[name] = change(array)
+            items[name] = h5[name]
             if what == "longer":  # or another one of the same length; or of a length of its own
                 try:
-                    declared.check("p", contents(h5, "p"), attributes)
+                    declared.check("p", items, attributes)
                 except InputError as error:
                     assert ": shape (" in str(error) and ", must be (" in str(error)
                 else:
                     assert array.ndim == 1 and declared.datasets.row(name).shapes[0][0][0]
             else:
-                refused(declared, h5, attributes, f"dataset {name}: {said}")
+                refused(declared, items, attributes, f"dataset {name}: {said}")
             del h5[name]
             h5[name] = array
+            items[name] = h5[name]
     del h5[name]
     h5.create_group(name)
-    refused(declared, h5, attributes, f"dataset {name}: is a group, must hold ")
+    refused(declared, contents(h5, "p"), attributes, f"dataset {name}: is a group, must hold ")
     del h5[name]
+    items = contents(h5, "p")
     for name, value in attributes.items():
         for other in (3 if isinstance(value, str) else "a", 1j, np.ones(2), np.void(b"a"), None):
-            refused(declared, h5, attributes | {name: other}, f"attribute {name} = .*: must be ")
+            refused(declared, items, attributes | {name: other}, f"attribute {name} = .*: must be ")
     h5["mine"] = "anything"
     declared.check("p", contents(h5, "p"), attributes | {"own": 1j})
 

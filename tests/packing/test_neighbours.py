@@ -19,15 +19,18 @@ CELLS = {
 }
 IMAGES = {2: 12, 3: 6}  # to try in each direction
 MAX_NUMBER = {2: 80, 3: 16}
+MAX_SIZE = 100_000  # of an array of the search over all images
 
 
 def every_pair(positions, radii, cell, skin, images):
     """{(i, j, image)} with i < j, from all images up to ±images."""
     found = set()
-    for image in product(range(-images, images + 1), repeat=len(cell)):
-        r = positions[None] - positions[:, None] + np.array(image) @ cell
-        near = (r**2).sum(axis=-1) < (radii + radii[:, None] + skin) ** 2
-        found |= {(int(i), int(j), *image) for i, j in np.argwhere(near) if i < j}
+    between = positions[None] - positions[:, None]
+    reach = (radii + radii[:, None] + skin) ** 2
+    numbers = np.array(list(product(range(-images, images + 1), repeat=len(cell))))
+    for some in np.array_split(numbers, 1 + numbers.size * reach.size // MAX_SIZE):
+        near = ((between + (some @ cell)[:, None, None]) ** 2).sum(axis=-1) < reach
+        found |= {(int(i), int(j), *some[a].tolist()) for a, i, j in np.argwhere(near) if i < j}
     return found
 
 

@@ -46,6 +46,7 @@ def test_a_picture_is_drawn_on_the_axes_of_its_user():
     assert plot_moduli([curve()], ax=ax) is ax
 
 
+@pytest.mark.usefixtures("own_dots")
 def test_size_limits_words_and_style_are_chosen(tmp_path):
     (tmp_path / "my.mplstyle").write_text("axes.linewidth: 7\n")
     limits = {"xlim": (1e-3, 1), "ylim": [(1e-2, 2)]}

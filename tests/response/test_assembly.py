@@ -24,7 +24,7 @@ def pinned(matrix, pins, value):
 def cases(request):
     """For some laws a Pencil, its dense Reference, and the reference's row of each unknown."""
     made = []
-    for law in laws_of(request.param):
+    for law in laws_of(request.param, current().size):
         exact = reference(request.param, law)
         network = network_of(SAMPLES[request.param](), LAWS[law], current().comm)
         made.append((assemble(network, LAWS[law].law), exact, unknowns(network, exact.dofs, exact.disks)))

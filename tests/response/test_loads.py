@@ -8,6 +8,7 @@ from samples import (
     TABLE_LAWS,
     TENSOR_TABLE,
     errors_of,
+    on_ranks,
     physics,
     polydisperse,
     published,
@@ -39,6 +40,7 @@ from jampetsc.response.slow_response import solve_quasistatic
 from jampetsc.response.vibrations import lowest_modes
 
 TABLE = TENSOR_TABLE[2]
+SEVERAL = ("contact beta=0.1", "stokes eta_f=1")  # laws on several ranks
 ANY = Load("0.3,-1,0.2,0.7", ((0.3, -1.0), (0.2, 0.7)))
 
 
@@ -47,7 +49,7 @@ def pencil_of(disks, physics, comm):
 
 
 @pytest.mark.scalar("real", "complex")
-@pytest.mark.parametrize("name", TABLE_LAWS)
+@pytest.mark.parametrize("name", on_ranks(TABLE_LAWS, SEVERAL))
 def test_the_tensor_by_the_direct_method(session, name):
     """To 1e-9 of the largest constant, and within its bounds, though these are some 1e-13."""
     disks, law = polydisperse(TABLE["index"])[0], TABLE_LAWS[name]
@@ -65,7 +67,7 @@ def test_the_tensor_by_the_direct_method(session, name):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.parametrize("name", TABLE_LAWS)
+@pytest.mark.parametrize("name", on_ranks(TABLE_LAWS, SEVERAL))
 def test_the_tensor_by_the_rational_method(session, name):
     disks, law = polydisperse(TABLE["index"])[0], TABLE_LAWS[name]
     found = sweep_rationally(
@@ -96,7 +98,7 @@ def test_bounds_hold_where_the_accuracy_is_low(session, name):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.parametrize("name", list(LAWS)[::4])
+@pytest.mark.parametrize("name", on_ranks(list(LAWS)[::4], list(LAWS)[:1]))
 def test_single_loads_against_the_reference(session, name):
     law, omega = LAWS[name], np.array([1e-2, 1.0])
     pencil = pencil_of(published(), law, session.comm)
@@ -196,7 +198,7 @@ LIMITS = {
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.parametrize("name", list(TABLE_LAWS)[::2])
+@pytest.mark.parametrize("name", on_ranks(list(TABLE_LAWS)[::2], list(TABLE_LAWS)[:1]))
 def test_the_quasistatic_tensor(session, name):
     """C₀, η₀ and η_∞ against the limits of the dense reference: diagonal by its energies, pairs by polarisation."""
     law, loads = TABLE_LAWS[name], symmetric_loads(2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dense import Reference
 from gathered import dense, unknowns, whole
-from samples import TABLE_LAWS, TENSOR_TABLE, errors_of, physics, put, sizes_of, table_tensor
+from samples import TABLE_LAWS, TENSOR_TABLE, errors_of, on_ranks, physics, put, sizes_of, table_tensor
 from samples import network_of as build
 from scipy.linalg import null_space
 from spheres import SPHERES, bidisperse, few_spheres
@@ -65,7 +65,7 @@ def test_transverse_axes_are_right_handed():
 
 
 @pytest.mark.scalar("real", "complex")
-@pytest.mark.parametrize("sample", SPHERES)
+@pytest.mark.parametrize("sample", on_ranks(SPHERES, ("few", "body-centred")))
 def test_matrices_and_borders(session, sample):
     """K, B, their borders and corners for all loads; pinned moves are those that cost nothing."""
     for law in LAWS:
@@ -129,7 +129,14 @@ def test_the_tensor_and_its_bounds(session, sample, law):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.parametrize("sample, law", [*(("few", law) for law in LAWS), ("body-centred", GEARS)])
+@pytest.mark.parametrize(
+    "sample, law",
+    [
+        pytest.param("few", law, marks=() if law == next(iter(LAWS)) else pytest.mark.most_ranks(1))
+        for law in LAWS
+    ]
+    + [("body-centred", GEARS)],
+)
 def test_quasistatic_motion_and_viscosities(session, sample, law):
     pencil, exact = pencil_of(sample, law), reference(sample, law)
     network, (load, number) = pencil.network, (LOADS[3], 3)
@@ -212,15 +219,7 @@ def test_the_network_of_a_packing_responds_alike(session):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.parametrize(
-    "law",
-    [
-        pytest.param(
-            law, marks=() if law in ("contact beta=0.1", "stokes eta_f=1") else pytest.mark.most_ranks(1)
-        )
-        for law in TABLE["laws"]
-    ],
-)
+@pytest.mark.parametrize("law", on_ranks(TABLE["laws"], ("contact beta=0.1", "stokes eta_f=1")))
 def test_moduli_of_an_independent_program(session, law):
     """The table of the first of jax-md's packings, to 1e-9 of the largest constant, with bounds that hold."""
     pencil = assemble(build(bidisperse()[0], TABLE_LAWS[law], session.comm), TABLE_LAWS[law].law)
