@@ -3,7 +3,7 @@
 Plain tests run once; they may start `jampetsc` or mpirun as a program. Tests marked `scalar("real")`,
 `scalar("complex")` or `scalar("real", "complex")` use PETSc in their process, which can load one of the two
 builds: JAMPETSC_TEST_SCALAR says which. run/test runs them on 1 and 3 ranks, with complex scalars on 1 and 2, with
-pytest on every rank; those marked `most_ranks(2)` on 1 and 2, `most_ranks(1)` on 1, `least_ranks(2)` on 2 and 3.
+pytest on every rank; those marked `most_ranks(2)` on 1 and 2, `most_ranks(1)` on 1, `least_ranks(2)` on 3, both on 2.
 After each step of a test the ranks agree on its outcome: what fails on one fails on all, and a rank that failed and
 that the others do not follow ends the run instead of leaving them waiting.
 """

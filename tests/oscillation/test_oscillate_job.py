@@ -52,6 +52,7 @@ def left_behind(packing):
     return sorted(path.name for path in others)
 
 
+@pytest.mark.least_ranks(2)
 @pytest.mark.parametrize("contacts", ["fixed", "moving"])
 def test_every_point_is_in_its_place(packing, contacts):
     """G* grows with ω, and work says which strain there was; of moving contacts three points, for two ranks."""
@@ -117,6 +118,7 @@ def failing(monkeypatch, points, solver):
     return seen
 
 
+@pytest.mark.least_ranks(2)
 @pytest.mark.usefixtures("reporting")
 @pytest.mark.parametrize("contacts", ["fixed", "moving"])
 def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, capfd, contacts):
@@ -170,6 +172,7 @@ def test_where_moving_contacts_start(monkeypatch, packing):
         assert len(seen) == solved
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("contacts", ["fixed", "moving"])
 def test_prestress_and_stiffness_are_those_of_the_packing(session, packing, contacts):
     """On all ranks together and on each alone."""

@@ -176,6 +176,7 @@ def test_what_is_asked_is_what_is_certified(session):
     assert 0 < refused < 18
 
 
+@pytest.mark.least_ranks(2)
 @pytest.mark.parametrize("parallel", ["shifts", "matrix"])
 @pytest.mark.parametrize("spoil", ["x0", "a vector", "a shift", "nothing"])
 def test_a_basis_from_outside_makes_no_bound_false(session, spoil, parallel):
@@ -284,6 +285,7 @@ def test_terms_of_motions_do_not_reach_beyond_what_is_said(session, law):
         assert (sizes + s * viscous) @ (C @ np.abs(x)) ** 2 + s * (drag @ x**2) <= ROW[2] * (D @ x**2)
 
 
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_bounds_are_the_same_in_any_unit_of_length(session, law):
     """Angles, which have none, weigh as much beside lengths of 1e-6 as beside those of 1e6."""
