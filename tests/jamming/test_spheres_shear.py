@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from sheared import stop_after
 
 import jampetsc as jp
+from jampetsc import models
+from jampetsc.jamming import samples
 from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
 from jampetsc.minimise import ldl, warm_start
 from jampetsc.minimise.descent import Goal
@@ -84,3 +87,38 @@ def test_commands_take_spheres(session):
     assert samples["jammed"].tolist() == [0, 0, 1, 1] and samples["coordination"][-1] > 5
     cooled = jp.jam(n=24, dimension=3, phi=0.66, seeds=[1], protocol="compress", sweeps=5, cooling_rate=0.5)
     assert 0.55 < cooled["phi_J"][0] < 0.72
+
+
+RUNS = {
+    "shear": {"n": 24, "phi": 0.7, "step": 1e-3, "strain": 6e-3, "sizes": "bidisperse"},
+    "flow": {"n": 16, "phi": 0.66, "model": models.CD0(), "rate": 1e-2, "strain": 0.1},
+    "jam": {"n": 16, "phi": [0.6, 0.7], "seeds": [1, 2]},
+}
+
+
+@pytest.mark.parametrize("command", RUNS)
+def test_killed_runs_of_spheres_continue_to_the_last_bit(session, tmp_path, monkeypatch, command):
+    """From what they have saved, in a file of their own."""
+    monkeypatch.setitem(samples.BATCH_SIZE, "random", 2)
+    make = getattr(jp, command)
+    whole = make(dimension=3, **RUNS[command], out=tmp_path / "whole.h5")
+    with monkeypatch.context() as context:
+        stop_after(context, 1)
+        with pytest.raises(KeyboardInterrupt):
+            make(dimension=3, **RUNS[command], out=tmp_path / "out.h5")
+    assert (tmp_path / "out.h5.resume").exists() and not (tmp_path / "out.h5").exists()
+    parts = make(dimension=3, **RUNS[command], out=tmp_path / "out.h5")
+    assert {"shear_stress", "energy"} & set(whole)
+    for name in whole:
+        assert np.array_equal(parts[name], whole[name]), name
+
+
+def test_packings_of_spheres_that_are_there_are_left(session, tmp_path, monkeypatch):
+    """A ladder of which one rung is lost is made again from the packing above it, to the last bit."""
+    given = {"n": 16, "dimension": 3, "pressure": "1e-2,1e-3", "ladder": True, "seed": 2}
+    out = str(tmp_path / "p{pressure}.h5")
+    before = [disks.fingerprint for disks in jp.pack(**given, out=out)]
+    (tmp_path / "p1e-3.h5").unlink()
+    times = (tmp_path / "p1e-2.h5").stat().st_mtime_ns
+    after = [disks.fingerprint for disks in jp.pack(**given, out=out)]
+    assert after == before and (tmp_path / "p1e-2.h5").stat().st_mtime_ns == times

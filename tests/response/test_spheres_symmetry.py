@@ -17,6 +17,7 @@ from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.response.assembly import assemble
+from jampetsc.response.minimum_check import count_modes
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
 from jampetsc.response.slow_response import solve_quasistatic
 
@@ -43,6 +44,14 @@ def test_copies_rotations_and_permutations(session):
     np.testing.assert_allclose(
         tensor(disks.reordered(rng.permutation(disks.n)), law, session.comm), C, **near
     )
+
+    # another cell of the same lattice
+    oblique = disks.cell.copy()
+    oblique[2] += 2.0 * disks.cell[0] - disks.cell[1]
+    oblique[1] -= disks.cell[0]
+    same = Packing.from_positions(disks.positions, disks.radii, oblique)
+    np.testing.assert_allclose(tensor(same, law, session.comm), C, **near)
+    assert np.abs(same.folded().cell).max() < np.abs(oblique).max()
 
     # cell vectors in another order, then turned until they are lower triangular again: cell · axes
     axes, upper = np.linalg.qr(disks.cell[[2, 0, 1]].T)
@@ -77,9 +86,12 @@ def test_a_plane_in_space(session):
     )
     across = np.delete(found, [0, 1, 5], axis=1)
     np.testing.assert_allclose(across, 0.0, atol=1e-12)
-    pencil = assemble(build_network(solid, session.comm, False), law.law)
+    networks = [build_network(one, session.comm, False) for one in (flat, solid)]
+    floppy = [count_modes(one).zero for one in networks]
+    assert floppy[1] == floppy[0] + networks[0].n  # all moves out of the plane
+    pencil = assemble(networks[1], law.law)
     simple = sweep_rationally(pencil, OMEGA, 1e-8)
-    plane = sweep_rationally(assemble(build_network(flat, session.comm, False), law.law), OMEGA, 1e-8)
+    plane = sweep_rationally(assemble(networks[0], law.law), OMEGA, 1e-8)
     np.testing.assert_allclose(depth * simple.G, plane.G, rtol=1e-7)
 
 

@@ -24,13 +24,16 @@ def energy_unit(length, k, law):
     return k * (length**law.alpha if law.stiffness == "constant" else 1.0)
 
 
-def quenched(length, k, kind, stiffness, target):
-    """A packing of 16 disks, and by how much its energies are larger."""
+def quenched(length, k, kind, stiffness, target, dimension=2):
+    """A packing of 16 disks or spheres, and by how much its energies are larger."""
     law = Potential(kind, stiffness, k)
     energy = energy_unit(length, k, law)
     if target.pressure:
-        target = Target(target.pressure * energy / length**2, stabilise=target.stabilise)
-    start = random_start(length * radii_of("bidisperse", 16), target.phi or 0.9, 3, law)
+        target = Target(target.pressure * energy / length**dimension, stabilise=target.stabilise)
+    dense = {2: 0.9, 3: 0.7}[dimension]
+    start = random_start(
+        length * radii_of("bidisperse", 16), target.phi or dense, 3, law, dimension=dimension
+    )
     return make_packing(start, target, NewtonSteps()), energy
 
 
@@ -52,6 +55,20 @@ def test_a_quench_is_the_same_in_any_units(kind, stiffness, target):
         stresses = dict.fromkeys(("pressure", "shear_stress", "shear_modulus"), energy / length**2)
         for name, unit in {"energy": energy, "max_force": energy / length, **stresses}.items():
             assert found.record[name] == pytest.approx(unit * usual.record[name], rel=1e-9), name
+
+
+@pytest.mark.parametrize(
+    ("kind", "stiffness", "target"),
+    zip(EXPONENTS, STIFFNESSES, (Target(1e-1, stabilise="all"), Target(phi=0.72)), strict=True),
+)
+def test_a_quench_of_spheres_is_the_same_in_any_units(kind, stiffness, target):
+    """Stresses are energies over volumes."""
+    usual, _ = quenched(1.0, 1.0, kind, stiffness, target, 3)
+    found, energy = quenched(4.0, 1024.0, kind, stiffness, target, 3)
+    np.testing.assert_allclose(found.positions, 4.0 * usual.positions, atol=4e-8)
+    stresses = dict.fromkeys(("pressure", "shear_modulus"), energy / 4.0**3)
+    for name, unit in {"energy": energy, "phi": 1.0, **stresses}.items():
+        assert found.record[name] == pytest.approx(unit * usual.record[name], rel=1e-7), name
 
 
 @pytest.mark.parametrize("shear", [False, True])
