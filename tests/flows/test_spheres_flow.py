@@ -1,8 +1,11 @@
 """Flows of spheres: forces across domains, runs that are resumed, the command and what it refuses."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from sheared import forces, spheres
+from dense import all_pairs
+from sheared import ROWS, forces, spheres
 
 import jampetsc as jp
 from jampetsc import models
@@ -14,7 +17,7 @@ from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.potentials import Potential
+from jampetsc.packing.potentials import EXPONENTS, Potential
 from jampetsc.packing.threads import Team
 
 ROLLING = Law("rolling", normal=1.0, transverse=0.2, sliding=0.7)
@@ -44,6 +47,39 @@ def test_forces_of_several_domains_and_on_two_threads():
     assert np.array_equal(runs[0].velocities, runs[1].velocities) and np.array_equal(
         runs[0].spins, runs[1].spins
     )
+
+
+@pytest.mark.parametrize("kind", EXPONENTS)
+def test_forces_of_all_models_are_sums_over_all_pairs(kind):
+    """m u̇ and torques of every model and law, with velocities and spins, against all pairs and images in turn."""
+    disks, rate, rng = spheres(20, phi=0.8, kind=kind), 0.1, np.random.default_rng(3)
+    u, spins, torques = rng.normal(size=(3, disks.n, 3))
+    i, j, r = all_pairs(disks.positions, disks.radii, disks.cell)
+    r, law = r.astype(float), disks.potential
+    distance, sigma = np.linalg.norm(r, axis=1), disks.radii[i] + disks.radii[j]
+    force = law.k / sigma * ((sigma - distance) / sigma) ** (law.alpha - 1.0)
+    pairs = SimpleNamespace(i=i, j=j, r=r, normal=r / distance[:, None], force=force)
+    assert len(i) > 3 * disks.n
+    for name, (damping, mass) in ROWS.items():
+        run = SteadyShear(
+            disks, Model(damping, mass), rate, Scheme(1e-3, "verlet" if mass else "euler", 1e-6)
+        )
+        order = matching(run.reference, disks)
+        rolling = (spins[order], run.reference.radii, torques) if damping.sliding else None
+        found = run.residual(u[order], rolling)
+        elastic, viscous, turned, *_ = forces(disks, damping, rate, u, spins, pairs)
+        wanted = elastic + viscous - law.k * damping.tau1 * damping.drag * u
+        wanted[:, 0] -= mass * rate * u[:, 1]
+        np.testing.assert_allclose(
+            found, wanted[order], rtol=0, atol=1e-12 * np.abs(wanted).max(), err_msg=name
+        )
+        if rolling:
+            np.testing.assert_allclose(torques, turned[order], atol=1e-12 * np.abs(turned).max())
+
+
+def matching(sorted_disks, disks):
+    """For each of the sorted disks the number that it had."""
+    return np.argmin(np.abs(sorted_disks.positions[:, None] - disks.folded().positions).sum(axis=2), axis=1)
 
 
 @pytest.mark.parametrize(("law", "mass"), [(models.CD0().law, 0.0), (ROLLING, 1.0)])
