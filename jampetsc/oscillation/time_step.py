@@ -39,6 +39,9 @@ from jampetsc.petsc.hessian_solver import NewtonSolver
 MIN_SHIFT = 1e-10
 # μ is divided by SHIFT_GROWTH for each new matrix, and multiplied by its square while that is not positive definite
 SHIFT_GROWTH = 3.0
+# Unknowns of a rattler that are held: moves, and of a disk its spin. A held spin would slow down spheres that roll
+# about two opposite neighbours, where it is far larger than the move.
+RATTLER_UNKNOWNS = 3
 
 
 class StepMatrix:
@@ -98,12 +101,13 @@ class StepMatrix:
         return np.append(x - strain * self._response, strain)
 
     def _unheld(self, bonds):
-        """Stiffness added to rattlers, (N, 1), else 0: more than the −f/r by which contacts push them aside."""
+        """Stiffness added to rattlers, (N, dofs), else 0: more than the −f/r by which contacts push them aside."""
         n, (i, j), touching = self._n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
         push = bonds.force / bonds.distance
         aside = gathered(np.column_stack((push, push)), i, j, n)
         rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]), bonds.dimension)
-        return np.where(rattlers[:, None], 2.0 * aside, 0.0)
+        held = rattlers[:, None] & (np.arange(self._dofs) < RATTLER_UNKNOWNS)
+        return np.where(held, 2.0 * aside, 0.0)
 
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step
