@@ -329,12 +329,6 @@ def _in_plane(positions, radii, cell):
     return positions[:, :2]
 
 
-def require_plane(source, remedy: str) -> None:
-    """Raise InputError, which ends with the remedy, for a packing or a network in three dimensions."""
-    if source.dimension != 2:
-        raise InputError(f"three-dimensional. {remedy}")
-
-
 def deformed(packing: Packing, offsets, strain: Strain) -> Packing:
     """The packing at F (x + o), F = 1 + E of `strain`.
 
