@@ -10,7 +10,7 @@ from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
 from jampetsc.options.job import ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import ValueType, optional_parameter, parameter
 from jampetsc.options.physics_options import PackingJob, load_parameter
-from jampetsc.options.values import Numbers, number_list
+from jampetsc.options.values import STRESS_UNIT, Numbers, number_list
 from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
 
 OMEGA_RANGE = 1e-300, 1e300  # of ω and ωτ₁
@@ -62,7 +62,7 @@ A killed run continues when the same command is given again."""
     stress: Numbers | None = optional_parameter(
         "amplitudes of an imposed stress, the force per volume on the amplitude of the load",
         value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE),
-        unit="k, in three dimensions over that of length",
+        unit=STRESS_UNIT,
     )
     strain: Numbers | None = optional_parameter(
         "amplitudes of an imposed strain", value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE)
