@@ -58,8 +58,7 @@ def start(scalar=None, petsc_argv=()):
             option_names(variable.split())  # whose files may name each other
         names = option_names(petsc_argv)
         for file in _default_files([*variable.split(), *petsc_argv]):
-            with about(file):
-                option_names(["-options_file", str(file)])
+            option_names(["-options_file", str(file)])
         with builds.selected(scalar):
             PETSc, SLEPc, comm = _load(petsc_argv)
         _session = Session(PETSc, SLEPc, comm, petsc_argv, names)

@@ -89,7 +89,8 @@ def _names_in(file, files, inside):
             lines = opened.read().decode(errors="replace").splitlines()
         is_inside = any(os.path.samefile(file, other) for other in inside)
     except OSError as error:
-        raise InputError(f"{file}: {error.strerror}. Give a PETSc options file.") from error
+        where = f", named in {inside[-1]}" if inside else ""
+        raise InputError(f"{file}: {error.strerror}{where}. Give a PETSc options file.") from error
     if is_inside:
         raise InputError(
             f"{file}: named by itself, in {inside[-1]}, so reading would not end. Remove that line."

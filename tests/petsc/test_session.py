@@ -420,13 +420,13 @@ def test_what_does_not_start_is_one_line(module, found, message):
 def test_options_that_keep_petsc_from_starting_are_named_wherever_they_are(tmp_path, monkeypatch):
     """In PETSC_OPTIONS and in files that PETSc reads by itself: without end, if they name themselves."""
     monkeypatch.chdir(tmp_path)
-    missing = "none: No such file or directory. Give a PETSc options file"
+    missing = "none: No such file or directory"
     for name, text, reason in (
-        ("PETSC_OPTIONS=-options_file none", "", missing),
-        (".petscrc", "-options_file none", missing),
-        (".petscrc", "-options_file .petscrc", ".petscrc: named by itself, in .petscrc"),
-        (".petscrc", "-options_file b.opts", ".petscrc: named by itself, in b.opts"),
-        (".petscrc", "-malloc_debug maybe", "PETSc does not start with this."),
+        ("PETSC_OPTIONS=-options_file none", "", f"{{name}}: {missing}. Give a PETSc options file"),
+        (".petscrc", "-options_file none", f"{missing}, named in .petscrc. Give a PETSc options file"),
+        (".petscrc", "-options_file .petscrc", "{name}: named by itself, in .petscrc"),
+        (".petscrc", "-options_file b.opts", "{name}: named by itself, in b.opts"),
+        (".petscrc", "-malloc_debug maybe", "{name}: PETSc does not start with this."),
     ):
         (tmp_path / "b.opts").write_text("-options_file .petscrc")
         if text:
@@ -435,7 +435,7 @@ def test_options_that_keep_petsc_from_starting_are_named_wherever_they_are(tmp_p
         else:
             monkeypatch.setenv(*name.split("=", 1))
         done = python("session.start('real')")
-        assert f"InputError: {name}: {reason}" in done.stderr, done.stderr
+        assert f"InputError: {reason.format(name=name)}" in done.stderr, done.stderr
     assert python("session.start('real', ['-skip_petscrc'])").returncode == 0
 
 

@@ -141,7 +141,7 @@ def test_options_files_that_name_others(tmp_path, monkeypatch):
         ),
         ("two", r"two\.opts: named by itself, in one\.opts, so"),
         ("ours", r"ours\.opts: -options_file jampetsc:mumps: PETSc takes paths only"),
-        ("gone", r"none\.opts: No such file or directory. Give"),
+        ("gone", r"none\.opts: No such file or directory, named in gone.opts. Give"),
         ("n0", "n0.opts: names more than 100 options files"),
     ):
         with pytest.raises(InputError, match=message):
