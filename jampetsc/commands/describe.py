@@ -214,7 +214,7 @@ def _moduli(sweep):
 def describe_matrices(network, is_packing, physics, facts, ranks) -> str:
     """Sizes, symmetry and inertia of K and B, and whether the packing, or the network, is a minimum."""
     from jampetsc.petsc.inertia import SHIFT
-    from jampetsc.response.factor_memory import GIGABYTE, factor_bytes
+    from jampetsc.response.factor_memory import GIGABYTE
 
     contacts = facts.contacts
     D, particles = network.dimension, PARTICLES[network.dimension]
@@ -227,7 +227,7 @@ def describe_matrices(network, is_packing, physics, facts, ranks) -> str:
             f"{network.rattlers} {'rattlers' if is_packing else 'nodes without bonds'} left out",
         ),
         ("nonzeros", f"{facts.nonzeros} in each of K and B, one pattern"),
-        ("factor of K + sB", f"about {factor_bytes(D, facts.unknowns) / GIGABYTE:.2g} GB"),
+        ("factor of K + sB", f"about {facts.factor_bytes / GIGABYTE:.2g} GB"),
         *(
             (
                 ("contacts", f"{contacts}, Z = {number_text(2.0 * contacts / network.n)}"),

@@ -13,7 +13,7 @@ settings in force are read back from the solver.
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.petsc import mumps
+from jampetsc.petsc import mumps, spin_split
 from jampetsc.petsc.session import current
 
 # PETSC_ERR_MAT_CH_ZRPVT, to which PETSc turns a breakdown of CHOLMOD, and MUMPS's INFOG(1)
@@ -59,16 +59,21 @@ class Cholesky:
     matrix   PETSc.Mat, real and symmetric; `factorise` uses the values that it has at the time
     what     its name in messages
     project  projects local parts of solutions, in place, onto a space that holds them except for rounding
+    spins    rows of this rank that are spins, to factorise the others alone, see `spin_split`
     doubt    why the last `factorise` does not prove that the matrix is positive definite; empty if it does
     """
 
-    def __init__(self, matrix, prefix: str, what: str, project=None):
+    def __init__(self, matrix, prefix: str, what: str, project=None, spins=None):
         self.matrix, self.prefix, self.what, self.project = matrix, prefix, what, project
         option = current().PETSc.Mat.Option
         for property in (option.SYMMETRIC, option.SPD):
             matrix.setOption(property, True)
-        defaults = CHOLMOD_DEFAULTS if fits_cholmod(matrix) else MUMPS_DEFAULTS
-        self.ksp = mumps.make_ksp(matrix.getComm(), prefix, CHOLESKY_DEFAULTS | defaults)
+        defaults = CHOLESKY_DEFAULTS | (CHOLMOD_DEFAULTS if fits_cholmod(matrix) else MUMPS_DEFAULTS)
+        if spins is not None:
+            defaults = spin_split.split_defaults(defaults)
+        self.ksp = mumps.make_ksp(matrix.getComm(), prefix, defaults)
+        if spins is not None:
+            spin_split.split(self.ksp, matrix, spins)
         self._residual, self._step = matrix.createVecs()
         self.doubt = "nothing has been factorised"
 
@@ -83,7 +88,7 @@ class Cholesky:
         try:
             mumps.factorise(self.ksp, self.matrix, self.what)
             # with the option SPD, MUMPS accepts negative pivots
-            definite = not mumps.negative_pivots(self.ksp.getPC())
+            definite = not any(map(mumps.negative_pivots, mumps.factored(self.ksp)))
         except (petsc.Error, mumps.FactorisationError) as error:
             code = error.code if isinstance(error, mumps.FactorisationError) else error.ierr
             if code not in NOT_POSITIVE_CODES:

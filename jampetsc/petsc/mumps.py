@@ -36,6 +36,12 @@ def negative_pivots(pc) -> int:
     return 0 if failure_code(pc) is None else pc.getFactorMatrix().getMumpsInfog(12)
 
 
+def factored(ksp) -> list:
+    """The PCs of a KSP that is set up which have factors: its own, or those of its blocks."""
+    pc = ksp.getPC()
+    return [block.getPC() for block in pc.getFieldSplitSubKSP()] if pc.getType() == "fieldsplit" else [pc]
+
+
 def make_ksp(comm, prefix: str, defaults: dict):
     """A PETSc.KSP with the options of this prefix, `defaults` where the user gives none. Collective."""
     current().set_defaults({prefix + name: value for name, value in defaults.items()})
@@ -58,6 +64,8 @@ def factorise(ksp, matrix, what: str) -> int:
         ksp.setOperators(matrix)
         try:
             ksp.setUp()
+            for pc in (pcs := factored(ksp)):
+                pc.setUp()
         except current().PETSc.Error as error:
             if error.ierr == PETSC_MEMORY or CHOLMOD_MEMORY.search(str(error)):
                 prefix = ksp.getOptionsPrefix()
@@ -67,10 +75,10 @@ def factorise(ksp, matrix, what: str) -> int:
                     MEMORY_CODES[0],
                 ) from None
             raise
-        code = failure_code(ksp.getPC())
-        if not code or code > 0:  # positive codes are warnings
+        code = min(failure_code(pc) or 0 for pc in pcs)
+        if code >= 0:  # positive codes are warnings
             return attempt
-        if code not in WORKSPACE_CODES or attempt == MAX_ATTEMPTS:
+        if code not in WORKSPACE_CODES or attempt == MAX_ATTEMPTS or pcs[0] != ksp.getPC():
             raise _explain(code, what)
         option = f"{ksp.getOptionsPrefix()}mat_mumps_icntl_14"
         options = current().PETSc.Options()

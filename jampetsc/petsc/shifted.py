@@ -40,16 +40,17 @@ class ShiftedFactor:
     what      the name of A in messages
     project   orthogonal projection of local parts, in place, onto an invariant space of A that holds right-hand sides
               and solutions except for rounding
+    spins     rows of this rank that are spins, to factorise the others alone, see `spin_split`
 
     Raises NotPositiveDefinite if A is not: K + sB if K has a negative eigenvalue or, at s = 0, a zero one.
     ConvergenceError if the factorisation fails for another reason.
     """
 
-    def __init__(self, matrix, what: str, project=None):
+    def __init__(self, matrix, what: str, project=None, spins=None):
         self.project = project
         self.scale, self.work = matrix.createVecs()
         scaled = None if project is None else _scaled(project, self.scale)
-        self.cholesky = Cholesky(matrix, PREFIX, what, scaled)
+        self.cholesky = Cholesky(matrix, PREFIX, what, scaled, spins)
         self._factorise()
 
     def renew(self, K, B, s: float, what: str) -> None:

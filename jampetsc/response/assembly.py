@@ -80,6 +80,12 @@ class Pencil:
         """Unknowns of each disk."""
         return self.law.dofs(self.dimension)
 
+    @property
+    def spins(self):
+        """Rows of this rank that are spins, global numbers, (m,)."""
+        first, last = (disk * self.dofs for disk in (self.network.first, self.network.last))
+        return np.arange(first, last).reshape(-1, self.dofs)[:, self.dimension :].ravel()
+
     def project(self, x):
         """Remove the mean displacement of each piece from x (n_local,), in place, if none is pinned. Collective."""
         if not self.law.holds_translations:

@@ -18,6 +18,7 @@ from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import PREFIX, ShiftedFactor
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.factor_memory import require_memory
+from jampetsc.response.shift_factors import bytes_of_factor
 
 BY_CHOLESKY = "Cholesky's factorisation of K"
 BY_INERTIA = "the inertia of K"
@@ -187,6 +188,7 @@ class Examination:
     unknowns: int  # rows of K and B
     dofs: int  # unknowns of each disk
     nonzeros: int  # entries stored in each of K and B
+    factor_bytes: float  # of a factor of K + sB, about
     pieces: int  # connected pieces of the contact graph
     translations: int  # moves that cost no energy whatever the packing: D for each piece
     gears: int  # bipartite pieces, whose disks can turn like gears
@@ -220,6 +222,7 @@ def examine(network: DistributedNetwork, law: Law) -> Examination:
         unknowns=pencil.unknowns,
         dofs=pencil.dofs,
         nonzeros=int(pencil.K.getInfo(current().PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]),
+        factor_bytes=bytes_of_factor(pencil),
         pieces=len(roots),
         translations=pencil.pieces.translations,
         gears=int(np.count_nonzero(pencil.pieces.bipartite[roots])),

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from jampetsc.collective import agreed
+from jampetsc.petsc import spin_split
 from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import PREFIX, ShiftedFactor, shifted
 from jampetsc.response.assembly import Pencil
@@ -18,21 +19,43 @@ from jampetsc.response.krylov_basis import RationalBasis, field_at
 
 SAME_SHIFT = 1.5  # a factor within this ratio of the shift wanted serves instead of a new one
 MOST_AT_ONCE = 4  # shifts at the same time; a sweep needs few, and where to put more would be guessed
-FACTOR_MEMORY_SHARE = 0.25  # of the memory, for factors: the basis and its projection take as much or more
+# of the memory, by D, for factors: in two dimensions the basis and its projection take as much or more
+FACTOR_MEMORY_SHARE = {2: 0.25, 3: 0.5}
+# of spheres, from which on spins are left out of factors, as a sweep then takes no more time and less memory
+MIN_SPLIT_UNKNOWNS = 90_000
+MAX_SLIDING_RATIO = 10.0  # weight of sliding over that of normal motion up to which iterations are few
 ALONE_BYTES = factor_bytes(2, 400_000)  # of a factor, up to which every rank holds whole matrices
 
 
 def side_by_side(pencil: Pencil, parallel: str) -> bool:
     """Whether each rank has shifts of its own: for "shifts", and for "auto" by number of unknowns and ranks."""
     size = pencil.network.comm.size
-    small = size <= MOST_AT_ONCE and factor_bytes(pencil.dimension, pencil.unknowns) <= ALONE_BYTES
+    small = size <= MOST_AT_ONCE and bytes_of_factor(pencil) <= ALONE_BYTES
     return size > 1 and (parallel == "shifts" or (parallel == "auto" and small))
+
+
+def splits_spins(pencil: Pencil) -> bool:
+    """Whether K + sB is solved with by a factor of its displacements alone, see `spin_split`."""
+    law, large = pencil.law, pencil.dimension == 3 and pencil.unknowns >= MIN_SPLIT_UNKNOWNS
+    gains = large and law.sliding <= MAX_SLIDING_RATIO * law.normal
+    return law.couples_rotations and spin_split.is_requested(PREFIX, gains)
+
+
+def factored_unknowns(pencil: Pencil) -> int:
+    """Number of unknowns of which a factor of K + sB is made."""
+    return pencil.network.n * pencil.dimension if splits_spins(pencil) else pencil.unknowns
+
+
+def bytes_of_factor(pencil: Pencil) -> float:
+    """Bytes of a factor of K + sB, about."""
+    unknowns = factored_unknowns(pencil)
+    return factor_bytes(pencil.dimension, unknowns, max(1, unknowns // pencil.network.n))
 
 
 def most_held(pencil: Pencil) -> int:
     """How many factors of K + sB, shared by all ranks, fit into SHARE of the memory: at least one. Collective."""
-    room = FACTOR_MEMORY_SHARE * pencil.network.sum(current().memory())
-    return max(1, int(room / factor_bytes(pencil.dimension, pencil.unknowns)))
+    room = FACTOR_MEMORY_SHARE[pencil.dimension] * pencil.network.sum(current().memory())
+    return max(1, int(room / bytes_of_factor(pencil)))
 
 
 def _named(s):
@@ -42,7 +65,8 @@ def _named(s):
 def _new_factor(pencil, s):
     """The factor of K + sB."""
     project = pencil.project if pencil.law.holds_translations else None
-    return ShiftedFactor(shifted(pencil.K, pencil.B, s), _named(s), project)
+    spins = pencil.spins if splits_spins(pencil) else None
+    return ShiftedFactor(shifted(pencil.K, pencil.B, s), _named(s), project, spins)
 
 
 def closest(shifts, s):
@@ -69,7 +93,7 @@ class Factors:
         self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
         with agreed(self.comm):
             self.whole = pencil.gathered() if self._alone else pencil  # what is factorised
-            require_memory(self.whole.network, pencil.unknowns, PREFIX)
+            require_memory(self.whole.network, factored_unknowns(pencil), PREFIX)
         self.owner: dict[float, int] = {}  # rank that has the factor of a shift; 0 if all share it
         self._least: dict[float, float] = {}  # least eigenvalues, which do not depend on the load
         self._held: dict[float, ShiftedFactor] = {}  # in this rank's memory, the one used last at the end

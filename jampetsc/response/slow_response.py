@@ -87,12 +87,10 @@ def _turns(pencil):
     """solve(rhs, out) that solves for the spins only, with B_θθ, the spins of a disk pinned in each bipartite piece."""
     PETSc, network, law = current().PETSc, pencil.network, pencil.law
     dofs, dimension = pencil.dofs, pencil.dimension
-    spins = np.arange(dimension, dofs)
-    rows = np.arange(network.first, network.last, dtype=PETSc.IntType)[:, None] * dofs + spins
-    rows = PETSc.IS().createGeneral(rows.ravel().astype(PETSc.IntType), comm=network.comm)
+    rows = PETSc.IS().createGeneral(pencil.spins.astype(PETSc.IntType), comm=network.comm)
     block = pencil.B.createSubMatrix(rows, rows)
     disks, component = np.divmod(pencil.pins, dofs)
-    pinned = (disks * len(spins) + component - dimension)[component >= dimension]
+    pinned = (disks * (dofs - dimension) + component - dimension)[component >= dimension]
     set_diagonal(block, pinned, law.sliding * network.damping(law))
     factor = _factor(block, law)
     work = block.createVecRight()
@@ -101,7 +99,7 @@ def _turns(pencil):
         work.setArray(rhs.getArray().reshape(-1, dofs)[:, dimension:].ravel())
         factor.solve(work, work)
         out.zeroEntries()
-        out.getArray().reshape(-1, dofs)[:, dimension:] = work.getArray().reshape(-1, len(spins))
+        out.getArray().reshape(-1, dofs)[:, dimension:] = work.getArray().reshape(-1, dofs - dimension)
 
     return solve
 

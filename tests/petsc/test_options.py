@@ -15,6 +15,7 @@ from jampetsc.io.packing_file import write_packing
 OMEGA = "1e-10:1e4:8"
 PROGRAM = "../jampetsc/__main__.py"
 FOR_SWEEPS = ("mumps", "superlu_dist", "iterative", "low_memory")
+FOR_SHIFTS = ("spin_split",)
 FOR_MODES = ("modes_cholmod", "modes_many", "modes_mumps")
 
 
@@ -33,7 +34,8 @@ def packing(tmp_path_factory):
 
 
 def test_every_file_is_tested():
-    assert sorted(path.stem for path in (ROOT / "options").glob("*.opts")) == sorted(FOR_SWEEPS + FOR_MODES)
+    tested = FOR_SWEEPS + FOR_SHIFTS + FOR_MODES
+    assert sorted(path.stem for path in (ROOT / "options").glob("*.opts")) == sorted(tested)
 
 
 @pytest.mark.parametrize(
@@ -41,12 +43,15 @@ def test_every_file_is_tested():
     [
         *[(name, physics(), ranks) for name in FOR_SWEEPS if name != "low_memory" for ranks in (0, 2)],
         *[(name, physics("stokes", eta_f=0.0), 0) for name in ("low_memory", "iterative")],
+        *[(name, physics(), ranks) for name in FOR_SHIFTS for ranks in (0, 2)],
     ],
     ids=str,
 )
 def test_sweep_by_each_file(name, law, ranks, packing, tmp_path):
     out = tmp_path / "sweep.h5"
-    words = Sweep(packing, law.law, method="direct", omega="1e-6,1e-2" if ranks else OMEGA).words()
+    method, accuracy = ("rational", 1e-9) if name in FOR_SHIFTS else ("direct", 1e-6)
+    omega = "1e-6,1e-2" if ranks else OMEGA
+    words = Sweep(packing, law.law, method=method, omega=omega, accuracy=accuracy).words()
     file = ROOT / "options" / f"{name}.opts" if ranks else f"jampetsc:{name}"
     done = run(ranks, PROGRAM, "sweep", packing, "--out", out, *words, "-options_file", file)
     assert done.returncode == 0, done.stderr

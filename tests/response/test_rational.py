@@ -68,11 +68,10 @@ def test_factors_that_do_not_fit_are_made_again(session, monkeypatch):
     made, n = plenty.sweep.factors, plenty.pencil.unknowns
     assert len(made._held) == len(made.shifts) > 1
     monkeypatch.setattr(factor_memory, "PLANE_BYTES", 1.0)
-    monkeypatch.setattr(
-        factors, "FACTOR_MEMORY_SHARE", 2.5 * n * np.log2(n) / session.comm.allreduce(session.memory())
-    )
+    share = 2.5 * n * np.log2(n) / session.comm.allreduce(session.memory())
+    monkeypatch.setitem(factors.FACTOR_MEMORY_SHARE, 2, share)
     assert factors.most_held(plenty.pencil) == 2
-    monkeypatch.setattr(factors, "FACTOR_MEMORY_SHARE", 0.0)
+    monkeypatch.setitem(factors.FACTOR_MEMORY_SHARE, 2, 0.0)
     few = Sweep(disks, LAWS[law], OMEGA, accuracy, session.comm, "matrix").solved()
     assert len(few.sweep.factors._held) == 1
     np.testing.assert_allclose(few.sweep.factors.shifts, made.shifts, rtol=1e-9)

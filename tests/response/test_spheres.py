@@ -1,5 +1,6 @@
 """Linear response in three dimensions against the dense reference, on any number of ranks."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,8 +18,10 @@ from jampetsc.laws.loads import symmetric_loads
 from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.spring_network import Network
+from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
-from jampetsc.response import factor_memory
+from jampetsc.petsc.shifted import ShiftedFactor, shifted
+from jampetsc.response import factor_memory, shift_factors
 from jampetsc.response.assembly import ROW, assemble
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
 from jampetsc.response.shift_factors import _new_factor
@@ -26,14 +29,10 @@ from jampetsc.response.slow_response import solve_quasistatic
 
 LOADS = symmetric_loads(3)
 TABLE = TENSOR_TABLE[3]
+CUSTOM = physics("custom", normal=0.5, transverse=0.3, sliding=0.7, drag=0.2, eta_f=0.4, prestress=False)
 LAWS = {
     str(one): one
-    for one in (
-        physics(beta=0.3),
-        physics(rotations=False),
-        physics("stokes", eta_f=0.4),
-        physics("custom", normal=0.5, transverse=0.3, sliding=0.7, drag=0.2, eta_f=0.4, prestress=False),
-    )
+    for one in (physics(beta=0.3), physics(rotations=False), physics("stokes", eta_f=0.4), CUSTOM)
 }
 GEARS = str(physics(beta=0.3, prestress=False))  # for a lattice that is no minimum
 LAWS[GEARS] = physics(beta=0.3, prestress=False)
@@ -247,6 +246,73 @@ def test_energies_stresses_and_constants_published_with_jaxmd(session):
         voigt = {"xx": 0, "yy": 1, "zz": 2, "yz": 3, "xz": 4, "xy": 5}
         found = [C[voigt[name[:2]], voigt[name[2:]]] for name in TABLE["constants"]]
         np.testing.assert_allclose(found, record["Cijkl"], rtol=0, atol=1e-8 * np.abs(C).max())
+
+
+@pytest.fixture
+def option(session):
+    """option("name value"): give PETSc this option until the test ends."""
+    database, names = session.PETSc.Options(), []
+
+    def give(text):
+        session.forget_defaults()  # which would count as defaults even when given
+        name, value = text.split()
+        names.append(name)
+        database.setValue(name, value)
+
+    yield give
+    for name in names:
+        database.delValue(name)
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize(
+    "sample, law", [("few", next(iter(LAWS))), ("few", str(CUSTOM)), ("body-centred", GEARS)]
+)
+def test_a_factor_of_displacements_alone(session, option, sample, law):
+    """Few iterations at any shift; energies, least eigenvalues and the sweep are those of the whole matrix."""
+    option("shift_fieldsplit_spin_pc_type sor")
+    pencil = pencil_of(sample, law)
+    projected, row = LAWS[law].law.holds_translations, whole(pencil.k_gamma)
+    for s in (1e-8, 1e2):
+        matrix = shifted(pencil.K, pencil.B, s)
+        A = dense(matrix)
+        factor = ShiftedFactor(matrix, "A", pencil.project if projected else None, pencil.spins)
+        e, left = factor.energy(pencil.k_gamma)
+        assert e == pytest.approx(row @ np.linalg.lstsq(A, row, rcond=1e-12)[0], rel=1e-9)
+        ksp, diagonal = factor.cholesky.ksp, 1.0 if projected else np.sqrt(np.diag(A))
+        assert 0 < ksp.getIterationNumber() < 50 and 0.0 < left < 1e-10
+        spins, moves = ksp.getPC().getFieldSplitSubKSP()
+        assert spins.getOperators()[1].size == moves.getOperators()[1].size == (len(A) // 2, len(A) // 2)
+        wanted = np.linalg.eigvalsh(A / np.outer(diagonal, diagonal) if not projected else A)
+        assert factor.least_eigenvalue() <= wanted[3 if projected else 0] * (1.0 + 1e-12)
+        assert not factor.prove() and "cg is not preonly" in factor.cholesky.doubt
+    found, expected = (
+        sweep_rationally(pencil.under(LOADS[0]), OMEGA, 1e-6),
+        exact_tensor(sample, law)[:, 0, 0],
+    )
+    assert np.all(np.abs(found.G - expected) <= found.bounds[:, 0] + 1e-14 * np.abs(expected))
+    assert np.all(found.bounds[:, 0] <= 1e-6 * np.abs(expected))
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_spins_are_split_off_large_matrices_alone(session, option, monkeypatch):
+    """By their size, unless options choose; a factor that breaks down says that K has negative modes."""
+    law = next(iter(LAWS))
+    pencil, wrong = pencil_of("few", law), pencil_of("body-centred", law)
+    assert not shift_factors.splits_spins(pencil) and shift_factors.factored_unknowns(pencil) == 84
+    ratio = shift_factors.bytes_of_factor(pencil)
+    monkeypatch.setattr(shift_factors, "MIN_SPLIT_UNKNOWNS", 84)
+    assert shift_factors.splits_spins(pencil) and shift_factors.factored_unknowns(pencil) == 42
+    assert ratio / shift_factors.bytes_of_factor(pencil) == pytest.approx(4.0)  # blocks of 6 × 6, 3 × 3
+    assert not shift_factors.splits_spins(pencil_of("few", str(physics(rotations=False))))
+    assert not shift_factors.splits_spins(replace(pencil, law=physics(beta=11.0).law))
+    with pytest.raises(NotPositiveDefinite, match="A is not positive definite"):
+        ShiftedFactor(shifted(wrong.K, wrong.B, 1e-8), "A", None, wrong.spins)
+    option("shift_mat_cholmod_print 0")
+    assert not shift_factors.splits_spins(pencil)
+    option("shift_fieldsplit_spin_pc_type sor")
+    assert shift_factors.splits_spins(pencil)
 
 
 @pytest.mark.scalar("real", "complex")
