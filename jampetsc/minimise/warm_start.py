@@ -118,6 +118,7 @@ def _factorised(order, pairs, o, g, law, nearby, stress, damping, stiffness):
     return factorise(order, pairs.i, pairs.j, blocks, chosen, diagonal)
 
 
+# The next two are not compiled: their copies of `_factorised` would round in their own way, see `packing.compiled`.
 def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
     """A factor of the Hessian with `damping` on its diagonal; without pre-stress if it is not definite with it.
 
