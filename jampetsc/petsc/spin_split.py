@@ -1,4 +1,4 @@
-"""Conjugate gradients on K + sB, preconditioned by a factor of its displacements alone.
+"""Conjugate gradients on K + sB, or B, preconditioned by a factor of its displacements alone.
 
 In displacements and spins A = K + sB = [[U, C], [Cᵀ, S]], and U has half of the unknowns of spheres. With an
 approximation T of S⁻¹, symmetric sweeps over the spins, the preconditioner is

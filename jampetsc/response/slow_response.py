@@ -24,11 +24,13 @@ from jampetsc.laws.loads import compression
 from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
-from jampetsc.petsc.shifted import ShiftedFactor
+from jampetsc.petsc.shifted import PREFIX, ShiftedFactor
 from jampetsc.petsc.sparse_matrices import set_diagonal
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.compatibility import along_and_across
 from jampetsc.response.elastic import ElasticResponse, relax
+from jampetsc.response.factor_memory import require_memory
+from jampetsc.response.shift_factors import factored_unknowns, splits_spins
 
 QUANTITIES = ("normal", "transverse", "nonaffine")
 BARE = "no_prestress"  # name of the results for K without pre-stress, where K has it
@@ -112,15 +114,16 @@ def infinite_viscosity(pencil: Pencil) -> float:
 def infinite_viscosities(pencil: Pencil, loads):
     """η_∞ between loads under the law of a pencil, (L, L) in kτ₁. Collective.
 
-    Raises InputError where B has zero modes besides translations and gears.
+    Raises InputError where B has zero modes besides translations and gears, or its factor needs more than the memory.
     """
     law, c = pencil.law, pencil.compatibility
     if not law.damps_contacts:  # disks that follow the affine flow dissipate nothing but η_F
         zero = np.zeros((len(loads), len(c.g))), np.zeros((len(loads), len(c.drag)))
         return dissipation_between(pencil, loads, *zero)
+    require_memory(pencil.network, factored_unknowns(pencil), PREFIX)
     block = pencil.B.copy()
     set_diagonal(block, pencil.pins, pencil.network.damping(law))
-    factor = _factor(block, law)
+    factor = _factor(block, law, pencil.spins if splits_spins(pencil) else None)
     relaxed = [
         relax(c, c.w_B, factor.solve, c.under(load).g, "flow of least dissipation", drag=c.drag)
         for load in loads
@@ -141,9 +144,9 @@ def dissipation_between(pencil: Pencil, loads, motions, fields):
     return (value + fluid) / pencil.network.volume
 
 
-def _factor(block, law):
+def _factor(block, law, spins=None):
     try:
-        return ShiftedFactor(block, f"B of {law}")
+        return ShiftedFactor(block, f"B of {law}", spins=spins)
     except NotPositiveDefinite:
         raise InputError(
             f"B of {law} has moves without dissipation besides translations: η is not unique; "

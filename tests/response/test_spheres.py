@@ -25,7 +25,7 @@ from jampetsc.response import factor_memory, shift_factors
 from jampetsc.response.assembly import ROW, assemble
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
 from jampetsc.response.shift_factors import _new_factor
-from jampetsc.response.slow_response import solve_quasistatic
+from jampetsc.response.slow_response import infinite_viscosity, solve_quasistatic
 
 LOADS = symmetric_loads(3)
 TABLE = TENSOR_TABLE[3]
@@ -292,6 +292,8 @@ def test_a_factor_of_displacements_alone(session, option, sample, law):
     )
     assert np.all(np.abs(found.G - expected) <= found.bounds[:, 0] + 1e-14 * np.abs(expected))
     assert np.all(found.bounds[:, 0] <= 1e-6 * np.abs(expected))
+    fastest = infinite_viscosity(pencil.under(LOADS[0]))
+    assert fastest == pytest.approx(reference(sample, law).eta_infinity(0), rel=1e-8)
 
 
 @pytest.mark.scalar("real")
