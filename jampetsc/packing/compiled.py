@@ -125,10 +125,13 @@ def sources(package: Path = PACKAGE) -> dict[Path, bytes]:
 def forget_outdated(package: Path = PACKAGE) -> None:
     """Remove the machine code that numba keeps beside the modules if any of `sources` has changed since it was made.
 
-    Where that folder cannot be written, numba keeps its files elsewhere; there an installation replaces all modules at
-    once.
+    In NUMBA_CACHE_DIR, which others may use at the same time, all sources together have a folder of their own. Where
+    neither can be written, numba keeps its files elsewhere; there an installation replaces all modules at once.
     """
     digest = hashlib.sha256(b"\0".join(sources(package).values())).hexdigest()
+    if config.CACHE_DIR:
+        config.CACHE_DIR = os.path.join(config.CACHE_DIR, f"jampetsc-{digest[:16]}")
+        return
     stamp = package / "__pycache__" / "compiled-from"
     with suppress(OSError):
         if stamp.exists() and stamp.read_text() == digest:

@@ -1,6 +1,7 @@
 """The rooms of the package: imports go downwards only, one door to PETSc, and laws are data."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -194,7 +195,8 @@ def test_compiled_code_is_made_of_known_sources():
     assert not wrong, "\n".join(wrong)
 
 
-def test_compiled_code_does_not_outlive_its_sources(tmp_path):
+@pytest.mark.parametrize("variables", [{}, {"NUMBA_CACHE_DIR": "elsewhere"}], ids=["beside", "elsewhere"])
+def test_compiled_code_does_not_outlive_its_sources(variables, tmp_path):
     """f in b calls g in a: after a change of a alone f is compiled again, and not when nothing has changed."""
     package = tmp_path / "sample"
     package.mkdir()
@@ -205,7 +207,8 @@ def test_compiled_code_does_not_outlive_its_sources(tmp_path):
     for name, text in (("a", g), ("b", f), ("__init__", forget)):
         (package / f"{name}.py").write_text(text)
     program = [sys.executable, "-c", "from sample.b import f; print(f(), sum(f.stats.cache_hits.values()))"]
-    settings = {"cwd": tmp_path, "capture_output": True, "text": True, "check": True}
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"} | variables
+    settings = {"cwd": tmp_path, "env": environment, "capture_output": True, "text": True, "check": True}
 
     def run():
         return subprocess.run(program, **settings).stdout.split()
