@@ -10,6 +10,7 @@ from samples import SAMPLES, network_of, physics, reference
 from sweeps import Sweep, errors
 
 from jampetsc.errors import ConvergenceError
+from jampetsc.laws.damping import ContactDamping
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import NotPositiveDefinite, least_eigenvalue
@@ -320,10 +321,9 @@ def test_bounds_are_the_same_in_any_unit_of_length(session, law):
 )
 def test_how_ranks_are_used(ranks, unknowns, asked, alone):
     """Side by side where a matrix fits a rank's memory and no more shifts are made at once than are needed."""
-    network = SimpleNamespace(comm=SimpleNamespace(size=ranks))
-    assert (
-        factors.side_by_side(SimpleNamespace(network=network, unknowns=unknowns, dimension=2), asked) == alone
-    )
+    network, law = SimpleNamespace(comm=SimpleNamespace(size=ranks), n=unknowns), ContactDamping()
+    pencil = SimpleNamespace(network=network, law=law, unknowns=unknowns, dimension=2)
+    assert factors.side_by_side(pencil, asked) == alone
 
 
 @pytest.mark.least_ranks(2)
