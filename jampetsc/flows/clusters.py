@@ -7,7 +7,7 @@ import numpy as np
 
 from jampetsc.flows.resistance import WIDTH, find_contacts_of
 from jampetsc.packing.bond import bond_vector, difference, entry, inner, simple_shear
-from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.compiled import FAST, compiled, nested
 
 NONE = np.uint32(2**32 - 1)
 
@@ -47,7 +47,7 @@ def find_clusters_of(graph, d, u, like):
         graph.size[start] = end - np.uint64(first)
 
 
-@compiled(False)
+@nested(False)
 def _unite(over, a, b):
     while over[a] != a:
         a = over[a]

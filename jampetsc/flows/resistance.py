@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.packing.bond import bond_vector, difference, entry, inner, scaled, set_row, zero
-from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.compiled import FAST, compiled, nested
 from jampetsc.packing.threads import meet
 
 SOLVES = 20_000  # most iterations: far more than any tolerance above rounding takes
@@ -110,7 +110,7 @@ def find_contacts_of(domains, d, o, strain, graph):
     graph.ends[d, 2] = end
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _add_third(graph, e, across, extra, x, y):
     """Third component of contact e of `more` in `multiply`."""
     a, b = graph.more[e, 0], graph.more[e, 1]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.packing.bond import simple_shear
-from jampetsc.packing.compiled import FAST, NUMBERS, compiled
+from jampetsc.packing.compiled import FAST, NUMBERS, compiled, nested
 from jampetsc.packing.kernel import elastic_trace, viscous_trace
 from jampetsc.packing.neighbour_list import NeighbourList, choose_inner_list, inner_list_is_stale, is_stale
 
@@ -149,7 +149,7 @@ def kick(o, forces, predicted, constants, g, u, after, out, like):
     return np.sqrt(far), np.sqrt(longest) if total == total else np.nan, xy, squares
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def squares_of(u, like):
     """(Σ u_x u_y, Σ |u|²) of u (n, D)."""
     xy = squares = 0.0
@@ -161,7 +161,7 @@ def squares_of(u, like):
     return xy, squares
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def write_terms(constants, bonds, xy, squares, row):
     """The terms of TALLY of one domain into `row`; bonds: Sums of its forces; xy, squares: see `squares_of`."""
     alpha = 2.5 if constants.law[1] else 2.0
@@ -175,7 +175,7 @@ def write_terms(constants, bonds, xy, squares, row):
     row[7] = bonds.dissipation + constants.drag * squares
 
 
-@compiled(False)
+@nested(False)
 def add_terms(constants, sums, tally):
     """Add a time step to `tally` (TALLY,): terms of all domains, sums (D, SUMMED + 2), and of the background fluid."""
     fluid = constants.background * constants.rate
@@ -208,7 +208,7 @@ def joint_status(constants, sums, g):
     return status_of(far, longest, g, constants.list_widths), longest
 
 
-@compiled(False)
+@nested(False)
 def find_own_domains(me, threads, arrays):
     """(first, last + 1) of the domains of thread `me`, and of their disks."""
     disks = arrays.pairs.disks
@@ -217,7 +217,7 @@ def find_own_domains(me, threads, arrays):
     return first, last, disks[first], disks[last]
 
 
-@compiled(False)
+@nested(False)
 def update_inner_list(arrays, constants, domains, o, g, path, list_shear):
     """Make the inner list again if the present one may miss a contact at offsets o and shear g.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from jampetsc.minimise.descent import Descent
 from jampetsc.minimise.lbfgs import CONVERGED, MORE, STALE
-from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.compiled import FAST, compiled, nested
 from jampetsc.packing.kernel import block_room, domain_forces
 from jampetsc.packing.neighbour_list import is_stale
 from jampetsc.packing.strain import UNSTRAINED
@@ -42,7 +42,7 @@ class Clock(NamedTuple):
     downhill: int
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _sums(f, v, sums):
     top = fv = ff = vv = 0.0
     for q in range(len(f)):
@@ -54,7 +54,7 @@ def _sums(f, v, sums):
     sums[0], sums[1], sums[2], sums[3] = top, fv, ff, vv
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _move(o, v, f, keep, push, step, back):
     """v ← keep v + push f, o ← o + step v − back v_old; returns max |o|."""
     far = 0.0

@@ -19,7 +19,7 @@ import numpy as np
 
 from jampetsc.minimise.lbfgs_kernels import LbfgsArrays, adjust, is_sheared, measure, step
 from jampetsc.packing.bond import box_strain
-from jampetsc.packing.compiled import compiled
+from jampetsc.packing.compiled import compiled, nested
 from jampetsc.packing.kernel import block_room
 from jampetsc.packing.neighbour_list import is_stale
 from jampetsc.packing.threads import meet
@@ -126,7 +126,7 @@ def _direction(total, products, count, head, memory, softness, coefficients):
     return slope, count
 
 
-@compiled(False)
+@nested(False)
 def _adjust_box(box, move, ratio, scale):
     for b in range(len(box)):
         box[b] += (ratio - 1.0) * move[b] / scale

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.packing.bond import box_strain
-from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.compiled import FAST, compiled, nested
 from jampetsc.packing.kernel import domain_forces, elastic_trace
 from jampetsc.packing.neighbour_list import GRAIN
 
@@ -30,7 +30,7 @@ class LbfgsArrays(NamedTuple):
     reaches: np.ndarray  # (domains, 3) each domain's longest move and offset
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def dot(a, b):
     """Σ a b."""
     total = 0.0
@@ -39,7 +39,7 @@ def dot(a, b):
     return total
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _square(f, peaks):
     """f · f; peaks ← max(peaks, |f|) element by element, which compilers vectorise, unlike a single maximum."""
     total = 0.0
@@ -50,14 +50,14 @@ def _square(f, peaks):
     return total
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _peaks(f, peaks):
     for q in range(len(f)):
         size = abs(f[q])
         peaks[q] = size if size > peaks[q] else peaks[q]
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _change(new, factor_new, old, factor_old, y):
     """y ← g_new − g_old, in single precision; returns y · y and y · f_new."""
     square = product = 0.0
@@ -69,19 +69,19 @@ def _change(new, factor_new, old, factor_old, y):
     return square, product
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _add_pair(sum_, c_s, s, c_y, y):
     for q in range(len(sum_)):
         sum_[q] += c_s * s[q] + c_y * y[q]
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _scaled(f, c, out):
     for q in range(len(out)):
         out[q] = c * f[q]
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _move(direction, s, o):
     """s ← direction in single precision, o ← o + s."""
     for q in range(len(o)):
@@ -89,7 +89,7 @@ def _move(direction, s, o):
         o[q] += np.float64(s[q])
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _rescale(ratio, s, o):
     """Multiply the last move s by `ratio`, in s and in o; returns max |o|."""
     far = 0.0
@@ -103,7 +103,7 @@ def _rescale(ratio, s, o):
     return far
 
 
-@compiled(False, forceinline=True)
+@nested(False, forceinline=True)
 def is_sheared(box, like):
     """Whether a cell has shears; like: a tuple of length D."""
     if len(like) == 3:
@@ -111,7 +111,7 @@ def is_sheared(box, like):
     return box[1] != 0.0
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _shear(f, growth, box, like):
     """f ← Fᵀ f, f (n, D), with F = growth (1 + shears of the box); like: a tuple of length D."""
     shear = box[1]
@@ -169,7 +169,7 @@ def measure(domains, d, space, task, factors, now, slot, room, like):
         sums[rows + 5], sums[rows + 6] = bonds.elastic_xz, bonds.elastic_yz
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def step(domains, d, space, now, factor, coefficients, head, room, like):
     """Move the disks of domain d along the direction, which becomes the s of pair `head`."""
     if len(like) == 3:  # coordinates of a chunk: constants to the compiler
@@ -197,7 +197,7 @@ def step(domains, d, space, now, factor, coefficients, head, room, like):
     space.reaches[d, 0], space.reaches[d, 1] = longest.max(), far.max()
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def adjust(domains, d, space, ratio, head, like):
     """Multiply the last move, the s of pair `head`, by `ratio` for the disks of domain d; returns max |o|."""
     if len(like) == 3:  # coordinates of a chunk: constants to the compiler

@@ -12,10 +12,10 @@ j running over the disks that the elimination tree leads to from the neighbours 
 
 import numpy as np
 
-from jampetsc.packing.compiled import FAST, NUMBERS, compiled
+from jampetsc.packing.compiled import FAST, NUMBERS, compiled, nested
 
 
-@compiled(False)
+@nested(False)
 def rows_below(order, i, j, chosen):
     """(start (N + 1,), column, pair): for each disk, in the order of elimination, its contacts with earlier ones.
 
@@ -43,7 +43,7 @@ def rows_below(order, i, j, chosen):
     return start, column, pair
 
 
-@compiled(False)
+@nested(False)
 def _tree(start, column):
     """(parent (N,) in the elimination tree, begin (N + 1,) of each column of L)."""
     n = len(start) - 1
@@ -80,7 +80,7 @@ def diagonal_of(i, j, blocks, chosen, shift):
     return diagonal
 
 
-@compiled(NUMBERS, forceinline=True)
+@nested(NUMBERS, forceinline=True)
 def space_diagonal_of(i, j, blocks, chosen, shift):
     """(N, 3, 3) diagonal blocks of Σ blocks (u_j − u_i)² + Σ shift u², blocks (M, 3, 3), shift (N,)."""
     diagonal = np.zeros((len(shift), 3, 3))
@@ -142,7 +142,7 @@ def blocks_of(indptr, indices, values):
     return i, j, blocks, chosen, diagonal
 
 
-@compiled(False)
+@nested(False)
 def _find_pattern(k, start, column, parent, seen, path, pattern):
     """First place in `pattern`, to whose end it has the columns of row k of L, in order."""
     top = len(pattern)
@@ -161,7 +161,7 @@ def _find_pattern(k, start, column, parent, seen, path, pattern):
     return top
 
 
-@compiled(NUMBERS, forceinline=True)
+@nested(NUMBERS, forceinline=True)
 def _invert(d, inverse):
     """Inverse of a symmetric 3×3 matrix; returns whether it is positive definite."""
     xx = d[1, 1] * d[2, 2] - d[1, 2] * d[1, 2]
@@ -181,7 +181,7 @@ def _invert(d, inverse):
     return True
 
 
-@compiled(NUMBERS, forceinline=True)
+@nested(NUMBERS, forceinline=True)
 def _factorise_in_space(order, start, column, pair, blocks, diagonal):
     """`factorise` for 3×3 blocks, of what `rows_below` gives."""
     n = len(order)
@@ -297,7 +297,7 @@ def solve(factor, b, x, work):
     _substitute(order, begin, row, lower, b, x, work)
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _substitute(order, begin, row, lower, b, x, work):
     """Forward and backward substitution of `solve`."""
     n = len(order)

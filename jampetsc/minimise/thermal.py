@@ -12,7 +12,7 @@ import numpy as np
 
 from jampetsc import interrupts
 from jampetsc.packing.bond import added, bond_vector, inner, pair_energy, row, scaled, set_row
-from jampetsc.packing.compiled import compiled
+from jampetsc.packing.compiled import compiled, nested
 from jampetsc.packing.contacts import both_ends
 from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, is_stale
 from jampetsc.packing.packing import Packing
@@ -54,7 +54,7 @@ def energy_of(a, place, around, o, law):
     return energy
 
 
-@compiled(False)
+@nested(False)
 def _offered(o, a, reach, draw, like):
     """Offset that disk a would have after a move by the random numbers of `draw`; like: a tuple of length D."""
     if len(like) == 3:

@@ -10,7 +10,7 @@ import numpy as np
 from jampetsc.minimise.lbfgs_kernels import dot
 from jampetsc.minimise.ldl import diagonal_of, factorise, solve, space_diagonal_of
 from jampetsc.packing.bond import bond_vector, difference, entry, inner, row, secant, simple_shear
-from jampetsc.packing.compiled import FAST, NUMBERS, compiled
+from jampetsc.packing.compiled import FAST, NUMBERS, compiled, nested
 from jampetsc.packing.kernel import bond_forces, elastic_trace
 from jampetsc.packing.neighbour_list import is_stale
 
@@ -37,7 +37,7 @@ def nothing_remembered(shape):
     return np.zeros((2, MEMORY, size)), np.zeros(MEMORY), np.zeros(2, np.int64), np.zeros((4, size))
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _set_block(block, k, f, n):
     """block ← k n nᵀ − f (1 − n nᵀ) in three dimensions."""
     for x in range(3):
@@ -56,7 +56,7 @@ def springs(pairs, o, strain, law, nearby, stress):
     return _springs(pairs.i, pairs.j, pairs.r0, pairs.sigma, o, strain, law, nearby, stress)
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _springs(i, j, r0, sigma, o, strain, law, nearby, stress):
     """`springs`, of the arrays of the pairs."""
     alpha = 2.5 if law[1] else 2.0
@@ -86,7 +86,7 @@ def _springs(i, j, r0, sigma, o, strain, law, nearby, stress):
     return blocks, chosen
 
 
-@compiled(False)
+@nested(False)
 def held_by(pairs, chosen, n):
     """How many chosen pairs each of N disks has, (N,)."""
     number = np.zeros(n, np.int64)
@@ -97,7 +97,7 @@ def held_by(pairs, chosen, n):
     return number
 
 
-@compiled(NUMBERS, forceinline=True)
+@nested(NUMBERS, forceinline=True)
 def _diagonal_of(like, i, j, blocks, chosen, shift):
     """Diagonal blocks for `factorise`; like: a tuple of length D."""
     if len(like) == 3:
@@ -136,7 +136,7 @@ def is_minimum(order, pairs, o, g, law, stiffness):
     return _factorised(order, pairs, o, g, law, 0.0, 1.0, MIN_CURVATURE * stiffness, stiffness)[0]
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _go(o, moved, d, length, g, like):
     """Move by length · d in the laboratory frame; returns max |o|; like: a tuple of length D."""
     far = 0.0
@@ -206,7 +206,7 @@ def contacts_at(pairs, o, g, law):
     return number, modulus, CELLS * alike / bins
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _add_dot(x, c, y, z):
     """x ← x + c y; returns z · x."""
     total = 0.0
@@ -216,7 +216,7 @@ def _add_dot(x, c, y, z):
     return total
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _direction(factor, softness, memory, forces, d, work, axes):
     """d = H F, (DN,), by the two loops over the memory; without a factor H₀ is a number, at first `softness`."""
     both, product, count, spaces = memory

@@ -7,16 +7,16 @@ tuple when it compiles, so that one source gives the code of each dimension, wit
 import numpy as np
 
 from jampetsc.packing import strain
-from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.compiled import FAST, nested
 from jampetsc.packing.potentials import secant_stiffness
 
-_inlined = compiled(FAST, cache=False, forceinline=True)
+_inlined = nested(FAST, cache=False, forceinline=True)
 simple_shear, growth_and_shear = _inlined(strain.simple_shear), _inlined(strain.growth_and_shear)
 growth_and_tilts = _inlined(strain.growth_and_tilts)
 bond_vector = _inlined(strain.bond_vector)
 secant = _inlined(secant_stiffness)
 # not FAST: whether a list serves is decided in exact order
-_exact = compiled(False, cache=False)
+_exact = nested(False, cache=False)
 norms, strain_between = _exact(strain.norms), _exact(strain.strain_between)
 
 
@@ -126,7 +126,7 @@ def cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled(False)
+@nested(False)
 def pair_energy(r, sigma, law):
     """V of one pair with the bond vector r; law = `potential.constants`."""
     overlap = sigma - np.sqrt(inner(r, r))

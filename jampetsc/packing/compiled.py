@@ -53,6 +53,15 @@ def compiled(fastmath, **options):
     return numba.njit(fastmath=fastmath, **settings)
 
 
+def nested(fastmath, **options):
+    """Decorator: `compiled`, for a function that only compiled functions call.
+
+    It has no wrapper for calls from Python: a tenth of all compilation. Such a call would end the process; a test
+    checks that there is none.
+    """
+    return compiled(fastmath, no_cpython_wrapper=True, **options)
+
+
 def instruction_set() -> str:
     """BASELINE, or LLVM's name of another processor for which loops are compiled."""
     if (config.CPU_NAME, config.CPU_FEATURES) == BASELINE_TARGET:

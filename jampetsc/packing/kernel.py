@@ -36,7 +36,7 @@ from jampetsc.packing.bond import (
     subtract_from_row,
     zero,
 )
-from jampetsc.packing.compiled import FAST, compiled
+from jampetsc.packing.compiled import FAST, compiled, nested
 
 BLOCK = 1024  # pairs worked on at a time: their temporaries stay in the first-level cache
 # Rows of one array: with one array each, the compiler would have too many to prove that none overlaps another,
@@ -62,19 +62,19 @@ class Sums(NamedTuple):
     viscous_zz: float
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def elastic_trace(sums):
     """Σ f·r of elastic forces."""
     return sums.elastic_xx + sums.elastic_yy + sums.elastic_zz
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def viscous_trace(sums):
     """Σ f·r of viscous forces."""
     return sums.viscous_xx + sums.viscous_yy + sums.viscous_zz
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _block_forces(r0, sigma, b, moving, strain, law, motion, rolling):
     """Turn o_j − o_i in b into the forces on j, for one block of pairs: no branches, no indices.
 
@@ -162,7 +162,7 @@ def block_room(dimension):
     return np.empty(BLOCK), np.empty(BLOCK), np.empty(END_IN_SPACE if dimension == 3 else END)
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _bonds_of_block(room, r0):
     """D arrays for the vectors of a block."""
     bx, by, moving = room
@@ -171,7 +171,7 @@ def _bonds_of_block(room, r0):
     return bx, by
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _velocities_of_block(moving, r0):
     """D arrays for u_j − u_i of a block."""
     if len(r0) == 3:
@@ -179,7 +179,7 @@ def _velocities_of_block(moving, r0):
     return moving[UX:UY], moving[UY:ROLL]
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _part(arrays, begin, end):
     """Entries begin … end − 1 of D arrays."""
     if len(arrays) == 3:
@@ -187,7 +187,7 @@ def _part(arrays, begin, end):
     return arrays[0][begin:end], arrays[1][begin:end]
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _gather_rolling(moving, q, a, b, spin, radii, like):
     """ρ_a Ω_a + ρ_b Ω_b of pair q into `moving`."""
     if len(like) == 3:
@@ -197,7 +197,7 @@ def _gather_rolling(moving, q, a, b, spin, radii, like):
         moving[ROLL + q] = radii[a] * spin[a] + radii[b] * spin[b]
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def _add_torque(torques, a, radius, moving, q, like):
     """Add ρ c_s n × a⊥ᶜ of pair q to the torque on disk a."""
     if len(like) == 3:
@@ -207,7 +207,7 @@ def _add_torque(torques, a, radius, moving, q, like):
         torques[a] += radius * moving[ROLL + q]
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def add_forces(pairs, first, middle, last, o, strain, law, forces, motion, rolling, room):
     """Add the forces of pairs first … last − 1 to `forces` (N, D), from `middle` on only those on i; returns the Sums.
 
@@ -282,7 +282,7 @@ def add_forces(pairs, first, middle, last, o, strain, law, forces, motion, rolli
     return Sums(energy, wxx, wxy, wyy, wxz, wyz, wzz, dissipation, vxx, vxy, vyy, vzz)
 
 
-@compiled(FAST, forceinline=True)
+@nested(FAST, forceinline=True)
 def domain_forces(domains, d, o, strain, law, forces, motion, rolling, room):
     """Net forces on the disks of domain d of a `NeighbourList` into their rows of `forces`; returns the domain's Sums.
 

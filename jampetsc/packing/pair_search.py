@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.packing.bond import put, row
-from jampetsc.packing.compiled import compiled
+from jampetsc.packing.compiled import compiled, nested
 from jampetsc.packing.neighbours import grid_shape, upright
 from jampetsc.packing.threads import meet
 
@@ -31,14 +31,14 @@ class Grid(NamedTuple):
     wrapped: np.ndarray  # (N, D) numbers of cell vectors subtracted for that
 
 
-@compiled(False, forceinline=True)
+@nested(False, forceinline=True)
 def _sum(a, b):
     if len(a) == 3:
         return a[0] + b[0], a[1] + b[1], a[2] + b[2]
     return a[0] + b[0], a[1] + b[1]
 
 
-@compiled(False)
+@nested(False)
 def _shift(cell, over, up, deep, like):
     """A sum of vectors of an upright cell."""
     if len(like) == 3:
@@ -47,7 +47,7 @@ def _shift(cell, over, up, deep, like):
     return over * cell[0, 0] + up * cell[1, 0], up * cell[1, 1]
 
 
-@compiled(False)
+@nested(False)
 def _places(number, shape):
     """D arrays (number,)."""
     if len(shape) == 3:
@@ -55,7 +55,7 @@ def _places(number, shape):
     return np.empty(number), np.empty(number)
 
 
-@compiled(False)
+@nested(False)
 def _grid(positions, radii, cell, skin, shape, margin):
     """The Grid of `shape` cells and `margin` more on each side, both (columns, rows) or (columns, rows, layers)."""
     n, dimension = positions.shape
@@ -132,7 +132,7 @@ def _grid(positions, radii, cell, skin, shape, margin):
     return Grid(corner, 2 * margin[0] + 1, rows, start, place, reach, disk, image, inside, wrapped)
 
 
-@compiled(False, forceinline=True)
+@nested(False, forceinline=True)
 def _squared_distance(place, e, here):
     dx, dy = place[0][e] - here[0], place[1][e] - here[1]
     if len(place) == 3:
@@ -141,7 +141,7 @@ def _squared_distance(place, e, here):
     return dx * dx + dy * dy
 
 
-@compiled(False)
+@nested(False)
 def _search(grid, radii, first, entries, ends):
     """Write the entries near disks first, first + 1, … into `entries`, of disk first + a before ends[a].
 
@@ -168,7 +168,7 @@ def _search(grid, radii, first, entries, ends):
     return np.int64(count)
 
 
-@compiled(False)
+@nested(False)
 def _search_domains(grid, radii, borders, counts):
     """(entries, ends) of `_search` for domains with borders (D + 1,); writes numbers of their pairs into counts."""
     first, total, d = borders[0], 0, 0

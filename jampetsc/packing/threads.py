@@ -23,7 +23,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
 from jampetsc import interrupts
-from jampetsc.packing.compiled import compiled
+from jampetsc.packing.compiled import compiled, nested
 
 PERIOD = 32  # runs after which both numbers of threads are tried again: one run of one thread,
 TRIAL = 4  # then this many of all: the first ones are slow, as threads wake up and their caches are empty;
@@ -57,7 +57,7 @@ def _read(typing, counter):
     return types.int64(counter), generate
 
 
-@compiled(False, nogil=True)
+@nested(False, nogil=True)
 def meet(counter, threads):
     """Wait until all `threads` are here. counter (1,) int64, zero before the first meeting."""
     if threads == 1:

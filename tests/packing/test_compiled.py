@@ -1,7 +1,9 @@
 """Types of arguments as numba gets them, fastmath flags of compiled functions, and for which processors they are."""
 
+import ast
 import importlib
 import pkgutil
+import re
 import subprocess
 import sys
 from typing import NamedTuple
@@ -67,15 +69,72 @@ def test_cached_types_are_those_of_numba(kind):
                 assert typeof(value) == wanted
 
 
-def test_what_may_reorder_sums_is_compiled_into_its_callers():
-    """Otherwise numba's cache would decide which of several differently optimised copies runs."""
-    functions = set()
+@pytest.fixture(scope="module")
+def functions():
+    """{(module, name): compiled function} of the package, under every name that modules give it."""
+    members = {}
     for module in pkgutil.walk_packages(jampetsc.__path__, "jampetsc."):
         if not module.name.endswith("__main__"):
-            members = vars(importlib.import_module(module.name)).values()
-            functions |= {one for one in members if isinstance(one, Dispatcher)}
-    assert len(functions) > 50
-    for function in functions:
+            members |= {
+                (module.name, name): member
+                for name, member in vars(importlib.import_module(module.name)).items()
+                if isinstance(member, Dispatcher)
+            }
+    assert len(members) > 50
+    return members
+
+
+def uncompiled_uses(path, functions, chosen):
+    """Lines of a file where a function that is not compiled, or no function, uses one of the chosen ones."""
+    module = ".".join(path.relative_to(launch.ROOT).with_suffix("").parts)
+    tree = ast.parse(path.read_text())
+    known = {name: function for (place, name), function in functions.items() if place == module}
+    modules = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                name = alias.asname or alias.name
+                known[name] = functions.get((node.module, alias.name))
+                modules[name] = f"{node.module}.{alias.name}"
+    compiled_lines = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            decorators = " ".join(ast.unparse(decorator) for decorator in node.decorator_list)
+            if re.search("compiled|nested|inlined|njit", decorators):
+                compiled_lines.update(range(node.lineno, node.end_lineno + 1))
+    uses = []
+    for node in ast.walk(tree):
+        function = None
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            function = known.get(node.id)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            function = functions.get((modules.get(node.value.id), node.attr))
+        if function in chosen and node.lineno not in compiled_lines:
+            uses.append(f"{path.name}:{node.lineno}")
+    return uses
+
+
+def test_what_has_no_wrapper_for_python_is_called_by_compiled_functions_alone(functions):
+    """Such a call from Python would end the process."""
+    nested = {one for one in functions.values() if one.targetoptions.get("no_cpython_wrapper")}
+    assert len(nested) > 50
+    modules = {
+        name.removeprefix("jampetsc.") for (name, _), function in functions.items() if function in nested
+    }
+    mention = re.compile("|".join(name.rpartition(".")[2] for name in modules))
+    for folder in ("jampetsc", "tests", "benchmarks", "examples"):
+        for path in (launch.ROOT / folder).rglob("*.py"):
+            if re.search(
+                r"^\s*(from|import) jampetsc.*\b(" + mention.pattern + ")", path.read_text(), re.MULTILINE
+            ):
+                assert uncompiled_uses(path, functions, nested) == []
+    caller = launch.ROOT / "jampetsc" / "flows" / "steady_shear.py"
+    assert len(uncompiled_uses(caller, functions, set(functions.values()))) > 5  # calls are found
+
+
+def test_what_may_reorder_sums_is_compiled_into_its_callers(functions):
+    """Otherwise numba's cache would decide which of several differently optimised copies runs."""
+    for function in functions.values():
         code, names = function.py_func.__code__, function.py_func.__globals__
         for name in code.co_names:
             called = names.get(name)
