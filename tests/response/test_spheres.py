@@ -308,7 +308,8 @@ def test_spins_are_split_off_large_matrices_alone(session, option, monkeypatch):
     assert shift_factors.splits_spins(pencil) and shift_factors.factored_unknowns(pencil) == 42
     assert ratio / shift_factors.bytes_of_factor(pencil) == pytest.approx(4.0)  # blocks of 6 × 6, 3 × 3
     assert not shift_factors.splits_spins(pencil_of("few", str(physics(rotations=False))))
-    assert not shift_factors.splits_spins(replace(pencil, law=physics(beta=11.0).law))
+    for heavy in (physics(beta=11.0), physics("custom", normal=0.5, sliding=6.0)):
+        assert not shift_factors.splits_spins(replace(pencil, law=heavy.law))
     with pytest.raises(NotPositiveDefinite, match="A is not positive definite"):
         ShiftedFactor(shifted(wrong.K, wrong.B, 1e-8), "A", None, wrong.spins)
     option("shift_mat_cholmod_print 0")
