@@ -8,23 +8,24 @@ from dense import Reference
 from gathered import unknowns
 from oscillations import steady_oscillation
 from powerlaw import Motion, Opening
-from samples import physics, put
+from samples import network_of, physics, put
 from sheared import forces
 from spheres import few_spheres
 
 import jampetsc
 from jampetsc import main
 from jampetsc.commands.oscillate import Oscillate
-from jampetsc.errors import ConvergenceError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.outlet import Outlet
 from jampetsc.laws.loads import named_loads
-from jampetsc.oscillation.amplitude_sweep import _PointSolver
+from jampetsc.oscillation.amplitude_sweep import _PointSolver, sweep_amplitudes
 from jampetsc.oscillation.drive import Drive, Imposed
 from jampetsc.oscillation.moving_contacts import MovingContacts
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
 from jampetsc.oscillation.time_step import STAGE
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.packing import Packing
+from jampetsc.response import factor_memory
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 ROLLING, SMOOTH = {"beta": 0.3, "normal": 0.8}, {"rotations": False, "tau1": 2.0}
@@ -175,6 +176,16 @@ def test_spheres_that_roll_take_few_newton_steps():
     """Between two opposite neighbours a sphere turns far and moves little: its spin must not be held."""
     found = shaken(Drive(0.3, 5e-2, False), law_of(ROLLING))
     assert np.all([found.newton_steps, found.factorisations] <= 1.3 * np.array([703, 208]))
+
+
+@pytest.mark.parametrize("contacts", ["fixed", "moving"])
+def test_factors_that_memory_cannot_hold_are_refused(session, monkeypatch, contacts):
+    """Before they are made, all that are held at a time."""
+    monkeypatch.setattr(factor_memory, "SPACE_BYTES", 1e12)
+    disks, law = few_spheres(), law_of(ROLLING)
+    network = network_of(disks, law, session.comm)
+    with pytest.raises(InputError, match=r"factor of 84 unknowns: needs .* -osc_factor_mat_mumps_icntl_22 1"):
+        sweep_amplitudes(disks, network, law.law, [1.0], [1e-6], "strain", contacts, steps=16)
 
 
 def test_a_file_is_resumed_printed_and_drawn(session, tmp_path, monkeypatch, capfd):
