@@ -85,13 +85,13 @@ class MovingContacts(ListedPacking):
         self.offsets = self.offsets + displacements
         self.fold()
 
-    def set_length(self, step: float):
-        """Set the time of the next steps."""
+    def set_length(self, step: float, stage: float = STAGE):
+        """Set the time of the next steps, and of a stage as a share of it."""
         self.step = step
-        self.stages.set_length(STAGE * step)
+        self.stages.set_length(stage * step)
 
     def advance(self, imposed):
-        """Make a step; `imposed`: (Imposed, Imposed) at the ends of its two stages. Returns the `StageEnd`s of both.
+        """Make a step; `imposed`: the Imposed at the ends of its stages, one or two. Returns their `StageEnd`s.
 
         Raises ConvergenceError if the step is too long.
         """
@@ -111,7 +111,7 @@ class MovingContacts(ListedPacking):
         self._before = self.offsets, self.u, self.gamma, self.rate, self._served
         previous = self._state
         self.offsets, self.u, ends = step
-        self.gamma, self.rate, self._served = ends[1].gamma, ends[1].rate, self._served + 1
+        self.gamma, self.rate, self._served = ends[-1].gamma, ends[-1].rate, self._served + 1
         self.gained = self.energy_change(previous, self._state)
         return ends
 

@@ -37,7 +37,12 @@ MAX_REPEATED_CYCLES = 60
 START_STEPS = 16  # steps of the cycle with fixed contacts; linear damping is exact with any number
 ENERGY_TOLERANCE = 8.0  # of the energy balance of a step, times steps³, in units of π|G*|γ₁² of the cell
 PERIOD = 2.0 * np.pi
+# ends of the stages in a step, and their weights
+TWO_STAGES, ONE_STAGE = ((STAGE, 1.0), WEIGHTS), ((1.0,), (1.0,))
 MAX_HALVINGS = 30  # of a step; no motion of a contact is so sudden
+# A step of so many halvings is short. After MAX_SHORT_STEPS of them short steps have one stage: the second stage of a
+# disk that jumps, as one that rolls freely, would begin far beyond the contact that stops it.
+MIN_SHORT_HALVINGS, MAX_SHORT_STEPS = 10, 32
 # of the allowed error: after a step with less the next is twice as long, with 8 times the error
 STEP_GROWTH_RATIO = 0.1
 MAX_STRAIN_DRIFT = 1.0  # of a cycle; a packing whose strain changes by more flows
@@ -170,26 +175,30 @@ class Cycles:
 
         Raises ConvergenceError if they fail.
         """
-        passed, total = 0, 1 << MAX_HALVINGS
+        passed, total, short_steps = 0, 1 << MAX_HALVINGS, 0
         while passed < total:
-            part = total >> self._halvings
-            stages, error = self._step(begin + length * (passed / total), length * (part / total), allowed)
+            part, is_short = total >> self._halvings, self._halvings >= MIN_SHORT_HALVINGS
+            scheme = ONE_STAGE if is_short and short_steps > MAX_SHORT_STEPS else TWO_STAGES
+            stages, error = self._step(
+                begin + length * (passed / total), length * (part / total), allowed, scheme
+            )
             if error > allowed:
                 self._halvings += 1
                 continue
             yield stages
-            passed, self.accepted = passed + part, self.accepted + 1
+            passed, self.accepted, short_steps = passed + part, self.accepted + 1, short_steps + is_short
             if self._halvings and error < STEP_GROWTH_RATIO * allowed and passed % (2 * part) == 0:
                 self._halvings -= 1
 
-    def _step(self, begin, length, allowed):
-        """(time, weight in an integral over time, StageEnd) of both stages of a step, and its error of energy.
+    def _step(self, begin, length, allowed, scheme):
+        """(time, weight in an integral over time, StageEnd) of the stages of a step, and its error of energy.
 
         That is infinite if the step fails; a step with more than `allowed` is undone.
         """
         motion, last = self.motion, self._halvings == MAX_HALVINGS
-        motion.set_length(length)
-        times = [begin + part * length for part in (STAGE, 1.0)]
+        parts, weights = scheme
+        motion.set_length(length, parts[0])
+        times = [begin + part * length for part in parts]
         imposed = [self.drive.at(time) for time in times]
         try:
             ends = motion.advance(imposed)
@@ -198,7 +207,7 @@ class Cycles:
                 raise
             return [], float("inf")
         stages = [
-            (time, weight * length, end) for time, weight, end in zip(times, WEIGHTS, ends, strict=True)
+            (time, weight * length, end) for time, weight, end in zip(times, weights, ends, strict=True)
         ]
         fed = sum(weight * (motion.volume * end.stress * end.rate - end.power) for _, weight, end in stages)
         error = max(abs(fed - motion.gained) - motion.rounding, 0.0)

@@ -258,11 +258,11 @@ class Stages:
             self.h, self._is_stale = h, True
 
     def step(self, springs: StepForces, places, gamma, imposed, last):
-        """(places, velocities, StageEnds) after a step of two stages, or None if the pair list is too small for it.
+        """(places, velocities, StageEnds) after a step of one or two stages, or None if the pair list is too small.
 
         springs         the forces that the Stages were made for
         places, gamma   positions (N, D) and strain at its beginning
-        imposed         (Imposed, Imposed) at the ends of the stages
+        imposed         the Imposed at the ends of the stages
         last            velocities (N, dofs) and strain rate before the step
 
         Raises ConvergenceError if the step is too long.

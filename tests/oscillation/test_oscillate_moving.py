@@ -298,6 +298,25 @@ def test_steps_are_cut_where_disks_rearrange():
     assert lengths.min() <= 0.25 * period and np.any(np.diff(lengths) > 1e-9)
 
 
+def test_of_many_short_steps_the_later_ones_have_one_stage(monkeypatch):
+    """They lose no more energy than others, and end where they should."""
+    monkeypatch.setattr(repeated_cycles, "MIN_SHORT_HALVINGS", 1)
+    monkeypatch.setattr(repeated_cycles, "MAX_SHORT_STEPS", 0)
+    run, _ = run_of(1e-4, 2e-2, 16)
+    counts, time, period = [], 0.0, 2.0 * np.pi / 16
+    for n in range(4):
+        for stages in run.steps(n * period, period, 1e-8):
+            work = [
+                weight * (run.motion.volume * end.stress * end.rate - end.power) for _, weight, end in stages
+            ]
+            assert abs(sum(work) - run.motion.gained) <= 1e-8
+            time += sum(weight for _, weight, _ in stages)
+            assert stages[-1][0] == pytest.approx(time)
+            counts.append(len(stages))
+    assert set(counts) == {1, 2} and time == pytest.approx(4 * period)
+    assert run.motion.gamma == pytest.approx(2e-2 * np.sin(4 * period), rel=1e-9)
+
+
 @pytest.mark.parametrize("sample", ["published", "hertzian", "spheres"])
 def test_energy_of_a_change(sample):
     """As the difference of energies, but for rounding; of a small change to the last digits."""
