@@ -28,7 +28,11 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "paper4": {"regimes": "paper4"},
     "paper5": {"models-at-phi_J": "paper5"},
     "three-dimensions": {"collapse-no-prestress": "three-dimensions", "medians": "three-dimensions-medians"},
-    "three-dimensions-flow": {"flow-curves": "three-dimensions-flow"},
+    "three-dimensions-flow": {
+        "flow-curves": "three-dimensions-flow",
+        "branches": "three-dimensions-branches",
+    },
+    "three-dimensions-jamming": {"random": "three-dimensions-jamming"},
     "vagberg-fig4.6-4.7": {"vagberg-fig4.6-4.7": "vagberg-fig4.6-4.7"},
     "vagberg-fig4.8": {
         "4.8a": "vagberg-fig4.8a",

@@ -499,8 +499,27 @@ PAGE = {
             ("3D, spheres of two sizes, random starts: φ(p)…",),
         ),
         PageClaim(
+            "φ_J of random starts in 3D, spheres of two sizes: f(φ, N) of O'Hern et al. (2003)",
+            {"3D, RAND: φ_J of f(φ, N)": ""},
+            ("3D, f(φ, N), …: φ_J", "3D, ⟨p⟩(φ, N), …: φ_J"),
+        ),
+        PageClaim(
+            "random starts in 3D, quenched at fixed φ and at fixed p → 0, have one φ_J: difference",
+            {"3D, RAND: φ_J of f(φ, N) less φ_c…": ""},
+        ),
+        PageClaim(
+            "ν of random starts in 3D: f(φ, N) is one function of (φ − φ_J) L^(1/ν) (V 5.6)",
+            {"3D, RAND: ν of f(φ, N)": ""},
+            ("3D, f(φ, N), …", "3D, ⟨p⟩(φ, N), …", "3D, RAND: ν, …"),
+        ),
+        PageClaim(
             "y/zν of disks in 3D: p ~ γ̇^(y/zν) of RD0 at φ_c of random starts (BT 2, V Fig. 5.1)",
             {"3D, RD0 at φ_c…": ""},
+        ),
+        PageClaim(
+            "y and zν of disks in 3D: collapse of p, RD0 (BT 2, V Fig. 5.1)",
+            {"3D, RD0, collapse of p: y": "y", "3D, RD0, collapse of p: zν": "zν"},
+            ("3D, RD0, collapse of …",),
         ),
     ),
 }

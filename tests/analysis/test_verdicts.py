@@ -10,6 +10,7 @@ import pytest
 from claims.page import PAGE, PageClaim
 from claims.selection import combined, label_of
 from claims.shared import Row
+from claims.spheres import exponent_of_flow
 from claims.verdicts import (
     AGREES,
     DIFFERS,
@@ -21,6 +22,8 @@ from claims.verdicts import (
     number,
     verdict,
 )
+
+from jampetsc.io.ensemble import Ensemble
 
 X = np.log(np.geomspace(1e-5, 1e-2, 7))
 
@@ -120,3 +123,25 @@ def test_the_page_of_claims_has_the_verdicts_of_the_table():
         if len(row) == 5 and row[3] in (AGREES, DIFFERS, UNDECIDED)
     )
     assert page == kept
+
+
+def test_the_exponent_of_flow_at_a_packing_fraction_lies_between_those_of_its_neighbours():
+    """Below γ̇ = 2e-3; half of the change without the largest rate, and the slope in φ, are its systematic error."""
+    phi, rate = (grid.ravel() for grid in np.meshgrid([0.64, 0.65], [1e-4, 3e-4, 1e-3, 1e-2], indexing="ij"))
+    q = np.where(phi < 0.645, 0.30, 0.35)
+    columns = {"phi": phi, "rate": rate, "pressure_mean": np.where(rate < 5e-3, rate**q, 1.0)}
+    columns |= {"state": np.full(len(phi), "done"), "n": np.full(len(phi), 64.0), "strain": np.ones(len(phi))}
+    columns["pressure_error"] = 0.01 * columns["pressure_mean"]
+    flows = Ensemble("study", columns, None)
+    found, told = exponent_of_flow(flows, 0.644, "pressure")
+    by_density = 0.05 / 0.01 * 2e-3 * 0.644
+    assert found.value == pytest.approx(0.32) and found.systematic == pytest.approx(by_density)
+    assert told.startswith("0.300 at φ = 0.64, 0.350 at φ = 0.65") and told.endswith("0.300, 0.300")
+    columns["pressure_mean"] = np.where(rate > 5e-4, 2.0 ** (rate < 5e-3), 1.0) * columns["pressure_mean"]
+    columns["pressure_error"] = 0.01 * columns["pressure_mean"]
+    bent, _ = exponent_of_flow(flows, 0.644, "pressure")
+    slow = np.log([1e-4, 3e-4, 1e-3])
+    change = np.polyfit(slow, np.log([1, 1, 2]), 1)[0]
+    assert bent.value == pytest.approx(0.32 + change)
+    assert bent.systematic == pytest.approx(np.hypot(by_density, 0.5 * change)) and not bent.fits
+    assert exponent_of_flow(flows, 0.66, "pressure") is None

@@ -92,6 +92,7 @@ paper5 correlate model = CD CD0
 split-coordinates pack pressure >= 1e-7
 three-dimensions pack,sweep,quasistatic pressure >= 1e-2 1e-3 1e-4 2e-5
 three-dimensions pack dimension = 3
+three-dimensions --paper pack seed n=8192 pressure=2e-5 >= 1 2 3 4 5 6 7 8 9 10 11 12
 three-dimensions --paper pack n >= 8192
 three-dimensions sweep prestress = 0 1
 three-dimensions-flow flow dimension = 3
@@ -173,6 +174,9 @@ vagberg-fig4.8 4.8b.png --kind lanes --where model=CD0,phi=0.8
 vagberg-fig5.1 collapse --observable pressure --fit phi_J,y,znu !--corrections
 vagberg-fig5.1 collapse --observable shear_stress --fit phi_J,y,znu !--corrections
 vagberg-fig5.1 draw.py vagberg-fig5.1.png
+three-dimensions-flow collapse --observable pressure --fit phi_J,y,znu !--corrections
+three-dimensions-flow collapse --observable shear_stress --fit phi_J,y,znu !--corrections
+three-dimensions-flow plot --kind branches
 three-dimensions-jamming collapse --finite-size --observable jammed --fit phi_J,y=0,nu !--corrections
 three-dimensions-jamming collapse --finite-size --observable jammed --fit phi_J,y=0,nu,omega --corrections
 vagberg-fig5.1-slow collapse --observable pressure --fit phi_J,y,znu !--corrections
