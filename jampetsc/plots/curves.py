@@ -68,6 +68,7 @@ class Curve:
     def description(self) -> dict:
         """{property: value} by which it may differ from other sweeps, in the order of the label."""
         description = {"p/k": None if self.pressure is None else float(f"{self.pressure:.3g}")}
+        description["D"] = self.attributes.get("dimension", 2)
         description["N"] = self.attributes.get("particle_count")
         description["law"] = self.attributes.get("law")
         options = FAMILIES[description["law"]].options if description["law"] in FAMILIES else {}
@@ -167,7 +168,8 @@ def _curve(result, x, G, bounds, **more):
 def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:
     """(legend title, groups) of curves that differ in pressure, law or parameters, low pressure first.
 
-    Colours run from dark at low pressure (or at the first label) to light; the title is p over its unit if that is all.
+    Colours run from dark at low pressure (or at the first label) to light; the title is p over its unit if that is all,
+    after the load of all where that is not shear.
     Where one number differs, its logarithm sets the colour, and grey is 0. If they may be `crossed`, several laws at
     several pressures have the colours of these, and each law a marker and a dash.
     """
@@ -197,7 +199,9 @@ def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:
         for n, (level, law) in enumerate(pairs):
             look = {"colour": levels[level]["color"], "marker": laws[law]["marker"], "dash": dashes[law]}
             groups[n] = replace(groups[n], **look, parts=pairs[n])
-    return (f"$p{over}$" if only_pressure else ""), groups
+    load = descriptions[0]["load"]
+    words = [] if "load" in varying or load in _LOADS else [_part("load", load, only_pressure, over)]
+    return ",  ".join(words + [f"$p{over}$"] * only_pressure), groups
 
 
 def log_colours(values) -> list[tuple]:
@@ -254,8 +258,8 @@ def _part(key, value, bare, over):
         return "" if key != "p/k" else "$p$ unknown"
     if key == "p/k":
         return f"${power_or_number(value)}$" if bare else f"$p{over}={power_or_number(value)}$"
-    if key == "N":
-        return f"$N={value}$"
+    if key in ("D", "N"):
+        return f"${key}={value}$"
     if key == "alpha" and value == 1.0:
         return "linear damping"
     if key in _SYMBOLS:

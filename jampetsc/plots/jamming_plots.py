@@ -68,7 +68,7 @@ RUN = "shear"  # the protocol of files of quasistatic shear
 
 @dataclass(eq=False)
 class Samples:
-    """Samples of one kind (protocol, N, sizes, potential, step of shear): at each φ the runs they come in.
+    """Samples of one kind (protocol, N, D, sizes, potential, step of shear): at each φ the runs they come in.
 
     A run is a series of minima under shear, or a single sample; {φ: [(jammed (T,), pressure (T,)), …]}
     """
@@ -98,7 +98,8 @@ def samples_of(results) -> list[Samples]:
         attributes = result.attributes
         # of disks out of a packing they are not known
         words = (str(attributes.get(name, "")) for name in ("sizes", "potential"))
-        kind = _protocol(result), int(attributes["particle_count"]), *words, _step(result)
+        dimension = f"$D={attributes.get('dimension', 2)}$"
+        kind = _protocol(result), int(attributes["particle_count"]), dimension, *words, _step(result)
         samples = by_kind.setdefault(kind, Samples(kind))
         every = result["jammed"], result["pressure"]
         for phi, seed, rows in runs_of(result):
@@ -220,7 +221,8 @@ def plot_jamming_densities(results, page):
     ]
     if not curves:
         raise InputError(
-            f"{results[0].path}: fewer than {MIN_SAMPLES} values of phi_J. Run jam with {named('protocol')} compress."
+            f"{results[0].path}: fewer than {MIN_SAMPLES} values of phi_J at every phi. Run jam with "
+            f"{named('protocol')} compress and at least as many {named('seeds')}."
         )
     labels = _labels([kind for kind, _, _ in curves])
     several = len({phi for _, phi, _ in curves}) > 1

@@ -9,7 +9,7 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
 from jampetsc.plots.page import draw_band, draw_points, draw_power_law
 from jampetsc.plots.picture import count_text, group_by, picture, stress_unit, units_of
-from jampetsc.plots.quasistatic_plots import QUANTITIES, groups_of, pressures_of, values_of
+from jampetsc.plots.quasistatic_plots import QUANTITIES, groups_of, pressures_of, require_alike, values_of
 from jampetsc.plots.style import (
     COLUMN,
     DASHED,
@@ -70,8 +70,9 @@ def group_by_pressure(results) -> dict:
 def plot_modes(results, page):
     """Above: frequency of each mode against its number, floppiness (rms Δu⊥/Δu∥) in colour. Below: the cumulative
     shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry, means over the files of one
-    pressure with errors as bands. A marker for each pressure.
+    pressure with errors as bands. A marker for each pressure. Raises InputError for several dimensions or loads.
     """
+    require_alike(results, ("dimension", "load"))
     stiff = [np.abs(eigenvalues(result)) > MIN_EIGENVALUE for result in results]
     floppiness = np.concatenate(
         [result["floppiness"][mask] for result, mask in zip(results, stiff, strict=True)]
@@ -143,8 +144,9 @@ def plot_states(results, page):
     """Density of states D(ω) of complete spectra, pooled over files of one pressure.
 
     Without pre-stress a plateau begins at ω* ∝ Δz ∝ p^½ (Silbert, Liu & Nagel 2005; Wyart 2005). Raises
-    InputError for files that do not hold all modes.
+    InputError for files that do not hold all modes, and for several dimensions.
     """
+    require_alike(results, ("dimension",))
     for result in results:
         if not result.attributes.get("complete", False):
             raise InputError(

@@ -6,6 +6,8 @@ random forces make an isotropic elastic medium move by ⟨|u_na|²⟩ ~ ∫d²k/
 A + B ln N, which over a range of N looks like a = 1 + d ln(A + B ln N)/d ln N.
 """
 
+import itertools
+
 import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
@@ -30,6 +32,7 @@ from jampetsc.plots.style import (
 )
 
 BARE = "no_prestress"
+_DEFAULTS = {"dimension": 2, "load": DEFAULT}  # of files without the attribute
 QUANTITIES = {  # attribute -> (symbol, exponent expected, BT eqs. 19-21)
     "normal": (r"|\Delta u_\parallel|", 0.25),
     "transverse": (r"|\Delta u_\perp|", -0.25),
@@ -58,23 +61,25 @@ def pressures_of(results, zero=False):
     return np.array(pressures)
 
 
+def require_alike(results, names) -> None:
+    """Raise InputError where files differ in an attribute of these names: a dimension, a load, a law, its parameters."""
+    first = results[0]
+    for result, name in itertools.product(results, names):
+        value, other = (item.attributes.get(name, _DEFAULTS.get(name)) for item in (result, first))
+        if value != other:
+            of_one = name if name in _DEFAULTS else "law"
+            raise InputError(
+                f"{result.path}: {named(name)} {value}, but {first.path.name} has {other}. Draw files of one {of_one}."
+            )
+
+
 def groups_of(results, varied=()) -> dict:
     """{N: {p/k: files}}, of files that differ in the packing alone, small N and low pressure first.
 
-    varied: parameters of the law in which they may differ as well. Raises InputError for several loads or laws.
+    varied: parameters of the law in which they may differ as well. Raises InputError for several dimensions, loads or laws.
     """
-    groups, first = {}, results[0]
-    for result in results:
-        for name in ("load", "law", *OPTIONS):
-            value, other = (
-                item.attributes.get(name, DEFAULT if name == "load" else None) for item in (result, first)
-            )
-            if value != other and name not in varied:
-                of_one = "load" if name == "load" else "law"
-                raise InputError(
-                    f"{result.path}: {named(name)} {value}, but {first.path.name} has {other}. "
-                    f"Draw files of one {of_one}."
-                )
+    require_alike(results, tuple(name for name in ("dimension", "load", "law", *OPTIONS) if name not in varied))
+    groups = {}
     for result, pressure in sorted(
         zip(results, pressures_of(results), strict=True), key=lambda pair: pair[1]
     ):

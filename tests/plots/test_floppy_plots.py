@@ -71,9 +71,24 @@ def test_lines_run_through_medians_and_small_points_are_files():
     some[0].attributes["load"] = "compression"
     with pytest.raises(InputError, match=r"load xy, but .* has compression\. Draw files of one load"):
         figure_of(plot_medians, some)
-    some[0].attributes |= {"load": "xy", "beta": 0.1}
+    some[0].attributes |= {"load": "xy", "dimension": 3}
+    with pytest.raises(InputError, match=r"dimension 2, but .* has 3\. Draw files of one dimension"):
+        figure_of(plot_medians, some)
+    some[0].attributes |= {"dimension": 2, "beta": 0.1}
     with pytest.raises(InputError, match=r"beta 1\.0, but .* has 0\.1\. Draw files of one law"):
         figure_of(plot_medians, some)
+
+
+def test_modes_in_one_picture_are_of_one_dimension_and_their_shares_of_one_load():
+    plane, compressed, space = (modes_of([1.0, 2.0], **more) for more in ({}, {"load": "yy"}, {"dimension": 3}))
+    assert len(figure_of(plot_states, [plane, compressed]).axes) == 1
+    for plot_of, other, says in (
+        (plot_modes, compressed, "load yy, but m.h5 has xy. Draw files of one load"),
+        (plot_modes, space, "dimension 3, but m.h5 has 2. Draw files of one dimension"),
+        (plot_states, space, "dimension 3, but m.h5 has 2. Draw files of one dimension"),
+    ):
+        with pytest.raises(InputError, match=says):
+            figure_of(plot_of, [plane, other])
 
 
 def test_the_guide_goes_with_the_largest_packings_and_sizes_have_markers():

@@ -152,6 +152,11 @@ def test_samples_of_one_kind_are_put_together():
         samples_of([files[0], jam_of(path="d.h5")])
 
 
+def test_disks_and_spheres_are_samples_of_two_kinds():
+    kinds = [samples.kind for samples in samples_of([jam_of(), jam_of(dimension=3)])]
+    assert jamming_plots._labels(kinds) == ["$D=2$", "$D=3$"]
+
+
 def test_kinds_of_samples_are_named_by_what_differs():
     sheared, cooled = {"protocol": "shear", "step": 1e-3}, {"protocol": "compress", "cooling_rate": 1e-2}
     files = [jam_of(), jam_of(separated=True), jam_of(**sheared), jam_of(**sheared | {"step": 1e-4})]

@@ -55,6 +55,13 @@ def test_pressures_that_a_log_axis_does_not_show(pressure, told):
     assert pressures_of([file(pressure=1.0 + 1e-9, k=2.0)]) == [0.5]
 
 
+def test_legends_name_the_dimension_that_differs_and_a_load_that_is_not_shear():
+    both = told(figure_of(plot_moduli, [curve(), curve("b.h5", dimension=3)]).axes[0])
+    assert len(both) == 4 and both[:2] == ["$D=2$", "$D=3$"]
+    title = figure_of(plot_moduli, [curve(load="compression")]).axes[0].get_legend().get_title().get_text()
+    assert title == "load compression,  $p/k$"
+
+
 def test_a_mean_is_over_the_same_frequencies_and_takes_each_packing_once():
     first, near, known = curve(), curve("b.h5", OMEGA * (1 + 0.5e-9)), {"packing_sha256": "x"}
     (mean,) = average_curves([first, near])  # packings that are not known
