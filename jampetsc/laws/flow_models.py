@@ -77,7 +77,7 @@ class Model:
         if law.couples_rotations:
             raise InputError(
                 f"{self}: no overdamped limit, because particles that roll have motions that no contact damps: "
-                f"{remedy}, or turn {named('rotations')} off"
+                f"{remedy}, or switch rotations off ({named('rotations')})"
             )
         if law.damps_contacts and not (law.normal and law.transverse) and not self.drag:
             raise InputError(
