@@ -28,9 +28,9 @@ TOLERANCE = 1e-4
 class Flow(ShearJob):
     """Steady shear at a rate: stress, pressure, energy balance.
 
-    Shears soft disks steadily under Lees–Edwards conditions, by one of Vågberg's six models (thesis sec. 4.3) or a
-    damping law, overdamped or with a mass. Starts from a packing, or from random disks of a given number and packing
-    fraction; or continues an earlier flow with its settings.
+    Shears disks or spheres steadily under Lees–Edwards conditions, by one of Vågberg's six models (thesis sec. 4.3)
+    or a damping law, overdamped or with a mass. Starts from a packing, or from random particles of a given number and
+    packing fraction; or continues an earlier flow with its settings.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(PACKING_OR_N)
@@ -44,7 +44,7 @@ class Flow(ShearJob):
   jampetsc flow --dimension 3 --n 512 --phi 0.65 --model RD0 --rate 1e-3 --strain 10 --out rd0-3d.h5
   jampetsc flow rd0.h5 --strain 20                      # twenty more
 
-A killed run continues when the same command is given again. Many disks use several cores, with the same result
+A killed run continues when the same command is given again. Many particles use several cores, with the same result
 to the last bit; independent runs are faster side by side. The same seed gives the same trajectory where it gives the
 same packing (`jampetsc pack --help`); elsewhere trajectories part, and only averages agree."""
 
@@ -57,7 +57,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
     model: Model | Law | str | None = composite_parameter(MODEL, None)
     rate: float | None = optional_parameter("shear rate γ̇", above=0.0, high=1.0, metavar="R")
     strain: float = parameter(help="how far to shear", above=0.0, metavar="S")
-    walls: bool = parameter(False, "between sliding rough walls, rows of disks", group=GROUP)
+    walls: bool = parameter(False, "between sliding rough walls, rows of disks (not of spheres)", group=GROUP)
     snapshots: int | None = run_parameter(
         "number of states to keep, at equal strains after what is discarded", low=0, metavar="K"
     )

@@ -36,9 +36,10 @@ class Jam(Job):
     """The fraction of packings that jam, and their pressures.
 
     Makes many samples at each packing fraction, jammed or not, with their energies and pressures (Vågberg et al., PRE
-    83, 030303 (2011); thesis sec. 4.7), by one of three protocols. random: random disks, quenched. shear: minima at
-    several strains of a quasistatic shear of such disks. compress: a liquid is cooled and quenched, sheared if a strain
-    is given, then compressed or decompressed to its phi_J; also how far large and small disks have separated.
+    83, 030303 (2011); thesis sec. 4.7), by one of three protocols. random: random particles, quenched. shear: minima
+    at several strains of a quasistatic shear of such particles. compress: a liquid is cooled and quenched, sheared if
+    a strain is given, then compressed or decompressed to its phi_J; also how far large and small particles have
+    separated.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(NO_FILE)
@@ -63,9 +64,17 @@ A killed run continues when the same command is given again. Options of the Newt
     seeds: Sequence[int] = parameter(
         help="a sample at each packing fraction for each seed, both ends included", value_type=SEEDS
     )
-    sizes: str = parameter(SIZES[0], "half of each radius 1:1.4, or all alike", choices=SIZES)
+    sizes: str = parameter(
+        SIZES[0], "particle sizes: bidisperse (50:50, ratio 1.4) or monodisperse", choices=SIZES
+    )
     potential: str = parameter("harmonic", "energy of an overlap", choices=EXPONENTS)
-    tolerance: float = parameter(1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T")
+    tolerance: float = parameter(
+        1e-6,
+        "largest max|F|/(p d), in three dimensions max|F|/(p d²), of a minimum",
+        low=1e-13,
+        high=1e-2,
+        metavar="T",
+    )
     protocol: str = parameter("random", "how samples are made", choices=tuple(PROTOCOLS))
     separated: bool = parameter(False, "large particles start on one side of the cell, small on the other")
     step: float | None = shear_compress_parameter(

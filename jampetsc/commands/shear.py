@@ -25,7 +25,8 @@ MAX_STRAIN = 1e4  # strain of a run
 class Shear(ShearJob):
     """Quasistatic shear: affine step, minimise, repeat.
 
-    Shears soft disks in small affine steps, each followed to the minimum of the energy (Vågberg, thesis sec. 4.7).
+    Shears disks or spheres in small affine steps, each followed to the minimum of the energy (Vågberg, thesis
+    sec. 4.7).
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(PACKING_OR_N, one_rank=True)
@@ -40,7 +41,12 @@ prefix -newton_."""
     step: float = parameter(help="strain of one step", above=0.0, high=0.1, metavar="DG")
     strain: float = parameter(help="how far to shear", above=0.0, high=MAX_STRAIN, metavar="S")
     tolerance: float = parameter(
-        1e-6, "max|F|/(p d) of a minimum", low=1e-13, high=1e-2, metavar="T", group="run"
+        1e-6,
+        "largest max|F|/(p d), in three dimensions max|F|/(p d²), of a minimum",
+        low=1e-13,
+        high=1e-2,
+        metavar="T",
+        group="run",
     )
 
     def check(self):

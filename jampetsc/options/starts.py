@@ -27,14 +27,14 @@ PHI_RANGE = (0.1, 1.0)
 RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
-GROUP = "random disks instead of START; smallest diameter 1, k_e = k_d = 1"
+GROUP = "random particles instead of START; smallest diameter 1, k_e = k_d = 1"
 random_disks_parameter = partial(optional_parameter, group=GROUP)
 run_parameter = partial(optional_parameter, group="run")
 
 
 @dataclass(frozen=True, eq=False)
 class ShearJob(Job):
-    """Base of jobs that shear a packing, or random disks that they make."""
+    """Base of jobs that shear a packing, or random particles that they make."""
 
     start: Packing | None = optional_parameter(
         "packing to start from", value_type=PACKING, place=FILE, metavar="START"

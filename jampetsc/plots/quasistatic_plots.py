@@ -62,7 +62,7 @@ def pressures_of(results, zero=False):
 
 
 def require_alike(results, names) -> None:
-    """Raise InputError where files differ in an attribute of these names: a dimension, a load, a law, its parameters."""
+    """Raise InputError where files differ in an attribute of these names: a dimension, a load, a law, a parameter."""
     first = results[0]
     for result, name in itertools.product(results, names):
         value, other = (item.attributes.get(name, _DEFAULTS.get(name)) for item in (result, first))
@@ -76,9 +76,12 @@ def require_alike(results, names) -> None:
 def groups_of(results, varied=()) -> dict:
     """{N: {p/k: files}}, of files that differ in the packing alone, small N and low pressure first.
 
-    varied: parameters of the law in which they may differ as well. Raises InputError for several dimensions, loads or laws.
+    varied: parameters of the law in which they may differ as well. Raises InputError for several dimensions, loads or
+    laws.
     """
-    require_alike(results, tuple(name for name in ("dimension", "load", "law", *OPTIONS) if name not in varied))
+    require_alike(
+        results, tuple(name for name in ("dimension", "load", "law", *OPTIONS) if name not in varied)
+    )
     groups = {}
     for result, pressure in sorted(
         zip(results, pressures_of(results), strict=True), key=lambda pair: pair[1]

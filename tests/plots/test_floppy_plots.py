@@ -80,7 +80,9 @@ def test_lines_run_through_medians_and_small_points_are_files():
 
 
 def test_modes_in_one_picture_are_of_one_dimension_and_their_shares_of_one_load():
-    plane, compressed, space = (modes_of([1.0, 2.0], **more) for more in ({}, {"load": "yy"}, {"dimension": 3}))
+    plane, compressed, space = (
+        modes_of([1.0, 2.0], **more) for more in ({}, {"load": "yy"}, {"dimension": 3})
+    )
     assert len(figure_of(plot_states, [plane, compressed]).axes) == 1
     for plot_of, other, says in (
         (plot_modes, compressed, "load yy, but m.h5 has xy. Draw files of one load"),
