@@ -57,6 +57,10 @@ def dimension_of(result) -> int:
     return int(result.attributes.get("dimension", 2))
 
 
+def _setting(result, name):
+    return dimension_of(result) if name == "dimension" else result.attributes.get(name)
+
+
 def _check(result, first, finite_size):
     """Raise InputError unless a file is of a kind that is scaled, and has the same settings as the first."""
     if getattr(result, "format", "") not in FORMATS[finite_size]:
@@ -68,7 +72,7 @@ def _check(result, first, finite_size):
         name = getattr(result, "path", "a packing")
         raise InputError(f"{name}: not supported. Give {supported}.")
     for name in COMMON_ATTRIBUTES:
-        value, expected = result.attributes.get(name), first.attributes.get(name)
+        value, expected = (_setting(item, name) for item in (result, first))
         if value != expected and not (name == "protocol" and result.format != first.format):
             raise InputError(
                 f"{result.path}: {name} {value}, but {first.path.name} has {expected}. Give files of one kind."

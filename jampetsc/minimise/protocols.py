@@ -80,7 +80,7 @@ def changed(disks: Packing, target: Target) -> Packing:
     if target.phi is None:
         if measure(disks).pressure <= 0:
             raise InputError(
-                "packing: no particles touch, so the pressure is 0. Give a packing fraction, or use a random start."
+                "no particles touch, so the pressure is 0. Give a packing fraction, or use a random start."
             )
         return disks
     return rescaled(disks, target.phi)
