@@ -146,19 +146,20 @@ def load_text(value) -> str:
             return value
     words = value.split(",") if isinstance(value, str) else np.ravel(np.asarray(value, object)).tolist()
     try:
-        return _numbers_text([float(word) for word in words])
+        numbers = [float(word) for word in words]
     except (TypeError, ValueError):
         raise InputError(
-            f"{named('load')} {value}: no load of this name. Give {', '.join(named_loads(2))}, {TENSOR}, or "
-            "the D² numbers of a displacement gradient, row by row."
+            f"{named('load')} {value}: no load of this name. Give {', '.join(named_loads(2))} (in 3D also xz, zz, …), "
+            f"{TENSOR}, or the D² numbers of a displacement gradient, row by row."
         ) from None
+    return _numbers_text(numbers)
 
 
 def _numbers_text(numbers):
     numbers = np.asarray(numbers, float)
     if len(numbers) not in [dimension**2 for dimension in DIMENSIONS]:
         raise InputError(
-            f"{named('load')}: {len(numbers)} numbers. Give D² of them, 4 in two dimensions, row by row."
+            f"{named('load')}: {len(numbers)} numbers. Give D² of them, 4 in two dimensions, 9 in three, row by row."
         )
     if not np.isfinite(numbers).all() or not numbers.any():
         raise InputError(f"{named('load')}: numbers must be finite, and not all zero. Give another gradient.")

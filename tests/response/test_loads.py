@@ -340,6 +340,9 @@ def test_a_quasistatic_result_of_any_load(session):
         ({"load": "tensor", "fields": [1.0]}, "fields: not stored with load tensor"),
         ({"load": "xx", "alpha": 0.5, "stress": 1e-5}, "load xx: power-law damping is for simple shear"),
         ({"load": "sideways"}, "load sideways: no load of this name. Give xy, yx"),
+        ({"load": "1,2,3"}, "load: 3 numbers. Give D² of them"),
+        ({"load": "nan,0,0,0,0,0,0,0,0"}, "load: numbers must be finite, and not all zero"),
+        ({"load": np.zeros((3, 3))}, "load: numbers must be finite, and not all zero"),
     ],
 )
 def test_loads_that_do_not_fit(session, options, message):
