@@ -19,6 +19,8 @@ from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
+LIKE = (np.zeros(1),) * 2  # a tuple of the types of the loops, for which they are compiled already
+
 
 def test_the_mean_velocity_of_a_cluster_is_that_of_the_flow():
     thin = crowd(phi=0.55)
@@ -252,16 +254,16 @@ def test_nan_and_inf_count_as_blown_up(bad):
         u[where] = bad
         task, room = shear("CD").step_constants(), np.empty((4, 4, 2))
         found = [
-            step_kernels.move(o.copy(), u, 0.1, 0.1, np.empty_like(o), (0, 0)),
-            step_kernels.drift(o, u, 1.0, 0.1, 0.1, *room[:2], (0, 0))[:2],
-            step_kernels.kick(o, good.copy(), good, task, 0.1, u.copy(), *room[:2], (0, 0))[:2],
+            step_kernels.move(o.copy(), u, 0.1, 0.1, np.empty_like(o), LIKE),
+            step_kernels.drift(o, u, 1.0, 0.1, 0.1, *room[:2], LIKE)[:2],
+            step_kernels.kick(o, good.copy(), good, task, 0.1, u.copy(), *room[:2], LIKE)[:2],
         ]
         for far, longest in found:
             assert step_kernels.status_of(far, longest, 0.0, listed) == step_kernels.BLOWN_UP
             sums = np.zeros((3, step_kernels.SUMMED + 2))  # of one domain of three
             sums[1, -2:] = far, longest
             assert step_kernels.joint_status(task, sums, 0.0)[0] == step_kernels.BLOWN_UP
-    far, longest = step_kernels.move(o, good, 0.1, 0.1, np.empty_like(o), (0, 0))
+    far, longest = step_kernels.move(o, good, 0.1, 0.1, np.empty_like(o), LIKE)
     assert step_kernels.status_of(far, longest, 0.0, listed) == step_kernels.DONE
 
 

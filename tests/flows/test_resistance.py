@@ -12,6 +12,8 @@ from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import deformed
 from jampetsc.packing.strain import simple_shear
 
+LIKE = (np.zeros(1),) * 2  # a tuple of the types of the loops, for which they are compiled already
+
 
 def dense(disks, weights, hold, held=0):
     """A + hold of the disks after the first `held`, (2N, 2N); unit rows for those."""
@@ -60,14 +62,14 @@ def test_the_matrix_is_that_of_the_contacts(placed, weights, held):
     for hold in (0.0, 0.7):
         matrix = dense(disks, weights, hold, held)
         x, y = np.random.default_rng(2).normal(size=(24, 2)), np.full((24, 2), 7.0)
-        product = sum(resistance.multiply(graph, d, weights, hold, x, y, (0, 0)) for d in range(number))
+        product = sum(resistance.multiply(graph, d, weights, hold, x, y, LIKE) for d in range(number))
         wanted = (matrix @ x.ravel()).reshape(24, 2)
         wanted[:held] = 0.0
         np.testing.assert_allclose(y, wanted, rtol=0, atol=1e-13)
         assert product == pytest.approx(np.vdot(x, wanted), rel=1e-12)
         diagonal, inverse = np.diag(dense(disks, weights, hold)).reshape(24, 2), np.empty((24, 2))
         for d in range(number):
-            resistance.invert_diagonal(graph, d, weights, hold, inverse, (0, 0))
+            resistance.invert_diagonal(graph, d, weights, hold, inverse, LIKE)
         np.testing.assert_allclose(inverse, 1.0 / np.where(diagonal > 0, diagonal, 1.0), rtol=1e-12)
 
 
@@ -88,10 +90,10 @@ def test_the_mean_velocity_of_every_cluster_is_subtracted(placed, held):
         if not (of[:held] == cluster).any():
             wanted[of == cluster] -= u[of == cluster].mean(axis=0)
     for d in range(domains.number):
-        clusters.find_clusters_of(graph, d, u, (0, 0))
+        clusters.find_clusters_of(graph, d, u, LIKE)
     assert clusters.unite_clusters(domains, graph) == (number, np.bincount(of).max())
     for d in range(domains.number):
-        clusters.centre_clusters_of(graph, d, u, (0, 0))
+        clusters.centre_clusters_of(graph, d, u, LIKE)
     np.testing.assert_allclose(u, wanted, atol=1e-14)
 
 
@@ -105,7 +107,7 @@ def test_a_solve_meets_its_tolerance_and_is_not_far_more_exact(placed, tolerance
 
     def solve(residual, u, tolerance):
         alone = 0, 1, np.zeros(1, np.int64)
-        return resistance.solve(*alone, graph, weights, hold, residual, u, tolerance, search, (0, 0))
+        return resistance.solve(*alone, graph, weights, hold, residual, u, tolerance, search, LIKE)
 
     rng, reached = np.random.default_rng(3), []
     for start in (0.0, 1.0, 1e-2):
