@@ -92,6 +92,7 @@ INDEX = "docs/howto/index.md"
 SHARED = ["README.md", INDEX]  # share their files, with the python of pages that have no commands
 
 
+@pytest.mark.allowed_seconds(900)
 def test_what_the_documents_say_runs(tmp_path):
     """README with the list of tasks; a tutorial, a task or a page of theory needs no files but its own."""
     alone = sorted({*pages("tutorials/*.md"), *pages("howto/*.md"), *pages("theory/*.md")} - {INDEX})

@@ -146,7 +146,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "bt-fig7": sizes("N=36 OMEGA=1e-7:10:3"),  # two disks in a lane
     "bt-fig8": sizes("SMALL,MIDDLE,LARGE,LARGEST=16 MANY,SOME,FEW,LAST=1:1"),
     "bt-modes": sizes("MODES=10"),
-    "bt-nonlinear": sizes("STRESSES=1e-5 POINTS=3 PRESSURES=1e-2"),
+    "bt-nonlinear": sizes("STRESSES=1e-5 POINTS,LARGE_POINTS=2 PRESSURES=1e-2"),
     "contact-lifetimes": sizes(
         "RATE=0.05 SLOW=0.03 BOUND,SLOW_BOUND=0.4 EVERY,COLLISION,SLOW_COLLISION=0.02"
     ),

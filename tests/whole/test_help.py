@@ -87,6 +87,7 @@ def write_scaled(folder):
         stored(folder / f"jam-{n}.h5", "jam", columns, particle_count=n, **facts)
 
 
+@pytest.mark.allowed_seconds(900)
 def test_the_examples_run(tmp_path):
     """Twelve seconds of a processor, for sixty commands and a dozen pictures."""
     folder, lines = tmp_path, {command: launch.command_lines(job_class(command).EPILOG) for command in JOBS}
