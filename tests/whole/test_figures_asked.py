@@ -92,7 +92,7 @@ paper5 correlate model = CD CD0
 split-coordinates pack pressure >= 1e-7
 three-dimensions pack,sweep,quasistatic pressure >= 1e-2 1e-3 1e-4 2e-5
 three-dimensions pack dimension = 3
-three-dimensions --paper pack seed n=8192 pressure=2e-5 >= 1 2 3 4 5 6 7 8 9 10 11 12
+three-dimensions --paper pack seed n=8192 pressure=1e-4|2e-5 >= 1 2 3 4 5 6 7 8 9 10 11 12
 three-dimensions --paper pack n >= 8192
 three-dimensions sweep prestress = 0 1
 three-dimensions-flow flow dimension = 3
