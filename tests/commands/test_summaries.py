@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jampetsc.analysis.collapse_fit import Estimate
+from jampetsc.analysis.scaling_collapse import Points
 from jampetsc.commands import collapse, correlate, modes, oscillate, quasistatic, sweep
 from jampetsc.io.results import noted
 from jampetsc.laws.damping import Physics, damping_law
@@ -150,8 +151,11 @@ def test_a_collapse_tells_its_parameters_those_of_every_cut_and_notes(finite_siz
 
     job = SimpleNamespace(observable="pressure", finite_size=finite_size)
     cuts = [cut(0.5, 30.0, 1.1, 0.01, 0.2, 1.0), cut(scale, 10.0, 1.5, 1e-3, 0.1, np.inf)]
+    # L of spheres: the line has their number
+    points = Points(*np.full((4, 7), scale), size=np.where(np.arange(7) < 6, 512.0, 64.0))
+    points.scale[:6] = 0.5
     nu, what = ("nu", "N >= 64") if finite_size else ("znu", "rates <= 0.001")
-    assert collapse._summary("c.h5", job, range(7), cuts, ["one", "two"]).split("\n") == [
+    assert collapse._summary("c.h5", job, points, cuts, ["one", "two"]).split("\n") == [
         f"c.h5: pressure at 7 points, phi_J = 0.8433 ± 0.01, y = 1.1 ± 0.2, {nu} = 3.5 ± 1",
         "  chi2/dof = 1.5 with 20 degrees of freedom, probability 0.5",
         f"  {what}: phi_J = 0.8433 ± 0.001, y = 1.5 ± 0.1, {nu} undecided, chi2/dof = 0.5",

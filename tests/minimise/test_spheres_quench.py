@@ -201,6 +201,7 @@ def test_stable_to_all_strains(session, options):
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 def test_only_all_strains_make_the_stress_isotropic(session, tmp_path):
     """Not the tilts alone; a cell of which all six numbers are relaxed comes back from other programs' files."""
     sheared = jp.pack(n=16, dimension=3, pressure=1e-2, stabilise="shear").stress

@@ -28,7 +28,7 @@ RARE = {  # of runs that are not made here
         "snapshots/psi6_local",
         "snapshots/psi6_global",
     ),  # the latter of files in docs/kept
-    "jampetsc-collapse": "rate model mass protocol znu znu_error nu_error phi_J_error omega_error".split(),
+    "jampetsc-collapse": "dimension rate model mass protocol znu znu_error nu_error phi_J_error omega_error".split(),
 }
 RUNS = """\
 pack --n 16 --pressure 1e-2 --stabilise shear --out made.h5
