@@ -53,7 +53,7 @@ def read_points(results, observable: str, finite_size: bool) -> Points:
 
 
 def dimension_of(result) -> int:
-    """D of a result; those of disks have no such attribute."""
+    """D of a result; results of disks have no such attribute."""
     return int(result.attributes.get("dimension", 2))
 
 

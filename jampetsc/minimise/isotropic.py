@@ -6,8 +6,8 @@ volume and tilts of the cell free, has the slopes
     ∂H/∂x_a = V (σ_aa − σ_bb) ,     b the last axis,
 
 which vanish at its minimum. With the Schur complement of the other strains, which `minimise` proves positive, positive
-second derivatives there make the packing stable to all strains of its cell. Along a direction steps are those of the
-secant; with two stretches, directions are Newton's, with Powell's symmetric update of the second derivatives (Nonlinear
+second derivatives there make the packing stable to all strains of its cell. Along a direction steps are secant
+steps; with two stretches, directions are Newton's, with Powell's symmetric update of the second derivatives (Nonlinear
 Programming, Academic Press 1970, p. 31).
 """
 

@@ -40,7 +40,7 @@ PERIOD = 2.0 * np.pi
 # ends of the stages in a step, and their weights
 TWO_STAGES, ONE_STAGE = ((STAGE, 1.0), WEIGHTS), ((1.0,), (1.0,))
 MAX_HALVINGS = 30  # of a step; no motion of a contact is so sudden
-# A step of so many halvings is short. After MAX_SHORT_STEPS of them short steps have one stage: the second stage of a
+# A step of this many halvings is short. After MAX_SHORT_STEPS of them short steps have one stage: the second stage of a
 # disk that jumps, as one that rolls freely, would begin far beyond the contact that stops it.
 MIN_SHORT_HALVINGS, MAX_SHORT_STEPS = 10, 32
 # of the allowed error: after a step with less the next is twice as long, with 8 times the error

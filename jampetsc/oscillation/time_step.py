@@ -106,8 +106,8 @@ class StepMatrix:
         push = bonds.force / bonds.distance
         aside = gathered(np.column_stack((push, push)), i, j, n)
         rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]), bonds.dimension)
-        held = rattlers[:, None] & (np.arange(self._dofs) < RATTLER_UNKNOWNS)
-        return np.where(held, 2.0 * aside, 0.0)
+        are_held = rattlers[:, None] & (np.arange(self._dofs) < RATTLER_UNKNOWNS)
+        return np.where(are_held, 2.0 * aside, 0.0)
 
 
 STAGE = 1.0 - np.sqrt(0.5)  # of a step

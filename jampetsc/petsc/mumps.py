@@ -37,7 +37,7 @@ def negative_pivots(pc) -> int:
 
 
 def factored(ksp) -> list:
-    """The PCs of a KSP that is set up which have factors: its own, or those of its blocks."""
+    """The PCs of a KSP that is set up which have factors: its own, or its blocks' PCs."""
     pc = ksp.getPC()
     return [block.getPC() for block in pc.getFieldSplitSubKSP()] if pc.getType() == "fieldsplit" else [pc]
 

@@ -39,7 +39,7 @@ def is_requested(prefix: str, default: bool) -> bool:
 
 
 def split_defaults(factor: dict) -> dict:
-    """Defaults of a split whose displacements have those of `factor`."""
+    """Defaults of a split with the defaults `factor` for its displacements."""
     return SPLIT_DEFAULTS | {f"fieldsplit_{DISPLACEMENT}_{name}": value for name, value in factor.items()}
 
 

@@ -20,7 +20,7 @@ HEIGHT = option(
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """M disks of a cell in the plane, folded into it: those of a packing, or those in which a plane cuts spheres.
+    """M disks of a cell in the plane, folded into it: of a packing, or the sections of spheres by a plane.
 
     A plane z = height·L_z cuts a sphere and its images along z in disks of radius √(ρ² − h²), h the distance of the
     centre. The cell of the slice has the rows a₁, a₂ and begins at height·a₃.
