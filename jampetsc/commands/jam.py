@@ -16,7 +16,7 @@ from jampetsc.jamming.sample_protocol import PROTOCOLS, SampleProtocol
 from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, SIZES, in_small_diameters, radii_of
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.starts import PHI_RANGE, UNITS
+from jampetsc.options.starts import PHI_RANGE, UNITS, minimum_tolerance_parameter
 from jampetsc.options.values import SEEDS, Numbers, number_list
 from jampetsc.packing.packing import PARTICLES
 from jampetsc.packing.potentials import EXPONENTS, Potential
@@ -68,13 +68,7 @@ A killed run continues when the same command is given again. Options of the Newt
         SIZES[0], "particle sizes: bidisperse (50:50, ratio 1.4) or monodisperse", choices=SIZES
     )
     potential: str = parameter("harmonic", "energy of an overlap", choices=EXPONENTS)
-    tolerance: float = parameter(
-        1e-6,
-        "largest max|F|/(p d), in three dimensions max|F|/(p d²), of a minimum",
-        low=1e-13,
-        high=1e-2,
-        metavar="T",
-    )
+    tolerance: float = minimum_tolerance_parameter()
     protocol: str = parameter("random", "how samples are made", choices=tuple(PROTOCOLS))
     separated: bool = parameter(False, "large particles start on one side of the cell, small on the other")
     step: float | None = shear_compress_parameter(

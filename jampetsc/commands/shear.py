@@ -11,7 +11,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines, noted
 from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import parameter
-from jampetsc.options.starts import ShearJob
+from jampetsc.options.starts import ShearJob, minimum_tolerance_parameter
 from jampetsc.packing.packing import PLACES
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
@@ -40,14 +40,7 @@ prefix -newton_."""
 
     step: float = parameter(help="strain of one step", above=0.0, high=0.1, metavar="DG")
     strain: float = parameter(help="how far to shear", above=0.0, high=MAX_STRAIN, metavar="S")
-    tolerance: float = parameter(
-        1e-6,
-        "largest max|F|/(p d), in three dimensions max|F|/(p d²), of a minimum",
-        low=1e-13,
-        high=1e-2,
-        metavar="T",
-        group="run",
-    )
+    tolerance: float = minimum_tolerance_parameter(group="run")
 
     def check(self):
         super().check()

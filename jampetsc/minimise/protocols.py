@@ -135,9 +135,8 @@ def make_packing(
             disks = relax(
                 disks, intermediate, PATH_TOLERANCE * typical_force(disks, pressure), team=team, effort=effort
             )
-            if (
-                target.stabilise == "all" and disks.dimension == 3
-            ):  # at low pressure alone two sides rarely relax
+            # at low pressure alone the two stretches of a cell of spheres rarely relax
+            if target.stabilise == "all" and disks.dimension == 3:
                 minimum = minimise(disks, intermediate, solver, tolerance=SIDES_TOLERANCE, **settings)
                 disks = relax_sides(
                     minimum, intermediate, solver, tolerance=SIDES_TOLERANCE, **settings

@@ -18,7 +18,7 @@ from jampetsc.minimise.sizes import (
     sizes_text,
 )
 from jampetsc.options.job import Job
-from jampetsc.options.parameters import FILE, optional_parameter, parameters
+from jampetsc.options.parameters import FILE, optional_parameter, parameter, parameters
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, input_name
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, Potential
@@ -30,6 +30,14 @@ OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
 GROUP = "random particles instead of START; smallest diameter 1, k_e = k_d = 1"
 random_disks_parameter = partial(optional_parameter, group=GROUP)
 run_parameter = partial(optional_parameter, group="run")
+minimum_tolerance_parameter = partial(
+    parameter,
+    1e-6,
+    "largest max|F|/(p d), in three dimensions max|F|/(p d²), of a minimum",
+    low=1e-13,
+    high=1e-2,
+    metavar="T",
+)
 
 
 @dataclass(frozen=True, eq=False)
