@@ -10,6 +10,7 @@ from jampetsc.analysis.scaling_collapse import form_named, words_of
 from jampetsc.commands.sources import WHERE, rows_named, write_derived
 from jampetsc.errors import InputError, as_float, named
 from jampetsc.io.ensemble import Ensemble
+from jampetsc.io.provenance import recorded_dimension
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILES, ValueType, optional_parameter, parameter
 from jampetsc.options.values import RESULT, load_source, refuse_repeated, split_list
@@ -123,7 +124,7 @@ examples:
         results = [load_source(source) for source in self._sources()]
         points = scaling.read_points(results, self.observable, self.finite_size)
         low, high = self.range or (0.0, math.inf)
-        to_length = scaling.LENGTH[scaling.dimension_of(results[0])]
+        to_length = scaling.LENGTH[recorded_dimension(results[0].attributes)]
         largest = (
             math.inf if self.cut is None else 1.0 / to_length(self.cut) if self.finite_size else self.cut
         )

@@ -8,6 +8,7 @@ from jampetsc.analysis.statistics import relative_bound
 from jampetsc.columns import aligned
 from jampetsc.io.ensemble import DISTINGUISHING_COLUMNS
 from jampetsc.io.parts import parts_of
+from jampetsc.io.provenance import recorded_dimension
 from jampetsc.laws.loads import AXES
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
 from jampetsc.packing.packing import PARTICLES, PROOF_ATTRIBUTES, proved_minimum
@@ -148,7 +149,7 @@ def _origin(a):
     if "sources" in a:
         return str(a["sources"])
     return (
-        f"{a['particle_count']} random {PARTICLES[a.get('dimension', 2)]}"
+        f"{a['particle_count']} random {PARTICLES[recorded_dimension(a)]}"
         if "particle_count" in a
         else "an unknown packing"
     )

@@ -9,6 +9,7 @@ from jampetsc.analysis.correlated_series import Average, mean_of_averages, mean_
 from jampetsc.analysis.jammed_samples import runs_of, share_of
 from jampetsc.analysis.scaling_collapse import PARAMETERS, Points, words_of
 from jampetsc.errors import InputError, named
+from jampetsc.io.provenance import recorded_dimension
 
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
 COMMON_ATTRIBUTES = (
@@ -52,13 +53,8 @@ def read_points(results, observable: str, finite_size: bool) -> Points:
     return Points(phi, scale, value, error, size, count)
 
 
-def dimension_of(result) -> int:
-    """D of a result; results of disks have no such attribute."""
-    return int(result.attributes.get("dimension", 2))
-
-
 def _setting(result, name):
-    return dimension_of(result) if name == "dimension" else result.attributes.get(name)
+    return recorded_dimension(result.attributes) if name == "dimension" else result.attributes.get(name)
 
 
 def _check(result, first, finite_size):
@@ -86,7 +82,7 @@ def _rows(result, observable, finite_size):
     """
     a = result.attributes
     n = int(a["particle_count"])
-    scale = 1.0 / float(LENGTH[dimension_of(result)](n)) if finite_size else float(a["rate"])
+    scale = 1.0 / float(LENGTH[recorded_dimension(a)](n)) if finite_size else float(a["rate"])
     origin = f"seed {a['seed']}" if "seed" in a else str(a.get("packing", "a packing"))
     if finite_size:
         if observable not in result:

@@ -9,6 +9,7 @@ from jampetsc.analysis.order import mean_order
 from jampetsc.analysis.velocity_correlation import LaneCorrelation, correlate_velocities
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.packing_file import read_source
+from jampetsc.io.provenance import recorded_dimension
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.spring_network import Network
@@ -207,7 +208,7 @@ def six_fold_order(result):
 
     Raises InputError for a file without snapshots, and for spheres.
     """
-    if result.attributes.get("dimension", 2) != 2:
+    if recorded_dimension(result.attributes) != 2:
         raise InputError(
             f"{result.path}: spheres, and six-fold order is of disks in a plane. Give flows of disks, "
             "or look at the spheres in OVITO: jampetsc export FILE --out FILE.xyz."
@@ -226,7 +227,7 @@ def velocity_profiles(results, low: float, high: float) -> list:
     """
     profiles = []
     for result in results:
-        if result.attributes.get("dimension", 2) != 2:
+        if recorded_dimension(result.attributes) != 2:
             raise InputError(
                 f"{result.path}: spheres, and walls, between which profiles are measured, are of disks. Give flows of "
                 "disks, or look at the spheres in OVITO: jampetsc export FILE --out FILE.xyz."

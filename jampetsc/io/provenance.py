@@ -52,6 +52,11 @@ seed | int? | | of the packing, if it was made from a random start
 )
 
 
+def recorded_dimension(attributes) -> int:
+    """D of a result with these attributes; results in two dimensions do not record it."""
+    return int(attributes.get("dimension", 2))
+
+
 def provenance(*, versions, scalar_type, petsc_options, ranks, packing, law, wall_seconds) -> dict:
     """Attributes of a result, for `ResultWriter.attributes(**…)`.
 

@@ -18,10 +18,8 @@ from jampetsc.plots.style import PAGE
 
 TO_EYE = (0.42, 0.36, 1.0)  # x to the right, y up, z out of the paper
 SLICE_COLOUR = "#b2182b"
-BOND_FADING_DEPTH, DEEPEST_COLOUR = (
-    2.5,
-    0.12,
-)  # colours fade behind the faces, in mean bond lengths, to this part
+# colours fade behind the faces to this part, within this depth in mean bond lengths
+BOND_FADING_DEPTH, DEEPEST_COLOUR = 2.5, 0.12
 HALO_LENGTH = 0.7  # of the bond, so that the ends of its neighbours stay
 HALO_WIDTH = 0.7  # points of white on both sides of a bond, which tells bonds in front from those behind
 VIEW_NOTE = "$x$ right, $y$ up, $z$ to the front"

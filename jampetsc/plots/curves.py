@@ -9,6 +9,7 @@ from matplotlib.colors import LogNorm, to_rgba
 from jampetsc.analysis.elasticity import dimension_of
 from jampetsc.analysis.statistics import STATISTICS, median_interval
 from jampetsc.errors import InputError, named
+from jampetsc.io.provenance import recorded_dimension
 from jampetsc.laws.damping import FAMILIES, OPTIONS
 from jampetsc.laws.loads import DEFAULT, TENSOR
 from jampetsc.plots.picture import group_by, stress_unit, units_of
@@ -68,7 +69,7 @@ class Curve:
     def description(self) -> dict:
         """{property: value} by which it may differ from other sweeps, in the order of the label."""
         description = {"p/k": None if self.pressure is None else float(f"{self.pressure:.3g}")}
-        description["D"] = self.attributes.get("dimension", 2)
+        description["D"] = recorded_dimension(self.attributes)
         description["N"] = self.attributes.get("particle_count")
         description["law"] = self.attributes.get("law")
         options = FAMILIES[description["law"]].options if description["law"] in FAMILIES else {}

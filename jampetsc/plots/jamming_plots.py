@@ -9,6 +9,7 @@ import numpy as np
 
 from jampetsc.analysis.jammed_samples import MIN_SAMPLES, Share, density, memory, runs_of, share_of
 from jampetsc.errors import InputError, named
+from jampetsc.io.provenance import recorded_dimension
 from jampetsc.plots.flow_plots import draw_mean
 from jampetsc.plots.page import draw_points
 from jampetsc.plots.picture import count_text, flow_units, join_varied, picture
@@ -98,7 +99,7 @@ def samples_of(results) -> list[Samples]:
         attributes = result.attributes
         # of disks out of a packing they are not known
         words = (str(attributes.get(name, "")) for name in ("sizes", "potential"))
-        dimension = f"$D={attributes.get('dimension', 2)}$"
+        dimension = f"$D={recorded_dimension(attributes)}$"
         kind = _protocol(result), int(attributes["particle_count"]), dimension, *words, _step(result)
         samples = by_kind.setdefault(kind, Samples(kind))
         every = result["jammed"], result["pressure"]

@@ -7,6 +7,7 @@ from matplotlib.patches import Patch
 
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
+from jampetsc.io.provenance import recorded_dimension
 from jampetsc.plots.page import draw_band, draw_points, draw_power_law
 from jampetsc.plots.picture import count_text, group_by, picture, stress_unit, units_of
 from jampetsc.plots.quasistatic_plots import QUANTITIES, groups_of, pressures_of, require_alike, values_of
@@ -135,7 +136,7 @@ def mode_fields(result, numbers):
 
 def pooled_density(results):
     """(ω, D) of complete spectra together, see `density_of_states`."""
-    states = sum(result.attributes.get("dimension", 2) * len(result["particles"]) for result in results)
+    states = sum(recorded_dimension(result.attributes) * len(result["particles"]) for result in results)
     return density_of_states(np.concatenate([frequencies(result) for result in results]), states)
 
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jampetsc.errors import InputError, JampetscError
+from jampetsc.io.provenance import recorded_dimension
 from jampetsc.io.results import Result
 from jampetsc.options.parameters import SWITCH, WORD, Parameter
 from jampetsc.plots.page import Page
@@ -185,7 +186,7 @@ _MIXED_UNIT = StressUnit(r"k\,d^{2-D}", r"\,d^{D-2}/k", r"k\tau_1\,d^{2-D}")
 
 def stress_unit(results) -> StressUnit:
     """That of disks, or of spheres and networks in three dimensions; with the power of D for results of both."""
-    dimensions = {int(result.attributes.get("dimension", 2)) for result in results}
+    dimensions = {recorded_dimension(result.attributes) for result in results}
     return _MIXED_UNIT if len(dimensions) > 1 else STRESS_UNITS[dimensions.pop()]
 
 
@@ -220,12 +221,12 @@ def flow_units(results) -> FlowUnits:
     for result in results:
         attributes, scales = result.attributes, units_of(result)
         if str(attributes.get("units", "")).startswith("k_e"):
-            texts = _VAGBERG[attributes.get("dimension", 2)]
+            texts = _VAGBERG[recorded_dimension(attributes)]
         elif attributes.get("stiffness") == "inverse-square-diameter":
-            over = {2: "", 3: "/d^3"}[attributes.get("dimension", 2)]  # in the plane over the unit of area
+            over = {2: "", 3: "/d^3"}[recorded_dimension(attributes)]  # in the plane over the unit of area
             texts = (r"k_{\rm e}", rf"k_{{\rm e}}{over}", r"1/\tau_1", rf"k_{{\rm e}}\tau_1{over}", "")
         else:
-            D = attributes.get("dimension", 2)
+            D = recorded_dimension(attributes)
             energy, unit = {2: "k", 3: r"k\,d^2"}[D], STRESS_UNITS[D]  # in the plane times the unit of area
             texts = (energy, unit.name, r"1/\tau_1", unit.viscosity, "")
         units = FlowUnits(scales.k, scales.tau1, texts)
