@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.packing.neighbours import lengths
+
 CONFIDENCE_LEVEL = 0.6827  # of an interval: one standard deviation to either side of a normal distribution
 
 
@@ -120,8 +122,8 @@ class Distribution:
 
     @classmethod
     def of(cls, values) -> "Distribution":
-        """Distribution of |values| (M,), or of lengths (M, 2)."""
-        size = np.abs(values) if values.ndim == 1 else np.hypot(values[:, 0], values[:, 1])
+        """Distribution of |values| (M,), or of the lengths of vectors (M, D)."""
+        size = np.abs(values) if values.ndim == 1 else lengths(values)
         # by the C library, whose log10 is exact at powers of ten; numpy's own for some processors need not be
         top = math.floor(math.log10(size.max())) + 1 if size.any() else 0
         exponents = (

@@ -36,11 +36,17 @@ def test_a_value_on_an_edge_is_in_the_bin_above():
             assert one.edges[here] <= value < one.edges[here + 1] and one.counts[here] == 1
 
 
-def test_lengths_are_told_by_their_absolute_value():
-    vectors = np.array([[3.0, 4.0], [-5.0, 12.0], [0.0, -1.0]])
-    found = Distribution.of(vectors)
-    assert (found.median, found.mean) == (5.0, pytest.approx(19 / 3))
-    assert found.rms == pytest.approx(np.sqrt((25 + 169 + 1) / 3))
+@pytest.mark.parametrize(
+    "vectors", [[[3, 4], [-5, 12], [0, -1]], [[2, -2, 1], [3, 4, 12], [0, 0, -1]]], ids=["2D", "3D"]
+)
+def test_vectors_are_told_by_their_length(vectors):
+    found = Distribution.of(np.array(vectors, float))
+    lengths = np.linalg.norm(vectors, axis=1)
+    assert found.median == np.median(lengths) and found.mean == pytest.approx(lengths.mean())
+    assert found.rms == pytest.approx(np.sqrt(np.mean(lengths**2)))
+
+
+def test_vectors_that_vanish_are_in_the_first_bin():
     still = Distribution.of(np.zeros((4, 2)))
     assert still.counts[0] == 4 == still.counts.sum() and still.rms == 0.0 and np.isfinite(still.edges).all()
 
