@@ -99,13 +99,6 @@ def log_median(values) -> tuple[float, float]:
     return float(np.log(median)), float(0.5 * np.log(high / low) if low > 0 else error / median)
 
 
-def relative_bound(bound, value):
-    """bound/|value| element by element; 0 where both vanish, infinite where only the value does."""
-    bound, size = np.broadcast_arrays(np.asarray(bound, float), np.abs(value))
-    relative = np.where(bound == 0, 0.0, np.inf)
-    return np.divide(bound, size, out=relative, where=size > 0)
-
-
 BINS_PER_DECADE = 10
 HISTOGRAM_DECADES = 10  # below the decade of the largest value; smaller values fall into the first bin
 

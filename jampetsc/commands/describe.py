@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from jampetsc.analysis.statistics import relative_bound
+from jampetsc.analysis.error_bounds import relative_bound, relative_part_bounds
 from jampetsc.columns import aligned
 from jampetsc.io.ensemble import DISTINGUISHING_COLUMNS
 from jampetsc.io.parts import parts_of
@@ -200,15 +200,16 @@ def _files(parts):
 def _moduli(sweep):
     omega, G = sweep["omega"], sweep["G"]
     rows = [("frequencies", f"{len(omega)}, from {omega.min():.4g} to {omega.max():.4g}")]
-    for label, bound, part in (
-        ("worst bound, G'", "error_bound_storage", G.real),
-        ("worst bound, G''", "error_bound_loss", G.imag),
-        ("worst bound, G*", "error_bound", np.abs(G)),
-    ):
-        if bound in sweep:
-            relative = relative_bound(sweep[bound], part)
-            worst = int(np.argmax(relative))
-            rows.append((label, f"{relative[worst]:.1e} relative, at omega = {omega[worst]:.4g}"))
+    bounds = [("G*", relative_bound(sweep["error_bound"], G))]
+    parts = [name for name in ("error_bound_storage", "error_bound_loss") if name in sweep]
+    if len(parts) == 2:
+        of_parts = relative_part_bounds(G, np.stack([sweep[name] for name in parts], axis=-1))
+        bounds = [*zip(("G'", "G''"), of_parts.T, strict=True), *bounds]
+    for name, relative in bounds:
+        worst = int(np.argmax(relative))
+        rows.append(
+            (f"worst bound, {name}", f"{relative[worst]:.1e} relative, at omega = {omega[worst]:.4g}")
+        )
     return rows
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from jampetsc.analysis.elasticity import anisotropy, bulk_modulus
-from jampetsc.analysis.statistics import relative_bound
+from jampetsc.analysis.error_bounds import relative_part_bounds, zero_parts
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
@@ -290,6 +290,14 @@ def _write_tensor(writer, tensor, network) -> None:
 def notes_of(job, network, omega, sweep) -> list[str]:
     """Notes on a `ModulusSweep` of a network at frequencies omega (M,) of the experiment, see `io.results`."""
     notes, G, highest = [], sweep.G, sweep.G.real + sweep.bounds[:, 1]
+    for name, is_zero, bounds in zip(
+        ("G'", "G''"), zero_parts(G, sweep.bounds[:, 1:]).T, sweep.bounds[:, 1:].T, strict=True
+    ):
+        if is_zero.any():
+            notes.append(
+                f"{name}: zero to rounding at {np.count_nonzero(is_zero)} of {len(omega)} frequencies, at most "
+                f"{bounds[is_zero].max():.1e}"
+            )
     if highest.min() < 0.0 and is_shear(job.load):  # by more than its bound
         worst = int(np.argmin(highest))
         notes += unstable_to_shear(G.real[worst], f"G' at omega {omega[worst]:.3g}")
@@ -308,9 +316,7 @@ def notes_of(job, network, omega, sweep) -> list[str]:
 def _summary(job, to, frequencies, sweep, certified) -> str:
     """The summary of a sweep."""
     G, bounds, omega = sweep.G, sweep.bounds, frequencies.of_experiment(sweep.omega)
-    storage, loss = (
-        relative_bound(bound, part).max() for bound, part in ((bounds[:, 1], G.real), (bounds[:, 2], G.imag))
-    )
+    storage, loss = relative_part_bounds(G, bounds[:, 1:]).max(axis=0)
     lines = [
         f"{to}: {job.physics}{'' if job.load == DEFAULT else f', load {job.load}'}, {len(omega)} frequencies, "
         f"{'certified' if certified else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''"

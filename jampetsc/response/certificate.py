@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.analysis.error_bounds import ZERO_PART_RATIO, parts_of, zero_parts
 from jampetsc.response.assembly import ROW, Pencil
 
 EPSILON = float(np.finfo(float).eps)
@@ -47,17 +48,28 @@ class Certified:
     @property
     def parts(self):
         """|G'| and |G''|, (…, 2)."""
-        return np.abs(np.stack((self.G.real, self.G.imag), axis=-1))
+        return np.abs(parts_of(self.G))
+
+    @property
+    def vanishes(self):
+        """Whether G' and G'' are zero to rounding and no work can tell more, (…, 2), see `zero_parts`."""
+        return (self.parts <= self.rounding) & zero_parts(self.G, self.bounds[..., 1:])
 
     @property
     def relative(self):
-        """Bounds on |ΔG'| and |ΔG''| relative to them, (…, 2)."""
+        """Bounds on |ΔG'| and |ΔG''| relative to them, (…, 2); 0 where they vanish."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return np.nan_to_num(self.bounds[..., 1:] / self.parts, nan=np.inf)
+            relative = np.nan_to_num(self.bounds[..., 1:] / self.parts, nan=np.inf, posinf=np.inf)
+        return np.where(self.vanishes, 0.0, relative)
 
     def within(self, accuracy: float):
-        """Whether G' and G'' are each known to this, relative to them, (…, 2); not where there is a nan."""
-        return self.bounds[..., 1:] <= accuracy * self.parts
+        """Whether G' and G'' are each known to this, relative to them, or vanish, (…, 2); not where there is a nan."""
+        return (self.bounds[..., 1:] <= accuracy * self.parts) | self.vanishes
+
+    def allowed(self, accuracy: float):
+        """Bounds on |ΔG'| and |ΔG''| that are accepted, (…, 2): relative to them, below their rounding to |G*|."""
+        of_zero = ZERO_PART_RATIO * np.abs(self.G)[..., None]
+        return np.where(self.parts <= self.rounding, of_zero, accuracy * self.parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +104,7 @@ class Functional:
     def __init__(self, pencil: Pencil):
         self.pencil, self.network = pencil, pencil.network
         c = self.compatibility = pencil.compatibility
-        affine = np.array([c.size_K @ c.g**2, c.w_B @ c.g**2])
-        self.affine = np.sqrt(self.network.sum(affine))
+        self.affine = np.sqrt(c.affine_sizes)
 
     def affine_modulus(self, omega) -> float:
         """The size of G* if all motion were affine: the sum of the sizes of what contacts contribute."""
@@ -125,7 +136,7 @@ class Functional:
         local = [
             np.sum(forces2),
             c.reach(trial.omega) @ x2,
-            trial_sizes @ (trial.strain * c.g) ** 2,
+            trial_sizes @ (trial.strain * c.g_size) ** 2,
             np.sum((trial.omega * c.drag) ** 2 * x2 / diagonal),
         ]
         of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))

@@ -32,6 +32,7 @@ class Compatibility:
     C: object  # PETSc.Mat, one row per form and contact
     forms: int  # rows per contact: a∥, D − 1 of a⊥ and, where disks roll, as many of a⊥ᶜ
     g: np.ndarray  # (rows,) local, of a unit amplitude of the load
+    g_size: np.ndarray  # (rows,) local, ≥ |g|: sum of the sizes of its terms, which under a rotation cancel
     w_K: np.ndarray  # (rows,) local weights of a² in K
     w_B: np.ndarray  # (rows,) local weights of a² in B
     size_K: np.ndarray  # (rows,) |w_K| and what rounding may do to it, in ε: an overlap is off by ε σ
@@ -45,12 +46,23 @@ class Compatibility:
         """The same under another load; C is shared."""
         contacts = self.network.contacts
         once = contacts[contacts.i < contacts.j]
-        imposed = load.imposed(once.r)
-        along, *across = (
-            np.sum(axis * imposed, axis=1) for axis in (once.normal, *transverse_axes(once.normal))
+        axes, imposed = (once.normal, *transverse_axes(once.normal)), load.imposed(once.r)
+        size = np.abs(once.r) @ np.abs(load.gradient).T
+        g, g_size = (
+            self._by_form([np.sum(of(axis) * vectors, axis=1) for axis in axes])
+            for of, vectors in ((np.asarray, imposed), (np.abs, size))
         )
-        g = np.stack([along, *across, *across][: self.forms], axis=1).ravel()
-        return replace(self, g=g, drag_gg=self.fluid_gg(load, load))
+        return replace(self, g=g, g_size=g_size, drag_gg=self.fluid_gg(load, load))
+
+    def _by_form(self, parts):
+        """(rows,) of parts (M,) along each axis of the contacts: those across it twice, where disks roll."""
+        along, *across = parts
+        return np.stack([along, *across, *across][: self.forms], axis=1).ravel()
+
+    @cached_property
+    def affine_sizes(self):
+        """Sizes of the terms of k_γγ and of b_γγ that contacts add, (2,), which may cancel. Collective."""
+        return self.network.sum(np.array([self.size_K @ self.g_size**2, self.w_B @ self.g_size**2]))
 
     def fluid_gg(self, load: Load, other: Load) -> float:
         """The part of b_EE′ of two loads that the fluid adds."""
@@ -155,6 +167,6 @@ def build_compatibility(network: DistributedNetwork, law: Law, pins) -> Compatib
     local.sort_indices()
     C = distributed_matrix(network.comm, local, local.data, (network.last - network.first) * d)
     return Compatibility(
-        network, C, f, g.ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real, reach.imag,
-        drag.ravel(), damping * law.eta_f * network.volume, damping * law.eta_f,
+        network, C, f, g.ravel(), np.abs(g).ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real,
+        reach.imag, drag.ravel(), damping * law.eta_f * network.volume, damping * law.eta_f,
     )  # fmt: skip

@@ -92,8 +92,8 @@ class Galerkin:
         elastic, viscous = self.network.sum(
             np.array(
                 [
-                    [c.w_K @ still**2, size_K @ still**2, size_K @ c.g**2, c.size_K @ still**2],
-                    [c.dissipation(fast, flow), c.dissipation(still, field), c.w_B @ c.g**2, 0.0],
+                    [c.w_K @ still**2, size_K @ still**2, size_K @ c.g_size**2, c.size_K @ still**2],
+                    [c.dissipation(fast, flow), c.dissipation(still, field), c.w_B @ c.g_size**2, 0.0],
                 ]
             )
         )

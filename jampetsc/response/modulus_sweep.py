@@ -105,7 +105,7 @@ class _Columns:
         reach = ROW[network.dimension] * network.sum(
             tall.squares(self.fields, np.array([c.reach_K, c.reach_B]))
         )
-        reach[:, 0] += network.sum(np.array([c.size_K @ c.g**2, c.w_B @ c.g**2]))
+        reach[:, 0] += c.affine_sizes
         self.sizes, self.reach = np.sqrt(sizes), np.sqrt(reach)
 
 

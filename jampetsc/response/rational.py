@@ -27,7 +27,7 @@ VECTORS = 8  # made at a time with one factor: a solve is some twentieth of a fa
 NEARBY = 20.0  # ratio of shifts within which a factor is used a second time instead of a new one
 MOST_VECTORS = 240
 MIN_SHIFT_RATIO = 30.0  # least ratio of shifts that are done at the same time
-SMALLEST_SHIFT = 1e-14  # relative to the largest rate: below it K + sB is K but for rounding
+SMALLEST_SHIFT = 1e-14  # relative to the scale of rates: below it K + sB is K but for rounding
 LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
 ROUNDING_MODULUS_RATIO = 1e-13  # a modulus this small, relative to the affine one, is rounding
 # of the allowed error, for the estimate, after a certificate was larger than the estimate
@@ -49,11 +49,10 @@ class RationalSweep:
         self.pencil, self.accuracy = pencil, accuracy
         self.comm = pencil.network.comm
         self.omega = self.comm.bcast(np.asarray(omega, float))
-        self.largest_rate = largest_rate(pencil)
-        self.rate = self.largest_rate  # sets the scale of the shifts
-        if not np.isfinite(self.rate):
-            of_K, of_B = pencil.largest
-            self.rate = of_K / of_B
+        self.largest_rate, c = largest_rate(pencil), pencil.compatibility
+        self._affine = c.affine_sizes + np.array([0.0, c.drag_gg])
+        of_K, of_B = pencil.largest
+        self.rate = of_K / of_B  # at most the largest rate; sets the scale of the shifts
         self.factors = factors or Factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
@@ -99,19 +98,14 @@ class RationalSweep:
             return self._spread([self._clip(self.omega[0])])
         ratio = self._ratio()
         worst = int(np.argmax(ratio))
+        is_exhausted = self.basis.complete or self.basis.size >= MOST_VECTORS
         if ratio[worst] <= 1.0:
             return self._for_certificate()
-        if self.basis.complete and self._nothing_resists(worst):
-            raise ConvergenceError(
-                "nothing resists the shear: G* vanishes up to rounding, as where no connected piece of contacts "
-                "reaches around the cell along y"
-            )
-        if self.basis.complete and not np.isfinite(ratio[worst]):
-            raise ConvergenceError(
-                f"G″ vanishes at ω = {self.omega[worst]:g}, so no relative accuracy can be met: nothing moves "
-                "against the strain, and no fluid dissipates"
-            )
-        if self.basis.complete or self.basis.size >= MOST_VECTORS:
+        if self.basis.complete:
+            self._require_resistance(worst)
+        if is_exhausted and self.certificate is None:
+            return []  # which tells a part that vanishes
+        if is_exhausted:
             raise ConvergenceError(
                 f"the bound on the error of G* stays at {ratio[worst]:.1e} times what "
                 f"{named('accuracy')} {self.accuracy:g} "
@@ -135,10 +129,14 @@ class RationalSweep:
         ]
         return min(near, key=lambda s: abs(np.log(s / shift)), default=shift)
 
-    def _nothing_resists(self, i):
-        """Whether G* at the i-th frequency is rounding of what it would be if nothing relaxed."""
-        affine = abs(self.pencil.k_gg + 1j * self.omega[i] * self.pencil.b_gg)
-        return abs(self._modulus()[i]) * self.pencil.network.volume <= ROUNDING_MODULUS_RATIO * affine
+    def _require_resistance(self, i):
+        """Raise ConvergenceError where G* at the i-th frequency is rounding of its terms if nothing relaxed."""
+        affine = self._affine @ (1.0, self.omega[i])
+        if abs(self._modulus()[i]) * self.pencil.network.volume <= ROUNDING_MODULUS_RATIO * affine:
+            raise ConvergenceError(
+                "nothing resists the load: G* is zero to rounding, as where no connected component of contacts "
+                "reaches around the cell, or where a rotation dissipates nothing"
+            )
 
     def _for_certificate(self):
         """The shift where the certificate is worst, unless a factor is near it."""
@@ -232,7 +230,7 @@ class RationalSweep:
 
     def _allowed(self, certificate):
         """Error allowed in |G*|, (M,), less its rounding; zero where rounding exceeds it."""
-        return np.maximum((self.accuracy * certificate.parts - certificate.rounding).min(axis=1), 0.0)
+        return np.maximum((certificate.allowed(self.accuracy) - certificate.rounding).min(axis=1), 0.0)
 
     def _is_met(self):
         """Whether the certificate is good enough. Raises ConvergenceError where it will never be."""
@@ -241,8 +239,12 @@ class RationalSweep:
             return True
         relative = certificate.relative
         worst = np.unravel_index(np.argmax(relative), relative.shape)
+        self._require_resistance(worst[0])
         where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
-        if not np.all(certificate.rounding <= self.accuracy * certificate.parts):
+        if not relative[worst] < 1.0:
+            value, limit = certificate.parts[worst], certificate.bounds[..., 1:][worst]
+            where = f"{where.partition(' is ')[0]}, {value:.1e}, is not above its error of {limit:.1e}"
+        if not np.all(certificate.rounding <= certificate.allowed(self.accuracy)):
             raise ConvergenceError(
                 f"{where}, by rounding; {named('accuracy')} {self.accuracy:g} cannot be met here"
             )
@@ -259,16 +261,16 @@ class RationalSweep:
 
 
 def largest_rate(pencil: Pencil) -> float:
-    """λ_max with K ≤ λ_max B, infinite where motions along the bonds are not damped. Collective.
+    """λ_max with K ≤ λ_max B, infinite where a motion that K resists is not damped. Collective.
 
-    A contact has k (a∥)² in K, which pre-stress only lowers, and kτ₁ normal (a∥)² in B. With drag, K is at most
-    the largest sum of absolute values in one of its rows, and B at least kτ₁ drag.
+    K and B are sums of squares of the same motions of bonds. Where a weight in K is positive (k of a∥, and T/r of a⊥
+    where a bond pulls), the ratio of both weights bounds K; where it is negative (a bond pushes), leaving it out does.
+    With drag, K is also at most the largest sum of absolute values in one of its rows, and B at least kτ₁ drag.
     """
-    network, law = pencil.network, pencil.law
-    limits = [np.inf]
-    if law.normal:
-        stiffest = network.max(network.contacts.stiffness)
-        limits.append(stiffest / (network.damping(law) * law.normal))
+    network, law, c = pencil.network, pencil.law, pencil.compatibility
+    resists = c.w_K > 0.0
+    with np.errstate(divide="ignore", over="ignore"):
+        limits = [network.max(c.w_K[resists] / c.w_B[resists])]
     if law.drag:
         indptr, _, values = pencil.K.getValuesCSR()
         sums = np.add.reduceat(np.abs(values), indptr[:-1])

@@ -238,9 +238,9 @@ class ResidualBound:
                 rest.append(np.linalg.norm(e, axis=0) * inverse)
             parts.append(e)
         total = np.array(proved) + np.array(rest)
-        best = np.argmin(np.nan_to_num(total, nan=np.inf), axis=0)
+        best = np.argmin(np.nan_to_num(total, nan=np.inf, posinf=np.inf), axis=0)
         bound = np.sqrt(2.0) * np.take_along_axis(total, best[None], axis=0)[0] ** 2
-        bound = np.nan_to_num(bound, nan=np.inf)
+        bound = np.nan_to_num(bound, nan=np.inf, posinf=np.inf)
         if np.all(bound <= allowed):
             return bound, None
         with np.errstate(divide="ignore", over="ignore"):

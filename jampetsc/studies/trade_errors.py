@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from jampetsc.analysis.error_bounds import relative_bound, relative_part_bounds
 from jampetsc.analysis.power_laws import MIN_FREQUENCIES, critical_slopes, is_critical, moduli
-from jampetsc.analysis.statistics import relative_bound
 
 FREQUENCIES_PER_DECADE = 40  # frequencies per decade at which errors of interpolation are computed
 
@@ -72,8 +72,8 @@ def log_interpolate(x, omega, G):
 
 def certified(result) -> float:
     """The larger of a sweep's relative bounds on G' and on G''."""
-    bounds = (relative_bound(result[f"error_bound_{name}"], part) for name, part in moduli(result.G).items())
-    return float(max(bound.max() for bound in bounds))
+    bounds = np.stack([result[f"error_bound_{name}"] for name in moduli(result.G)], axis=-1)
+    return float(relative_part_bounds(result.G, bounds).max())
 
 
 def _largest(what, exact, G) -> dict:

@@ -1,9 +1,9 @@
-"""Medians and logarithmic histograms of magnitudes, and bounds in relation to their values."""
+"""Medians and logarithmic histograms of magnitudes."""
 
 import numpy as np
 import pytest
 
-from jampetsc.analysis.statistics import Distribution, relative_bound
+from jampetsc.analysis.statistics import Distribution
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-30, 3e17])
@@ -49,10 +49,3 @@ def test_vectors_are_told_by_their_length(vectors):
 def test_vectors_that_vanish_are_in_the_first_bin():
     still = Distribution.of(np.zeros((4, 2)))
     assert still.counts[0] == 4 == still.counts.sum() and still.rms == 0.0 and np.isfinite(still.edges).all()
-
-
-def test_a_bound_of_what_vanishes():
-    bound, value = np.array([0.0, 1e-3, 2.0, 0.0]), np.array([0.0, 0.0, -4.0, 3.0])
-    np.testing.assert_array_equal(relative_bound(bound, value), [0.0, np.inf, 0.5, 0.0])
-    assert relative_bound(1.0, 3 + 4j) == 0.2
-    np.testing.assert_array_equal(relative_bound(1.0, np.array([2.0, 0.0])), [0.5, np.inf])

@@ -172,8 +172,7 @@ def rows():
 @pytest.mark.parametrize(
     ("disks", "law", "accuracy", "message"),
     [
-        (crystal, physics("stokes", eta_f=0.0, prestress=False), 1e-2, "G″ vanishes at ω = 1e-10"),
-        (rows, physics(), 1e-6, "nothing resists the shear: .* reaches around the cell along y"),
+        (rows, physics(), 1e-6, "nothing resists the load: .* reaches around the cell"),
         (isostatic, physics(), 1e-16, "only certain to .*, by rounding; accuracy 1e-16 cannot be met"),
         (
             SAMPLES["polydisperse"],

@@ -1,0 +1,211 @@
+"""G* and C* of a small packing or network in ball arithmetic: numbers with a proved radius, by Arb (python-flint).
+
+What is on disk is taken as exact. Contacts and their graph are those of the reference of the tests (tests/dense.py);
+bonds, forces, K, B and the solution are made again, and with more bits until each part is known to DIGITS digits. A
+part that vanishes has a radius that is small beside |G*|.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from flint import acb, acb_mat, arb, arb_mat, ctx
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))  # the dense reference
+
+DIGITS = 40
+ZERO = 1e-60  # radius of a part that vanishes, relative to |G*|
+BITS = (320, 640, 1280, 2560)  # tried one after the other
+
+
+class Singular(Exception):
+    """K + iωB cannot be told from a singular matrix."""
+
+
+class BallReference:
+    """Balls of K, B and G* of `source` for `physics` under `loads`, displacement gradients (L, D, D)."""
+
+    def __init__(self, source, physics, loads):
+        from dense import NetworkReference, Reference
+
+        from jampetsc.packing.packing import Packing
+
+        self.source, self.physics, self.loads = source, physics, np.array(loads, float)
+        self.is_packing = isinstance(source, Packing)
+        self.graph = (Reference if self.is_packing else NetworkReference)(source, physics, loads)
+        self._made = {}
+
+    def tensor(self, omega) -> list:
+        """C*(ω) between all pairs of loads, rows of acb, each part known to DIGITS digits or zero. Raises Singular."""
+        for bits in BITS:
+            ctx.prec = bits
+            C = self._tensor(omega, bits)
+            if C is not None and all(_is_known(value) for row in C for value in row):
+                return C
+        raise Singular
+
+    def _tensor(self, omega, bits):
+        if bits not in self._made:
+            self._made[bits] = self._matrices()
+        K, B, volume = self._made[bits]
+        s, size = acb(0, arb(omega)), len(K)
+        m = size - len(self.loads)
+        free = [row for row in range(m) if row not in self._pins()]
+        Z = [[K[a][b] + s * B[a][b] for b in range(size)] for a in range(size)]
+        scale = [1 / (abs(Z[a][a]).mid() + (abs(Z[a][a]).mid() == 0)).sqrt() for a in free]
+        pairs = list(zip(free, scale, strict=True))
+        A = acb_mat([[Z[a][b] * u * v for b, v in pairs] for a, u in pairs])
+        c = acb_mat([[Z[a][b] * u for b in range(m, size)] for a, u in pairs])
+        try:
+            x = A.solve(c)
+        except ZeroDivisionError:
+            return None
+        relaxed = c.transpose() * x
+        L = range(len(self.loads))
+        return [[(Z[m + a][m + b] - relaxed[a, b]) / volume for b in L] for a in L]
+
+    def _pins(self):
+        """One unknown of each move that neither K nor B resists."""
+        g, law = self.graph, self.physics.law
+        pins = set()
+        for piece in g.pieces():
+            disk, colour = piece[0]
+            first = disk * g.dofs
+            if not law.drag:
+                pins |= set(range(first, first + g.dimension))
+            if colour:
+                pins |= set(range(first + g.dimension, first + g.dofs))
+        return pins
+
+    def _bonds(self):
+        """(r, f, k) of each contact: the bond vector, a list, its force and its stiffness."""
+        g, source = self.graph, self.source
+        D = g.dimension
+        if self.is_packing:
+            parts = (source.base, source.offset), (source.cell_base, source.cell_offset)
+            positions, cell = (_sum(*pair) for pair in parts)
+            flat = np.array(source.base, float) + source.offset
+            edges = np.array(source.cell_base, float) + source.cell_offset
+            disks, potential = g.disks, source.potential
+        else:
+            positions, cell, disks = _exact(source.positions), _exact(source.cell), g.disks
+        for c, (i, j) in enumerate(zip(g.i, g.j, strict=True)):
+            a, b = disks[i], disks[j]
+            if self.is_packing:
+                images = np.rint((np.array(g.r[c], float) - (flat[b] - flat[a])) @ np.linalg.inv(edges))
+            else:
+                images = source.images[c]
+            images = [int(number) for number in images]
+            r = [
+                positions[b][x] - positions[a][x] + sum(images[y] * cell[y][x] for y in range(D))
+                for x in range(D)
+            ]
+            if not self.is_packing:
+                yield r, arb(-float(source.tension[c])), arb(float(source.stiffness[c]))
+                continue
+            distance = sum((x * x for x in r), arb(0)).sqrt()
+            sigma = arb(float(source.radii[a])) + arb(float(source.radii[b]))
+            length = sigma if potential.stiffness == "inverse-square-diameter" else arb(1)
+            k, alpha, x = arb(potential.k), arb(potential.alpha), (sigma - distance) / length
+            yield r, k / length * x ** (alpha - 1), k * (alpha - 1) / length**2 * x ** (alpha - 2)
+
+    def _matrices(self):
+        """(K, B, V): rows of arb, those of the loads last, and the volume."""
+        g, law = self.graph, self.physics.law
+        D, d, m = g.dimension, g.dofs, g.n * g.dofs
+        size, damping = m + len(self.loads), arb(float(g.k)) * arb(float(law.tau1))
+        K, B = ([[arb(0)] * size for _ in range(size)] for _ in range(2))
+        cell = (
+            _sum(self.source.cell_base, self.source.cell_offset)
+            if self.is_packing
+            else _exact(self.source.cell)
+        )
+        volume = arb(1)
+        for axis in range(D):
+            volume *= cell[axis][axis]
+        spins = np.array(g.spins, int)
+        for (r, force, stiffness), i, j in zip(self._bonds(), g.i, g.j, strict=True):
+            distance = sum((x * x for x in r), arb(0)).sqrt()
+            n = [x / distance for x in r]
+            at = [*range(i * d, i * d + d), *range(j * d, j * d + d), *range(m, size)]
+            bond = [[arb(0)] * len(at) for _ in range(D)]
+            for x in range(D):
+                bond[x][x], bond[x][d + x] = arb(-1), arb(1)
+                for e, gradient in enumerate(self.loads):
+                    bond[x][2 * d + e] = sum((arb(gradient[x][y]) * r[y] for y in range(D)), arb(0))
+            bond = arb_mat(bond)
+            n = arb_mat([[x] for x in n])
+            along = n * n.transpose()
+            across = arb_mat([[arb(int(x == y)) - along[x, y] for y in range(D)] for x in range(D)])
+            hessian = along * stiffness
+            if self.physics.prestress:
+                hessian = hessian - across * (force / distance)
+            slide = across * bond
+            for spin, basis in enumerate(spins):
+                turned = arb_mat(basis.tolist()) * n
+                for x in range(D):
+                    for disk, end in ((i, d - len(spins)), (j, 2 * d - len(spins))):
+                        slide[x, end + spin] = -arb(float(g.radii[disk])) * turned[x, 0]
+            viscous = bond.transpose() * (along * law.normal + across * law.transverse) * bond
+            if law.sliding:
+                viscous += slide.transpose() * slide * arb(float(law.sliding))
+            elastic = bond.transpose() * hessian * bond
+            for a, row in enumerate(at):
+                for b, column in enumerate(at):
+                    K[row][column] += elastic[a, b]
+                    B[row][column] += viscous[a, b] * damping
+        for row in range(m):
+            if row % d < D:
+                B[row][row] += damping * arb(float(law.drag))
+        fluid = self._fluid(D)
+        for a in range(len(self.loads)):
+            for b in range(len(self.loads)):
+                B[m + a][m + b] += damping * arb(float(law.eta_f)) * volume * fluid[a][b]
+        return K, B, volume
+
+    def _fluid(self, D):
+        """2 s′ : s″ of the deviators of the loads."""
+        deviators = []
+        for gradient in self.loads:
+            trace = sum((arb(gradient[x][x]) for x in range(D)), arb(0)) / D
+            deviators.append(
+                [
+                    [
+                        (arb(gradient[x][y]) + arb(gradient[y][x])) / 2 - (trace if x == y else 0)
+                        for y in range(D)
+                    ]
+                    for x in range(D)
+                ]
+            )
+        pairs = [(x, y) for x in range(D) for y in range(D)]
+        return [
+            [2 * sum((a[x][y] * b[x][y] for x, y in pairs), arb(0)) for b in deviators] for a in deviators
+        ]
+
+
+def _exact(values):
+    """Rows of arb of an array (N, D), exactly."""
+    return [[arb(float(x)) for x in row] for row in values]
+
+
+def _sum(high, low):
+    """Rows of arb of high + low, exactly but for what the working precision rounds."""
+    return [
+        [arb(float(a)) + arb(float(b)) for a, b in zip(*rows, strict=True)]
+        for rows in zip(high, low, strict=True)
+    ]
+
+
+def _is_known(value):
+    size = abs(value)
+    return all(
+        part.rad() <= 10.0**-DIGITS * abs(part) or part.rad() <= ZERO * size
+        for part in (value.real, value.imag)
+    )
+
+
+def difference(value: complex, exact) -> tuple[float, float, float]:
+    """|value − exact|, of the whole, the real and the imaginary part, each rounded down by the exact one's radius."""
+    real, imaginary = arb(value.real) - exact.real, arb(value.imag) - exact.imag
+    parts = [float(abs(part).lower()) for part in (real, imaginary)]
+    return float(np.hypot(*parts)), *parts
