@@ -103,6 +103,11 @@ class Pencil:
         """The diagonals of K and of B, (n_local,) each, real. Collective."""
         return diagonal_of(self.K), diagonal_of(self.B)
 
+    @property
+    def displacement_diagonals(self):
+        """The diagonals of K and of B on displacements, (n_local / dofs, D) each. Collective."""
+        return [part.reshape(-1, self.dofs)[:, : self.dimension] for part in self.diagonals]
+
     def diagonal(self, s: float):
         """The diagonal of K + sB, (n_local,). Collective."""
         of_K, of_B = self.diagonals

@@ -182,10 +182,11 @@ class FrequencySolver:
         self.trials.append(trial)
         if not result.within(accuracy).all():
             affine = functional.affine_modulus(omega)
-            if abs(result.G) + result.error < ZERO_MODULUS_RATIO * affine:
+            is_rounding = np.all(result.parts <= result.bounds[1:])
+            if is_rounding and abs(result.G) + result.error < ZERO_MODULUS_RATIO * affine:
                 raise ConvergenceError(
-                    f"ω = {omega:g}: G* is zero but for rounding, where affine motion would have {affine:.2g}: the "
-                    "contacts do not resist shear, as of particles that are not at rest: quench them (pack from)"
+                    f"ω = {omega:g}: nothing resists the load: G* is zero to rounding, where affine motion would have "
+                    f"{affine:.2g}, as of particles that are not at rest: quench them (pack from)"
                 )
             _, storage, loss = result.bounds
             raise ConvergenceError(

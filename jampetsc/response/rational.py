@@ -29,7 +29,6 @@ MOST_VECTORS = 240
 MIN_SHIFT_RATIO = 30.0  # least ratio of shifts that are done at the same time
 SMALLEST_SHIFT = 1e-14  # relative to the scale of rates: below it K + sB is K but for rounding
 LARGEST_SHIFT = 1e6  # relative to the same: where B is singular, K would be rounding beside sB
-ROUNDING_MODULUS_RATIO = 1e-13  # a modulus this small, relative to the affine one, is rounding
 # of the allowed error, for the estimate, after a certificate was larger than the estimate
 ESTIMATE_SHARE = 0.5
 
@@ -49,10 +48,10 @@ class RationalSweep:
         self.pencil, self.accuracy = pencil, accuracy
         self.comm = pencil.network.comm
         self.omega = self.comm.bcast(np.asarray(omega, float))
-        self.largest_rate, c = largest_rate(pencil), pencil.compatibility
-        self._affine = c.affine_sizes + np.array([0.0, c.drag_gg])
-        of_K, of_B = pencil.largest
-        self.rate = of_K / of_B  # at most the largest rate; sets the scale of the shifts
+        self.largest_rate = largest_rate(pencil)
+        # of displacements, so that a unit of length does not count: at most the largest rate, as K ≤ λ_max B
+        of_K, of_B = (pencil.network.max(np.abs(part)) for part in pencil.displacement_diagonals)
+        self.rate = of_K / of_B  # sets the scale of the shifts
         self.factors = factors or Factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
@@ -101,8 +100,6 @@ class RationalSweep:
         is_exhausted = self.basis.complete or self.basis.size >= MOST_VECTORS
         if ratio[worst] <= 1.0:
             return self._for_certificate()
-        if self.basis.complete:
-            self._require_resistance(worst)
         if is_exhausted and self.certificate is None:
             return []  # which tells a part that vanishes
         if is_exhausted:
@@ -128,15 +125,6 @@ class RationalSweep:
             if 1.0 / NEARBY < s / shift < NEARBY and self.basis.shifts.count(s) < 2 * VECTORS
         ]
         return min(near, key=lambda s: abs(np.log(s / shift)), default=shift)
-
-    def _require_resistance(self, i):
-        """Raise ConvergenceError where G* at the i-th frequency is rounding of its terms if nothing relaxed."""
-        affine = self._affine @ (1.0, self.omega[i])
-        if abs(self._modulus()[i]) * self.pencil.network.volume <= ROUNDING_MODULUS_RATIO * affine:
-            raise ConvergenceError(
-                "nothing resists the load: G* is zero to rounding, as where no connected component of contacts "
-                "reaches around the cell, or where a rotation dissipates nothing"
-            )
 
     def _for_certificate(self):
         """The shift where the certificate is worst, unless a factor is near it."""
@@ -239,7 +227,11 @@ class RationalSweep:
             return True
         relative = certificate.relative
         worst = np.unravel_index(np.argmax(relative), relative.shape)
-        self._require_resistance(worst[0])
+        if np.all(certificate.parts[worst[0]] <= certificate.rounding[worst[0]]):
+            raise ConvergenceError(
+                "nothing resists the load: G* is zero to rounding, as where no connected component of contacts "
+                "reaches around the cell, or where a rotation dissipates nothing"
+            )
         where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
         if not relative[worst] < 1.0:
             value, limit = certificate.parts[worst], certificate.bounds[..., 1:][worst]
