@@ -126,8 +126,7 @@ def test_the_site_has_every_page_and_every_name(tmp_path):
     text = (launch.ROOT / "mkdocs.yml").read_text()
     listed, docs = re.findall(r"[:-] ([\w/]+\.md)$", text, re.MULTILINE), launch.ROOT / "docs"
     assert sorted(listed) == sorted(str(path.relative_to(docs)) for path in docs.rglob("*.md"))
-    generated = runpy.run_path(str(launch.ROOT / "run" / "reference.py"))
-    entries, commands = generated["reference"](), generated["command_reference"]()
+    entries, commands = ((docs / "reference" / name).read_text() for name in ("api.md", "commands.md"))
     for name in {*jampetsc.__all__, "models.CD0", "loads.compression"} - {"__version__"}:
         assert f"\n## jampetsc.{name}\n\n" in entries
     assert "`law` | jampetsc.ContactDamping(…), jampetsc.StokesDrag(…)" in entries
