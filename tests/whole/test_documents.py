@@ -170,6 +170,13 @@ def test_the_site_builds(tmp_path):
     assert len(pages_made) > 15 and not any(re.search(fetched, page) for page in pages_made.values())
 
 
+def test_one_version_in_all_entries_to_cite():
+    words = {"README.md": r"version = \{(.*?)\}", "CITATION.cff": r"^version: (.*)$"}
+    for name, pattern in words.items():
+        text = (launch.ROOT / name).read_text()
+        assert re.findall(pattern, text, re.MULTILINE) == [jampetsc.__version__], name
+
+
 def test_links_between_documents_lead_somewhere():
     for path in [launch.ROOT / "README.md", *(launch.ROOT / "docs").rglob("*.md")]:
         for target in re.findall(r"\]\(([^)#]+?)\)", path.read_text()):
