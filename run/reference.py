@@ -90,8 +90,8 @@ def _described(name, value):
     """Call and docstring of a function, a class or a property."""
     if not inspect.getdoc(value):
         raise ValueError(f"{name} has no docstring")
-    head = ""
-    if callable(value) and not inspect.isclass(value):
+    head, made_by_users = "", name.removeprefix("jampetsc.") in jampetsc.__all__
+    if callable(value) and (made_by_users or not inspect.isclass(value)):
         head = _call(name.rpartition(".")[2], value) + "\n"
     return head + prose(inspect.getdoc(value))
 

@@ -130,6 +130,7 @@ def test_the_site_has_every_page_and_every_name(tmp_path):
     for name in {*jampetsc.__all__, "models.CD0", "loads.compression"} - {"__version__"}:
         assert f"\n## jampetsc.{name}\n\n" in entries
     assert "`law` | jampetsc.ContactDamping(…), jampetsc.StokesDrag(…)" in entries
+    assert "Packing(\n    positions, radii, cell, potential=" in entries  # how to make one
     for name in JOBS:
         entry = commands.partition(f"\n## {name}\n\n")[2].partition("\n## ")[0]
         assert all(
