@@ -99,7 +99,8 @@ def stub() -> str:
 def _options(model):
     """(option with its type, parameter) of the function of a model."""
     for name, parameter in inspect.signature(model).parameters.items():
-        yield f"{name}: float{' | None' if parameter.default is None else ''}", parameter
+        optional = " | None" if parameter.default is None else ""
+        yield f"{name}: float{optional}", parameter
 
 
 def _result_classes():
@@ -112,9 +113,9 @@ def _of_job(name):
     if not job.GIVES.endswith("or a list of them"):
         return "\n" + _function(name, _arguments(job, function), _returned(job), function.__doc__)
     seeds, pressure = SEVERAL["seeds"], SEVERAL["pressure"]
-    one = {"seeds": f"{seeds[1]} = None", "pressure": f"{pressure[1]} = None"}
+    single = {"seeds": f"{seeds[1]} = None", "pressure": f"{pressure[1]} = None"}
     many = {"seeds": f"{seeds[1]} = None", "pressure": pressure[0]}, {"seeds": seeds[0]}
-    text = "\n@overload\n" + _function(name, _arguments(job, function, one), "Packing", function.__doc__)
+    text = "\n@overload\n" + _function(name, _arguments(job, function, single), "Packing", function.__doc__)
     for changes in many:
         text += "\n@overload\n" + _function(name, _arguments(job, function, changes), "list[Packing]")
     return text
