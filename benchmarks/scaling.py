@@ -1,12 +1,15 @@
-"""Time and memory of every kind of work against the number of disks, each command in processes of its own.
+"""Time and memory of every kind of work against the number of particles, each command in processes of its own.
 
     .venv/bin/python benchmarks/scaling.py FOLDER [--n 1000,4000,16000] [--ranks 1,2] [--commands pack,sweep,…]
+    .venv/bin/python benchmarks/scaling.py SPHERES --dimension 3 --accuracy 1e-6 --ranks 1 --n 1000,4000,16000,100000
     .venv/bin/python benchmarks/scaling.py FOLDER --draw scaling.png
 
-Packings at p = 1e-2 are made in FOLDER, one thread each, and swept (141 frequencies, 1e-3), `shifts` and `matrix` on
-several ranks; 50 modes are found; a steady flow, RD0, is begun with a strain of 0.5. FOLDER/scaling.csv has a row
-for each run: seconds elapsed and of processor time, all ranks together, and the memory of the largest process. What is
-in it is not run again. The picture shows the table with exponents between the two largest N.
+Packings at p = 1e-2 are made in FOLDER, one thread each, and swept (141 frequencies, to --accuracy), `shifts` and
+`matrix` on several ranks; 50 modes are found; a steady flow, RD0, is begun with a strain of 0.5. FOLDER/scaling.csv has
+a row for each run: seconds elapsed and of processor time, all ranks together, and the memory of the largest process.
+What is in it is not run again: a folder is of one dimension and accuracy. For each N the estimated memory of one factor
+of the displacements is printed first; a sweep of spheres keeps two of them, or three. The picture shows the table with
+exponents between the two largest N.
 """
 
 import argparse
@@ -20,6 +23,7 @@ from common import environment, machine, saved_page
 
 from jampetsc import load
 from jampetsc.plots.style import PAGE, looks
+from jampetsc.response.factor_memory import GIGABYTE, factor_bytes
 from jampetsc.studies import trade_process
 from jampetsc.studies.trade_errors import certified
 
@@ -35,13 +39,14 @@ NAMES = {
 }
 
 
-def words(command, n, folder, out) -> list:
-    """The command line of a run for N disks that writes `out`."""
+def words(command, n, folder, out, dimension=2, accuracy=ACCURACY) -> list:
+    """The command line of a run for N disks or spheres that writes `out`."""
     packing, (command, *how) = folder / f"n{n}.h5", command.split()
     if command == "pack":
-        return ["pack", "--n", n, "--pressure", PRESSURE, "--threads", 1, "--out", packing]
+        size = ["--n", n, "--dimension", dimension]
+        return ["pack", *size, "--pressure", PRESSURE, "--threads", 1, "--out", packing]
     asked = {
-        "sweep": ["--accuracy", ACCURACY, *how],
+        "sweep": ["--accuracy", accuracy, *how],
         "modes": ["--count", min(COUNT, n)],
         "flow": ["--model", "RD0", "--rate", RATE, "--strain", STRAIN, "--threads", 1],
     }
@@ -75,11 +80,15 @@ def read(table: Path) -> list[dict]:
         ]
 
 
-def measure(folder: Path, sizes, ranks, commands) -> None:
-    """Run what the table lacks, small sizes first."""
+def measure(folder: Path, sizes, ranks, commands, **settings) -> None:
+    """Run what the table lacks, small sizes first; settings: of `words`."""
     folder.mkdir(parents=True, exist_ok=True)
     table = folder / "scaling.csv"
     known = {(row["command"], row["n"], row["ranks"]) for row in read(table)}
+    dimension = settings.get("dimension", 2)
+    for n in sorted(sizes):
+        factor = factor_bytes(dimension, dimension * n, dimension) / GIGABYTE
+        print(f"N = {n}: factor of the displacements about {factor:.2g} GB", flush=True)
     for n, size in ((n, size) for n in sorted(sizes) for size in ranks):
         for command in commands_on(size):
             if command.split()[0] not in commands or (command, n, size) in known:
@@ -87,7 +96,7 @@ def measure(folder: Path, sizes, ranks, commands) -> None:
             # A rank that waits for others takes no time then; alone, MUMPS would yield at every step.
             os.environ["OMPI_MCA_mpi_yield_when_idle"] = str(int(size > 1))
             out = folder / f"{command.split()[0]}.h5"
-            done = trade_process.run(words(command, n, folder, out), size if size > 1 else None)
+            done = trade_process.run(words(command, n, folder, out, **settings), size if size > 1 else None)
             if done.status:
                 print(f"{command}, N = {n}, {size} ranks: {done.error}", flush=True)
                 continue
@@ -139,6 +148,8 @@ def main():
     parser.add_argument("--n", default="1000,4000,16000,64000,256000")
     parser.add_argument("--ranks", default="1,2")
     parser.add_argument("--commands", default="pack,sweep,modes,flow")
+    parser.add_argument("--dimension", type=int, choices=(2, 3), default=2, help="2: disks, 3: spheres")
+    parser.add_argument("--accuracy", default=ACCURACY, help="of the sweeps")
     parser.add_argument("--draw", metavar="PNG", help="draw the table instead")
     args = parser.parse_args()
     if args.draw:
@@ -147,7 +158,8 @@ def main():
     print(machine())
     os.environ.update(environment())
     sizes, ranks = ([int(word) for word in words.split(",")] for words in (args.n, args.ranks))
-    measure(args.folder, sizes, ranks, args.commands.split(","))
+    settings = {"dimension": args.dimension, "accuracy": args.accuracy}
+    measure(args.folder, sizes, ranks, args.commands.split(","), **settings)
 
 
 if __name__ == "__main__":

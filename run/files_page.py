@@ -1,17 +1,13 @@
-"""Writes the tables of docs/reference/files.md from the declaration of the formats (`jampetsc.io.formats`).
+"""The tables of docs/reference/files.md, from the declaration of the formats (`jampetsc.io.formats`).
 
-    .venv/bin/python run/files_page.py
-
-A test says when the page is not up to date.
+`run/generate.py` writes them.
 """
 
 import re
-from pathlib import Path
 
 from jampetsc.io.formats import FORMATS
 from jampetsc.io.provenance import PROVENANCE
 
-PAGE = Path(__file__).parents[1] / "docs" / "reference" / "files.md"
 HEADS = {False: "| attribute | type | unit | meaning |", True: "| dataset | shape | type | unit | meaning |"}
 COMMON = "## Every result"
 GROUPS = {  # of datasets that are one line each
@@ -56,7 +52,3 @@ def page(text: str) -> str:
             section = section[: old.start()] + new + section[old.end() :]
         sections[number] = section
     return "".join(sections)
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(PAGE.read_text()))

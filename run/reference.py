@@ -1,6 +1,6 @@
-"""Pages of the site that follow from the code: reference/api.md of docstrings, reference/commands.md of declarations.
+"""Pages that follow from the code: docs/reference/api.md of docstrings, docs/reference/commands.md of declarations.
 
-mkdocs calls `on_page_markdown`. A job is declared once (`jampetsc.options.parameters`): its python function and its
+`run/generate.py` writes them. A job is declared once (`jampetsc.options.parameters`): its python function and its
 command have the same parameters, and both pages show them as tables.
 """
 
@@ -40,10 +40,18 @@ MAX_SIGNATURE = 74  # characters in a line of the page
 _DEFINITION = re.compile(r"(\S.*?)\s{2,}(\S.*)")
 
 
-def on_page_markdown(markdown, page, **_):
-    """The text of a page: generated entries follow on the two pages of the reference."""
-    generate = {"reference/api.md": reference, "reference/commands.md": command_reference}
-    return markdown + generate[page.file.src_uri]() if page.file.src_uri in generate else markdown
+def api_page(text: str) -> str:
+    """docs/reference/api.md: the text above its first entry, and the entries."""
+    return _introduction(text) + reference()
+
+
+def commands_page(text: str) -> str:
+    """docs/reference/commands.md: the text above its first entry, and the entries."""
+    return _introduction(text) + command_reference()
+
+
+def _introduction(text):
+    return text.partition("\n## ")[0].rstrip("\n") + "\n"
 
 
 def reference() -> str:
@@ -82,8 +90,8 @@ def _described(name, value):
     """Call and docstring of a function, a class or a property."""
     if not inspect.getdoc(value):
         raise ValueError(f"{name} has no docstring")
-    head = ""
-    if callable(value) and not inspect.isclass(value):
+    head, made_by_users = "", name.removeprefix("jampetsc.") in jampetsc.__all__
+    if callable(value) and (made_by_users or not inspect.isclass(value)):
         head = _call(name.rpartition(".")[2], value) + "\n"
     return head + prose(inspect.getdoc(value))
 
@@ -95,7 +103,7 @@ def _call(name, function):
         f"{'**' if parameter.kind == parameter.VAR_KEYWORD else ''}{parameter.name}"
         f"{'' if parameter.default is parameter.empty else f'={parameter.default!r}'}"
         for parameter in inspect.signature(function).parameters.values()
-        if parameter.name != "self"
+        if parameter.name not in ("self", "cls")
     ]
     line = f"{name}({', '.join(arguments)})"
     if len(line) > MAX_SIGNATURE:

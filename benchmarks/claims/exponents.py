@@ -10,7 +10,7 @@ import numpy as np
 import jampetsc
 from claims.flow import PHI_J, extrapolated_fluidity, slower, weighted_mean
 from claims.jamming import drift_of
-from claims.shared import SYMBOLS, Row, check, claim, fitted, line_fit, power_law, rates_of, size_of
+from claims.shared import SYMBOLS, Row, beta_of, check, claim, fitted, line_fit, power_law, rates_of, size_of
 from claims.verdicts import Estimate, number
 from jampetsc.analysis.collapse_fit import estimate
 from jampetsc.analysis.scaling_collapse import form_named
@@ -74,10 +74,9 @@ def slow_scaling(table):
             else:
                 yield check(what, found.value, found.statistical, "", size)
         if theirs:
-            y, znu = primary["y"], primary["znu"]
-            beta = Estimate(znu.value - y.value, float(np.hypot(y.statistical, znu.statistical)))
+            beta, note = beta_of(fit, primary["znu"], primary["y"], SLOWEST_FIT)
             what = "β = zν − y from the collapse of p, RD0"
-            yield check(what, beta.value, beta.statistical, "", size, "2.4")
+            yield check(what, beta.value, beta.statistical, note, size, "2.4")
             yield from powers_beside_phi_J(flows, size, f"zν − y of the collapse is {beta}")
 
 

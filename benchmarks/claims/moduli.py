@@ -398,11 +398,12 @@ def beta_scans(slow, size):
     note = f"{nearer:.4f} between β = {beta[-3]:g} and {beta[-2]:g}"
     estimate = Estimate(farther, error, 0.5 * abs(farther - nearer))
     yield Row(what, "-1", estimate, number(-1.0), note, size)
-    lowest = slow["pressure"] == slow["pressure"].min()
+    p = slow["pressure"]
+    local = ", ".join(f"{np.mean(np.array(rises)[p == one]):.2f}" for one in np.unique(p)[::-1])
     yield check(
         "η_∞ ~ β^x, β = 1e-2 … 1e-1, lowest p",
-        *mean_with_error(np.array(rises)[lowest]),
-        "",
+        *mean_with_error(np.array(rises)[p == p.min()]),
+        f"{local} from p = {p.max():g} down: p ≪ β ≪ 1 is a short range",
         size,
         "0.5",
         predicted=True,

@@ -473,6 +473,8 @@ def _floppy_band(rows):
     size = f"N = {rows['n'].max()}, {len(values)} packings at each p = {p[0]:.0e} … {p[-1]:.0e}"
     for column, (symbol, claimed) in enumerate((("Δu∥", 0.25), ("u_na", -0.25))):
         slopes = np.polyfit(np.log(p), np.log(values[:, :, column]).T, 1)[0]
-        note = f"as for the whole; from Σ F²/λ and Σ (F/λ)²; {_methods(rows)}"
+        note = (
+            f"as for the whole; {by_decades(p, np.log(values[:, :, column]).mean(axis=0))}; {_methods(rows)}"
+        )
         what = f"rms {symbol} by the modes with λ < {reach:.2g} p alone ~ p^x"
         yield check(what, *mean_with_error(slopes), note, size, f"{claimed:+g}", predicted=True)

@@ -7,7 +7,9 @@ import numpy as np
 
 import jampetsc
 from claims.verdicts import Estimate, Target
+from jampetsc.analysis.collapse_fit import correlations, find_minima
 from jampetsc.analysis.correlated_series import mean_of_runs
+from jampetsc.analysis.scaling_collapse import Points, form_named
 from jampetsc.analysis.statistics import log_median
 
 NEAR, LARGE = 1e-3, 1e3  # p up to which, pN² from which, a packing counts as near jamming and large
@@ -170,3 +172,21 @@ def fitted(table, name) -> dict[str, Estimate]:
             change = 0.5 * float(np.max(np.abs(others[known] - value), initial=0.0))
         found[parameter] = Estimate(value, own, change, facts["chi2"], int(facts["dof"]))
     return found
+
+
+def beta_of(result, znu: Estimate, y: Estimate, largest=np.inf) -> tuple[Estimate, str]:
+    """(β = zν − y, note): of estimates by a collapse of rates, whose errors are correlated.
+
+    The correlation is that of the points of the collapse with γ̇ ≤ largest, fitted again.
+    """
+    names = str(result.attributes["fitted"]).split(",")
+    degree = int(str(result.attributes["functions"]).rpartition(" ")[2])
+    columns = (result[name] for name in ("phi", "rate", "value", "error"))
+    points = Points(*columns, common=float(result.attributes["common_share"]))
+    points = points[points.scale <= largest * (1 + 1e-3)]  # kept rates are rounded
+    fit = find_minima(points, form_named(",".join(names), degree=degree))[0]
+    correlation = correlations(points, fit)[names.index("y"), names.index("znu")]
+    one, other = znu.statistical, y.statistical
+    error = float(np.sqrt(one**2 + other**2 - 2 * correlation * one * other))
+    note = f"the errors of y and zν have the correlation {correlation:.2f}"
+    return Estimate(znu.value - y.value, error), note

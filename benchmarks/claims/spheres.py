@@ -13,7 +13,7 @@ from claims.flow import slower
 from claims.jamming import OHERN, PHI_MARGIN, drift_of, finite_size, isostaticity, random_starts
 from claims.moduli import balanced
 from claims.motion import floppy
-from claims.shared import SYMBOLS, Row, check, claim, fitted, power_law, rates_of, size_of, unjudged
+from claims.shared import SYMBOLS, Row, beta_of, check, claim, fitted, power_law, rates_of, size_of, unjudged
 from claims.verdicts import Estimate, number
 from jampetsc.analysis.power_laws import local_exponents
 
@@ -73,18 +73,9 @@ def collapsed_flow(flows):
                 yield Row(what, f"of disks: {theirs:g}", ours, number(theirs), told, size)
             else:
                 yield check(what, ours.value, 0.5 * ours.half_width, told, size)
-        beta = Estimate(
-            found["znu"].value - found["y"].value,
-            float(np.hypot(found["znu"].statistical, found["y"].statistical)),
-        )
-        yield check(
-            f"RD0, collapse of {symbol}: β = zν − y",
-            beta.value,
-            beta.statistical,
-            "errors taken as independent",
-            size,
-            "of disks: 2.4",
-        )
+        beta, note = beta_of(result, found["znu"], found["y"])
+        what = f"RD0, collapse of {symbol}: β = zν − y"
+        yield check(what, beta.value, beta.statistical, note, size, "of disks: 2.4")
 
 
 def exponent_of_flow(flows, phi_c, name):

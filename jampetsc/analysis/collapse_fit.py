@@ -306,11 +306,27 @@ def _shifts(points, fit):
     return dict(zip(names, map(float, largest), strict=True))
 
 
-def _linear_errors(points, fit):
-    """(P,) standard errors of the free parameters from the linearised model."""
+def correlations(points: Points, fit: Fit) -> np.ndarray:
+    """(P, P) correlations of the errors of the free parameters, from the linearised model.
+
+    The variance of a difference zν − y is e_y² + e_z² − 2 ρ e_y e_z, e the errors and ρ their correlation.
+    """
+    covariance = _linear_covariance(replace(points, common=fit.common), fit)
+    errors = np.sqrt(np.diag(covariance))
+    return covariance / np.maximum(np.multiply.outer(errors, errors), 1e-300)
+
+
+def _linear_covariance(points, fit):
+    """(P, P) covariance of the free parameters from the linearised model."""
     slopes = points.in_errors(fit.slopes(points))
     units = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-    return (np.linalg.norm(np.linalg.pinv(slopes / units), axis=1) / units)[: len(fit.form.free)]
+    inverse = (np.linalg.pinv(slopes / units) / units[:, None])[: len(fit.form.free)]
+    return inverse @ inverse.T
+
+
+def _linear_errors(points, fit):
+    """(P,) standard errors of the free parameters from the linearised model."""
+    return np.sqrt(np.diag(_linear_covariance(points, fit)))
 
 
 def _end(points, fit, least, name, side):

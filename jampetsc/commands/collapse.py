@@ -144,6 +144,8 @@ examples:
         """{name: array}: points, f₀ and f₁ along x, and parameters against the cut; cuts: of `drift`."""
         import numpy as np
 
+        from jampetsc.analysis.collapse_fit import correlations
+
         x, free = fit.x(points), fit.form.free
         along = np.linspace(x.min(), x.max(), CURVE_POINTS)
         return {
@@ -155,6 +157,7 @@ examples:
             "error": points.error,
             "x": x,
             **dict(zip(("leading", "correction"), fit.terms(points), strict=True)),
+            "correlations": correlations(points, fit),
             "curve/x": along,
             **dict(zip(("curve/f0", "curve/f1"), fit.functions(along), strict=True)),
             "drift/cut": np.array([_in_user_units(cut, points, self.finite_size) for cut, _, _ in cuts]),

@@ -1,6 +1,6 @@
 """The format of every file that jampetsc writes, by its name, and the check of a file against it.
 
-`run/files_page.py` writes these tables into docs/reference/files.md.
+`run/generate.py` writes these tables into docs/reference/files.md.
 """
 
 from jampetsc.io.declaration import Format, contents

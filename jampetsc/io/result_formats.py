@@ -357,6 +357,7 @@ N | (M,) | float | | number of disks
 value, error, runs | (M,) | float | | the observable, its error (half of a 68 % interval), number of runs or samples
   averaged
 x, leading, correction | (M,) | float | | x, and the two parts of the fit, b^(y/zν) f₀ and b^(y/zν + ω) f₁
+correlations | (P, P) | float? | | correlations of the errors of the parameters in `fitted`, of the linearised model
 curve/x, curve/f0, curve/f1 | (200,) | float | | the scaling functions
 drift/cut, drift/chi2_per_dof | (K,) | float | | largest rate or smallest N of fits to fewer and fewer points; their
   χ²/dof

@@ -186,7 +186,9 @@ MODEL = CompositeParameter(
 )
 
 
-LOAD = ValueType(loads.load_text, metavar="LOAD")  # see `laws.loads.load_text`
+LOAD = ValueType(  # see `laws.loads.load_text`
+    loads.load_text, metavar="LOAD", python="str, array (D, D) or one of `jampetsc.loads`"
+)
 LOAD_HELP = (
     "load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or "
     "D² numbers row by row (with commas; on a command line with = where the first is negative){}. Moduli are "

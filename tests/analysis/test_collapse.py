@@ -224,6 +224,22 @@ def test_ends_of_two_sigma_are_where_chi2_has_risen_by_four():
         assert one.error == pytest.approx(np.hypot(error, one.shift), rel=0.4)
 
 
+def test_errors_of_parameters_are_correlated():
+    """Where y is held one error higher, zν follows by ρ of its error: so the error of β = zν − y is not their sum."""
+    points, names = planted(1, 0.02), ["phi_J", "y", "kappa"]
+    fit, _ = estimate(points, FREE)
+    correlation, errors = collapse_fit.correlations(points, fit), collapse_fit._linear_errors(points, fit)
+    assert list(fit.form.free) == names
+    np.testing.assert_allclose(np.diag(correlation), 1.0)
+    np.testing.assert_allclose(correlation, correlation.T)
+    raised = fit_collapse(points, Form({"y": fit.parameters["y"] + errors[1]}, degree=3))
+    for name in ("phi_J", "kappa"):
+        row = names.index(name)
+        moved = (raised.parameters[name] - fit.parameters[name]) / errors[row]
+        assert moved == pytest.approx(correlation[1, row], abs=0.1)
+    assert abs(correlation[1, 2]) > 0.2  # else nothing is tested
+
+
 def test_what_a_polynomial_cannot_say_is_in_the_errors():
     """ln f₀ = 2.5 arctan 4x: χ² does not tell that degree 5 makes zν too large, fits of higher degrees do."""
     alone, told, form = [], [], Form({}, degree=5)

@@ -48,6 +48,18 @@ def history(run, rows=20, steps=10):
 
 
 @pytest.mark.parametrize("name", ["RD0", "CD0"])
+def test_a_factor_of_the_damping_only_rescales_time(name):
+    """V sec. 4.5.2: z of RD0, k_d z as one number; by a power of two, so that rounding is the same."""
+    disks, law = crowd(), ROWS[name][0]
+    runs = []
+    for factor in (1.0, 4.0):
+        scheme = Scheme(0.1 * factor, "heun", 1e-13)
+        runs.append(SteadyShear(disks, Model(replace(law, tau1=factor)), 0.01 / factor, scheme))
+    reference, slow = map(history, runs)
+    np.testing.assert_allclose(slow, reference, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["RD0", "CD0"])
 def test_stress_does_not_depend_on_origin_images_tilt_or_skin(name):
     disks, step = crowd(aspect=1.0, tilt=0.45), 0.1
     reference = history(shear(name, disks, step=step))

@@ -77,6 +77,23 @@ def test_results_without_units_stay(session, way, usual):
         np.testing.assert_allclose(found, usual[name], rtol=1e-6, atol=1e-7 * size, err_msg=name)
 
 
+def test_an_emulsion_in_metres_pascals_and_seconds(session):
+    """docs/howto/physical_units.md: spheres of 10 µm, k = 10 mN/m, water: stresses in k/d, viscosities in k τ₁/d."""
+    d, k, water = 1e-5, 1e-2, 1e-3
+    tau1 = 3 * np.pi * water * d / k
+    unit = jampetsc.pack(dimension=3, n=16, pressure=1e-2, seed=1, stabilise="shear")
+    drops = Packing(d * unit.positions, d * unit.radii, d * unit.cell, k=k)
+    assert drops.pressure == pytest.approx(1e-2 * k / d)
+    omega = np.array([1e-5, 1e-2, 10.0])
+    usual = jampetsc.sweep(unit, jampetsc.StokesDrag(eta_f=water / (k * tau1) * d), omega=omega)
+    metric = jampetsc.sweep(
+        drops, jampetsc.StokesDrag(eta_f=water / (k * tau1), tau1=tau1), omega=omega / tau1
+    )
+    np.testing.assert_allclose(metric.G, usual.G * k / d, rtol=1e-9)
+    fluid = jampetsc.sweep(drops, jampetsc.StokesDrag(eta_f=0.0, tau1=tau1), omega=omega / tau1)
+    np.testing.assert_allclose((metric.G - fluid.G).imag, water * omega / tau1, rtol=1e-9)
+
+
 def test_another_cell_of_the_lattice_is_described_alike():
     """But for its vectors, and what is zero to rounding."""
 

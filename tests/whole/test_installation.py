@@ -53,6 +53,8 @@ def test_a_wheel_in_a_fresh_environment(tmp_path):
     install = ["install", "--no-compile", "--no-index", "--no-deps", wheel]
     run([*pip, "--python", fresh / "bin" / "python", *install], tmp_path)
     write_packing(tmp_path / "p.h5", published())
+    (installed,) = fresh.glob("lib/python3*/site-packages/jampetsc")
+    assert (installed / "py.typed").exists() and (installed / "__init__.pyi").exists()  # for type checkers
     program = fresh / "bin" / "jampetsc"
     words = (
         "sweep p.h5 --out s.h5 --method direct --omega 1 -options_file jampetsc:superlu_dist -options_left no"

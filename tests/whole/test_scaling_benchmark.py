@@ -12,6 +12,8 @@ sys.path.insert(0, str(launch.ROOT / "benchmarks"))
 
 import scaling
 
+import jampetsc
+
 
 def test_a_table_grows_by_what_it_lacks(tmp_path, capsys, monkeypatch):
     """A packing and its sweep, each a process; what failed is told and tried again, nothing else."""
@@ -26,9 +28,17 @@ def test_a_table_grows_by_what_it_lacks(tmp_path, capsys, monkeypatch):
     assert rows[1]["G0"] < rows[1]["G_inf"] and rows[1]["eta_inf"] > 0 and np.isnan(rows[0]["G0"])
     capsys.readouterr()
     scaling.measure(tmp_path, [16], [1], ["pack", "sweep"])
-    assert scaling.read(tmp_path / "scaling.csv")[1] == rows[1] and not capsys.readouterr().out
+    assert scaling.read(tmp_path / "scaling.csv")[1] == rows[1]
+    assert capsys.readouterr().out.startswith("N = 16: factor of the displacements about ")
     scaling.draw(rows, tmp_path / "one.png")
     assert (tmp_path / "one.png").stat().st_size > 5000
+
+
+def test_spheres_and_their_accuracy(tmp_path, monkeypatch):
+    monkeypatch.setenv("OMPI_MCA_mpi_yield_when_idle", "1")  # which `measure` changes
+    scaling.measure(tmp_path, [16], [1], ["pack", "sweep"], dimension=3, accuracy="1e-6")
+    assert scaling.read(tmp_path / "scaling.csv")[1]["certified"] <= 1e-6
+    assert jampetsc.load(tmp_path / "n16.h5").dimension == 3
 
 
 @pytest.mark.parametrize("power", [0.5, 1.2])

@@ -145,3 +145,19 @@ def test_a_quench_starts_near_its_end(pressure):
         assert found.record[name] == value
     near = np.linalg.norm(np.diff(start.positions, axis=0), axis=1)
     assert np.median(near) < 0.6 * start.cell[0, 0] * 0.52  # random ones are half a cell apart
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_pressure_says_how_much_particles_overlap(dimension):
+    """⟨f r⟩ = 2 D p V/(N_b Z) over the bearing contacts of the backbone; with r ≈ d the mean overlap follows."""
+    length, k = 4.0, 2.0
+    packing, _ = quenched(length, k, "harmonic", "constant", Target(1e-4), dimension)
+    contacts, d = packing.contacts(), 2 * packing.radii.mean()
+    bearing = contacts.force > 1e-6 * packing.pressure * d ** (dimension - 1)
+    count = packing.n - packing.record["rattlers"]
+    force, overlap = contacts.force[bearing], contacts.overlap[bearing]
+    assert 2 * bearing.sum() == pytest.approx(count * packing.coordination)
+    mean = 2 * dimension * packing.pressure * packing.volume / (count * packing.coordination)
+    assert np.mean(force * np.linalg.norm(contacts.r[bearing], axis=1)) == pytest.approx(mean, rel=1e-9)
+    assert overlap.mean() == pytest.approx(mean / (k * d), rel=0.1)
+    assert d == pytest.approx(length)
