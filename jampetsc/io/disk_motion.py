@@ -71,7 +71,7 @@ def source_of(result, packing=None) -> Packing | Network:
 
 
 def field_at(result, row):
-    """(displacement (n, 2), rotation (n,) or None), complex, of a sweep's field number `row`.
+    """(displacement (n, D), rotation (n,), of spheres (n, 3), or None), complex, of a sweep's field number `row`.
 
     Raises InputError for a field with nan or absurdly large values.
     """

@@ -121,7 +121,7 @@ def plot_modes(results, page):
 
 
 def mode_fields(result, numbers):
-    """[(title, field (n, 2)), …] of modes numbered from 1. Raises InputError."""
+    """[(title, field (n, D)), …] of modes numbered from 1. Raises InputError."""
     stored, values = result.stored("modes"), eigenvalues(result)
     numbers = np.ravel(numbers).tolist()
     beyond = [n for n in numbers if not 1 <= n <= stored.shape[0]]
