@@ -91,8 +91,8 @@ no_prestress_* | float? | | these numbers of K without pre-stress
 MODES = Format(
     datasets=r"""
 eigenvalues | (M,) | float | k | λ of K, increasing, translations left out; frequencies are √(λ/mass)
-modes | (M, n, D) | float | | displacements, Σ\|φ_i\|² = 1
-particles | (n,) | int | | numbers in the packing of the disks in `modes`
+modes | (M, n, D) | float? | | displacements, Σ\|φ_i\|² = 1; missing with `--no-eigenvectors`
+particles | (n,) | int | | numbers in the packing of the disks that are no rattlers, in the order of `modes`
 residuals | (M,) | float | k | \|Kφ − λφ\|
 normal, transverse | (M,) | float | | mean over contacts of (Δu∥)², (Δu⊥)²
 floppiness | (M,) | float | | rms Δu⊥/rms Δu∥
