@@ -23,6 +23,7 @@ import numpy as np
 
 from jampetsc.io.disk_motion import STORED_ORDER, six_fold_order
 from jampetsc.io.hdf5 import OutputFile, attributes, open_file, set_attributes, store
+from jampetsc.io.provenance import recorded_dimension
 from jampetsc.io.reader import load
 
 KEPT = Path(__file__).resolve().parents[1] / "docs" / "kept"
@@ -58,7 +59,8 @@ def slim(source: Path, target: Path, figure="") -> None:
                 store(kept, name, values if name in EXACT else single(values))
 
         h5.visititems(copy)
-        if "snapshots/positions" in h5:
+        # six-fold order is of disks in a plane
+        if "snapshots/positions" in h5 and (figure in OF_SNAPSHOTS or recorded_dimension(facts) == 2):
             names, of = OF_SNAPSHOTS.get(figure, ORDER)
             for name, values in zip(names, of(load(source)), strict=True):
                 store(kept, name, single(values))

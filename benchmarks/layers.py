@@ -2,9 +2,9 @@
 
     .venv/bin/python benchmarks/layers.py figures/lees-edwards-quick --picture x.png
 
-The cell is divided into layers of equal height. u_x(y) is the mean velocity beside γ̇y of the disks of a layer, φ(y)
-the area of those whose centres are in it. Spreads are rms over layers, less what the errors of the means make of it; a
-spread of u_x is in units of γ̇H, the difference of velocity across the cell.
+The cell is divided into layers of equal height. u_x(y) is the mean velocity beside γ̇y of the disks of a layer, φ(y) the
+share of the layer that those fill whose centres are in it. Spreads are rms over layers, less what the errors of the
+means make of it; a spread of u_x is in units of γ̇H, the difference of velocity across the cell.
 """
 
 import numpy as np
@@ -13,19 +13,22 @@ from common import folder_and_picture, saved_page
 from jampetsc.analysis.correlated_series import Average
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.io.reader import load
+from jampetsc.packing.packing import UNIT_BALL
 from jampetsc.plots import style
 
 STORED = tuple(f"layers/{name}" for name in ("velocity", "velocity_error", "density", "density_error"))
 LAYERS = 10
 
 
-def layers_of(positions, velocities, radii, height):
-    """((LAYERS,) mean u_x, (LAYERS,) area of disks over the height of a layer) of a snapshot."""
-    layer = np.floor(np.mod(positions[:, 1] / height, 1.0) * LAYERS).astype(int) % LAYERS
+def layers_of(positions, velocities, radii, cell):
+    """((LAYERS,) mean u_x, (LAYERS,) φ) of a snapshot of N particles in D dimensions."""
+    sides, dimension = np.diag(cell), len(cell)
+    layer = np.floor(np.mod(positions[:, 1] / sides[1], 1.0) * LAYERS).astype(int) % LAYERS
+    volumes = UNIT_BALL[dimension] * radii**dimension
     number = np.bincount(layer, minlength=LAYERS)
     return (
         np.bincount(layer, velocities[:, 0], LAYERS) / np.maximum(number, 1),
-        np.bincount(layer, np.pi * radii**2, LAYERS) * LAYERS / height,
+        np.bincount(layer, volumes, LAYERS) * LAYERS / np.prod(sides),
     )
 
 
@@ -33,14 +36,11 @@ def profiles(result):
     """(u_x/(γ̇H), its error, φ, its error), (LAYERS,) each: means over the snapshots of a loaded flow file."""
     if STORED[0] in result:
         return tuple(result[name] for name in STORED)
-    width, height = result["snapshots/cell"][0][0, 0], result["snapshots/cell"][0][1, 1]
-    scale = result.attributes["rate"] * height
-    series = [
-        layers_of(x, u, result["snapshots/radii"], height)
-        for x, u in zip(result["snapshots/positions"], result["snapshots/velocities"], strict=True)
-    ]
-    velocity, area = np.transpose(series, (1, 2, 0))
-    found = [[Average.of(one) for one in rows] for rows in (velocity / scale, area / width)]
+    scale = result.attributes["rate"] * result["snapshots/cell"][0][1, 1]
+    arrays = (result[f"snapshots/{name}"] for name in ("positions", "velocities", "cell"))
+    series = [layers_of(x, u, result["snapshots/radii"], cell) for x, u, cell in zip(*arrays, strict=True)]
+    velocity, density = np.transpose(series, (1, 2, 0))
+    found = [[Average.of(one) for one in rows] for rows in (velocity / scale, density)]
     return tuple(
         np.array([getattr(one, name) for one in rows]) for rows in found for name in ("mean", "error")
     )

@@ -13,7 +13,8 @@ import numpy as np
 from common import folder_and_picture, saved_page
 
 from jampetsc.io.reader import load
-from jampetsc.packing.contacts import find_contacts, net_forces
+from jampetsc.packing.contacts import find_contacts, net_forces, typical_force
+from jampetsc.packing.neighbours import lengths
 from jampetsc.packing.packing import Packing
 from jampetsc.plots import style
 
@@ -26,7 +27,7 @@ def forces_of(disks, rounded):
     """|F| (N,) of all contacts; rounded: of coordinates in one double."""
     if rounded:
         disks = Packing.from_positions(disks.positions, disks.radii, disks.cell, disks.potential)
-    return np.hypot(*np.transpose(net_forces(disks.n, find_contacts(disks))))
+    return lengths(net_forces(disks.n, find_contacts(disks)))
 
 
 def centred(disks):
@@ -37,9 +38,9 @@ def centred(disks):
 
 
 def residuals(disks):
-    """(distances from the origin over that of the edge, distances, |F|/(p d) (2, M)) of the M disks inside."""
+    """(distances from the origin over that of the edge, distances, |F|/(p d^(D−1)) (2, M)) of the M disks inside."""
     disks = centred(disks)
-    distance, unit = np.hypot(*disks.positions.T), disks.record["pressure"] * 2.0 * np.mean(disks.radii)
+    distance, unit = lengths(disks.positions), typical_force(disks, disks.record["pressure"])
     edge = 0.5 * np.min(np.diag(disks.cell)) - 2.0 * disks.radii.max()
     inside = distance < edge
     forces = np.array([forces_of(disks, rounded) / unit for rounded in (False, True)])

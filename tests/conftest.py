@@ -96,6 +96,18 @@ def session():
     return running
 
 
+@pytest.fixture(params=[2, 3], ids=["2D", "3D"])
+def jammed(request):
+    """A jammed packing in a tilted cell, of 16 disks and of 14 spheres.
+
+    Whatever takes vectors, positions or axes is tested with both.
+    """
+    from samples import published
+    from spheres import few_spheres
+
+    return published() if request.param == 2 else few_spheres()
+
+
 @pytest.fixture
 def reporting():
     """Runs tell on standard error how far they have come, as on a command line."""

@@ -61,6 +61,11 @@ def paired(rows, column):
     return p, np.array(values).reshape(len(seeds), len(p))
 
 
+def rms_length(vectors):
+    """√⟨|v|²⟩ of vectors (N, D), real or complex."""
+    return float(np.sqrt(np.mean(np.sum(np.abs(vectors) ** 2, axis=1))))
+
+
 @claim("bt-fig1")
 def instants(table):
     """Needs of each sweep: omega, G and the fields (of one packing at least)."""
@@ -72,7 +77,7 @@ def instants(table):
         for row, omega in enumerate(sweep["fields/omega"]):
             field, G = sweep["fields/displacement"][row], sweep.modulus(omega)
             turned = field * np.conj(G) / abs(G)
-            size = [np.sqrt(np.mean(np.abs(part) ** 2)) for part in (field, turned.imag, turned.real)]
+            size = [rms_length(part) for part in (field, turned.imag, turned.real)]
             found.setdefault(float(omega), []).append((size[0], size[1] / size[2]))
     for omega, values in sorted(found.items()):
         sizes, ratios = np.transpose(values)

@@ -11,6 +11,7 @@ import jampetsc
 from jampetsc.analysis.statistics import log_median
 from jampetsc.io.disk_motion import field_at, packing_of, particle_rows, phase_factor
 from jampetsc.packing.contacts import measure
+from jampetsc.packing.neighbours import lengths
 from jampetsc.plots.cell_drawing import draw_circles, wrap
 from jampetsc.plots.moduli_plots import average_files, plot_collapse, plot_moduli
 from jampetsc.plots.page import draw_guide, draw_points
@@ -81,7 +82,7 @@ def _arrows(ax, sweep, disks, row, turn, part):
     grid = (np.stack(np.meshgrid(*[np.arange(ARROWS)] * 2), axis=-1).reshape(-1, 2) + 0.5) / ARROWS
     chosen = np.unique(cKDTree(centres).query(grid @ disks.cell)[1])
     u, spacing = part(turn * u[chosen]), np.sqrt(disks.volume) / ARROWS
-    factor = ARROW_LENGTH * spacing / np.quantile(np.hypot(*u.T), 0.9)
+    factor = ARROW_LENGTH * spacing / np.quantile(lengths(u), 0.9)
     look = {
         "angles": "xy",
         "scale_units": "xy",

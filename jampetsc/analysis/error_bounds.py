@@ -12,7 +12,7 @@ def relative_bound(bound, value):
     return np.divide(bound, size, out=relative, where=size > 0)
 
 
-def parts_of(G):
+def storage_and_loss(G):
     """G' and G'' of G (…,), (…, 2)."""
     return np.stack((np.real(G), np.imag(G)), axis=-1)
 
@@ -23,9 +23,9 @@ def zero_parts(G, bounds):
     G        (…,) complex
     bounds   (…, 2) on |ΔG'| and |ΔG''|
     """
-    return (np.abs(parts_of(G)) <= bounds) & (bounds <= ZERO_PART_RATIO * np.abs(G)[..., None])
+    return (np.abs(storage_and_loss(G)) <= bounds) & (bounds <= ZERO_PART_RATIO * np.abs(G)[..., None])
 
 
 def relative_part_bounds(G, bounds):
     """Bounds (…, 2) on |ΔG'| and |ΔG''| relative to them, (…, 2); 0 where `zero_parts`."""
-    return np.where(zero_parts(G, bounds), 0.0, relative_bound(bounds, parts_of(G)))
+    return np.where(zero_parts(G, bounds), 0.0, relative_bound(bounds, storage_and_loss(G)))

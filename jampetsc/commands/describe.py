@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 
+from jampetsc.analysis.elasticity import dimension_of, poisson_ratio
 from jampetsc.analysis.error_bounds import relative_bound, relative_part_bounds
 from jampetsc.columns import aligned
 from jampetsc.io.ensemble import DISTINGUISHING_COLUMNS
@@ -210,7 +211,17 @@ def _moduli(sweep):
         rows.append(
             (f"worst bound, {name}", f"{relative[worst]:.1e} relative, at omega = {omega[worst]:.4g}")
         )
+    if "C" in sweep:
+        text = poisson_text(omega, sweep["bulk_modulus"], G, dimension_of(sweep["C"]))
+        rows.append(("Poisson ratio", text))
     return rows
+
+
+def poisson_text(omega, bulk, shear, dimension) -> str:
+    """Real part of Poisson's ratio of K* and G* (M,), averaged over all directions, at both ends of omega (M,)."""
+    ends = sorted({int(np.argmin(omega)), int(np.argmax(omega))}, key=lambda row: omega[row])
+    ratios = poisson_ratio(bulk, shear, dimension).real
+    return ", ".join(f"{ratios[row]:.4g} at omega {omega[row]:.3g}" for row in ends)
 
 
 def describe_matrices(network, is_packing, physics, facts, ranks) -> str:

@@ -32,6 +32,7 @@ class Modes(Job):
     EPILOG: ClassVar = """examples:
   jampetsc modes p.h5 --count 20 --out modes.h5
   jampetsc modes p.h5 --below 0.01 --out below.h5 -options_file jampetsc:modes_many       # hundreds of modes
+  jampetsc modes p.h5 --all --no-eigenvectors --out states.h5                             # for densities of states
 
 PETSc options: -modes_… for SLEPc's eigensolver, -inertia_… for the proof that no mode was missed. All modes, or most
 of them, are found by LAPACK, which takes no options."""
@@ -45,8 +46,11 @@ of them, are found by LAPACK, which takes no options."""
     below: float | None = optional_parameter(
         "all modes with eigenvalues below this", above=0.0, unit="k", metavar="LAMBDA"
     )
-    all: bool = parameter(
-        False, "all modes, by LAPACK on one rank: up to 4096 disks, 8 (2N)² bytes in the file"
+    all: bool = parameter(False, "all modes, by LAPACK on one rank: up to 4096 disks or 2730 spheres")
+    eigenvectors: bool = parameter(
+        True,
+        "eigenvectors in the file, 8 DN bytes for each mode",
+        off="leave the eigenvectors out of the file: of each mode only its numbers",
     )
     prestress: bool = PRESTRESS
     load: str = load_parameter("simple shear xy, and the shares of the moduli of all symmetric loads")
@@ -78,17 +82,18 @@ of them, are found by LAPACK, which takes no options."""
             load, tensor = load_and_tensor(self.load, len(source.source.cell))
             modes = lowest_modes(source.network, count, self.below, source.proved, load, tensor)
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
-            _write(writer, modes)
+            _write(writer, modes, self.eigenvectors)
             writer.attributes(
                 **source.record({"prestress": self.prestress}), load=self.load, stress_measure=STRESS_MEASURE
             )
         return _summary(to, modes)
 
 
-def _write(writer, modes):
-    """Put `VibrationalModes` into a result. Collective."""
+def _write(writer, modes, eigenvectors):
+    """Put `VibrationalModes` into a result, with or without their eigenvectors. Collective."""
     writer.distributed("particles", modes.network.particles)
-    writer.distributed("modes", modes.vectors, axis=1)
+    if eigenvectors:
+        writer.distributed("modes", modes.vectors, axis=1)
     per_mode = {name: getattr(modes, name) for name in PER_MODE}
     contributions = modes.contributions
     if contributions is not None:

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jampetsc.analysis.elasticity import anisotropy, least_modulus, shear_modulus
+from jampetsc.analysis.elasticity import anisotropy, least_modulus, poisson_ratio, shear_modulus
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
@@ -29,7 +29,8 @@ class Quasistatic(NetworkJob):
     unit strain, with medians, means, rms and histograms; G₀, bulk modulus, η₀ = lim G''/ω and η_∞ (BT eqs. 18–24).
     Moduli are second derivatives of the energy per volume along F = 1 + εE, E the displacement gradient of the load;
     the bulk modulus is −V dp/dV. With load tensor the fields are of simple shear xy, and the constants C₀, η₀ and η_∞
-    between the symmetric loads xx, yy, (zz, yz, xz,) xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added.
+    between the symmetric loads xx, yy, (zz, yz, xz,) xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added, with the shear
+    modulus averaged over all directions and Poisson's ratio of both moduli.
     Numbers whose names have no_prestress are without the pre-stress of K.
     """
 
@@ -112,15 +113,9 @@ def _write(writer, outcome):
         group, prefix = (f"{name}/", f"{name}_") if name else ("", "")
         for key in ("C0", "eta0") if name else ("C0", "eta0", "eta_inf"):
             writer.dataset(f"{group}{key}", getattr(tensor, key))
-        shear, deviation = shear_modulus(tensor.C0), anisotropy(tensor.C0)
-        least, _ = least_modulus(tensor.C0)
-        writer.attributes(
-            **{
-                f"{prefix}shear_modulus": shear,
-                f"{prefix}anisotropy": deviation,
-                f"{prefix}least_modulus": least,
-            }
-        )
+        values = _isotropic_averages(outcome.responses[name], tensor)
+        values["least_modulus"], _ = least_modulus(tensor.C0)
+        writer.attributes(**{f"{prefix}{key}": value for key, value in values.items()})
     for name, column in zip(SCAN, outcome.scan.T, strict=True) if len(outcome.scan) else ():
         writer.dataset(f"beta_scan/{name}", column)
 
@@ -146,12 +141,20 @@ def _summary(to, physics, outcome, load=DEFAULT) -> str:
         ]
         if name in outcome.tensors:
             tensor = outcome.tensors[name]
+            averages = _isotropic_averages(response, tensor)
             lines.append(
-                f"    shear modulus averaged over all directions {shear_modulus(tensor.C0):.6g}, anisotropy "
-                f"{anisotropy(tensor.C0):.2g}"
+                f"    shear modulus averaged over all directions {averages['shear_modulus']:.6g}, Poisson ratio "
+                f"{averages['poisson_ratio']:.4g}, anisotropy {averages['anisotropy']:.2g}"
             )
             lines.append(_stability(*least_modulus(tensor.C0)))
     return "\n".join(lines)
+
+
+def _isotropic_averages(response, tensor) -> dict:
+    """Attributes of a `QuasistaticTensor`, beside the bulk modulus of its `SlowResponse`."""
+    shear = shear_modulus(tensor.C0)
+    ratio = poisson_ratio(response.bulk_modulus, shear, response.network.dimension)
+    return {"shear_modulus": shear, "poisson_ratio": ratio, "anisotropy": anisotropy(tensor.C0)}
 
 
 def _stability(least, gradient) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from jampetsc.analysis.elasticity import anisotropy, bulk_modulus
 from jampetsc.analysis.error_bounds import relative_part_bounds, zero_parts
+from jampetsc.commands.describe import poisson_text
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, noted, unstable_to_shear
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
@@ -201,7 +202,8 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             )
         to.raise_failures(sweep.failures, len(frequencies.solved), "frequencies")
         checkpoint.remove()
-        return "\n".join([_summary(self, to, frequencies, sweep, minimum.certified), *note_lines(notes)])
+        summary = _summary(self, to, source.network, frequencies, sweep, minimum.certified)
+        return "\n".join([summary, *note_lines(notes)])
 
     def _solve(self, source, frequencies, method, minimum, checkpoint):
         """The `ModulusSweep`, continued from the finished steps of a checkpoint. Collective."""
@@ -276,15 +278,19 @@ def _write_moduli(writer, frequencies, sweep, source, is_power_law) -> None:
 
 def _write_tensor(writer, tensor, network) -> None:
     """Put `TensorModuli` of a network into a result. Collective."""
-    pressure = network.pressure if network.prestress else 0.0
     writer.dataset("C", tensor.C)
     for number, name in enumerate(("C_error_bound", "C_error_bound_storage", "C_error_bound_loss")):
         writer.dataset(name, tensor.bounds[..., number])
-    writer.dataset("bulk_modulus", bulk_modulus(tensor.C, pressure))
+    writer.dataset("bulk_modulus", _bulk_modulus(tensor, network))
     writer.dataset("anisotropy", anisotropy(tensor.C))
     if tensor.reduced is not None:
         for name, values in vars(tensor.reduced).items():
             writer.dataset(f"reduced_tensor/{name}", values)
+
+
+def _bulk_modulus(tensor, network):
+    """K* (M,) of `TensorModuli` of a network."""
+    return bulk_modulus(tensor.C, network.pressure if network.prestress else 0.0)
 
 
 def notes_of(job, network, omega, sweep) -> list[str]:
@@ -313,8 +319,8 @@ def notes_of(job, network, omega, sweep) -> list[str]:
     return notes
 
 
-def _summary(job, to, frequencies, sweep, certified) -> str:
-    """The summary of a sweep."""
+def _summary(job, to, network, frequencies, sweep, certified) -> str:
+    """The summary of a `ModulusSweep` of a network."""
     G, bounds, omega = sweep.G, sweep.bounds, frequencies.of_experiment(sweep.omega)
     storage, loss = relative_part_bounds(G, bounds[:, 1:]).max(axis=0)
     lines = [
@@ -327,8 +333,9 @@ def _summary(job, to, frequencies, sweep, certified) -> str:
     ]
     if sweep.tensor is not None:
         C = np.array2string(sweep.tensor.C[0].real, precision=6).replace("\n", "\n    ")
+        poisson = poisson_text(omega, _bulk_modulus(sweep.tensor, network), G, network.dimension)
         lines += [
-            "  G: shear modulus averaged over all directions",
+            f"  G: shear modulus averaged over all directions; Poisson ratio {poisson}",
             f"  C' at omega {omega[0]:.3g}:\n    {C}",
         ]
     return "\n".join(lines + (_damping_lines(job.damping, frequencies, G) if job.damping else []))

@@ -1,4 +1,4 @@
-"""Motion of disks in results: displacement fields of sweeps with their packing, snapshots of flows."""
+"""Motion of disks in results: fields of sweeps, vectors of modes, snapshots of flows, with their packing."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,7 +71,7 @@ def source_of(result, packing=None) -> Packing | Network:
 
 
 def field_at(result, row):
-    """(displacement (n, 2), rotation (n,) or None), complex, of a sweep's field number `row`.
+    """(displacement (n, D), rotation (n,), of spheres (n, 3), or None), complex, of a sweep's field number `row`.
 
     Raises InputError for a field with nan or absurdly large values.
     """
@@ -84,6 +84,21 @@ def field_at(result, row):
                 "absurdly large values. Run the sweep again."
             )
     return tuple(arrays)
+
+
+def mode_vectors(result, number: int):
+    """Eigenvectors (n, D) of mode `number` of a modes file, from 1.
+
+    Raises InputError for a file that was made without them, and for a mode that it does not have.
+    """
+    if "modes" not in result:
+        raise InputError(f"{result.path}: modes without eigenvectors. Run modes again with them.")
+    stored = result.stored("modes")
+    if not 1 <= number <= stored.shape[0]:
+        raise InputError(
+            f"{named('mode')} {number}: not in {result.path.name}. Give one from 1 to {stored.shape[0]}."
+        )
+    return stored[number - 1]
 
 
 def phase_factor(result, omega, phase):

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jampetsc.errors import InputError, named
 from jampetsc.io.disk_motion import (
     chosen_frequencies,
     disk_rows,
     field_at,
+    mode_vectors,
     particle_rows,
     snapshot,
     source_of,
@@ -93,10 +93,7 @@ def flow_frames(result):
 
 def mode_frame(result, number: int, packing=None) -> "Frame | NetworkFrame":
     """Mode `number`, from 1, of a modes file on its packing or network: `mode`, Σ|mode|² = 1. Raises InputError."""
-    count = result.stored("modes").shape[0]
-    if not 1 <= number <= count:
-        raise InputError(f"{named('mode')} {number}: not in {result.path.name}. Give one from 1 to {count}.")
-    vectors = {"mode": result.stored("modes")[number - 1]}
+    vectors = {"mode": mode_vectors(result, number)}
     source = source_of(result, packing)
     return _on_source(result, source, vectors, eigenvalue=float(result["eigenvalues"][number - 1]))
 

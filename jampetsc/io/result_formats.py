@@ -75,8 +75,9 @@ no_prestress/histogram/*/counts | (B,) | int? | | likewise
     attributes=r"""
 G0, G_affine, bulk_modulus | float | k | moduli: of the load and of its affine motion, of the energy along F = 1 + εE;
   −V dp/dV
-shear_modulus, anisotropy, least_modulus | float? | | of `tensor`: averaged over all directions, k; \|C − C_iso\|/\|C\|;
-  least E:C:E for Σ E² = 1, k: positive where every load has a positive modulus
+shear_modulus, poisson_ratio, anisotropy, least_modulus | float? | | of `tensor`: averaged over all directions, k;
+  Poisson's ratio of it and of the bulk modulus; \|C − C_iso\|/\|C\|; least E:C:E for Σ E² = 1, k: positive where every
+  load has a positive modulus
 eta0, eta_inf | float | kτ₁ | viscosities η₀ and η_∞
 eta0_* | float? | kτ₁ | the part of each term of the dissipation in η₀
 omega_star | float | 1/time | G₀/η₀
@@ -91,8 +92,8 @@ no_prestress_* | float? | | these numbers of K without pre-stress
 MODES = Format(
     datasets=r"""
 eigenvalues | (M,) | float | k | λ of K, increasing, translations left out; frequencies are √(λ/mass)
-modes | (M, n, D) | float | | displacements, Σ\|φ_i\|² = 1
-particles | (n,) | int | | numbers in the packing of the disks in `modes`
+modes | (M, n, D) | float? | | displacements, Σ\|φ_i\|² = 1; missing with `--no-eigenvectors`
+particles | (n,) | int | | numbers in the packing of the disks that are no rattlers, in the order of `modes`
 residuals | (M,) | float | k | \|Kφ − λφ\|
 normal, transverse | (M,) | float | | mean over contacts of (Δu∥)², (Δu⊥)²
 floppiness | (M,) | float | | rms Δu⊥/rms Δu∥

@@ -1,4 +1,4 @@
-"""Mode spectra with their floppiness, shares of modes in the response to shear, and the density of states."""
+"""Mode spectra: floppiness, shares in the response to shear, density of states, participation ratios."""
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -7,6 +7,7 @@ from matplotlib.patches import Patch
 
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.errors import InputError, named
+from jampetsc.io.disk_motion import mode_vectors
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.plots.page import draw_band, draw_points, draw_power_law
 from jampetsc.plots.picture import count_text, group_by, picture, stress_unit, units_of
@@ -28,6 +29,8 @@ from jampetsc.plots.style import (
 )
 
 BINS_PER_DECADE = 8  # of frequency
+MIN_BINNED = 5  # modes of a bin with a median
+MAX_POINTS = 2000  # that a picture for print holds one by one
 MIN_EIGENVALUE = 1e-14  # λ/k: what is smaller is the rounding of modes of no energy
 FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"
 
@@ -51,10 +54,14 @@ def eigenvalues(result):
     return result["eigenvalues"] / units_of(result).k
 
 
+def has_energy(result):
+    """Mask (m,) of the modes with a frequency."""
+    return eigenvalues(result) > MIN_EIGENVALUE
+
+
 def frequencies(result):
     """√(λ/k) of the modes, in units of √(k/m); modes of no energy are left out."""
-    values = eigenvalues(result)
-    return np.sqrt(values[values > MIN_EIGENVALUE])
+    return np.sqrt(eigenvalues(result)[has_energy(result)])
 
 
 def _pressure(level):
@@ -89,7 +96,7 @@ def plot_modes(results, page):
         name, marker = _pressure(level), look["marker"]
         for result in files:
             values = eigenvalues(result)
-            shown = values > MIN_EIGENVALUE
+            shown = has_energy(result)
             floppiness = np.minimum(result["floppiness"][shown], norm.vmax)
             drawn = {"marker": marker, "s": 8, "linewidths": 0, "zorder": 3, "label": hidden(name)}
             number = 1 + np.flatnonzero(shown)
@@ -121,16 +128,12 @@ def plot_modes(results, page):
 
 
 def mode_fields(result, numbers):
-    """[(title, field (n, 2)), …] of modes numbered from 1. Raises InputError."""
-    stored, values = result.stored("modes"), eigenvalues(result)
-    numbers = np.ravel(numbers).tolist()
-    beyond = [n for n in numbers if not 1 <= n <= stored.shape[0]]
-    if beyond:
-        raise InputError(
-            f"mode {beyond[0]}: not in {result.path.name}. Give one from 1 to {stored.shape[0]}."
-        )
+    """[(title, field (n, D)), …] of modes numbered from 1. Raises InputError."""
+    values = eigenvalues(result)
+    fields = [(number, mode_vectors(result, number)) for number in np.ravel(numbers).tolist()]
     return [
-        (rf"mode {n}, $\lambda/k={power_or_number(max(values[n - 1], 0.0))}$", stored[n - 1]) for n in numbers
+        (rf"mode {number}, $\lambda/k={power_or_number(max(values[number - 1], 0.0))}$", field)
+        for number, field in fields
     ]
 
 
@@ -158,6 +161,35 @@ def plot_states(results, page):
         ax.plot(*pooled_density(files), markersize=2.8, label=_pressure(level), **look)
     page.legend(ax, title=f"$p{stress_unit(results).over}$")
     return f"density of states of {count_text(results, 'packing', 'packings')}"
+
+
+@picture("participation", "modes")
+def plot_participation(results, page):
+    """Participation ratio (Σ|φ_i|²)²/(n Σ|φ_i|⁴) of each mode against its frequency: 1 if all particles move alike, 1/n
+    if one moves alone. Small points are modes, lines run through the medians of bins of frequency with enough modes of
+    the files of one pressure. Raises InputError for several dimensions.
+    """
+    require_alike(results, ("dimension",))
+    ax = page.panels(x=FREQUENCY, y="participation ratio", log="xy")
+    for (level, files), look in looks(group_by_pressure(results).items()):
+        omega = np.concatenate([frequencies(result) for result in files])
+        ratio = np.concatenate([result["participation_ratio"][has_energy(result)] for result in files])
+        name = _pressure(level)
+        dots = {"markersize": 1.5, "markeredgewidth": 0, "alpha": 0.35, "rasterized": len(omega) > MAX_POINTS}
+        ax.plot(omega, ratio, ".", color=look["color"], label=hidden(f"{name}, single modes"), **dots)
+        x, middle = binned_medians(omega, ratio)
+        ax.plot(x, middle, markersize=2.8, label=name, **look)
+    ax.set_ylim(top=1.0)
+    page.legend(ax, title=f"$p{stress_unit(results).over}$", first="lower left")
+    return f"participation ratios of the modes of {count_text(results, 'packing', 'packings')}"
+
+
+def binned_medians(omega, values):
+    """(middles, medians) of values (m,) in logarithmic bins of frequencies (m,) that hold at least MIN_BINNED."""
+    number = np.floor(np.log10(omega) * BINS_PER_DECADE).astype(int)
+    bins = [bin for bin in np.unique(number) if np.count_nonzero(number == bin) >= MIN_BINNED]
+    middles = 10.0 ** ((np.array(bins) + 0.5) / BINS_PER_DECADE)
+    return middles, np.array([np.median(values[number == bin]) for bin in bins])
 
 
 @picture("lowest-modes", "modes")

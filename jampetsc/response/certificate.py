@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.analysis.error_bounds import ZERO_PART_RATIO, parts_of, zero_parts
+from jampetsc.analysis.error_bounds import ZERO_PART_RATIO, storage_and_loss, zero_parts
 from jampetsc.response.assembly import ROW, Pencil
 
 EPSILON = float(np.finfo(float).eps)
@@ -48,7 +48,7 @@ class Certified:
     @property
     def parts(self):
         """|G'| and |G''|, (…, 2)."""
-        return np.abs(parts_of(self.G))
+        return np.abs(storage_and_loss(self.G))
 
     @property
     def vanishes(self):

@@ -21,7 +21,7 @@ NETWORK = SimpleNamespace(pressure=2e-3, k=2.0)
 def summary_of_sweep(omega, G, bounds, certified=True, damping=None):
     job = SimpleNamespace(physics=PHYSICS, damping=damping, load="xy")
     frequencies = sweep.SweepFrequencies(omega, omega + 3.0, omega[:0])
-    return sweep._summary(job, "s.h5", frequencies, modulus_sweep(omega + 3.0, G, bounds), certified)
+    return sweep._summary(job, "s.h5", None, frequencies, modulus_sweep(omega + 3.0, G, bounds), certified)
 
 
 def modulus_sweep(omega, G, bounds):

@@ -56,7 +56,7 @@ def test_a_strain_that_would_change_contacts_is_told_in_units_of_k():
     found = SimpleNamespace(
         omega=frequencies.solved, G=np.array([8.0 + 0j]), bounds=np.full((1, 3), 1e-9), tensor=None
     )
-    said = sweep_job._summary(job, "s.h5", frequencies, found, True)
+    said = sweep_job._summary(job, "s.h5", None, frequencies, found, True)
     assert "alpha 0.5, stress 0.001: equivalent linear frequencies" in said
     network = SimpleNamespace(pressure=4e-4, k=4.0)
     (note,) = sweep_job.notes_of(job, network, [1.0], found)

@@ -9,7 +9,13 @@ from jampetsc.analysis.statistics import median_interval
 from jampetsc.errors import InputError
 from jampetsc.plots import style
 from jampetsc.plots.draw import choose_kind, pictures, plot
-from jampetsc.plots.mode_plots import plot_lowest, plot_modes, plot_states, pooled_density
+from jampetsc.plots.mode_plots import (
+    plot_lowest,
+    plot_modes,
+    plot_participation,
+    plot_states,
+    pooled_density,
+)
 from jampetsc.plots.quasistatic_plots import plot_medians, plot_viscosities
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -29,6 +35,7 @@ def modes_of(values, floppiness=None, pressure=1e-3, **more):
     """A result with these eigenvalues of 4 disks."""
     arrays = {"eigenvalues": np.array(values), "particles": np.arange(4)}
     arrays["floppiness"] = np.ones(len(values)) if floppiness is None else np.array(floppiness)
+    arrays["participation_ratio"] = 1.0 / (1.0 + np.arange(len(values)))
     return Held(arrays, {"pressure": pressure, "k": 1.0, "complete": True} | more, "m.h5", "jampetsc-modes")
 
 
@@ -198,7 +205,7 @@ def test_responses_and_modes_are_arrows_on_their_packing():
     one = quasistatic_of([1, 1, 1], bare=[1, 1, 1])
     one |= {"nonaffine": stressed, "no_prestress/nonaffine": bare, "particles": np.arange(16)}
     modes = Held(
-        {"eigenvalues": np.array([-1.0, 1e-2]), "particles": np.arange(16)},
+        {"eigenvalues": np.array([-1.0, 1e-2]), "particles": np.arange(16), "modes": [stressed, bare]},
         {"k": 1.0},
         "m.h5",
         "jampetsc-modes",
@@ -214,16 +221,36 @@ def test_responses_and_modes_are_arrows_on_their_packing():
             require_arrows(ax, field)
 
 
+def test_participation_ratios_are_points_and_medians_of_bins_with_enough_modes():
+    """k = 4; five modes near 1 with ratios 1/2 to 1/6, a mode of no energy and one alone in its bin."""
+    near = 4.0 * (1.02 + 0.01 * np.arange(5)) ** 2
+    one = modes_of([0.0, *near, 400.0], k=4.0, pressure=4e-3)
+    other = modes_of([16.0], pressure=1e-2)
+    ax = figure_of(plot_participation, [one, other]).axes[0]
+    points, median, alone, _ = lines(ax)
+    np.testing.assert_allclose(points[0], [*np.sqrt(near / 4.0), 10.0])
+    np.testing.assert_allclose(points[1], 1.0 / np.arange(2, 8))
+    np.testing.assert_allclose(median[:2], [[10 ** (1 / 16)], [1 / 4]])
+    np.testing.assert_allclose(alone[:2], [[4.0], [1.0]])
+    assert told(ax) == ["$10^{-3}$", "$10^{-2}$"]
+    with pytest.raises(InputError, match=r"dimension 3, but m\.h5 has 2\. Draw files of one"):
+        figure_of(plot_participation, [one, modes_of([1.0], dimension=3)])
+
+
 RESPONSE = Held({"nonaffine": 0, "particles": 0}, {"prestress": False}, "q.h5", "jampetsc-quasistatic")
 MODES, UNTOLD = modes_of([1.0, 2.0], complete=False), modes_of([1.0, 2.0])
 del UNTOLD.attributes["complete"]
-MODES.stored = lambda name: np.zeros((2, 4, 2))
+MODES |= {"modes": np.zeros((2, 4, 2))}
+MODES.stored = MODES.__getitem__
+BARE_MODES = modes_of([1.0, 2.0])
 
 
 @pytest.mark.parametrize(
     ("results", "asked", "says"),
     [
         ([MODES], {"mode": [3]}, "mode 3: not in m.h5. Give one from 1 to 2"),
+        ([BARE_MODES], {"mode": [3]}, "m.h5: modes without eigenvectors. Run modes again with them"),
+        ([BARE_MODES], {"kind": "mode"}, "m.h5: modes without eigenvectors. Run modes again with them"),
         ([MODES], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with --all"),
         ([UNTOLD], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with --all"),
         ([MODES] * 2, {"mode": [1]}, "2 modes files: mode pictures show one"),

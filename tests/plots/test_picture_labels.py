@@ -17,6 +17,7 @@ from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.io.reader import load
 from jampetsc.plots import (
     correlation_plots,
+    crossover_plots,
     flow_plots,
     jamming_plots,
     mode_plots,
@@ -82,6 +83,10 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
      [("", FREQUENCY, "ll"), ("mode number", "cumulative share", "l-"),
       ("", r"$\langle\Delta u_\perp^2\rangle^{1/2}/\,\langle\Delta u_\parallel^2\rangle^{1/2}$", "-l")]),
     (mode_plots.plot_states, modes, [(FREQUENCY, r"$D(\omega_m)$", "ll")]),
+    (mode_plots.plot_participation, modes, [(FREQUENCY, "participation ratio", "ll")]),
+    (crossover_plots.plot_crossover,
+     lambda folder: [quasistatic_of([1, 1, 1], pressure=p, omega_star=p) for p in (1e-3, 1e-2)],
+     [("$p/k$", r"$\omega^*\tau_1$", "ll")]),
     (plot_relaxation, spectra,
      [(r"$\tau/\tau_1$", "$H/k$", "ll"), (r"$\tau/\tau_1$", r"$\sum_{\tau_m\leq\tau}\,g_m/k$", "l-"),
       (r"$t/\tau_1$", "$G(t)/k$", "ll"), (r"$t/\tau_1$", r"$J(t)\,k$", "ll")]),

@@ -8,7 +8,10 @@ from dense import Reference
 from gathered import unknowns
 from samples import SAMPLES, crystal, cut, on_ranks, pairs_of, physics, published, reference, strips
 
+import jampetsc
+from jampetsc.commands.modes import PER_MODE
 from jampetsc.errors import ConvergenceError, InputError
+from jampetsc.io.packing_file import write_packing
 from jampetsc.network.contact_network import build_network
 from jampetsc.packing.potentials import Potential
 from jampetsc.petsc import eigen
@@ -272,3 +275,31 @@ def test_each_piece_has_its_translations(session):
     found = modes.eigenvalues
     np.testing.assert_allclose(found, values[4 : 4 + len(found)], rtol=1e-9, atol=1e-13)
     assert int(np.sum(np.abs(found) < 1e-12)) == min(zeros - 4, 8)
+
+
+@pytest.mark.most_ranks(2)
+def test_modes_without_eigenvectors_have_all_their_numbers(session, shared_path):
+    """What needs eigenvectors refuses the file in one line; pictures of numbers take it."""
+    path, out = shared_path / "p.h5", shared_path / "bare.h5"
+    if session.comm.rank == 0:
+        write_packing(path, SAMPLES["published"]())
+    session.comm.barrier()
+    jampetsc.modes(path, all=True, eigenvectors=False, out=out)
+    bare, whole = jampetsc.load(out), jampetsc.modes(path, all=True)
+    assert set(whole) - set(bare) == {"modes"}
+    for name in PER_MODE:
+        np.testing.assert_allclose(bare[name], whole[name], rtol=1e-9, atol=1e-12, err_msg=name)
+    assert bare.attributes["complete"]
+    if session.size > 1:
+        return
+    for draw_or_export in (
+        lambda: jampetsc.plot(bare, "mode", packing=path),
+        lambda: jampetsc.plot(bare, mode=[2], packing=path),
+        lambda: jampetsc.export(out, mode=2, out=shared_path / "mode.xyz"),
+    ):
+        with pytest.raises(
+            InputError, match=r"bare\.h5: modes without eigenvectors\. Run modes again with them"
+        ):
+            draw_or_export()
+    for kind in ("modes", "states", "participation"):
+        jampetsc.plot(bare, kind)

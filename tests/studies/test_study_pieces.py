@@ -270,6 +270,7 @@ def test_reading_a_study_that_is_not_there(tmp_path):
         ("0.30000000000000004", ["--below", "0.30000000000000004"]),
         ("0.5\nno-prestress = true", ["--below", "0.5", "--no-prestress"]),
         ("0.5\nno-prestress = false", ["--below", "0.5"]),
+        ("0.5\nno-eigenvectors = true", ["--below", "0.5", "--no-eigenvectors"]),
     ],
 )
 def test_words_of_a_value(value, words):

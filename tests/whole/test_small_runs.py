@@ -47,14 +47,19 @@ def test_the_spread_of_layers_is_that_beyond_their_errors():
     assert layers.spread(bent, np.zeros(10)) == pytest.approx(0.3 / np.sqrt(2))
 
 
-def test_layers_have_the_velocity_and_the_area_of_their_disks():
-    positions = np.array([[1.0, 0.5], [3.0, 0.5], [1.0, -0.5]])  # the last one in the uppermost layer
-    velocity, area = layers.layers_of(
-        positions, np.array([[1.0, 0], [3.0, 0], [5.0, 0]]), np.full(3, 0.5), 10.0
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_layers_have_the_velocity_and_the_volume_of_their_disks(dimension):
+    positions = np.array(
+        [[1.0, 0.5, 0.3], [3.0, 0.5, 1.2], [1.0, -0.5, 0.9]]
+    )  # the last in the uppermost layer
+    velocities = np.array([[1.0, 0, 7.0], [3.0, 0, 7.0], [5.0, 0, 7.0]])
+    cell = np.diag([4.0, 10.0, 3.0])[:dimension, :dimension]
+    velocity, density = layers.layers_of(
+        positions[:, :dimension], velocities[:, :dimension], np.full(3, 0.5), cell
     )
-    assert velocity[[0, 9]] == pytest.approx([2.0, 5.0]) and area[[0, 9]] == pytest.approx(
-        [0.5 * np.pi, 0.25 * np.pi]
-    )
+    share = {2: np.pi / 4 / 4, 3: np.pi / 6 / 12}[dimension]  # of a particle in a layer of height 1
+    assert velocity[[0, 9]] == pytest.approx([2.0, 5.0])
+    assert density[[0, 9]] == pytest.approx([2 * share, share])
 
 
 @pytest.mark.parametrize("power", [1.0, 1.6])
