@@ -48,9 +48,11 @@ limited_by | text? | | what ended the quench: `tolerance`, or `rounding` where t
 evaluations, newton_steps | int? | | work: force evaluations and factorisations
 imported_from, imported_index | text, int? | | of imports: the file and the number of the packing in it
 published_* | float? | | of imports: the pressure, energy, … given there
-request, instruction_set | text? | | as in every result
+request, instruction_set, notes | text? | | as in every result
 assumed, units | text? | | of imports: which of potential, stiffness and k neither the file nor an option gave; the
   units that the file says
+sizes_from, geometry | text? | | of imports: the column of the radii, and whether its values were halved; whether z was
+  left out and the cell turned
 walls | int? | | of snapshots of a flow with `--walls`: number of disks of the walls
 """,
 )
@@ -75,6 +77,7 @@ keep, seed | float, int? | | share of the bonds that were kept, and the seed of 
 source, source_sha256 | text? | | of a diluted packing or network: name of its file and hash
 imported_from, imported_bonds, imported_index, assumed | text, text, int, text? | | of imports: the file, the file of
   the bonds, the number of the frame, and which of stiffness and tension it did not give
+geometry | text? | | as of an imported packing
 request | text? | | as in every result
 """,
 )
