@@ -30,7 +30,8 @@ cell_low | (D, D) | float? | length | likewise of `cell`
     attributes=r"""
 format, format_version | text | | `jampetsc-packing`, and the version of its layout; readers refuse a newer major
   version
-potential, stiffness | text | | harmonic or hertzian; constant or inverse-square-diameter
+potential | text in harmonic hertzian | | energy of an overlap
+stiffness | text in constant inverse-square-diameter | | convention of the contact stiffness
 k | float > 0 | | contact stiffness
 protocol | text | | how it was made
 pressure, phi, energy, max_force | float | | p = Σ f r/(D V), φ, U, largest net force on a disk
