@@ -89,10 +89,16 @@ def read_xyr(content, index, columns=None):
             f"lines of {width} numbers, which nothing names. {NAME_COLUMNS}, e.g. "
             f"{'x,y,z,r or id,x,y,r' if width == 4 else 'id,x,y,z,r,…'}; three are x y r."
         )
-    found = columns_of(list(names), table.rows, remedy=f"Correct the file, or {_lowered(NAME_COLUMNS)}.")
-    if not {"x", "y"} <= found.keys():
-        raise InputError(f"no columns x and y among {', '.join(found)}. {NAME_COLUMNS}, e.g. x,y,r.")
-    return DiskTable(found, places_of(found), None if table.box is None else to_numbers(table.box))
+    particle_columns = columns_of(
+        list(names), table.rows, remedy=f"Correct the file, or {_lowered(NAME_COLUMNS)}."
+    )
+    if not {"x", "y"} <= particle_columns.keys():
+        raise InputError(
+            f"no columns x and y among {', '.join(particle_columns)}. {NAME_COLUMNS}, e.g. x,y,r."
+        )
+    return DiskTable(
+        particle_columns, places_of(particle_columns), None if table.box is None else to_numbers(table.box)
+    )
 
 
 def _lowered(sentence) -> str:
@@ -126,12 +132,12 @@ def read_xyz(content, index, columns=None):
     entries = _entries(lines[first + 1])
     names, count = list(columns or _names_of(entries.get("Properties", XYZ_COLUMNS))), count_of(lines[first])
     rows = rows_of("\n".join(lines[first + 2 : first + 2 + count]), count)
-    found = columns_of(names, rows, remedy=f"{NAME_COLUMNS}, e.g. species,x,y,z,r.")
-    if not {"x", "y"} <= set(found):
-        raise InputError(f"no pos among the columns {', '.join(found)}. Add it to the file.")
-    law, place = force_law_of(entries), places_of(found)
+    particle_columns = columns_of(names, rows, remedy=f"{NAME_COLUMNS}, e.g. species,x,y,z,r.")
+    if not {"x", "y"} <= set(particle_columns):
+        raise InputError(f"no pos among the columns {', '.join(particle_columns)}. Add it to the file.")
+    law, place = force_law_of(entries), places_of(particle_columns)
     if "Lattice" not in entries:
-        return DiskTable(found, place, None, law, frame)
+        return DiskTable(particle_columns, place, None, law, frame)
     lattice = to_numbers(re.findall(r"[^\s,\[\]]+", entries["Lattice"]))
     if lattice.shape != (9,):
         raise InputError(f'Lattice="{entries["Lattice"]}": must be nine numbers, the rows a₁, a₂ and a₃')
@@ -142,7 +148,7 @@ def read_xyz(content, index, columns=None):
             f'pbc="{entries["pbc"]}": must be periodic in x and y. Walls and open boundaries are not supported; if '
             "nothing touches them, write T T F for disks."
         )
-    return DiskTable(found, place, lattice.reshape(3, 3), law, frame, all(periodic), may_turn=True)
+    return DiskTable(particle_columns, place, lattice.reshape(3, 3), law, frame, all(periodic), may_turn=True)
 
 
 def _entries(line) -> dict:

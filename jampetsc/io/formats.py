@@ -3,6 +3,7 @@
 `run/files_page.py` writes these tables into docs/reference/files.md.
 """
 
+from jampetsc.errors import InputError
 from jampetsc.io.declaration import Format, contents
 from jampetsc.io.hdf5 import attributes, check_format
 from jampetsc.io.result_formats import (
@@ -18,6 +19,7 @@ from jampetsc.io.result_formats import (
     SWEEP,
     VELOCITY_CORRELATION,
 )
+from jampetsc.laws.loads import load_text, loads_of
 
 PACKING = Format(
     datasets=r"""
@@ -121,4 +123,18 @@ def check_file(h5, path, expected: str | None = None) -> tuple[str, dict, dict]:
     for format in (FORMATS.get(name), PARTS):
         if format is not None:
             format.check(path, items, attrs)
+    _check_load(path, attrs)
     return name, attrs, {key: item for key, item in items.items() if key.partition("/")[0] != PART_GROUP}
+
+
+def _check_load(path, attrs) -> None:
+    """Raise InputError for a load that is none in the dimension of the file."""
+    if "load" not in attrs:
+        return
+    dimension = attrs.get("dimension", 2)
+    try:
+        loads_of(load_text(attrs["load"]), dimension)
+    except InputError:
+        raise InputError(
+            f"{path}: attribute load = {attrs['load']!r}: not a load in {dimension} dimensions. Make the file again."
+        ) from None

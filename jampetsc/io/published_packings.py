@@ -94,7 +94,7 @@ def _read_jaxmd(h5, index):
             f"no variable {', '.join(missing)}, hence not a packing of jax-md. Give another file."
         )
     if any(not hasattr(h5[name], "shape") or not h5[name].shape for name in ("pos", "rad", "box")):
-        raise InputError("pos, rad or box is no array, hence not a packing of jax-md. Give another file.")
+        raise InputError("pos, rad or box: not arrays, hence not a packing of jax-md. Give another file.")
     index = check_index(index, len(h5["pos"]))
     names = ("pos", "rad", "box", "Energy", "Stress", "Cijkl")
     data = {name: np.asarray(values(h5[name], index), float) for name in names if name in h5}

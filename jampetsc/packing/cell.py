@@ -22,8 +22,8 @@ SIDES = (-1, 0, 1)
 def cell_of(cell, dimension: int = 2):
     """Rows of a periodic cell, (D, D), in one of the forms that `Packing` takes. Raises InputError.
 
-    Tilts xy, xz, yz among numbers are lengths, a₂ = (xy, Ly); those of an object with Lx, Ly, … are ratios, as freud
-    and HOOMD-blue define them: a₂ = (xy Ly, Ly).
+    Tilts xy, xz, yz among numbers are lengths, a₂ = (xy, Ly). An object with Lx, Ly, … has ratios, as freud and
+    HOOMD-blue define them: a₂ = (xy Ly, Ly).
     """
     if hasattr(cell, "Lx"):
         check_periodic(cell, dimension)

@@ -386,7 +386,7 @@ def test_hdf5_of_odd_variables_is_no_packing_of_jaxmd(tmp_path):
     with h5py.File(tmp_path / "p.nc", "w") as h5:
         h5["pos"], h5["rad"] = 1.0, 1.0
         h5.create_group("box")
-    with pytest.raises(InputError, match="pos, rad or box is no array"):
+    with pytest.raises(InputError, match="pos, rad or box: not arrays"):
         jampetsc.import_packing(tmp_path / "p.nc")
 
 

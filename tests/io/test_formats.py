@@ -114,6 +114,15 @@ def test_the_dimension_is_that_of_the_arrays(tmp_path):
             jampetsc.load(path)
 
 
+@pytest.mark.parametrize("load", ["bogus", "1,x", "[1, 2", "", "zz", "1,2,3", "nan,0,0,0"])
+def test_a_load_of_the_dimension(tmp_path, load):
+    arrays = {"omega": np.ones(1), "G": np.ones(1) + 0j, "error_bound": np.ones(1)}
+    for known in ("xy", "tensor", "0.0,1.0,0.0,0.0"):
+        assert jampetsc.load(stored(tmp_path / "s.h5", "sweep", arrays, load=known)).load == known
+    with pytest.raises(InputError, match=r"s\.h5: attribute load = .*: not a load in 2 dimensions\. Make"):
+        jampetsc.load(stored(tmp_path / "s.h5", "sweep", arrays, load=load))
+
+
 def test_allowed_values_are_those_of_the_program():
     for format in FORMATS.values():
         for name, values in (("potential", EXPONENTS), ("stiffness", STIFFNESSES), ("dimension", (2, 3))):
