@@ -29,7 +29,10 @@ DAMAGE_ERRORS = (
     SyntaxError,
     LookupError,
 )
-DAMAGE_ERRORS += (zipfile.BadZipFile, zlib.error)
+DAMAGE_ERRORS += (ArithmeticError, zipfile.BadZipFile, zlib.error)
+GSD_COUNTS = tuple(
+    f"{kind}/N" for kind in ("particles", "bonds", "angles", "dihedrals", "impropers", "constraints", "pairs")
+)
 COMPRESSIONS = {  # first bytes -> (program, command that decompresses)
     b"\x1f\x8b": ("gzip", "gunzip --keep"),
     b"\x1f\x9d": ("compress", "uncompress"),
@@ -100,24 +103,36 @@ def read_gsd(content, index):
     except ImportError:
         raise MissingPackage("GSD", "gsd") from None
     try:
-        frames = gsd.hoomd.HOOMDTrajectory(gsd.pygsd.GSDFile(io.BytesIO(content)))
+        file = gsd.pygsd.GSDFile(io.BytesIO(content))
+        frames = gsd.hoomd.HOOMDTrajectory(file)
         number = check_index(index, len(frames))
+        _check_counts(file, {0, number}, len(content))
         frame = frames[number]
+        types = [frame.particles.types[row] for row in frame.particles.typeid]
     except InputError:
         raise
-    except (OSError, RuntimeError, LookupError, ValueError) as error:
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError) as error:
         raise InputError(f"not a file of GSD, or damaged ({error or 'truncated'}). Get it again.") from None
     box = np.asarray(frame.configuration.box, float)
     logged = frame.log.get("configuration/box", box)  # the same in double precision, in exports of jampetsc
     Lx, Ly, Lz, xy, xz, yz = logged if np.array_equal(np.asarray(logged, np.float32), box) else box
     cell = np.array([[Lx, 0.0, 0.0], [xy * Ly, Ly, 0.0], [xz * Lz, yz * Lz, Lz]])
     particles = frame.particles
-    columns = {"diameter": particles.diameter, "type": [particles.types[row] for row in particles.typeid]}
+    columns = {"diameter": particles.diameter, "type": types}
     texts = {n: v.tobytes().decode(errors="replace") for n, v in frame.log.items() if v.dtype == np.uint8}
     values = {n: v.item() for n, v in frame.log.items() if v.size == 1}
     is_plane = frame.configuration.dimensions == 2 or not Lz > 0.0
     law, D = force_law_of(values | texts), 2 if is_plane else None
     return DiskTable(columns, particles.position, cell, law, number, dimension=D)
+
+
+def _check_counts(file, frames, size) -> None:
+    """Raise InputError where a GSD file claims more particles or bonds than its `size` in bytes can hold."""
+    for frame in frames:
+        for name in GSD_COUNTS:
+            count = int(file.read_chunk(frame, name)[0]) if file.chunk_exists(frame, name) else 0
+            if count > size:
+                raise InputError(f"{name} = {count}: more than the file holds. Get it again.")
 
 
 READERS = {

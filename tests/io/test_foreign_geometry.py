@@ -155,6 +155,30 @@ def test_gsd_of_two_dimensions_has_no_z(tmp_path, dimensions, depth):
             jampetsc.import_packing(tmp_path / "p.gsd", dimension=3)
 
 
+@pytest.mark.skipif(importlib.util.find_spec("gsd") is None, reason="gsd is optional")
+def test_gsd_that_claims_more_than_it_holds(tmp_path):
+    """A damaged count would be gigabytes of memory."""
+    write_frames(tmp_path / "p.gsd", [packing_frame(DISKS)])
+    content = (tmp_path / "p.gsd").read_bytes()
+    import gsd.hoomd
+    import gsd.pygsd
+
+    with gsd.hoomd.open(tmp_path / "many.gsd", "w") as file:
+        frame = gsd.hoomd.Frame()
+        frame.particles.N = 10**5
+        file.append(frame)
+    with pytest.raises(InputError, match=r"many\.gsd: particles/N = 100000: more than the file holds"):
+        jampetsc.import_packing(tmp_path / "many.gsd")
+    rng = np.random.default_rng(1)
+    for _ in range(20):  # never anything but one line
+        at = int(rng.integers(len(content)))
+        damaged = content[:at] + bytes(rng.integers(0, 256, 3).astype(np.uint8)) + content[at + 3 :]
+        try:
+            jampetsc.import_packing(written(tmp_path / "q.gsd", damaged))
+        except InputError as error:
+            assert "\n" not in str(error)
+
+
 def rotation(dimension, seed=5):
     Q = np.linalg.qr(np.random.default_rng(seed).normal(size=(dimension, dimension)))[0]
     return Q * [*[1.0] * (dimension - 1), np.linalg.det(Q)]
