@@ -37,12 +37,14 @@ def read_lammps_dump(content, index):
     The box may be triclinic, restricted or general.
     """
     items = [item.partition("\n") for item in re.split(r"(?m)^ITEM: ", content.decode())[1:]]
-    ends = [n for n, (title, _, _) in enumerate(items) if title.startswith("ATOMS")]
+    ends = [n for n, (title, _, _) in enumerate(items) if title.split()[:1] == ["ATOMS"]]
     if not ends:
         _refuse_other_dump(title.split()[0] for title, _, _ in items if title.split())
     frame = check_index(index, len(ends))
     sections = {
-        title.split()[0]: (title.split(), body) for title, _, body in items[: ends[frame] + 1] if title
+        title.split()[0]: (title.split(), body)
+        for title, _, body in items[: ends[frame] + 1]
+        if title.split()
     }
     if not {"NUMBER", "BOX"} <= set(sections):
         raise InputError("ITEM: NUMBER OF ATOMS or BOX BOUNDS missing: truncated or edited. Get it again.")
