@@ -52,7 +52,7 @@ def geometry_of(positions, cell, dimension=None, *, is_deep=True, may_turn=False
         if is_box:
             check_periodic(cell, 2)
         why = "" if is_flat else f" though it spreads by {spread:.2g}"
-        return _turned(positions[:, :2], rows[:2, :2], may_turn, f"disks: z is left out{why}")
+        return _turned(positions[:, :2], rows[:2, :2], may_turn, f"in a plane: z is left out{why}")
     if is_box:
         check_periodic(cell, 3)
     if axes == 2 or not is_deep:
@@ -61,7 +61,7 @@ def geometry_of(positions, cell, dimension=None, *, is_deep=True, may_turn=False
             f"centres spread by {spread:.6g} in z, but {lacks}. Give a cell that is periodic along z for spheres, "
             f"or leave z out by {named('dimension')} 2."
         )
-    return _turned(positions, rows, may_turn, "spheres in one plane" if is_flat else "")
+    return _turned(positions, rows, may_turn, "in space, though z is the same for all" if is_flat else "")
 
 
 def _spread(z, rows) -> float:

@@ -82,7 +82,7 @@ WRITERS = {
     "lammps-dump": lambda: dump(FLAT, R, deep()),
     "lammps-data": lambda: data(FLAT, R, deep()),
     "extxyz": lambda: extxyz(FLAT, R, deep()),
-    "xyr": lambda: f"box {A1[0]!r} {A2[1]!r} {DEPTH} {A2[0]!r} 0 0\n# x y z r\n" + rows(*FLAT.T, R),
+    "xyr": lambda: f"box {A1[0]:.17g} {A2[1]:.17g} {DEPTH} {A2[0]:.17g} 0 0\n# x y z r\n" + rows(*FLAT.T, R),
     "npz": lambda: npz(positions=FLAT, radii=R, box=deep()),
 }
 
@@ -105,7 +105,7 @@ def test_disks_with_noise_in_z_are_disks_in_every_format(tmp_path, format):
     path = written(tmp_path / "p", WRITERS[format]())
     packing = jampetsc.import_packing(path)
     assert is_the_published(packing) and packing.record["protocol"] == format
-    assert packing.record["geometry"] == "disks: z is left out"
+    assert packing.record["geometry"] == "in a plane: z is left out"
     assert jampetsc.import_packing(path, dimension=3).dimension == 3
     high = FLAT + np.array([0.0, 0.0, DEPTH / 2])
     for name, noise in (("low", 0.0), ("far", 1.0)):  # z that differs is left out on request
@@ -354,7 +354,7 @@ def test_the_summary_has_phi_and_Z_and_no_command_for_implausible_sizes(tmp_path
     assert (
         "phi = 3.25979627" in printed
         and "Z = 1" in printed
-        and "geometry  disks: z is left out (otherwise" in printed
+        and "geometry  in a plane: z is left out (otherwise" in printed
     )
     assert "friction, which is not supported" in printed and "jampetsc pack" not in printed
     assert "Were these diameters, not radii? Import with --column-holds diameters" in warned
@@ -418,7 +418,7 @@ def test_a_network_in_a_plane_may_have_three_coordinates(tmp_path):
     bonds = [[0, 1], [1, 2], [2, 3]]
     path = written(tmp_path / "n.npz", npz(positions=FLAT, bonds=bonds, box=deep(), images=np.zeros((3, 3))))
     network = import_network(path)
-    assert network.dimension == 2 and network.record["geometry"] == "disks: z is left out"
+    assert network.dimension == 2 and network.record["geometry"] == "in a plane: z is left out"
     np.testing.assert_array_equal(network.positions, X)
     assert import_network(path, dimension=3).dimension == 3
     written(tmp_path / "n.npz", npz(positions=FLAT, bonds=bonds, box=deep(), images=[[0, 0, 1]] * 3))
