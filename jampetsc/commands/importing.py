@@ -88,7 +88,7 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
         metavar="COLUMN|TYPE=R,…",
     )
     column_holds: str | None = optional_parameter(
-        "what the column of sizes holds (default: as its name says)", choices=HOLDS
+        "what the column of sizes holds (default: as its name says)", choices=HOLDS, metavar="KIND"
     )
     columns: str | None = optional_parameter(
         "names of the columns of a text or of plain XYZ, with x and y (default: as its title line says, or x,y,r)",
