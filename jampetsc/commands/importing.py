@@ -57,8 +57,8 @@ class Import(Job):
     FORMAT: ClassVar = "jampetsc-packing"
     EPILOG: ClassVar = """examples:
   jampetsc import dump.lammpstrj --frame -1 --out dump.h5                      # the last frame
-  jampetsc import sizes.lammpstrj --radius Dn --column-holds diameters --pair-style "gran/hooke 1e5" --out own.h5
-  jampetsc import table.txt --columns id,x,y,r --box 7.5,7,0.5 --out own.h5    # a2 = (0.5, 7)
+  jampetsc import sizes.lammpstrj --radius Dn --column-holds diameters --pair-style "gran/hooke 1e5" --out hooke.h5
+  jampetsc import table.txt --columns id,x,y,r --box 7.5,7,0.5 --out table.h5  # a2 = (0.5, 7)
   jampetsc import types.lammpstrj --radius 1=0.5,2=0.7 --k 2 --out types.h5    # columns id type x y; harmonic/cut K = 1
   jampetsc import disks.txt --box 7.5,7 --potential hertzian --out own.h5      # lines x y r without a box
   jampetsc import gel.data --bonds gel.data --out gel.h5                       # a network with its own bonds
