@@ -128,7 +128,7 @@ def check_file(h5, path, expected: str | None = None) -> tuple[str, dict, dict]:
 
 
 def _check_load(path, attrs) -> None:
-    """Raise InputError for a load that is none in the dimension of the file."""
+    """Raise InputError for a load that does not exist in the dimension of the file."""
     if "load" not in attrs:
         return
     dimension = attrs.get("dimension", 2)
