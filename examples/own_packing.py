@@ -38,7 +38,7 @@ def simulated(n, phi=0.92, xy=0.1, seed=1):
         energy, start.ravel(), jac=True, method="BFGS", options={"gtol": 1e-9, "maxiter": 10000}
     )
     print(f"energy here       {minimum.fun:.9g}")
-    return minimum.x.reshape(n, 2), radii, (L, L, xy)
+    return minimum.x.reshape(n, 2), radii, (L, L, xy * L)
 
 
 if len(sys.argv) > 2:

@@ -2,7 +2,7 @@
 
     import jampetsc as jp
     packing = jp.pack(n=1024, pressure=1e-3, seed=1)               # in memory
-    packing = jp.Packing(positions, radii, (Lx, Ly, xy))           # or of one's own arrays
+    packing = jp.Packing(positions, radii, (Lx, Ly, xy))           # or of one's own arrays, a₂ = (xy, Ly)
     network = jp.Network(positions, bonds, (Lx, Ly))               # springs instead of disks
     sweep = jp.sweep(packing, jp.ContactDamping(beta=0.1))
     sweep.modulus(omega)

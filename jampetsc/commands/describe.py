@@ -292,7 +292,8 @@ def minimum_lines(facts, at_rest) -> list[str]:
         )
     elif not at_rest:
         lines.append(
-            "not a minimum: K has no negative eigenvalue, but the forces are not balanced; finish the quench"
+            "not a minimum: K has no negative eigenvalue, but the forces are not balanced; finish the quench, "
+            "which also leaves out friction"
         )
     elif K.zero > facts.translations:
         lines.append(f"marginal: {K.zero - facts.translations} moves besides the translations cost no energy")

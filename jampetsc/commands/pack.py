@@ -15,12 +15,11 @@ from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, OTHER_SIZES, SIZES, Ra
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import ValueType, format_value, optional_parameter, parameter
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, STRESS_UNIT, split_list
-from jampetsc.packing.packing import PARTICLES, Packing
+from jampetsc.packing.packing import PARTICLES, PHIS, Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.petsc import session
 
 PRESSURES = (1e-8, 1.0)
-PHIS = {2: (0.8, 1.5), 3: (0.6, 1.2)}  # packing fractions by dimension
 TOLERANCES = (1e-13, 1e-4)
 PHI_REMEDY = (
     "Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears particles below it."

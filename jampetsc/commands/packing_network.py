@@ -14,8 +14,8 @@ from jampetsc.petsc import session
 from jampetsc.progress import warn
 
 WARNING = {
-    Packing: "the packing is not a minimum of its energy: quench it (pack from it); the response is that of its "
-    "contacts",
+    Packing: "the packing is not a minimum of its energy: quench it (pack from it), also where it was made with "
+    "friction, which is not supported; the response is that of its contacts",
     Network: "the network is not at rest: leave out its forces (no prestress); the response is that of its bonds",
 }
 

@@ -6,9 +6,10 @@ A line of a table is a row, whose cells stand between bars; an indented line con
     names | type | unit | meaning                 of attributes
 
 Names may be patterns such as `eta0_*`. The type is float, complex, int, bool or text, or one for each name, followed by
-? where not every file has the row; attributes of a type with > 0 are positive. Entries of a shape are numbers or named
-lengths, which are the same in all datasets of a file: capitals are at least 1, D, the dimension, is 2 or 3. A dataset
-may have several shapes, with `or` between them. The shape of an attribute, if it is a list, stands before its type.
+? where not every file has the row; attributes of a type with > 0 are positive, of a type `in A B` one of these values.
+Entries of a shape are numbers or named lengths, which are the same in all datasets of a file: capitals are at
+least 1, D, the dimension, is 2 or 3 and the one of the attribute `dimension` where that is declared. A dataset may have
+several shapes, with `or` between them. The shape of an attribute, if it is a list, stands before its type.
 """
 
 import re
@@ -33,6 +34,7 @@ TYPES = {  # type -> (kinds of numpy that hold it, what arrays are read as, how 
 }
 PYTHON_TYPES = {"float": (int, float), "int": int, "bool": bool, "text": str}  # of attributes
 DIMENSION, DIMENSIONS = "D", (2, 3)  # a named length and what it may be
+DIMENSION_ATTRIBUTE = "dimension"  # of results; missing in those in two dimensions
 HEADER = ("format", "format_version")  # which `hdf5.check_format` has checked
 KIND_WORDS = {  # of numpy -> in words, where its own are not
     "S": "text", "O": "text or references", "V": "compound or opaque values", "b": "true or false",
@@ -49,6 +51,7 @@ class FormatRow:
     shapes: tuple | None  # each of entries (length or "", number to add); None: any
     type: str
     positive: bool
+    choices: tuple  # the allowed values of an attribute; empty: any
     optional: bool
     unit: str
     meaning: str
@@ -85,10 +88,16 @@ class FormatRow:
             if not isinstance(entry, PYTHON_TYPES[self.type]) or isinstance(entry, bool) != (
                 self.type == "bool"
             ):
-                shown, words = repr(value), TYPES[self.type][2]
-                shown = shown if len(shown) <= MAX_SHOWN_LENGTH else f"{shown[:MAX_SHOWN_LENGTH]} …"
+                words = TYPES[self.type][2]
                 words = words if is_list or not words.endswith("numbers") else f"a {words[:-1]}"
-                raise InputError(f"{path}: attribute {name} = {shown}: must be {words}. Make the file again.")
+                raise InputError(
+                    f"{path}: attribute {name} = {_shortened(value)}: must be {words}. Make the file again."
+                )
+        if self.choices and value not in self.choices:
+            allowed = ", ".join(map(str, self.choices))
+            raise InputError(
+                f"{path}: attribute {name} = {_shortened(value)}: must be one of {allowed}. Make the file again."
+            )
         if self.positive and not value > 0:
             raise InputError(
                 f"{path}: attribute {name} = {value}: must be a positive number. Make the file again."
@@ -112,7 +121,12 @@ class Table:
             entries = _shapes(shape[0]) if shape else None
             for name, kind in zip(names, kinds * len(names) if len(kinds) == 1 else kinds, strict=True):
                 kind, above, _ = kind.partition(" > 0")
-                self.rows[name] = FormatRow(name, entries, kind, bool(above), optional, unit, meaning)
+                kind, _, choices = kind.partition(" in ")
+                read = PYTHON_TYPES[kind] if choices else str
+                choices = tuple(map(read, choices.split()))
+                self.rows[name] = FormatRow(
+                    name, entries, kind, bool(above), choices, optional, unit, meaning
+                )
         self._patterns = [row for name, row in self.rows.items() if "*" in name]
 
     def row(self, name: str) -> FormatRow | None:
@@ -140,6 +154,8 @@ class Format:
             if name not in HEADER and (row := self.attribute(name)):
                 row.check_attribute(path, name, value)
         lengths = {}
+        if self.attribute(DIMENSION_ATTRIBUTE):
+            lengths[DIMENSION] = attributes.get(DIMENSION_ATTRIBUTE, DIMENSIONS[0])
         # in the order of the table: the first dataset with a length sets it
         declared = [name for name in self.datasets.rows if name in datasets]
         for name in dict.fromkeys([*declared, *datasets]):
@@ -163,6 +179,11 @@ def _lengths_with(shape, entries, lengths):
         if size != stored_size + more or not is_allowed:
             return None
     return lengths
+
+
+def _shortened(value) -> str:
+    text = repr(value)
+    return text if len(text) <= MAX_SHOWN_LENGTH else f"{text[:MAX_SHOWN_LENGTH]} …"
 
 
 def _refuse(path, name, why):

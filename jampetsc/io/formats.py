@@ -3,6 +3,7 @@
 `run/generate.py` writes these tables into docs/reference/files.md.
 """
 
+from jampetsc.errors import InputError
 from jampetsc.io.declaration import Format, contents
 from jampetsc.io.hdf5 import attributes, check_format
 from jampetsc.io.result_formats import (
@@ -18,6 +19,7 @@ from jampetsc.io.result_formats import (
     SWEEP,
     VELOCITY_CORRELATION,
 )
+from jampetsc.laws.loads import load_text, loads_of
 
 PACKING = Format(
     datasets=r"""
@@ -30,7 +32,8 @@ cell_low | (D, D) | float? | length | likewise of `cell`
     attributes=r"""
 format, format_version | text | | `jampetsc-packing`, and the version of its layout; readers refuse a newer major
   version
-potential, stiffness | text | | harmonic or hertzian; constant or inverse-square-diameter
+potential | text in harmonic hertzian | | energy of an overlap
+stiffness | text in constant inverse-square-diameter | | convention of the contact stiffness
 k | float > 0 | | contact stiffness
 protocol | text | | how it was made
 pressure, phi, energy, max_force | float | | p = Σ f r/(D V), φ, U, largest net force on a disk
@@ -48,9 +51,11 @@ limited_by | text? | | what ended the quench: `tolerance`, or `rounding` where t
 evaluations, newton_steps | int? | | work: force evaluations and factorisations
 imported_from, imported_index | text, int? | | of imports: the file and the number of the packing in it
 published_* | float? | | of imports: the pressure, energy, … given there
-request, instruction_set | text? | | as in every result
+request, instruction_set, notes | text? | | as in every result
 assumed, units | text? | | of imports: which of potential, stiffness and k neither the file nor an option gave; the
   units that the file says
+sizes_from, geometry | text? | | of imports: the column of the radii, and whether its values were halved; whether z was
+  left out and the cell turned
 walls | int? | | of snapshots of a flow with `--walls`: number of disks of the walls
 """,
 )
@@ -75,6 +80,7 @@ keep, seed | float, int? | | share of the bonds that were kept, and the seed of 
 source, source_sha256 | text? | | of a diluted packing or network: name of its file and hash
 imported_from, imported_bonds, imported_index, assumed | text, text, int, text? | | of imports: the file, the file of
   the bonds, the number of the frame, and which of stiffness and tension it did not give
+geometry | text? | | as of an imported packing
 request | text? | | as in every result
 """,
 )
@@ -117,4 +123,18 @@ def check_file(h5, path, expected: str | None = None) -> tuple[str, dict, dict]:
     for format in (FORMATS.get(name), PARTS):
         if format is not None:
             format.check(path, items, attrs)
+    _check_load(path, attrs)
     return name, attrs, {key: item for key, item in items.items() if key.partition("/")[0] != PART_GROUP}
+
+
+def _check_load(path, attrs) -> None:
+    """Raise InputError for a load that does not exist in the dimension of the file."""
+    if "load" not in attrs:
+        return
+    dimension = attrs.get("dimension", 2)
+    try:
+        loads_of(load_text(attrs["load"]), dimension)
+    except InputError:
+        raise InputError(
+            f"{path}: attribute load = {attrs['load']!r}: not a load in {dimension} dimensions. Make the file again."
+        ) from None

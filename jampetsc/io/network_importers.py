@@ -7,23 +7,39 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.exchange import check_uncompressed, format_of, to_numbers
-from jampetsc.io.importers import RADII, box_of, radii_in, read_content, read_table
+from jampetsc.io.disk_table import to_numbers
+from jampetsc.io.exchange import check_uncompressed, format_of, read_table, refuse_unknown
+from jampetsc.io.importers import box_of, read_content
+from jampetsc.io.lammps_reader import lammps_bonds
+from jampetsc.io.size_columns import column_of_radii, radii_in
 from jampetsc.packing.spring_network import Network
 
 BOND_ARRAYS = ("stiffness", "tension", "images")  # of npz, beside bonds
 BOND_COLUMNS = ("stiffness", "tension")  # of a text of bonds, behind both nodes
 
 
-def import_network(path, bonds=None, index=0, *, format=None, radius=None, box=None, k=None) -> Network:
+def import_network(
+    path,
+    bonds=None,
+    index=0,
+    *,
+    format=None,
+    radius=None,
+    column_holds=None,
+    columns=None,
+    box=None,
+    dimension=None,
+    k=None,
+) -> Network:
     """Read a network of another program.
 
     path     file of the nodes, in a format of `exchange.READERS`
     bonds    file of the bonds: `path` itself, which is LAMMPS data with Bonds or npz with bonds; or lines i j, i j k or
              i j k T, nodes numbered from 0; None: `path`
-    index    number of the frame, from 0
+    index    number of the frame, from 0; −1 is the last one
     format   of `path`; None: recognised by the content
     radius   as for `import_packing`; None: radius or diameter where the file has them, else no radii
+    column_holds, columns, dimension   as for `import_packing`
     box      as for `Packing`, for a file that has none
     k        unit of stiffness; None: what the file says, or 1
 
@@ -36,19 +52,15 @@ def import_network(path, bonds=None, index=0, *, format=None, radius=None, box=N
     content = read_content(path)
     with about(path):
         check_uncompressed(content, path)
-        format = format or format_of(content)
-        if format is None:
-            raise InputError(
-                f"not a format with nodes that jampetsc reads. {named('format')} says which it is."
-            )
-        table = read_table(content, index, format)
-        has_radii = radius or any(name.lower() in RADII for name in table.columns)
-        cell = box_of(table, box)
-        positions, box = table.places()
+        format = format or format_of(content) or refuse_unknown(content, ())
+        table = read_table(content, index, format, columns)
+        geometry = table.geometry(box_of(table, box), dimension)
+        has_radii = radius or column_of_radii(table.columns)
         nodes = {
-            "positions": positions,
-            "cell": cell if box is None else box,
-            "radii": radii_in(table.columns, radius) if has_radii else None,
+            "positions": geometry.positions,
+            "cell": geometry.cell,
+            "dimension": len(geometry.cell),
+            "radii": radii_in(table.columns, radius, column_holds)[0] if has_radii else None,
         }
         k = table.law.get("k", 1.0) if k is None else k
         if is_one_file:
@@ -60,7 +72,8 @@ def import_network(path, bonds=None, index=0, *, format=None, radius=None, box=N
         name for name in ("stiffness", "tension") if name not in values and "rest" not in values
     )
     record = {"protocol": f"{format} with bonds", "imported_from": Path(path).name}
-    record |= {"imported_bonds": Path(bonds).name, "imported_index": index}
+    record |= {"imported_bonds": Path(bonds).name, "imported_index": table.index}
+    record |= {"geometry": geometry.decision} if geometry.decision else {}
     record |= {"assumed": assumed} if assumed else {}
     with about(bonds):
         rest = values.pop("rest", None)
@@ -77,56 +90,10 @@ def _values_of(content, format, table):
         arrays = table.law | table.columns
         return {name: arrays[name] for name in ("bonds", *BOND_ARRAYS) if name in arrays}
     if format == "lammps-data":
-        return _lammps_bonds(content.decode(), to_numbers(table.columns["id"]))
+        return lammps_bonds(content.decode(), table.columns["id"])
     raise InputError(
         f"{format}: holds no bonds. Give {named('bonds')} a text file of lines i j: two nodes of each, from 0."
     )
-
-
-def _lammps_bonds(text, ids):
-    bonds = _section(text, "Bonds", 4)
-    if bonds is None:
-        raise InputError(
-            "no section Bonds: id, type and two atoms of each bond. Add it, or give a file of bonds."
-        )
-    place = {int(number): row for row, number in enumerate(ids)}
-    pairs = bonds[:, 2:4].astype(int)
-    unknown = [number for number in pairs.ravel().tolist() if number not in place]
-    if unknown:
-        raise InputError(f"Bonds: atom {unknown[0]} is not among Atoms. Correct the number.")
-    values = {"bonds": np.array([place[number] for number in pairs.ravel().tolist()]).reshape(-1, 2)}
-    coefficients = _section(text, "Bond Coeffs", 3)
-    if coefficients is None:
-        return values
-    by_type = {int(type): (2.0 * K, rest) for type, K, rest in coefficients[:, :3]}
-    missing = [type for type in np.unique(bonds[:, 1]).astype(int).tolist() if type not in by_type]
-    if missing:
-        raise InputError(f"Bond Coeffs: no line for bond type {missing[0]}. Add K and r0 of it.")
-    stiffness, rest = np.array([by_type[int(type)] for type in bonds[:, 1]]).T
-    return values | {"stiffness": stiffness, "rest": rest}
-
-
-def _section(text, title, width):
-    """Numbers (rows, width) of a section of a LAMMPS data file; None where it is missing. Raises InputError."""
-    match = re.search(rf"(?m)^[ \t]*{title}[ \t]*(?:#[ \t]*(\S*).*)?$", text)
-    if match is None:
-        return None
-    style = match[1] or ""
-    if title == "Bond Coeffs" and style not in ("", "harmonic"):
-        raise InputError(
-            f"Bond Coeffs # {style}: not supported, only harmonic, K (r - r0)^2. Give k and T as a text."
-        )
-    rows = []
-    for line in text[match.end() :].splitlines():
-        words = line.partition("#")[0].replace("harmonic", " ").split()
-        if words and words[0][0].isalpha():  # the next section
-            break
-        if words:
-            rows.append(words)
-    wrong = next((row for row in rows if len(row) < width), None)
-    if wrong or not rows:
-        raise InputError(f"{title}: line {' '.join(wrong or [])!r}, must have {width} numbers.")
-    return np.array([to_numbers(row[:width]) for row in rows])
 
 
 def _columns_of(content):

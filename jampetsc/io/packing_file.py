@@ -143,8 +143,9 @@ def network_from(h5, path) -> Network:
             )
     arrays = {name: values(datasets[name]) for name in (*NETWORK_ARRAYS, "radii") if name in datasets}
     record = {name: value for name, value in attrs.items() if name not in _NETWORK_HEADER}
+    dimension = arrays["positions"].shape[1]  # in the file, not to be decided again
     with about(path):
-        return Network(**arrays, k=attrs.get("k", 1.0), record=record)
+        return Network(**arrays, k=attrs.get("k", 1.0), record=record, dimension=dimension)
 
 
 def read_source(path) -> Packing | Network:

@@ -41,7 +41,7 @@ load | text? | | displacement gradient E: a name, its numbers, or `tensor`, the 
   xy, shears with E = ½(x̂ŷ + ŷx̂); missing: simple shear `xy`, as are the fields of `tensor`
 stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε² and its viscous part
 alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress in units of k
-dimension | int? | | 3 for spheres and for networks in three dimensions; missing: 2
+dimension | int in 2 3? | | 3 for spheres and for networks in three dimensions; missing: 2
 k, pressure, phi, particle_count, rattlers, coordination | float > 0, float, float, int > 0, int, float? | | of the
   packing: k, p, φ, N, disks without rigid contacts, Z without them
 bond_count, keep | int, float? | | of a network: number of bonds; share of the bonds of the lattice or packing

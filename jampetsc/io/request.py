@@ -36,7 +36,9 @@ class Request:
 
     def differences(self, text: str) -> str:
         """How the recorded request `text` differs from this one, in words; empty for the same settings."""
-        recorded = json.loads(text)
+        recorded = _recorded(text)
+        if recorded is None:
+            return "settings that are not readable"
         changed = [
             name
             for name in {**self.settings, **recorded}
@@ -54,6 +56,17 @@ class Request:
     def recorded(self) -> dict:
         """The attributes of a result that record the request."""
         return {"argv": shortened(shlex.join(map(str, self.argv))), "request": self.text}
+
+
+def _recorded(text) -> dict | None:
+    """The settings {name: text} of an attribute `request`; None where it holds none."""
+    try:
+        settings = json.loads(text)
+    except (TypeError, ValueError, RecursionError):
+        return None
+    if not isinstance(settings, dict):
+        return None
+    return {name: value if isinstance(value, str) else json.dumps(value) for name, value in settings.items()}
 
 
 def shortened(text: str) -> str:

@@ -35,7 +35,7 @@ reduced_tensor/forces | (c,) | float? | | h
 reduced_tensor/loads | (c,) | int? | | number of the load of each column
 """,
     attributes=r"""
-method | text | | rational or direct
+method | text in rational direct | | how frequencies were solved
 accuracy | float | | relative error asked for
 positive_semidefinite | text | | whether K has no negative modes, and how that is known
 factorisations, unknowns | int | | work: sparse factorisations (each once, also those that a continued run
@@ -162,7 +162,7 @@ minimum, minimum_error | (W, F, 2) | float | length | δ of the smallest C
     attributes=r"""
 packings | int | | number of packings averaged
 pairs | (W,) int | | number of pairs of disks for each lane width
-phase | text | | what Re u_y is in phase with, `stress` or `strain`; `strain` where it is missing
+phase | text in stress strain | | what Re u_y is in phase with; `strain` where it is missing
 L, mean_diameter | float > 0 | length | side of the cell along x, mean diameter
 """,
     common=PROVENANCE,
@@ -192,8 +192,10 @@ cycles | (A, M) | int? | | moving contacts: number of cycles in both runs, with 
     attributes=r"""
 load, stress_measure | text? | | the displacement gradient E: a name, or its numbers (missing: simple shear `xy`), and
   the stress measure of G*: energy along F = 1 + εE
-control, contacts, steps | text, text, int | | stress or strain; fixed or moving; steps of a cycle
-solver | text | | `cycle`: a whole cycle at once, for fixed contacts; `steps`: time steps, for moving contacts
+control, contacts, steps | text in stress strain, text in fixed moving, int > 0 | | what is imposed; whether contacts
+  move; steps of a cycle
+solver | text in cycle steps | | `cycle`: a whole cycle at once, for fixed contacts; `steps`: time steps, for moving
+  contacts
 regularisation | float | | force below which a contact counts as linear, over the force at the rms velocity; 0 for
   linear damping
 """,
@@ -201,8 +203,10 @@ regularisation | float | | force below which a contact counts as linear, over th
 )
 
 _DISKS = """
-units, potential, stiffness | text | | of the disks
-dimension | int? | | 3 for spheres, else missing
+units | text | | of the disks
+potential | text in harmonic hertzian | | likewise
+stiffness | text in constant inverse-square-diameter | | likewise
+dimension | int in 2 3? | | 3 for spheres, else missing
 sizes | text? | | of the disks, where the run has made them
 """
 
@@ -317,7 +321,7 @@ segregation | (S,) | float? | | protocol compress: assortativity of sizes among 
   diameters), 0 mixed, 1 separated; nan for one size
 """,
     attributes=r"""
-protocol | text | | random, shear or compress
+protocol | text in random shear compress | | how samples were made
 step, strain, discard, every | float? | | of shear: Δγ, γ of each run, γ before the first sample and between samples;
   of compress: Δγ, and γ by which a sample is sheared before its φ_J is determined
 separated | bool? | | true if large disks started on one side of the cell, else missing
@@ -365,9 +369,9 @@ drift/cut, drift/chi2_per_dof | (K,) | float | | largest rate or smallest N of f
 drift/parameters, drift/errors | (K, P) | float | | their parameters and errors (nan: not determined by the data)
 """,
     attributes=r"""
-dimension | int? | | 3 for spheres, else missing
-observable, scaling, fitted | text | | the observable; `rate` or `size`; names of the free parameters in the order of
-  the columns
+dimension | int in 2 3? | | 3 for spheres, else missing
+observable, scaling, fitted | text, text in rate size, text | | the observable; what it scales with; names of the free
+  parameters in the order of the columns
 functions, corrections | text, bool | | polynomial or spline and its degree; whether there is f₁
 phi_J, y, znu, nu, omega | float, float, float > 0, float > 0, float? | | parameters, fitted or fixed; for rates zν
   and ω, which is ω/z, for sizes ν

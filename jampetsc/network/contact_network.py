@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from jampetsc.errors import InputError
 from jampetsc.laws.damping import Law
 from jampetsc.packing.contacts import (
+    BALANCED,
     IMBALANCE,
     LinearBonds,
     both_ends,
@@ -29,6 +30,11 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
 
+RIGID_REMEDY = "raise the pressure or finish the quench"  # of a `Packing`
+UNBALANCED_REMEDY = (
+    "finish the quench: forces are not balanced; a packing made with friction, which is not supported, has too few "
+    "contacts without it"
+)
 FLOPPY_REMEDY = "add bonds, or sweep under a law with drag, which resists every motion"  # of a `Network`
 
 
@@ -57,7 +63,7 @@ class DistributedNetwork:
     pushes: bool  # whether any contact has f > 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
     imbalance_measure: str = IMBALANCE[2]  # of a `Network`: max|F|/mean|T|
-    remedy: str = "raise the pressure or finish the quench"  # of floppy modes, in words
+    remedy: str = RIGID_REMEDY  # of floppy modes, in words
 
     @property
     def dimension(self) -> int:
@@ -137,6 +143,7 @@ def _spread_packing(packing, comm, prestress):
         lambda loose: np.concatenate(comm.allgather(loose[slice(*rows)])),
     )
     contacts = loaded[~(rattlers[loaded.i] | rattlers[loaded.j])]
+    imbalance = _imbalance(packing, every, rows, rattlers, pressure, comm)
     return _without(
         rattlers,
         contacts,
@@ -147,8 +154,9 @@ def _spread_packing(packing, comm, prestress):
         k=packing.potential.k,
         pressure=pressure,
         threshold=threshold,
-        imbalance=_imbalance(packing, every, rows, rattlers, pressure, comm),
+        imbalance=imbalance,
         imbalance_measure=IMBALANCE[packing.dimension],
+        remedy=RIGID_REMEDY if imbalance <= BALANCED else UNBALANCED_REMEDY,
         prestress=prestress,
     )
 
@@ -235,7 +243,7 @@ def _require_rigid(network, total):
     if floppy > 0:
         raise InputError(
             f"{contacts} contacts between {network.n} particles leave at least {floppy} floppy modes: below jamming; "
-            "raise the pressure or finish the quench"
+            f"{network.remedy}"
         )
 
 

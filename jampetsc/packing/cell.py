@@ -20,16 +20,14 @@ SIDES = (-1, 0, 1)
 
 
 def cell_of(cell, dimension: int = 2):
-    """Rows of a periodic cell, (D, D), in one of the forms that `Packing` takes. Raises InputError."""
+    """Rows of a periodic cell, (D, D), in one of the forms that `Packing` takes. Raises InputError.
+
+    Tilts xy, xz, yz among numbers are lengths, a₂ = (xy, Ly). An object with Lx, Ly, … has ratios, as freud and
+    HOOMD-blue define them: a₂ = (xy Ly, Ly).
+    """
     if hasattr(cell, "Lx"):
-        if dimension_of_box(cell) != dimension:
-            raise InputError(f"cell {cell}: has {dimension_of_box(cell)} axes, positions have {dimension}")
-        if not all(np.atleast_1d(getattr(cell, "periodic", True))[:dimension]):
-            raise InputError(
-                f"cell {cell}: must be periodic in {'x and y' if dimension == 2 else 'x, y and z'}"
-            )
-        names = ("Lx", "Ly", "xy") if dimension == 2 else ("Lx", "Ly", "Lz", "xy", "xz", "yz")
-        cell = [getattr(cell, name) for name in names]
+        check_periodic(cell, dimension)
+        return rows_of_box(cell, dimension)
     cell = read_numbers("cell", cell)
     if cell.shape == (dimension, dimension):
         return cell
@@ -39,16 +37,40 @@ def cell_of(cell, dimension: int = 2):
     if not np.isfinite(cell).all():
         raise InputError(f"cell {cell.tolist()}: must be finite")
     sides = cell[:dimension] if cell.size > 1 else np.full(dimension, cell.flat[0])
-    tilts = np.append(cell.flat[dimension:], np.zeros(dimension))
+    return _rows(sides, cell.flat[dimension:])
+
+
+def _rows(sides, tilts):
+    """Rows of a cell with these sides (D,) and tilts xy, xz, yz in units of length, or no tilts."""
     rows = np.diag(sides)
-    for tilt, (column, row) in zip(tilts, itertools.combinations(range(dimension), 2), strict=False):
-        rows[row, column] = tilt * sides[row]
+    for tilt, (column, row) in zip(tilts, itertools.combinations(range(len(sides)), 2), strict=False):
+        rows[row, column] = tilt
     return rows
 
 
-def dimension_of_box(box) -> int:
-    """2 or 3, of an object with Lx and Ly such as freud.box.Box: its `dimensions`, or whether it has a depth Lz."""
-    return int(getattr(box, "dimensions", 3 if getattr(box, "Lz", 0.0) else 2))
+def check_periodic(box, dimension: int) -> None:
+    """Raise InputError where an object with Lx, Ly, … such as freud.box.Box is not periodic along its axes."""
+    if not all(np.atleast_1d(getattr(box, "periodic", True))[:dimension]):
+        raise InputError(f"cell {box}: must be periodic in {'x and y' if dimension == 2 else 'x, y and z'}")
+
+
+def rows_of_box(box, dimension: int):
+    """Rows (D, D) of an object with Lx, Ly, … such as freud.box.Box."""
+    names = ("Lx", "Ly", "xy") if dimension == 2 else ("Lx", "Ly", "Lz", "xy", "xz", "yz")
+    numbers = read_numbers("cell", [getattr(box, name) for name in names])
+    sides, ratios = numbers[:dimension], numbers[dimension:]
+    heights = sides[[row for _, row in itertools.combinations(range(dimension), 2)]]
+    return _rows(sides, ratios * heights)
+
+
+def axes_of_cell(cell) -> int | None:
+    """How many axes a cell beside positions with three coordinates has, 2 or 3; None where its form does not say.
+
+    Three numbers are (Lx, Ly, Lz) there. An object with Lx, Ly, … has `dimensions`, or three axes with a depth Lz.
+    """
+    if hasattr(cell, "Lx"):
+        return int(getattr(cell, "dimensions", 3 if getattr(cell, "Lz", 0.0) else 2))
+    return {(2,): 2, (2, 2): 2, (3,): 3, (6,): 3, (3, 3): 3}.get(read_numbers("cell", cell).shape)
 
 
 def check_cell(cell) -> None:

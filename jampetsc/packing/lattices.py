@@ -98,7 +98,7 @@ def build_lattice(kind: str, size) -> Network:
     rest = np.concatenate(gaps) - (positions[bonds[:, 1]] - positions[bonds[:, 0]])
     images = np.rint(fractional(rest, cell))
     record = {"protocol": f"{kind} lattice of {' x '.join(map(str, size))} unit cells"}
-    return Network(positions, bonds, cell, images=images, record=record)
+    return Network(positions, bonds, cell, images=images, record=record, dimension=len(cell))
 
 
 def _listed(size):

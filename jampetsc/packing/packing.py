@@ -14,21 +14,15 @@ from functools import cached_property
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.packing.cell import (
-    MAX_COORDINATE,
-    cell_of,
-    check_cell,
-    dimension_of_box,
-    read_numbers,
-    reduced_basis,
-)
+from jampetsc.packing.cell import MAX_COORDINATE, check_cell, read_numbers, reduced_basis
+from jampetsc.packing.geometry import geometry_of
 from jampetsc.packing.neighbours import fractional, lengths, upright, vectors
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import Strain, displace
 
-PLANE_TOLERANCE = 1e-8  # largest radii: spread of z within which centres lie in one plane
 GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved to 3e-24
 UNIT_BALL = {2: np.pi, 3: 4.0 / 3.0 * np.pi}  # volume of a ball of radius one in D dimensions
+PHIS = {2: (0.8, 1.5), 3: (0.6, 1.2)}  # packing fractions that `pack` makes, by dimension
 PARTICLES = {2: "disks", 3: "spheres"}
 PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Packing` that change when disks move
 PROVED_BY = "Cholesky of K with pre-stress, without rattlers, one disk pinned"
@@ -53,13 +47,15 @@ def join(base, offset):
 class Packing:
     """N soft disks or spheres in a periodic cell of D = 2 or 3 dimensions, for every function that takes a packing.
 
-    positions   (N, D) centres, in the cell or out of it. (N, 3) are disks where the cell has two axes, and where
-                z is the same for all and the cell is L or three numbers
+    positions   (N, D) centres, in the cell or out of it. (N, 3) are disks where z is the same for all, to single
+                precision, whatever the cell
     radii       (N,)
-    cell        2D: L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy Ly, Ly), rows a₁ = (Lx, 0) and a₂ (2, 2); 3D: L,
-                (Lx, Ly, Lz), (Lx, Ly, Lz, xy, xz, yz) with a₂ = (xy Ly, Ly, 0) and a₃ = (xz Lz, yz Lz, Lz), or lower
-                triangular rows (3, 3); an object with Lx, Ly, … such as freud.box.Box; any tilt, periodic in all axes
+    cell        with (N, 2): L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy, Ly), rows a₁ = (Lx, 0) and a₂ (2, 2); with (N, 3):
+                L, (Lx, Ly, Lz), (Lx, Ly, Lz, xy, xz, yz) with a₂ = (xy, Ly, 0) and a₃ = (xz, yz, Lz), all of them
+                lengths, or lower triangular rows (3, 3); an object with Lx, Ly, … such as freud.box.Box, whose tilts
+                are ratios; any tilt, periodic in all axes
     potential   harmonic or hertzian; stiffness: constant or inverse-square-diameter; k > 0, see `packing.potentials`
+    dimension   2: disks, z is left out; 3: spheres, in one plane as well; None: as z says
 
     Lengths are in any unit; p and moduli then in that of k, in 3D over that of length. The record holds phi, pressure,
     energy and max_force as computed here. Arrays are float64 and never changed in place. Raises InputError for wrong
@@ -75,18 +71,18 @@ class Packing:
     record: dict  # how it was made: pressure, phi, seed, protocol, …
     images: np.ndarray | None  # (N, D) numbers of cell vectors by which each disk was wrapped, if counted
 
-    def __init__(self, positions, radii, cell, potential="harmonic", stiffness="constant", k=1.0):
+    def __init__(
+        self, positions, radii, cell, potential="harmonic", stiffness="constant", k=1.0, dimension=None
+    ):
         positions, radii, k = (
             read_numbers(name, values)
             for name, values in (("positions", positions), ("radii", radii), ("k", k))
         )
-        if positions.ndim == 2 and positions.shape[1] == 3:
-            positions = _in_plane(positions, radii, cell)
-        dimension = 3 if positions.ndim == 2 and positions.shape[1] == 3 else 2
+        geometry = geometry_of(positions, cell, dimension)
         if k.ndim:
             raise InputError(f"k of shape {k.shape}: must be one number")
         law = Potential(potential, stiffness, float(k))
-        exact = Packing.from_positions(positions, radii, cell_of(cell, dimension), law).with_measurements()
+        exact = Packing.from_positions(geometry.positions, radii, geometry.cell, law).with_measurements()
         self.__dict__.update(exact.__dict__)
 
     def __repr__(self):
@@ -306,27 +302,6 @@ class Packing:
             if not entry.name.startswith("cell")
         }
         return self.replace(**{name: a[order] for name, a in arrays.items() if isinstance(a, np.ndarray)})
-
-
-def _in_plane(positions, radii, cell):
-    """Positions (N, 2) where (N, 3) ones and `cell`, in a form of `Packing`, are in a plane, else as they are.
-
-    Raises InputError for a cell of two axes with centres at different z.
-    """
-    thickness = np.ptp(positions[:, 2]) if len(positions) else 0.0
-    is_flat = thickness <= PLANE_TOLERANCE * np.max(radii, initial=0.0)
-    if hasattr(cell, "Lx"):
-        axes = dimension_of_box(cell)
-    else:
-        shape = np.shape(cell)
-        axes = {(2,): 2, (2, 2): 2, (6,): 3, (3, 3): 3}.get(shape, 2 if is_flat else 3)
-    if axes == 3:
-        return positions
-    if not is_flat:
-        raise InputError(
-            f"centres spread by {thickness:.6g} in z, but the cell has two axes. Give its third one, or the same z."
-        )
-    return positions[:, :2]
 
 
 def deformed(packing: Packing, offsets, strain: Strain) -> Packing:

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.packing.cell import MAX_COORDINATE, SIDES, cell_of, check_cell, read_numbers, reduced_basis
+from jampetsc.packing.cell import MAX_COORDINATE, SIDES, check_cell, read_numbers, reduced_basis
 from jampetsc.packing.contacts import LinearBonds, measure, net_forces, stress_tensor, virial_pressure
+from jampetsc.packing.geometry import geometry_of
 from jampetsc.packing.neighbours import fractional, lengths, vectors
 from jampetsc.packing.packing import UNIT_BALL, Packing
 from jampetsc.packing.potentials import MAX_STIFFNESS
@@ -25,13 +26,14 @@ class Network:
 
     positions   (N, D) places of the nodes, in the cell or out of it
     bonds       (M, 2) numbers of the two nodes of each bond, from 0
-    cell        L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy Ly, Ly), rows (D, D) …, all forms that `Packing` takes in D
+    cell        L, (Lx, Ly), (Lx, Ly, xy) with a₂ = (xy, Ly), rows (D, D) …, all forms that `Packing` takes
     stiffness   k of each bond, d²V/dr² > 0, one number or (M,)
     tension     T = dV/dr of each bond, one number or (M,): positive where the bond pulls (stretched), negative where
                 it pushes; the force of a contact is f = −T
     images      (M, D) whole numbers of cell vectors: r = x_j − x_i + image · cell; None: the nearest image
     radii       (N,) of the nodes, only for damping laws under which they roll
     k           unit of stiffness: weights of a damping law count in k τ₁
+    dimension   as of `Packing`: nodes with the same z are in a plane unless it is 3
 
     A bond adds k a∥² + (T/r) |a⊥|² to K (BT eq. 4). Nodes without bonds do not count. Lengths are in any unit.
     Arrays are never changed in place. Raises InputError for wrong shapes, values not finite, bonds of a node to
@@ -49,15 +51,28 @@ class Network:
     record: dict  # how it was made
 
     def __init__(
-        self, positions, bonds, cell, stiffness=1.0, tension=0.0, images=None, radii=None, k=1.0, record=None
+        self,
+        positions,
+        bonds,
+        cell,
+        stiffness=1.0,
+        tension=0.0,
+        images=None,
+        radii=None,
+        k=1.0,
+        record=None,
+        dimension=None,
     ):
-        positions = _positions(positions)
-        cell = _cell(cell, positions.shape[1])
+        geometry = geometry_of(_positions(positions), cell, dimension)
+        positions, cell = geometry.positions, geometry.cell
+        check_cell(cell)
         bonds = _bonds(bonds, len(positions))
         if images is None:
             images = nearest_images(positions, bonds, cell)
         else:
             images = _whole_numbers("images", images)
+            if images.ndim == 2 and images.shape[1] == 3 > positions.shape[1] and not images[:, 2].any():
+                images = images[:, :2]
             if images.shape != (shape := (len(bonds), positions.shape[1])):
                 raise InputError(f"images: shape {images.shape}, must be {shape}, one row for each bond.")
         _check_repeated(bonds, images)
@@ -99,6 +114,7 @@ class Network:
             packing.radii,
             packing.potential.k,
             {"protocol": "contacts of a packing"},
+            packing.dimension,
         )
 
     def __repr__(self):
@@ -232,12 +248,6 @@ def _positions(values):
     if np.abs(positions).max() > MAX_COORDINATE:
         raise InputError("positions: beyond 2^28 units of length. Scale them to bonds of length about one.")
     return positions
-
-
-def _cell(values, dimension):
-    cell = cell_of(values, dimension)
-    check_cell(cell)
-    return cell
 
 
 def _whole_numbers(name, values):

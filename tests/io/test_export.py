@@ -37,7 +37,7 @@ def frames_of(path):
             name: np.asarray(column, float) for name, column in table.columns.items() if name != "species"
         }
         facts = re.findall(r"(\w+)=([-+.\de]+)", part.partition("\n")[0])
-        found.append((numbers, table.places()[1], {name: float(value) for name, value in facts}))
+        found.append((numbers, table.geometry(table.box).cell, {name: float(value) for name, value in facts}))
     return found
 
 

@@ -9,7 +9,10 @@ import jampetsc
 from jampetsc import main as cli
 from jampetsc.errors import InputError
 from jampetsc.io.declaration import HEADER, MAX_DEPTH, TYPES, Table, contents, shape_text
+from jampetsc.io.disk_motion import PHASES
 from jampetsc.io.formats import FORMATS
+from jampetsc.jamming.sample_protocol import PROTOCOLS
+from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 
 LENGTHS = dict(zip("NMFASTKXW", range(4, 13), strict=True)) | dict.fromkeys("nmcbBqtgjrfPL", 3) | {"D": 2}
 VALUES = {"text": "a", "int": 3, "float": 0.5, "bool": True}
@@ -27,7 +30,9 @@ def made(request):
     declared = FORMATS[request.param]
     rows = {**(declared.common.rows if declared.common else {}), **declared.attributes.rows}
     attributes = {
-        "x".join(one.split("*")): VALUES[row.type] for one, row in rows.items() if row.shapes is None
+        "x".join(one.split("*")): row.choices[0] if row.choices else VALUES[row.type]
+        for one, row in rows.items()
+        if row.shapes is None
     }
     with h5py.File("made", "w", driver="core", backing_store=False) as h5:
         for name, row in declared.datasets.rows.items():
@@ -80,8 +85,57 @@ def test_other_shapes_and_types_than_declared_are_refused(made):
     for name, value in attributes.items():
         for other in (3 if isinstance(value, str) else "a", 1j, np.ones(2), np.void(b"a"), None):
             refused(declared, items, attributes | {name: other}, f"attribute {name} = .*: must be ")
+        if declared.attribute(name).choices:
+            for other in ("", "other") if isinstance(value, str) else (-1, 0, 4, 10**12):
+                refused(
+                    declared, items, attributes | {name: other}, f"attribute {name} = .*: must be one of "
+                )
     h5["mine"] = "anything"
     declared.check("p", contents(h5, "p"), attributes | {"own": 1j})
+
+
+def test_the_dimension_is_that_of_the_arrays(tmp_path):
+    """Whatever looks up names of axes or units by it finds them, or the file is refused when it is loaded."""
+    arrays = {
+        "omega": np.ones(1),
+        "G": np.ones(1) + 0j,
+        "error_bound": np.ones(1),
+        "fields/omega": np.ones(1),
+    }
+    for D, other in ((2, 3), (3, 2)):
+        arrays["fields/displacement"] = np.ones((1, 4, D), complex)
+        path = stored(tmp_path / "s.h5", "sweep", arrays, dimension=D)
+        assert jampetsc.load(path).attributes["dimension"] == D
+        with h5py.File(path, "r+") as h5:
+            h5.attrs["dimension"] = other
+        with pytest.raises(
+            InputError, match=rf"displacement: shape \(1, 4, {D}\), must be .* with .*D = {other}"
+        ):
+            jampetsc.load(path)
+
+
+@pytest.mark.parametrize("load", ["bogus", "1,x", "[1, 2", "", "zz", "1,2,3", "nan,0,0,0"])
+def test_a_load_of_the_dimension(tmp_path, load):
+    arrays = {"omega": np.ones(1), "G": np.ones(1) + 0j, "error_bound": np.ones(1)}
+    for known in ("xy", "tensor", "0.0,1.0,0.0,0.0"):
+        assert jampetsc.load(stored(tmp_path / "s.h5", "sweep", arrays, load=known)).load == known
+    with pytest.raises(InputError, match=r"s\.h5: attribute load = .*: not a load in 2 dimensions\. Make"):
+        jampetsc.load(stored(tmp_path / "s.h5", "sweep", arrays, load=load))
+
+
+def test_allowed_values_are_those_of_the_program():
+    for format in FORMATS.values():
+        for name, values in (("potential", EXPONENTS), ("stiffness", STIFFNESSES), ("dimension", (2, 3))):
+            row = format.attribute(name)
+            if (
+                row is not None
+                and name in ("potential", "stiffness")
+                and format is FORMATS["jampetsc-collapse"]
+            ):
+                continue  # those of its files
+            assert row is None or row.choices == tuple(values)
+    assert FORMATS["jampetsc-correlation"].attribute("phase").choices == PHASES
+    assert FORMATS["jampetsc-jam"].attribute("protocol").choices == tuple(PROTOCOLS)
 
 
 def test_numbers_are_read_as_they_are_declared(tmp_path):

@@ -85,9 +85,12 @@ SPOILED = {  # what is wrong -> (content, the message)
     "negative": (TEXT.replace("1.3999999999999999112", "-1.4"), r"radii\[8\] = -1.4: must be positive"),
     "moved": (TEXT.replace("8.87670", "8.97670"), "pressure is .* but stored as 0.001: another"),
     "cell": (TEXT.replace("9.5393607291793076335 ,", "1.5 ,"), "cell that repeats at .*use more particles"),
-    "other text": ("x y r\n1 2 3\n", NONE_OF),
+    "other text": ("the quick brown fox\n", NONE_OF),
     "empty": ("", NONE_OF),
-    "netCDF of another kind": (b"CDF\x01" + bytes(range(256)), NONE_OF),
+    "netCDF of another kind": (
+        b"CDF\x01" + bytes(range(256)),
+        "netCDF 3, .*: not supported. Write a dump",
+    ),
     "half": (JAXMD.read_bytes()[:20000], "truncated"),
 }
 
@@ -164,7 +167,14 @@ def test_which_packing_of_many(tmp_path):
     lines.write_text("box 4\n0 0 0.5\n2 2 0.5\n")
     np.savez(arrays, positions=[[0, 0], [2, 2]], radii=[0.5, 0.5], box=[4.0])
     assert all(import_packing(path).n == 2 for path in (lines, arrays))
-    beyond = (two, 2, 2), (JAXMD, 10, 10), (JAXMD, -1, 10), (JAMBASHBULK, 1, 1), (lines, 1, 1), (arrays, 1, 1)
+    beyond = (
+        (two, 2, 2),
+        (JAXMD, 10, 10),
+        (JAXMD, -11, 10),
+        (JAMBASHBULK, 1, 1),
+        (lines, 1, 1),
+        (arrays, 1, 1),
+    )
     for path, index, count in beyond:
         with pytest.raises(InputError, match=rf"index {index}: no such packing \({count}, numbered from 0\)"):
             import_packing(path, index)

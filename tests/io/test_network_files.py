@@ -91,7 +91,7 @@ def test_lammps_bonds_lead_to_the_nearest_image(tmp_path):
         ("2 2 10 20", "2 3 10 20", "Bond Coeffs: no line for bond type 3. Add K and r0 of it."),
         ("# harmonic", "# fene", "Bond Coeffs # fene: not supported, only harmonic"),
         ("2 2 10 20", "2 2 10", "Bonds: line '2 2 10', must have 4 numbers."),
-        ("2 2 10 20", "2 2 10 x", "2 2 10 x: not numbers"),
+        ("2 2 10 20", "2 2 10 x", "x: not numbers"),
         ("Bonds\n\n1 1 30 10\n2 2 10 20\n", "", "no section Bonds"),
         ("2 1.5 0.75", "2 -1.5 0.75", "stiffness[1]: -3, must be positive"),
         ("2 2 10 20", "2 2 10 10", "bond 1, of nodes 0 and 0: joins a node to itself"),
@@ -138,7 +138,7 @@ def test_texts_that_are_refused(tmp_path, capsys, nodes, bonds, more, says):
 
 
 def test_texts_of_nodes_and_bonds(tmp_path):
-    (tmp_path / "nodes.txt").write_text("# box 5 4 0.5\n0 0\n4.5 0.0\n4.5 1.0\n")
+    (tmp_path / "nodes.txt").write_text("# box 5 4 2\n0 0\n4.5 0.0\n4.5 1.0\n")
     for line, stiffness, tension in (("0 1\n2 1", 1.0, 0.0), ("0,1,2,-1\n2,1,2,-1", 2.0, -1.0)):
         (tmp_path / "bonds.txt").write_text(f"# nodes k T\n{line}\n")
         network = import_network(tmp_path / "nodes.txt", tmp_path / "bonds.txt", k=2.0)

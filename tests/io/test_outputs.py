@@ -195,6 +195,12 @@ def test_what_is_there_already_is_the_result_of_these_inputs_undamaged(inputs, c
         Path("f.h5").write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
         status, told, unchanged = again()
         assert status == 2 and unchanged and "f.h5: exists and is a damaged HDF5 file" in told
+    for settings in ("no json", "[1, 2]", "null", '"text"'):
+        Path("f.h5").write_bytes(whole)
+        with h5py.File("f.h5", "r+") as h5:
+            h5.attrs["request"] = settings
+        status, told, unchanged = again()
+        assert status == 2 and unchanged and "f.h5: exists and has settings that are not readable. " in told
     Path("f.h5").write_bytes(whole)
     with h5py.File("f.h5", "r+") as h5:
         h5["strain"][0] = 7.0

@@ -116,7 +116,7 @@ DEFECTS = {
     ),
     "potential": (
         lambda h5: h5.attrs.update(potential="WCA"),
-        r"potential 'WCA': not supported. Choose one of harmonic",
+        r"attribute potential = 'WCA': must be one of harmonic, hertzian. Make",
     ),
     "no stiffness": (
         lambda h5: h5.attrs.__delitem__("stiffness"),

@@ -10,6 +10,7 @@ import jampetsc
 from jampetsc.errors import InputError
 from jampetsc.packing.cell import reduced_basis
 from jampetsc.packing.contacts import assigned_volumes, disk_stresses, force_threshold, imbalance, measure
+from jampetsc.packing.geometry import geometry_of
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network, nearest_images
 
@@ -91,28 +92,94 @@ def test_packings_of_spheres_in_the_forms_of_their_cell():
     assert cube.phi == pytest.approx(4 / 3 * np.pi * np.sum(radii**3) / 64.0)
     rows = np.array([(4.0, 0, 0), (0.5 * 5, 5.0, 0), (-0.25 * 6, 0.125 * 6, 6.0)])
     box = SimpleNamespace(Lx=4.0, Ly=5.0, Lz=6.0, xy=0.5, xz=-0.25, yz=0.125)
-    tilted = [jampetsc.Packing(x, radii, cell).cell for cell in (rows, box, (4, 5, 6, 0.5, -0.25, 0.125))]
+    tilted = [
+        jampetsc.Packing(x, radii, cell).cell
+        for cell in (rows, box, (4, 5, 6, 0.5 * 5, -0.25 * 6, 0.125 * 6))
+    ]
     for cell in tilted:
         np.testing.assert_array_equal(cell, rows)
     np.testing.assert_array_equal(jampetsc.Packing(x, radii, (4, 5, 6)).cell, np.diag([4.0, 5.0, 6.0]))
-    flat = np.column_stack((4 * rng.permutation(12).reshape(-1, 1) * np.ones(2), np.full(12, 0.7)))
-    disks = [jampetsc.Packing(flat, radii, cell) for cell in (50.0, (50, 51), (50, 50, 0.1), 50 * np.eye(2))]
-    assert [packing.dimension for packing in disks] == [2] * 4
-    assert jampetsc.Packing(flat, radii, 50 * np.eye(3)).dimension == 3
     for positions, cell, says in (
         (x, (4.0, 5.0), "centres spread by .* in z, but the cell has two axes"),
         (x, np.eye(2), "centres spread by .* in z, but the cell has two axes"),
-        (x[:, :2], rows, r"cell of shape \(3, 3\): need L, \(Lx, Ly\)"),
+        (x[:, :2], rows, "the box is tilted out of the plane"),
         (x, rows.T, r"must be rows \(Lx, 0, 0\), \(xy, Ly, 0\) and"),
         (
             x,
             SimpleNamespace(Lx=4, Ly=4, Lz=4, xy=0, xz=0, yz=0, periodic=(1, 1, 0)),
-            "periodic in x, y and z",
+            "must be periodic in x, y and z",
         ),
         (x, 0.9, "a particle would touch its own image"),
     ):
         with pytest.raises(InputError, match=says):
             jampetsc.Packing(positions, radii, cell)
+
+
+FLAT_CELLS = {  # of 12 disks with a third coordinate
+    "L": 50.0,
+    "two sides": (50, 50),
+    "three sides": (50, 50, 7),
+    "a depth below the diameter": (50, 50, 0.1),
+    "rows in the plane": 50 * np.eye(2),
+    "rows in space": np.diag([50.0, 50.0, 7.0]),
+    "three sides and tilts": (50, 50, 7, 0, 0, 0),
+    "a box with a depth": SimpleNamespace(Lx=50, Ly=50, Lz=7, xy=0, xz=0, yz=0, periodic=(True, True, False)),
+    "a box of two dimensions": SimpleNamespace(Lx=50, Ly=50, Lz=0, xy=0, dimensions=2),
+}
+
+
+@pytest.mark.parametrize("form", FLAT_CELLS)
+@pytest.mark.parametrize("noise", [0.0, 1e-7])
+def test_centres_with_the_same_z_are_disks_whatever_the_cell(form, noise):
+    """To single precision of the box, also where z lies at both ends of its depth."""
+    rng = np.random.default_rng(7)
+    places, radii = 4.0 * np.column_stack(np.unravel_index(np.arange(12), (4, 3))), rng.uniform(0.4, 0.6, 12)
+    cell = FLAT_CELLS[form]
+    flat = np.column_stack((places, 50.0 * noise * rng.uniform(-1, 1, 12)))
+    if form in ("three sides", "rows in space"):
+        flat[:, 2] %= 7.0
+    packing = jampetsc.Packing(flat, radii, cell)
+    np.testing.assert_array_equal(packing.cell, np.diag([50.0, 50.0]))
+    np.testing.assert_array_equal(packing.positions, places)
+    bonds = [(0, 1), (1, 2)]
+    network = Network(flat, bonds, cell, images=np.zeros((2, 3)))
+    assert network.dimension == network.images.shape[1] == 2
+    if form in ("L", "three sides", "rows in space", "three sides and tilts"):
+        spheres = jampetsc.Packing(flat, radii, cell, dimension=3)
+        assert spheres.dimension == Network(flat, bonds, cell, dimension=3).dimension == 3
+        np.testing.assert_array_equal(spheres.positions, flat)
+
+
+def test_z_that_differs_is_left_out_on_request_only():
+    rng = np.random.default_rng(8)
+    x, radii = spheres(rng, side=40.0)
+    assert jampetsc.Packing(x, radii, 40.0).dimension == 3
+    assert jampetsc.Packing(x, radii, (40, 40, 40), dimension=2).dimension == 2
+    assert jampetsc.Packing(x, radii, SimpleNamespace(Lx=40, Ly=40, Lz=0, xy=0, dimensions=2)).dimension == 2
+    for dimension, positions, says in (
+        (4, x, "dimension 4: must be 2 or 3"),
+        (3, x[:, :2], r"dimension 3: positions of shape \(12, 2\), must be \(N, 3\)"),
+    ):
+        with pytest.raises(InputError, match=says):
+            jampetsc.Packing(positions, radii, 40.0, dimension=dimension)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_turned_cell_is_the_same_lattice(dimension):
+    """Distances of nearest images, and the handedness, stay; −a₃ spans the lattice of a₃."""
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        rows = rng.normal(size=(dimension, dimension)) + 3.0 * np.eye(dimension)
+        x = rng.normal(size=(5, dimension))
+        turned = geometry_of(x, rows, dimension, may_turn=True)
+        assert (np.diag(turned.cell) > 0).all() and not np.triu(turned.cell, 1).any()
+        np.testing.assert_allclose(abs(np.linalg.det(rows)), np.prod(np.diag(turned.cell)))
+        rotation = np.linalg.lstsq(x, turned.positions, rcond=None)[0]
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(dimension), atol=1e-12)
+        assert np.linalg.det(rotation) == pytest.approx(1.0)
+        numbers = rows @ rotation @ np.linalg.inv(turned.cell)
+        np.testing.assert_allclose(numbers, np.rint(numbers), atol=1e-10)
+        assert abs(np.linalg.det(numbers)) == pytest.approx(1.0)
 
 
 def test_folding_keeps_all_bonds_of_spheres():

@@ -43,7 +43,10 @@ def made(positions=PLACES, bonds=BONDS, cell=5.0, **more):
         ({"bonds": "ab"}, "bonds: must be an array of real numbers"),
         ({"positions": [(0, 0), (np.inf, 0), (1, 1), (0, 1)]}, "positions[1, 0]: inf, must be finite."),
         ({"positions": np.zeros((4, 4))}, "positions: shape (4, 4), must be (N, 2) or (N, 3)."),
-        ({"positions": np.zeros((4, 3)), "cell": (5.0, 4.0)}, "cell of shape (2,): need L, (Lx, Ly, Lz)"),
+        (
+            {"positions": [(0, 0, 0), (1, 0, 0), (1, 1, 1), (0, 1, 0)], "cell": (5.0, 4.0)},
+            "centres spread by 1 in z, but the cell has two axes. Give a cell that is periodic along z for spheres",
+        ),
         ({"positions": np.zeros(4)}, "positions: shape (4,), must be (N, 2) or (N, 3)."),
         ({"positions": 1e10 * np.array(PLACES)}, "positions: beyond 2^28 units of length"),
         (

@@ -77,7 +77,7 @@ def test_a_plane_in_space(session):
     cell[:2, :2], cell[2, 2] = flat.cell, depth
     solid = Network(
         np.column_stack((flat.positions, np.full(flat.n, 0.4))), flat.bonds, cell, flat.stiffness, 0.0,
-        np.column_stack((flat.images, np.zeros(len(flat.bonds)))),
+        np.column_stack((flat.images, np.zeros(len(flat.bonds)))), dimension=3,
     )  # fmt: skip
     expected, found = (tensor(one, law, session.comm) for one in (flat, solid))
     rows = [0, 1, 5]

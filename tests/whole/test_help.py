@@ -101,7 +101,9 @@ def test_the_examples_run(tmp_path):
     text = (folder / "p.dump").read_text()
     (folder / "dump.lammpstrj").write_text(2 * text)
     (folder / "types.lammpstrj").write_text(text)
+    (folder / "sizes.lammpstrj").write_text(text.replace(" radius ", " Dn "))
     rows = text.partition("ITEM: ATOMS")[2].splitlines()[1:]
+    np.savetxt(folder / "table.txt", np.loadtxt(rows, usecols=(0, 2, 3, 5)))
     np.savetxt(folder / "disks.txt", np.loadtxt(rows, usecols=(2, 3, 5)))
     (folder / "nodes.txt").write_text("0 0\n1 0\n1 1\n")
     (folder / "bonds.txt").write_text("0 1 1.0\n1 2 2.0\n")
