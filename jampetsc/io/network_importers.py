@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.exchange import check_uncompressed, format_of, to_numbers
+from jampetsc.io.exchange import check_uncompressed, format_of, is_number, to_numbers
 from jampetsc.io.importers import RADII, box_of, radii_in, read_content, read_table
 from jampetsc.packing.spring_network import Network
 
@@ -132,12 +132,15 @@ def _section(text, title, width):
 def _columns_of(content):
     """Arguments of `Network` about bonds: lines i j, i j k or i j k T; comments begin with #. Raises InputError."""
     text = re.sub("#.*", "", content.decode(errors="replace")).replace(",", " ")
-    rows = [line.split() for line in text.splitlines() if line.strip()]
+    numbered = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+    rows = [row for _, row in numbered]
     width = len(rows[0]) if rows else 0
     if not 2 <= width <= 2 + len(BOND_COLUMNS):
         raise InputError("holds no lines i j, i j k or i j k T of bonds. Nodes are numbered from 0.")
-    wrong = next((row for row in rows if len(row) != width), None)
-    if wrong:
-        raise InputError(f"line {' '.join(wrong)!r}: must have {width} numbers, as the first one.")
+    for number, row in numbered:
+        if len(row) != width or not all(map(is_number, row)):
+            raise InputError(
+                f"line {number}: {' '.join(row)!r}, must have {width} numbers, as the first one."
+            )
     table = np.array([to_numbers(row) for row in rows])
     return {"bonds": table[:, :2]} | dict(zip(BOND_COLUMNS, table[:, 2:].T, strict=False))
