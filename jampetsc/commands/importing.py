@@ -14,6 +14,7 @@ from jampetsc.io.exchange import READERS
 from jampetsc.io.importers import import_packing
 from jampetsc.io.network_importers import import_network
 from jampetsc.io.packing_file import NETWORK_FORMAT
+from jampetsc.io.results import noted
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
 from jampetsc.packing.contacts import BALANCED, IMBALANCE, imbalance, measure
@@ -109,8 +110,19 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
             return describe_network(to, network)
         settings = ("format", "radius", "box", "potential", "stiffness", "k")
         disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in settings})
+        if notes := _notes(disks):
+            disks = disks.with_record(notes=noted(notes))
         to.put_packing(disks)
         return _summary(to, self.file, disks)
+
+
+def _notes(disks) -> list[str]:
+    """The note, if any, that forces of an imported packing are not balanced, see `io.results`."""
+    state = measure(disks)
+    rest = imbalance(disks, state)
+    if not len(state.contacts) or rest <= BALANCED:
+        return []
+    return [f"forces are not balanced: {IMBALANCE[disks.dimension]} = {rest:.1e}. Quench it (pack from it)"]
 
 
 def _summary(to, file, disks) -> str:
@@ -148,10 +160,6 @@ def _summary(to, file, disks) -> str:
 def _command_to_minimise(path, disks) -> str:
     """The command that minimises the energy of a packing file: at its φ, or at its p where `pack` refuses that φ."""
     low, high = PHIS[disks.dimension]
-    goal = (
-        f"--phi {disks.phi!r}"
-        if low <= disks.phi <= high
-        else f"--pressure {disks.pressure / disks.potential.k:.6g}"
-    )
+    goal = f"--phi {disks.phi!r}" if low <= disks.phi <= high else f"--pressure {disks.pressure:.6g}"
     out = path.with_name(f"{path.stem}-minimum{path.suffix}")
     return f"jampetsc pack --from {shlex.quote(str(path))} {goal} --out {shlex.quote(str(out))}"
