@@ -1,4 +1,4 @@
-"""Stress, pressure and coordination under steady shear against figures of an independent program.
+"""Stress, pressure and contacts under steady shear against figures of an independent program.
 
     .venv/bin/python benchmarks/flow_oracles.py [--points quick|256|1024|massive|quasistatic] [--seeds 1:2]
 
@@ -24,7 +24,7 @@ from jampetsc import main as cli
 from jampetsc.analysis.correlated_series import mean_of_facts
 
 STRAINS = {1e-2: 40, 1e-3: 20, 1e-4: 6}
-QUANTITIES = ("shear_stress", "pressure", "coordination")
+QUANTITIES = ("shear_stress", "pressure", "contact_number")
 # (model, N, φ, rate): ((σ, error), (p, error), (Z, error))
 FIGURES = {
     ("RD0", 256, 0.8, 1e-2): ((2.84e-3, 0.16e-3), (8.5e-3, 0.3e-3), (3.059, 0.012)),

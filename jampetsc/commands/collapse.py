@@ -11,6 +11,7 @@ from jampetsc.commands.sources import WHERE, rows_named, write_derived
 from jampetsc.errors import InputError, as_float, named
 from jampetsc.io.ensemble import Ensemble
 from jampetsc.io.provenance import recorded_dimension
+from jampetsc.io.results import note_lines
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILES, ValueType, optional_parameter, parameter
 from jampetsc.options.values import RESULT, load_source, refuse_repeated, split_list
@@ -136,8 +137,8 @@ examples:
         cuts = drift(points, form)
         _, fit, estimates = cuts[0]
         notes = scaling.notes_of(points, fit, estimates, self.finite_size)
-        arrays, facts = self._arrays(points, fit, cuts), self._attributes(results[0], fit, estimates, notes)
-        write_derived(to, self.FORMAT, results, start_time, arrays, **facts)
+        arrays, facts = self._arrays(points, fit, cuts), self._attributes(results[0], fit, estimates)
+        write_derived(to, self.FORMAT, results, start_time, arrays, notes, **facts)
         return _summary(to, self, points, cuts, notes)
 
     def _arrays(self, points, fit, cuts):
@@ -166,7 +167,7 @@ examples:
             "drift/chi2_per_dof": np.array([fit.chi2 / fit.dof for _, fit, _ in cuts]),
         }
 
-    def _attributes(self, first, fit, estimates, notes):
+    def _attributes(self, first, fit, estimates):
         symbols = words_of(self.finite_size)
         return {
             **{name: first.attributes.get(name) for name in COMMON_ATTRIBUTES},
@@ -185,7 +186,6 @@ examples:
                 for name, estimate in estimates.items()
                 for what in ("error", "low", "high", "shift")
             },
-            "notes": "; ".join(notes),
         }
 
 
@@ -210,4 +210,4 @@ def _summary(to, job, points, cuts, notes) -> str:
             f"{text_of(other_fit.parameters, other_estimates, job.finite_size)}, "
             f"chi2/dof = {other_fit.chi2 / other_fit.dof:.3g}"
         )
-    return "\n".join(lines + [f"  note: {note}" for note in notes])
+    return "\n".join(lines + note_lines(notes))

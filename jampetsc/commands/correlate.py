@@ -28,6 +28,7 @@ from jampetsc.io.disk_motion import (
     radii_of,
     source_of,
 )
+from jampetsc.io.results import note_lines, notes_of_sources
 from jampetsc.options.job import ALL_SEEDS, Job, TaskInputs
 from jampetsc.options.parameters import FILES, ValueType, format_value, optional_parameter, parameter
 from jampetsc.options.values import (
@@ -165,7 +166,7 @@ def _of_flows(job, flows, to) -> str:
         "pairs": correlation.pairs,
     }
     write_derived(
-        *(to, VELOCITIES, flows, start_time, arrays),
+        *(to, VELOCITIES, flows, start_time, arrays, notes := notes_of_sources(flows)),
         **{name: flows[0].attributes.get(name) for name in ("model", "rate", "mass", "units")},
         lane_width=widths[0] * correlation.diameter,
         bin_width=bin_ * correlation.diameter,
@@ -177,9 +178,12 @@ def _of_flows(job, flows, to) -> str:
         minimum_error=correlation.minimum_errors[1],
         minimum_at_error=correlation.minimum_errors[0],
     )
-    return (
-        f"{to}: g_y of {correlation.snapshots} snapshots, lanes of {widths[0]:g} d: least {depth:.3g} at x = "
-        f"{place / correlation.diameter:.3g} d, <u_y^2>/rate^2 = {correlation.mean_square:.3g}"
+    return "\n".join(
+        [
+            f"{to}: g_y of {correlation.snapshots} snapshots, lanes of {widths[0]:g} d: least {depth:.3g} at x = "
+            f"{place / correlation.diameter:.3g} d, <u_y^2>/rate^2 = {correlation.mean_square:.3g}",
+            *note_lines(notes),
+        ]
     )
 
 
@@ -218,7 +222,7 @@ def _of_sweeps(job, sweeps, to) -> str:
             len(results), -1, 2, *values.shape[2:]
         )  # Re and Im of each field
     write_derived(
-        *(to, job.FORMAT, sweeps, start_time, arrays),
+        *(to, job.FORMAT, sweeps, start_time, arrays, notes := notes_of_sources(sweeps)),
         **_mean_pressure(sweeps),
         phase=phase,
         packings=len(sweeps),
@@ -226,7 +230,8 @@ def _of_sweeps(job, sweeps, to) -> str:
         mean_diameter=diameter,
         pairs=[correlation.pairs for correlation in results],
     )
-    return _sweep_summary(to, len(sweeps), frequencies[0], phase, lanes, results, length / diameter)
+    summary = _sweep_summary(to, len(sweeps), frequencies[0], phase, lanes, results, length / diameter)
+    return "\n".join([summary, *note_lines(notes)])
 
 
 def _diameter(disks):

@@ -10,10 +10,12 @@ from jampetsc.columns import aligned
 from jampetsc.io.ensemble import DISTINGUISHING_COLUMNS
 from jampetsc.io.parts import parts_of
 from jampetsc.io.provenance import recorded_dimension
+from jampetsc.io.results import count_notes, notes_in
 from jampetsc.laws.loads import AXES
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
 from jampetsc.packing.packing import PARTICLES, PROOF_ATTRIBUTES, proved_minimum
 from jampetsc.packing.spring_network import Network
+from jampetsc.packing.units import name_stress_unit, units_line
 from jampetsc.streams import visible
 
 DIGITS = 10  # of numbers, enough to compare them with published ones
@@ -70,7 +72,12 @@ def describe_study(path, ensemble) -> str:
             )
     failed = zip(*(ensemble.failed[column] for column in ("file", "state")), strict=True)
     reasons = [visible(f"  {name}: {why}") for name, why in failed]
-    return "\n".join([aligned_text(rows), *reasons])
+    done = ensemble.where(state="done")
+    noted = zip(*(done.get(name, [""] * done.rows) for name in ("command", "file", "notes")), strict=True)
+    notes = count_notes(
+        [{"command": command, "file": file, "notes": notes} for command, file, notes in noted]
+    )
+    return "\n".join([aligned_text(rows), *reasons, *notes])
 
 
 def cell_text(cell) -> str:
@@ -98,6 +105,7 @@ def describe_packing(path, disks) -> str:
         ("made by", str(record.pop("protocol", "unknown"))),
         ("potential", f"{law.kind}, stiffness {law.stiffness}, k = {law.k:g}"),
         ("radii", f"{radii.min():.6g} to {radii.max():.6g}, mean diameter d = {diameter:.6g}"),
+        ("units", units_line(name_stress_unit(law, disks.dimension), law.k).partition(": ")[2]),
         ("cell", f"{cell_text(disks.cell)}, V = {disks.volume:.9g}"),
     ]
     notes = []
@@ -128,7 +136,8 @@ def describe_packing(path, disks) -> str:
         rows.append(("minimum", f"proved when it was made: {record['negative_modes_counted_by']}"))
     elif stated is not None:
         notes.append(f"the file records negative_modes = {stated}, but for other coordinates; ignored")
-    for name in ("max_force", "coordination", "rattlers", *PROOF_ATTRIBUTES):  # measured above
+    notes += notes_in(record)
+    for name in ("max_force", "coordination", "rattlers", "notes", *PROOF_ATTRIBUTES):  # measured above
         record.pop(name, None)
     if record:
         rows.append(("recorded in the file",))
@@ -180,9 +189,18 @@ def describe_result(path, loaded) -> str:
         ("git commit", str(a.get("git_commit", "unknown"))),
         ("files", _files(len(parts_of(path).sizes)) if loaded.file else "none: in memory"),
     ]
+    if "k" in a and "stress_unit" in a:
+        rows.append(("units", units_line(a["stress_unit"], a["k"], a.get("tau1")).partition(": ")[2]))
     if "G" in loaded:
         rows += _moduli(loaded)
-    listed = {*HEADER_ATTRIBUTES, *RUN_ATTRIBUTES, *loaded.law, *(f"{name}_version" for name in LIBRARIES)}
+    listed = {
+        "notes",
+        "stress_unit",
+        *HEADER_ATTRIBUTES,
+        *RUN_ATTRIBUTES,
+        *loaded.law,
+        *(f"{name}_version" for name in LIBRARIES),
+    }
     remaining = {name: value for name, value in a.items() if name not in listed}
     if remaining:
         rows.append(("attributes",))
@@ -191,7 +209,7 @@ def describe_result(path, loaded) -> str:
     rows += [
         (name, str(loaded.stored(name).shape), str(loaded.stored(name).dtype)) for name in sorted(loaded)
     ]
-    return aligned_text(rows)
+    return "\n".join([aligned_text(rows), *(f"note: {note}" for note in notes_in(a))])
 
 
 def _files(parts):
@@ -319,6 +337,7 @@ def describe_network(name, network: Network) -> str:
             ("bonds", f"{2 * len(bonds) / network.n:.6g} for each node; {isolated} nodes have none"),
             ("lengths", _range(bonds.distance)),
             ("stiffness", f"{_range(bonds.stiffness)}, unit k = {network.k:g}"),
+            ("units", units_line(name_stress_unit(None, network.dimension), network.k).partition(": ")[2]),
             ("forces", _forces(network)),
             ("radii", "none: nodes do not roll" if network.radii is None else _range(network.radii)),
             *((key, number_text(value)) for key, value in sorted(record.items()) if value is not None),

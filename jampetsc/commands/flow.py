@@ -16,12 +16,14 @@ from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import FILE, composite_parameter, optional_parameter, parameter
 from jampetsc.options.physics_options import MODEL
 from jampetsc.options.starts import GROUP, ShearJob, run_parameter
-from jampetsc.options.values import PACKING_OR_RESULT, input_name, load_source
+from jampetsc.options.values import PACKING_OR_RESULT, POSITIVE, TIME_UNIT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import session
 from jampetsc.progress import Progress, note
 
 TOLERANCE = 1e-4
+MAX_RATE = 1.0  # of the stiffness of the stiffest contact over its damping, k/kτ₁ or (k/σ²)/kτ₁
+ROUNDING = 1e-12  # relative, of limits in other units
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +57,9 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
         metavar="START",
     )
     model: Model | Law | str | None = composite_parameter(MODEL, None)
-    rate: float | None = optional_parameter("shear rate γ̇", above=0.0, high=1.0, metavar="R")
+    rate: float | None = optional_parameter(
+        "shear rate γ̇", above=0.0, high=POSITIVE[1], unit=TIME_UNIT, metavar="R"
+    )
     strain: float = parameter(help="how far to shear", above=0.0, metavar="S")
     walls: bool = parameter(False, "between sliding rough walls, rows of disks (not of spheres)", group=GROUP)
     snapshots: int | None = run_parameter(
@@ -68,7 +72,9 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
         "log: states at strains that grow by a factor, for mean square displacements (default even)",
         choices=("even", "log"),
     )
-    step: float | None = run_parameter("time step (default: by the model)", above=0.0, metavar="DT")
+    step: float | None = run_parameter(
+        "time step, a time as tau1 (default: by the model)", above=0.0, metavar="DT"
+    )
     tolerance: float | None = run_parameter(
         f"of the velocities of contact damping (default {TOLERANCE:g})", low=1e-14, high=0.1, metavar="T"
     )
@@ -104,11 +110,19 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             if self.model is None:
                 names = f"{', '.join(MODELS)}, or {named('law')} with its options"
                 raise InputError(f"{named('model')}: missing. Give {names}.{self._hint}")
+            if self.start is None and self.radii is None:
+                self._check_rate(1.0)  # of the smallest disks, whose diameter is 1
             if self.step is not None and not self.rate * self.step <= self.strain * (1.0 + 1e-9):
                 raise InputError(
                     f"{named('step')} {self.step:g}: longer than the whole run ({self.strain / self.rate:g} for "
                     f"{named('strain')} {self.strain:g}). Give a shorter one."
                 )
+
+    def _check_rate(self, scale):
+        """Refuse a rate out of range for disks whose shortest scale of overlaps is `scale`, see `Potential.scale`."""
+        fastest = MAX_RATE / (self.model.law.tau1 * scale**2)
+        if not self.rate <= fastest * (1.0 + ROUNDING):
+            raise InputError(f"{named('rate')} {self.rate:g}: must be at most {fastest:.6g}")
 
     @property
     def _in_memory(self):
@@ -220,6 +234,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
                 f"{named('rate')}; to continue one, give its file."
             )
         disks, origin = self.disks()
+        self._check_rate(float(disks.potential.scale(2.0 * np.array(disks.radii.min()))))
         run = define_flow(
             disks,
             self.model.of_stiffness(disks.potential.k),
@@ -284,7 +299,7 @@ def _facts(run, result) -> dict:
         "phi": run.phi,
         "mass": model.mass,
         "quality": float(np.sqrt(model.mass * k)) / (k * model.law.tau1) if model.mass else None,
-        "friction": model.background_drag,
+        "background_drag": model.background_drag,
         "particle_count": disks.n - run.wall_disks,
         **({"dimension": 3} if disks.dimension == 3 else {}),
         **potential_facts(disks),
@@ -300,7 +315,7 @@ def _facts(run, result) -> dict:
 
 def _summary(run, to, means) -> str:
     """Summary of a run for its user, in lines."""
-    from jampetsc.commands.run_files import sample_sizes
+    from jampetsc.commands.run_files import run_units, sample_sizes
 
     walls = f" between walls of {run.wall_disks} disks" if run.wall_disks else ""
     lines = [
@@ -309,10 +324,11 @@ def _summary(run, to, means) -> str:
         f"  sigma = {means.shear_stress} (elastic {means.parts[0]:.4g}, viscous {means.parts[1]:.4g}, kinetic "
         f"{means.parts[2]:.4g}), p = {means.pressure}, sigma/p = "
         f"{means.shear_stress.mean / means.pressure.mean:.4g}",
-        f"  Z = {means.coordination}, energy balance {means.energy_balance:.4f}, correlation strain "
+        f"  2N_c/N = {means.contact_number}, energy balance {means.energy_balance:.4f}, correlation strain "
         f"{means.correlation_strain:.2g}, {sample_sizes(means.shear_stress, means.pressure)}",
     ]
     if means.walls:
         stress, pressure = means.walls.values()
         lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
+    lines.append(run_units(run.disks, run.model.law.tau1))
     return "\n".join(lines + note_lines(means.warnings()))

@@ -14,12 +14,14 @@ from jampetsc.io.exchange import READERS
 from jampetsc.io.importers import import_packing
 from jampetsc.io.network_importers import import_network
 from jampetsc.io.packing_file import NETWORK_FORMAT
+from jampetsc.io.results import noted
 from jampetsc.io.size_columns import HOLDS
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
 from jampetsc.packing.contacts import BALANCED, IMBALANCE, imbalance, measure
 from jampetsc.packing.packing import PARTICLES, PHIS
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
+from jampetsc.packing.units import stress_unit_of
 
 # options on how a file is read, of packings and networks
 READING = ("format", "radius", "column_holds", "columns", "box", "dimension")
@@ -137,8 +139,19 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
             return describe_network(to, network)
         settings = (*READING, "potential", "stiffness", "k", "pair_style")
         disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in settings})
+        if notes := _notes(disks):
+            disks = disks.with_record(notes=noted(notes))
         to.put_packing(disks)
         return _summary(to, self.file, disks)
+
+
+def _notes(disks) -> list[str]:
+    """The note, if any, that forces of an imported packing are not balanced, see `io.results`."""
+    state = measure(disks)
+    rest = imbalance(disks, state)
+    if not len(state.contacts) or rest <= BALANCED:
+        return []
+    return [f"forces are not balanced: {IMBALANCE[disks.dimension]} = {rest:.1e}. Quench it (pack from it)"]
 
 
 def _summary(to, file, disks) -> str:
@@ -184,11 +197,14 @@ def _way_to_minimum(path, disks) -> str:
 
     At its φ, or at its p where `pack` refuses that φ.
     """
-    (low, high), pressure = PHIS[disks.dimension], disks.pressure / disks.potential.k
+    (low, high), pressure = (
+        PHIS[disks.dimension],
+        disks.pressure / stress_unit_of(disks.radii, disks.potential, disks.dimension),
+    )
     if low <= disks.phi <= high:
         goal = f"--phi {disks.phi!r}"
     elif disks.phi < low and PRESSURES[0] <= pressure <= PRESSURES[1]:
-        goal = f"--pressure {pressure:.6g}"
+        goal = f"--pressure {disks.pressure:.6g}"
     else:
         return ""
     out = path.with_name(f"{path.stem}-minimum{path.suffix}")

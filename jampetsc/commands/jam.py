@@ -20,6 +20,7 @@ from jampetsc.options.starts import PHI_RANGE, UNITS, minimum_tolerance_paramete
 from jampetsc.options.values import SEEDS, Numbers, number_list
 from jampetsc.packing.packing import PARTICLES
 from jampetsc.packing.potentials import EXPONENTS, Potential
+from jampetsc.packing.units import name_stress_unit, units_line
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
@@ -123,15 +124,17 @@ A killed run continues when the same command is given again. Options of the Newt
                 checkpoint = to.checkpoint(self.settings() | protocol.facts)
                 resume = saved_rows(checkpoint)
         resume = comm.bcast(resume and resume[0])
+        radii = in_small_diameters(radii_of(self.sizes, self.n))
+        potential = Potential(self.potential, STIFFNESS)
         size, starts = batch_size(protocol, comm.size), len(self.phi) * len(self.seeds)
         finished = len(resume["phi"]) // protocol.rows if resume else 0
         with Progress(-(-starts // size), "jam", comm.rank, finished // size) as progress:
             columns = make_samples(
                 protocol,
-                in_small_diameters(radii_of(self.sizes, self.n)),
+                radii,
                 self.phi.tolist(),
                 self.seeds,
-                Potential(self.potential, STIFFNESS),
+                potential,
                 HessianSolver(),
                 self.tolerance,
                 comm,
@@ -144,6 +147,7 @@ A killed run continues when the same command is given again. Options of the Newt
             )
         facts = {
             "stiffness": STIFFNESS,
+            "stress_unit": name_stress_unit(potential, self.dimension),
             "units": UNITS,
             "energy_cut": ENERGY_CUT,
             "protocol": protocol.name,
@@ -160,7 +164,8 @@ A killed run continues when the same command is given again. Options of the Newt
             provenance = run_provenance(time.perf_counter() - start_time, running, running.size)
             writer.attributes(**provenance | facts | protocol.facts, notes=noted(notes))
         on_root(comm, lambda: checkpoint.remove())
-        return "\n".join([*_summary(self, columns, to), *note_lines(notes)])
+        units = units_line(facts["stress_unit"], 1.0, diameter=2.0 * float(radii.mean()))
+        return "\n".join([*_summary(self, columns, to), units, *note_lines(notes)])
 
 
 def _notes(columns) -> list[str]:

@@ -5,18 +5,20 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from jampetsc.errors import InputError, about, named
+from jampetsc.io.results import note_lines
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA, Physics
 from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
 from jampetsc.options.job import ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import ValueType, optional_parameter, parameter
 from jampetsc.options.physics_options import PackingJob, load_parameter
-from jampetsc.options.values import STRESS_UNIT, Numbers, number_list
+from jampetsc.options.values import POSITIVE, STRESS_UNIT, TIME_UNIT, Numbers, number_list
 from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
 
 OMEGA_RANGE = 1e-300, 1e300  # of ω and ωτ₁
-MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-30, 1.0  # amplitudes
+MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-30, 1.0  # of strains, and of stresses over `PackingNetwork.stress_scale`
 MIN_MOVING_AMPLITUDE = 1e-9  # smaller strains or stresses give forces of few correct digits
 MIN_CYCLES, MAX_CYCLES = 3, 100_000
+ROUNDING = 1e-12  # relative, of limits in other units
 
 
 def _cycles(value):
@@ -57,11 +59,11 @@ A killed run continues when the same command is given again."""
     omega: Numbers = parameter(
         help="frequencies ω",
         value_type=number_list(*OMEGA_RANGE, "LOW:HIGH:COUNT|LIST"),
-        unit="1/τ₁ (with τ₁ = 1)",
+        unit=TIME_UNIT,
     )
     stress: Numbers | None = optional_parameter(
         "amplitudes of an imposed stress, the force per volume on the amplitude of the load",
-        value_type=number_list(MIN_AMPLITUDE, MAX_AMPLITUDE),
+        value_type=number_list(*POSITIVE),
         unit=STRESS_UNIT,
     )
     strain: Numbers | None = optional_parameter(
@@ -105,6 +107,19 @@ A killed run continues when the same command is given again."""
             )
         self._check_contacts()
         self._check_frequencies()
+        if self.strain is not None:
+            self._check_amplitudes(1.0)
+
+    def _check_amplitudes(self, unit):
+        """Refuse amplitudes out of range in this unit."""
+        moving = self.contacts == "moving"
+        low, high = (MIN_MOVING_AMPLITUDE if moving else MIN_AMPLITUDE) * unit, MAX_AMPLITUDE * unit
+        for end in self.amplitude[[0, -1]]:
+            if not low * (1.0 - ROUNDING) <= end <= high * (1.0 + ROUNDING):
+                raise InputError(
+                    f"{named(self.control)} {end:g}: must lie between {low:g} and {high:g}"
+                    + f" with {named('contacts')} moving" * moving
+                )
 
     def _check_contacts(self):
         if self.contacts == "fixed":
@@ -127,11 +142,6 @@ A killed run continues when the same command is given again."""
         if not self.prestress:
             raise InputError(
                 f"{named('prestress')}: not supported with {named('contacts')} moving. Leave out one of them."
-            )
-        if self.amplitude[0] < MIN_MOVING_AMPLITUDE:
-            raise InputError(
-                f"{named(self.control)} {self.amplitude[0]:g}: must be at least {MIN_MOVING_AMPLITUDE:g} with "
-                f"{named('contacts')} moving"
             )
 
     def _check_frequencies(self):
@@ -190,6 +200,8 @@ A killed run continues when the same command is given again."""
 
         session = current()
         source = read_network(self.packing, self.prestress, to, read_packing)
+        if self.stress is not None:
+            self._check_amplitudes(source.stress_scale)
         with session.stage("assembly"), about(source.name):
             (load,) = loads_of(self.load, source.network.dimension)
             require_stability(source.network, self.control, load)
@@ -225,7 +237,9 @@ A killed run continues when the same command is given again."""
             )
         to.raise_failures(sweep.failures, sweep.arrays["G"].size, "points")
         checkpoint.remove()
-        return _summary(self, to, sweep.arrays)
+        return "\n".join(
+            [_summary(self, to, sweep.arrays), source.units_line(self.law.tau1), *note_lines(source.notes)]
+        )
 
 
 def _summary(job, to, arrays) -> str:

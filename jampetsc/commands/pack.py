@@ -1,5 +1,6 @@
 """Packings at a pressure or a packing fraction, one or an ensemble."""
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,10 +18,12 @@ from jampetsc.options.parameters import ValueType, format_value, optional_parame
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, STRESS_UNIT, split_list
 from jampetsc.packing.packing import PARTICLES, PHIS, Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.packing.units import stress_unit_of
 from jampetsc.petsc import session
 
-PRESSURES = (1e-8, 1.0)
+PRESSURES = (1e-8, 1.0)  # over `stress_unit_of` the particles
 TOLERANCES = (1e-13, 1e-4)
+ROUNDING = 1e-12  # relative, of limits in other units
 PHI_REMEDY = (
     "Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears particles below it."
 )
@@ -46,8 +49,8 @@ def _pressures(value):
         except (TypeError, ValueError):
             raise ValueError("must be a number, or several separated by commas") from None
         texts.append(item if is_text else repr(number))
-        if not PRESSURES[0] <= number <= PRESSURES[1]:
-            raise ValueError(f"{format_value(item)} must lie in [{PRESSURES[0]:g}, {PRESSURES[1]:g}]")
+        if not 0.0 < number < math.inf:
+            raise ValueError(f"{format_value(item)} must be positive and finite")
     if not texts:
         raise ValueError("must be at least one number")
     several = len(texts) > 1 or isinstance(value, list | tuple) or getattr(value, "ndim", 0)
@@ -162,8 +165,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.ladder and self.pressure is None:
             raise InputError(f"{named('ladder')}: a ladder without pressures. Give {named('pressure')}.")
         if self.from_ is None:
-            radii_asked(self.n, self.sizes, self.radii)
+            radii = radii_asked(self.n, self.sizes, self.radii)
             self._check_phi(self.dimension or 2)
+            self._check_pressures(stress_unit_of(radii, self._law, self.dimension or 2))
             return
         for name in DISK_PARAMETERS:
             if getattr(self, name) is not None:
@@ -179,6 +183,25 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             )
 
     @property
+    def _pressure_words(self) -> tuple:
+        """Words of the pressures."""
+        return (
+            self.pressure if isinstance(self.pressure, tuple) else (self.pressure,) if self.pressure else ()
+        )
+
+    def _check_pressures(self, unit):
+        """Refuse pressures out of range for particles whose stress of order one is `unit`."""
+        low, high = (end * unit for end in PRESSURES)
+        for word in self._pressure_words:
+            if not low * (1.0 - ROUNDING) <= float(word) <= high * (1.0 + ROUNDING):
+                raise InputError(f"{named('pressure')} {word}: must lie in [{low:.6g}, {high:.6g}]")
+
+    @property
+    def _law(self):
+        """The potential of random particles."""
+        return Potential(self.potential or "harmonic", self.stiffness or "constant")
+
+    @property
     def several(self) -> bool:
         """Whether the job makes a list of packings."""
         return isinstance(self.pressure, tuple) or self.seeds is not None
@@ -187,8 +210,8 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         """The job that makes the same packing from the one at the pressure above it in a ladder."""
         return replace(self, **dict.fromkeys(("n", "seed", *DISK_PARAMETERS)), from_=above, ladder=False)
 
-    def tasks(self, out, k=1.0) -> list:
-        """Packings to make, each a `PackingTask`; out: their files, None in memory; k: of the packing to start from.
+    def tasks(self, out) -> list:
+        """Packings to make, each a `PackingTask`; out: their files, None in memory.
 
         Raises InputError for an `out` that gives several of them one name.
         """
@@ -198,8 +221,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.pressure is None:
             targets = {"": Target(phi=self.phi, **self._how)}
         else:
-            pressures = self.pressure if isinstance(self.pressure, tuple) else (self.pressure,)
-            targets = {word: Target(k * float(word), **self._how) for word in pressures}
+            targets = {word: Target(float(word), **self._how) for word in self._pressure_words}
         seeds = [None] if self.from_ is not None else self.seeds or [1 if self.seed is None else self.seed]
         if out is not None:
             self._check_name(out, {"{seed}": len(seeds), "{pressure}": len(targets)})
@@ -278,7 +300,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         running = session.current()
         comm, overwrite = running.comm, to.request.overwrite
         start = self._begin(comm)
-        tasks = self.tasks(None if to.path is None else str(to.path), start.k)
+        tasks = self.tasks(None if to.path is None else str(to.path))
         outcomes = {}
 
         def beginning(i):
@@ -306,11 +328,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if failures:
             raise_failures(failures, tasks)
         if to.path is None:
-            packings = [disks for disks, _ in outcomes.values()]
+            packings = [disks for disks, *_ in outcomes.values()]
             to.put_packings(packings if self.several else packings[0])
         elif self.several:
             to.put_packings([task.path for task in tasks])
-        return summarise_packings(tasks, {i: line for i, (_, line) in outcomes.items()}, running.size)
+        lines = {i: line for i, (_, line, _) in outcomes.items()}
+        return summarise_packings(tasks, lines, running.size, [units for *_, units in outcomes.values()])
 
     @property
     def _how(self):
@@ -323,13 +346,13 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
         if self.from_ is None:  # of one rank for all: the file may have been replaced
             radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
-            potential = Potential(self.potential or "harmonic", self.stiffness or "constant")
             settings = {"sizes": sizes_text(self.sizes, self.radii), "requested_n": self.n or 0}
-            return start_at_random(radii, potential, self._how | settings, self.dimension or 2)
+            return start_at_random(radii, self._law, self._how | settings, self.dimension or 2)
         begin, name = start_from_packing(self.from_, self._how, comm), source_name(self.from_)
         with about(name):
             disks = begin.disks_of(self.tasks(None)[0])
             self._check_phi(disks.dimension)
+            self._check_pressures(stress_unit_of(disks.radii, disks.potential, disks.dimension))
             n = disks.n
         if self.n not in (None, n):
             raise InputError(

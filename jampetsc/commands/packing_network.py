@@ -6,17 +6,20 @@ from dataclasses import dataclass
 from jampetsc.commands.run_files import run_provenance
 from jampetsc.errors import about
 from jampetsc.io.packing_file import read_identified, read_source, source_name
+from jampetsc.io.results import noted
 from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.packing.contacts import BALANCED
 from jampetsc.packing.packing import Packing, proved_minimum
 from jampetsc.packing.spring_network import Network
+from jampetsc.packing.units import name_stress_unit, stress_unit_of, units_line
 from jampetsc.petsc import session
 from jampetsc.progress import warn
 
-WARNING = {
-    Packing: "the packing is not a minimum of its energy: quench it (pack from it), also where it was made with "
-    "friction, which is not supported; the response is that of its contacts",
-    Network: "the network is not at rest: leave out its forces (no prestress); the response is that of its bonds",
+UNBALANCED = {
+    Packing: "so the packing is not a minimum of its energy and the response is that of its contacts as they are. "
+    "Quench it (pack from it), also where it was made with friction, which is not supported",
+    Network: "so the network is not at rest and the response is that of its bonds as they are. Leave out its forces "
+    "(no prestress)",
 }
 
 
@@ -37,10 +40,38 @@ class PackingNetwork:
             isinstance(self.source, Packing) and proved_minimum(self.source)
         )
 
-    def record(self, law: dict) -> dict:
+    @property
+    def notes(self) -> list[str]:
+        """The note, if any, that forces are not balanced, see `io.results`.
+
+        The response of the contacts as they are is still defined, but the packing would not stay in that state.
+        """
+        if self.network.imbalance <= BALANCED:
+            return []
+        return [f"forces are not balanced: {self.network.imbalance_text}, {UNBALANCED[type(self.source)]}"]
+
+    @property
+    def stress_scale(self) -> float:
+        """Stress of order one: `stress_unit_of` a packing, the unit of stiffness of a network."""
+        source = self.source
+        if isinstance(source, Network):
+            return self.network.k
+        return stress_unit_of(source.radii, source.potential, source.dimension)
+
+    def units_line(self, tau1: float | None = None) -> str:
+        """The line of a summary about the units of its numbers; tau1: of times, if there are any."""
+        return units_line(self.stress_unit, self.network.k, tau1)
+
+    @property
+    def stress_unit(self) -> str:
+        """Unit of stress and moduli by that of k, in words."""
+        return name_stress_unit(getattr(self.source, "potential", None), self.network.dimension)
+
+    def record(self, law: dict, notes=()) -> dict:
         """Attributes of every result of a packing, for `ResultWriter.attributes(**…)`. Collective.
 
-        law   its parameters, as `Law.parameters`
+        law     its parameters, as `Law.parameters`
+        notes   on its numbers, besides those on the packing
         """
         network = self.network
         return {
@@ -53,6 +84,8 @@ class PackingNetwork:
             ),
             "pressure": network.pressure,
             "k": network.k,
+            "stress_unit": self.stress_unit,
+            "notes": noted([*self.notes, *notes]),
             "dimension": None if network.dimension == 2 else network.dimension,
             "particle_count": self.source.n,
             "seed": self.source.record.get("seed"),
@@ -83,9 +116,7 @@ def read_network(packing, prestress: bool, to, read=read_source) -> PackingNetwo
     to.set_source(source)
     with session.current().stage("assembly"), about(name):
         network = build_network(source, comm, prestress)
-    # The response of the contacts as they are is still defined, but the packing would not stay in that state.
-    if not network.imbalance <= BALANCED and comm.rank == 0:
-        warn(
-            f"{name}: forces are not balanced, {network.imbalance_text}, so {WARNING[type(source)]} as they are"
-        )
-    return PackingNetwork(name, source, identity, network, start_time)
+    result = PackingNetwork(name, source, identity, network, start_time)
+    for line in result.notes if comm.rank == 0 else ():
+        warn(f"{name}: {line}")
+    return result

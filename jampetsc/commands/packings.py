@@ -1,20 +1,26 @@
 """The packings of a `pack.Pack`, made one after another by one rank, and their lines in the summary."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from jampetsc.commands.run_files import run_units
 from jampetsc.errors import ConvergenceError, JampetscError, named
 from jampetsc.io.outputs import is_finished
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.request import Request
+from jampetsc.io.results import note_lines, noted
 from jampetsc.minimise.descent import Effort
 from jampetsc.minimise.protocols import Target, changed, make_packing, random_start, start_phi
 from jampetsc.packing.contacts import IMBALANCE, typical_force
 from jampetsc.packing.potentials import Potential
+from jampetsc.packing.units import stress_unit_of
 from jampetsc.petsc.hessian_solver import HessianSolver
 from jampetsc.progress import Progress
+
+ROUNDING = 1e-12  # largest relative difference of a unit from 1 that is rounding
 
 
 @dataclass(frozen=True)
@@ -57,14 +63,19 @@ class PackingStart:
 
     record: dict  # entries of the record of each packing
     disks_of: Callable  # task -> the disks from which it starts
-    k: float = 1.0  # their stiffness, the unit of the pressures
 
 
 def start_at_random(radii, potential: Potential, record: dict, dimension: int) -> PackingStart:
     """Disks, or spheres, of radii (N,) at random places; record: entries of the record."""
 
+    unit = stress_unit_of(radii, potential, dimension)
+    if math.isclose(
+        unit, 1.0, rel_tol=ROUNDING
+    ):  # seeds of packings of unit diameter keep them to the last bit
+        unit = 1.0
+
     def disks_of(task):
-        phi = task.target.phi or start_phi(task.target.pressure, dimension)
+        phi = task.target.phi or start_phi(task.target.pressure / unit, dimension)
         return random_start(radii, phi, task.seed, potential, dimension=dimension)
 
     kind = {"requested_potential": potential.kind, "requested_stiffness": potential.stiffness}
@@ -75,13 +86,13 @@ def start_from_packing(source, record: dict, comm=None) -> PackingStart:
     """Another packing, a file or a Packing; record: entries of the record. Collective over comm."""
     disks, identity = read_identified(source, comm)
     record = record | dict(zip(("source", "source_sha256"), identity, strict=True))
-    return PackingStart(record, lambda task: changed(disks, task.target), disks.potential.k)
+    return PackingStart(record, lambda task: changed(disks, task.target))
 
 
 def make_packings(tasks, team, rank) -> dict:
     """Make the packings of tasks [(number, task, start)]: {number: (disks, line of the summary) or JampetscError}.
 
-    start   `PackingStart`; disks are None where they were written to a file
+    start   `PackingStart`; disks are None where they were written to a file; a line of their units is last
     """
     solver, outcomes = HessianSolver(), {}
     with Progress(len(tasks), "packings", rank) as progress:
@@ -92,6 +103,8 @@ def make_packings(tasks, team, rank) -> dict:
                 disks, fresh = start.disks_of(task), task.seed is not None
                 disks = make_packing(disks, task.target, solver, fresh=fresh, team=team, effort=effort)
                 disks = disks.with_record(**start.record, **task.requested)
+                if notes := rounding_notes(disks):
+                    disks = disks.with_record(notes=noted(notes))
                 if task.path is not None:
                     write_packing(task.path, disks, task.request)
             except ConvergenceError as error:
@@ -102,7 +115,7 @@ def make_packings(tasks, team, rank) -> dict:
                 outcomes[number] = error
                 continue
             line = _line(task.path or "in memory", disks, time.perf_counter() - start_time)
-            outcomes[number] = (disks if task.path is None else None), line
+            outcomes[number] = (disks if task.path is None else None), line, run_units(disks)
             if len(tasks) > 1:
                 progress.step(line)
     return outcomes
@@ -117,10 +130,11 @@ def raise_failures(failures, tasks) -> None:
     raise ConvergenceError(f"{len(failures)} of {len(tasks)} packings failed{written}: {'; '.join(reasons)}")
 
 
-def summarise_packings(tasks, task_lines, ranks) -> str:
+def summarise_packings(tasks, task_lines, ranks, units=()) -> str:
     """The summary: a line of each packing that was made, how many existed already, how many ranks had no work.
 
     task_lines  {number of a task: its line}
+    units       lines of the units of these packings
     """
     lines = []
     if len(task_lines) < len(tasks):
@@ -128,18 +142,28 @@ def summarise_packings(tasks, task_lines, ranks) -> str:
     if 0 < len(task_lines) < ranks:
         idle = ranks - len(task_lines)
         lines.append(f"one rank makes a packing: {idle} of {ranks} ranks had nothing to do")
-    return "\n".join([*lines, *task_lines.values()])
+    return "\n".join([*lines, *task_lines.values(), *dict.fromkeys(units)])
+
+
+def rounding_notes(disks) -> list[str]:
+    """The note, if any, that rounding leaves forces of a packing above its tolerance, see `io.results`."""
+    record = disks.record
+    residual = record["max_force"] / typical_force(disks, record["pressure"])
+    if not residual > record["tolerance"]:
+        return []
+    return [
+        f"limited by rounding: {IMBALANCE[disks.dimension]} = {residual:.1e}, above the tolerance "
+        f"{record['tolerance']:g}"
+    ]
 
 
 def _line(name, disks, seconds) -> str:
-    """A line about a packing, and one more where rounding leaves forces above its tolerance."""
+    """A line about a packing, with its notes below."""
     record = disks.record
-    residual = record["max_force"] / typical_force(disks, record["pressure"])
-    limit = f"{IMBALANCE[disks.dimension]} = {residual:.1e} is limited by rounding"
-    note = f"\n  {limit}, above the tolerance {record['tolerance']:g}"
-    return (
+    line = (
         f"{name}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
         f"Z = {record['coordination']:.4f}, "
         f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
-        f"{record['evaluations']} force evaluations, {seconds:.2f} s{note * bool(residual > record['tolerance'])}"
+        f"{record['evaluations']} force evaluations, {seconds:.2f} s"
     )
+    return "\n".join([line, *note_lines(rounding_notes(disks))])

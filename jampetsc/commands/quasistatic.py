@@ -7,7 +7,7 @@ import numpy as np
 
 from jampetsc.analysis.elasticity import anisotropy, least_modulus, poisson_ratio, shear_modulus
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.results import note_lines, noted, unstable_to_shear
+from jampetsc.io.results import note_lines, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
 from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, load_and_tensor
 from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
@@ -72,16 +72,19 @@ PETSc options: -shift_… for the factorisations."""
             betas = () if self.betas is None else self.betas.tolist()
             load, tensor = load_and_tensor(self.load, len(source.source.cell))
             outcome = solve_quasistatic(source.network, self.law, betas, load, tensor)
-        notes = unstable_to_shear(outcome.responses[""].G0, "G0") if load.is_shear else []
+        notes = [
+            *(unstable_to_shear(outcome.responses[""].G0, "G0") if load.is_shear else []),
+            *_stability_notes(outcome.tensors.get("")),
+        ]
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
             _write(writer, outcome)
             writer.attributes(
-                **source.record(self.physics.parameters),
-                load=self.load,
-                stress_measure=STRESS_MEASURE,
-                notes=noted(notes),
+                **source.record(self.physics.parameters, notes), load=self.load, stress_measure=STRESS_MEASURE
             )
-        return "\n".join([_summary(to, self.physics, outcome, self.load), *note_lines(notes)])
+        units = source.units_line(self.law.tau1)
+        return "\n".join(
+            [_summary(to, self.physics, outcome, self.load), units, *note_lines([*source.notes, *notes])]
+        )
 
 
 def _write(writer, outcome):
@@ -89,7 +92,8 @@ def _write(writer, outcome):
     c = outcome.network.contacts
     once = c.i < c.j
     writer.distributed("particles", outcome.network.particles)
-    writer.distributed("contacts/pairs", np.column_stack((c.i, c.j))[once])
+    numbers = np.concatenate(outcome.network.comm.allgather(outcome.network.particles))
+    writer.distributed("contacts/pairs", numbers[np.column_stack((c.i, c.j))[once]])
     writer.distributed("contacts/bonds", c.r[once])
     for name, response in outcome.responses.items():
         group, prefix = (f"{name}/", f"{name}_") if name else ("", "")
@@ -146,7 +150,8 @@ def _summary(to, physics, outcome, load=DEFAULT) -> str:
                 f"    shear modulus averaged over all directions {averages['shear_modulus']:.6g}, Poisson ratio "
                 f"{averages['poisson_ratio']:.4g}, anisotropy {averages['anisotropy']:.2g}"
             )
-            lines.append(_stability(*least_modulus(tensor.C0)))
+            least, _ = least_modulus(tensor.C0)
+            lines.append(f"    the least modulus of all loads of unit gradient is {least:.6g}")
     return "\n".join(lines)
 
 
@@ -157,9 +162,12 @@ def _isotropic_averages(response, tensor) -> dict:
     return {"shear_modulus": shear, "poisson_ratio": ratio, "anisotropy": anisotropy(tensor.C0)}
 
 
-def _stability(least, gradient) -> str:
-    """Whether C₀ is positive definite, in words."""
+def _stability_notes(tensor) -> list[str]:
+    """The note, if any, that C₀ of a `QuasistaticTensor` is not positive definite."""
+    least, gradient = (1.0, None) if tensor is None else least_modulus(tensor.C0)
     if least > 0.0:
-        return f"    every load has a positive modulus, at least {least:.6g} for a unit gradient"
+        return []
     rows = ",".join(f"{value + 0.0:.3g}" for value in gradient.ravel())
-    return f"    unstable to the load {rows}: modulus {least:.6g}"
+    return [
+        f"unstable to a load: modulus {least:.6g} under {rows}. For packings stable to all: pack --stabilise all"
+    ]

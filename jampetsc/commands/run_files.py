@@ -4,6 +4,7 @@ import json
 
 from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.provenance import provenance
+from jampetsc.packing.units import mean_diameter, name_stress_unit, units_line
 from jampetsc.petsc import session
 
 STATE = "state/"  # prefix of the arrays from which a run is continued
@@ -30,7 +31,18 @@ def run_provenance(seconds: float, running=None, ranks: int = 1, law=None, packi
 def potential_facts(disks) -> dict:
     """Attributes of the potential of the disks."""
     potential = disks.potential
-    return {"potential": potential.kind, "stiffness": potential.stiffness, "k": float(potential.k)}
+    return {
+        "potential": potential.kind,
+        "stiffness": potential.stiffness,
+        "k": float(potential.k),
+        "stress_unit": name_stress_unit(potential, disks.dimension),
+    }
+
+
+def run_units(disks, tau1: float | None = None) -> str:
+    """The line of a summary about the units of its numbers; tau1: of times, if there are any."""
+    unit = name_stress_unit(disks.potential, disks.dimension)
+    return units_line(unit, disks.potential.k, tau1, mean_diameter(disks))
 
 
 def write_series(writer, arrays: dict, state: dict, settings: dict, facts: dict) -> None:

@@ -58,7 +58,7 @@ prefix -newton_."""
         return f"quasistatic shear, steps of {attributes['step']:g}"
 
     def work(self, to):
-        from jampetsc.commands.run_files import run_provenance, save_rows, saved_rows, write_series
+        from jampetsc.commands.run_files import run_provenance, run_units, save_rows, saved_rows, write_series
         from jampetsc.flows.trajectory import StrainSeries, discarded_strain
         from jampetsc.jamming.quasistatic_shear import PATH_COLUMNS, shear_quasistatically
         from jampetsc.minimise.minimise import proved
@@ -112,7 +112,7 @@ prefix -newton_."""
         minimum = {name: getattr(path.disks, name) for name in (*PLACES, "radii")}
         write_series(to.writer(self.FORMAT), path.series.arrays(), minimum, settings, facts)
         checkpoint.remove()
-        return "\n".join([_summary(self, to, disks.phi, path), *note_lines(notes)])
+        return "\n".join([_summary(self, to, disks.phi, path), run_units(disks), *note_lines(notes)])
 
     def _notes(self, path) -> list[str]:
         from jampetsc.flows.trajectory import short_run_warnings
@@ -153,7 +153,7 @@ def _summary(job, to, phi, path) -> str:
     return (
         f"{to}: phi = {phi:.6g}, {len(series)} steps of {job.step:g}, {evaluations:.0f} force evaluations each, "
         f"{events} plastic event{'s' * (events != 1)}\n"
-        f"  sigma = {stress}, p = {pressure}, {_share_text(share)}, Z = {averages['coordination']}; "
+        f"  sigma = {stress}, p = {pressure}, {_share_text(share)}, 2N_c/N = {averages['contact_number']}; "
         f"{sample_sizes(stress, pressure)}"
     )
 

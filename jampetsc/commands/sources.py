@@ -7,6 +7,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.provenance import derived_from
 from jampetsc.io.reader import load
+from jampetsc.io.results import noted
 from jampetsc.options.parameters import optional_parameter
 from jampetsc.options.values import input_name, load_source
 
@@ -60,12 +61,15 @@ def _wanted(where) -> dict:
     return {name.strip().replace("-", "_"): value.strip() for name, _, value in pairs}
 
 
-def write_derived(to, format, results, start_time, arrays: dict, **attributes) -> None:
+def write_derived(to, format, results, start_time, arrays: dict, notes=(), **attributes) -> None:
     """Write a result that was computed from other results: arrays by name, and attributes beside the shared ones.
 
     start_time   time.perf_counter() at the start
+    notes        on its numbers, see `io.results`, all that are to be kept
     """
     with to.writer(format) as writer:
         for name, values in arrays.items():
             writer.dataset(name, values)
-        writer.attributes(**derived_from(results, time.perf_counter() - start_time) | attributes)
+        writer.attributes(
+            **derived_from(results, time.perf_counter() - start_time) | attributes, notes=noted(list(notes))
+        )

@@ -10,6 +10,7 @@ from jampetsc.commands.sources import write_derived
 from jampetsc.errors import InputError, named
 from jampetsc.io.outputs import PICTURE
 from jampetsc.io.reader import SweepResult
+from jampetsc.io.results import note_lines, notes_of_sources, unstable_to_shear
 from jampetsc.options.job import ONE_RESULT, Job, TaskInputs
 from jampetsc.options.parameters import FILES, optional_parameter, parameter
 from jampetsc.options.values import RESULT, load_source, refuse_repeated
@@ -98,12 +99,32 @@ def _write(sweep, to, window):
     start_time = time.perf_counter()
     slowest, fastest = sweep.frequency_range
     response = transient(sweep.spectrum, slowest, fastest, window)
-    ends = {"slowest_omega": slowest, "fastest_omega": fastest}
-    write_derived(to, Spectrum.FORMAT, [sweep], start_time, response.arrays, **response.numbers | ends)
-    return _summary(to, sweep, response)
+    ends, notes = {"slowest_omega": slowest, "fastest_omega": fastest}, _notes(sweep, response)
+    write_derived(to, Spectrum.FORMAT, [sweep], start_time, response.arrays, notes, **response.numbers | ends)
+    return "\n".join([_summary(to, response), *note_lines(notes)])
 
 
-def _summary(to, sweep, response) -> str:
+def _notes(sweep, response) -> list[str]:
+    """Notes on a spectrum and the sweep behind it, see `io.results`."""
+    spectrum, notes = response.spectrum, notes_of_sources([sweep])
+    slowest, fastest = sweep.frequency_range
+    if response.retardation.growth_rate and not any(note.startswith("unstable to shear:") for note in notes):
+        notes += unstable_to_shear(spectrum.G0, "G0")
+    if len(spectrum.rates) and not (
+        slowest < 0.1 * spectrum.rates[-1] and fastest > 10.0 * spectrum.rates[0]
+    ):
+        notes.append(
+            f"not certified at all times: the sweep covers times {1 / fastest:.3g} to {1 / slowest:.3g}, and what is "
+            "faster or slower is an estimate. Sweep more frequencies"
+        )
+    if sweep.damping is not None:
+        notes.append(
+            "linear damping: alpha is not in this spectrum, as J(t) and G(t) need linearity. Use a linear law"
+        )
+    return notes
+
+
+def _summary(to, response) -> str:
     """The summary."""
     spectrum, late = response.spectrum, response.retardation
     lines = [f"{to}: {len(spectrum.rates)} relaxation times"]
@@ -115,25 +136,11 @@ def _summary(to, sweep, response) -> str:
         f"G(t -> inf) = {spectrum.G0:.6g}, eta0 = {spectrum.eta0:.6g}"
     )
     if late.growth_rate:
-        lines.append(
-            f"  G0 < 0: the packing is unstable to shear, creep diverges as exp({late.growth_rate:.3g} t)"
-        )
+        lines.append(f"  G0 < 0: creep diverges as exp({late.growth_rate:.3g} t)")
     elif late.fluidity:
         lines.append(f"  G0 = 0: it flows in the end, J(t) -> {late.fluidity:.6g} t")
     else:
         lines.append(
             f"  J(t -> inf) = 1/G0 = {1.0 / spectrum.G0:.6g}, slowest retardation {1 / late.rates[0]:.3g}"
-        )
-    slowest, fastest = sweep.frequency_range
-    if len(spectrum.rates) and not (
-        slowest < 0.1 * spectrum.rates[-1] and fastest > 10.0 * spectrum.rates[0]
-    ):
-        lines.append(
-            f"  the sweep covers times {1 / fastest:.3g} to {1 / slowest:.3g}: "
-            "what is faster or slower is not certified"
-        )
-    if sweep.damping is not None:
-        lines.append(
-            "  this is the spectrum of linear damping: alpha is not in it, and J(t), G(t) need linearity"
         )
     return "\n".join(lines)

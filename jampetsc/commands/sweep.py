@@ -10,19 +10,20 @@ from jampetsc.analysis.elasticity import anisotropy, bulk_modulus
 from jampetsc.analysis.error_bounds import relative_part_bounds, zero_parts
 from jampetsc.commands.describe import poisson_text
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.results import note_lines, noted, unstable_to_shear
+from jampetsc.io.results import note_lines, unstable_to_shear
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
-from jampetsc.laws.equivalent_damping import EquivalentDamping
+from jampetsc.laws.equivalent_damping import STRESS_RATIOS, EquivalentDamping
 from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, is_shear, loads_of
 from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.physics_options import NetworkJob, load_parameter
-from jampetsc.options.values import FREQUENCIES, STRESS_UNIT, Numbers
+from jampetsc.options.values import FREQUENCIES, POSITIVE, STRESS_UNIT, TIME_UNIT, Numbers, check_frequencies
 from jampetsc.petsc import builds, session
 from jampetsc.progress import note, warn
 
 BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 SAME_FREQUENCY = 1e-9  # a frequency this close to one of the fields, relatively, counts as the same
+ROUNDING = 1e-12  # relative, of limits in other units
 OMEGA = "1e-10:1e4:141"
 POWER_LAW = (
     "power-law damping: viscous force of a contact ∝ |Δu̇|^A, by an equivalent linear damping (approximate)"
@@ -55,7 +56,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
     SOLVERS: ClassVar = ("shift_", "freq_", "inertia_")
 
-    omega: Numbers = parameter(OMEGA, "frequencies ω", value_type=FREQUENCIES, unit="1/τ₁ (with τ₁ = 1)")
+    omega: Numbers = parameter(OMEGA, "frequencies ω", value_type=FREQUENCIES, unit=TIME_UNIT)
     method: str = parameter(
         "rational",
         "rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency",
@@ -75,11 +76,18 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         "exponent of the damping force (1 is linear)", low=0.05, high=5.0, metavar="A"
     )
     stress: float | None = of_power_law(
-        "amplitude of the shear stress, with alpha", low=1e-30, high=1.0, unit=STRESS_UNIT, metavar="S"
+        "amplitude of the shear stress, with alpha",
+        above=0.0,
+        high=POSITIVE[1],
+        unit=STRESS_UNIT,
+        metavar="S",
     )
 
     def check(self):
         self.law.require_dissipation()
+        check_frequencies(self.omega, self.law.tau1)
+        if self.fields is not None:
+            check_frequencies(self.fields, self.law.tau1)
         if self.parallel and self.method == "direct":
             raise InputError(
                 f"{named('parallel')} {self.parallel}: an option of {named('method')} rational; with direct all ranks "
@@ -101,7 +109,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         if self.alpha is not None and self.stress is None:
             raise InputError(
                 f"{named('alpha')} {self.alpha:g}: power-law damping depends on the amplitude. Give "
-                f"{named('stress')}, in units of k."
+                f"{named('stress')}."
             )
         if self.alpha is not None and not self.law.is_of_contacts:
             raise InputError(
@@ -109,10 +117,14 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
                 f"or give another {named('law')}."
             )
 
-    @property
-    def damping(self):
-        """The EquivalentDamping, None where damping is linear."""
-        return None if self.alpha is None else EquivalentDamping(self.alpha, self.stress)
+    def damping(self, unit: float) -> EquivalentDamping | None:
+        """Power-law damping of a packing whose stress of order one is `unit`, None where damping is linear."""
+        if self.alpha is None:
+            return None
+        low, high = (end * unit for end in STRESS_RATIOS)
+        if not low * (1.0 - ROUNDING) <= self.stress <= high * (1.0 + ROUNDING):
+            raise InputError(f"{named('stress')} {self.stress:g}: must lie between {low:g} and {high:g}")
+        return EquivalentDamping(self.alpha, min(max(self.stress / unit, STRESS_RATIOS[0]), STRESS_RATIOS[1]))
 
     @property
     def scalar(self):
@@ -121,37 +133,36 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             return "real"
         return "complex" if builds.can_choose("complex") else "any"
 
-    @property
-    def frequencies(self) -> "SweepFrequencies":
+    def frequencies(self, damping: EquivalentDamping | None = None) -> "SweepFrequencies":
         """The frequencies to solve at, with the ones of fields. Raises InputError where they cannot be solved."""
         fields = np.zeros(0) if self.fields is None else self.fields
         is_new = ~np.isclose(self.omega[:, None], fields, rtol=SAME_FREQUENCY, atol=0.0).any(axis=1)
         experiment = np.union1d(self.omega[is_new], fields)
-        damping, tau1 = self.damping, self.law.tau1
+        tau1 = self.law.tau1
         solved = experiment if damping is None else damping.frequency(experiment * tau1) / tau1
-        beyond = (solved < MIN_OMEGA) | (solved > MAX_OMEGA)
+        beyond = (solved * tau1 < MIN_OMEGA) | (solved * tau1 > MAX_OMEGA)
+        beyond &= damping is not None  # `check` refuses others, at the ends to rounding
         if beyond.any():
             raise InputError(
-                f"{named('alpha')} {damping.alpha:g} {named('stress')} {damping.stress:g}: omega = "
+                f"{named('alpha')} {damping.alpha:g} {named('stress')} {self.stress:g}: omega = "
                 f"{experiment[beyond][0]:g} is equivalent to {solved[beyond][0]:g} under linear damping, outside "
-                f"{MIN_OMEGA:g} to {MAX_OMEGA:g}. Narrow {named('omega')}."
+                f"{MIN_OMEGA / tau1:g} to {MAX_OMEGA / tau1:g}. Narrow {named('omega')}."
             )
         return SweepFrequencies(experiment, solved, solved[np.searchsorted(experiment, fields)])
 
     @property
     def parameters(self) -> dict:
         """Parameters of the law as a file records them, with exponent and stress of power-law damping."""
-        if self.damping is None:
+        if self.alpha is None:
             return self.physics.parameters
-        return {**self.physics.parameters, "alpha": self.damping.alpha, "stress": self.damping.stress}
+        return {**self.physics.parameters, "alpha": self.alpha, "stress": self.stress}
 
-    def key(self, identity, method: str, ranks: int) -> dict:
+    def key(self, identity, method: str, ranks: int, frequencies: "SweepFrequencies") -> dict:
         """What identifies the job to a checkpoint; rows of fields are per rank, numbers are not.
 
         identity   of its packing, see `read_identified`
         method     the method that is used
         """
-        frequencies = self.frequencies
         return {
             "packing": identity[1],
             "law": self.parameters,
@@ -167,35 +178,34 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         from jampetsc.commands.packing_network import read_network
         from jampetsc.response.minimum_check import check_minimum
 
-        frequencies = self.frequencies
         source = read_network(self.packing, self.prestress, to)
+        damping = self.damping(source.stress_scale)
+        frequencies = self.frequencies(damping)
         with about(source.name):
             minimum = check_minimum(source.network, source.proved, count=self.method != "direct")
         method = "direct" if minimum.negative_modes else self.method
-        if method != self.method and session.current().rank == 0:
-            warn(
-                f"{source.name}: K has {minimum.negative_modes} negative modes, so it is not a minimum of its "
-                "energy: solving every frequency by method direct"
-            )
+        notes = _minimum_notes(minimum)
+        for line in notes if method != self.method and session.current().rank == 0 else ():
+            warn(f"{source.name}: {line}")
         checkpoint = to.checkpoint(
-            self.key(source.identity, method, session.current().size),
+            self.key(source.identity, method, session.current().size, frequencies),
             session.current().comm,
             ordered=method == "rational",
         )
         with about(source.name):
             sweep = self._solve(source, frequencies, method, minimum, checkpoint)
-        notes = notes_of(self, source.network, frequencies.of_experiment(sweep.omega), sweep)
+        notes += notes_of(self, source, frequencies.of_experiment(sweep.omega), sweep, damping)
         with to.writer(self.FORMAT, session.current().comm) as writer:
-            _write_moduli(writer, frequencies, sweep, source, self.damping is not None)
+            _write_moduli(writer, frequencies, sweep, source, damping is not None)
             writer.attributes(
-                **source.record(self.parameters),
+                **source.record(self.parameters, notes),
+                stress_ratio=None if damping is None else damping.stress,
                 load=self.load,
                 stress_measure=STRESS_MEASURE,
                 method=method,
                 accuracy=self.accuracy,
                 positive_semidefinite=minimum.description,
                 unknowns=source.network.n * self.law.dofs(source.network.dimension),
-                notes=noted(notes),
                 factorisations=sweep.factorisations,
                 vectors=sweep.vectors,
                 failed_omega=frequencies.of_experiment(sorted(sweep.failures)) if sweep.failures else None,
@@ -203,7 +213,8 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         to.raise_failures(sweep.failures, len(frequencies.solved), "frequencies")
         checkpoint.remove()
         summary = _summary(self, to, source.network, frequencies, sweep, minimum.certified)
-        return "\n".join([summary, *note_lines(notes)])
+        units = source.units_line(self.law.tau1)
+        return "\n".join([summary, units, *note_lines([*source.notes, *notes])])
 
     def _solve(self, source, frequencies, method, minimum, checkpoint):
         """The `ModulusSweep`, continued from the finished steps of a checkpoint. Collective."""
@@ -293,8 +304,22 @@ def _bulk_modulus(tensor, network):
     return bulk_modulus(tensor.C, network.pressure if network.prestress else 0.0)
 
 
-def notes_of(job, network, omega, sweep) -> list[str]:
-    """Notes on a `ModulusSweep` of a network at frequencies omega (M,) of the experiment, see `io.results`."""
+def _minimum_notes(minimum) -> list[str]:
+    """The note, if any, that K has negative modes, see `io.results`."""
+    if not minimum.negative_modes:
+        return []
+    return [
+        f"not a minimum: K has {minimum.negative_modes} negative modes, so method direct solves every frequency and "
+        "bounds on fields are estimates. Quench it (pack from it)"
+    ]
+
+
+def notes_of(job, source, omega, sweep, damping) -> list[str]:
+    """Notes on a `ModulusSweep` at frequencies omega (M,) of the experiment, see `io.results`.
+
+    source    `PackingNetwork`
+    damping   `EquivalentDamping`, None where it is linear
+    """
     notes, G, highest = [], sweep.G, sweep.G.real + sweep.bounds[:, 1]
     for name, is_zero, bounds in zip(
         ("G'", "G''"), zero_parts(G, sweep.bounds[:, 1:]).T, sweep.bounds[:, 1:].T, strict=True
@@ -307,14 +332,17 @@ def notes_of(job, network, omega, sweep) -> list[str]:
     if highest.min() < 0.0 and is_shear(job.load):  # by more than its bound
         worst = int(np.argmin(highest))
         notes += unstable_to_shear(G.real[worst], f"G' at omega {omega[worst]:.3g}")
-    if job.damping is not None:
-        k = network.k
-        strain = job.damping.stress * k / abs(G).min()
-        pressure = network.pressure / k
+    if damping is not None:
+        strain = job.stress / abs(G).min()
+        pressure = source.network.pressure / source.stress_scale
         if strain > pressure:
             notes.append(
                 f"contacts would change, which is left out: strain amplitude up to {strain:.1e}, more than p/k = "
                 f"{pressure:.1e}. `oscillate --contacts moving` has it"
+            )
+        if G.real.min() < 0.0:
+            notes.append(
+                "G* is formal: G' < 0, so no stress can be imposed on the packing. Impose a strain (oscillate)"
             )
     return notes
 
@@ -338,17 +366,10 @@ def _summary(job, to, network, frequencies, sweep, certified) -> str:
             f"  G: shear modulus averaged over all directions; Poisson ratio {poisson}",
             f"  C' at omega {omega[0]:.3g}:\n    {C}",
         ]
-    return "\n".join(lines + (_damping_lines(job.damping, frequencies, G) if job.damping else []))
-
-
-def _damping_lines(damping, frequencies, G):
-    """Lines about power-law damping: the equivalent frequencies, and where G* is formal."""
-    lines = [
-        f"  alpha {damping.alpha:g}, stress {damping.stress:g}: equivalent linear frequencies "
-        f"{frequencies.solved[0]:.3g} to {frequencies.solved[-1]:.3g}; the stored spectrum is that of the linear law"
-    ]
-    if G.real.min() < 0.0:
+    if job.alpha is not None:
         lines.append(
-            "  G' < 0: no stress can be imposed on a packing that is unstable to shear; G* is formal"
+            f"  alpha {job.alpha:g}, stress {job.stress:g}: equivalent linear frequencies "
+            f"{frequencies.solved[0]:.3g} to {frequencies.solved[-1]:.3g}; the stored spectrum is that of the linear "
+            "law"
         )
-    return lines
+    return "\n".join(lines)

@@ -202,7 +202,7 @@ class SteadyShear(ListedPacking):
         graph = Graph.room(domains, len(o), wall_disks, False)
         number, largest, deepest = survey_of(domains, o, shear, graph)
         return {
-            "coordination": float(graph.number[wall_disks:].mean()),
+            "contact_number": float(graph.number[wall_disks:].mean()),
             "clusters": number,
             "largest_cluster": largest,
             "deepest_overlap": deepest,

@@ -11,7 +11,7 @@ from jampetsc.flows.walls import LAYERS
 # name -> columns: strain and time at the end of a row, four means over the row, the others at its end again
 FLOW_COLUMNS = {
     "strain": 0, "time": 0, "shear_stress": 3, "pressure": 3, "energy": 0, "dissipation": 0,
-    "coordination": 0, "clusters": 0, "largest_cluster": 0, "deepest_overlap": 0,
+    "contact_number": 0, "clusters": 0, "largest_cluster": 0, "deepest_overlap": 0,
 }  # fmt: skip
 WALL_AVERAGES = {"wall_shear_stress": 0, "wall_pressure": 0}  # of a run between walls, at the end of a row
 WALL_COLUMNS = WALL_AVERAGES | {"velocity_profile": LAYERS}
@@ -114,7 +114,7 @@ class Means:
 
     shear_stress: Average
     pressure: Average
-    coordination: Average
+    contact_number: Average  # 2N_c/N of all disks
     largest_cluster: float  # mean number of disks in the largest cluster of touching disks
     walls: dict  # name -> Average of stress and pressure on walls; empty without walls
     parts: np.ndarray  # (3,) elastic, viscous and kinetic shear stress
@@ -146,7 +146,7 @@ class Means:
         return cls(
             Average.of(stress.sum(1)),
             Average.of(pressure.sum(1)),
-            Average.of(trajectory.column("coordination")[kept]),
+            Average.of(trajectory.column("contact_number")[kept]),
             float(trajectory.column("largest_cluster")[kept].mean()),
             {
                 name: Average.of(trajectory.column(name)[kept])
@@ -198,7 +198,7 @@ class Means:
             **average_facts(
                 shear_stress=self.shear_stress,
                 pressure=self.pressure,
-                coordination=self.coordination,
+                contact_number=self.contact_number,
                 **self.walls,
             ),
             "largest_cluster_mean": self.largest_cluster,

@@ -41,6 +41,7 @@ coordination, rattlers | float, int? | | Z without rattlers, number of rattlers
 shear_stress, shear_modulus | float? | | σ_xy; G₀ with pre-stress
 negative_modes, negative_modes_counted_by, proof_fingerprint | int, text, text? | | modes of K that lower the energy,
   how they were counted, and the hash of the disks for which that holds
+notes | text? | | warnings about the numbers, `KIND: details. Remedy`, separated by `; `
 seed, sizes, stabilise, tolerance | int, text, text, float? | | as asked for; with `--radii`, `sizes` is the name of
   their file or the hash of the array
 requested_n, requested_potential, requested_stiffness | int, text, text? | | as asked for
@@ -111,15 +112,35 @@ FORMATS = {
 }
 
 
+_SHEARED = {f"coordination{end}": f"contact_number{end}" for end in ("", "_mean", "_error", "_samples")}
+OLDER_NAMES = {  # format -> {name of a dataset or an attribute in older files: its name}
+    "jampetsc-flow": _SHEARED | {"friction": "background_drag"},
+    "jampetsc-shear": _SHEARED,
+    "jampetsc-jam": _SHEARED,
+}
+OLDER_COLUMNS = {  # of the table of a study, where `coordination` is that of packings
+    old: new for names in OLDER_NAMES.values() for old, new in names.items() if old != "coordination"
+}
+
+
+def with_present_names(entries: dict, names: dict) -> dict:
+    """{name: entry} with older names {name: present name} replaced, unless there is an entry of the present one."""
+    return {
+        names[name] if names.get(name, name) not in entries else name: entry
+        for name, entry in entries.items()
+    }
+
+
 def check_file(h5, path, expected: str | None = None) -> tuple[str, dict, dict]:
-    """(format, attributes, {name: dataset or group}) of an open file that is as its format says.
+    """(format, attributes, {name: dataset or group}) of an open file that is as its format says, by present names.
 
     Nothing is read but attributes and shapes. The list of parts is left out. Raises InputError as
     `hdf5.check_format` and `Format.check`.
     """
     attrs = attributes(h5)
     name = check_format(path, attrs, expected)
-    items = contents(h5, path)
+    names = OLDER_NAMES.get(name, {})
+    items, attrs = with_present_names(contents(h5, path), names), with_present_names(attrs, names)
     for format in (FORMATS.get(name), PARTS):
         if format is not None:
             format.check(path, items, attrs)

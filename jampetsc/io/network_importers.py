@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.errors import InputError, about, named
-from jampetsc.io.disk_table import to_numbers
+from jampetsc.io.disk_table import is_number, to_numbers
 from jampetsc.io.exchange import check_uncompressed, format_of, read_table, refuse_unknown
 from jampetsc.io.importers import box_of, read_content
 from jampetsc.io.lammps_reader import lammps_bonds
@@ -99,12 +99,15 @@ def _values_of(content, format, table):
 def _columns_of(content):
     """Arguments of `Network` about bonds: lines i j, i j k or i j k T; comments begin with #. Raises InputError."""
     text = re.sub("#.*", "", content.decode(errors="replace")).replace(",", " ")
-    rows = [line.split() for line in text.splitlines() if line.strip()]
+    numbered = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+    rows = [row for _, row in numbered]
     width = len(rows[0]) if rows else 0
     if not 2 <= width <= 2 + len(BOND_COLUMNS):
         raise InputError("holds no lines i j, i j k or i j k T of bonds. Nodes are numbered from 0.")
-    wrong = next((row for row in rows if len(row) != width), None)
-    if wrong:
-        raise InputError(f"line {' '.join(wrong)!r}: must have {width} numbers, as the first one.")
+    for number, row in numbered:
+        if len(row) != width or not all(map(is_number, row)):
+            raise InputError(
+                f"line {number}: {' '.join(row)!r}, must have {width} numbers, as the first one."
+            )
     table = np.array([to_numbers(row) for row in rows])
     return {"bonds": table[:, :2]} | dict(zip(BOND_COLUMNS, table[:, 2:].T, strict=False))

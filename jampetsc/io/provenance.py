@@ -40,7 +40,9 @@ prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
 load | text? | | displacement gradient E: a name, its numbers, or `tensor`, the symmetric loads xx, yy, (zz, yz, xz,)
   xy, shears with E = ½(x̂ŷ + ŷx̂); missing: simple shear `xy`, as are the fields of `tensor`
 stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε² and its viscous part
-alpha, stress | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress in units of k
+alpha, stress, stress_ratio | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress,
+  and its ratio to k, of spheres to k/d, to k/d² in place of k where the stiffness is k/σ², d the mean diameter
+stress_unit | text? | | unit of stress, pressure and moduli by that of `k`: k, k/length, …; numbers are absolute
 dimension | int in 2 3? | | 3 for spheres and for networks in three dimensions; missing: 2
 k, pressure, phi, particle_count, rattlers, coordination | float > 0, float, float, int > 0, int, float? | | of the
   packing: k, p, φ, N, disks without rigid contacts, Z without them
@@ -96,6 +98,7 @@ def derived_from(sweeps, wall_seconds) -> dict:
         "pressure",
         "phi",
         "k",
+        "stress_unit",
         "particle_count",
     )
     attributes = [sweep.attributes for sweep in sweeps]

@@ -112,7 +112,9 @@ class SweepResult(Result):
         """Power-law damping of the sweep, None where it is linear."""
         if "alpha" not in self.attributes:
             return None
-        return EquivalentDamping(float(self.attributes["alpha"]), float(self.attributes["stress"]))
+        a = self.attributes
+        ratio = a.get("stress_ratio", a["stress"])  # older files have the ratio alone
+        return EquivalentDamping(float(a["alpha"]), float(ratio))
 
     def _linear(self, omega):
         """Frequencies at which the linear law has the moduli that this sweep has at omega."""

@@ -52,7 +52,7 @@ particles | (n,) | int | | numbers in the packing of the rows below
 nonaffine | (n, D) | float | length | non-affine displacement u_na
 rotation | (n,) or (n, 3) | float? | | angles of the disks in the limit ω → 0, of spheres about x, y and z; only of laws
   with rotations
-contacts/pairs | (c, 2) | int | | rows i, j of *particles*
+contacts/pairs | (c, 2) | int | | numbers i, j of the two particles in the packing, as in *particles*
 contacts/bonds | (c, D) | float | length | r_j − r_i, the nearest image
 contacts/normal, contacts/transverse | (c,) | float | length | Δu∥, Δu⊥; of spheres \|Δu⊥\|
 contacts/sliding | (c,) | float? | length | Δu⊥ᶜ, of spheres its length; of laws with rotations
@@ -113,8 +113,8 @@ lowest/normal_median, lowest/transverse_median, lowest/nonaffine_median | (q,) |
   \|Δu⊥\|, \|u_na\| per unit strain of the response of only that many lowest modes, without affine part
 """,
     attributes=r"""
-inertia_count, inertia_shift | int, float? | | number of eigenvalues below the shift (in k), counted by inertia: none
-  was missed
+inertia_count, inertia_shift | int, float? | , k | number of eigenvalues below the shift, counted by inertia: none was
+  missed
 complete, contacts, method | bool, int, text | | whether the file has all modes; number of contacts; solver
 restarts | int? | | of the solver
 normal_median, transverse_median, nonaffine_median | float? | length | medians of \|Δu∥\|, \|Δu⊥\|, \|u_na\| of the
@@ -171,7 +171,7 @@ L, mean_diameter | float > 0 | length | side of the cell along x, mean diameter
 OSCILLATE = Format(
     datasets=r"""
 omega | (M,) | float | 1/time | ω, increasing
-amplitude | (A,) | float | | of what is imposed: stress in units of k, of spheres over that of length, or strain
+amplitude | (A,) | float | k | of what is imposed: stress, of spheres in k/length, or strain, which has no unit
 G | (A, M) | complex | k | G* = first harmonic of the stress over that of the strain
 error | (A, M) | float | k | estimate of \|ΔG*\|: the difference from the result with half of the steps, plus the
   errors of the solver and of ending after finitely many cycles
@@ -217,8 +217,9 @@ time | (T,) | float | time | t there
 shear_stress, pressure | (T, 3) | float | `units` | elastic, viscous and kinetic parts of σ and p
 energy, dissipation | (T,) | float | | U, plus for disks with a mass the kinetic energy of `velocities` and spins;
   dissipated power
-coordination, clusters, largest_cluster, deepest_overlap | (T,) | float | | Z = 2 contacts/N with rattlers, number of
-  clusters of touching disks, disks in the largest, largest overlap over σ_ij
+contact_number, clusters, largest_cluster, deepest_overlap | (T,) | float | | 2N_c/N of all N disks, rattlers included
+  (not `coordination`, which leaves them out), number of clusters of touching disks, disks in the largest, largest
+  overlap over σ_ij
 wall_shear_stress, wall_pressure | (T,) | float? | `units` | with `--walls`: force per length of the disks on the
   walls at the end of a row, mean of both, along and across them
 velocity_profile | (T, 20) | float? | γ̇H | with `--walls`: mean v_x of the disks in 20 layers of equal height H/20 at
@@ -252,12 +253,12 @@ state/started | scalar | bool | | likewise
 """,
     attributes=r"""
 rate, phi, model | float > 0, float > 0, text | | γ̇, φ, the model
-mass, quality, friction | float? | | mass of a disk; Q and δ if they were given
+mass, quality, background_drag | float? | | mass of a disk; Q and δ if they were given
 shear_stress_mean, shear_stress_error, pressure_mean, pressure_error | float | `units` | means over strain > `discard`,
   errors from their autocorrelation
-coordination_mean, coordination_error | float | | likewise
+contact_number_mean, contact_number_error | float | | likewise
 largest_cluster_mean | float | | disks in the largest cluster of touching disks, mean over strain > `discard`
-shear_stress_samples, pressure_samples, coordination_samples | float | | effective sample size; below
+shear_stress_samples, pressure_samples, contact_number_samples | float | | effective sample size; below
   20 the error is rough
 energy_balance, correlation_strain, discard | float | | σγ̇V/⟨D⟩, nan where disks follow the
   affine flow; correlation strain of σ; strain left out of the means
@@ -281,7 +282,7 @@ strain | (T,) | float | | γ
 energy | (T,) | float | `units` | U of all disks
 shear_stress, pressure | (T,) | float | `units` | σ_xy, p
 jammed | (T,) | float | | 1 where U/N exceeds `energy_cut` k, else 0
-coordination | (T,) | float | | Z = 2 contacts/N, rattlers included
+contact_number | (T,) | float | | 2N_c/N of all N disks, rattlers included; `coordination` leaves them out
 nonaffine | (T,) | float | mean diameter | rms non-affine displacement of the step: large where disks rearrange
 dissipated | (T,) | float | `units` | V ½(σ + σ′) Δγ − ΔU: work of the step that is not stored as energy
 plastic | (T,) | float | | 1 where `dissipated` exceeds `plastic_share` G_A V Δγ², more than the error of the
@@ -298,10 +299,10 @@ step, phi, tolerance, discard, settings | float, float, float, float, text | | �
   strain left out of means, all settings as JSON
 energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16; ¼; factorisations of all steps
 saddles | int? | | saddles that were left
-shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, coordination_mean, \
-coordination_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float
+shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, contact_number_mean, \
+contact_number_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float
   | | means over strain > `discard`, jammed or not; errors from the autocorrelation
-shear_stress_samples, pressure_samples, energy_samples, coordination_samples, jammed_samples, plastic_samples, \
+shear_stress_samples, pressure_samples, energy_samples, contact_number_samples, jammed_samples, plastic_samples, \
 dissipated_samples | float | | effective sample size of each series; 1 for a constant one, whose
   error, 0 here, is not known
 """.replace("\\\n", "")
@@ -314,7 +315,7 @@ JAM = Format(
 phi, seed | (S,) | float | | φ; seed of the random start, which is another one at each φ
 energy, pressure | (S,) | float | `units` | U/N and p at the minimum, nan where none was found
 jammed | (S,) | float | | 1 where U/N exceeds `energy_cut` k, else 0
-coordination | (S,) | float | | Z = 2 contacts/N, rattlers included
+contact_number | (S,) | float | | 2N_c/N of all N disks, rattlers included; `coordination` leaves them out
 strain | (S,) | float? | | protocol shear: γ; samples of one seed are of one run
 phi_J | (S,) | float? | | protocol compress: φ where this sample's energy vanishes, to 1e-5
 segregation | (S,) | float? | | protocol compress: assortativity of sizes among neighbours (gap below 0.2 mean

@@ -16,11 +16,12 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.io.formats import FORMATS, check_file
-from jampetsc.io.hdf5 import open_file, retry_if_replaced
+from jampetsc.io.hdf5 import FORMAT_VERSION, open_file, retry_if_replaced
 from jampetsc.io.parts import PartList
 from jampetsc.io.provenance import law_of
 from jampetsc.io.result_file import ResultArray, new_run_id, write_result
 
+OLDER_VERSION = "1.0"  # of files whose `contacts/pairs` are rows of `particles`
 _MAX_SHOWN = 6  # datasets that a line about a result names
 _MAX_ATTRIBUTE_LENGTH = 60  # characters of an attribute in a table
 
@@ -53,6 +54,17 @@ class StoredArray(ResultArray):
         return f"<{self._name} {self.shape} {self.dtype} in {self._path.name}>"
 
 
+class NumberedRows(ResultArray):
+    """Numbers of particles in place of rows of `particles`, both stored arrays, which older files have."""
+
+    def __init__(self, rows, particles):
+        self._rows, self._particles = rows, particles
+        self.shape, self.dtype = rows.shape, particles.dtype
+
+    def __getitem__(self, selection):
+        return self._particles[...][self._rows[selection]]
+
+
 class Attributes(dict):
     """Attributes of a result; asking for one that is missing is an InputError that names the file."""
 
@@ -62,8 +74,24 @@ class Attributes(dict):
 
     def __missing__(self, name):
         near = difflib.get_close_matches(name, self, n=1, cutoff=0.8)
-        remedy = f"Did you mean {near[0]}?" if near else "Make the file again."
+        remedy = f"Did you mean {near[0]}?" if near else self._remedy(name)
         raise InputError(f"{self.path}: attribute {name}: missing. {remedy}")
+
+    def _remedy(self, name):
+        """Where a missing attribute is to be found."""
+        own = FORMATS.get(self.get("format"))
+        if own is None or own.attribute(name) is not None:
+            return "Make the file again."
+        datasets = [key for key in own.datasets.rows if key.rpartition("/")[2] == name]
+        kinds = [
+            key.removeprefix("jampetsc-")
+            for key, format in FORMATS.items()
+            if format is not own and name in format.attributes.rows
+        ]
+        places = [f"the dataset {key}" for key in datasets[:1]] + [f"a file of `{kind}`" for kind in kinds]
+        *several, last = places or ["its attributes"]
+        before = f"{', '.join(several)} or " if several else ""
+        return f"A file of `{self['format'].removeprefix('jampetsc-')}` has none. See {before}{last}."
 
 
 class Named(Mapping):
@@ -117,10 +145,13 @@ class Result(Named):
         format, attrs, items = check_file(h5, path)
         run_id, declared = attrs.get("run_id", ""), FORMATS[format]
         arrays = {
-            name: StoredArray(path, name, data, declared.dtype(name, data.dtype), run_id)
+            name: StoredArray(path, data.name[1:], data, declared.dtype(name, data.dtype), run_id)
             for name, data in items.items()
             if isinstance(data, h5py.Dataset)
         }
+        if attrs.get("format_version") == OLDER_VERSION and "contacts/pairs" in arrays:
+            arrays["contacts/pairs"] = NumberedRows(arrays["contacts/pairs"], arrays["particles"])
+            attrs["format_version"] = FORMAT_VERSION  # as it is saved again
         return cls(attrs, arrays, Path(path).resolve())
 
     @property
@@ -212,6 +243,20 @@ def note_lines(notes: list[str]) -> list[str]:
     return [f"  note: {note}" for note in notes]
 
 
+def notes_in(attributes) -> list[str]:
+    """The notes of a result with these attributes, or of a packing with this record."""
+    return list(filter(None, str(attributes.get("notes") or "").split(NOTE_SEPARATOR)))
+
+
+def notes_of_sources(results) -> list[str]:
+    """Notes that a result inherits from those it was computed from: the first one of each kind."""
+    notes = {}
+    for result in results:
+        for note in notes_in(result.attributes):
+            notes.setdefault(note.partition(":")[0], note)
+    return list(notes.values())
+
+
 def unstable_to_shear(modulus: float, name: str) -> list[str]:
     """The note, if any, that a shear modulus of this name is negative."""
     if not modulus < 0.0:
@@ -225,7 +270,7 @@ def count_notes(rows: list[dict]) -> list[str]:
     """A line for each command and kind of note in a study's table: in how many rows, and the first of them."""
     notes_by_kind, tasks = {}, Counter(row["command"] for row in rows)
     for row in rows:
-        for note in filter(None, row.get("notes", "").split(NOTE_SEPARATOR)):
+        for note in notes_in(row):
             notes_by_kind.setdefault((row["command"], note.partition(":")[0]), []).append((note, row["file"]))
     return [
         f"  note in {len(notes)} of {tasks[command]} {command} tasks, which count like the others: "

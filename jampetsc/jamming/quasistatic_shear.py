@@ -47,10 +47,10 @@ MAX_ALIKE_RATIO = 0.125
 PLASTIC_RATIO = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event
 # of a step: strain, then the fields of `quasistatic_shear.MinimumState` and `StrainStep`
 PATH_COLUMNS = {
-    "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "coordination": 0, "nonaffine": 0,
+    "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "contact_number": 0, "nonaffine": 0,
     "dissipated": 0, "plastic": 0, "proved": 0, "evaluations": 0,
 }  # fmt: skip
-AVERAGED = ("shear_stress", "pressure", "energy", "coordination", "jammed", "plastic", "dissipated")
+AVERAGED = ("shear_stress", "pressure", "energy", "contact_number", "jammed", "plastic", "dissipated")
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class MinimumState:
     shear_stress: float  # σ_xy
     pressure: float
     jammed: bool
-    coordination: float  # Z = 2 N_c / N, rattlers included
+    contact_number: float  # 2N_c/N of all disks, rattlers included
 
 
 @dataclass(frozen=True)

@@ -86,4 +86,4 @@ class SampleProtocol:
     def columns(self) -> tuple:
         """Names of the columns of its samples."""
         more = {"shear": ("strain",), "compress": ("phi_J", "segregation")}
-        return "phi", "seed", "energy", "pressure", "jammed", "coordination", *more.get(self.name, ())
+        return "phi", "seed", "energy", "pressure", "jammed", "contact_number", *more.get(self.name, ())

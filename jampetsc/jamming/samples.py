@@ -159,7 +159,7 @@ def _minimum_row(minimum, n):
         "energy": minimum.energy / n,
         "jammed": float(minimum.jammed),
         "pressure": minimum.pressure,
-        "coordination": minimum.coordination,
+        "contact_number": minimum.contact_number,
     }
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from jampetsc.errors import InputError, as_float, named
 
 MAX_WEIGHT = 1e12  # largest weight
-MIN_OMEGA, MAX_OMEGA = 1e-16, 1e12  # of ω in 1/time, at τ₁ = 1: beyond, K and ωB no longer share a double
+MIN_OMEGA, MAX_OMEGA = 1e-16, 1e12  # of ωτ₁: beyond, K and ωB no longer share a double
 
 
 def refuse_beyond(what: str, value) -> None:

@@ -37,6 +37,7 @@ import numpy as np
 from jampetsc.errors import InputError, named
 
 SMALLEST_ALPHA, LARGEST_ALPHA = 0.05, 5.0
+STRESS_RATIOS = 1e-30, 1.0  # range of σ₀/k
 _ITERATIONS = 100  # Newton needs about ten
 
 
@@ -48,16 +49,17 @@ class EquivalentDamping:
     """
 
     alpha: float  # exponent of the damping force, 1 is linear
-    stress: float  # σ₀/k
+    stress: float  # σ₀/k, of packings over `units.stress_unit_of`
 
     def __post_init__(self):
         if not SMALLEST_ALPHA <= self.alpha <= LARGEST_ALPHA:
             raise InputError(
                 f"{named('alpha')} {self.alpha:g}: must lie between {SMALLEST_ALPHA:g} and {LARGEST_ALPHA:g}"
             )
-        if not 1e-30 <= self.stress <= 1.0:
+        low, high = STRESS_RATIOS
+        if not low <= self.stress <= high:
             raise InputError(
-                f"{named('stress')} {self.stress:g}: the stress amplitude in units of k must lie between 1e-30 and 1"
+                f"{named('stress')}: {self.stress:g} k (must lie between {low:g} and {high:g} k)"
             )
 
     @property

@@ -13,6 +13,7 @@ from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, border
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import Strain, cell_strain
 from jampetsc.packing.threads import Team
+from jampetsc.packing.units import stress_unit_of
 
 MEMORY = 5  # pairs (s, y) that are kept
 STEPS = 2000  # evaluations between two adjustments of the skin
@@ -48,11 +49,8 @@ class Effort:
 
 
 def stress_unit(disks: Packing) -> float:
-    """Pressure of order one for these disks: k/d^(D−2), k/d² in place of k where stiffnesses are k/σ²."""
-    d = 2.0 * float(np.mean(disks.radii))
-    return (
-        float(disks.potential.k) / float(disks.potential.scale(np.array(d))) ** 2 / d ** (disks.dimension - 2)
-    )
+    """Pressure of order one for these disks, see `stress_unit_of`."""
+    return stress_unit_of(disks.radii, disks.potential, disks.dimension)
 
 
 class Descent(ListedPacking):

@@ -1,6 +1,7 @@
 """Sizes of disks: distributions of mean diameter 1, and radii that the user gives."""
 
 import hashlib
+import itertools
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ SIZES = ("bidisperse", "monodisperse")
 RATIO = 1.4  # of the two radii
 MIN_RADIUS, MAX_RADIUS = 1e-6, 1e6  # radius
 MIN_DISKS, MAX_DISKS = 16, 10_000_000  # disks
+MAX_SHOWN_TEXT = 40  # characters of a line in a message
 OTHER_SIZES = f"For other sizes give one radius per line in a file: {named('radii')} FILE."
 
 
@@ -49,8 +51,14 @@ class Radii:
         except (TypeError, ValueError, OverflowError):
             raise InputError(f"{self}: not numbers. Give one number per particle.") from None
         object.__setattr__(self, "values", values)
-        if values.ndim != 1 or not (np.isfinite(values).all() and (values > 0).all()):
-            raise InputError(f"{self}: not positive numbers. Give one for each particle.")
+        if values.ndim != 1:
+            raise InputError(
+                f"{self}: not a list of numbers (shape {values.shape}). Give one for each particle."
+            )
+        for number in np.flatnonzero(~(np.isfinite(values) & (values > 0)))[:1]:
+            raise InputError(
+                f"{self}{self._place(number)}: not a positive number ({values[number]:g}). Give one for each particle."
+            )
         if not MIN_DISKS <= len(values) <= MAX_DISKS:
             raise InputError(
                 f"{self}: {len(values)} particles: not supported. Give {MIN_DISKS} to {MAX_DISKS}."
@@ -68,16 +76,29 @@ class Radii:
             with open_regular(path) as file, warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # of an empty file, which has too few
                 values = np.loadtxt(file, dtype=float, ndmin=1, max_rows=MAX_DISKS + 1)
+            lines = values.ndim
         except InputError:
             raise
-        except (OSError, ValueError) as error:
+        except OSError as error:
             raise InputError(
-                f"{path}: not a list of radii ({' '.join(str(error).split())}). Write one number per line."
+                f"{path}: not a list of radii ({error.strerror}). Write one number per line."
             ) from None
+        except ValueError:
+            lines = 0
+        if lines != 1:
+            number, line = next(_lines_without_number(path), (1, ""))
+            raise InputError(f"{path}: line {number}: {line!r}, not a radius. Write one number per line.")
         return cls(values, str(path))
 
     def __str__(self):
         return self.path or named("radii")
+
+    def _place(self, number):
+        """Where radius `number` stands, in words: a line of the file or a place in the array."""
+        if self.path is None:
+            return f"[{number}]"
+        lines = (line for line, text in _lines(self.path) if text)
+        return f": line {next(itertools.islice(lines, int(number), None))}"
 
     @property
     def text(self) -> str:
@@ -85,6 +106,22 @@ class Radii:
         if self.path:
             return f"radii of {Path(self.path).name}"
         return f"radii with sha256 {hashlib.sha256(self.values.tobytes()).hexdigest()[:16]}"
+
+
+def _lines(path):
+    """Generates (number from 1, text without comment) of the lines of a text file."""
+    with open_regular(path) as file:
+        for number, line in enumerate(file, 1):
+            yield number, line.partition(b"#")[0].decode(errors="replace").strip()
+
+
+def _lines_without_number(path):
+    """Generates (number, text) of the lines that hold something else than one number."""
+    for number, text in _lines(path):
+        try:
+            text and float(text)
+        except ValueError:
+            yield number, text if len(text) <= MAX_SHOWN_TEXT else f"{text[:MAX_SHOWN_TEXT]} …"
 
 
 def radii_asked(n: int | None, sizes: str | None, radii: Radii | None):

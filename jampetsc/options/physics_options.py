@@ -49,7 +49,17 @@ def law_parameters(default):
         else:
             help = f"{option.meaning} ({_belonging(name, owners)})"
             declared.append(Parameter(name, help, NUMBER, None, metavar=name.upper(), group=GROUP))
-    declared.append(Parameter("tau1", "damping time τ₁", NUMBER, 1.0, above=0.0, metavar="TIME", group=GROUP))
+    declared.append(
+        Parameter(
+            "tau1",
+            "damping time τ₁, which sets the unit of times",
+            NUMBER,
+            1.0,
+            above=0.0,
+            metavar="TIME",
+            group=GROUP,
+        )
+    )
     return tuple(declared)
 
 
@@ -121,10 +131,10 @@ MODEL_HELP = (
     "in 0"
 )
 MOTION = {  # parameter -> help, and its range
-    "mass": ("mass of every particle", {"above": 0.0, "metavar": "M"}),
+    "mass": ("mass of every particle, in the unit of k τ₁²", {"above": 0.0, "metavar": "M"}),
     "quality": ("quality factor Q = √(m k)/(k τ₁), instead of a mass", {"above": 0.0, "metavar": "Q"}),
     "background_drag": (
-        "drag δ of the fluid beside contact damping (default: the limit δ → 0)",
+        "drag δ of the fluid beside contact damping, a weight in units of k τ₁ (default: the limit δ → 0)",
         {"low": 0.0, "metavar": "D"},
     ),
 }

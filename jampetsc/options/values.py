@@ -9,15 +9,17 @@ import os
 from collections.abc import Iterable, Sequence
 from functools import partial
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.options.parameters import ValueType, format_value
 
 Numbers = str | Sequence[float]
 MAX_GRID_SIZE = 100_000  # numbers of a grid
-STRESS_UNIT = "k, in three dimensions over that of length"
+STRESS_UNIT = "the unit of k, in three dimensions that of k/length"
+TIME_UNIT = "1/time, the time that tau1 is in"
 MAX_SEED = 2**63 - 1  # largest that a file can record
 MAX_SEEDS = 1_000_000
+POSITIVE = 1e-300, 1e300  # range of positive numbers in units that are not known yet
 MAX_THREADS = 256
 
 
@@ -235,4 +237,14 @@ RADII = ValueType(
     metavar="FILE",
     python="array (N,) or the name of a text file",
 )
-FREQUENCIES = number_list(MIN_OMEGA, MAX_OMEGA, "LOW:HIGH:COUNT|LIST", " (limits ω → 0 and ∞: quasistatic)")
+FREQUENCIES = number_list(*POSITIVE, "LOW:HIGH:COUNT|LIST")
+
+
+def check_frequencies(omega, tau1: float) -> None:
+    """Raise InputError for frequencies (M,) in 1/time whose products with τ₁ are out of range."""
+    for end in (min(omega), max(omega)):
+        if not MIN_OMEGA <= end * tau1 <= MAX_OMEGA:
+            raise InputError(
+                f"{named('omega')} {end:g}: must lie between {MIN_OMEGA / tau1:g} and {MAX_OMEGA / tau1:g} (limits "
+                f"ω → 0 and ∞: quasistatic)"
+            )

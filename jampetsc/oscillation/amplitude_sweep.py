@@ -53,7 +53,7 @@ def sweep_amplitudes(
     network     of the disks, which is stable under this control (`require_stability`)
     law         damping of contacts, with its exponent
     omega       (M,) frequencies in 1/time
-    amplitudes  (A,) of the stress in units of k, of spheres over that of length, or of the strain
+    amplitudes  (A,) of the stress, in the unit of k, of spheres over that of length; or of the strain
     control     the imposed quantity, "stress" or "strain"
     contacts    "fixed", or "moving": they open and close
     steps       of a cycle, a multiple of 8
@@ -65,8 +65,9 @@ def sweep_amplitudes(
     Raises ConvergenceError if all points fail.
     """
     solver = _PointSolver(disks, network, law, contacts == "moving", steps, cycles, load)
-    points = [Drive(float(w), float(a), control == "stress") for a in amplitudes for w in omega]
-    records, failures = _solve_points(solver, points, dict(resume or {}), save)
+    unit = network.k if control == "stress" else 1.0  # of a `Drive`
+    points = [Drive(float(w), float(a) / unit, control == "stress") for a in amplitudes for w in omega]
+    records, failures = _solve_points(solver, points, unit, dict(resume or {}), save)
     if not records:
         raise next(iter(failures.values()))
     arrays = _stack_records(records, (len(amplitudes), len(omega)))
@@ -137,8 +138,11 @@ def _solve_batch(solver, points) -> list:
     return comm.allgather(own)[: len(points)]
 
 
-def _solve_points(solver, points, records, save):
-    """({number: record} of all finished points, {number: ConvergenceError}); `records` are finished already."""
+def _solve_points(solver, points, unit, records, save):
+    """({number: record} of all finished points, {number: ConvergenceError}); `records` are finished already.
+
+    unit   of the amplitudes of the points
+    """
     session, failures = current(), {}
     missing = [number for number in range(len(points)) if number not in records]
     batch_size = session.size if solver.on_one_rank else 1
@@ -151,7 +155,7 @@ def _solve_points(solver, points, records, save):
                 outcomes = _solve_batch(solver, [points[number] for number in batch])
             for number, outcome in zip(batch, outcomes, strict=True):
                 drive = points[number]
-                point = f"omega {drive.omega:.3e}  {drive.control} {drive.amplitude:.1e}"
+                point = f"omega {drive.omega:.3e}  {drive.control} {unit * drive.amplitude:.1e}"
                 if isinstance(outcome, ConvergenceError):
                     failures[number] = ConvergenceError(f"{point}: {outcome.message(named)}")
                     progress.step(f"failed: {point}: {outcome}")

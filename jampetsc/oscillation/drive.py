@@ -36,7 +36,7 @@ class Moduli(NamedTuple):
 class Drive:
     """An imposed sine.
 
-    A stress amplitude is in units of k, of spheres over that of length, unless a solver uses its own units.
+    A stress amplitude is in multiples of k, of spheres over that of length, unless a solver uses its own units.
     """
 
     omega: float

@@ -40,9 +40,12 @@ _FREQUENCY_TOLERANCE = 0.01  # relative, of requested frequencies
 # (docs/theory/linear_response.md; benchmarks/claims/medium.py)
 MEDIUM = (0.1691383468239038, 0.24575240074885307)
 OMEGA = option(
-    "omega", FREQUENCIES, "fields: frequencies as in the file (default: up to four); correlation: frequencies in 1/τ₁ "
-    "(default: all of one file, the lowest of several)", "w1,w2,…",
-)  # fmt: skip
+    "omega",
+    FREQUENCIES,
+    "fields: frequencies as in the file (default: up to four); correlation: values of ωτ₁ (default: all of one "
+    "file, the lowest of several)",
+    "w1,w2,…",
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -135,8 +135,12 @@ def curves_of(result, along="omega") -> list[Curve]:
     """
     if isinstance(result, Curve) or result.format != OSCILLATION:
         return [curve_of(result)]
-    omega, amplitude = result["omega"] * units_of(result).tau1, result["amplitude"]
     G, error, fixed = result["G"], result["error"], result.attributes["control"]
+    units = units_of(result)
+    omega, amplitude = (
+        result["omega"] * units.tau1,
+        result["amplitude"] / (units.k if fixed == "stress" else 1.0),
+    )
     if along == "amplitude":
         omega, amplitude, G, error, fixed = amplitude, omega, G.T, error.T, "omega"
     rows = [row for row in range(len(amplitude)) if np.isfinite(G[row]).any()] or [0]
@@ -162,8 +166,13 @@ def _curve(result, x, G, bounds, **more):
         G=G[order] / units.k,
         bounds=np.array(bounds)[:, order] / units.k,
         pressure=units.pressure,
-        attributes=result.attributes | more,
+        attributes=_in_units_of_k(result.attributes, units.k) | more,
     )
+
+
+def _in_units_of_k(attributes, k):
+    """Attributes with the stress of power-law damping over k."""
+    return attributes | ({"stress": attributes["stress"] / k} if "stress" in attributes else {})
 
 
 def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:

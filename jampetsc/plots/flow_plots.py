@@ -21,7 +21,7 @@ from jampetsc.plots.style import DASHED, GREY, OPEN, PAGE, colours, entry, hidde
 
 CURVE_HEIGHT = 2.3  # inches of one row of panels
 _MIN_POINTS = 2  # rates or packing fractions of a curve
-QUANTITIES = ("shear_stress", "pressure", "coordination")
+QUANTITIES = ("shear_stress", "pressure", "contact_number")
 
 
 def flow_curves(results, over="rate") -> dict:
@@ -49,7 +49,7 @@ def flow_curves(results, over="rate") -> dict:
         x, averages[kind] = np.array(sorted(runs)), {}
         for name in QUANTITIES:
             values, errors = np.array([mean_of_facts(runs[position], name) for position in x]).T
-            unit = 1.0 if name == "coordination" else units.k
+            unit = 1.0 if name == "contact_number" else units.k
             averages[kind][name] = x * (units.tau1 if over == "rate" else 1.0), values / unit, errors / unit
     return averages
 
@@ -74,7 +74,7 @@ def draw_flow_curves(results, page) -> str:
         )
     names = [units.label(r"\sigma", "stress"), units.label("p", "stress"), r"$\sigma/p$"]
     names += [units.label(r"\sigma/\dot\gamma,\ p/\dot\gamma", "viscosity")]
-    names += [r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$", "$Z$"]
+    names += [r"$d\ln\sigma/d\ln\dot\gamma,\ d\ln p/d\ln\dot\gamma$", "$2N_c/N$"]
     rate = units.label(r"\dot\gamma", "rate")
     axes = page.panels(2, 3, PAGE, 2 * CURVE_HEIGHT, x=rate, y=names, log=["xy"] * 4 + ["x"] * 2)
     every = np.concatenate([curve["pressure"][0] for curve in curves.values()])
@@ -82,7 +82,7 @@ def draw_flow_curves(results, page) -> str:
         ax.set_xlim(every.min() / 1.3, 1.3 * every.max())
     exponents = []
     for (name, curve), look in looks(zip(labels_of(list(curves)), curves.values(), strict=True)):
-        draw_points(axes[5], *curve["coordination"], label=hidden(name), **look)
+        draw_points(axes[5], *curve["contact_number"], label=hidden(name), **look)
         rates = curve["pressure"][0]
         shown = (curve["shear_stress"][1] > 0) & (curve["pressure"][1] > 0)
         stress, pressure = ([part[shown] for part in curve[quantity][1:]] for quantity in QUANTITIES[:2])
@@ -126,14 +126,14 @@ def plot_against_phi(results, page):
     units = flow_units(results)
     kinds = [kind for kind, _ in curves]
     words = labels_of(kinds) if len(set(kinds)) > 1 else [""] * len(kinds)
-    names = [units.label(r"\sigma", "stress"), units.label("p", "stress"), "$Z$"]
+    names = [units.label(r"\sigma", "stress"), units.label("p", "stress"), "$2N_c/N$"]
     axes = page.panels(1, 3, PAGE, CURVE_HEIGHT * 1.2, x=r"$\phi$", y=names, log=["y", "y", ""])
     for ax, name in zip(axes, QUANTITIES, strict=True):
         for (((_, rate), curve), word), look in looks(zip(curves.items(), words, strict=True)):
             label = (f"{word}, " if word else "") + f"${number(rate * units.tau1)}$"
             draw_points(ax, *curve[name], label=label, **look)
     page.legend(axes[2], title=units.label(r"\dot\gamma", "rate"))
-    return f"stress, pressure and coordination of {count_text(results, 'run', 'runs')} against phi"
+    return f"stress, pressure and contacts of {count_text(results, 'run', 'runs')} against phi"
 
 
 def flow_regimes(results) -> dict:

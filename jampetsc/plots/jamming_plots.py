@@ -23,7 +23,7 @@ def plot_quasistatic_shear(results, page):
     """U/N on a log scale, σ, p and Z over γ of one run or several; unjammed states are light, means dashed."""
     units = flow_units(results)
     panels = {"energy": units.label("U/N", "energy"), "shear_stress": units.label(r"\sigma", "stress")}
-    panels |= {"pressure": units.label("p", "stress"), "coordination": "$Z$"}
+    panels |= {"pressure": units.label("p", "stress"), "contact_number": "$2N_c/N$"}
     named = {"x": r"$\gamma$", "y": list(panels.values()), "log": ["y", "", "", ""]}
     axes = page.panels(2, 2, PAGE, 2 * STRAIN_HEIGHT, **named, sharex=True)
     loose = any((result["jammed"] != 1).any() for result in results)
@@ -31,7 +31,7 @@ def plot_quasistatic_shear(results, page):
     for ax, name in zip(axes, panels, strict=True):
         for result, colour in zip(results, colours(len(results)), strict=True):
             disks = float(result.attributes["particle_count"])
-            unit = {"energy": units.k * disks, "coordination": 1.0}.get(name, units.k)
+            unit = {"energy": units.k * disks, "contact_number": 1.0}.get(name, units.k)
             _draw_states(
                 ax, result["strain"], result[name] / unit, result["jammed"] == 1, colour, result.path.stem
             )
@@ -48,9 +48,7 @@ def plot_quasistatic_shear(results, page):
     if any(map(len, plastic)):
         handles.append(entry("plastic events, in (b)", marker="|", ms=4, ls="none"))
     page.legend(axes[0], [*handles, entry("means", lw=1.3, ls=DASHED)])
-    return (
-        f"energy, stress, pressure and coordination of {count_text(results, 'run', 'runs')} over the strain"
-    )
+    return f"energy, stress, pressure and contacts of {count_text(results, 'run', 'runs')} over the strain"
 
 
 def _draw_states(ax, strain, values, jammed, colour, name):

@@ -60,13 +60,18 @@ def contributions_of(
     The first is None where zero modes leave the response undetermined, and where it is affine, as in a crystal; the
     second without `loads`.
 
-    values (m,) λ > 0 in k, increasing; vectors (m, n_local, D) φ of unit length; force (m,) F, the same on all ranks
+    values (m,) λ > 0, increasing; vectors (m, n_local, D) φ of unit length; force (m,) F, the same on all ranks
     """
-    elastic = ElasticResponse(pencil.network) if values[0] > SHIFT else None
+    elastic = ElasticResponse(pencil.network) if values[0] > SHIFT * _stiffness(pencil.network) else None
     return (
         elastic and _contributions(pencil, elastic, values, vectors, force),
         _load_contributions(pencil, elastic, values, vectors, loads) if loads else None,
     )
+
+
+def _stiffness(network):
+    """Stiffness of the stiffest contact, the unit of eigenvalues. Collective."""
+    return network.max(network.contacts.stiffness)
 
 
 def _contributions(pencil, elastic, values, vectors, force):
@@ -134,9 +139,9 @@ class VibrationalModes:
     """m modes of one network, eigenvalues increasing, translations left out."""
 
     network: DistributedNetwork
-    eigenvalues: np.ndarray  # (m,) λ, in k
+    eigenvalues: np.ndarray  # (m,) λ, in the unit of k
     vectors: np.ndarray  # (m, n_local, D) φ, |φ| = 1
-    residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, in k
+    residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, likewise
     normal: np.ndarray  # (m,) mean over contacts of a∥²
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
     participation_ratio: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
@@ -145,7 +150,7 @@ class VibrationalModes:
     contributions: Contributions | None  # to the response to the load; None if that is not unique, or affine
     tensor: LoadContributions | None  # to the responses to the loads of a tensor
     inertia_count: int  # eigenvalues below `inertia_shift`, translations left out, by inertia: equals m
-    inertia_shift: float  # μ, in k
+    inertia_shift: float  # μ, in the unit of k
     complete: bool  # these are all modes of K
     method: str
     restarts: int
@@ -165,8 +170,7 @@ def lowest_modes(
     load: Load | None = None,
     tensor: tuple = (),
 ) -> VibrationalModes:
-    """The lowest `count` modes, or all `below` an eigenvalue (in k), or all there are if both are None.
-    Collective.
+    """The lowest `count` modes, or all `below` an eigenvalue, or all there are if both are None. Collective.
 
     Where the last one is in a cluster of equal eigenvalues, the whole cluster is returned. Unless it is `proved`
     that K has no negative modes, this is checked. Contributions are to the response to `load`, simple shear if not
@@ -175,7 +179,12 @@ def lowest_modes(
     Raises InputError for a packing that is not a minimum, for more modes than there are and for none below;
     ConvergenceError when they are not found or their number does not agree with inertia.
     """
-    stiffness = network.max(network.contacts.stiffness)
+    stiffness = _stiffness(network)
+    if below is not None and not below > SHIFT * stiffness:
+        raise InputError(
+            f"{named('below')} {below:g}: must be above {SHIFT * stiffness:g}. Softer modes are not distinguished from "
+            "translations."
+        )
     pencil = assemble(network, UNDAMPED, pinned=False)
     require_memory(network, pencil.unknowns, PREFIX)
     if not proved:

@@ -7,6 +7,7 @@ from jampetsc.analysis.power_laws import MIN_FREQUENCIES, critical_slopes, is_cr
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.columns import comma_separated
 from jampetsc.errors import InputError
+from jampetsc.io.formats import OLDER_COLUMNS, with_present_names
 from jampetsc.io.reader import load
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
@@ -38,7 +39,8 @@ def rows_of(tasks, records: dict) -> list[dict]:
 
 def _row(record):
     state = "done" if record["state"] == "done" else f"failed: {record['why']}"
-    return record["row"] | {"state": state, "seconds": round(record["seconds"], 3)}
+    row = with_present_names(record["row"], OLDER_COLUMNS)
+    return row | {"state": state, "seconds": round(record["seconds"], 3)}
 
 
 def table_text(rows) -> str:

@@ -8,7 +8,7 @@ from jampetsc.commands.sweep import OMEGA
 from jampetsc.errors import InputError, named
 from jampetsc.options.parameters import ValueType, parameter
 from jampetsc.options.physics_options import PackingJob
-from jampetsc.options.values import FREQUENCIES, Numbers, format_numbers, split_list
+from jampetsc.options.values import FREQUENCIES, TIME_UNIT, Numbers, format_numbers, split_list
 from jampetsc.packing.packing import Packing
 from jampetsc.shipped_files import located
 
@@ -62,7 +62,7 @@ Times are meaningful only on a machine without other load."""
         value_type=ValueType(_groups, ",".join, metavar="LIST", python="texts"),
     )
     ensemble: bool = parameter(False, "also compare the packing with 4 new ones of N/4 and 16 of N/16 disks")
-    omega: Numbers = parameter(OMEGA, "frequencies ω", value_type=FREQUENCIES, unit="1/τ₁")
+    omega: Numbers = parameter(OMEGA, "frequencies ω", value_type=FREQUENCIES, unit=TIME_UNIT)
     ranks: int | None = parameter(
         None, "ranks of each run under mpirun (default: without mpirun)", low=1, high=100_000
     )

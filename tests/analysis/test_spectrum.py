@@ -52,10 +52,13 @@ def test_moduli_of_power_law_damping_at_no_frequency_and_at_those_beyond_a_doubl
 def test_instability_and_power_law_damping_are_said(tmp_path, capsys):
     sweep = write_sweep(tmp_path / "unstable.h5", spectrum(-0.01))
     run(sweep, "--out", tmp_path / "s.h5")
-    assert "G0 < 0: the packing is unstable to shear, creep diverges as exp(" in capsys.readouterr().out
-    assert load(tmp_path / "s.h5").attributes["growth_rate"] > 0
+    said, result = capsys.readouterr().out, load(tmp_path / "s.h5")
+    assert "G0 < 0: creep diverges as exp(" in said and "  note: unstable to shear: G0 = -0.01" in said
+    assert result.attributes["growth_rate"] > 0
+    assert result.attributes["notes"].startswith("unstable to shear: G0 = -0.01. ")
     run(write_sweep(tmp_path / "alpha.h5", alpha=0.5, stress=1e-5), "--out", tmp_path / "s.h5", "--overwrite")
-    assert "the spectrum of linear damping" in capsys.readouterr().out
+    assert "  note: linear damping: alpha is not in this spectrum" in capsys.readouterr().out
+    assert "linear damping: alpha is not" in load(tmp_path / "s.h5").attributes["notes"]
     held = spectrum(0.0)
     run(write_sweep(tmp_path / "fluid.h5", held), "--out", tmp_path / "t.h5")
     assert f"G0 = 0: it flows in the end, J(t) -> {1 / held.eta0:.6g} t" in capsys.readouterr().out
@@ -114,8 +117,20 @@ def test_a_sweep_reaches_a_decade_beyond_all_modes_or_says_so(tmp_path, capsys, 
     """Rates are 1e-4 to 1."""
     run(write_sweep(tmp_path / "s.h5", omega=np.geomspace(slowest, fastest, 5)), "--out", tmp_path / "t.h5")
     said = capsys.readouterr().out
-    assert ("is not certified" in said) != whole
-    assert whole or f"the sweep covers times {1 / fastest:.3g} to {1 / slowest:.3g}: what is" in said
+    notes = load(tmp_path / "t.h5").attributes.get("notes", "")
+    assert (
+        ("note: not certified at all times: " in said)
+        == ("not certified at all times" in notes)
+        == (not whole)
+    )
+    assert whole or f"the sweep covers times {1 / fastest:.3g} to {1 / slowest:.3g}, and what is" in said
+
+
+def test_a_spectrum_has_the_notes_of_its_sweep(tmp_path, capsys):
+    notes = "forces are not balanced: max|F|/(p d) = 1e-3. Quench it; rough: 3"
+    run(write_sweep(tmp_path / "s.h5", notes=notes), "--out", tmp_path / "t.h5")
+    assert "\n  note: forces are not balanced: max|F|/(p d) = 1e-3. Quench it\n" in capsys.readouterr().out
+    assert load(tmp_path / "t.h5").attributes["notes"].startswith(notes)
 
 
 @pytest.mark.parametrize("window", [None, 0.75])

@@ -77,7 +77,7 @@ def test_the_file(tmp_path, capsys):
     assert np.allclose(result["time"], strain / 1e-2)
     rows = len(strain)
     assert result["shear_stress"].shape == result["pressure"].shape == (rows, 3)
-    for name in ("energy", "dissipation", "coordination", "clusters", "largest_cluster", "deepest_overlap"):
+    for name in ("energy", "dissipation", "contact_number", "clusters", "largest_cluster", "deepest_overlap"):
         assert result[name].shape == (rows,)
     assert (result["shear_stress"][:, 1:] == 0).all()  # drag alone has no other stress
     kept = strain > 0.2 * (1 + 1e-12)

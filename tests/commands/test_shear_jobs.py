@@ -48,7 +48,7 @@ RANGES = [  # (job, other parameters, parameter, values within its range, values
     (Flow, FLOW | {"model": "RD"}, "mass", [1e-9, 1e12], [0.0, -1.0, NAN, INF, 1e300]),
     (Flow, FLOW | {"model": "RD"}, "quality", [1e-9, 1e12], [0.0, -1.0, NAN, INF]),
     (Flow, FLOW | {"model": "CD0"}, "background_drag", [0.0, 1.0], [-1e-9, NAN, INF]),
-    (Flow, FLOW, "tau1", [1e-3, 1e12], [0.0, NAN, 1e300]),
+    (Flow, FLOW | {"rate": 1e-12}, "tau1", [1e-3, 1e12], [0.0, NAN, 1e300]),
     (Shear, SHEAR, "step", [1e-8, 0.1], [0.0, 0.101, -0.1, NAN]),
     (Shear, SHEAR, "strain", [0.01, 1e4], [0.0099, 1.01e4, NAN]),
     (Shear, SHEAR | {"strain": 100}, "step", [1e-6], [0.99e-6]),

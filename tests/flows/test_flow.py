@@ -33,7 +33,7 @@ def test_the_mean_velocity_of_a_cluster_is_that_of_the_flow():
         assert np.abs(velocities[cluster == one].mean(0)).max() < 1e-14
     survey = run.survey()
     assert survey["clusters"] == number and survey["largest_cluster"] == np.bincount(cluster).max()
-    assert survey["coordination"] == 2 * len(contacts) / thin.n
+    assert survey["contact_number"] == 2 * len(contacts) / thin.n
     assert survey["deepest_overlap"] == pytest.approx(np.max(contacts.overlap / contacts.sigma), rel=1e-12)
 
 
@@ -253,7 +253,7 @@ def test_coordination_is_a_mean_over_disks_that_move():
     contacts = find_contacts(disks)
     run = SteadyShear(disks, Model(ROWS["RD0"][0]), 0.02, Scheme(0.05, "euler", 1e-6), wall_disks=4)
     free = np.count_nonzero(contacts.i >= 4) + np.count_nonzero(contacts.j >= 4)
-    assert run.survey()["coordination"] == free / 12
+    assert run.survey()["contact_number"] == free / 12
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

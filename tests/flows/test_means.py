@@ -37,7 +37,7 @@ def recorded(rows, lost=1.0, loss=0.5, stress=(2.0, 0.3), with_walls=False):
             "pressure": [1.0, 2.0, 3.0],
             "energy": energy,
             "dissipation": lost * loss,
-            "coordination": 4.0 + row,
+            "contact_number": 4.0 + row,
         }
         record.add(**values)
     return record
@@ -71,7 +71,7 @@ def test_means_are_over_rows_after_discard():
     for discard, first in ((0.0, 0), (3 * SPACING, 3), (3 * SPACING * (1 + 1e-13), 3), (3.01 * SPACING, 3)):
         found = means(record, discard)
         assert found.shear_stress.mean == pytest.approx(stress[first:].sum(1).mean())
-        assert found.pressure.mean == 6.0 and found.coordination.mean == np.mean(4.0 + np.arange(first, 10))
+        assert found.pressure.mean == 6.0 and found.contact_number.mean == np.mean(4.0 + np.arange(first, 10))
         np.testing.assert_allclose(found.parts, stress[first:].mean(0))
         assert [found.strain, found.spacing] == pytest.approx([(10 - first) * SPACING, SPACING])
         assert found.facts()["correlation_strain"] == pytest.approx(found.shear_stress.time * SPACING)
@@ -191,7 +191,7 @@ def test_a_row_has_means_over_its_steps():
     _add_row(record, run, 3)
     contacts = find_contacts(run.disks)
     assert record.column("time") == pytest.approx([0.01, 0.04]) and run.tally[-1] == 3
-    assert record.column("coordination")[1] == 2 * len(contacts) / 16
+    assert record.column("contact_number")[1] == 2 * len(contacts) / 16
     assert record.column("deepest_overlap")[1] == pytest.approx(np.max(contacts.overlap / contacts.sigma))
     assert record.column("pressure")[1, 0] == pytest.approx(measure(run.disks).pressure, rel=0.1)
 

@@ -403,6 +403,8 @@ def test_the_command_says_units_and_whether_forces_balance(tmp_path, capsys):
     said = imported(*box, *law, "--format", "xyr", "--frame", "0")
     assert "U = (k/2.5) (δ/σ)^2.5, k = 3" in said and "assumed  " not in said
     assert "forces    not balanced, max|F|/(p d) = " in said
+    notes = jampetsc.load(tmp_path / "p.h5").record["notes"]
+    assert notes.startswith("forces are not balanced: max|F|/(p d) = ")
     (tmp_path / "p.txt").write_text(TEXT)
     assert "give --potential, --stiffness, --k; LAMMPS' harmonic/cut K means k = 2K" in imported()
     (tmp_path / "p.txt").write_text(XYR)

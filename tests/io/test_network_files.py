@@ -119,10 +119,10 @@ def refused(capsys, *words):
     [
         ("0 0\n1 0\n1 1", "0 1\n1 2", (), "nodes.txt: no box. Give --box"),
         ("box 5\n0 0\n1 0", "0 1\n1 2", (), "bonds.txt: bond 1, of nodes 1 and 2: nodes are numbered from 0 to 1"),
-        ("box 5\n0 0\n1 0", "0 1\n0 1 2", (), "bonds.txt: line '0 1 2': must have 2 numbers, as the first one."),
+        ("box 5\n0 0\n1 0", "0 1\n0 1 2", (), "bonds.txt: line 2: '0 1 2', must have 2 numbers, as the first one."),
         ("box 5\n0 0\n1 0", "# none", (), "bonds.txt: holds no lines i j, i j k or i j k T of bonds"),
         ("box 5\n0 0\n1 0", "0 1", ("--box", "5"), "nodes.txt: a box in the file. Leave out --box"),
-        ("box 5\n0 0\n1 0", "0 x", (), "bonds.txt: 0 x: not numbers"),
+        ("box 5\n0 0\n1 0", "0 x", (), "bonds.txt: line 1: '0 x', must have 2 numbers, as the first one."),
         ("box 5\n0 0\n1 0", "0 1", ("--potential", "harmonic"), "--potential: an option of packings. Leave it out"),
         ("box 5\n0 0\n1 0", None, (), "xyr: holds no bonds. Give --bonds a text file of lines i j"),
     ],

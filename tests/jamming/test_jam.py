@@ -60,7 +60,7 @@ def test_the_file(session, shared_path):
     dense = result["phi"] > 0.85
     assert jammed[dense].mean() > 0.5 > jammed[~dense].mean()
     assert (pressure[jammed == 1] > 0).all()
-    assert (result["coordination"][dense & (jammed == 1)] > 3.2).all()
+    assert (result["contact_number"][dense & (jammed == 1)] > 3.2).all()
     with session.alone():  # samples are shared between ranks
         one = jampetsc.jam(**GIVEN)
     assert np.array_equal(one["seed"], result["seed"])

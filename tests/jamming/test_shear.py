@@ -105,7 +105,7 @@ def test_the_descent_finds_the_minimum_of_a_quench(jammed):
         evaluations += slow.advance().evaluations
         quenched = measure_minimum(minimise(affine, Goal(), solver, tolerance=1e-9, effort=cost).disks)
         same += slow.minimum.energy == pytest.approx(quenched.energy, rel=1e-9)
-        assert slow.minimum.coordination == measure_minimum(slow.disks).coordination
+        assert slow.minimum.contact_number == measure_minimum(slow.disks).contact_number
         assert slow.minimum.shear_stress == pytest.approx(measure_minimum(slow.disks).shear_stress, rel=1e-9)
         state = measure(slow.disks)
         assert state.max_force < 1e-9 * state.pressure * slow.diameter

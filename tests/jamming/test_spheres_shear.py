@@ -84,7 +84,7 @@ def test_commands_take_spheres(session):
     wanted = packing.record["shear_modulus"] * result["strain"]
     np.testing.assert_allclose(result["shear_stress"], wanted, rtol=1e-3)
     samples = jp.jam(n=24, dimension=3, phi=[0.55, 0.72], seeds=[1, 2])
-    assert samples["jammed"].tolist() == [0, 0, 1, 1] and samples["coordination"][-1] > 5
+    assert samples["jammed"].tolist() == [0, 0, 1, 1] and samples["contact_number"][-1] > 5
     cooled = jp.jam(n=24, dimension=3, phi=0.66, seeds=[1], protocol="compress", sweeps=5, cooling_rate=0.5)
     assert 0.55 < cooled["phi_J"][0] < 0.72
 

@@ -20,6 +20,7 @@ from jampetsc.minimise.protocols import Target, changed
 from jampetsc.minimise.sizes import Radii
 from jampetsc.packing import compiled
 from jampetsc.packing.contacts import measure
+from jampetsc.studies.study_table import numbers_of
 
 
 def pack(folder, *words, ranks=0):
@@ -42,6 +43,7 @@ def test_ensemble_is_the_same_on_any_number_of_ranks(tmp_path):
         done = pack(tmp_path / str(ranks), *words, ranks=ranks)
         assert done.returncode == 0, done.stderr
         told = [line.partition(":")[0] for line in done.stdout.splitlines()]
+        assert told.pop() == "  units"
         assert told == [f"p{p}-{seed}.h5" for seed in (1, 2, 3) for p in ("1e-2", "1e-3")]
     names = sorted(path.name for path in (tmp_path / "0").iterdir())
     assert names == sorted(told)
@@ -311,9 +313,9 @@ def test_packings_are_asked_for_as_told():
     assert [(task.seed, task.rung) for task in down] == rungs
     with pytest.raises(InputError, match=r"^ladder: a ladder without pressures\. Give pressure\.$"):
         job.Pack(n=16, phi=0.9, ladder=True)
-    soft = job.Pack(from_="soft.h5", pressure=[1e-3, 1e-2]).tasks("p{pressure}.h5", k=1e-6)
+    soft = job.Pack(from_="soft.h5", pressure=[1e-3, 1e-2]).tasks("p{pressure}.h5")
     assert [(task.path.name, task.seed) for task in soft] == [("p0.001.h5", None), ("p0.01.h5", None)]
-    assert [task.target.pressure for task in soft] == pytest.approx([1e-9, 1e-8])
+    assert [task.target.pressure for task in soft] == [1e-3, 1e-2]
 
 
 @pytest.mark.parametrize(("factor", "note"), [(0.999, False), (1.001, True)])
@@ -324,7 +326,16 @@ def test_a_packing_tells_when_rounding_forbids_its_tolerance(factor, note):
     text = packings._line("p.h5", disks.with_record(**known, tolerance=1e-10, evaluations=7), 1.234)
     said = f"p.h5: N = {disks.n}, p = 0.001, phi = 0.840000, Z = 4.0000, 1 rattlers, max|F|/p = "
     assert text.startswith(said)
-    assert "7 force evaluations, 1.23 s" in text and ("is limited by rounding" in text) == note
+    assert "7 force evaluations, 1.23 s" in text and ("  note: limited by rounding: " in text) == note
+
+
+def test_a_packing_keeps_the_note_that_rounding_limits_it(tmp_path):
+    """Also in the table of a study and in `info`; the packing made from it has none."""
+    disks = jampetsc.pack(n=16, pressure=1e-6, seed=2, tolerance=1e-13, out=tmp_path / "p.h5")
+    assert disks.record["notes"].startswith("limited by rounding: max|F|/(p d) = ")
+    assert numbers_of(tmp_path / "p.h5")["notes"] == disks.record["notes"]
+    assert f"\nnote: {disks.record['notes']}" in jampetsc.info(disks)
+    assert "notes" not in jampetsc.pack(from_=disks, pressure=1e-6, tolerance=1e-6).record
 
 
 GOOD = {"--n": "64", "--pressure": "1e-3", "--out": "a.h5"}
@@ -349,7 +360,7 @@ BAD = [  # options that are changed, what is named
     ({"--potential": "soft"}, "--potential soft"), ({"--radii": "r.h5"}, "--n: fixed by r.h5"),
     ({"--n": None, "--radii": "none.txt"}, "none.txt: not "), ({"--n": None, "--radii": "."}, ".: a folder"),
     ({"--n": None, "--radii": "words.txt"}, "words.txt"), ({"--n": None, "--radii": "r.h5", "--out": "./r.h5"}, "r.h5"),
-    ({"--n": None, "--radii": "negative.txt"}, "negative.txt: not positive"),
+    ({"--n": None, "--radii": "negative.txt"}, "negative.txt: line 2: not a positive number (-0.5)"),
     ({"--n": None, "--sizes": "monodisperse", "--from": "none.h5"}, "--sizes: fixed by the packing"),
     ({"--n": None, "--from": "none.h5"}, "none.h5"), ({"--n": None, "--from": "words.txt"}, "words.txt"),
     ({"--out": "nowhere/a.h5"}, "nowhere"), ({"--out": "."}, "folder"), ({"--out": "words.txt"}, "words.txt"),
@@ -375,9 +386,11 @@ def test_bad_input_gets_one_line(change, said, tmp_path, monkeypatch):
     [
         ([1e-6] * 8 + [1e6] * 8, None), ([1.0] * 15, "15 particles: not supported"), ([1.0] * 21, "21 particles"),
         ([1.0] * 15 + [0.99e-6], "radii from 9.9e-07 to 1: outside"),
-        ([1.0] * 15 + [1.01e6], "radii from 1 to 1.01e+06: outside"), ([1.0] * 15 + [0.0], "not positive"),
-        ([1.0] * 15 + ["inf"], "not positive"), (["1 2"] * 16, "not positive"),
-        (["x"] * 16, "not a list of radii"), ([], "0 particles"),
+        ([1.0] * 15 + [1.01e6], "radii from 1 to 1.01e+06: outside"),
+        ([1.0] * 15 + [0.0], ": line 16: not a positive number (0)"),
+        ([1.0] * 15 + ["inf"], ": line 16: not a positive number (inf)"),
+        (["1 2"] * 16, ": line 1: '1 2', not a radius"), (["1 # one", "", "x"] * 16, ": line 3: 'x', not a radius"),
+        ([], "0 particles"),
     ],
 )  # fmt: skip
 def test_radii_of_a_file_and_of_an_array(values, said, tmp_path, monkeypatch):
@@ -390,6 +403,6 @@ def test_radii_of_a_file_and_of_an_array(values, said, tmp_path, monkeypatch):
     with pytest.raises(InputError) as raised:
         Radii.read(path)
     assert str(raised.value).startswith(f"{path}: ") and said in str(raised.value)
-    if values != ["x"] * 16 and values != ["1 2"] * 16:
-        with pytest.raises(InputError, match=r"^radii: "):
+    if "radius" not in said:
+        with pytest.raises(InputError, match=r"^radii(\[15\])?: "):
             Radii(values)

@@ -91,7 +91,7 @@ def facts(**more):
     """A result with the attributes that curves are told apart by."""
     plain = {"model": "RD", "phi": 0.8, "particle_count": 64, "mass": 1.0, "potential": "harmonic", "k": 2.0}
     plain |= {"rate": 0.1, "seed": 1, "units": "those of the packing", "stiffness": "constant", "tau1": 0.5}
-    names = ("shear_stress", "pressure", "coordination")
+    names = ("shear_stress", "pressure", "contact_number")
     plain |= {f"{name}_{part}": 1.0 for name in names for part in ("mean", "error")}
     plain |= {f"{name}_samples": np.inf for name in names}
     return SimpleNamespace(path=Path("a.h5"), attributes=Attributes("a.h5", plain | more))
@@ -114,7 +114,7 @@ def test_curves_against_phi(tmp_path):
     assert [rate for _, rate in curves] == [0.1, 0.2]
     for (_, rate), curve in curves.items():
         assert np.allclose(curve["pressure"][:2], [[0.8, 0.82], [0.4 * rate, 0.41 * rate]])  # p/k
-        assert np.allclose(curve["coordination"][1], 1.0)
+        assert np.allclose(curve["contact_number"][1], 1.0)
     with pytest.raises(InputError, match="one phi of each model"):
         plot_against_phi(some[:2])
 
@@ -182,7 +182,7 @@ def test_the_last_snapshot_is_the_last_state(runs):
     result = jampetsc.load(runs[0])
     disks = snapshot(result)
     contacts, number, alone = find_touching(disks)
-    assert len(contacts) * 2 / disks.n == result["coordination"][-1] == number.mean()
+    assert len(contacts) * 2 / disks.n == result["contact_number"][-1] == number.mean()
     assert f"$Z={number.mean():.3f}$" in jampetsc.plot(result, "snapshot").get_xlabel()
     assert np.array_equal(np.flatnonzero(~alone), np.unique(np.r_[contacts.i, contacts.j]))
     peeled = measure(disks)  # as if forces were balanced: contacts that a flow has would be lost

@@ -47,7 +47,7 @@ def jam_of(n=64, seeds=range(40), seed=1, path="a.h5", **attributes):
 def shear_of(jammed, plastic=None, path="s.h5", **more):
     """What `shear` makes, of so many states."""
     jammed = np.array(jammed, float)
-    scales = {"shear_stress": 1e-3, "pressure": 2e-3, "coordination": 4.0}
+    scales = {"shear_stress": 1e-3, "pressure": 2e-3, "contact_number": 4.0}
     arrays = {key: jammed * scale for key, scale in scales.items()}
     means = {f"{key}_mean": values.mean() for key, values in arrays.items()}
     arrays |= {"jammed": jammed, "strain": 0.1 * np.arange(1, len(jammed) + 1)}
@@ -229,7 +229,7 @@ def test_files_of_samples_and_of_shear_go_together_in_some_pictures():
     shear.last = isostatic()
     both = [jam_of(), shear]
     for files, kind, says in (
-        (both[1:], None, "energy, stress, pressure and coordination of 1 run over the strain"),
+        (both[1:], None, "energy, stress, pressure and contacts of 1 run over the strain"),
         (both[1:], "minimum", "24 disks at strain 8"),
         (both, "pressures", "P(p) of the jammed samples of 2 files"),
         (both, None, "f(phi), the share of samples that jam, of 2 files"),
@@ -275,7 +275,7 @@ def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():
     fig = figure_of(plot_quasistatic_shear, [file])
     strain, units = (
         file["strain"],
-        {"energy": 20.0, "shear_stress": 2.0, "pressure": 2.0, "coordination": 1.0},
+        {"energy": 20.0, "shear_stress": 2.0, "pressure": 2.0, "contact_number": 1.0},
     )
     for ax, (name, unit) in zip(fig.axes, units.items(), strict=True):
         line, loose, single = ax.get_lines()[:3]

@@ -326,7 +326,8 @@ def test_a_quasistatic_result_of_any_load(session):
     stress = measure(disks).stress
     relation = C0[2, 2] + (3.0 * stress[1, 1] - stress[0, 0]) / 4.0
     assert plain.attributes["G0"] == pytest.approx(relation, rel=1e-9)
-    i, j = squeezed["contacts/pairs"].T
+    row = np.argsort(squeezed["particles"])  # no rattlers
+    i, j = row[squeezed["contacts/pairs"]].T
     u, r = squeezed["nonaffine"], squeezed["contacts/bonds"]
     motion = np.sum((u[j] - u[i] + r / 2.0) * r, axis=1) / np.hypot(*r.T)
     np.testing.assert_allclose(motion, squeezed["contacts/normal"], atol=1e-10)

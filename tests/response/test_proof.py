@@ -20,6 +20,7 @@ from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
 from jampetsc.petsc.hessian_solver import NewtonSolver
 from jampetsc.petsc.shifted import ShiftedFactor
 from jampetsc.response.elastic import ElasticResponse
+from jampetsc.studies.study_table import numbers_of
 
 pytestmark = pytest.mark.most_ranks(2)
 PROGRAM = "../jampetsc/__main__.py"
@@ -291,6 +292,7 @@ def test_an_indefinite_packing_is_never_certified(tmp_path, options):
     assert done.returncode == 0 and "K has 14 negative modes" in done.stderr
     assert "certified" not in done.stdout and "estimated to" in done.stdout
     assert result.attributes["positive_semidefinite"].startswith("no: 14 negative modes")
+    assert "not a minimum: K has 14 negative modes, so method direct" in result.attributes["notes"]
 
 
 def test_a_count_stands_in_for_a_factorisation_that_proves_nothing(tmp_path):
@@ -348,7 +350,13 @@ def test_a_packing_that_is_not_at_rest_is_not_certified(session, tmp_path, capfd
             *words,
         ]
         assert cli.dispatch(line) == 0
-        assert capfd.readouterr().err.count("forces are not balanced") == 1, job  # a warning
+        told = capfd.readouterr()
+        assert told.err.count("forces are not balanced") == 1, job  # a warning
+        result = jampetsc.load(tmp_path / f"{job}-quiet.h5")
+        assert "\n  note: forces are not balanced: " in told.out
+        assert result.attributes["notes"].startswith("forces are not balanced: max|F|/(p d) = "), job
+        assert "\nnote: forces are not balanced: " in jampetsc.info(result), job
+        assert numbers_of(tmp_path / f"{job}-quiet.h5")["notes"] == result.attributes["notes"]
     assert "but forces are not balanced" in jampetsc.load(out).attributes["positive_semidefinite"]
 
 

@@ -130,7 +130,13 @@ def test_quasistatic(session, path, prestress, monkeypatch):
         arrays |= {"contacts/sliding": one.flow.sliding, "rotation": one.flow.rotation}
         arrays |= {"nonaffine": one.nonaffine}
         compare(file, {group + key: whole(comm, value) for key, value in arrays.items()})
-        i, j = file["contacts/pairs"].T
+        numbers = file["contacts/pairs"]
+        x = disks.positions[numbers]  # of the packing
+        image = np.round((file["contacts/bonds"] - x[:, 1] + x[:, 0]) @ np.linalg.inv(disks.cell))
+        np.testing.assert_allclose(
+            x[:, 1] - x[:, 0] + image @ disks.cell, file["contacts/bonds"], rtol=0, atol=1e-12
+        )
+        i, j = np.array([np.flatnonzero(file["particles"] == n)[0] for n in numbers.ravel()]).reshape(-1, 2).T
         move, bonds = file[f"{group}nonaffine"][j] - file[f"{group}nonaffine"][i], file["contacts/bonds"]
         move[:, 0] += bonds[:, 1]
         normal = np.sum(move * bonds, axis=1) / np.hypot(*bonds.T)

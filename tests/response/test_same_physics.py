@@ -29,13 +29,13 @@ def told(length=1.0, k=1.0, turns=0):
 
 
 def answers(length=1.0, k=1.0, tau1=1.0, turns=0):
-    """What the commands find, without units: lengths in `length`, stresses and stiffnesses in k, times in τ₁."""
+    """What the commands find, without units: lengths over `length`, stresses and stiffnesses over k, times over τ₁."""
     disks, law = told(length, k, turns), jampetsc.ContactDamping(tau1=tau1)
     omega = np.array([1e-4, 1e-2, 1.0]) / tau1
     sweep = jampetsc.sweep(disks, omega=omega, fields=omega[1:], law=law)
     slow = jampetsc.quasistatic(disks, law=law)
     modes = jampetsc.modes(disks, count=5)
-    turned = jampetsc.oscillate(disks, omega=0.01 / tau1, stress=1e-6, alpha=0.7, steps=16, law=law)
+    turned = jampetsc.oscillate(disks, omega=0.01 / tau1, stress=1e-6 * k, alpha=0.7, steps=16, law=law)
     moved = jampetsc.oscillate(
         disks, omega=0.1 / tau1, strain=1e-3, contacts="moving", steps=16, cycles=3, law=law
     )

@@ -1,0 +1,51 @@
+"""Units of numbers: numbers are absolute, in the unit of length of the packing, the unit of k and that of τ₁."""
+
+import numpy as np
+
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.potentials import Potential
+
+HALVES = {
+    0.5: "^½",
+    1.0: "",
+    1.5: "^(3/2)",
+    2.0: "²",
+    2.5: "^(5/2)",
+    3.0: "³",
+}  # powers of a length, in words
+
+
+def stress_unit_of(radii, potential: Potential, dimension: int) -> float:
+    """Stress of order one for radii (N,) of mean diameter d: k/d^(D−2), with stiffnesses k/σ² k/d^D."""
+    d = 2.0 * float(np.mean(radii))
+    return float(potential.k) / float(potential.scale(np.array(d))) ** 2 / d ** (dimension - 2)
+
+
+def name_stress_unit(potential: Potential | None, dimension: int) -> str:
+    """The unit of stress, pressure and moduli by that of k, such as k, k/length or k/length²; None: of linear springs.
+
+    An energy (k/α) δ^α over a volume is k times a length to the power α − D, (k/α) (δ/σ)^α over it to the power −D.
+    """
+    alpha = 2.0 if potential is None else 0.0 if potential.constants[2] else potential.alpha
+    power = alpha - dimension
+    if not power:
+        return "k"
+    return f"k{'/' if power < 0 else ' '}length{HALVES[abs(power)]}"
+
+
+def units_line(stress_unit: str, k: float, tau1: float | None = None, diameter: float | None = None) -> str:
+    """The line of a summary that says in which units its numbers are.
+
+    stress_unit   as `name_stress_unit` gives it
+    tau1          unit of time; None: there are no times
+    diameter      mean diameter, which tells the unit of length; None: not known
+    """
+    parts = [f"stress as {stress_unit} (k = {k:g})"]
+    parts += [] if tau1 is None else [f"time as tau1 (tau1 = {tau1:g})"]
+    parts += [] if diameter is None else [f"mean diameter {diameter:.6g}"]
+    return f"  units: {', '.join(parts)}"
+
+
+def mean_diameter(disks: Packing) -> float:
+    """Mean diameter of the disks."""
+    return 2.0 * float(np.mean(disks.radii))
