@@ -135,7 +135,7 @@ def pack(
     dimension : integer, default None
         2: disks (default), 3: spheres
     pressure : number or numbers, default None
-        pressure p = Σ f r / (D V), in k, in three dimensions over that of length
+        pressure p = Σ f r / (D V), in the unit of k, in three dimensions that of k/length
     phi : number, default None
         packing fraction, instead of a pressure (disks jam near 0.84, spheres near 0.64)
     potential : "harmonic" or "hertzian", default None
@@ -587,7 +587,7 @@ def sweep(
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
     omega : numbers or "low:high:count", default 1e-10:1e4:141
-        frequencies ω, in 1/τ₁ (with τ₁ = 1)
+        frequencies ω, in 1/time, the time that tau1 is in
     method : "rational" or "direct", default rational
         rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency
     load : str, array (D, D) or one of `jampetsc.loads`, default xy
@@ -601,7 +601,7 @@ def sweep(
     alpha : number, default None
         exponent of the damping force (1 is linear)
     stress : number, default None
-        amplitude of the shear stress, with alpha, in k, in three dimensions over that of length
+        amplitude of the shear stress, with alpha, in the unit of k, in three dimensions that of k/length
     out : name of a file, default None
         file of the result (default: in memory; see `Result.save`)
     checkpoint : name of a file, default None
@@ -641,7 +641,8 @@ def quasistatic(
     unit strain, with medians, means, rms and histograms; G₀, bulk modulus, η₀ = lim G''/ω and η_∞ (BT eqs. 18–24).
     Moduli are second derivatives of the energy per volume along F = 1 + εE, E the displacement gradient of the load;
     the bulk modulus is −V dp/dV. With load tensor the fields are of simple shear xy, and the constants C₀, η₀ and η_∞
-    between the symmetric loads xx, yy, (zz, yz, xz,) xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added.
+    between the symmetric loads xx, yy, (zz, yz, xz,) xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added, with the shear
+    modulus averaged over all directions and Poisson's ratio of both moduli.
     Numbers whose names have no_prestress are without the pre-stress of K.
 
     Collective.
@@ -685,6 +686,7 @@ def modes(
     count: int | None = None,
     below: float | None = None,
     all: bool = False,
+    eigenvectors: bool = True,
     prestress: bool = True,
     load: Any = 'xy',
     out: _Path | None = None,
@@ -707,9 +709,11 @@ def modes(
     count : integer, default None
         number of modes (default 50); more where the last eigenvalues are equal
     below : number, default None
-        all modes with eigenvalues below this, in k
+        all modes with eigenvalues below this, in the unit of k
     all : bool, default False
-        all modes, by LAPACK on one rank: up to 4096 disks, 8 (2N)² bytes in the file
+        all modes, by LAPACK on one rank: up to 4096 disks or 2730 spheres
+    eigenvectors : bool, default True
+        eigenvectors in the file, 8 DN bytes for each mode
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
     load : str, array (D, D) or one of `jampetsc.loads`, default xy
@@ -771,9 +775,9 @@ def oscillate(
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
     omega : numbers or "low:high:count"
-        frequencies ω, in 1/τ₁ (with τ₁ = 1)
+        frequencies ω, in 1/time, the time that tau1 is in
     stress : numbers or "low:high:count", default None
-        amplitudes of an imposed stress, the force per volume on the amplitude of the load, in k, in three dimensions over that of length
+        amplitudes of an imposed stress, the force per volume on the amplitude of the load, in the unit of k, in three dimensions that of k/length
     strain : numbers or "low:high:count", default None
         amplitudes of an imposed strain
     alpha : number, default 1
@@ -869,7 +873,7 @@ def flow(
     model : jampetsc.models.CDn(mass=…), a damping law, a Model of it or "RD0", "CD0", "RD", "CD", "CDn", "CDt", optional
         model of the flow
     rate : number, default None
-        shear rate γ̇
+        shear rate γ̇, in 1/time, the time that tau1 is in
     strain : number
         how far to shear
     walls : bool, default False
@@ -881,7 +885,7 @@ def flow(
     snapshot_spacing : "even" or "log", default None
         log: states at strains that grow by a factor, for mean square displacements (default even)
     step : number, default None
-        time step (default: by the model)
+        time step, a time as tau1 (default: by the model)
     tolerance : number, default None
         of the velocities of contact damping (default 0.0001)
     out : name of a file, default None
@@ -1263,7 +1267,7 @@ def trade(
     ensemble : bool, default False
         also compare the packing with 4 new ones of N/4 and 16 of N/16 disks
     omega : numbers or "low:high:count", default 1e-10:1e4:141
-        frequencies ω, in 1/τ₁
+        frequencies ω, in 1/time, the time that tau1 is in
     ranks : integer, default None
         ranks of each run under mpirun (default: without mpirun)
     options_files : names of files, default None
