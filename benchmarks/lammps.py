@@ -24,8 +24,8 @@ def write_data(folder, disks, tilted=False, spheres=False) -> None:
     cell, x = disks.cell, disks.positions
     x = x - np.floor(x @ np.linalg.inv(cell)) @ cell
     lines = ["disks", "", f"{disks.n} atoms", "2 atom types", ""]
-    lines += [f"0 {cell[0, 0]!r} xlo xhi", f"0 {cell[1, 1]!r} ylo yhi", "-0.5 0.5 zlo zhi"]
-    lines += [f"{cell[1, 0]!r} 0 0 xy xz yz"] * tilted + [""]
+    lines += [f"0 {cell[0, 0]:.17g} xlo xhi", f"0 {cell[1, 1]:.17g} ylo yhi", "-0.5 0.5 zlo zhi"]
+    lines += [f"{cell[1, 0]:.17g} 0 0 xy xz yz"] * tilted + [""]
     lines += [] if spheres else ["Masses", "", "1 1.0", "2 1.0", ""]
     lines += ["Atoms", ""]
     for row, (r, place) in enumerate(zip(disks.radii.tolist(), x.tolist(), strict=True), 1):
