@@ -179,7 +179,7 @@ def _recorded(minimum: Minimum, target, protocol, effort) -> Packing:
         coordination=state.coordination,
         rattlers=int(np.count_nonzero(state.rattlers)),
         shear_stress=float(state.stress[0, 1]),
-        shear_modulus=minimum.modulus,
+        shear_modulus=float(minimum.modulus),
         protocol=protocol,
         stabilise=target.stabilise,
         tolerance=target.tolerance,
