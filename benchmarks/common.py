@@ -23,7 +23,7 @@ def packing(n: int, pressure: str, seed: int = 1) -> Path:
     path = FOLDER / f"n{n}-p{pressure}-s{seed}.h5"
     if not path.exists():
         command = ["pack", "--n", n, "--pressure", pressure, "--seed", seed, "--out", path]
-        finished([sys.executable, "-m", "jampetsc", *command], stdout=None)
+        run_program([sys.executable, "-m", "jampetsc", *command], stdout=None)
     return path
 
 
@@ -35,7 +35,7 @@ def environment() -> dict:
     return env
 
 
-def finished(words, **settings) -> subprocess.CompletedProcess:
+def run_program(words, **settings) -> subprocess.CompletedProcess:
     """A program run to its end, with its output as text; settings are those of `subprocess.run`.
 
     Ends this program by one line where the other one does not start or fails.
@@ -72,7 +72,7 @@ def mpirun(ranks: int) -> list[str]:
 
 def worker(script, *arguments, ranks: int = 1) -> dict:
     """Run `script arguments…` in processes of its own; returns what it handed to `report`."""
-    done = finished([*mpirun(ranks), sys.executable, script, *arguments])
+    done = run_program([*mpirun(ranks), sys.executable, script, *arguments])
     return json.loads(done.stdout.splitlines()[-1])
 
 

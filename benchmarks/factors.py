@@ -15,7 +15,7 @@ import resource
 import sys
 import time
 
-from common import finished
+from common import run_program
 
 SHIFT = 1e-2  # s
 
@@ -101,7 +101,7 @@ def main():
             "--rotations",
             rotations,
         ]
-        finished([sys.executable, __file__, *own, *options], stdout=None, stderr=None)
+        run_program([sys.executable, __file__, *own, *options], stdout=None, stderr=None)
 
 
 if __name__ == "__main__":

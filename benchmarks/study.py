@@ -70,7 +70,7 @@ def jampetsc(*words):
 def outlook(folder):
     """The command line of every task, without the program's name, to be given in the folder of the study."""
     words = jampetsc("study", "study.toml", "--out", "nowhere", "--dry-run")
-    told = common.finished(words, cwd=folder)
+    told = common.run_program(words, cwd=folder)
     lines = [line.split()[3:] for line in told.stdout.splitlines() if line.startswith("to do  ")]
     for number, line in enumerate(lines):  # what the study has made stays
         line[line.index("--out") + 1] = f"alone-{number}.h5"
@@ -80,7 +80,7 @@ def outlook(folder):
 def timed(words, folder):
     """(elapsed, processor) seconds of a program, the latter of its busiest rank."""
     began = time.perf_counter()
-    done = common.finished(words, cwd=folder)
+    done = common.run_program(words, cwd=folder)
     elapsed = time.perf_counter() - began
     used = re.findall(r"^processor (\S+) (\S+)$", done.stderr, re.MULTILINE)
     return elapsed, max(float(user) + float(system) for user, system in used)

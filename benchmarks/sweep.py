@@ -22,7 +22,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from common import finished, machine, packing, report, worker
+from common import machine, packing, report, run_program, worker
 from direct import ours, superlu
 
 OMEGA = np.geomspace(1e-10, 1e4, 141)
@@ -127,7 +127,7 @@ def processor(tree, path):
     for file in (packing(64, "1e-2"), path):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         words = [f"{tree}/.venv/bin/python", "benchmarks/sweep.py", "--worker", "rational", str(file)]
-        finished(words, cwd=tree)
+        run_program(words, cwd=tree)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     return spent[1] - spent[0]

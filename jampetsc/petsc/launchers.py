@@ -23,7 +23,7 @@ RANK_PREFIXES = (
 )
 # for messages and for transfers; a process alone sends to itself only
 LONE_COMPONENTS = {"pml": "ob1", "btl": "self"}
-# another kind of messages is chosen by these, too
+# parameters by which a user chooses other components for the same purpose
 RIVALS = {"pml": ("pml", "mtl"), "btl": ("btl",)}
 OWN_FILES = "OMPI_MCA_mca_base_param_file"  # begins variables by which a user names parameter files
 
@@ -88,7 +88,7 @@ def lone_process():
 
 
 def _parameter_files() -> list[str]:
-    """Texts of the files that Open MPI reads: the user's own, and those of the installation."""
+    """Texts of the files that Open MPI reads: the user's own and the installation's."""
     installation = (
         os.environ.get("OPAL_PREFIX") or Path(shutil.which("mpirun") or "/").resolve().parent.parent
     )

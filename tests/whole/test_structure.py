@@ -102,7 +102,9 @@ def graph():
 
 
 # whose last digits differ between C libraries and between the processors that one of them finds
-BY_C_LIBRARY = "exp expm1 exp2 log log2 log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh cbrt hypot".split()
+BY_C_LIBRARY = (
+    "exp expm1 exp2 log log2 log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh cbrt hypot".split()
+)
 BY_C_LIBRARY += "power arcsin arccos arctan arctan2 float_power geomspace logspace".split()
 
 
