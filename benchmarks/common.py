@@ -5,12 +5,15 @@ import json
 import os
 import platform
 import resource
+import shlex
+import shutil
 import subprocess
 import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
 
+MAX_LINE = 200  # characters of a command that a message shows whole
 FOLDER = Path(__file__).resolve().parent / "packings"  # not in git: made when first needed
 
 
@@ -20,7 +23,7 @@ def packing(n: int, pressure: str, seed: int = 1) -> Path:
     path = FOLDER / f"n{n}-p{pressure}-s{seed}.h5"
     if not path.exists():
         command = ["pack", "--n", n, "--pressure", pressure, "--seed", seed, "--out", path]
-        subprocess.run([sys.executable, "-m", "jampetsc", *map(str, command)], check=True, env=environment())
+        run_program([sys.executable, "-m", "jampetsc", *command], stdout=None)
     return path
 
 
@@ -32,21 +35,44 @@ def environment() -> dict:
     return env
 
 
+def run_program(words, **settings) -> subprocess.CompletedProcess:
+    """A program run to its end, with its output as text; settings are those of `subprocess.run`.
+
+    Ends this program by one line where the other one does not start or fails.
+    """
+    program, *_ = words = [str(word) for word in words]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "errors": "replace"}
+    try:
+        done = subprocess.run(words, **{**pipes, "env": environment(), **settings})
+    except OSError as error:
+        sys.exit(
+            f"{program}: does not start ({error.strerror}). Install it, or give the path of one that does."
+        )
+    if done.returncode:
+        how = (
+            f"killed by signal {-done.returncode}"
+            if done.returncode < 0
+            else f"exit status {done.returncode}"
+        )
+        lines = [
+            line.strip() for line in f"{done.stdout or ''}\n{done.stderr or ''}".splitlines() if line.strip()
+        ]
+        errors = [line for line in lines if "error" in line.lower()]
+        shown = shlex.join(words) if len(shlex.join(words)) <= MAX_LINE else program
+        sys.exit(f"{shown}: {how}. It says: {(errors or lines or ['nothing'])[-1]}")
+    return done
+
+
 def mpirun(ranks: int) -> list[str]:
-    """Words before a program on so many ranks."""
+    """Words before a program on so many ranks. Ends this program where there is no mpirun."""
+    if ranks > 1 and not shutil.which("mpirun"):
+        sys.exit(f"mpirun: not in PATH, and {ranks} ranks need it. Install an MPI.")
     return ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks)] if ranks > 1 else []
 
 
 def worker(script, *arguments, ranks: int = 1) -> dict:
     """Run `script arguments…` in processes of its own; returns what it handed to `report`."""
-    done = subprocess.run(
-        [*mpirun(ranks), sys.executable, str(script), *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        env=environment(),
-    )
-    if done.returncode:
-        sys.exit(f"{script} {' '.join(map(str, arguments))} failed:\n{done.stderr[-2000:]}")
+    done = run_program([*mpirun(ranks), sys.executable, script, *arguments])
     return json.loads(done.stdout.splitlines()[-1])
 
 

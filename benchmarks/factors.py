@@ -12,9 +12,10 @@ solves for a random right-hand side to rounding. Times are of the processor; the
 import argparse
 import itertools
 import resource
-import subprocess
 import sys
 import time
+
+from common import run_program
 
 SHIFT = 1e-2  # s
 
@@ -100,7 +101,7 @@ def main():
             "--rotations",
             rotations,
         ]
-        subprocess.run([sys.executable, __file__, *own, *options], check=True)
+        run_program([sys.executable, __file__, *own, *options], stdout=None, stderr=None)
 
 
 if __name__ == "__main__":

@@ -165,7 +165,7 @@ def main():
     args = parser.parse_args()
     print(common.machine(), flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        lmp = None if args.no_lammps else args.lammps or lammps.install(folder)
+        lmp = None if args.no_lammps else lammps.program(args.lammps, folder)
         for n in map(int, args.n.split(",")):
             disks = start(n)
             for name in ("RD0", "CDn", "CD", "CDt", "CD0"):

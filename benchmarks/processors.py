@@ -3,18 +3,21 @@
     .venv/bin/python benchmarks/processors.py [--n 1024,4096] [--pressure 1e-4] [--seed 1]
 
 Every line is one command in as many processes as there are IMITATIONS: numba told another processor, BLAS with the
-kernels of others and on two threads, numpy without its vectors, the C library without fused multiplication. Told are φ,
-force evaluations or rows, and what differs: nothing, or the largest difference of φ and of a coordinate.
+kernels of others and on two threads, numpy without its vectors, the C library without fused multiplication. Where there
+is a C compiler, another C library has last digits that are off by one, in half of what exp, pow and so on give. Told
+are φ, force evaluations or rows, and what differs: nothing, or the largest difference of φ and of a coordinate.
 """
 
 import argparse
 import hashlib
 import json
 import os
+import shutil
+import tempfile
 from pathlib import Path
 
 import numpy as np
-from common import machine, report, worker
+from common import machine, report, run_program, worker
 
 import jampetsc
 
@@ -39,6 +42,39 @@ IMITATIONS = {
     },
 }
 
+ONE_ARGUMENT = "exp expm1 exp2 log log10 log2 log1p sin cos tan asin acos atan sinh cosh tanh cbrt".split()
+TWO_ARGUMENTS = "pow atan2 hypot".split()
+OFF_BY_ONE = """
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+static double changed(double value) {
+    uint64_t bits;
+    memcpy(&bits, &value, 8);
+    if (isfinite(value) && value != 0.0 && fabs(value) != 1.0 && (bits ^ bits >> 3) & 1) bits += 1;
+    memcpy(&value, &bits, 8);
+    return value;
+}
+typedef double one(double);
+typedef double two(double, double);
+#define ONE(f) double f(double x) { return changed(((one *)dlsym(RTLD_NEXT, #f))(x)); }
+#define TWO(f) double f(double x, double y) { return changed(((two *)dlsym(RTLD_NEXT, #f))(x, y)); }
+"""
+
+
+def imitations(folder) -> dict:
+    """IMITATIONS and, where there is a C compiler, a C library with other last digits, made in `folder`."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        return IMITATIONS
+    source, library = Path(folder, "off.c"), Path(folder, "off.so")
+    functions = [f"ONE({name})" for name in ONE_ARGUMENT] + [f"TWO({name})" for name in TWO_ARGUMENTS]
+    source.write_text("\n".join([OFF_BY_ONE, *functions, ""]))
+    run_program([compiler, "-O1", "-fno-builtin", "-shared", "-fPIC", "-o", library, source, "-ldl"])
+    return IMITATIONS | {"libm off by one": {"LD_PRELOAD": str(library)}}
+
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -50,23 +86,29 @@ def main():
     if args.ours:
         ours(json.loads(args.ours))
         return
-    for n in (int(n) for n in args.n.split(",") if n):
-        packing = {"n": n, "pressure": args.pressure, "seed": args.seed}
-        compare(packing)
-        compare(packing | {"stabilise": "shear"})
-        compare(packing | {"potential": "hertzian"})
-        compare({"n": n, "phi": 0.86, "seed": args.seed})
-    small = {"n": 256, "phi": 0.86, "seed": args.seed}
-    for model in ({"model": "RD0"}, {"model": "CDn", "mass": 1.0}, {"model": "CD0"}):
-        compare(small | {"flow": model | {"rate": 1e-3, "strain": 1.0}})
-    compare(small | {"shear": {"step": 1e-3, "strain": 0.2}})
+    with tempfile.TemporaryDirectory() as folder:
+        compare_all(args, imitations(folder))
     print(machine())
 
 
-def compare(what: dict):
-    """Print what differs between all imitations."""
+def compare_all(args, others: dict):
+    """A line for every kind of packing and flow."""
+    for n in (int(n) for n in args.n.split(",") if n):
+        packing = {"n": n, "pressure": args.pressure, "seed": args.seed}
+        compare(packing, others)
+        compare(packing | {"stabilise": "shear"}, others)
+        compare(packing | {"potential": "hertzian"}, others)
+        compare({"n": n, "phi": 0.86, "seed": args.seed}, others)
+    small = {"n": 256, "phi": 0.86, "seed": args.seed}
+    for model in ({"model": "RD0"}, {"model": "CDn", "mass": 1.0}, {"model": "CD0"}):
+        compare(small | {"flow": model | {"rate": 1e-3, "strain": 1.0}}, others)
+    compare(small | {"shear": {"step": 1e-3, "strain": 0.2}}, others)
+
+
+def compare(what: dict, others: dict):
+    """Print what differs between all imitations, {name: variables}."""
     found = {}
-    for name, variables in IMITATIONS.items():
+    for name, variables in others.items():
         os.environ.update(variables)
         found[name] = worker(Path(__file__).resolve(), "--ours", json.dumps(what))
         for variable in variables:

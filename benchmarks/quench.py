@@ -17,15 +17,14 @@ lammps  from a packing at ten times the pressure, both on one core. Fixed cell: 
 import argparse
 import json
 import re
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
-from common import both_included, environment, machine, report, worker
-from lammps import install, run, write_data
+from common import both_included, machine, report, run_program, worker
+from lammps import program, run, write_data
 
 HERE = Path(__file__).resolve()
 ACCURACY = 1e-5  # max|F|/p at which the clocks are stopped
@@ -130,9 +129,7 @@ def main():
 def quench(tree, n, pressure, seed, threads):
     """What QUENCH reports from a process of its own."""
     words = [sys.executable, "-c", QUENCH, *map(str, (n, pressure, seed, threads))]
-    done = subprocess.run(words, cwd=tree, env=environment(), capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(done.stderr[-2000:])
+    done = run_program(words, cwd=tree)
     return json.loads(done.stdout.splitlines()[-1])
 
 
@@ -249,7 +246,7 @@ def lammps(args):
     """Against LAMMPS in a fixed cell and at fixed pressure."""
     pressure, table = args.pressure, []
     with tempfile.TemporaryDirectory() as folder:
-        lmp = args.lammps or install(folder)
+        lmp = program(args.lammps, folder)
         for seed in args.seeds:
             words = ["--n", args.n, "--pressure", pressure, "--seeds", f"{seed}:{seed}", "--folder", folder]
             us = worker(HERE, "ours", *words)

@@ -11,7 +11,6 @@ import argparse
 import functools
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -71,9 +70,7 @@ def jampetsc(*words):
 def outlook(folder):
     """The command line of every task, without the program's name, to be given in the folder of the study."""
     words = jampetsc("study", "study.toml", "--out", "nowhere", "--dry-run")
-    told = subprocess.run(
-        words, cwd=folder, env=common.environment(), check=True, capture_output=True, text=True
-    )
+    told = common.run_program(words, cwd=folder)
     lines = [line.split()[3:] for line in told.stdout.splitlines() if line.startswith("to do  ")]
     for number, line in enumerate(lines):  # what the study has made stays
         line[line.index("--out") + 1] = f"alone-{number}.h5"
@@ -83,9 +80,7 @@ def outlook(folder):
 def timed(words, folder):
     """(elapsed, processor) seconds of a program, the latter of its busiest rank."""
     began = time.perf_counter()
-    done = subprocess.run(
-        words, cwd=folder, env=common.environment(), check=True, capture_output=True, text=True
-    )
+    done = common.run_program(words, cwd=folder)
     elapsed = time.perf_counter() - began
     used = re.findall(r"^processor (\S+) (\S+)$", done.stderr, re.MULTILINE)
     return elapsed, max(float(user) + float(system) for user, system in used)

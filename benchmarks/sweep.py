@@ -17,13 +17,12 @@ of jampetsc, with an environment of its own, do the same sweep in turn with this
 import argparse
 import importlib.util
 import resource
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
-from common import environment, machine, packing, report, worker
+from common import machine, packing, report, run_program, worker
 from direct import ours, superlu
 
 OMEGA = np.geomspace(1e-10, 1e4, 141)
@@ -128,7 +127,7 @@ def processor(tree, path):
     for file in (packing(64, "1e-2"), path):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         words = [f"{tree}/.venv/bin/python", "benchmarks/sweep.py", "--worker", "rational", str(file)]
-        subprocess.run(words, cwd=tree, capture_output=True, check=True, env=environment())
+        run_program(words, cwd=tree)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     return spent[1] - spent[0]

@@ -37,6 +37,19 @@ def as_float(value) -> float:
         return math.inf if value > 0 else -math.inf
 
 
+def python_value(value):
+    """A number of numpy as python's own, also within lists and tuples; anything else as it is.
+
+    numpy 2 writes np.float64(1.0) where messages, records and code for python have 1.0.
+    """
+    if type(value) in (list, tuple):
+        return type(value)(map(python_value, value))
+    if type(value).__module__ != "numpy" or getattr(value, "ndim", 1) > 0:
+        return value
+    number = value.item()  # of a long double the same again
+    return float(number) if type(number) is type(value) else number
+
+
 class JampetscError(Exception):
     """Base of all errors raised on purpose; `str(error)` is one line meant for the user."""
 

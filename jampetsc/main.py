@@ -19,7 +19,7 @@ from jampetsc.commands import JOBS, job_class
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.options.parameters import suggest_name
 from jampetsc.options.parser import add_job, parse_job, run_command
-from jampetsc.petsc import session, solver_options
+from jampetsc.petsc import launchers, session, solver_options
 from jampetsc.version import VERSION
 
 REMEDIES = {errno.ENOSPC: ". Free some space, or write elsewhere.", errno.EACCES: ". Check its permissions."}
@@ -210,7 +210,7 @@ def _fail(message, status):
 
 def _mpi():
     """mpi4py's MPI if this is one of several ranks or MPI was started already, and was not ended; else None."""
-    if session.has_several_ranks():
+    if launchers.has_several_ranks():
         with contextlib.suppress(ImportError):
             importlib.import_module("mpi4py.MPI")
     MPI = sys.modules.get("mpi4py.MPI")

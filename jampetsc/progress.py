@@ -9,8 +9,6 @@ import sys
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-from tqdm import tqdm
-
 from jampetsc import interrupts, streams
 
 LOG = logging.getLogger("jampetsc")
@@ -70,9 +68,11 @@ class Progress:
         terminal = (
             self.reports and sys.stderr.isatty() and _lines in LOG.handlers and LOG.isEnabledFor(logging.INFO)
         )
-        self.bar = (
-            tqdm(total=total, initial=done, desc=what, leave=False, file=sys.stderr) if terminal else None
-        )
+        self.bar = None
+        if terminal:
+            from tqdm import tqdm  # which most runs do without
+
+            self.bar = tqdm(total=total, initial=done, desc=what, leave=False, file=sys.stderr)
 
     def step(self, line: str) -> None:
         """One step is finished; `line` says what came out. A Ctrl-C is raised here, see `interrupts`."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from jampetsc import main
 from jampetsc.options import parser
-from jampetsc.petsc.session import without_launcher
+from jampetsc.petsc.launchers import without_launcher
 
 ROOT = Path(__file__).resolve().parents[1]
 MINUTES = 800  # seconds, for what runs many commands

@@ -18,7 +18,7 @@ from jampetsc.options.physics_options import MODEL
 from jampetsc.options.starts import GROUP, ShearJob, run_parameter
 from jampetsc.options.values import PACKING_OR_RESULT, POSITIVE, TIME_UNIT, input_name, load_source
 from jampetsc.packing.packing import Packing
-from jampetsc.petsc import session
+from jampetsc.petsc import launchers
 from jampetsc.progress import Progress, note
 
 TOLERANCE = 1e-4
@@ -181,7 +181,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
 
         began = time.perf_counter()
         run, origin = self._continued_run() if self._continues else self._new_run()
-        if session.has_several_ranks():
+        if launchers.has_several_ranks():
             note("one rank does one flow, on threads; independent runs use more ranks")
         schedule, settings = run.schedule, run.settings
         check_space(to, run.disks.n, schedule.count_snapshots(run.first_averaged_row))

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 
 from jampetsc import interrupts
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, python_value
 from jampetsc.io.atomic import NewFile, open_regular, remove_abandoned
 from jampetsc.io.checksums import Damaged, append_seal, seal_of, verify
 
@@ -203,8 +203,8 @@ def _plain(value):
     if isinstance(value, bytes):
         return value.decode(errors="replace")
     if isinstance(value, np.generic):
-        number = value.item()  # of a long double the same again
-        return number if type(number) is type(value) else _plain(number)
+        number = python_value(value)
+        return _plain(number) if isinstance(number, bytes) else number
     if isinstance(value, np.ndarray) and value.shape == (1,):  # how many other writers store a scalar
         return _plain(value[0])
     return value

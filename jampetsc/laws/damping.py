@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from jampetsc.errors import InputError, as_float, named
+from jampetsc.errors import InputError, as_float, named, python_value
 
 MAX_WEIGHT = 1e12  # largest weight
 MIN_OMEGA, MAX_OMEGA = 1e-16, 1e12  # of ωτ₁: beyond, K and ωB no longer share a double
@@ -31,7 +31,7 @@ def _number(what, value) -> float:
     try:
         return as_float(value)
     except (TypeError, ValueError):
-        raise InputError(f"{what} {value!r}: must be a number") from None
+        raise InputError(f"{what} {python_value(value)!r}: must be a number") from None
 
 
 @dataclass(frozen=True)
@@ -119,6 +119,8 @@ class Law:
     options: tuple = field(default=(), compare=False)  # ((name, value), …)
 
     def __post_init__(self):
+        for name in (*WEIGHTS, "exponent", "tau1"):
+            object.__setattr__(self, name, python_value(getattr(self, name)))
         for name in WEIGHTS:
             refuse_beyond(f"{name} =", getattr(self, name))
         tau1 = _number(named("tau1"), self.tau1)
@@ -230,7 +232,9 @@ def damping_law(law: str = DEFAULT, *, tau1: float = 1.0, exponent: float = 1.0,
             raise InputError(
                 f"{named(option)}: an option of {named('law')} {owners}, not of {law}. Leave it out."
             )
-    values = {option: options.get(option, family.options[option].default) for option in family.options}
+    values = {
+        option: python_value(options.get(option, family.options[option].default)) for option in family.options
+    }
     for option, value in values.items():
         if not isinstance(value, bool):
             refuse_beyond(named(option), value)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.errors import InputError, as_float, named
+from jampetsc.errors import InputError, as_float, named, python_value
 from jampetsc.laws.damping import MAX_WEIGHT, Law, refuse_beyond
 
 # Vågberg, thesis sec. 4.3: weights of the law (see `laws.damping`), and whether disks have a mass.
@@ -50,6 +50,8 @@ class Model:
 
     def __post_init__(self):
         law = self.law
+        for name in ("mass", "background_drag", "quality"):
+            object.__setattr__(self, name, python_value(getattr(self, name)))
         for name in ("mass", "background_drag"):
             refuse_beyond(named(name), getattr(self, name))
         if self.quality is not None and not 0 < self.quality <= MAX_WEIGHT:

@@ -1,6 +1,5 @@
 """State of a minimisation: the pair list, the moves since it was made, and the memory of L-BFGS, kept between lists."""
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +8,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.hessian import Bonds
 from jampetsc.minimise.lbfgs import CONVERGED, STALE, LbfgsProblem, descend
 from jampetsc.minimise.lbfgs_kernels import LbfgsArrays
+from jampetsc.packing.elementary import exp
 from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, borders, padded
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import Strain, cell_strain
@@ -109,7 +109,7 @@ class Descent(ListedPacking):
     @property
     def volume(self) -> float:
         """V of the cell now."""
-        return self.reference.volume * math.exp(self.dimension * self.box[0])
+        return self.reference.volume * exp(self.dimension * self.box[0])
 
     def bonds(self) -> Bonds:
         """The bonds of the listed pairs in the present state."""
@@ -117,7 +117,7 @@ class Descent(ListedPacking):
 
     def move(self, moves, strain):
         """Move the disks by (N, D), then deform the cell with them by strains as of `cell_strain`."""
-        growth, moved = math.exp(-self.box[0]), moves
+        growth, moved = exp(-self.box[0]), moves
         if self.dimension == 3:
             *_, along_xz, along_yz = self.box
             x, y, z = moves.T

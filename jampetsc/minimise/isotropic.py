@@ -20,6 +20,7 @@ from jampetsc.minimise.descent import Goal, stress_unit
 from jampetsc.minimise.minimise import Minimum, minimise
 from jampetsc.minimise.newton import STRESS_FLOOR, is_definite
 from jampetsc.packing.contacts import measure
+from jampetsc.packing.elementary import expm1
 from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.strain import Strain
 
@@ -31,7 +32,7 @@ PROBE_RATIO = 1e-2  # stretch of the last differences, over p in units of k: con
 
 def stretched(disks: Packing, stretch) -> Packing:
     """The disks under F = diag(e^x₁, …, e^−Σx), x = `stretch` (D − 1,)."""
-    xx, yy, zz = (math.expm1(x) for x in (*stretch, -math.fsum(stretch), 0.0)[:3])
+    xx, yy, zz = (expm1(x) for x in (*stretch, -math.fsum(stretch), 0.0)[:3])
     return deformed(disks, np.zeros(disks.base.shape), Strain(xx, 0.0, 0.0, 0.0, yy, 0.0, 0.0, 0.0, zz))
 
 
@@ -107,6 +108,12 @@ def _principal(matrix):
     """(values, unit vectors) of a symmetric matrix of order one or two, (C,) and (C, C); without LAPACK's digits."""
     axes = np.eye(len(matrix))
     if len(matrix) == 2:
-        angle = 0.5 * math.atan2(2.0 * matrix[0, 1], matrix[0, 0] - matrix[1, 1])
-        axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+        difference, coupling = matrix[0, 0] - matrix[1, 1], 2.0 * matrix[0, 1]
+        if length := math.sqrt(
+            difference * difference + coupling * coupling
+        ):  # half of the angle, from its cosine
+            larger = math.sqrt(0.5 + 0.5 * abs(difference) / length)
+            smaller = 0.5 * coupling / (length * larger)
+            x, y = (larger, smaller) if difference >= 0.0 else (abs(smaller), math.copysign(larger, coupling))
+            axes = np.array([[x, y], [-y, x]])
     return np.einsum("ia,ab,ib->i", axes, matrix, axes), axes

@@ -20,6 +20,7 @@ import numpy as np
 from jampetsc.minimise.lbfgs_kernels import LbfgsArrays, adjust, is_sheared, measure, step
 from jampetsc.packing.bond import box_strain
 from jampetsc.packing.compiled import compiled, nested
+from jampetsc.packing.elementary import exp
 from jampetsc.packing.kernel import block_room
 from jampetsc.packing.neighbour_list import is_stale
 from jampetsc.packing.threads import meet
@@ -58,7 +59,7 @@ def _collect(space, task, total, box_gradient):
                 total[s] += space.sums[d, s]
             else:
                 total[s] = max(total[s], space.sums[d, s])
-    growth = np.exp(space.box[0])
+    growth = exp(space.box[0])
     box_gradient[:] = 0.0
     dimension = space.offsets.shape[1]
     if task.moving[0]:
@@ -160,7 +161,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
     slope = length = lower = lower_slope = 0.0
     shrinks = 0  # of the step that is tried
     while True:
-        factors[current] = 1.0 if is_sheared(box, domains.r0) else np.exp(box[0])
+        factors[current] = 1.0 if is_sheared(box, domains.r0) else exp(box[0])
         for d in range(first, last):
             measure(domains, d, own, task, factors, current, slot, room, domains.r0)
         meet(counter, threads)
@@ -199,7 +200,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
                 count = min(count + 1, memory)
             else:
                 count = min(count, memory - 1)
-        top = total[rows + 2] * factors[current] / np.exp(box[0])
+        top = total[rows + 2] * factors[current] / exp(box[0])
         box_force = task.scale * np.max(np.abs(pull))
         if diagonal * top <= task.force and box_force <= task.box_force:
             status = CONVERGED

@@ -13,6 +13,7 @@ import numpy as np
 
 from jampetsc.packing.bond import box_strain
 from jampetsc.packing.compiled import FAST, compiled, nested
+from jampetsc.packing.elementary import exp
 from jampetsc.packing.kernel import domain_forces, elastic_trace
 from jampetsc.packing.neighbour_list import GRAIN
 
@@ -138,7 +139,7 @@ def measure(domains, d, space, task, factors, now, slot, room, like):
     bonds = domain_forces(domains, d, space.offsets, strain, task.law, fresh, None, None, room)
     first, last = domains.disks[d], domains.disks[d + 1]
     if is_sheared(box, like):
-        _shear(fresh[first:last], np.exp(box[0]), box, like)
+        _shear(fresh[first:last], exp(box[0]), box, like)
     rows = len(space.box_pairs)
     new = fresh.reshape(-1)
     old = space.forces[1 - now].reshape(-1)

@@ -11,6 +11,7 @@ from jampetsc.minimise.isotropic import relax_sides
 from jampetsc.minimise.minimise import Minimum, minimise, relax, settle
 from jampetsc.packing.compiled import instruction_set
 from jampetsc.packing.contacts import measure, typical_force
+from jampetsc.packing.elementary import exp, log
 from jampetsc.packing.neighbours import spatial_order
 from jampetsc.packing.packing import PARTICLES, UNIT_BALL, Packing, deformed
 from jampetsc.packing.potentials import Potential
@@ -59,7 +60,7 @@ def random_start(
     """
     radii = np.asarray(radii, float)
     volume = UNIT_BALL[dimension] * np.sum(radii**dimension) / phi
-    side = np.sqrt(volume) if dimension == 2 else np.cbrt(volume)
+    side = np.sqrt(volume) if dimension == 2 else exp(log(volume) / 3.0)
     places = _generator(seed).random((len(radii), dimension))
     if separated:
         large = radii > radii.mean()
@@ -88,7 +89,7 @@ def changed(disks: Packing, target: Target) -> Packing:
 
 def rescaled(disks: Packing, phi: float) -> Packing:
     """The disks in a cell of packing fraction φ, all lengths but radii scaled."""
-    growth = math.log(disks.phi / phi) / disks.dimension
+    growth = log(disks.phi / phi) / disks.dimension
     return deformed(disks, np.zeros(disks.base.shape), growth_of(growth, disks.dimension))
 
 
@@ -165,7 +166,7 @@ def make_packing(
 def _decades(start, end, include_first):
     """Pressures from `start` down to `end`, a decade apart."""
     steps = math.ceil(math.log10(start / end) - 1e-9) if start > end else 0
-    return [start * 10.0**-s for s in range(0 if include_first else 1, steps)]
+    return [start * float(f"1e-{s}") for s in range(0 if include_first else 1, steps)]
 
 
 def _recorded(minimum: Minimum, target, protocol, effort) -> Packing:
@@ -178,7 +179,7 @@ def _recorded(minimum: Minimum, target, protocol, effort) -> Packing:
         coordination=state.coordination,
         rattlers=int(np.count_nonzero(state.rattlers)),
         shear_stress=float(state.stress[0, 1]),
-        shear_modulus=minimum.modulus,
+        shear_modulus=float(minimum.modulus),
         protocol=protocol,
         stabilise=target.stabilise,
         tolerance=target.tolerance,

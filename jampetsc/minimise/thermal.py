@@ -5,7 +5,6 @@ states then have the Boltzmann weight e^(−U/T), as long as `reach` is not chan
 1087 (1953)). T is in units of energy (k_B = 1). One sweep is N moves.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from jampetsc import interrupts
 from jampetsc.packing.bond import added, bond_vector, inner, pair_energy, row, scaled, set_row
 from jampetsc.packing.compiled import compiled, nested
 from jampetsc.packing.contacts import both_ends
+from jampetsc.packing.elementary import exp
 from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, is_stale
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import UNSTRAINED
@@ -80,7 +80,7 @@ def _moves(around, law, o, temperature, reach, stale, draws, like):
         if is_stale(np.sqrt(inner(place, place)), UNSTRAINED, stale[0], stale[1]):
             return m, accepted
         change = energy_of(a, place, around, o, law) - energy_of(a, row(o, a, like), around, o, law)
-        if change <= 0.0 or draws[m, last] < np.exp(-change / temperature):
+        if change <= 0.0 or draws[m, last] < exp(-change / temperature):
             set_row(o, a, place)
             accepted += 1
     return len(draws), accepted
@@ -119,7 +119,7 @@ class Thermal(ListedPacking):
         share = accepted / len(self.offsets)
         if tune:
             longest = LONGEST * self.skin
-            self.reach = min(longest, self.reach * math.exp(share - ACCEPTED))
+            self.reach = min(longest, self.reach * exp(share - ACCEPTED))
         return share
 
 
@@ -130,6 +130,6 @@ def annealed(disks: Packing, temperature: float, rate: float, sweeps: int, gener
         thermal.sweep(temperature, tune=True)
     current = temperature
     while current > cold:
-        current *= math.exp(-rate)
+        current *= exp(-rate)
         thermal.sweep(current, tune=True)
     return thermal.disks.folded()

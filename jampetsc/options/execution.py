@@ -8,7 +8,7 @@ from jampetsc.errors import named
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.request import Request
 from jampetsc.options.job import Job
-from jampetsc.petsc import session
+from jampetsc.petsc import launchers, session
 from jampetsc.progress import LOG
 
 
@@ -47,7 +47,7 @@ def _run(job, to, petsc_argv, alone) -> str:
     if job.scalar is None:
         comm = None if alone else session.communicator()
     else:  # one process looks at the files before PETSc starts
-        comm = _start(job, petsc_argv).comm if session.has_several_ranks() else None
+        comm = _start(job, petsc_argv).comm if launchers.has_several_ranks() else None
     if on_root(comm, lambda: _is_finished(job, to)):
         to.finished = True
         on_root(comm, lambda: job.complete(to))

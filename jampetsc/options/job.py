@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, named, python_value
 from jampetsc.io.outlet import Outlet
 from jampetsc.options.parameters import FILE, OPTION, CompositeParameter, fields, parameters
 from jampetsc.options.values import PACKING, RADII, input_name
@@ -81,7 +81,9 @@ class Job:
             return value
         if not isinstance(value, str):
             hint = f" Call it: {value.__name__}(…)." if isinstance(value, types.FunctionType) else ""
-            raise InputError(f"{named(name)} {value!r}: must be a {composite.type.__name__}.{hint}")
+            raise InputError(
+                f"{named(name)} {python_value(value)!r}: must be a {composite.type.__name__}.{hint}"
+            )
         return composite.make(**{composite.parameters[0].name: value})
 
     def _read(self, name, parameter, value):

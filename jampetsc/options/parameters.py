@@ -23,7 +23,7 @@ from dataclasses import MISSING, dataclass
 from decimal import Decimal
 from pathlib import Path
 
-from jampetsc.errors import InputError, as_float, named
+from jampetsc.errors import InputError, as_float, named, python_value
 
 MAX_TEXT_LENGTH = 200  # characters of a value in a message
 MIN_NAME_SIMILARITY = 0.75  # of a misspelt name and the one suggested
@@ -287,6 +287,7 @@ def format_value(value) -> str:
     """A value as messages show it, in one line, the middle of a long one left out."""
     if isinstance(value, int) and value.bit_length() > 64:
         return f"{Decimal(value):.6g}"
+    value = python_value(value)
     text = f"{value:g}" if isinstance(value, float) else str(value)
     text = text if text.isprintable() else ascii(text)
     if len(text) <= MAX_TEXT_LENGTH:

@@ -89,7 +89,10 @@ def _parse_grid(text):
         raise ValueError(
             f"must have {'' if even else '0 < '}low < high and a count from 2 to {MAX_GRID_SIZE}"
         )
-    return (np.linspace if even else np.geomspace)(low, high, count)
+    grid = (np.linspace if even else np.geomspace)(low, high, count)
+    return np.unique(
+        np.clip(grid, low, high)
+    )  # rounding may make neighbours equal, or put them in another order
 
 
 def format_numbers(values, even=False) -> str:

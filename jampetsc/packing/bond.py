@@ -5,11 +5,15 @@ tuple when it compiles, so that one source gives the code of each dimension, wit
 """
 
 import numpy as np
+from numba.extending import register_jitable
 
-from jampetsc.packing import strain
+from jampetsc.packing import elementary, strain
 from jampetsc.packing.compiled import FAST, nested
 from jampetsc.packing.potentials import secant_stiffness
 
+# what compiled functions call by the same names as others
+for _function in (elementary.split_exponential, elementary.exp, elementary.expm1, elementary.cosine_of_third):
+    register_jitable(fastmath=False)(_function)
 _inlined = nested(FAST, cache=False, forceinline=True)
 simple_shear, growth_and_shear = _inlined(strain.simple_shear), _inlined(strain.growth_and_shear)
 growth_and_tilts = _inlined(strain.growth_and_tilts)

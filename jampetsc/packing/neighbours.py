@@ -9,7 +9,6 @@ Rows of a cell are lower triangular: a₁ = (Lx, 0, 0), a₂ = (xy, Ly, 0), a₃
 """
 
 import math
-from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -137,7 +136,7 @@ def squared_length(components):
 
 def lengths(vectors):
     """|v| (M,) of vectors (M, D)."""
-    return reduce(np.hypot, vectors.T)
+    return np.sqrt(squared_length(vectors.T))
 
 
 def _hilbert(axes, bits):

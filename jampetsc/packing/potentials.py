@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.errors import InputError
+from jampetsc.packing.elementary import exp, log
 
 EXPONENTS = {"harmonic": 2.0, "hertzian": 2.5}
 MAX_STIFFNESS = 1e150  # largest k: squares of stresses then stay in the range of doubles
@@ -65,7 +66,8 @@ class Potential:
     def overlap_at(self, force: float, diameter: float) -> float:
         """Overlap of two disks of this diameter that repel each other with this force."""
         scale = float(self.scale(np.array(diameter)))
-        return scale * (force * scale / self.k) ** (1.0 / (self.alpha - 1.0))
+        ratio = force * scale / self.k
+        return scale * (exp(log(ratio) / 1.5) if self.kind == "hertzian" and ratio > 0.0 else ratio)
 
     def energy(self, overlap, sigma):
         """V(δ) per contact; overlap δ ≥ 0 and sigma are arrays (M,)."""

@@ -8,6 +8,8 @@ numba compiles the same functions for loops over pairs (see `bond`), and knows t
 import math
 from typing import NamedTuple
 
+from jampetsc.packing.elementary import cosine_of_third, expm1
+
 
 class Strain(NamedTuple):
     """E = F − 1, rows x, y and z."""
@@ -33,13 +35,14 @@ def simple_shear(shear):
 
 def growth_and_shear(growth, shear):
     """E of F = e^ε [[1, g], [0, 1]] in the plane, (ε, g) = (growth, shear)."""
-    change = math.expm1(growth)
-    return Strain(change, math.exp(growth) * shear, 0.0, 0.0, change, 0.0, 0.0, 0.0, 0.0)
+    change = expm1(growth)
+    return Strain(change, (1.0 + change) * shear, 0.0, 0.0, change, 0.0, 0.0, 0.0, 0.0)
 
 
 def growth_and_tilts(growth, xy, xz, yz):
     """E of F = e^ε [[1, g_xy, g_xz], [0, 1, g_yz], [0, 0, 1]]."""
-    change, stretch = math.expm1(growth), math.exp(growth)
+    change = expm1(growth)
+    stretch = 1.0 + change
     return Strain(change, stretch * xy, stretch * xz, 0.0, change, stretch * yz, 0.0, 0.0, change)
 
 
@@ -107,8 +110,8 @@ def norms(strain):
     size = math.sqrt((a * a + b * b + c * c + 2.0 * (ab * ab + ac * ac + bc * bc)) / 6.0)
     cubic = a * (b * c - bc * bc) - ab * (ab * c - bc * ac) + ac * (ab * bc - b * ac)
     cosine = 0.5 * cubic / max(size * size * size, 1e-300)
-    angle = math.acos(min(max(cosine, -1.0), 1.0)) / 3.0
-    least, most = math.cos(angle + 2.0 * math.pi / 3.0), math.cos(angle)
+    most = cosine_of_third(min(max(cosine, -1.0), 1.0))
+    least = -0.5 * (most + math.sqrt(3.0 * (1.0 - most * most)))
     return 1.0 / math.sqrt(1.0 + mean + 2.0 * size * least), math.sqrt(1.0 + mean + 2.0 * size * most)
 
 

@@ -22,18 +22,13 @@ from pathlib import Path
 from jampetsc import streams
 from jampetsc.errors import InputError, about
 from jampetsc.petsc import builds
+from jampetsc.petsc.launchers import has_several_ranks, lone_process
 from jampetsc.petsc.solver_options import is_global_option, option_names
 from jampetsc.shipped_files import located
 
 NO_SIGNAL_HANDLER = "-no_signal_handler"
 # PETSc error codes: not supported, wrong argument, out of range, unknown type, no such factor
 VALUE_ERRORS = (56, 62, 63, 86, 92)
-
-# beginnings of variables that Open MPI (through PMIx and PRRTE) and MPICH (hydra) set for the processes they start
-LAUNCHER_PREFIXES = (
-    *("OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_APP_CTX_", "OMPI_MCA_ess", "OMPI_MCA_orte_", "OMPI_MCA_pmix"),
-    *("PMIX_", "PRTE_", "PMI_", "MPI_LOCAL"),
-)
 
 _session = None
 
@@ -92,12 +87,13 @@ def _load(petsc_argv):
         # CHOLMOD starts four threads for any OMP_NUM_THREADS, and they wait for each other
         if threads := os.environ.get("OMP_NUM_THREADS"):
             os.environ.setdefault("OMP_THREAD_LIMIT", threads.partition(",")[0])
-        from mpi4py import MPI
+        with lone_process():
+            from mpi4py import MPI
 
-        if MPI.Is_finalized():
-            raise InputError("MPI: ended in this process, and with it PETSc. Start another process.")
-        # python keeps handling SIGTERM and a closed pipe; PETSc would print pages and abort
-        petsc4py.init(["jampetsc", NO_SIGNAL_HANDLER, *petsc_argv], comm=MPI.COMM_WORLD)
+            if MPI.Is_finalized():
+                raise InputError("MPI: ended in this process, and with it PETSc. Start another process.")
+            # python keeps handling SIGTERM and a closed pipe; PETSc would print pages and abort
+            petsc4py.init(["jampetsc", NO_SIGNAL_HANDLER, *petsc_argv], comm=MPI.COMM_WORLD)
         from petsc4py import PETSc
     except ImportError as error:
         reason = " ".join(str(error).split())
@@ -146,23 +142,6 @@ def communicator():
     if _session is not None:
         return _session.comm
     return importlib.import_module("mpi4py.MPI").COMM_WORLD if has_several_ranks() else None
-
-
-def has_several_ranks() -> bool:
-    """Whether the environment looks as if mpirun or mpiexec had started this process as one of several.
-
-    That is only a reason to start MPI and ask it: a process that a rank starts inherits its variables, and Slurm sets
-    some for independent tasks. Slurm's srun is left out on purpose: `srun bash -c 'jampetsc plot $SLURM_PROCID.h5 …'`
-    starts independent tasks, and MPI would make each wait for all others.
-    """
-    hydra = "MPI_LOCALNRANKS" in os.environ  # srun --mpi=pmi2 gives PMI_SIZE as well
-    sizes = [os.environ.get("OMPI_COMM_WORLD_SIZE"), os.environ.get("PMI_SIZE") if hydra else None]
-    return any(size is not None and size.isdecimal() and int(size) > 1 for size in sizes)
-
-
-def without_launcher(environment) -> dict:
-    """The environment for a process that is not a rank of an mpirun above it."""
-    return {name: value for name, value in environment.items() if not name.startswith(LAUNCHER_PREFIXES)}
 
 
 class Session:

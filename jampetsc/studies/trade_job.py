@@ -86,12 +86,12 @@ Times are meaningful only on a machine without other load."""
         """Refuse other endings, files that may not be replaced, and launchers or packings with which no run starts."""
         from jampetsc.io.outputs import PICTURE, TABLE
         from jampetsc.io.packing_file import read_packing
-        from jampetsc.petsc import session
+        from jampetsc.petsc import launchers
         from jampetsc.studies import trade_process
 
         if to.path is None or to.path.suffix.lower() != ".csv":
             raise InputError(f"{named('out')} {to.path}: unknown ending. Give it the ending .csv.")
-        if session.has_several_ranks():
+        if launchers.has_several_ranks():
             raise InputError(
                 "trade: started under mpirun, but it starts its own processes. Run it without mpirun, with "
                 f"{named('ranks')}."

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from jampetsc import interrupts
 from jampetsc.errors import InputError, named
-from jampetsc.petsc.session import without_launcher
+from jampetsc.petsc.launchers import without_launcher
 
 _LAUNCHERS = ("mpirun", "mpiexec")
 

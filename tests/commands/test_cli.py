@@ -23,7 +23,6 @@ from jampetsc import streams
 from jampetsc.commands import JOBS
 from jampetsc.errors import ConvergenceError, InputError, JampetscError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.petsc import session
 
 
 def probe(*words, ranks=0):
@@ -140,36 +139,6 @@ def test_what_needs_no_mpi_is_done_and_told_by_one_rank():
         done = probe(*words, ranks=2)
         assert done.stdout.count(out) == (1 if out else len(done.stdout) + 1) and done.returncode == status
         assert words_of(done) == [f"jampetsc: error: {line}" for line in err]
-
-
-@pytest.mark.parametrize(
-    ("given", "several"),
-    [
-        ("", False),
-        ("OMPI_COMM_WORLD_SIZE=1", False),
-        ("OMPI_COMM_WORLD_SIZE=10", True),
-        ("OMPI_COMM_WORLD_SIZE=two", False),
-        ("OMPI_COMM_WORLD_SIZE=1 MPI_LOCALNRANKS=1 PMI_SIZE=2", True),
-        ("MPI_LOCALNRANKS=1 PMI_SIZE=1", False),
-        ("MPI_LOCALNRANKS=2", False),
-        ("MPI_LOCALNRANKS=1 PMI_SIZE=2", True),
-        ("SLURM_NTASKS=2 PMI_SIZE=2", False),  # srun: MPI would have each task wait for the others
-    ],
-)
-def test_what_is_a_reason_to_start_mpi_and_ask(monkeypatch, given, several):
-    for name in ("OMPI_COMM_WORLD_SIZE", "MPI_LOCALNRANKS", "PMI_SIZE"):
-        monkeypatch.delenv(name, raising=False)
-    for word in given.split():
-        monkeypatch.setenv(*word.split("="))
-    assert session.has_several_ranks() == several
-
-
-def test_what_a_launcher_gives_is_left_out():
-    given = {"OMPI_COMM_WORLD_SIZE": "2", "OMPI_UNIVERSE_SIZE": "2", "PMIX_RANK": "0", "PRTE_LAUNCHED": "1",
-             "PMI_SIZE": "2", "MPI_LOCALNRANKS": "2", "OMPI_MCA_ess_base": "x", "OMPI_MCA_pmix": "x",
-             "OMPI_APP_CTX_NUM_PROCS": "2", "OMPI_MCA_orte_x": "1"}  # fmt: skip
-    kept = {"OMPI_MCA_btl": "^openib", "OMPI_ALLOW_RUN_AS_ROOT": "1", "PATH": "/bin", "SLURM_PROCID": "1"}
-    assert session.without_launcher(given | kept) == kept
 
 
 @pytest.mark.parametrize(

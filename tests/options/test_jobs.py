@@ -26,12 +26,12 @@ from jampetsc.commands.pack import Pack
 from jampetsc.commands.quasistatic import Quasistatic
 from jampetsc.commands.spectrum import Spectrum
 from jampetsc.commands.sweep import Sweep
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, python_value
 from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.laws.damping import Law
-from jampetsc.options.parameters import build_job, fields, parameters
+from jampetsc.options.parameters import build_job, fields, format_value, parameters
 from jampetsc.options.parser import option_words
 from jampetsc.options.values import PACKING, PACKING_OR_RESULT, RESULT, load_source
 from jampetsc.response import rational
@@ -179,6 +179,28 @@ def test_a_law_of_ones_own_is_recorded_with_all_its_weights():
     assert again == dataclasses.replace(law, label=again.label, family="custom")
     powers = dataclasses.replace(law, exponent=0.5)  # no option says that
     assert Sweep("p.h5", powers).settings()["law"] == repr(powers)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int64])
+def test_numbers_of_numpy_become_pythons_own(dtype):
+    """numpy 2 writes np.float64(2.0) for one of its own: no text for a file, a message or python code."""
+    two, law = dtype(2), jampetsc.Law("mine", normal=dtype(1), sliding=dtype(2), tau1=dtype(2))
+    made = [law, ContactDamping(beta=two, tau1=two), StokesDrag(eta_f=two)]
+    numbers = [value for each in made for value in (*vars(each).values(), *dict(each.options).values())]
+    flow = jampetsc.models.CDn(mass=two), jampetsc.models.CD(quality=two)
+    numbers += [value for each in flow for value in vars(each).values()]
+    assert not any(isinstance(value, np.generic) for value in numbers)
+    assert made[1] == ContactDamping(beta=2.0, tau1=2.0)
+    assert repr(made[1]) == repr(ContactDamping(beta=two.item(), tau1=two.item()))
+
+
+def test_numbers_of_numpy_in_messages_are_pythons_own():
+    for value in ([np.float64(1.0), -1], (np.float64(1.0), np.int64(-1)), np.float64(-1.0)):
+        assert format_value(value) == format_value(python_value(value))
+        with pytest.raises(InputError, match=r"-1:? must lie between") as error:
+            Sweep("p.h5", ContactDamping(), omega=value)
+        assert "np." not in str(error.value)
+    assert str(python_value([np.float64(0.5), (np.int32(1), "a")])) == "[0.5, (1, 'a')]"
 
 
 def test_a_law_of_the_command_line_is_that_of_python():

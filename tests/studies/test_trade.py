@@ -19,7 +19,7 @@ from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.options.values import format_numbers
 from jampetsc.packing.packing import Packing
-from jampetsc.petsc import session
+from jampetsc.petsc import launchers
 from jampetsc.progress import Progress
 from jampetsc.studies import trade_process, trade_report, trade_runs
 from jampetsc.studies.trade_errors import ReferenceCurve, log_interpolate
@@ -120,7 +120,7 @@ def test_what_can_be_known_to_be_wrong_is_said_before_anything_runs(tmp_path, mo
         cli.dispatch(["trade", *(["p.h5"] if words[0] == "-" else []), *words.split()])
     assert str(error.value).startswith(message) and "\n" not in str(error.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*held, "p.h5"])
-    monkeypatch.setattr(session, "has_several_ranks", lambda: True)
+    monkeypatch.setattr(launchers, "has_several_ranks", lambda: True)
     with pytest.raises(InputError, match="Run it without mpirun, with ranks"):
         good.check_outputs(Outlet("t.csv"))
 

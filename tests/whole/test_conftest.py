@@ -74,10 +74,15 @@ def test_a_failure_while_the_others_wait_ends_the_run(tmp_path):
 # run/test
 
 
+def function_of(script, name):
+    """The text of a function of bash."""
+    return re.search(rf"^{name}\(\) \{{.*?^\}}\n", script, re.MULTILINE | re.DOTALL)[0]
+
+
 def ending(folder, *stages):
     """Status and last line of run/test after stages with these commands: its own functions and end, in `folder`."""
     script = (launch.ROOT / "run" / "test").read_text()
-    stage = re.search(r"^stage\(\) \{.*?^\}\n", script, re.MULTILINE | re.DOTALL)[0]
+    stage = function_of(script, "stage")
     end = script[script.index("count() {") :]
     lines = [f"stage {name} sh -c {shlex.quote(command)}" for name, command in stages]
     text = "\n".join(["set -uo pipefail", f"logs={folder}", stage, *lines, end])
@@ -97,3 +102,23 @@ def test_a_stage_that_fails_fails_the_run(tmp_path, stages, status, said):
     words = {"GOOD": "echo '3 passed in 0.1s'", "BAD": "echo '1 failed, 2 passed in 0.1s'; exit 1"}
     found, lines = ending(tmp_path, *((name, words.get(what, what)) for name, what in stages))
     assert found == status and said in " ".join(lines)
+
+
+@pytest.mark.parametrize("chosen", ["", "-k nothing"])
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("status", [0, 1, 5])
+def test_a_stage_without_a_test_among_those_asked_for_is_quiet_under_mpirun(tmp_path, chosen, ranks, status):
+    """pytest ends with 5 there. Rank 0 alone prints."""
+    python = tmp_path / "python"
+    python.write_text(f"#!/bin/sh\necho no tests ran\nexit {status}\n")
+    python.chmod(0o755)
+    lines = [
+        "set -uo pipefail; . run/environment; cores=(0)",
+        function_of((launch.ROOT / "run" / "test").read_text(), "on_ranks"),
+        f"python={shlex.quote(str(python))} chosen={shlex.quote(chosen)}; on_ranks {ranks} real",
+    ]
+    settings = {"cwd": launch.ROOT, "env": launch.environment(), "capture_output": True, "text": True}
+    done = subprocess.run(["bash", "-c", "\n".join(lines)], **settings)
+    expected = 0 if chosen and status == 5 else status
+    assert (done.returncode, done.stdout.count("no tests ran")) == (expected, 1), done.stdout + done.stderr
+    assert bool(done.stderr) == (expected != 0 and ranks > 1)
