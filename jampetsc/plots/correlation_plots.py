@@ -151,7 +151,7 @@ def plot_correlation(results, page, omega=None):
         page.legend(axes[1], handles, r"$\omega\tau_1$", "upper right")
     else:
         shown = ScalarMappable(LogNorm(curve.omega.min(), curve.omega.max()), sequential())
-        page.figure.colorbar(shown, ax=list(axes), label=r"$\omega\tau_1$", pad=0.01)
+        page.figure.colorbar(shown, ax=page.axes, label=r"$\omega\tau_1$", pad=0.01)
     return f"correlation at {len(curve.omega)} frequencies, in phase with the {curve.phase}"
 
 
@@ -169,7 +169,7 @@ def _curves_in_phase(results):
 
 def _draw_comparison(curves, omega, page):
     chosen, several = [curve.at(curve.rows(omega)) for curve in curves], len(omega) > 1
-    title, groups = group_curves(chosen)
+    title, groups = group_curves(chosen, labels=page.file_labels(len(chosen)))
     shades = colours(len(omega))
     dashes = [_DASHES[n % len(_DASHES)] if several else group.dash for n, group in enumerate(groups)]
     axes = _panels(page, 2, [rf"$\delta/{unit}$" for unit in "ddLL"], curves[0], sharex="row")
@@ -269,7 +269,7 @@ def plot_lengths(results, page):
     ][: 3 if medium else 2]  # fmt: skip
     x_names, y_names, places = zip(*panels, strict=True)
     axes = page.panels(1, len(panels), PAGE, HEIGHT + 0.2, x=x_names, y=y_names, log="xy")
-    title, groups = group_curves(curves)
+    title, groups = group_curves(curves, labels=page.file_labels(len(curves)))
     for ax, place in zip(axes, places, strict=True):
         for group, curve in ((owner, curve) for owner in groups for curve in owner.curves):
             for name, dash, part in _PARTS:
@@ -286,12 +286,13 @@ def plot_lengths(results, page):
     for length, shade in zip(MEDIUM, ("0.2", "0.6"), strict=True):
         axes[0].axhline(length, color=shade, linewidth=0.6, linestyle="--", zorder=0)
     handles = entries_of(groups, lambda group: {"marker": group.marker})
+    of_groups = len(handles)
     for name, dash, part in _PARTS:
         face, label = "white" if part else "0.2", f"{name} {SYMBOLS[curves[0].phase]}"
         handles.append(entry(label, marker="o", mfc=face, linestyle=dash))
     handles.append(entry("$L/4$", "0.4", linewidth=0.6, linestyle=":"))
     handles.append(entry("medium", "0.4", linewidth=0.6, linestyle="--"))
-    page.legend(axes[0], handles, title)
+    page.legend(axes[0], handles, title, groups=of_groups)
     return _lengths_in_words(curves, medium)
 
 

@@ -97,7 +97,7 @@ def draw_flow_curves(results, page) -> str:
     _draw_exponents(axes[4], exponents)
     page.legend(axes[0], fontsize=7, handlelength=1.2, labelspacing=0.2)
     both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mew=0.7, **OPEN)]
-    page.legend(axes[3], both, fontsize=7, named=False)
+    page.legend(axes[3], both, groups=0, fontsize=7)
     return f"flow curves of {count_text(results, 'run', 'runs')} at {len(set(every))} rates"
 
 

@@ -313,7 +313,7 @@ def _draw_sizes(page, ax, groups, unit):
             constant, slope = fit_logarithm(n[certain], y[certain], error[certain])
             ax.plot(n, constant + slope * np.log(n), color=look["color"], linewidth=0.8, zorder=1)
     ax.set_ylim(0.0, None)
-    page.legend(ax, title=f"$p{unit.over}$", named=False)
+    page.legend(ax, title=f"$p{unit.over}$", groups=0)
     ax.xaxis.set_major_locator(FixedLocator(sorted({size for sizes in large.values() for size in sizes})))
     ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.xaxis.set_minor_locator(NullLocator())
