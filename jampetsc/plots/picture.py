@@ -141,6 +141,12 @@ def setting_text(name, value) -> str:
     return f"{words} {value:.6g}" if isinstance(value, float) else f"{words} {value}"
 
 
+def other_settings(result, known) -> str:
+    """What a study has set for a result beside the columns that are `known` otherwise, in words."""
+    settings = getattr(result, "settings", {})
+    return ", ".join(setting_text(name, value) for name, value in settings.items() if name not in known)
+
+
 def join_varied(parts, varied) -> list[str]:
     """A label for each of `parts`, rows of words: the words of columns that are `varied`, without empty ones."""
     return [", ".join(word for word, used in zip(row, varied, strict=True) if used and word) for row in parts]
@@ -191,6 +197,8 @@ STRESS_UNITS = {  # D -> unit, with d the unit of length
     2: StressUnit("k", "/k", r"k\tau_1"),
     3: StressUnit("k/d", r"\,d/k", r"k\tau_1/d"),
 }
+# D -> TeX of the mean diameter, which labels of spheres tell from d, the unit of length
+MEAN_DIAMETER = {2: "d", 3: r"\langle d\rangle"}
 _MIXED_UNIT = StressUnit(r"k\,d^{2-D}", r"\,d^{D-2}/k", r"k\tau_1\,d^{2-D}")
 
 
