@@ -101,6 +101,9 @@ class Curve:
 
     def _properties(self):
         fixed, phi = self.has_fixed_density, self.settings.get("phi")
+        whole = (
+            1.0 if "bond_count" in self.attributes else None
+        )  # networks that keep all bonds do not record it
         description = {
             "p/k": None if fixed or self.pressure is None else float(f"{self.pressure:.3g}"),
             "phi": phi if fixed else None,
@@ -117,7 +120,7 @@ class Curve:
             "load": self.attributes.get("load", DEFAULT),
             "contacts": self.attributes.get("contacts"),
             **{name: value for name, value in self.settings.items() if name not in _DESCRIBED},
-            "keep": self.settings.get("keep", self.attributes.get("keep")),
+            "keep": self.settings.get("keep", self.attributes.get("keep", whole)),
         }
 
 
@@ -230,7 +233,11 @@ def group_curves(curves, crossed=True, labels=()) -> tuple[str, list[CurveGroup]
     scaled = keys in ([name] for name in ("p/k", *_SYMBOLS)) and all(
         isinstance(value, int | float) and value >= 0 for value in numbers
     )
-    shades = log_colours(numbers) if scaled and any(numbers) else colours(len(members))
+    shades = colours(len(members))
+    if scaled and any(numbers) and not has_chosen_colours():
+        shades = log_colours(numbers)
+    elif has_chosen_colours() and len(members) == len(curves):  # in the order of the files
+        shades = [shades[curves.index(own[0][0])] for own in members.values()]
     groups = []
     for ((parts, own), look), shade, value in zip(looks(members.items()), shades, numbers, strict=True):
         own_curves = [curve for curve, _ in own]

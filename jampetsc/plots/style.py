@@ -88,7 +88,7 @@ def colours_beside(shown) -> list:
 
 
 def read_colours(colours) -> list:
-    """Colours of matplotlib as a list. Raises InputError for anything else."""
+    """Colours of matplotlib as (r, g, b, a) each. Raises InputError for anything else."""
     colours = [colours] if isinstance(colours, str) or is_color_like(colours) else list(colours)
     wrong = [colour for colour in colours if not is_color_like(colour)]
     if wrong or not colours:
@@ -96,7 +96,7 @@ def read_colours(colours) -> list:
             f"{named('color')} {wrong[0] if wrong else '[]'}: not a colour of matplotlib. Give a name such as "
             "tab:red, or #rrggbb."
         )
-    return colours
+    return [to_rgba(colour) for colour in colours]  # also C0, which a cycle may not hold
 
 
 def sequential():
