@@ -33,7 +33,7 @@ WORDS = {  # column -> two values, and the words of a legend
 
 
 def study_of(folder, column, values, pressures=(0.01, 0.01), names="seed phi", **more):
-    """A study of two seeds with each of two values of a column; G' is the number of the value, G'' ten times as much."""
+    """A study of two seeds with each of two values of a column; G' is the number of the value, G'' ten times that."""
     rows = []
     for number, value in enumerate(values):
         for seed in (1, 2):
@@ -130,7 +130,50 @@ def test_a_label_belongs_to_a_file():
         curve(f"{name}.h5", G=scale * (1 + 1j * OMEGA)) for name, scale in (("a", 3), ("b", 1), ("c", 2))
     ]
     ax = plot_moduli(results, label=["0.66", "0.67", "0.68"])
-    assert told(ax) == ["call 0", "call 1", "call 2", "call 3", "$G$′", "$G$″"]
+    assert told(ax) == ["0.66", "0.67", "0.68", "$G$′", "$G$″"]
+    handles = ax.get_legend().get_lines()
+    for result, handle in zip(results, handles, strict=False):
+        (line,) = [
+            own for own in ax.get_lines() if result.name in own.get_label() and STORAGE in own.get_label()
+        ]
+        assert (
+            to_rgb(line.get_color()) == to_rgb(handle.get_color()) and line.get_ydata()[0] == result.G[0].real
+        )
+    assert len({to_rgb(handle.get_color()) for handle in handles[:3]}) == 3
+    pressures = [
+        curve("a.h5", pressure=1e-2),
+        curve("b.h5", pressure=1e-3),
+    ]  # the legend of p begins with the low one
+    ax = plot_moduli(pressures, label=["high", "low"])
+    shown = {to_rgb(line.get_color()): line.get_label() for line in ax.get_lines()}
+    for text, handle in list(zip(told(ax), ax.get_legend().get_lines(), strict=True))[:2]:
+        assert {"high": "a.h5", "low": "b.h5"}[text] in shown[to_rgb(handle.get_color())]
+    many = [curve(f"{n}.h5", pressure=10.0**-n) for n in range(1, 10)]
+    assert told(plot_moduli(many, label=list("ABCDEFGHI")))[:9] == list("ABCDEFGHI")
+
+
+def colours_of(ax):
+    return [to_rgb(line.get_color()) for line in ax.get_lines() if STORAGE in line.get_label()]
+
+
+def test_colours_are_those_of_the_user():
+    results = [curve("a.h5", pressure=1e-2), curve("b.h5", pressure=1e-3)]
+    red, green, black = (to_rgb(name) for name in ("tab:red", "tab:green", "k"))
+    style = {"axes.prop_cycle": cycler(color=["tab:red", "tab:green"])}
+    for settings in ({"color": ["tab:red", "C2"]}, {"style": style}):
+        assert colours_of(plot_moduli(results, **settings)) == [green, red]  # low pressure is drawn first
+    assert colours_of(plot_moduli(results, style=style, color="k")) == [black] * 2
+    for wrong in ("redd", ["k", "redd"]):
+        with pytest.raises(InputError, match=r"color redd: not a colour of matplotlib\. Give a name"):
+            plot_moduli(results, color=wrong)
+
+
+def test_pictures_on_the_same_axes_have_colours_of_their_own():
+    ax = Figure().subplots()
+    for n in range(4):
+        plot_moduli([curve(f"{n}.h5")], ax=ax, label=f"call {n}")
+    assert len(set(colours_of(ax))) == 4
+    assert sorted(told(ax)) == ["$G$′", "$G$″", "call 0", "call 1", "call 2", "call 3"]
 
 
 def rates_of(**more):
