@@ -104,8 +104,8 @@ class Plot(Job):
   jampetsc plot rd0-*.h5 --size 7,4 --csv flow.csv --out flow.pdf     # flow curves of several rates
   jampetsc plot rd0-*.h5 --kind stress --out stress.pdf               # sigma alone against the rate
   jampetsc plot rd0-*.h5 --panels a,f --out two.pdf                   # two panels of six
-  jampetsc plot a.h5 b.h5 --label first,second --color tab:red,black --out two.png
-  jampetsc plot networks --by lattice --out lattices.png              # means over all else that the study varies
+  jampetsc plot s1e-2.h5 s1e-3.h5 --label first,second --color tab:red,black --out two.png
+  jampetsc plot ensemble --kind loss --where beta=1e-3 --by pressure --out by.png   # means over all else
   jampetsc plot rd0.h5 --kind snapshot --out snapshot.png
   jampetsc plot f64.h5 f256.h5 --out f.png                            # of jam files: f(phi) with errors
   jampetsc plot f64.h5 qs.h5 --kind pressures --out pressures.png     # P(p), with quasistatic shear
