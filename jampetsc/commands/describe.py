@@ -80,6 +80,12 @@ def describe_study(path, ensemble) -> str:
     return "\n".join([aligned_text(rows), *reasons, *notes])
 
 
+def percent_text(share) -> str:
+    """A share in per cent, of two digits, without an exponent: 100 %, 4.2 %, 0.031 %."""
+    percent = 100.0 * share
+    return f"{percent:.0f} %" if percent >= 9.95 else f"{percent:.2g} %"
+
+
 def cell_text(cell) -> str:
     """Rows of a cell (D, D)."""
     rows = (", ".join(f"{side:.9g}" for side in row) for row in cell.tolist())
@@ -91,6 +97,7 @@ def describe_packing(path, disks) -> str:
     state, record = measure(disks), dict(disks.record)
     radii, law, axes = disks.radii, disks.potential, AXES[: disks.dimension]
     diameter = 2.0 * float(radii.mean())
+    letter = "d" if disks.dimension == 2 else "⟨d⟩"  # d is the unit of length in labels of spheres
     rattlers = int(np.count_nonzero(state.rattlers))
     computed = {
         "pressure": ("pressure p", state.pressure),
@@ -104,7 +111,7 @@ def describe_packing(path, disks) -> str:
         (f"{path}: packing of {disks.n} {PARTICLES[disks.dimension]}",),
         ("made by", str(record.pop("protocol", "unknown"))),
         ("potential", f"{law.kind}, stiffness {law.stiffness}, k = {law.k:g}"),
-        ("radii", f"{radii.min():.6g} to {radii.max():.6g}, mean diameter d = {diameter:.6g}"),
+        ("radii", f"{radii.min():.6g} to {radii.max():.6g}, mean diameter {letter} = {diameter:.6g}"),
         ("units", units_line(name_stress_unit(law, disks.dimension), law.k).partition(": ")[2]),
         ("cell", f"{cell_text(disks.cell)}, V = {disks.volume:.9g}"),
     ]
@@ -127,7 +134,7 @@ def describe_packing(path, disks) -> str:
         record.pop(f"published_stress_{b}{a}", None)
     rows += [
         ("contacts", f"{len(state.contacts)} that carry more than {state.threshold:.3g}"),
-        ("rattlers", f"{rattlers} ({100.0 * rattlers / disks.n:.2g} %)"),
+        ("rattlers", f"{rattlers} ({percent_text(rattlers / disks.n)})"),
         ("coordination Z", f"{number_text(state.coordination)} without rattlers"),
         ("max |F| / p", _residual(disks, state)),
     ]

@@ -193,6 +193,8 @@ def _share_text(share) -> str:
     """How many samples of one φ are jammed."""
     independent = round(share.independent)
     size = f"effective sample size {independent}"
+    if share.samples == 1:
+        return f"the one sample {'jammed' if share.value else 'did not jam'}"
     if share.value in (0.0, 1.0):
         return f"{'all' if share.value else 'none'} of {share.samples} samples jammed ({size})"
     return f"jammed {share.value:.3f} ± {share.error:.2g} ({size})"

@@ -102,6 +102,10 @@ class Plot(Job):
   jampetsc plot ensemble --kind exponents --out exponents.png         # means over the packings of a study
   jampetsc plot ensemble --where beta=1e-3 --out beta.png           # results with this beta
   jampetsc plot rd0-*.h5 --size 7,4 --csv flow.csv --out flow.pdf     # flow curves of several rates
+  jampetsc plot rd0-*.h5 --kind stress --out stress.pdf               # sigma alone against the rate
+  jampetsc plot rd0-*.h5 --panels a,f --out two.pdf                   # two panels of six
+  jampetsc plot s1e-2.h5 s1e-3.h5 --label first,second --color tab:red,black --out two.png
+  jampetsc plot ensemble --kind loss --where beta=1e-3 --by pressure --out by.png   # means over all else
   jampetsc plot rd0.h5 --kind snapshot --out snapshot.png
   jampetsc plot f64.h5 f256.h5 --out f.png                            # of jam files: f(phi) with errors
   jampetsc plot f64.h5 qs.h5 --kind pressures --out pressures.png     # P(p), with quasistatic shear
@@ -122,11 +126,20 @@ Without --kind each result is drawn in the way that suits it."""
     xlim: tuple | None = optional_parameter(LIMITS_HELP.format("x"), value_type=LIMITS)
     ylim: tuple | None = optional_parameter(LIMITS_HELP.format("y"), value_type=LIMITS)
     label: tuple | None = optional_parameter(
-        "texts that replace the entries of the legend, in its order",
+        "texts for each file, in their order, or for the groups of the legend, in its order",
         value_type=ValueType(split_list, ",".join, metavar="TEXT,…"),
     )
+    color: tuple | None = optional_parameter(
+        "colours of files or groups, as label: names of matplotlib, or #rrggbb",
+        value_type=ValueType(split_list, ",".join, metavar="COLOR,…"),
+    )
+    panels: str | None = optional_parameter(
+        "letters of the panels to show, in rows divided by / (default: all)", metavar="a,b[/c,d]"
+    )
     style: str | None = optional_parameter(
-        "style file of matplotlib (.mplstyle), applied after the style of jampetsc", metavar="FILE"
+        "style file of matplotlib (.mplstyle), applied after the style of jampetsc; the colours of its axes.prop_cycle "
+        "are those of groups",
+        metavar="FILE",
     )
     options: dict = composite_parameter(CompositeParameter(_options, _given, dict, dict))
 
@@ -135,9 +148,11 @@ Without --kind each result is drawn in the way that suits it."""
 
     def work(self, to):
         from jampetsc.plots.draw import draw
+        from jampetsc.plots.page import panel_rows
 
         items = rows_named(self.files, self.where)
         chosen = {name: getattr(self, name) for name in ("size", "xlim", "ylim", "style")}
-        chosen["label"] = self.label or ()
+        chosen |= {"label": self.label or (), "color": self.color or ()}
+        chosen["panels"] = panel_rows(self.panels) if self.panels else None
         out = None if to.path is None else str(to.path)
         return f"{out}: {draw(items, out=out, csv=self.csv, chosen=chosen, **self.options).text}"

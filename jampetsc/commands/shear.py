@@ -158,8 +158,14 @@ def _summary(job, to, phi, path) -> str:
     )
 
 
+MIN_INDEPENDENT = 2.0  # states of one run, below which an interval says nothing
+
+
 def _share_text(share) -> str:
     """How much of one run is jammed; a run that never changes has no error of its own."""
     if share.value in (0.0, 1.0):
         return "jammed at every step" if share.value else "jammed at no step"
-    return f"jammed at {share.value:.3g} of the steps (68 % interval {share.low:.2g} to {share.high:.2g})"
+    value = next(text for digits in range(3, 18) if (text := f"{share.value:.{digits}g}") not in ("0", "1"))
+    if share.independent < MIN_INDEPENDENT:
+        return f"jammed at {value} of the steps (too few independent ones for an error)"
+    return f"jammed at {value} of the steps (68 % interval {share.low:.2g} to {share.high:.2g})"

@@ -16,9 +16,24 @@ from jampetsc.errors import InputError, MissingPackage
 from jampetsc.io.atomic import open_regular
 from jampetsc.io.formats import OLDER_COLUMNS, with_present_names
 from jampetsc.io.provenance import LAW_PARAMETERS
-from jampetsc.io.results import Named
+from jampetsc.io.results import Named, Result
 
 TABLE = "table.csv"
+SETTINGS = "settings"  # column with the names of the columns that the study has set in a row
+SYSTEM_COLUMNS = (
+    "lattice",
+    "keep",
+    "potential",
+    "stabilise",
+    "stiffness",
+    "sizes",
+)  # set ones of tables without it
+# how a task ran, or what it stored; a packing of a ladder differs from others in its pressure
+EXECUTION_SETTINGS = frozenset(
+    "seed seeds threads last ladder parallel omega fields betas count below all discard every window "
+    "snapshots snapshot_every snapshot_spacing".split()
+)
+MEASURED_COLUMNS = ("pressure", "phi")  # which hold what the packing has where the study did not set them
 RELATIVE_TOLERANCE = 1e-9  # numbers that differ by less, relatively, are the same
 DISTINGUISHING_COLUMNS = ("command", "law", *LAW_PARAMETERS)
 DISTINGUISHING_COLUMNS += ("model", "method", "phase", "omega", "rate", "mass", "strain", "accuracy")
@@ -89,9 +104,37 @@ class Ensemble(Named):
         return Ensemble(self.path, {name: column[rows] for name, column in self.items()}, self._load)
 
     def results(self) -> list:
-        """What `jampetsc.load` gives for the files of the rows that are done."""
-        done = self["state"] == "done"
-        return [self._load(self.path / name) for name in self["file"][done]]
+        """What `jampetsc.load` gives for the files of the rows that are done, results with their `settings`."""
+        done, results = self.taken(self["state"] == "done"), []
+        for name, settings in zip(done["file"], done.settings(), strict=True):
+            result = self._load(self.path / name)
+            if isinstance(result, Result):
+                result.settings = settings
+            results.append(result)
+        return results
+
+    def settings(self) -> list[dict]:
+        """{column: value} of each row: what the study has set in any of them but EXECUTION_SETTINGS.
+
+        None where a row leaves a parameter at its default and has no number of this name.
+        """
+        words = [str(word).split() for word in self.get(SETTINGS, [""] * self.rows)]
+        names = [row if row and row != ["nan"] else SYSTEM_COLUMNS for row in words]
+        columns = [
+            column
+            for column in dict.fromkeys(name for row in names for name in row)
+            if column in self and column not in EXECUTION_SETTINGS
+        ]
+        values = {column: self[column].tolist() for column in columns}
+        return [
+            {
+                column: _setting(values[column][row])
+                if column in names[row] or column not in MEASURED_COLUMNS
+                else None
+                for column in columns
+            }
+            for row in range(self.rows)
+        ]
 
     def mean(self, by=()) -> "Averages":
         """Means over the rows that agree in the columns `by`, a name or several, with errors."""
@@ -107,7 +150,8 @@ class Ensemble(Named):
         over   the dataset that it is a function of, the same in all files of a curve
 
         Rows of commands whose files have no such datasets are left out. Raises InputError where no file has them, where
-        `over` is not the same, or where two rows of a curve are of one packing.
+        `over` is not the same, where two rows of a curve are of one packing, and where they differ in what the study
+        has set, except for seeds.
         """
         return self._curves(name, by, over, "mean")
 
@@ -133,6 +177,7 @@ class Ensemble(Named):
         curves, holding = [], self._holding(name, over)
         for key, rows in holding.groups((by,) if isinstance(by, str) else tuple(by)):
             require_independent(key, rows, name)
+            require_alike(key, rows, name)
             results = rows.results()
             x = results[0][over]
             for result in results:
@@ -170,7 +215,8 @@ class Averages(Mapping):
     below_zero   column -> (groups,) how many of these are negative, such as G₀ of packings unstable to shear: they
                  count like all others
 
-    Raises InputError on reading a column where a group has two rows of one packing: they are not independent.
+    Raises InputError on reading a column where a group has two rows of one packing, which are not independent, or rows
+    that differ in what the study has set, except for seeds.
     """
 
     _row = 0  # of what `_average` gives: value, error, count, below zero
@@ -207,6 +253,7 @@ class Averages(Mapping):
             )
         finite = np.isfinite(column)
         require_independent(key, rows.taken(finite), name)
+        require_alike(key, rows.taken(finite), name)
         values = column[finite]
         if not len(values):
             return np.nan, np.nan, 0, 0
@@ -279,11 +326,38 @@ def require_independent(key, rows, name) -> None:
     differ = [
         c for c in DISTINGUISHING_COLUMNS if c in rows and not is_equal(rows[c][[first]], rows[c][other])[0]
     ]
-    where = ", ".join(f"{column} {value}" for column, value in key.items()) or "all rows"
     raise InputError(
-        f"{rows.table}: {name} of {where}: {rows['file'][first]} and {rows['file'][other]} are of one packing. "
-        f"Choose rows with where(…), or name in by= what differs ({', '.join(differ) or 'see the table'})."
+        f"{rows.table}: {name} of {_group_text(key)}: {rows['file'][first]} and {rows['file'][other]} are of one "
+        f"packing. Choose rows with where(…), or name in by= what differs ({', '.join(differ) or 'see the table'})."
     )
+
+
+def require_alike(key, rows, name) -> None:
+    """Raise InputError where rows, whose mean is to be taken, differ in what the study has set."""
+    settings = rows.settings()
+    varied = varied_settings(settings)
+    if not varied:
+        return
+    column = varied[0]
+    values = list(dict.fromkeys(str(row[column]) for row in settings if row[column] is not None))
+    raise InputError(
+        f"{rows.table}: {name} of {_group_text(key)}: rows differ in {' and '.join(varied)} "
+        f"({column} {' or '.join(values[:3])}). Choose rows with where(…), or name in by= what differs."
+    )
+
+
+def varied_settings(settings) -> list[str]:
+    """The columns in which rows of `Ensemble.settings` differ; one that a row does not have is None there."""
+    columns = dict.fromkeys(column for row in settings for column in row)
+    return [column for column in columns if len({str(row.get(column)) for row in settings}) > 1]
+
+
+def _setting(value):
+    return None if value != value or value == "" else value
+
+
+def _group_text(key) -> str:
+    return ", ".join(f"{column} {value}" for column, value in key.items()) or "all rows"
 
 
 def is_equal(column, value):

@@ -129,6 +129,7 @@ class Result(Named):
 
     path      its file; for a result in memory its name in messages, such as "sweep in memory"
     packing   Packing that the result was made from, if it was in memory with it; else None
+    settings  {column: value} of what a study has set for it, if it was loaded out of its table
 
     A file's array is read on access; `stored(name)` leaves it in the file, to read slices of it. In memory
     a distributed array is this rank's rows, and `stored(name).rows` says which.
@@ -137,7 +138,7 @@ class Result(Named):
     def __init__(self, attributes: dict, arrays: dict, path, comm=None):
         super().__init__(arrays)
         self.attributes, self._comm = Attributes(path, attributes), comm
-        self.path, self.packing = Path(path), None
+        self.path, self.packing, self.settings = Path(path), None, {}
 
     @classmethod
     def read(cls, h5, path) -> "Result":
@@ -168,7 +169,7 @@ class Result(Named):
             for name, array in self._arrays.items()
         }
         result = type(self)(self.attributes, arrays, self.path, self._comm)
-        result.packing = self.packing
+        result.packing, result.settings = self.packing, self.settings
         return result
 
     def __getstate__(self):

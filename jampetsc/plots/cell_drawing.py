@@ -67,6 +67,7 @@ def frame_cells(page, cells, rows, width, linewidth=0.6) -> list:
 
     No cell is higher than MAX_ASPECT times its width.
     """
+    page.refuse_choice()
     columns = len(cells) // rows
     ratio = max(cell[1, 1] / (abs(cell[0, 0]) + abs(cell[1, 0])) for cell in cells)
     height = rows * (width / columns * min(ratio, MAX_ASPECT) + CAPTION_HEIGHT)

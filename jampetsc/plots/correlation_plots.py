@@ -14,10 +14,11 @@ from jampetsc.analysis.displacement_correlation import (
     stokes_collapse,
 )
 from jampetsc.errors import InputError, named
+from jampetsc.io.provenance import recorded_dimension
 from jampetsc.options.values import FREQUENCIES
 from jampetsc.plots.curves import Curve, entries_of, group_curves
 from jampetsc.plots.page import HEIGHT, draw_band, draw_points
-from jampetsc.plots.picture import count_text, option, picture, stress_unit, units_of
+from jampetsc.plots.picture import MEAN_DIAMETER, count_text, option, picture, stress_unit, units_of
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
@@ -63,6 +64,11 @@ class CorrelationCurve(Curve):
     def phase(self) -> str:
         """What Re u_y is in phase with: "stress" or "strain"."""
         return self.attributes.get("phase", "strain")
+
+    @property
+    def diameter(self) -> str:
+        """TeX of its unit of length, the mean diameter."""
+        return MEAN_DIAMETER[recorded_dimension(self.attributes)]
 
     def at(self, rows) -> "CorrelationCurve":
         """The curve at some of its frequencies."""
@@ -143,7 +149,7 @@ def plot_correlation(results, page, omega=None):
                 spread=few,
             )
         top = ax.secondary_xaxis("top", functions=(lambda x: x * curve.size, lambda x: x / curve.size))
-        top.set_xlabel(r"$\delta/d$")
+        top.set_xlabel(rf"$\delta/{curve.diameter}$")
         ax.tick_params(top=False)
     _set_limits(axes, [curve])
     if len(curve.omega) <= _MAX_ENTRIES:
@@ -154,7 +160,7 @@ def plot_correlation(results, page, omega=None):
         page.legend(axes[1], handles, r"$\omega\tau_1$", "upper right")
     else:
         shown = ScalarMappable(LogNorm(curve.omega.min(), curve.omega.max()), sequential())
-        page.figure.colorbar(shown, ax=list(axes), label=r"$\omega\tau_1$", pad=0.01)
+        page.figure.colorbar(shown, ax=page.axes, label=r"$\omega\tau_1$", pad=0.01)
     return f"correlation at {len(curve.omega)} frequencies, in phase with the {curve.phase}"
 
 
@@ -172,10 +178,16 @@ def _curves_in_phase(results):
 
 def _draw_comparison(curves, omega, page):
     chosen, several = [curve.at(curve.rows(omega)) for curve in curves], len(omega) > 1
-    title, groups = group_curves(chosen)
+    title, groups = group_curves(chosen, labels=page.file_labels(len(chosen)))
     shades = colours(len(omega))
     dashes = [_DASHES[n % len(_DASHES)] if several else group.dash for n, group in enumerate(groups)]
-    axes = _panels(page, 2, [rf"$\delta/{unit}$" for unit in "ddLL"], curves[0], sharex="row")
+    axes = _panels(
+        page,
+        2,
+        [rf"$\delta/{unit}$" for unit in (*[curves[0].diameter] * 2, "L", "L")],
+        curves[0],
+        sharex="row",
+    )
     for ax, unit, (_, _, part) in zip(axes, "ddLL", _PARTS * 2, strict=True):
         for group, dash in zip(groups, dashes, strict=True):
             for curve in group.curves:
@@ -223,7 +235,10 @@ def _draw(ax, curve, n, part, colour, scale, label, all_lanes=False, spread=True
     draw_band(ax, x[finite], (C - spread)[finite], (C + spread)[finite], label, color=colour, alpha=0.15)
     for lane in range(1, len(curve.C) if all_lanes else 1):
         finite = np.isfinite(curve.C[lane, n, part])
-        look = {"linewidth": 0.4, "label": hidden(rf"{label}, lanes of ${number(curve.lanes[lane])}\,d$")}
+        look = {
+            "linewidth": 0.4,
+            "label": hidden(rf"{label}, lanes of ${number(curve.lanes[lane])}\,{curve.diameter}$"),
+        }
         ax.plot(scale * curve.delta[lane, finite], curve.C[lane, n, part, finite], color=colour, **look)
 
 
@@ -234,7 +249,7 @@ def _explaining_entries(curves, all_lanes):
         entries.append(Patch(facecolor="0.2", alpha=0.15, label="standard error"))
     widths = [width for curve in curves if all_lanes for width in curve.lanes[1:]]
     if widths:
-        lanes = ", ".join(f"${number(width)}\\,d$" for width in widths)
+        lanes = ", ".join(f"${number(width)}\\,{curves[0].diameter}$" for width in widths)
         entries.append(entry(f"lanes of {lanes}", linewidth=0.4))
     return entries
 
@@ -263,16 +278,17 @@ def plot_lengths(results, page):
         if curve.pressure is None:
             raise InputError(f"{curve.name}: attribute pressure: missing. Correlate sweeps that have it.")
     medium, over = all(curve.modulus is not None for curve in curves), stress_unit(curves).over
+    d = curves[0].diameter
     panels = [  # names of the axes, and where lengths y of a curve lie in them
         (r"$\omega\tau_1$", "$l/L$", lambda curve, y: (curve.omega, y / curve.size)),
-        (rf"$\omega\tau_1\,/\,(p{over})^{{1/2}}$", rf"$(l/d)\,[-\ln(p{over})]^{{{LOG_EXPONENT:g}}}$",
+        (rf"$\omega\tau_1\,/\,(p{over})^{{1/2}}$", rf"$(l/{d})\,[-\ln(p{over})]^{{{LOG_EXPONENT:g}}}$",
          lambda curve, y: stokes_collapse(curve.omega, y, curve.pressure, LOG_EXPONENT)),
-        (rf"$(|G^*|{over}\omega\tau_1)^{{1/2}}$", "$l/d$",
+        (rf"$(|G^*|{over}\omega\tau_1)^{{1/2}}$", f"$l/{d}$",
          lambda curve, y: medium_collapse(curve.omega, y, curve.modulus)),
     ][: 3 if medium else 2]  # fmt: skip
     x_names, y_names, places = zip(*panels, strict=True)
     axes = page.panels(1, len(panels), PAGE, HEIGHT + 0.2, x=x_names, y=y_names, log="xy")
-    title, groups = group_curves(curves)
+    title, groups = group_curves(curves, labels=page.file_labels(len(curves)))
     for ax, place in zip(axes, places, strict=True):
         for group, curve in ((owner, curve) for owner in groups for curve in owner.curves):
             for name, dash, part in _PARTS:
@@ -289,12 +305,13 @@ def plot_lengths(results, page):
     for length, shade in zip(MEDIUM, ("0.2", "0.6"), strict=True):
         axes[0].axhline(length, color=shade, linewidth=0.6, linestyle="--", zorder=0)
     handles = entries_of(groups, lambda group: {"marker": group.marker})
+    of_groups = len(handles)
     for name, dash, part in _PARTS:
         face, label = "white" if part else "0.2", f"{name} {SYMBOLS[curves[0].phase]}"
         handles.append(entry(label, marker="o", mfc=face, linestyle=dash))
     handles.append(entry("$L/4$", "0.4", linewidth=0.6, linestyle=":"))
     handles.append(entry("medium", "0.4", linewidth=0.6, linestyle="--"))
-    page.legend(axes[0], handles, title)
+    page.legend(axes[0], handles, title, groups=of_groups)
     return _lengths_in_words(curves, medium)
 
 

@@ -1,7 +1,7 @@
 """G*(ω) of sweeps in comparable form: units of k and 1/τ₁, labels with the differences, means over an ensemble."""
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from matplotlib.colors import LogNorm, to_rgba
@@ -9,16 +9,17 @@ from matplotlib.colors import LogNorm, to_rgba
 from jampetsc.analysis.elasticity import dimension_of
 from jampetsc.analysis.statistics import STATISTICS, median_interval
 from jampetsc.errors import InputError, named
-from jampetsc.io.provenance import recorded_dimension
+from jampetsc.io.provenance import LAW_PARAMETERS, recorded_dimension
 from jampetsc.laws.damping import FAMILIES, OPTIONS
 from jampetsc.laws.loads import DEFAULT, TENSOR
-from jampetsc.plots.picture import group_by, stress_unit, units_of
+from jampetsc.plots.picture import group_by, setting_text, stress_unit, units_of
 from jampetsc.plots.style import (
     DASHED,
     DOTTED,
     GREY,
     colours,
     entry,
+    has_chosen_colours,
     looks,
     number,
     power_or_number,
@@ -51,6 +52,26 @@ _CONTACTS = {  # of an oscillation; None: a sweep
     "moving": "moving contacts",
 }
 OSCILLATION = "jampetsc-oscillate"
+PROPERTIES = {
+    "pressure": "p/k",
+    "n": "N",
+    "particle_count": "N",
+    "dimension": "D",
+}  # of columns with other names
+_KEYS = {"p/k", "phi", "D", "N", "law", "load", "contacts", *_SYMBOLS, *_SWITCHES}
+# settings that files record as well, and the amplitude and duration of oscillations
+_DESCRIBED = {
+    *PROPERTIES,
+    *_SYMBOLS,
+    *_SWITCHES,
+    *LAW_PARAMETERS,
+    "phi",
+    "law",
+    "load",
+    "contacts",
+    "cycles",
+    "steps",
+}
 _DASHES = ("-", DASHED, DOTTED, (0, (6, 1.5, 1, 1.5)))
 
 
@@ -64,11 +85,29 @@ class Curve:
     bounds: np.ndarray  # (2, M) on |ΔG'|/k and |ΔG''|/k, or (2, 2, M) below and above
     pressure: float | None  # p/k
     attributes: dict
+    settings: dict = field(default_factory=dict, kw_only=True)  # of `io.results.Result`
+    by: tuple = field(default=(), kw_only=True)  # the columns by which alone curves differ; () for all
 
     @property
     def description(self) -> dict:
         """{property: value} by which it may differ from other sweeps, in the order of the label."""
-        description = {"p/k": None if self.pressure is None else float(f"{self.pressure:.3g}")}
+        properties = self._properties()
+        return {name: properties.get(name) for name in self.by} if self.by else properties
+
+    @property
+    def has_fixed_density(self) -> bool:
+        """Whether its packing was made at a packing fraction, so that pressures of its ensemble differ."""
+        return self.settings.get("phi") is not None and self.settings.get("pressure") is None
+
+    def _properties(self):
+        fixed, phi = self.has_fixed_density, self.settings.get("phi")
+        whole = (
+            1.0 if "bond_count" in self.attributes else None
+        )  # networks that keep all bonds do not record it
+        description = {
+            "p/k": None if fixed or self.pressure is None else float(f"{self.pressure:.3g}"),
+            "phi": phi if fixed else None,
+        }
         description["D"] = recorded_dimension(self.attributes)
         description["N"] = self.attributes.get("particle_count")
         description["law"] = self.attributes.get("law")
@@ -80,6 +119,8 @@ class Curve:
         return description | {
             "load": self.attributes.get("load", DEFAULT),
             "contacts": self.attributes.get("contacts"),
+            **{name: value for name, value in self.settings.items() if name not in _DESCRIBED},
+            "keep": self.settings.get("keep", self.attributes.get("keep", whole)),
         }
 
 
@@ -167,6 +208,7 @@ def _curve(result, x, G, bounds, **more):
         bounds=np.array(bounds)[:, order] / units.k,
         pressure=units.pressure,
         attributes=_in_units_of_k(result.attributes, units.k) | more,
+        settings=getattr(result, "settings", {}),
     )
 
 
@@ -175,8 +217,10 @@ def _in_units_of_k(attributes, k):
     return attributes | ({"stress": attributes["stress"] / k} if "stress" in attributes else {})
 
 
-def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:
+def group_curves(curves, crossed=True, labels=()) -> tuple[str, list[CurveGroup]]:
     """(legend title, groups) of curves that differ in pressure, law or parameters, low pressure first.
+
+    labels   words of the user for each curve, which then is a group of its own, in the order of the curves
 
     Colours run from dark at low pressure (or at the first label) to light; the title is p over its unit if that is all,
     after the load of all where that is not shear.
@@ -184,18 +228,25 @@ def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:
     several pressures have the colours of these, and each law a marker and a dash.
     """
     descriptions, over = [c.description for c in curves], stress_unit(curves).over
-    varying = [key for key in descriptions[0] if _varies(key, [d[key] for d in descriptions])]
+    names = dict.fromkeys(key for description in descriptions for key in description)
+    descriptions = [{key: description.get(key) for key in names} for description in descriptions]
+    varying = [key for key in names if _varies(key, [d[key] for d in descriptions])]
     only_pressure = varying in (["p/k"], []) and all(c.pressure and c.pressure > 0 for c in curves)
-    keys = varying or ["p/k"]
+    only_pressure = only_pressure and all(d.get("p/k") is not None for d in descriptions)
+    keys = varying or [next((key for key in names if descriptions[0][key] is not None), next(iter(names)))]
     members = group_by(
         sorted(zip(curves, descriptions, strict=True), key=lambda pair: _rank(pair[1])),
-        lambda pair: tuple(_part(key, pair[1][key], only_pressure, over) for key in keys),
+        lambda pair: tuple(_part(key, pair[1], only_pressure, over) for key in keys),
     )
     numbers = [own[0][0].pressure if only_pressure else own[0][1][keys[0]] for own in members.values()]
     scaled = keys in ([name] for name in ("p/k", *_SYMBOLS)) and all(
         isinstance(value, int | float) and value >= 0 for value in numbers
     )
-    shades = log_colours(numbers) if scaled and any(numbers) else colours(len(members))
+    shades = colours(len(members))
+    if scaled and any(numbers) and not has_chosen_colours():
+        shades = log_colours(numbers)
+    elif has_chosen_colours() and len(members) == len(curves):  # in the order of the files
+        shades = [shades[curves.index(own[0][0])] for own in members.values()]
     groups = []
     for ((parts, own), look), shade, value in zip(looks(members.items()), shades, numbers, strict=True):
         own_curves = [curve for curve, _ in own]
@@ -209,9 +260,24 @@ def group_curves(curves, crossed=True) -> tuple[str, list[CurveGroup]]:
         for n, (level, law) in enumerate(pairs):
             look = {"colour": levels[level]["color"], "marker": laws[law]["marker"], "dash": dashes[law]}
             groups[n] = replace(groups[n], **look, parts=pairs[n])
-    load = descriptions[0]["load"]
-    words = [] if "load" in varying or load in _LOADS else [_part("load", load, only_pressure, over)]
+    load = descriptions[0].get("load", DEFAULT)
+    words = [] if "load" in varying or load in _LOADS else [f"load {load}"]
+    if labels:
+        return ",  ".join(words), _labelled_groups(curves, groups, labels)
     return ",  ".join(words + [f"$p{over}$"] * only_pressure), groups
+
+
+def _labelled_groups(curves, groups, labels):
+    """A group for each curve, in their order, with its label; those of a shared group get colours of their own."""
+    owners = [
+        next(group for group in groups if any(own is curve for own in group.curves)) for curve in curves
+    ]
+    if len(groups) == len(curves) and not has_chosen_colours():
+        return [replace(group, label=label, parts=()) for group, label in zip(owners, labels, strict=True)]
+    return [
+        CurveGroup(label, [curve], look["color"], look["marker"])
+        for (curve, look), label in zip(looks(curves), labels, strict=True)
+    ]
 
 
 def log_colours(values) -> list[tuple]:
@@ -258,8 +324,13 @@ def _rank(description):
     )
 
 
-def _part(key, value, bare, over):
+def _part(key, description, bare, over):
     """The words for one property in a label; over: the unit of stress, as `StressUnit.over`."""
+    value = description[key]
+    if key == "p/k" and value is None and description.get("phi") is not None:
+        return ""
+    if key not in _KEYS:
+        return setting_text(key, value)
     if key == "contacts":
         return _CONTACTS[value]
     if key == "load":
@@ -268,6 +339,8 @@ def _part(key, value, bare, over):
         return "" if key != "p/k" else "$p$ unknown"
     if key == "p/k":
         return f"${power_or_number(value)}$" if bare else f"$p{over}={power_or_number(value)}$"
+    if key == "phi":
+        return rf"$\phi={value:.6g}$"
     if key in ("D", "N"):
         return f"${key}={value}$"
     if key == "alpha" and value == 1.0:
@@ -319,4 +392,8 @@ def _average(curves, statistic):
     if statistic == "median" and len(curves) > 2:  # whose errors are not alike on both sides
         error = np.abs(np.array(median_interval(samples)) - middle).swapaxes(0, 1)
     name = first.name if len(curves) == 1 else f"{len(curves)} sweeps"
-    return replace(first, name=name, G=middle[0] + 1j * middle[1], bounds=error)
+    pressures = [curve.pressure for curve in curves if curve.pressure is not None]
+    pressure = (
+        float(np.mean(pressures)) if pressures else None
+    )  # which seeds of one packing fraction do not share
+    return replace(first, name=name, G=middle[0] + 1j * middle[1], bounds=error, pressure=pressure)

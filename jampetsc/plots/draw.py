@@ -2,6 +2,7 @@
 
 import difflib
 import importlib
+import json
 import os
 import re
 import string
@@ -20,7 +21,7 @@ from jampetsc.io.reader import load
 from jampetsc.options.values import refuse_repeated
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
-from jampetsc.plots.page import Page
+from jampetsc.plots.page import Page, panel_rows
 from jampetsc.plots.picture import PICTURES, Picture, drawing_errors
 from jampetsc.plots.style import FORMATS
 
@@ -57,6 +58,8 @@ def plot(
     xlim=None,
     ylim=None,
     label=(),
+    color=(),
+    panels=None,
     style=None,
     **more,
 ):
@@ -69,19 +72,25 @@ def plot(
     csv          file to write the drawn numbers to
     size         (width, height) of a new figure in inches
     xlim, ylim   (low, high) for all panels, or one for each
-    label        words that replace the entries of the legend, in its order
-    style        a style file of matplotlib, or {name: value}, on top of the package's style
+    label        words for each file, in their order, or for the groups of the legend, in its order
+    color        colours of matplotlib for these groups, one or several, in the same order
+    panels       letters of the panels to show, "a,c", in rows "a,b/c,d"; None: all
+    style        a style file of matplotlib, or {name: value}, on top of the package's style; the colours of its
+                 axes.prop_cycle are those of groups
     more         options of the kind: statistic="median", omega=[1e-3], …; None: its default
 
     Raises InputError for files that no picture shows, and for options that the kind does not have.
     """
     items = list(results) if isinstance(results, list | tuple) else [results]
+    if panels is not None:
+        panels = panel_rows(panels)
     chosen = {"size": size, "xlim": xlim, "ylim": ylim, "label": label, "style": style}
+    chosen |= {"color": color, "panels": panels}
     return draw(items, kind, ax, out=out, csv=csv, chosen=chosen, **more).returned_axes
 
 
 def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **options) -> Page:
-    """As `plot`, but gives the page; chosen: size, xlim, ylim, label and style."""
+    """As `plot`, but gives the page; chosen: size, xlim, ylim, label, color, panels and style."""
     options = {name: value for name, value in options.items() if value is not None}
     if not items:
         raise InputError("results: empty. Give at least one file or result.")
@@ -138,12 +147,26 @@ def study_results(study, kinds) -> list:
     candidates = [(_drawable_rows(rows_done, PICTURES[kind]), PICTURES[kind]) for kind in kinds]
     for rows, picture in candidates:
         if rows.rows == 1 or (rows.rows > 1 and not picture.single):
-            return rows.results()
+            return _distinct(rows.results())
     kinds_text = f"{' or '.join(kinds)} pictures" if len(kinds) < len(PICTURES) else "pictures"
     if any(rows.rows for rows, _ in candidates):
         raise InputError(f"{study.path}: a study, but {kinds_text} show a single file. Give the file in it.")
     commands = ", ".join(sorted(set(rows_done["command"].tolist()))) or "nothing"
     raise InputError(f"{study.path}: a study with {commands}, but {kinds_text} need {_needed_files(kinds)}.")
+
+
+def _distinct(results) -> list:
+    """Results of a study, each once where seeds made the same packing, as of a lattice that keeps all of its bonds."""
+    distinct = {}
+    for number, result in enumerate(results):
+        attributes = getattr(result, "attributes", {})
+        key = number
+        if "request" in attributes and "packing_sha256" in attributes:
+            request = json.loads(attributes["request"])
+            request.pop("inputs", None)
+            key = attributes["packing_sha256"], str(request), str(result.settings)
+        distinct.setdefault(key, result)
+    return list(distinct.values())
 
 
 def _drawable_rows(rows, picture):

@@ -31,7 +31,7 @@ from jampetsc.plots.cell_drawing import (
 )
 from jampetsc.plots.correlation_plots import OMEGA
 from jampetsc.plots.mode_plots import mode_fields
-from jampetsc.plots.picture import PACKING, option, picture
+from jampetsc.plots.picture import MEAN_DIAMETER, PACKING, option, picture
 from jampetsc.plots.sections import HEIGHT, section_of
 from jampetsc.plots.style import COLUMN, PAGE, hidden, number, power_or_number
 
@@ -71,7 +71,7 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     Colours are rotations. Below each panel stands how many times the field its arrows are.
 
     In three dimensions panels are slices z = height·L_z: disks in which the plane cuts spheres, arrows of the x and y
-    components, and colours of the z component. Its rms in the slice stands below, in mean diameters d (of a network
+    components, and colours of the z component. Its rms in the slice stands below, in mean diameters ⟨d⟩ (of a network
     mean lengths of bonds). Rotations are not drawn.
 
     Raises InputError for more frequencies than fit, for frequencies that the file does not have, and for a height in
@@ -141,7 +141,7 @@ def plot_mode(results, page, packing=None, mode=(1,), height=None):
     Raises InputError for a mode that the file does not hold.
     """
     (result,) = results
-    _draw_real(page, result, packing, height, mode_fields(result, mode), r"\varphi")
+    _draw_real(page, result, packing, height, mode_fields(result, mode), "e_m")
     return f"mode {','.join(map(str, np.ravel(mode)))}"
 
 
@@ -187,7 +187,11 @@ def _draw(page, section, shown, panels, symbol, strain="", rows=1):
     colour, unit, gap = r"\theta", strain, ",  "
     if section.height is not None:
         d = 2.0 * float(np.mean(radii_of(section.source))) if strain else 1.0
-        colour, unit, gap = _subscripted(symbol, "z"), rf"{strain}\,d" if strain else "", "\n"
+        colour, unit, gap = (
+            _subscripted(symbol, "z"),
+            rf"{strain}\,{MEAN_DIAMETER[3]}" if strain else "",
+            "\n",
+        )
         panels = [(title, field, field[:, 2] / d, row) for title, field, _, row in panels]
     width = COLUMN if len(panels) // rows <= 2 else PAGE
     axes = frame_cells(page, [section.cell] * len(panels), rows, width, linewidth=0.4)

@@ -16,7 +16,7 @@ from jampetsc.analysis.velocity_correlation import DEFAULT_BIN_WIDTH, DEFAULT_LA
 from jampetsc.errors import InputError
 from jampetsc.io.disk_motion import correlate_lanes, six_fold_order, velocity_profiles
 from jampetsc.plots.page import draw_band, draw_points
-from jampetsc.plots.picture import count_text, flow_units, group_by, join_varied, picture
+from jampetsc.plots.picture import count_text, flow_units, group_by, join_varied, other_settings, picture
 from jampetsc.plots.style import DASHED, GREY, OPEN, PAGE, colours, entry, hidden, looks, number
 
 CURVE_HEIGHT = 2.3  # inches of one row of panels
@@ -97,7 +97,7 @@ def draw_flow_curves(results, page) -> str:
     _draw_exponents(axes[4], exponents)
     page.legend(axes[0], fontsize=7, handlelength=1.2, labelspacing=0.2)
     both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mew=0.7, **OPEN)]
-    page.legend(axes[3], both, fontsize=7, named=False)
+    page.legend(axes[3], both, groups=0, fontsize=7)
     return f"flow curves of {count_text(results, 'run', 'runs')} at {len(set(every))} rates"
 
 
@@ -113,6 +113,29 @@ def _draw_exponents(ax, curves):
             ax.axhline(value, color=GREY, lw=0.6, ls=":")
             place = {"textcoords": "offset points", "ha": "right", "color": GREY}
             ax.annotate(regime, (1, value), (-2, 1), ("axes fraction", "data"), **place)
+
+
+@picture("stress", "flow")
+def plot_stress(results, page):
+    """σ alone against the rate, where it is positive, a line for each kind; runs of one kind and rate averaged.
+
+    Raises InputError where no kind has two rates, or no stress is positive.
+    """
+    curves, units = flow_curves(results), flow_units(results)
+    if not any(len(curve["shear_stress"][0]) >= _MIN_POINTS for curve in curves.values()):
+        raise InputError(
+            f"{results[0].path}: one rate of each model, phi and N. For a flow curve give several."
+        )
+    if not any((curve["shear_stress"][1] > 0).any() for curve in curves.values()):
+        raise InputError(
+            f"{results[0].path}: no shear stress is positive. Shear longer, or draw other files."
+        )
+    axes = units.label(r"\dot\gamma", "rate"), units.label(r"\sigma", "stress")
+    ax = page.panels(x=axes[0], y=axes[1], log="xy")
+    for (name, curve), look in looks(zip(labels_of(list(curves)), curves.values(), strict=True)):
+        draw_points(ax, *curve["shear_stress"], label=name, **look)
+    page.legend(ax)
+    return f"shear stress of {count_text(results, 'run', 'runs')} against the rate"
 
 
 @picture("phi", "flow")
@@ -203,11 +226,26 @@ _STRESSES = (("shear_stress", r"\sigma"), ("pressure", "p"))
 MAX_NAMED = 12  # runs in a legend
 ORDERS = (r"$\langle|\psi_6|\rangle$", r"$|\langle\psi_6\rangle|$")
 WINDOWS = (0.0, 0.1, 0.3, 1.0)  # strains between which the start is shown; the last window is the steady part
+# settings of runs of one kind: what they record beside them, and how long they take
+_KNOWN = {
+    "n",
+    "dimension",
+    "phi",
+    "pressure",
+    "sizes",
+    "potential",
+    "model",
+    "mass",
+    "quality",
+    "rate",
+    "strain",
+    "walls",
+}
 MAX_PROFILES = 3  # kinds of flow between walls in one picture
 
 
 def kind_of(result) -> tuple:
-    """What flow curves have in common: model, φ, N, mass, sizes and potential of the disks."""
+    """What flow curves have in common: model, φ, N, mass, sizes and potential of the disks, what a study has set."""
     attributes = result.attributes
     walls = " between walls" if "walls" in attributes else ""
     state = (
@@ -216,7 +254,8 @@ def kind_of(result) -> tuple:
         int(attributes["particle_count"]),
         float(attributes["mass"]),
     )
-    return *state, str(attributes.get("sizes", "")), str(attributes["potential"])
+    words = str(attributes.get("sizes", "")), str(attributes["potential"]), other_settings(result, _KNOWN)
+    return *state, *words
 
 
 def labels_of(kinds) -> list[str]:

@@ -12,7 +12,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.plots.flow_plots import draw_mean
 from jampetsc.plots.page import draw_points
-from jampetsc.plots.picture import count_text, flow_units, join_varied, picture
+from jampetsc.plots.picture import count_text, flow_units, join_varied, other_settings, picture
 from jampetsc.plots.style import COLUMN, DASHED, GREY, PAGE, colours, entry, hidden, looks, number
 
 STRAIN_HEIGHT = 2.3  # inches of one row of panels
@@ -62,12 +62,26 @@ def _draw_states(ax, strain, values, jammed, colour, name):
 
 HEIGHT = 2.7  # inches of one row of panels
 MAX_PANELS = 6  # kinds in one picture of P(p)
+# settings that kinds have anyway, and how long runs take
+_KNOWN = {
+    "n",
+    "dimension",
+    "phi",
+    "pressure",
+    "sizes",
+    "potential",
+    "protocol",
+    "cooling_rate",
+    "strain",
+    "separated",
+    "step",
+}
 RUN = "shear"  # the protocol of files of quasistatic shear
 
 
 @dataclass(eq=False)
 class Samples:
-    """Samples of one kind (protocol, N, D, sizes, potential, step of shear): at each φ the runs they come in.
+    """Samples of one kind (protocol, N, D, sizes, potential, step, other settings): at each φ the runs they come in.
 
     A run is a series of minima under shear, or a single sample; {φ: [(jammed (T,), pressure (T,)), …]}
     """
@@ -98,7 +112,8 @@ def samples_of(results) -> list[Samples]:
         # of disks out of a packing they are not known
         words = (str(attributes.get(name, "")) for name in ("sizes", "potential"))
         dimension = f"$D={recorded_dimension(attributes)}$"
-        kind = _protocol(result), int(attributes["particle_count"]), dimension, *words, _step(result)
+        more = _step(result), other_settings(result, _KNOWN)
+        kind = _protocol(result), int(attributes["particle_count"]), dimension, *words, *more
         samples = by_kind.setdefault(kind, Samples(kind))
         every = result["jammed"], result["pressure"]
         for phi, seed, rows in runs_of(result):

@@ -114,7 +114,7 @@ def plot_modes(results, page):
             draw_band(below, number, mean - error, mean + error, f"{share}, {name}", color="k")
     below.set(ylim=(0, 1.3), yticks=(0, 0.5, 1))
     below.axhline(1.0, color=GREY, linewidth=0.5, zorder=0)
-    bar = page.figure.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
+    bar = above.figure.colorbar(ScalarMappable(norm, sequential()), ax=above, pad=0.02, aspect=25)
     bar.set_label(r"$\langle\Delta u_\perp^2\rangle^{1/2}/\,\langle\Delta u_\parallel^2\rangle^{1/2}$")
     bar.ax.tick_params(which="both", length=2)
     handles = [entry(_pressure(p), "0.3", ls="none", marker=look["marker"]) for (p, _), look in pressures]

@@ -11,11 +11,30 @@ from matplotlib.patches import Patch
 from jampetsc.analysis.power_laws import LAMBDA, MU, collapse, collapse_spread
 from jampetsc.analysis.statistics import STATISTICS
 from jampetsc.errors import InputError, about
-from jampetsc.options.parameters import NUMBER, WORD
-from jampetsc.plots.curves import OSCILLATION, average_curves, curves_of, entries_of, group_curves, symbol_of
+from jampetsc.options.parameters import NUMBER, WORD, ValueType
+from jampetsc.options.values import split_list
+from jampetsc.plots.chosen_columns import chosen_properties, mixed_text
+from jampetsc.plots.curves import (
+    OSCILLATION,
+    average_curves,
+    curves_of,
+    entries_of,
+    group_curves,
+    symbol_of,
+)
 from jampetsc.plots.page import draw_band, draw_guide
 from jampetsc.plots.picture import count_text, option, picture, stress_unit
-from jampetsc.plots.style import DASHED, LOSS, OPEN, STORAGE, entry, hidden, power_text, sequential
+from jampetsc.plots.style import (
+    DASHED,
+    LOSS,
+    OPEN,
+    STORAGE,
+    entry,
+    has_chosen_colours,
+    hidden,
+    power_text,
+    sequential,
+)
 
 _MAX_MARKED = 16  # frequencies up to which each has a marker
 _LONG_CURVE_MARKERS = 8
@@ -23,10 +42,15 @@ _MAX_ENTRIES = 7  # values of one parameter in a legend; more get a colour bar
 _BOTH = (STORAGE, LOSS)
 MIN_PACKINGS = 6  # below which twice an error holds less than 92 % of cases
 _FILES = ("sweep", "oscillate")
+COLUMNS = ValueType(split_list, ",".join, metavar="COLUMN,…", python="column or list of columns")
 STATISTIC = option(
     "statistic", WORD,
     "moduli, storage, loss, collapse, bulk, poisson: average over packings (default: none; of a study: mean)",
     choices=tuple(STATISTICS),
+)  # fmt: skip
+BY = option(
+    "by", COLUMNS, "moduli, storage, loss, collapse, bulk, poisson, exponents: columns of a study, or attributes of "
+    "files, by which curves differ (default: all that the study has set but seeds)", "COLUMN,…",
 )  # fmt: skip
 EXPONENTS = (
     option("mu", NUMBER, "collapse: exponent of p that divides moduli (default 0.5)", "MU", low=0, high=10),
@@ -34,30 +58,30 @@ EXPONENTS = (
 )  # fmt: skip
 
 
-@picture("moduli", *_FILES, options=(STATISTIC,), mixed=True)
-def plot_moduli(results, page, statistic=None):
+@picture("moduli", *_FILES, options=(STATISTIC, BY), mixed=True)
+def plot_moduli(results, page, statistic=None, by=()):
     """G'/k (solid, filled) and G''/k (dashed, open) against ωτ₁; bands: bounds, or errors of the `statistic`.
 
     Oscillations at one frequency and several amplitudes are drawn against the amplitude.
     """
-    return _draw_parts(results, page, statistic, _BOTH, "G' and G''")
+    return _draw_parts(results, page, statistic, by, _BOTH, "G' and G''")
 
 
-@picture("storage", *_FILES, options=(STATISTIC,), mixed=True)
-def plot_storage(results, page, statistic=None):
+@picture("storage", *_FILES, options=(STATISTIC, BY), mixed=True)
+def plot_storage(results, page, statistic=None, by=()):
     """G'/k against ωτ₁."""
-    return _draw_parts(results, page, statistic, (STORAGE,), "G'")
+    return _draw_parts(results, page, statistic, by, (STORAGE,), "G'")
 
 
-@picture("loss", *_FILES, options=(STATISTIC,), mixed=True)
-def plot_loss(results, page, statistic=None):
+@picture("loss", *_FILES, options=(STATISTIC, BY), mixed=True)
+def plot_loss(results, page, statistic=None, by=()):
     """G''/k against ωτ₁."""
-    return _draw_parts(results, page, statistic, (LOSS,), "G''")
+    return _draw_parts(results, page, statistic, by, (LOSS,), "G''")
 
 
-def _draw_parts(results, page, statistic, parts, words):
+def _draw_parts(results, page, statistic, by, parts, words):
     along, x = _abscissa(results)
-    curves, what, text = average_files(results, statistic, along)
+    curves, what, text = average_files(results, statistic, along, by)
     y = ",  ".join(f"{part}${stress_unit(results).over}$" for part in parts)
     _draw(page, curves, (x, y), None, r"\omega" if along == "omega" else None, what, parts)
     of = count_text(results) if not any(map(_oscillates, results)) else count_text(results, "file", "files")
@@ -80,8 +104,8 @@ def _abscissa(results):
     return "omega", r"$\omega\tau_1$"
 
 
-@picture("collapse", "sweep", options=(*EXPONENTS, STATISTIC))
-def plot_collapse(results, page, statistic=None, mu=MU, **more):
+@picture("collapse", "sweep", options=(*EXPONENTS, STATISTIC, BY))
+def plot_collapse(results, page, statistic=None, by=(), mu=MU, **more):
     """G'/p^μ and G''/p^μ against ω/p^λ, for ωτ₁ ≤ 1 where criticality ends; p in units of k.
 
     λ = 0 leaves the frequency as it is, and all of it, as where sliding costs nothing (BT Fig. 4a).
@@ -89,7 +113,7 @@ def plot_collapse(results, page, statistic=None, mu=MU, **more):
     Raises InputError if a sweep's pressure is unknown or not positive, or it has no frequency up to 1/τ₁.
     """
     lam = more.get("lambda", LAMBDA)  # a keyword of python
-    curves, what, averages = average_files(results, statistic)
+    curves, what, averages = average_files(results, statistic, by=by)
     unit = stress_unit(results)
     p = f"(p{unit.over})"
     x = rf"$\omega\tau_1\,/\,{power_text(p, lam)}$" if lam else r"$\omega\tau_1$"
@@ -104,9 +128,12 @@ def plot_collapse(results, page, statistic=None, mu=MU, **more):
     return f"{text}; they differ by {float(f'{100 * spread:.2g}'):g} % (rms) below omega tau1 = 0.1"
 
 
-def average_files(results, statistic, along="omega"):
-    """(curves, name of their bands, words) of sweeps, or of means or medians over sweeps that differ in the packing."""
-    curves = [curve for result in results for curve in curves_of(result, along)]
+def average_files(results, statistic, along="omega", by=()):
+    """(curves, name of their bands, words) of sweeps, or of means or medians over sweeps that differ in the packing.
+
+    by   columns in which averages differ; (): all but seeds
+    """
+    curves = chosen_properties([curve for result in results for curve in curves_of(result, along)], by)
     if statistic is None:
         return curves, "", ""
     fewest = min(Counter(str(curve.description) for curve in curves).values())
@@ -120,7 +147,8 @@ def average_files(results, statistic, along="omega"):
     if fewest < MIN_PACKINGS:
         rough = "no error" if fewest < 2 else "rough errors: twice the error holds less than 92 % of cases"
         text += f"; {fewest} packing{'s' * (fewest != 1)} only: {rough}"
-    return average_curves(curves, statistic), what, text
+    mixed = mixed_text(curves)
+    return average_curves(curves, statistic), what, text + (f"; over {mixed}" if mixed else "")
 
 
 def _scaled(curve, mu, lam):
@@ -141,9 +169,11 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
     symbol: of the base of the guides; None: no guides.
     """
     ax = page.panels(x=labels[0], y=labels[1], log="xy")
-    title, groups = group_curves(curves)
+    labels = [] if what else page.file_labels(len(curves))
+    title, groups = group_curves(curves, labels=labels)
+    is_listed = has_chosen_colours() or labels or page.labels
     barred = [group.value for group in groups if group.value]
-    if barred := barred if len(groups) > _MAX_ENTRIES and symbol_of(groups) else []:
+    if barred := barred if len(groups) > _MAX_ENTRIES and symbol_of(groups) and not is_listed else []:
         groups = [replace(group, marker="o") for group in groups]
     drawn = [_curve(ax, g, curve, n, parts) for n, g in enumerate(groups) for curve in g.curves]
     if not any(drawn):
@@ -170,10 +200,16 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
     named = [group for group in groups if not (barred and group.value)]
     look = {"markeredgewidth": 0.7}
     entries = entries_of(named, lambda group: {"marker": group.marker} | look) if named else []
+    of_groups = len(entries)
     if len(parts) > 1:
         marked = {} if groups[0].parts else {"marker": "o", "mew": 0.7}  # where markers do not tell laws
         entries += [entry(STORAGE, **marked), entry(LOSS, **marked, **OPEN)]
-    page.legend(ax, entries + ([Patch(facecolor="0.2", alpha=0.25, label=what)] if what else []), title)
+    page.legend(
+        ax,
+        entries + ([Patch(facecolor="0.2", alpha=0.25, label=what)] if what else []),
+        title,
+        groups=of_groups,
+    )
 
 
 def _curve(ax, group, curve, number, shown_parts):

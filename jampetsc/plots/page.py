@@ -6,16 +6,26 @@ from itertools import pairwise
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from jampetsc.analysis.power_laws import power_law_window
-from jampetsc.errors import InputError
-from jampetsc.plots.style import COLUMN, GREY, hidden, number, power_text, save
+from jampetsc.errors import InputError, named
+from jampetsc.plots.legends import clear_corner, with_earlier
+from jampetsc.plots.style import COLUMN, GREY, PAGE, hidden, number, power_text, save
 
 HEIGHT = 2.9  # inches of a picture of one panel
 MIN_LOG_RATIO = 1.6  # of the limits of a log axis
+
+
+def panel_rows(text) -> list:
+    """Rows of letters of panels, [("a", "b"), …], of "a,b/c,d" or of a list of letters. Raises InputError."""
+    rows = text.split("/") if isinstance(text, str) else [",".join(map(str, text))]
+    rows = [tuple(letter.strip() for letter in row.split(",")) for row in rows]
+    if not all(len(letter) == 1 and letter in string.ascii_lowercase for row in rows for letter in row):
+        raise InputError(f"{named('panels')} {text}: not letters of panels. Write e.g. a,c or a,b/c,d.")
+    return rows
 
 
 class Page:
@@ -23,16 +33,17 @@ class Page:
 
     axes     axes of the caller; None: `panels` makes a figure
     size     (width, height) of that figure in inches, None: the default of the picture
-    labels   words that replace the entries of the legends, in their order
+    labels   words for groups of the legends, in their order, or for each file
     xlim     (low, high) of x for all panels, or one, or None, for each
+    chosen   rows of letters of the panels to show, [("a", "b"), …]; None: all
 
     is_new   whether the figure is new
     text     description of the picture in words
     """
 
-    def __init__(self, axes=None, size=None, labels=(), xlim=None):
+    def __init__(self, axes=None, size=None, labels=(), xlim=None, chosen=None):
         self.is_new, self.size, self.labels, self.text = axes is None, size, list(labels), ""
-        self.xlim = xlim
+        self.xlim, self.chosen = xlim, chosen
         self.axes, self._given = [] if axes is None else list(np.ravel(axes)), axes
         self.lettered, self.laid_out, self._legends = False, False, []
         self._has_legend_above, self._is_final = False, False
@@ -49,9 +60,12 @@ class Page:
         count           number of panels, if the last row is not full
         grid            keywords of `Figure.subplots`
 
-        Raises InputError if the caller gave another number of axes.
+        Panels that are not `chosen` are drawn on a figure that nobody sees. Raises InputError if the caller gave
+        another number of axes, and for panels that the picture does not have.
         """
         count = count or rows * columns
+        if self.chosen is not None:
+            return self._choose(count, columns, (width, height / rows), x, y, log, letters)
         if self.is_new:
             self._make(width, height)
             axes = self._figure.subplots(rows, columns, squeeze=False, **grid).ravel()
@@ -74,6 +88,57 @@ class Page:
                 ax.set(**{f"{axis}scale": "log"})
         return self._one_or_all()
 
+    def _choose(self, count, columns, size, x, y, log, letters):
+        """All `count` panels as `panels` gives them, of which those chosen are on the figure to be seen.
+
+        size   (width of the picture, height of a row) in inches
+        """
+        places = self._chosen_places(count)
+        number = sum(map(len, places))
+        shown = self if not self.is_new else Page(size=self.size)
+        if self.is_new:
+            across = max(map(len, places))
+            width, height = (COLUMN, HEIGHT) if across == 1 else (PAGE, size[1] * PAGE / size[0])
+            height = max(height, HEIGHT * 2 / (1 + across))
+            shown.panels(len(places), across, width, len(places) * height)
+            for row in reversed(range(len(places))):
+                for column in range(across):
+                    if column >= len(places[row]):
+                        shown.axes[row * across + column].remove()
+            shown.axes = [
+                shown.axes[row * across + n] for row, own in enumerate(places) for n in range(len(own))
+            ]
+        elif len(self.axes) != number:
+            raise InputError(
+                f"ax: {len(self.axes)} axes, but {number} panels are chosen. Give {number} or none."
+            )
+        hidden_page = Page()
+        axes = np.ravel(hidden_page.panels(-(-count // columns), columns, count=count)).tolist()
+        for place, ax in zip((place for row in places for place in row), shown.axes, strict=True):
+            axes[place] = ax
+        for n, ax in enumerate(axes):
+            words = (names if isinstance(names, str) else names[n] for names in (x, y))
+            ax.set(**dict(zip(("xlabel", "ylabel"), words, strict=True)))
+            for axis in log if isinstance(log, str) else log[n]:
+                ax.set(**{f"{axis}scale": "log"})
+        self.axes, self.lettered = shown.axes, self.is_new and letters and number > 1
+        return axes[0] if count == 1 else np.array(axes)
+
+    def _chosen_places(self, count):
+        """Numbers of the chosen panels, row by row. Raises InputError for letters that no panel has, or twice."""
+        available, letters = string.ascii_lowercase[:count], [letter for row in self.chosen for letter in row]
+        for letter in letters:
+            if letter not in available or letters.count(letter) > 1:
+                why = "given twice" if letter in available else "no such panel"
+                choices = f"a to {available[-1]}" if count > 1 else "a alone"
+                raise InputError(f"{named('panels')} {letter}: {why}. This picture has {choices}.")
+        return [[available.index(letter) for letter in row] for row in self.chosen]
+
+    def refuse_choice(self) -> None:
+        """Raise InputError where panels are chosen of a picture of cells, which is laid out as a whole."""
+        if self.chosen is not None:
+            raise InputError(f"{named('panels')}: pictures of cells have fixed panels. Leave it out.")
+
     def _one_or_all(self):
         return self.axes[0] if len(self.axes) == 1 else np.array(self.axes)
 
@@ -88,8 +153,9 @@ class Page:
 
     def mosaic(self, names, width, height, heights) -> list:
         """Axes with the names of a mosaic (`Figure.subplot_mosaic`), rows of these heights; errors as `panels`."""
-        if not self.is_new:
-            return list(np.ravel(self.panels(1, len({name for row in names for name in row}))))
+        if not self.is_new or self.chosen is not None:
+            count = len({name for row in names for name in row})
+            return list(np.ravel(self.panels(1, count, width, max(heights))))
         self._make(width, height)
         self.axes = list(self._figure.subplot_mosaic(names, gridspec_kw={"height_ratios": heights}).values())
         self.lettered = True
@@ -100,17 +166,29 @@ class Page:
         """The figure that the axes are on."""
         return self.axes[0].figure
 
-    def legend(self, ax, handles=None, title=None, first="lower right", named=True, **settings):
-        """A legend that covers no data, placed by `finish`.
+    def file_labels(self, count) -> list:
+        """The labels, if there is one for each of `count` files, which then are used."""
+        if len(self.labels) != count:
+            return []
+        labels, self.labels = self.labels, []
+        return labels
+
+    def legend(self, ax, handles=None, title=None, first="lower right", groups=None, **settings):
+        """A legend that covers no data, placed by `finish`; of a panel that is not shown on the first that is.
 
         handles   its artists; None: all of `ax` that have a label
         first     the corner that is tried first
-        named     whether `labels` replace its entries
+        groups    number of its first entries that stand for files or groups, whose words `labels` replace; None: all
         """
         handles = ax.get_legend_handles_labels()[0] if handles is None else list(handles)
         words = [handle.get_label() for handle in handles]
-        taken = min(len(words), len(self.labels)) if named else 0
+        taken = min(len(words) if groups is None else groups, len(self.labels))
         words[:taken], self.labels = self.labels[:taken], self.labels[taken:]
+        if self.chosen is not None and ax not in self.axes:
+            free = [shown for shown in self.axes if not any(shown is other for other, *_ in self._legends)]
+            if not free:
+                return
+            ax = free[0]
         if handles:
             self._legends.append(
                 (ax, first, settings | {"handles": handles, "labels": words, "title": title})
@@ -118,6 +196,7 @@ class Page:
 
     def _place(self, ax, first, settings):
         """Put a legend in a free corner; without one, the first goes above the panels of a new figure, which grows."""
+        settings = settings | with_earlier(ax, settings)
         corner = clear_corner(ax, first, settings)
         if corner or not self.is_new or self._has_legend_above:
             ax.legend(loc=corner or "best", **settings)
@@ -160,7 +239,9 @@ class Page:
                 if pair is not None:
                     ax.set(**{name: pair})
         if self.labels:
-            raise InputError(f"label {self.labels[0]}: more labels than entries of legends. Give fewer.")
+            raise InputError(
+                f"label {self.labels[-1]}: more labels than entries of legends. Give one for each file, or fewer."
+            )
         for ax, letter in zip(self.axes, string.ascii_lowercase, strict=False):
             if self.lettered:
                 ax.set_title(f"({letter})", loc="left", pad=3)
@@ -189,6 +270,12 @@ class Page:
         save(self.figure, path)
         if engine is not None:
             self.figure.set_layout_engine(engine)
+
+
+def shown_colours(axes) -> list:
+    """Colours of the lines on axes that are not grey, (r, g, b) each."""
+    shades = dict.fromkeys(to_rgb(line.get_color()) for ax in axes for line in ax.get_lines())
+    return [shade for shade in shades if len(set(shade)) > 1]
 
 
 def draw_band(ax, x, low, high, name, **look) -> None:
@@ -220,9 +307,6 @@ def draw_points(ax, x, y, error=None, **look):
 MIN_POWER_DECADES = 2.0  # of an axis that has labels at powers of ten alone
 MAX_LABELS = 7  # of powers of ten at most
 _STEPS = ((1, 2, 5), (1, 3), (1,))  # labels in a decade, many to few
-_CORNERS = (
-    "lower right", "upper left", "center right", "lower left", "upper right", "upper center", "lower center"
-)  # fmt: skip
 
 
 def set_ticks(axis) -> bool:
@@ -308,30 +392,3 @@ def draw_power_law(ax, x, y, exponent) -> None:
     line = np.exp(np.mean(np.log(y)) + exponent * (log - np.mean(log)))
     with limits_kept(ax):
         ax.plot(x, line, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-
-
-def clear_corner(ax, first, settings) -> str | None:
-    """The corner in which a legend with these settings lies on no line, bar or text of `ax`; None where all do."""
-    outlines, texts = _outlines(ax), [text.get_window_extent() for text in ax.texts]
-    for corner in dict.fromkeys((first, *_CORNERS)):
-        box = ax.legend(loc=corner, **settings).get_window_extent().padded(2.0 * ax.figure.dpi / 72)
-        if not any(_covers(box, *outline) for outline in outlines) and not any(map(box.overlaps, texts)):
-            return corner
-    return None
-
-
-def _outlines(ax):
-    """[(path in pixels, whether its corners are joined by a line)] of all lines and error bars of `ax`."""
-    outlines = []
-    for line in ax.get_lines():
-        path = line.get_transform().transform_path(line.get_path()).cleaned(remove_nans=True)
-        path = Path(path.vertices[:-1], path.codes[:-1])  # without what says that it ends
-        if len(path):
-            outlines.append((path, line.get_linestyle() not in ("None", "", " ")))
-    for bars in (bar for container in ax.containers for bar in container.lines[2]):
-        outlines += [(bars.get_transform().transform_path(path), True) for path in bars.get_paths()]
-    return outlines
-
-
-def _covers(box, path, joined):
-    return box.count_contains(path.vertices) or (joined and path.intersects_bbox(box, filled=False))

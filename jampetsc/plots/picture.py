@@ -22,8 +22,8 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.io.results import Result
 from jampetsc.options.parameters import SWITCH, WORD, Parameter
-from jampetsc.plots.page import Page
-from jampetsc.plots.style import drawn_in
+from jampetsc.plots.page import Page, shown_colours
+from jampetsc.plots.style import drawn_in, read_colours
 
 MAX_DRAWN = 1e150  # larger numbers matplotlib may fail to draw
 PICTURES = {}  # kind -> Picture; `plots.draw` loads all of them
@@ -62,7 +62,8 @@ class Picture:
         return self.draw(results, ax, **settings).returned_axes
 
     def draw(
-        self, results, ax=None, *, size=None, xlim=None, ylim=None, label=(), style=None, **options
+        self, results, ax=None, *, size=None, xlim=None, ylim=None, label=(), color=(), panels=None, style=None,
+        **options,
     ) -> Page:  # fmt: skip
         """Draw results of `jampetsc.load` on the axes `ax` or on a new figure; `text` of the Page describes them.
 
@@ -72,10 +73,11 @@ class Picture:
         """
         for name, value in options.items():
             self.keywords[name].read(value)
-        page = Page(ax, size, [label] if isinstance(label, str) else label, xlim)
+        page = Page(ax, size, [label] if isinstance(label, str) else label, xlim, panels)
         if ax is not None and size is not None:
             raise InputError("size, ax: both given. Give size only for a new figure.")
-        with drawing_errors(results), drawn_in(style, own=ax is None):
+        chosen = read_colours(color) if np.size(color) else []
+        with drawing_errors(results), drawn_in(style, ax is None, chosen, shown_colours(page.axes)):
             page.text = self.function(results, page, **options)
             page.finish(ylim)
         return page
@@ -131,6 +133,20 @@ def group_by(results, key) -> dict:
     return groups
 
 
+def setting_text(name, value) -> str:
+    """A column that a study has set and its value in words; None: left at its default."""
+    words = name.replace("_", " ")
+    if value is None:
+        return f"{words} by default"
+    return f"{words} {value:.6g}" if isinstance(value, float) else f"{words} {value}"
+
+
+def other_settings(result, known) -> str:
+    """What a study has set for a result beside the columns that are `known` otherwise, in words."""
+    settings = getattr(result, "settings", {})
+    return ", ".join(setting_text(name, value) for name, value in settings.items() if name not in known)
+
+
 def join_varied(parts, varied) -> list[str]:
     """A label for each of `parts`, rows of words: the words of columns that are `varied`, without empty ones."""
     return [", ".join(word for word, used in zip(row, varied, strict=True) if used and word) for row in parts]
@@ -181,6 +197,8 @@ STRESS_UNITS = {  # D -> unit, with d the unit of length
     2: StressUnit("k", "/k", r"k\tau_1"),
     3: StressUnit("k/d", r"\,d/k", r"k\tau_1/d"),
 }
+# D -> TeX of the mean diameter, which labels of spheres tell from d, the unit of length
+MEAN_DIAMETER = {2: "d", 3: r"\langle d\rangle"}
 _MIXED_UNIT = StressUnit(r"k\,d^{2-D}", r"\,d^{D-2}/k", r"k\tau_1\,d^{2-D}")
 
 

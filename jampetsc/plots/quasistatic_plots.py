@@ -15,10 +15,11 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 from jampetsc.analysis.power_laws import fit_logarithm
 from jampetsc.analysis.statistics import mean_with_error, median_interval
 from jampetsc.errors import InputError, named
-from jampetsc.laws.damping import OPTIONS, having
+from jampetsc.io.ensemble import varied_settings
+from jampetsc.laws.damping import OPTIONS, WEIGHTS, having
 from jampetsc.laws.loads import DEFAULT
 from jampetsc.plots.page import draw_band, draw_guide, draw_points, draw_power_law, limits_kept
-from jampetsc.plots.picture import count_text, picture, stress_unit, units_of
+from jampetsc.plots.picture import count_text, group_by, picture, setting_text, stress_unit, units_of
 from jampetsc.plots.style import (
     GREY,
     OPEN,
@@ -32,6 +33,8 @@ from jampetsc.plots.style import (
 )
 
 BARE = "no_prestress"
+# settings by which pictures group, or of which files hold both values
+_KNOWN = ("n", "pressure", "phi", "prestress", "tau1")
 _DEFAULTS = {"dimension": 2, "load": DEFAULT}  # of files without the attribute
 QUANTITIES = {  # attribute -> (symbol, exponent expected, BT eqs. 19-21)
     "normal": (r"|\Delta u_\parallel|", 0.25),
@@ -50,7 +53,10 @@ def has_pressure(result) -> bool:
 
 
 def pressures_of(results, zero=False):
-    """p/k of each file, (F,). Raises InputError where it is not positive, or `zero`, as of networks at rest."""
+    """p/k of each file, (F,), a mean over seeds of one packing fraction that a study has set.
+
+    Raises InputError where it is not positive, or `zero`, as of networks at rest.
+    """
     pressures = []
     for result in results:
         pressure = units_of(result).pressure
@@ -58,11 +64,24 @@ def pressures_of(results, zero=False):
             words = "is not recorded" if pressure is None else f"{pressure:g}"
             raise InputError(f"{result.path}: pressure {words}. Give files of positive pressure.")
         pressures.append(float(f"{pressure:.6g}"))
-    return np.array(pressures)
+    levels = group_by(zip(results, pressures, strict=True), lambda pair: _density(pair[0]))
+    means = {key: float(np.mean([p for _, p in own])) for key, own in levels.items() if key}
+    return np.array([means.get(_density(result), p) for result, p in zip(results, pressures, strict=True)])
 
 
-def require_alike(results, names) -> None:
-    """Raise InputError where files differ in an attribute of these names: a dimension, a load, a law, a parameter."""
+def _density(result) -> tuple:
+    """(N, φ) of a packing that a study made at a packing fraction, whose seeds differ in p; else ()."""
+    settings = getattr(result, "settings", {})
+    if settings.get("phi") is None or settings.get("pressure") is not None:
+        return ()
+    return result.attributes.get("particle_count"), settings["phi"]
+
+
+def require_alike(results, names, varied=()) -> None:
+    """Raise InputError where files differ in an attribute of these names: a dimension, a load, a law, a parameter.
+
+    Also where they differ in what a study has set beside pressure and N, and those that are `varied`.
+    """
     first = results[0]
     for result, name in itertools.product(results, names):
         value, other = (item.attributes.get(name, _DEFAULTS.get(name)) for item in (result, first))
@@ -70,6 +89,15 @@ def require_alike(results, names) -> None:
             of_one = name if name in _DEFAULTS else "law"
             raise InputError(
                 f"{result.path}: {named(name)} {value}, but {first.path.name} has {other}. Draw files of one {of_one}."
+            )
+    settings = [getattr(result, "settings", {}) for result in results]
+    for name in varied_settings(settings):
+        if name not in (*_KNOWN, *names, *varied):
+            values = [str(row.get(name)) for row in settings]
+            result, value = next(pair for pair in zip(results, values, strict=True) if pair[1] != values[0])
+            raise InputError(
+                f"{result.path}: {setting_text(name, None if value == 'None' else value)}, but {first.path.name} has "
+                f"{values[0]}. Choose one (of a study by {named('where')} {name}=…)."
             )
 
 
@@ -80,7 +108,11 @@ def groups_of(results, varied=()) -> dict:
     laws.
     """
     require_alike(
-        results, tuple(name for name in ("dimension", "load", "law", *OPTIONS) if name not in varied)
+        results,
+        tuple(
+            name for name in ("dimension", "load", "law", *OPTIONS, *WEIGHTS, "alpha") if name not in varied
+        ),
+        varied,
     )
     groups = {}
     for result, pressure in sorted(
@@ -313,7 +345,7 @@ def _draw_sizes(page, ax, groups, unit):
             constant, slope = fit_logarithm(n[certain], y[certain], error[certain])
             ax.plot(n, constant + slope * np.log(n), color=look["color"], linewidth=0.8, zorder=1)
     ax.set_ylim(0.0, None)
-    page.legend(ax, title=f"$p{unit.over}$", named=False)
+    page.legend(ax, title=f"$p{unit.over}$", groups=0)
     ax.xaxis.set_major_locator(FixedLocator(sorted({size for sizes in large.values() for size in sizes})))
     ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     ax.xaxis.set_minor_locator(NullLocator())

@@ -63,7 +63,8 @@ def plot_relaxation(results, page):
         raise InputError(
             f"{curves[0].name}: no relaxation modes, G* = G0 + i omega eta. Draw its moduli instead."
         )
-    title, groups = group_curves(curves, crossed=False)
+    labels = page.file_labels(len(curves))
+    title, groups = group_curves(curves, crossed=False, labels=labels)
     x = [r"$\tau/\tau_1$"] * 2 + [r"$t/\tau_1$"] * 2
     unit = stress_unit(curves)
     y = [rf"${symbol}{unit.over}$" for symbol in ("H", r"\sum_{\tau_m\leq\tau}\,g_m", "G(t)")]
@@ -82,7 +83,7 @@ def plot_relaxation(results, page):
             axes[3].plot(*_positive(t.creep_time, t.J), linestyle=dash, **look)
     axes[1].set_ylim(0.0, 1.05 * max(curve.spectrum.weights.sum() for curve in curves))
     _notes(page, axes, curves)
-    if len(groups) > 1 or title:
+    if len(groups) > 1 or title or labels:
         page.legend(axes[1], [entry(g.label, g.colour) for g in groups], title)
     return f"relaxation spectrum, G(t) and J(t) of {count_text(results, 'spectrum', 'spectra')}"
 

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from matplotlib.colors import LinearSegmentedColormap
+from cycler import cycler
+from matplotlib.colors import LinearSegmentedColormap, is_color_like, to_rgb, to_rgba
 from matplotlib.lines import Line2D
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import write_whole
 
 COLUMN, PAGE = 3.4, 7.0  # inches: one and two columns of a journal
@@ -25,6 +26,9 @@ DASHED, DOTTED = (0, (4, 1.6)), (0, (1, 1.2))
 OPEN = {"markerfacecolor": "white", "linestyle": DASHED}  # the second of two quantities in one colour
 STORAGE, LOSS = "$G$\u2032", "$G$\u2033"  # mathtext sets its own primes too small and too far off
 MARKERS = "osD^vP<X>*ph"
+CYCLE = "axes.prop_cycle"
+_DEFAULT_CYCLE = matplotlib.rcParamsDefault[CYCLE]
+MAX_BESIDE = 16  # colours of groups on axes that show some already
 FORMATS = {  # what to leave out so that the same data give the same file
     ".png": {"Software": None},
     ".pdf": {"Creator": None, "Producer": None, "CreationDate": None},
@@ -64,8 +68,35 @@ STYLE = {
 
 
 def colours(count):
-    """`count` colours from dark to light, each with enough contrast for a thin line on white."""
+    """`count` colours: the user's in their cycle; else from dark to light, with contrast for a thin line on white."""
+    if has_chosen_colours():
+        cycle = itertools.cycle(entry["color"] for entry in matplotlib.rcParams[CYCLE])
+        return [to_rgba(colour) for colour in itertools.islice(cycle, count)]
     return [sequential()(x) for x in np.linspace(0, 1, count)]
+
+
+def has_chosen_colours() -> bool:
+    """Whether a style, `color` or what axes show already decides the colours of groups."""
+    return "color" in matplotlib.rcParams[CYCLE].keys and matplotlib.rcParams[CYCLE] != _DEFAULT_CYCLE
+
+
+def colours_beside(shown) -> list:
+    """MAX_BESIDE colours of `sequential`, far apart, without those that axes show already, (r, g, b) each."""
+    halves = (1.0, *((2 * step + 1) / 2**level for level in range(1, 6) for step in range(2 ** (level - 1))))
+    shades = [sequential()(x) for x in (0.0, *halves)]
+    return [shade for shade in shades if not any(np.allclose(shade[:3], own) for own in shown)][:MAX_BESIDE]
+
+
+def read_colours(colours) -> list:
+    """Colours of matplotlib as (r, g, b, a) each. Raises InputError for anything else."""
+    colours = [colours] if isinstance(colours, str) or is_color_like(colours) else list(colours)
+    wrong = [colour for colour in colours if not is_color_like(colour)]
+    if wrong or not colours:
+        raise InputError(
+            f"{named('color')} {wrong[0] if wrong else '[]'}: not a colour of matplotlib. Give a name such as "
+            "tab:red, or #rrggbb."
+        )
+    return [to_rgba(colour) for colour in colours]  # also C0, which a cycle may not hold
 
 
 def sequential():
@@ -125,10 +156,12 @@ def hidden(name) -> str:
 
 
 @contextmanager
-def drawn_in(style=None, own=True):
+def drawn_in(style=None, own=True, chosen=(), shown=()):
     """Within it pictures have the package's style, whatever the user's matplotlibrc says, or the user's if not `own`.
 
-    style   settings on top of it: a file of matplotlib, or {name: value}
+    style    settings on top of it: a file of matplotlib, or {name: value}
+    chosen   colours of groups, in their order, before those of the style
+    shown    colours that the axes show already, [(r, g, b)], which groups do not get
 
     Raises InputError for a file that cannot be read as a style.
     """
@@ -143,7 +176,20 @@ def drawn_in(style=None, own=True):
         except (OSError, ValueError, KeyError, TypeError) as error:
             why = str(error).splitlines()[0]
             raise InputError(f"style {style}: {why}. Give a style file of matplotlib.") from None
+        cycle = chosen or _unused_colours(shown)
+        if cycle:
+            matplotlib.rcParams[CYCLE] = cycler(color=cycle)
         yield
+
+
+def _unused_colours(shown) -> list:
+    """Colours for groups beside those that axes show already; empty where these show none of such colours."""
+    if not has_chosen_colours():
+        palette = sequential()(np.arange(sequential().N))[:, :3]
+        own = [colour for colour in shown if np.isclose(palette, colour).all(axis=1).any()]
+        return colours_beside(own) if own else []
+    cycle = [entry["color"] for entry in matplotlib.rcParams[CYCLE]]
+    return [colour for colour in cycle if to_rgb(colour) not in shown] or cycle
 
 
 def save(fig, path) -> None:

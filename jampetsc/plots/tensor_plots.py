@@ -6,8 +6,15 @@ import numpy as np
 
 from jampetsc.analysis.elasticity import dimension_of, poisson_ratio
 from jampetsc.laws.loads import tensor_components
-from jampetsc.plots.curves import average_curves, bulk_curve_of, curve_of, group_curves, require_tensor
-from jampetsc.plots.moduli_plots import STATISTIC
+from jampetsc.plots.chosen_columns import chosen_properties
+from jampetsc.plots.curves import (
+    average_curves,
+    bulk_curve_of,
+    curve_of,
+    group_curves,
+    require_tensor,
+)
+from jampetsc.plots.moduli_plots import BY, STATISTIC
 from jampetsc.plots.page import draw_band
 from jampetsc.plots.picture import STRESS_UNITS, count_text, picture, stress_unit, units_of
 from jampetsc.plots.style import DASHED, DOTTED, GREY, LOSS, PAGE, STORAGE, colours, entry, hidden
@@ -17,26 +24,27 @@ BULK_STORAGE, BULK_LOSS = "$K$\u2032", "$K$\u2033"
 OMEGA = r"$\omega\tau_1$"
 
 
-@picture("bulk", "sweep", options=(STATISTIC,))
-def plot_bulk(results, page, statistic=None):
+@picture("bulk", "sweep", options=(STATISTIC, BY))
+def plot_bulk(results, page, statistic=None, by=()):
     """The bulk modulus K*/k (solid) beside the shear modulus G*/k (dashed), averaged over all directions.
 
     Storage and loss are panels of their own; values that are not positive are left out.
     """
-    bulk, shear = _averages(results, statistic)
+    bulk, shear = _averages(results, statistic, by)
     over = stress_unit(results).over
     y = [f"{part}${over}$" for part in (f"{BULK_STORAGE}, {STORAGE}", f"{BULK_LOSS}, {LOSS}")]
     axes = page.panels(1, 2, PAGE, HEIGHT, x=OMEGA, y=y, log="xy")
+    labels = page.file_labels(len(bulk)) if statistic is None else []
     for curves, dash, name in ((bulk, "-", "K"), (shear, DASHED, "G")):
-        title, groups = _draw_parts(axes, curves, name, (dash, dash))
-    _legends(page, axes, title, groups, [entry("$K$*"), entry("$G$*", ls=DASHED)])
+        title, groups = _draw_parts(axes, curves, name, (dash, dash), labels)
+    _legends(page, axes, title, groups, labels, [entry("$K$*"), entry("$G$*", ls=DASHED)])
     return f"K* and G* of {count_text(results)}"
 
 
-@picture("poisson", "sweep", options=(STATISTIC,))
-def plot_poisson(results, page, statistic=None):
+@picture("poisson", "sweep", options=(STATISTIC, BY))
+def plot_poisson(results, page, statistic=None, by=()):
     """Poisson's ratio of K* and G*, (D K − 2G)/(D(D − 1) K + 2G): real part (solid), imaginary part (dashed)."""
-    bulk, shear = _averages(results, statistic)
+    bulk, shear = _averages(results, statistic, by)
     D = dimension_of(results[0]["C"])
     ratios = [
         replace(K, G=poisson_ratio(K.G, G.G, D), bounds=_ratio_bounds(K, G, D))
@@ -44,8 +52,9 @@ def plot_poisson(results, page, statistic=None):
     ]
     ax = page.panels(x=OMEGA, y="$\\nu$\u2032, $\\nu$\u2033", log="x")
     ax.axhline(0.0, color=GREY, lw=0.5, ls=DOTTED)
-    title, groups = _draw_parts((ax, ax), ratios, "nu", ("-", DASHED), is_log=False)
-    _legends(page, [ax], title, groups, [entry("$\\nu$\u2032"), entry("$\\nu$\u2033", ls=DASHED)])
+    labels = page.file_labels(len(ratios)) if statistic is None else []
+    title, groups = _draw_parts((ax, ax), ratios, "nu", ("-", DASHED), labels, is_log=False)
+    _legends(page, [ax], title, groups, labels, [entry("$\\nu$\u2032"), entry("$\\nu$\u2033", ls=DASHED)])
     return f"Poisson's ratio of {count_text(results)}"
 
 
@@ -87,9 +96,11 @@ def plot_tensor(results, page):
     return f"elastic constants of {result.path.name}"
 
 
-def _averages(results, statistic):
+def _averages(results, statistic, by):
     """Curves of K* and of G*, of each sweep or averaged over packings."""
-    curves = [bulk_curve_of(result) for result in results], [curve_of(result) for result in results]
+    curves = tuple(
+        chosen_properties([of(result) for result in results], by) for of in (bulk_curve_of, curve_of)
+    )
     return curves if statistic is None else tuple(average_curves(group, statistic) for group in curves)
 
 
@@ -101,9 +112,9 @@ def _ratio_bounds(bulk, shear, D):
     return np.array([error, error])
 
 
-def _draw_parts(axes, curves, name, dashes, is_log=True):
+def _draw_parts(axes, curves, name, dashes, labels, is_log=True):
     """Draw the real and the imaginary part of curves, each on its axes; (title, groups) of `group_curves`."""
-    title, groups = group_curves(curves, crossed=False)
+    title, groups = group_curves(curves, crossed=False, labels=labels)
     for group in groups:
         for curve in group.curves:
             parts = zip(
@@ -126,10 +137,11 @@ def _line(ax, curve, values, bound, colour, name, dash, is_log):
     draw_band(ax, curve.omega, low, values + above, name, where=np.isfinite(shown), color=colour)
 
 
-def _legends(page, axes, title, groups, parts):
-    """Legends of dashes and of groups."""
-    entries = [entry(group.label, group.colour) for group in groups] if len(groups) > 1 else []
+def _legends(page, axes, title, groups, labels, parts):
+    """Legends of dashes and of groups, a single one if it has a label of the user."""
+    is_named = len(groups) > 1 or labels
+    entries = [entry(group.label, group.colour) for group in groups] if is_named else []
     if len(axes) > 1 and entries:
         page.legend(axes[0], entries, title)
         entries = []
-    page.legend(axes[-1], [*entries, *parts], title if entries else None)
+    page.legend(axes[-1], [*entries, *parts], title if entries else None, groups=len(entries))

@@ -1,6 +1,7 @@
-"""A run of a study: the ranks take the unfinished tasks one by one, and the table is written at the end."""
+"""A run of a study: the ranks take the unfinished tasks one by one, and write its table from the first of them on."""
 
 import itertools
+import math
 import statistics
 import time
 from functools import partial
@@ -22,7 +23,8 @@ from jampetsc.studies.task_runner import TaskRunner
 STUDY_COPY = "study.toml"
 MAX_LISTED_FILES = 10  # in a note
 MIN_SHARED_DISKS = 50_000  # disks from which all ranks work on one task together
-REFRESH_INTERVAL = 60.0  # seconds after which the table is written again while the study runs
+REFRESH_INTERVAL = 1.0  # seconds after which a rank writes the table again while the study runs
+REFRESH_COST = 0.02  # share of its time that a rank writes the table for at most, as of very many tasks
 BYTES_PER_DISK = 30_000  # of a sweep on one rank
 FACTORS, UNKNOWNS = 3, 6  # of a sweep of spheres: factors that it keeps, unknowns of a sphere
 
@@ -154,13 +156,14 @@ class StudyRanks:
         self.names = {task.name for task in tasks}  # of the unfinished tasks
         self.durations = TaskDurations(runner.records.values())
         self.new_records = []  # records of this rank
+        self.has_new_rows = False  # that this rank has not written into the table
         self.progress = Progress(len(tasks), "study", rank=0)
         self.estimated, self.remaining = (
             -1.0,
             "",
         )  # when the remaining time was estimated; that time, in words
-        # writes the table while the study runs, on rank 0
-        self.refresh, self.refreshed = refresh, time.monotonic()
+        # any rank writes the table while the study runs: others may be busy with one task for hours
+        self.refresh, self.next_refresh = refresh, -math.inf
 
     def _available_inputs(self, task):
         """The inputs of a task whose files were made; waits for inputs that other ranks are making."""
@@ -182,7 +185,8 @@ class StudyRanks:
         ended = waiting.Ibarrier()
         while not ended.Test():
             interrupts.check()
-            self._refresh_when_due()
+            if self.has_new_rows:
+                self._refresh_when_due()
             time.sleep(POLL_INTERVAL)
         waiting.Free()
         self.session.collect()
@@ -192,11 +196,17 @@ class StudyRanks:
         for place, task in enumerate(tasks):
             record = self.session.comm.bcast(self.runner.run(task, self._available_inputs(task), shared=True))
             on_root(self.session.comm, partial(self._finish, task, record, tasks[place + 1 :], 1))
+            on_root(self.session.comm, self._refresh_when_due)
 
     def _refresh_when_due(self):
-        if self.session.rank == 0 and time.monotonic() > self.refreshed + REFRESH_INTERVAL:
-            self.refresh()
-            self.refreshed = time.monotonic()
+        """Write the table, at once the first time; more rarely where that takes long."""
+        start = time.monotonic()
+        if start < self.next_refresh:
+            return
+        self.refresh()
+        end = time.monotonic()
+        self.next_refresh = end + REFRESH_INTERVAL * max(1.0, (end - start) / REFRESH_COST)
+        self.has_new_rows = False
 
     def _finish(self, task, record, unfinished, ranks):
         """Write the record of a task, announce its outcome and report it."""
@@ -204,6 +214,7 @@ class StudyRanks:
             keep_record(self.runner.folder, record)
             self.new_records.append(record)
             self.durations.add(record)
+            self.has_new_rows = True
         self.claims.settle(task.name, record["state"] == "done")
         self._report(task, record, unfinished, ranks)
 

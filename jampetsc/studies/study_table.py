@@ -7,12 +7,13 @@ from jampetsc.analysis.power_laws import MIN_FREQUENCIES, critical_slopes, is_cr
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.columns import comma_separated
 from jampetsc.errors import InputError
+from jampetsc.io.ensemble import SETTINGS
 from jampetsc.io.formats import OLDER_COLUMNS, with_present_names
 from jampetsc.io.reader import load
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 
-# columns that come first and last, if they exist
+# columns that come first, if they exist, and last
 FIRST_COLUMNS = ("command", "state", "file", "packing", "n", "pressure", "phi", "seed", "law")
 LAST_COLUMNS = ("seconds",)
 TEXT_ATTRIBUTES = ("law", "model", "method", "packing", "phase", "notes")  # text attributes that are columns
@@ -47,7 +48,8 @@ def table_text(rows) -> str:
     """The table as CSV; numbers to their last digit, nothing where a task has none."""
     names = {name: None for row in rows for name in row}
     columns = [name for name in FIRST_COLUMNS if name in names]
-    columns += [name for name in names if name not in (*FIRST_COLUMNS, *LAST_COLUMNS)] + list(LAST_COLUMNS)
+    columns += [name for name in names if name not in (*FIRST_COLUMNS, SETTINGS, *LAST_COLUMNS)]
+    columns += [SETTINGS] * (SETTINGS in names) + list(LAST_COLUMNS)
     return comma_separated(columns, ({name: _cell(value) for name, value in row.items()} for row in rows))
 
 

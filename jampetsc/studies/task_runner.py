@@ -12,6 +12,7 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.atomic import refuse_links
 from jampetsc.io.checkpoint import discard_unused, folder_of
 from jampetsc.io.checksums import identity_of
+from jampetsc.io.ensemble import SETTINGS
 from jampetsc.io.outputs import is_finished
 from jampetsc.io.parts import parts_of
 from jampetsc.io.request import Request
@@ -149,10 +150,11 @@ def execute_here(job, out, argv, overwrite) -> None:
 
 
 def row_of(task, numbers) -> dict:
-    """The row of a task: its command and file, its settings, and the `numbers` of its result."""
+    """The row of a task: its command and file, its settings and their names, and the `numbers` of its result."""
     settings = {name: value for name, value in task.columns.items() if not name.startswith("no_")}
     packing = {"packing": task.file} if task.command in NETWORKS else {}
-    return {"command": task.command, "file": task.file} | {**numbers, **packing, **settings}
+    row = {"command": task.command, "file": task.file} | {**numbers, **packing, **settings}
+    return row | {SETTINGS: " ".join(settings)}
 
 
 def _done(record) -> bool:

@@ -94,7 +94,7 @@ def test_disks_forces_and_stress_are_told_in_their_units():
     assert told["radii"] == "0.5 to 1, mean diameter d = 1.25"
     assert told["cell"] == "a1 = (8, 0), a2 = (0.5, 3), V = 24"
     assert told["packing fraction φ"] == describe.number_text(np.pi * 1.75 / 24) and told["note"] == "kept"
-    assert told["stress σ_xy"].split()[1:] == ["published", "0.25"] and told["rattlers"] == "4 (1e+02 %)"
+    assert told["stress σ_xy"].split()[1:] == ["published", "0.25"] and told["rattlers"] == "4 (100 %)"
     assert not [name for name in told if "stress_yx" in name or "max_force" in name]
 
 

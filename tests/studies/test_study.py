@@ -390,6 +390,9 @@ def test_killed_at_any_moment_the_same_command_continues(tmp_path):
         assert done.returncode != 0
         assert kept.items() <= times(folder).items(), "what was made is not made again"
         kept = times(folder)
+        interrupted = jampetsc.load(folder)  # the table is there from the first task on
+        assert interrupted.rows >= 1 and set(interrupted["state"]) == {"done"}
+        assert set(interrupted["file"]) <= set(kept)
     done = launch.run(2, "run_disturbed.py", "after", 99, *words)
     assert done.returncode == 0, done.stderr
     table = jampetsc.load(folder)

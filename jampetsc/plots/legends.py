@@ -1,0 +1,59 @@
+"""Where a legend covers no data, and its entries beside those of an earlier picture on the same axes."""
+
+from matplotlib.colors import to_rgb
+from matplotlib.path import Path
+
+_CORNERS = (
+    "lower right", "upper left", "center right", "lower left", "upper right", "upper center", "lower center"
+)  # fmt: skip
+
+
+def with_earlier(ax, settings) -> dict:
+    """Entries and title of a legend after those of an earlier picture on the same axes."""
+    earlier = ax.get_legend()
+    if earlier is None:
+        return {}
+    handles, labels = settings["handles"], settings["labels"]
+    own = [(label, to_rgb(_colour(handle))) for handle, label in zip(handles, labels, strict=True)]
+    # matplotlib renamed them in version 3.7
+    drawn = earlier.legend_handles if hasattr(earlier, "legend_handles") else earlier.legendHandles
+    texts = (text.get_text() for text in earlier.get_texts())
+    kept = [pair for pair in zip(drawn, texts, strict=True) if (pair[1], to_rgb(_colour(pair[0]))) not in own]
+    title = settings["title"] or earlier.get_title().get_text() or None
+    before = {
+        "handles": [handle for handle, _ in kept] + handles,
+        "labels": [text for _, text in kept] + labels,
+    }
+    return before | {"title": title}
+
+
+def _colour(handle):
+    """The colour of an entry of a legend: of its line, or of its face."""
+    return handle.get_color() if hasattr(handle, "get_color") else handle.get_facecolor()
+
+
+def clear_corner(ax, first, settings) -> str | None:
+    """The corner in which a legend with these settings lies on no line, bar or text of `ax`; None where all do."""
+    outlines, texts = _outlines(ax), [text.get_window_extent() for text in ax.texts]
+    for corner in dict.fromkeys((first, *_CORNERS)):
+        box = ax.legend(loc=corner, **settings).get_window_extent().padded(2.0 * ax.figure.dpi / 72)
+        if not any(_covers(box, *outline) for outline in outlines) and not any(map(box.overlaps, texts)):
+            return corner
+    return None
+
+
+def _outlines(ax):
+    """[(path in pixels, whether its corners are joined by a line)] of all lines and error bars of `ax`."""
+    outlines = []
+    for line in ax.get_lines():
+        path = line.get_transform().transform_path(line.get_path()).cleaned(remove_nans=True)
+        path = Path(path.vertices[:-1], path.codes[:-1])  # without what says that it ends
+        if len(path):
+            outlines.append((path, line.get_linestyle() not in ("None", "", " ")))
+    for bars in (bar for container in ax.containers for bar in container.lines[2]):
+        outlines += [(bars.get_transform().transform_path(path), True) for path in bars.get_paths()]
+    return outlines
+
+
+def _covers(box, path, joined):
+    return box.count_contains(path.vertices) or (joined and path.intersects_bbox(box, filled=False))
