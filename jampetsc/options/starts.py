@@ -24,7 +24,7 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, Potential
 
 PHI_RANGE = (0.1, 1.0)
-RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
+RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d of the smallest particles, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
 GROUP = "random particles instead of START; smallest diameter 1, k_e = k_d = 1"
@@ -159,7 +159,7 @@ class ShearJob(Job):
         from jampetsc.minimise.protocols import random_start
 
         start = random_start(radii, self.phi, seed, self.made_potential, dimension=self.dimension or 2)
-        return settle(start, RELAXED_START_FORCE), {}
+        return settle(start, RELAXED_START_FORCE * start.potential.k / (2.0 * start.radii.min())), {}
 
     @property
     def made_potential(self) -> Potential:
