@@ -244,7 +244,9 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             return super().random(radii, seed)
         from jampetsc.flows.walls import between_walls
 
-        disks, wall_disks = between_walls(radii, self.phi, seed, self.made_potential)
+        disks, wall_disks = between_walls(
+            radii, self.phi, seed, self.made_potential, keeps_order=self.radii is not None
+        )
         return disks, {"walls": wall_disks}
 
 

@@ -11,10 +11,11 @@ from jampetsc.collective import on_root, own_cores
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, as_float, named
 from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import check_packing, source_name
-from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, OTHER_SIZES, SIZES, Radii, radii_asked, sizes_text
+from jampetsc.minimise.size_laws import DEFAULT_SIZES, SIZES_HELP
+from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, Radii, radii_asked, sizes_text
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import ValueType, format_value, optional_parameter, parameter
-from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, STRESS_UNIT, split_list
+from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, SIZES, STRESS_UNIT, split_list
 from jampetsc.packing.packing import PARTICLES, Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.petsc import session
@@ -112,12 +113,10 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
     sizes: str | None = packing_parameter(
-        "particle sizes: bidisperse (50:50, ratio 1.4; default) or monodisperse",
-        choices=SIZES,
-        remedy=OTHER_SIZES,
+        f"{SIZES_HELP} (default {DEFAULT_SIZES})", value_type=SIZES
     )
     radii: Radii | None = packing_parameter(
-        "text file of radii, one per particle, or an array, instead of n and sizes", value_type=RADII
+        "text file of radii, line i that of particle i, or an array, instead of n and sizes", value_type=RADII
     )
     stabilise: str = parameter(
         "volume",
@@ -227,7 +226,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if single.dimension == 2:  # the default, which files of disks do not record
             single = replace(single, dimension=None)
         defaults = {"potential": "harmonic", "stiffness": "constant"} | (
-            {} if self.radii else {"sizes": SIZES[0]}
+            {} if self.radii else {"sizes": DEFAULT_SIZES}
         )
         return replace(single, **{name: getattr(single, name) or value for name, value in defaults.items()})
 
@@ -326,7 +325,8 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
             potential = Potential(self.potential or "harmonic", self.stiffness or "constant")
             settings = {"sizes": sizes_text(self.sizes, self.radii), "requested_n": self.n or 0}
-            return start_at_random(radii, potential, self._how | settings, self.dimension or 2)
+            keeps_order = self.radii is not None
+            return start_at_random(radii, potential, self._how | settings, self.dimension or 2, keeps_order)
         begin, name = start_from_packing(self.from_, self._how, comm), source_name(self.from_)
         with about(name):
             disks = begin.disks_of(self.tasks(None)[0])
