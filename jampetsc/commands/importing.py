@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 
 from jampetsc.commands.describe import cell_text, describe_network
-from jampetsc.commands.pack import PHIS
 from jampetsc.errors import InputError, named, option_word
 from jampetsc.io.exchange import READERS
 from jampetsc.io.importers import import_packing
@@ -17,7 +16,7 @@ from jampetsc.io.packing_file import NETWORK_FORMAT
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
 from jampetsc.packing.contacts import BALANCED, IMBALANCE, imbalance, measure
-from jampetsc.packing.packing import PARTICLES
+from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 
 
@@ -147,7 +146,7 @@ def _summary(to, file, disks) -> str:
 
 def _command_to_minimise(path, disks) -> str:
     """The command that minimises the energy of a packing file: at its φ, or at its p where `pack` refuses that φ."""
-    low, high = PHIS[disks.dimension]
+    low, high = MINIMISED_PHIS[disks.dimension]
     goal = (
         f"--phi {disks.phi!r}"
         if low <= disks.phi <= high

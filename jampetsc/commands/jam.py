@@ -17,14 +17,19 @@ from jampetsc.minimise.size_laws import DEFAULT_SIZES, SIZES_HELP, radii_of
 from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, in_small_diameters
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.starts import PHI_RANGE, UNITS, minimum_tolerance_parameter
+from jampetsc.options.starts import (
+    PHI_RANGE,
+    STIFFNESS,
+    UNITS,
+    made_particles_lines,
+    minimum_tolerance_parameter,
+)
 from jampetsc.options.values import SEEDS, SIZES, Numbers, number_list
 from jampetsc.packing.packing import PARTICLES
 from jampetsc.packing.potentials import EXPONENTS, Potential
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
-STIFFNESS = "inverse-square-diameter"
 MAX_SAMPLES = 1_000_000  # most samples of one run
 GROUPS = ("shear and compress", "shear", "compress")
 shear_compress_parameter, shear_parameter, compress_parameter = (
@@ -160,7 +165,8 @@ A killed run continues when the same command is given again. Options of the Newt
             provenance = run_provenance(time.perf_counter() - start_time, running, running.size)
             writer.attributes(**provenance | facts | protocol.facts, notes=noted(notes))
         on_root(comm, lambda: checkpoint.remove())
-        return "\n".join([*_summary(self, columns, to), *note_lines(notes)])
+        first, *rows = _summary(self, columns, to)
+        return "\n".join([first, *made_particles_lines(facts), *rows, *note_lines(notes)])
 
 
 def _notes(columns) -> list[str]:

@@ -15,13 +15,21 @@ from jampetsc.minimise.size_laws import DEFAULT_SIZES, SIZES_HELP
 from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, Radii, radii_asked, sizes_text
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import ValueType, format_value, optional_parameter, parameter
-from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, SIZES, STRESS_UNIT, split_list
-from jampetsc.packing.packing import PARTICLES, Packing
+from jampetsc.options.values import (
+    MAX_SEED,
+    MAX_THREADS,
+    PACKING,
+    RADII,
+    SEEDS,
+    SIZES,
+    STRESS_UNIT,
+    split_list,
+)
+from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES, Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.petsc import session
 
 PRESSURES = (1e-8, 1.0)
-PHIS = {2: (0.8, 1.5), 3: (0.6, 1.2)}  # packing fractions by dimension
 TOLERANCES = (1e-13, 1e-4)
 PHI_REMEDY = (
     "Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears particles below it."
@@ -103,18 +111,15 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         metavar="P[,P…]",
     )
     phi: float | None = packing_parameter(
-        "packing fraction, instead of a pressure (disks jam near 0.84, spheres near 0.64)",
-        low=min(low for low, _ in PHIS.values()),
-        high=max(high for _, high in PHIS.values()),
-        remedy=PHI_REMEDY,
+        "packing fraction, instead of a pressure, of disks from 0.8 to 1.5, of spheres from 0.6 to 1.2 (they jam near "
+        "0.84 and 0.64)",
+        above=0.0,
     )
     potential: str | None = packing_parameter("energy of an overlap (default harmonic)", choices=EXPONENTS)
     stiffness: str | None = packing_parameter(
         "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
-    sizes: str | None = packing_parameter(
-        f"{SIZES_HELP} (default {DEFAULT_SIZES})", value_type=SIZES
-    )
+    sizes: str | None = packing_parameter(f"{SIZES_HELP} (default {DEFAULT_SIZES})", value_type=SIZES)
     radii: Radii | None = packing_parameter(
         "text file of radii, line i that of particle i, or an array, instead of n and sizes", value_type=RADII
     )
@@ -172,10 +177,11 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def _check_phi(self, dimension):
         """Refuse a packing fraction out of the range of this dimension."""
-        low, high = PHIS[dimension]
+        low, high = MINIMISED_PHIS[dimension]
         if self.phi is not None and not low <= self.phi <= high:
+            remedy = PHI_REMEDY if self.phi < low else "Give a smaller one."
             raise InputError(
-                f"{named('phi')} {self.phi:g}: must lie in [{low:g}, {high:g}] for {PARTICLES[dimension]}. {PHI_REMEDY}"
+                f"{named('phi')} {self.phi:g}: must lie in [{low:g}, {high:g}] for {PARTICLES[dimension]}. {remedy}"
             )
 
     @property

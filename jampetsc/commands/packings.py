@@ -13,6 +13,7 @@ from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.request import Request
 from jampetsc.minimise.descent import Effort
 from jampetsc.minimise.protocols import Target, changed, make_packing, random_places, start_phi
+from jampetsc.minimise.size_laws import DEFAULT_SIZES
 from jampetsc.packing.contacts import IMBALANCE, typical_force
 from jampetsc.packing.neighbour_list import is_scattered
 from jampetsc.packing.neighbours import spatial_order
@@ -146,6 +147,12 @@ def summarise_packings(tasks, task_lines, ranks) -> str:
     return "\n".join([*lines, *task_lines.values()])
 
 
+def _sizes_text(record) -> str:
+    """Sizes of the particles in a line of the summary, where they are not those by default."""
+    sizes = record.get("sizes", DEFAULT_SIZES)
+    return "" if sizes == DEFAULT_SIZES else f", {sizes}"
+
+
 def _line(name, disks, seconds) -> str:
     """A line about a packing, and one more where rounding leaves forces above its tolerance."""
     record = disks.record
@@ -153,7 +160,7 @@ def _line(name, disks, seconds) -> str:
     limit = f"{IMBALANCE[disks.dimension]} = {residual:.1e} is limited by rounding"
     note = f"\n  {limit}, above the tolerance {record['tolerance']:g}"
     return (
-        f"{name}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
+        f"{name}: N = {disks.n}{_sizes_text(record)}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
         f"Z = {record['coordination']:.4f}, "
         f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
         f"{record['evaluations']} force evaluations, {seconds:.2f} s{note * bool(residual > record['tolerance'])}"

@@ -24,7 +24,9 @@ MODELS = {
 }
 STRAIN_STEP = 5e-3  # largest γ̇Δt
 MAX_LIST_STRAIN = 0.1  # d/σ_max: largest γ̇Δt for which a pair list serves more than one step
-SIZE_MARGIN = 1.5  # contacts of the largest particle, and their lengths, over the mean ones, that steps allow for
+SIZE_MARGIN = (
+    1.5  # contacts of the largest particle, and their lengths, over the mean ones, that steps allow for
+)
 # by dimension, as the largest eigenvalues are: of the Hessian 3.6 and 6.1 k/σ², of contact damping 6.7 and 15 c
 DRAG_STEP, VERLET_STEP = {2: 0.2, 3: 0.12}, {2: 0.1, 3: 0.04}
 INERTIA = {2: 0.5, 3: 0.4}  # moment of a uniform disk and sphere, in units of m ρ²

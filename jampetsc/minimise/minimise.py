@@ -169,7 +169,9 @@ def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> floa
 def _failure(descent: Descent, pressure: float) -> ConvergenceError:
     """The error to raise where no minimum is reached."""
     force, effort = Point.of(descent).residual.force, descent.effort
-    imbalance = f"{IMBALANCE[descent.dimension]} = {force / descent.force_at(pressure):.1e}" if pressure > 0.0 else ""
+    imbalance = (
+        f"{IMBALANCE[descent.dimension]} = {force / descent.force_at(pressure):.1e}" if pressure > 0.0 else ""
+    )
     return ConvergenceError(
         f"no minimum after {effort.evaluations} force evaluations and {effort.saddles} saddles: "
         f"{imbalance or 'p = 0'}"

@@ -57,9 +57,9 @@ class Imbalance(NamedTuple):
 class Limits:
     """Residuals that count as converged: relative to p, but no less than the rounding of bonds leaves.
 
-    The force of a bond is uncertain by about 1e-16 k r. Where sizes are alike, r ~ d, the net force on a disk, of half a
-    dozen, is uncertain by a few times that, and the pressure, a mean over N bonds, by 1/√N of it. Large disks have longer
-    bonds and more of them: see `force_floor` and `stress_floor`.
+    The force of a bond is uncertain by about 1e-16 k r. Where sizes are alike, r ~ d, the net force on a disk, of half
+    a dozen, is uncertain by a few times that, and the pressure, a mean over N bonds, by 1/√N of it. Large disks have
+    longer bonds and more of them: see `force_floor` and `stress_floor`.
     """
 
     def __init__(self, descent: Descent, tolerance: float):
@@ -77,7 +77,9 @@ class Limits:
         length, bonds = self._descent.diameter ** (self._descent.dimension - 2), point.bonds
         stress = stress_floor(stiffness / length, self._descent, bonds)
         ends = bonds.pairs.i, bonds.pairs.j
-        force = force_floor(stiffness * self._descent.diameter, point.n, *ends, bonds.stiffness * bonds.distance)
+        force = force_floor(
+            stiffness * self._descent.diameter, point.n, *ends, bonds.stiffness * bonds.distance
+        )
         return Imbalance(max(limits.force, force), *[max(limits.pressure, stress)] * 2)
 
 

@@ -1,7 +1,7 @@
 """Laws of particle sizes: radii of mean diameter 1 that follow a distribution by number, the same for every seed.
 
     monodisperse                     all alike
-    bidisperse[:RATIO[:SHARE]]       two sizes; a SHARE of the particles is RATIO times as large as the others (1.4, 0.5)
+    bidisperse[:RATIO[:SHARE]]       a SHARE of the particles is RATIO times as large as the others (1.4, 0.5)
     lognormal:SIGMA                  ln ρ is normal, with standard deviation SIGMA
     uniform:LOW:HIGH                 ρ between LOW and HIGH in any unit, each as likely
     powerlaw:EXPONENT:RATIO          n(ρ) ~ ρ^(−EXPONENT) from the smallest radius to RATIO times that
@@ -85,7 +85,9 @@ def _powerlaw(n, exponent, ratio):
 
 
 LAWS = {
-    "bidisperse": SizeLaw(_bidisperse, (Number("RATIO", 1.0, MAX_RATIO, 1.4), Number("SHARE", 0.0, 1.0, 0.5))),
+    "bidisperse": SizeLaw(
+        _bidisperse, (Number("RATIO", 1.0, MAX_RATIO, 1.4), Number("SHARE", 0.0, 1.0, 0.5))
+    ),
     "monodisperse": SizeLaw(_monodisperse),
     "lognormal": SizeLaw(_lognormal, (Number("SIGMA", 0.0, 1.0),)),
     "uniform": SizeLaw(_uniform, tuple(Number(name, MIN_LENGTH, MAX_LENGTH) for name in ("LOW", "HIGH"))),

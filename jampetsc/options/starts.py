@@ -28,7 +28,8 @@ PHI_RANGE = (0.1, 1.0)
 RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d of the smallest particles, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
-GROUP = "random particles instead of START; smallest diameter 1, k_e = k_d = 1"
+STIFFNESS = "inverse-square-diameter"  # of contacts of random particles; `pack` has another default
+GROUP = "random particles instead of START; smallest diameter 1, contact stiffness k_e/σ², k_e = k_d = 1"
 random_disks_parameter = partial(optional_parameter, group=GROUP)
 run_parameter = partial(optional_parameter, group="run")
 minimum_tolerance_parameter = partial(
@@ -61,9 +62,7 @@ class ShearJob(Job):
     seed: int | None = random_disks_parameter(
         "seed of the random start (default 1)", low=0, high=MAX_SEED, metavar="S"
     )
-    sizes: str | None = random_disks_parameter(
-        f"{SIZES_HELP} (default {DEFAULT_SIZES})", value_type=SIZES
-    )
+    sizes: str | None = random_disks_parameter(f"{SIZES_HELP} (default {DEFAULT_SIZES})", value_type=SIZES)
     radii: Radii | None = random_disks_parameter(
         "text file of radii, line i that of particle i, or an array, instead of n and sizes", value_type=RADII
     )
@@ -167,4 +166,13 @@ class ShearJob(Job):
     @property
     def made_potential(self) -> Potential:
         """The potential of random disks."""
-        return Potential(self.potential or next(iter(EXPONENTS)), "inverse-square-diameter")
+        return Potential(self.potential or next(iter(EXPONENTS)), STIFFNESS)
+
+
+def made_particles_lines(facts) -> list[str]:
+    """A line of a summary on the particles that a run has made, none where they are of a packing; facts: attributes."""
+    if "sizes" not in facts:
+        return []
+    return [
+        f"  made of random particles: {facts['sizes']}, contact stiffness k_e/σ² ({STIFFNESS}), {facts['units']}"
+    ]
