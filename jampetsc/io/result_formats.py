@@ -202,7 +202,7 @@ regularisation | float | | force below which a contact counts as linear, over th
 _DISKS = """
 units, potential, stiffness | text | | of the disks
 dimension | int? | | 3 for spheres, else missing
-sizes | text? | | of the disks, where the run has made them
+sizes | text? | | law of the sizes, or list of radii, where the run has made the particles
 """
 
 FLOW = Format(
