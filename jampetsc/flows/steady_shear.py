@@ -254,13 +254,14 @@ class SteadyShear(ListedPacking):
             if self.divides_steps:
                 before = self.offsets.copy(), self.velocities.copy(), self.tally.copy()
             done, status = self._run(steps)
+            # stale before the first step of a list: its skin is too narrow for the move of the predictor
+            is_narrow = status == STALE and not done + self.list_age
+            jumps = status == BLOWN_UP or is_narrow
             least = MIN_LIST_STEPS * self.rate * self.scheme.step * self.largest
-            if status == STALE and not done + self.list_age and self.skin < least:
+            if is_narrow and not self.divides_steps and self.skin < least:
                 self.skin = least
                 self.fold()
                 continue
-            # stale before the first step of a list: its skin is too narrow for the move of the predictor
-            jumps = status == BLOWN_UP or (status == STALE and not done + self.list_age)
             if jumps and self.divides_steps:
                 self.offsets, self.velocities, self.tally = before
                 if done <= 1:
