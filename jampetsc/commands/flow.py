@@ -15,7 +15,7 @@ from jampetsc.laws.flow_models import MODELS, Model
 from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import FILE, composite_parameter, optional_parameter, parameter
 from jampetsc.options.physics_options import MODEL
-from jampetsc.options.starts import GROUP, ShearJob, run_parameter
+from jampetsc.options.starts import GROUP, ShearJob, made_particles_lines, run_parameter
 from jampetsc.options.values import PACKING_OR_RESULT, POSITIVE, TIME_UNIT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import launchers
@@ -214,7 +214,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
         state = result.state | {"radii": run.disks.radii}
         run_files.write_series(to.writer(self.FORMAT), result.trajectory.arrays(), state, settings, facts)
         checkpoint.remove()
-        return _summary(run, to, result.means)
+        return _summary(run, to, result.means, origin)
 
     def _continued_run(self):
         """(run that continues an earlier flow, attributes of the origin of its disks)."""
@@ -259,7 +259,9 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             return super().random(radii, seed)
         from jampetsc.flows.walls import between_walls
 
-        disks, wall_disks = between_walls(radii, self.phi, seed, self.made_potential)
+        disks, wall_disks = between_walls(
+            radii, self.phi, seed, self.made_potential, keeps_order=self.radii is not None
+        )
         return disks, {"walls": wall_disks}
 
 
@@ -313,8 +315,8 @@ def _facts(run, result) -> dict:
     }
 
 
-def _summary(run, to, means) -> str:
-    """Summary of a run for its user, in lines."""
+def _summary(run, to, means, origin) -> str:
+    """Summary of a run for its user, in lines; origin: attributes of the origin of its disks."""
     from jampetsc.commands.run_files import run_units, sample_sizes
 
     walls = f" between walls of {run.wall_disks} disks" if run.wall_disks else ""
@@ -330,5 +332,5 @@ def _summary(run, to, means) -> str:
     if means.walls:
         stress, pressure = means.walls.values()
         lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
-    lines.append(run_units(run.disks, run.model.law.tau1))
+    lines += [*made_particles_lines(origin), run_units(run.disks, run.model.law.tau1)]
     return "\n".join(lines + note_lines(means.warnings()))

@@ -19,7 +19,7 @@ from jampetsc.io.size_columns import HOLDS
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
 from jampetsc.packing.contacts import BALANCED, IMBALANCE, imbalance, measure
-from jampetsc.packing.packing import PARTICLES, PHIS
+from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
 from jampetsc.packing.units import stress_unit_of
 
@@ -198,7 +198,7 @@ def _way_to_minimum(path, disks) -> str:
     At its φ, or at its p where `pack` refuses that φ.
     """
     (low, high), pressure = (
-        PHIS[disks.dimension],
+        MINIMISED_PHIS[disks.dimension],
         disks.pressure / stress_unit_of(disks.radii, disks.potential, disks.dimension),
     )
     if low <= disks.phi <= high:

@@ -13,18 +13,24 @@ from jampetsc.collective import agreed, on_root
 from jampetsc.errors import InputError
 from jampetsc.io.results import note_lines, noted
 from jampetsc.jamming.sample_protocol import PROTOCOLS, SampleProtocol
-from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, SIZES, in_small_diameters, radii_of
+from jampetsc.minimise.size_laws import DEFAULT_SIZES, SIZES_HELP, radii_of
+from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, in_small_diameters
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.starts import PHI_RANGE, UNITS, minimum_tolerance_parameter
-from jampetsc.options.values import SEEDS, Numbers, number_list
+from jampetsc.options.starts import (
+    PHI_RANGE,
+    STIFFNESS,
+    UNITS,
+    made_particles_lines,
+    minimum_tolerance_parameter,
+)
+from jampetsc.options.values import SEEDS, SIZES, Numbers, number_list
 from jampetsc.packing.packing import PARTICLES
 from jampetsc.packing.potentials import EXPONENTS, Potential
 from jampetsc.packing.units import name_stress_unit, units_line
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
 
-STIFFNESS = "inverse-square-diameter"
 MAX_SAMPLES = 1_000_000  # most samples of one run
 GROUPS = ("shear and compress", "shear", "compress")
 shear_compress_parameter, shear_parameter, compress_parameter = (
@@ -65,9 +71,7 @@ A killed run continues when the same command is given again. Options of the Newt
     seeds: Sequence[int] = parameter(
         help="a sample at each packing fraction for each seed, both ends included", value_type=SEEDS
     )
-    sizes: str = parameter(
-        SIZES[0], "particle sizes: bidisperse (50:50, ratio 1.4) or monodisperse", choices=SIZES
-    )
+    sizes: str = parameter(DEFAULT_SIZES, SIZES_HELP, value_type=SIZES)
     potential: str = parameter("harmonic", "energy of an overlap", choices=EXPONENTS)
     tolerance: float = minimum_tolerance_parameter()
     protocol: str = parameter("random", "how samples are made", choices=tuple(PROTOCOLS))
@@ -95,7 +99,8 @@ A killed run continues when the same command is given again. Options of the Newt
     )
 
     def check(self):
-        """Refuse options of other protocols and too many samples."""
+        """Refuse options of other protocols, too many samples, and sizes that so few particles cannot have."""
+        radii_of(self.sizes, self.n)
         if self.count > MAX_SAMPLES:
             raise InputError(f"{self.count} samples: at most {MAX_SAMPLES} in one result")
 
@@ -165,7 +170,8 @@ A killed run continues when the same command is given again. Options of the Newt
             writer.attributes(**provenance | facts | protocol.facts, notes=noted(notes))
         on_root(comm, lambda: checkpoint.remove())
         units = units_line(facts["stress_unit"], 1.0, diameter=2.0 * float(radii.mean()))
-        return "\n".join([*_summary(self, columns, to), units, *note_lines(notes)])
+        first, *rows = _summary(self, columns, to)
+        return "\n".join([first, *made_particles_lines(facts), *rows, units, *note_lines(notes)])
 
 
 def _notes(columns) -> list[str]:

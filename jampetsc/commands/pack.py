@@ -12,11 +12,21 @@ from jampetsc.collective import on_root, own_cores
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, as_float, named
 from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import check_packing, source_name
-from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, OTHER_SIZES, SIZES, Radii, radii_asked, sizes_text
+from jampetsc.minimise.size_laws import DEFAULT_SIZES, SIZES_HELP
+from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, Radii, radii_asked, sizes_text
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import ValueType, format_value, optional_parameter, parameter
-from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SEEDS, STRESS_UNIT, split_list
-from jampetsc.packing.packing import PARTICLES, PHIS, Packing
+from jampetsc.options.values import (
+    MAX_SEED,
+    MAX_THREADS,
+    PACKING,
+    RADII,
+    SEEDS,
+    SIZES,
+    STRESS_UNIT,
+    split_list,
+)
+from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES, Packing
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 from jampetsc.packing.units import stress_unit_of
 from jampetsc.petsc import session
@@ -104,22 +114,17 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         metavar="P[,P…]",
     )
     phi: float | None = packing_parameter(
-        "packing fraction, instead of a pressure (disks jam near 0.84, spheres near 0.64)",
-        low=min(low for low, _ in PHIS.values()),
-        high=max(high for _, high in PHIS.values()),
-        remedy=PHI_REMEDY,
+        "packing fraction, instead of a pressure, of disks from 0.8 to 1.5, of spheres from 0.6 to 1.2 (they jam near "
+        "0.84 and 0.64)",
+        above=0.0,
     )
     potential: str | None = packing_parameter("energy of an overlap (default harmonic)", choices=EXPONENTS)
     stiffness: str | None = packing_parameter(
         "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
-    sizes: str | None = packing_parameter(
-        "particle sizes: bidisperse (50:50, ratio 1.4; default) or monodisperse",
-        choices=SIZES,
-        remedy=OTHER_SIZES,
-    )
+    sizes: str | None = packing_parameter(f"{SIZES_HELP} (default {DEFAULT_SIZES})", value_type=SIZES)
     radii: Radii | None = packing_parameter(
-        "text file of radii, one per particle, or an array, instead of n and sizes", value_type=RADII
+        "text file of radii, line i that of particle i, or an array, instead of n and sizes", value_type=RADII
     )
     stabilise: str = parameter(
         "volume",
@@ -176,10 +181,11 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
 
     def _check_phi(self, dimension):
         """Refuse a packing fraction out of the range of this dimension."""
-        low, high = PHIS[dimension]
+        low, high = MINIMISED_PHIS[dimension]
         if self.phi is not None and not low <= self.phi <= high:
+            remedy = PHI_REMEDY if self.phi < low else "Give a smaller one."
             raise InputError(
-                f"{named('phi')} {self.phi:g}: must lie in [{low:g}, {high:g}] for {PARTICLES[dimension]}. {PHI_REMEDY}"
+                f"{named('phi')} {self.phi:g}: must lie in [{low:g}, {high:g}] for {PARTICLES[dimension]}. {remedy}"
             )
 
     @property
@@ -248,7 +254,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if single.dimension == 2:  # the default, which files of disks do not record
             single = replace(single, dimension=None)
         defaults = {"potential": "harmonic", "stiffness": "constant"} | (
-            {} if self.radii else {"sizes": SIZES[0]}
+            {} if self.radii else {"sizes": DEFAULT_SIZES}
         )
         return replace(single, **{name: getattr(single, name) or value for name, value in defaults.items()})
 
@@ -347,7 +353,8 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.from_ is None:  # of one rank for all: the file may have been replaced
             radii = comm.bcast(radii_asked(self.n, self.sizes, self.radii))
             settings = {"sizes": sizes_text(self.sizes, self.radii), "requested_n": self.n or 0}
-            return start_at_random(radii, self._law, self._how | settings, self.dimension or 2)
+            record, keeps_order = self._how | settings, self.radii is not None
+            return start_at_random(radii, self._law, record, self.dimension or 2, keeps_order)
         begin, name = start_from_packing(self.from_, self._how, comm), source_name(self.from_)
         with about(name):
             disks = begin.disks_of(self.tasks(None)[0])

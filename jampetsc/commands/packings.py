@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from jampetsc.commands.run_files import run_units
 from jampetsc.errors import ConvergenceError, JampetscError, named
 from jampetsc.io.outputs import is_finished
@@ -13,8 +15,12 @@ from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.request import Request
 from jampetsc.io.results import note_lines, noted
 from jampetsc.minimise.descent import Effort
-from jampetsc.minimise.protocols import Target, changed, make_packing, random_start, start_phi
+from jampetsc.minimise.protocols import Target, changed, make_packing, random_places, start_phi
+from jampetsc.minimise.size_laws import DEFAULT_SIZES
 from jampetsc.packing.contacts import IMBALANCE, typical_force
+from jampetsc.packing.neighbour_list import is_scattered
+from jampetsc.packing.neighbours import spatial_order
+from jampetsc.packing.packing import with_proof
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.units import stress_unit_of
 from jampetsc.petsc.hessian_solver import HessianSolver
@@ -63,9 +69,12 @@ class PackingStart:
 
     record: dict  # entries of the record of each packing
     disks_of: Callable  # task -> the disks from which it starts
+    keeps_order: bool = True  # whether particle i of the packing is particle i of these
 
 
-def start_at_random(radii, potential: Potential, record: dict, dimension: int) -> PackingStart:
+def start_at_random(
+    radii, potential: Potential, record: dict, dimension: int, keeps_order: bool
+) -> PackingStart:
     """Disks, or spheres, of radii (N,) at random places; record: entries of the record."""
 
     unit = stress_unit_of(radii, potential, dimension)
@@ -76,10 +85,10 @@ def start_at_random(radii, potential: Potential, record: dict, dimension: int) -
 
     def disks_of(task):
         phi = task.target.phi or start_phi(task.target.pressure / unit, dimension)
-        return random_start(radii, phi, task.seed, potential, dimension=dimension)
+        return random_places(radii, phi, task.seed, potential, dimension=dimension)
 
     kind = {"requested_potential": potential.kind, "requested_stiffness": potential.stiffness}
-    return PackingStart(record | kind, disks_of)
+    return PackingStart(record | kind, disks_of, keeps_order=keeps_order)
 
 
 def start_from_packing(source, record: dict, comm=None) -> PackingStart:
@@ -101,7 +110,14 @@ def make_packings(tasks, team, rank) -> dict:
             effort = Effort(report=lambda e: progress.show(f"{e.stage}, max|F|/p = {e.residual:.0e}"))
             try:
                 disks, fresh = start.disks_of(task), task.seed is not None
-                disks = make_packing(disks, task.target, solver, fresh=fresh, team=team, effort=effort)
+                settings = {"fresh": fresh, "team": team, "effort": effort}
+                if fresh or is_scattered(disks):
+                    order = spatial_order(disks.positions, disks.cell)
+                    disks = make_packing(disks.reordered(order), task.target, solver, **settings)
+                    if start.keeps_order:
+                        disks = with_proof(disks.reordered(np.argsort(order)))
+                else:
+                    disks = make_packing(disks, task.target, solver, **settings)
                 disks = disks.with_record(**start.record, **task.requested)
                 if notes := rounding_notes(disks):
                     disks = disks.with_record(notes=noted(notes))
@@ -157,11 +173,17 @@ def rounding_notes(disks) -> list[str]:
     ]
 
 
+def _sizes_text(record) -> str:
+    """Sizes of the particles in a line of the summary, where they are not those by default."""
+    sizes = record.get("sizes", DEFAULT_SIZES)
+    return "" if sizes == DEFAULT_SIZES else f", {sizes}"
+
+
 def _line(name, disks, seconds) -> str:
     """A line about a packing, with its notes below."""
     record = disks.record
     line = (
-        f"{name}: N = {disks.n}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
+        f"{name}: N = {disks.n}{_sizes_text(record)}, p = {record['pressure']:.6g}, phi = {record['phi']:.6f}, "
         f"Z = {record['coordination']:.4f}, "
         f"{record['rattlers']} rattlers, max|F|/p = {record['max_force'] / record['pressure']:.1e}, "
         f"{record['evaluations']} force evaluations, {seconds:.2f} s"

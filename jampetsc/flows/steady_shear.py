@@ -38,6 +38,7 @@ MAX_PART_MOVE_RATIO = 0.25
 MIN_STEP_PART = 2.0**-30  # part of a time step; if a disk jumps in this one too, the step is refused
 # cost of a list in force evaluations; high, as width costs only when the inner list is made
 REBUILD_COST = 25.0
+MIN_LIST_STEPS = 3.0  # time steps whose shear alone a list must serve: large particles make it stale soon
 
 
 class SteadyShear(ListedPacking):
@@ -254,7 +255,13 @@ class SteadyShear(ListedPacking):
                 before = self.offsets.copy(), self.velocities.copy(), self.tally.copy()
             done, status = self._run(steps)
             # stale before the first step of a list: its skin is too narrow for the move of the predictor
-            jumps = status == BLOWN_UP or (status == STALE and not done + self.list_age)
+            is_narrow = status == STALE and not done + self.list_age
+            jumps = status == BLOWN_UP or is_narrow
+            least = MIN_LIST_STEPS * self.rate * self.scheme.step * self.largest
+            if is_narrow and not self.divides_steps and self.skin < least:
+                self.skin = least
+                self.fold()
+                continue
             if jumps and self.divides_steps:
                 self.offsets, self.velocities, self.tally = before
                 if done <= 1:

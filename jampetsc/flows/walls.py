@@ -36,9 +36,12 @@ def phi_between(disks: Packing, wall_disks: int) -> float:
     return float(np.sum(areas[wall_disks:]) / (disks.volume - np.sum(areas[:wall_disks])))
 
 
-def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[Packing, int]:
+def between_walls(
+    radii, phi: float, seed: int, potential: Potential, keeps_order: bool = False
+) -> tuple[Packing, int]:
     """Disks of these radii (N,), relaxed from random places between rows of the same sizes: (disks, wall disks).
 
+    keeps_order: after those of the walls disks are in the order of the radii, else in that of a curve.
     L_x and H are as equal as whole disks allow. Raises InputError where the rows leave no room between them.
     """
     radii = np.asarray(radii, float)
@@ -70,6 +73,8 @@ def between_walls(radii, phi: float, seed: int, potential: Potential) -> tuple[P
     step = SETTLING[1] * float(2.0 * radii.min()) ** 2  # k_d = k_e τ₁, and τ₁ = 1
     rest = SteadyShear(start, Model(MODELS["RD0"][0]), 0.0, Scheme(step, "euler", 1e-4), wall_disks=number)
     rest.advance(SETTLING[0])
+    if keeps_order:
+        return rest.disks.reordered(np.append(np.arange(number), number + np.argsort(order))), number
     return rest.disks, number
 
 

@@ -42,8 +42,8 @@ shear_stress, shear_modulus | float? | | σ_xy; G₀ with pre-stress
 negative_modes, negative_modes_counted_by, proof_fingerprint | int, text, text? | | modes of K that lower the energy,
   how they were counted, and the hash of the disks for which that holds
 notes | text? | | warnings about the numbers, `KIND: details. Remedy`, separated by `; `
-seed, sizes, stabilise, tolerance | int, text, text, float? | | as asked for; with `--radii`, `sizes` is the name of
-  their file or the hash of the array
+seed, sizes, stabilise, tolerance | int, text, text, float? | | as asked for; `sizes` is a law, or with `--radii` the
+  name of their file or the hash of the array
 requested_n, requested_potential, requested_stiffness | int, text, text? | | as asked for
 requested_pressure, requested_phi | float? | | as asked for; one of the two
 source, source_sha256 | text? | | with `--from` and `--ladder`: the packing it began with, name (of a file) and hash as

@@ -10,7 +10,7 @@ from jampetsc.io.exchange import check_uncompressed, format_of, read_table, refu
 from jampetsc.io.pair_styles import law_of_pair_style
 from jampetsc.io.published_packings import PROGRAMS, is_published, read_published
 from jampetsc.io.size_columns import radii_in
-from jampetsc.packing.packing import PHIS, Packing
+from jampetsc.packing.packing import MINIMISED_PHIS, Packing
 from jampetsc.progress import warn
 
 _MAX_TEXT_BYTES = 1 << 29  # bytes of text, about ten million disks
@@ -85,7 +85,7 @@ def import_packing(
 
 def size_doubt(disks) -> str:
     """Why the sizes of imported particles are hardly right, and what to do; empty where they may be."""
-    _, high = PHIS[disks.dimension]
+    _, high = MINIMISED_PHIS[disks.dimension]
     option = option_word("column_holds")
     if disks.phi > high:
         return (

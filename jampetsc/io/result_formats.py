@@ -207,7 +207,7 @@ units | text | | of the disks
 potential | text in harmonic hertzian | | likewise
 stiffness | text in constant inverse-square-diameter | | likewise
 dimension | int in 2 3? | | 3 for spheres, else missing
-sizes | text? | | of the disks, where the run has made them
+sizes | text? | | law of the sizes, or list of radii, where the run has made the particles
 """
 
 FLOW = Format(

@@ -18,7 +18,7 @@ from jampetsc.flows.trajectory import StrainSeries
 from jampetsc.minimise import warm_start
 from jampetsc.minimise.descent import Effort, Goal, stress_unit
 from jampetsc.minimise.minimise import MIN_JAMMED_PRESSURE, NEWTON_START_FORCE, minimise
-from jampetsc.minimise.newton import FORCE_FLOOR
+from jampetsc.minimise.newton import force_floor
 from jampetsc.packing.contacts import find_contacts, measure, typical_force
 from jampetsc.packing.neighbour_list import SKIN_RANGE, ListedPacking
 from jampetsc.packing.neighbours import fractional, lengths, vectors
@@ -153,12 +153,13 @@ class QuasistaticShear(ListedPacking):
         self._anchor = self.reference, self.last_displacement.copy(), self.steps, replace(self.effort)
         self._needs_proof = self.tolerance > NEWTON_START_FORCE  # forces as large also rest on slopes
         self._find_order()
-        law, pressure = (
-            self.reference.potential,
-            max(measure(self.reference).pressure, MIN_JAMMED_PRESSURE * self._unit),
-        )
+        law, state = self.reference.potential, measure(self.reference)
+        pressure = max(state.pressure, MIN_JAMMED_PRESSURE * self._unit)
         usual = law.overlap_at(2.0 * typical_force(self.reference, pressure), self.diameter)
         self._stiffness = float(law.contact_stiffness(usual, self.diameter))
+        changes = state.contacts.stiffness * state.contacts.distance
+        ends = state.contacts.i, state.contacts.j
+        self._floor = force_floor(self._stiffness * self.diameter, self.reference.n, *ends, changes)
         self._factorise()
         self.minimum = self._minimum_state(self._forces())
 
@@ -188,7 +189,7 @@ class QuasistaticShear(ListedPacking):
     def _descend(self, forces, tolerance, budget):
         unit = typical_force(self.reference, 1.0)
         scalars = (
-            self.largest, self.skin, self.volume, self.shear, tolerance, FORCE_FLOOR * self._stiffness * self.diameter,
+            self.largest, self.skin, self.volume, self.shear, tolerance, self._floor,
             MIN_JAMMED_PRESSURE * self._unit, unit, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
         state = self._factor, self._memory, self.offsets, self._displacement, forces

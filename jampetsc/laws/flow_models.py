@@ -23,6 +23,10 @@ MODELS = {
     "CDt": (Law("tangential contact damping", transverse=1.0), True),
 }
 STRAIN_STEP = 5e-3  # largest γ̇Δt
+MAX_LIST_STRAIN = 0.1  # d/σ_max: largest γ̇Δt for which a pair list serves more than one step
+SIZE_MARGIN = (
+    1.5  # contacts of the largest particle, and their lengths, over the mean ones, that steps allow for
+)
 # by dimension, as the largest eigenvalues are: of the Hessian 3.6 and 6.1 k/σ², of contact damping 6.7 and 15 c
 DRAG_STEP, VERLET_STEP = {2: 0.2, 3: 0.12}, {2: 0.1, 3: 0.04}
 INERTIA = {2: 0.5, 3: 0.4}  # moment of a uniform disk and sphere, in units of m ρ²
@@ -170,30 +174,56 @@ def stiffest(disks) -> float:
     return potential.k * (potential.alpha - 1.0) / scale**2
 
 
+def crowding(disks) -> float:
+    """How many times more contacts the largest particle may have than steps allow for, at least 1.
+
+    Particles of mean radius r around one of radius R are in proportion to (R + r)^(D−1).
+    """
+    return max(1.0, (0.5 * (1.0 + _ratio(disks))) ** (disks.dimension - 1) / SIZE_MARGIN)
+
+
+def _ratio(disks) -> float:
+    """Largest radius over the mean radius."""
+    return float(disks.radii.max() / np.mean(disks.radii))
+
+
+def stiffest_motion(disks) -> float:
+    """Stiffness of the stiffest motion of one particle, in units in which it is `stiffest` where sizes are alike."""
+    potential, ends = disks.potential, np.array(disks.radii.max() + disks.radii.min())
+    large = potential.k * (potential.alpha - 1.0) / float(potential.scale(ends)) ** 2
+    return max(stiffest(disks), crowding(disks) * large)
+
+
 def scheme_for(model: Model, disks, rate: float, step=None, tolerance=1e-4) -> Scheme:
     """The scheme that suits a model at this rate; `step` overrides its time step.
 
     Δt follows from the stiffest contact, k/σ² at the smallest σ, damping c = kτ₁ × weight and mass m: drag 0.2 c/k
     (unstable from 0.56), contacts 0.5 c/k (unstable from 2), backward Euler 0.25 c/k, velocity Verlet
     0.1 min(m/c, √(m/k)); of spheres, which have more contacts, 0.12 (unstable from 0.33) and 0.04 in place of 0.2 and
-    0.1. c is the weakest of several without mass, the strongest with.
+    0.1. c is the weakest of several without mass, the strongest with. A large particle among small ones has more
+    contacts: see `crowding` and `stiffest_motion`.
     """
     law, potential, stiffness = model.law, disks.potential, stiffest(disks)
+    crowd, moved = crowding(disks), stiffest_motion(disks)
+    gripped = stiffness * max(1.0, _ratio(disks) / SIZE_MARGIN)  # long contacts slip more in a step
     unit = potential.k * law.tau1
     weights = [unit * w for w in law.on_contacts if w]
     drag = unit * model.drag
     fast = rate * unit / stiffness > 5e-3
     if not model.mass:
-        longest = 0.5 * min(weights) / stiffness if weights else DRAG_STEP[disks.dimension] * drag / stiffness
+        longest = 0.5 * min(weights) / gripped if weights else DRAG_STEP[disks.dimension] * drag / moved
         method = "heun" if fast else "euler"
     else:
-        swing = math.sqrt(model.mass / stiffness)
+        swing = math.sqrt(model.mass / moved)
         # The moment of inertia is less than m ρ²: sliding damps spins at a higher rate than velocities.
-        damping = max([*weights, drag, 2.0 / INERTIA[disks.dimension] * unit * law.sliding])
+        sliding = 2.0 / INERTIA[disks.dimension] * unit * law.sliding
+        damping = max([*weights, drag, sliding])
         # Damped in every direction, a disk follows the forces; else it flies freely between collisions that last m/c.
         braked = drag or (law.normal and law.transverse)
         if swing * stiffness / damping < QUALITY and braked and not law.couples_rotations:
-            method, longest = "backward Euler", 0.25 * damping / stiffness
+            method, longest = "backward Euler", 0.25 * damping / (gripped if weights else moved)
         else:
+            damping = max([crowd * max([*weights, sliding]), drag])
             method, longest = "verlet", VERLET_STEP[disks.dimension] * min(model.mass / damping, swing)
-    return Scheme(step or min(longest, STRAIN_STEP / rate), method, tolerance)
+    strain = min(STRAIN_STEP, MAX_LIST_STRAIN / _ratio(disks))
+    return Scheme(step or min(longest, strain / rate), method, tolerance)

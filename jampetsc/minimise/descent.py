@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.hessian import Bonds
-from jampetsc.minimise.lbfgs import CONVERGED, STALE, LbfgsProblem, descend
+from jampetsc.minimise.lbfgs import CONVERGED, STALE, STRETCH, LbfgsProblem, descend
 from jampetsc.minimise.lbfgs_kernels import LbfgsArrays
 from jampetsc.packing.elementary import exp
 from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, borders, padded
@@ -19,6 +19,7 @@ MEMORY = 5  # pairs (s, y) that are kept
 STEPS = 2000  # evaluations between two adjustments of the skin
 MAX_MOVE = 0.1  # no disk moves farther in one step, in units of d
 FIRST_STEP = 0.1  # first step, in units of force / contact stiffness
+MAX_LIST_STRETCH = 0.05  # d/σ_max: strain of the cell in one step, for which a list of the widest skin serves
 
 
 @dataclass(frozen=True)
@@ -188,6 +189,7 @@ class Descent(ListedPacking):
             push=(self.goal.pressure or 0.0) * self.reference.volume,
             scale=float(np.sqrt(self.n)) * self.diameter,
             reach=MAX_MOVE * self.diameter,
+            stretch=min(STRETCH, MAX_LIST_STRETCH * self.diameter / self.largest),
             widest=self.largest,
             skin=self.skin,
             softness=FIRST_STEP / self.stiffest(),

@@ -18,7 +18,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimise.descent import Goal, stress_unit
 from jampetsc.minimise.minimise import Minimum, minimise
-from jampetsc.minimise.newton import STRESS_FLOOR, is_definite
+from jampetsc.minimise.newton import is_definite, stress_floor
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.elementary import expm1
 from jampetsc.packing.packing import Packing, deformed
@@ -37,9 +37,11 @@ def stretched(disks: Packing, stretch) -> Packing:
 
 
 def stress_differences(disks: Packing):
-    """σ_aa − σ_bb of all axes a but the last, b, (D − 1,)."""
-    stress = np.diag(measure(disks).stress)
-    return stress[:-1] - stress[-1]
+    """(σ_aa − σ_bb of all axes a but the last, b, (D − 1,), what rounding may leave of them)."""
+    state = measure(disks)
+    stress = np.diag(state.stress)
+    floor = 4.0 * stress_floor(stress_unit(disks), disks, state.contacts)
+    return stress[:-1] - stress[-1], floor
 
 
 def relax_sides(minimum: Minimum, goal: Goal, solver, *, tolerance: float, **settings) -> Minimum:
@@ -52,17 +54,14 @@ def relax_sides(minimum: Minimum, goal: Goal, solver, *, tolerance: float, **set
 
     def after(stretch):
         result = minimise(stretched(minimum.disks, stretch), goal, solver, tolerance=tolerance, **settings)
-        return result, stress_differences(result.disks)
+        return result, *stress_differences(result.disks)
 
-    differences, unit = stress_differences(minimum.disks), stress_unit(minimum.disks)
+    (differences, floor), unit = stress_differences(minimum.disks), stress_unit(minimum.disks)
     axes = np.eye(len(differences))
     slopes = 2.0 * max(minimum.modulus, minimum.pressure) * (axes + 1.0)  # of an isotropic solid
     way, stretch, changes = None, 0.0, MAX_CHANGES * len(axes)
     for _ in range(changes):
-        probe, floor = (
-            PROBE_RATIO * minimum.pressure / unit,
-            4.0 * STRESS_FLOOR * unit / math.sqrt(minimum.disks.n),
-        )
+        probe = PROBE_RATIO * minimum.pressure / unit
         if np.abs(differences).max() <= max(2.0 * tolerance * minimum.pressure, floor):
             slopes = np.stack([(after(probe * axis)[1] - differences) / probe for axis in axes])
             slopes, way = 0.5 * (slopes + slopes.T), None
@@ -78,7 +77,7 @@ def relax_sides(minimum: Minimum, goal: Goal, solver, *, tolerance: float, **set
             stretch = -math.copysign(max(2.0 * abs(stretch), probe), difference)
         stretch = math.copysign(min(abs(stretch), MAX_STRETCH), stretch)
         previous = differences
-        minimum, differences = after(stretch * way)
+        minimum, differences, floor = after(stretch * way)
         change = (differences - previous) / stretch
         slope, slopes = float(np.sum(way * change)), _updated(slopes, way, change)
     raise ConvergenceError(

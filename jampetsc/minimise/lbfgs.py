@@ -40,6 +40,7 @@ class LbfgsProblem(NamedTuple):
     push: float  # p V at ε = 0
     scale: float  # √N d: ε and shears times this are lengths, as moves of disks are
     reach: float  # longest move of a disk in one step
+    stretch: float  # largest change of a strain of the cell in one step
     widest: float  # diameter of the largest disk
     skin: float  # of the pair list
     softness: float  # first step, in units of the gradient: about 0.1 / contact stiffness
@@ -221,7 +222,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
             longest = max(longest, space.reaches[d, 0])
             far = max(far, space.reaches[d, 1])
         turned = np.max(np.abs(move)) / task.scale
-        length = min(1.0, task.reach / max(longest, 1e-300), STRETCH / max(turned, 1e-300))
+        length = min(1.0, task.reach / max(longest, 1e-300), task.stretch / max(turned, 1e-300))
         if length < 1.0:
             _adjust_box(box, move, length, task.scale)
             for d in range(first, last):

@@ -101,7 +101,7 @@ def minimise(
                 effort.saddles += 1
                 fraction = NEWTON_START_FORCE
                 continue
-            if modulus is not None and point.residual.within(limits.at(point.pressure)):
+            if modulus is not None and point.residual.within(limits.at(point)):
                 is_within_tolerance = point.residual.within(limits.of_tolerance(point.pressure))
                 return Minimum(
                     with_proof(descent.disks),
@@ -111,7 +111,7 @@ def minimise(
                     "tolerance" if is_within_tolerance else "rounding",
                     modulus,
                 )
-        if fraction * descent.force_at(pressure) >= 0.1 * limits.at(pressure).force:
+        if fraction * descent.force_at(pressure) >= 0.1 * limits.at(Point.of(descent), pressure).force:
             fraction *= 0.1
             continue
         if effort.shakes == shakes:
@@ -159,7 +159,7 @@ def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> floa
         if is_unjammed:
             return pressure
         descent.effort.residual = point.residual.force / descent.force_at(pressure)
-        target = max(fraction * descent.force_at(pressure), 0.5 * limits.at(pressure).force)
+        target = max(fraction * descent.force_at(pressure), 0.5 * limits.at(point, pressure).force)
         if force <= 2.0 * target:
             return pressure
         if _down_to(descent, target):
@@ -169,7 +169,10 @@ def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> floa
 def _failure(descent: Descent, pressure: float) -> ConvergenceError:
     """The error to raise where no minimum is reached."""
     force, effort = Point.of(descent).residual.force, descent.effort
+    imbalance = (
+        f"{IMBALANCE[descent.dimension]} = {force / descent.force_at(pressure):.1e}" if pressure > 0.0 else ""
+    )
     return ConvergenceError(
         f"no minimum after {effort.evaluations} force evaluations and {effort.saddles} saddles: "
-        f"{IMBALANCE[descent.dimension]} = {force / descent.force_at(pressure):.1e}"
+        f"{imbalance or 'p = 0'}"
     )

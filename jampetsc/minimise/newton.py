@@ -38,6 +38,8 @@ MAX_SEARCH_POINTS = 12  # points of a search
 MAX_MODE_ITERATIONS = 50  # to find a negative mode
 FORCE_FLOOR = 3e-15  # in units of k d
 STRESS_FLOOR = 4e-16  # in units of k/√N, in space over d
+# of the root of the sum of squares of what rounding one bond may do; less than the above where sizes are alike
+BOND_FORCE_FLOOR, BOND_STRESS_FLOOR = 5e-16, 2e-16
 
 
 class Imbalance(NamedTuple):
@@ -53,10 +55,11 @@ class Imbalance(NamedTuple):
 
 
 class Limits:
-    """Residuals that count as converged: relative to p, but no less than the rounding of bonds, r ~ d, leaves.
+    """Residuals that count as converged: relative to p, but no less than the rounding of bonds leaves.
 
-    One force is uncertain by about 1e-16 k d, k the stiffness of a usual contact, the net force on a disk, of half a
-    dozen, by a few times that, and the pressure, a mean over N bonds, by 1/√N of it.
+    The force of a bond is uncertain by about 1e-16 k r. Where sizes are alike, r ~ d, the net force on a disk, of half
+    a dozen, is uncertain by a few times that, and the pressure, a mean over N bonds, by 1/√N of it. Large disks have
+    longer bonds and more of them: see `force_floor` and `stress_floor`.
     """
 
     def __init__(self, descent: Descent, tolerance: float):
@@ -67,13 +70,38 @@ class Limits:
         stress = self._tolerance * pressure
         return Imbalance(self._descent.force_at(stress), stress, stress)
 
-    def at(self, pressure: float) -> Imbalance:
-        """The larger of the limits of the tolerance and of rounding."""
+    def at(self, point: "Point", pressure: float | None = None) -> Imbalance:
+        """The larger of the limits of the tolerance and of rounding at a point, or at another pressure than its own."""
+        pressure = point.pressure if pressure is None else pressure
         limits, stiffness = self.of_tolerance(pressure), self._descent.usual_stiffness(pressure)
-        length = self._descent.diameter ** (self._descent.dimension - 2)
-        stress = STRESS_FLOOR * stiffness / length / np.sqrt(self._descent.n)
-        force = FORCE_FLOOR * stiffness * self._descent.diameter
+        length, bonds = self._descent.diameter ** (self._descent.dimension - 2), point.bonds
+        stress = stress_floor(stiffness / length, self._descent, bonds)
+        ends = bonds.pairs.i, bonds.pairs.j
+        force = force_floor(
+            stiffness * self._descent.diameter, point.n, *ends, bonds.stiffness * bonds.distance
+        )
         return Imbalance(max(limits.force, force), *[max(limits.pressure, stress)] * 2)
+
+
+def force_floor(usual: float, n: int, i, j, changes) -> float:
+    """What rounding may leave of the largest net force on n disks.
+
+    usual     k d of a contact of mean size
+    changes   k r of the bonds (M,) between disks i and j, (M,) each: what relative changes of their lengths do
+    """
+    squares = np.square(changes)
+    on_disks = np.bincount(i, squares, n) + np.bincount(j, squares, n)
+    return max(FORCE_FLOOR * usual, BOND_FORCE_FLOOR * float(np.sqrt(on_disks.max())))
+
+
+def stress_floor(usual: float, disks, bonds) -> float:
+    """What rounding may leave of pressure and shear stress.
+
+    usual: unit of stress, k or in space k/d; disks: a packing or `Descent`; bonds: theirs
+    """
+    changes = float(np.sqrt(np.sum(np.square(bonds.stiffness * np.square(bonds.distance)))))
+    of_bonds = changes / (disks.dimension * disks.volume)
+    return max(STRESS_FLOOR * usual / np.sqrt(disks.n), BOND_STRESS_FLOOR * of_bonds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,10 +223,12 @@ class Newton:
             scale, force = point.pressure, point.residual.force
             if point.residual.within(limits.of_tolerance(scale)):
                 return True
-            if point.residual.within(limits.at(scale)) and force > 0.5 * last:
+            if point.residual.within(limits.at(point)) and force > 0.5 * last:
                 return True
             last = force
             linear, mu = self._damped(point, free, mu)
+            if not linear.definite:
+                return False
             step = linear.solve(point.forces, point.drive)
             longest = float(lengths(step[0]).max())
             if not 0.0 < longest < np.inf:
@@ -213,7 +243,7 @@ class Newton:
                 mu = max(0.3 * mu, 0.0 if near else MIN_DAMPING * scale)
             elif length < 0.3:
                 mu *= 3.0
-        return point.residual.within(limits.at(point.pressure))
+        return point.residual.within(limits.at(point))
 
     def _go(self, step, length):
         self.descent.move(length * step[0], length * step[1])
@@ -283,6 +313,8 @@ class Newton:
     def _negative_mode(self, point, backbone):
         """A move (u, strain) of negative curvature, by inverse iteration with μ; None without one."""
         linear, mu = self._damped(point, backbone, MIN_DAMPING * point.pressure)
+        if not linear.definite:
+            return None
         weight = float(point.n)  # of a strain, beside a move of one disk
         move = np.random.default_rng(point.n).standard_normal(point.forces.shape)
         strain = np.zeros(len(point.drive))

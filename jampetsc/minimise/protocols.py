@@ -52,7 +52,15 @@ def start_phi(pressure: float, dimension: int = 2) -> float:
 def random_start(
     radii, phi: float, seed, potential: Potential, separated: bool = False, dimension: int = 2
 ) -> Packing:
-    """Disks at uniformly random places in a square cell of packing fraction `phi`, or spheres in a cube, in order.
+    """The disks of `random_places` in the order of a curve through the cell, good for caches and domains."""
+    start = random_places(radii, phi, seed, potential, separated, dimension)
+    return start.reordered(spatial_order(start.positions, start.cell))
+
+
+def random_places(
+    radii, phi: float, seed, potential: Potential, separated: bool = False, dimension: int = 2
+) -> Packing:
+    """Disks at uniformly random places in a square cell of packing fraction `phi`, or spheres in a cube.
 
     separated: those above the mean radius at x < s L_x, the others beyond, s such that both sides have this `phi`.
     The generator is PCG64 seeded by SeedSequence(seed), a number or several: the same packing on every machine and
@@ -67,9 +75,7 @@ def random_start(
         share = np.sum(radii[large] ** dimension) / np.sum(radii**dimension)
         places[:, 0] = np.where(large, share * places[:, 0], share + (1.0 - share) * places[:, 0])
     positions = side * places
-    cell = np.diag([side] * dimension)
-    order = spatial_order(positions, cell)
-    return Packing.from_positions(positions[order], radii[order], cell, potential)
+    return Packing.from_positions(positions, radii, np.diag([side] * dimension), potential)
 
 
 def changed(disks: Packing, target: Target) -> Packing:

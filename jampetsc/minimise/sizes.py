@@ -1,4 +1,4 @@
-"""Sizes of disks: distributions of mean diameter 1, and radii that the user gives."""
+"""Radii of the particles: by a law of sizes, or a list that the user gives."""
 
 import hashlib
 import itertools
@@ -10,21 +10,11 @@ import numpy as np
 
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import open_regular
+from jampetsc.minimise.size_laws import DEFAULT_SIZES, radii_of
 
-SIZES = ("bidisperse", "monodisperse")
-RATIO = 1.4  # of the two radii
 MIN_RADIUS, MAX_RADIUS = 1e-6, 1e6  # radius
 MIN_DISKS, MAX_DISKS = 16, 10_000_000  # disks
 MAX_SHOWN_TEXT = 40  # characters of a line in a message
-OTHER_SIZES = f"For other sizes give one radius per line in a file: {named('radii')} FILE."
-
-
-def radii_of(sizes: str, n: int):
-    """N radii of mean diameter 1 (N,): `bidisperse` is half 0.5/1.2 and half 0.7/1.2, in turn."""
-    if sizes == "monodisperse":
-        return np.full(n, 0.5)
-    small = 1.0 / (1.0 + RATIO)
-    return np.where(np.arange(n) % 2 == 0, small, RATIO * small)
 
 
 def in_small_diameters(radii):
@@ -125,13 +115,13 @@ def _lines_without_number(path):
 
 
 def radii_asked(n: int | None, sizes: str | None, radii: Radii | None):
-    """Radii (N,) of one's own, or of n disks of one of SIZES. Raises InputError for both and for neither."""
+    """Radii (N,) of one's own, or of n particles by a law of sizes. Raises InputError for both and for neither."""
     if radii is None:
         if n is None:
             raise InputError(
                 f"{named('n')}: missing. Give the number of particles, or their {named('radii')}."
             )
-        return radii_of(sizes or SIZES[0], n)
+        return radii_of(sizes or DEFAULT_SIZES, n)
     for name, value in (("n", n), ("sizes", sizes)):
         if value is not None:
             raise InputError(f"{named(name)}: fixed by {radii}. Leave it out.")
@@ -140,4 +130,4 @@ def radii_asked(n: int | None, sizes: str | None, radii: Radii | None):
 
 def sizes_text(sizes: str | None, radii: Radii | None) -> str:
     """Description of the sizes of the disks in files."""
-    return sizes or SIZES[0] if radii is None else radii.text
+    return sizes or DEFAULT_SIZES if radii is None else radii.text

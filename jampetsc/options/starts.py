@@ -4,14 +4,15 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from jampetsc.errors import InputError, named
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
+from jampetsc.minimise.size_laws import DEFAULT_SIZES, SIZES_HELP
 from jampetsc.minimise.sizes import (
     MAX_DISKS,
     MIN_DISKS,
-    OTHER_SIZES,
-    SIZES,
     Radii,
     in_small_diameters,
     radii_asked,
@@ -19,15 +20,16 @@ from jampetsc.minimise.sizes import (
 )
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, optional_parameter, parameter, parameters
-from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, input_name
+from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, input_name
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, Potential
 
 PHI_RANGE = (0.1, 1.0)
-RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d, to which a random start is relaxed
+RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d of the smallest particles, to which a random start is relaxed
 UNITS = "k_e = k_d = 1, diameter of the small disks 1"  # Vågberg, thesis sec. 4.1
 OWN_UNITS = "k_e = k_d = 1, length as of the radii given"
-GROUP = "random particles instead of START; smallest diameter 1, k_e = k_d = 1"
+STIFFNESS = "inverse-square-diameter"  # of contacts of random particles; `pack` has another default
+GROUP = "random particles instead of START; smallest diameter 1, contact stiffness k_e/σ², k_e = k_d = 1"
 random_disks_parameter = partial(optional_parameter, group=GROUP)
 run_parameter = partial(optional_parameter, group="run")
 minimum_tolerance_parameter = partial(
@@ -60,13 +62,9 @@ class ShearJob(Job):
     seed: int | None = random_disks_parameter(
         "seed of the random start (default 1)", low=0, high=MAX_SEED, metavar="S"
     )
-    sizes: str | None = random_disks_parameter(
-        f"particle sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default {SIZES[0]})",
-        choices=SIZES,
-        remedy=OTHER_SIZES,
-    )
+    sizes: str | None = random_disks_parameter(f"{SIZES_HELP} (default {DEFAULT_SIZES})", value_type=SIZES)
     radii: Radii | None = random_disks_parameter(
-        "text file of radii, one per particle, or an array, instead of n and sizes", value_type=RADII
+        "text file of radii, line i that of particle i, or an array, instead of n and sizes", value_type=RADII
     )
     potential: str | None = random_disks_parameter(
         f"energy of an overlap (default {next(iter(EXPONENTS))})", choices=EXPONENTS
@@ -156,12 +154,25 @@ class ShearJob(Job):
     def random(self, radii, seed) -> tuple[Packing, dict]:
         """(disks of these radii (N,) at random places of a seed, more attributes)."""
         from jampetsc.minimise.minimise import settle
-        from jampetsc.minimise.protocols import random_start
+        from jampetsc.minimise.protocols import random_places
+        from jampetsc.packing.neighbours import spatial_order
 
-        start = random_start(radii, self.phi, seed, self.made_potential, dimension=self.dimension or 2)
-        return settle(start, RELAXED_START_FORCE), {}
+        start = random_places(radii, self.phi, seed, self.made_potential, dimension=self.dimension or 2)
+        order = spatial_order(start.positions, start.cell)
+        force = RELAXED_START_FORCE * start.potential.k / (2.0 * start.radii.min())
+        disks = settle(start.reordered(order), force)
+        return disks if self.radii is None else disks.reordered(np.argsort(order)), {}
 
     @property
     def made_potential(self) -> Potential:
         """The potential of random disks."""
-        return Potential(self.potential or next(iter(EXPONENTS)), "inverse-square-diameter")
+        return Potential(self.potential or next(iter(EXPONENTS)), STIFFNESS)
+
+
+def made_particles_lines(facts) -> list[str]:
+    """A line of a summary on the particles that a run has made, none where they are of a packing; facts: attributes."""
+    if "sizes" not in facts:
+        return []
+    return [
+        f"  made of random particles: {facts['sizes']}, contact stiffness k_e/σ² ({STIFFNESS}), {facts['units']}"
+    ]

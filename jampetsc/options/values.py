@@ -150,6 +150,12 @@ def _radii(value):
     return Radii.read(os.fspath(value)) if isinstance(value, str | os.PathLike) else Radii(value)
 
 
+def _sizes(value):
+    from jampetsc.minimise.size_laws import read_sizes
+
+    return read_sizes(value)
+
+
 def _read_as(names, what):
     """The `read` of a Kind for a packing or a result: the name of its file, or the object if it is in memory only.
 
@@ -240,6 +246,7 @@ RADII = ValueType(
     metavar="FILE",
     python="array (N,) or the name of a text file",
 )
+SIZES = ValueType(_sizes, metavar="LAW")
 FREQUENCIES = number_list(*POSITIVE, "LOW:HIGH:COUNT|LIST")
 
 

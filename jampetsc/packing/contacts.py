@@ -98,11 +98,18 @@ def find_contacts(disks: Packing, rows=None) -> Contacts:
 def force_threshold(disks: Packing, pressure: float) -> float:
     """Force above which a contact counts: max(1e-6 p d^(D−1), 1e-14 k d), d the mean diameter, k the unit of stiffness.
 
-    Disks that only just touch carry no load, yet would add their stiffness to K and shift G* by per cents.
+    In place of k d the half of k σ of the largest or the smallest disks counts where that is more. Disks that only just
+    touch carry no load, yet would add their stiffness to K and shift G* by per cents.
     """
-    d = 2.0 * float(np.mean(disks.radii))
-    stiffness = disks.potential.k / float(disks.potential.scale(np.array(d))) ** 2
-    return max(MIN_FORCE_RATIO * pressure * d ** (disks.dimension - 1), FORCE_ROUNDING * stiffness * d)
+    d, of_size = 2.0 * float(np.mean(disks.radii)), _force_of_rounding
+    ends = (of_size(disks.potential, 2.0 * float(end)) for end in (disks.radii.min(), disks.radii.max()))
+    rounding = max(of_size(disks.potential, d), 0.5 * max(ends))
+    return max(MIN_FORCE_RATIO * pressure * d ** (disks.dimension - 1), FORCE_ROUNDING * rounding)
+
+
+def _force_of_rounding(potential, sigma: float) -> float:
+    """k σ of a contact of this length: what a relative change of its length does to the force, with the unit of k."""
+    return potential.k / float(potential.scale(np.array(sigma))) ** 2 * sigma
 
 
 def typical_force(disks: Packing, pressure: float) -> float:

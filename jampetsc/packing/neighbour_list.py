@@ -50,6 +50,7 @@ GRAIN = 256
 MIN_DOMAIN_SIZE = 2048  # disks of one domain of several: two to four of a hundred pairs then cross a border
 MAX_DOMAINS = 64
 BORDER_GAP = 0.6  # mean radii: a disk with a gap below this to a disk of another domain is at the border
+MAX_STEP_RATIO = 3.0  # distance of consecutive disks in an order good for domains, over V/N to the power 1/D
 SKIN_START = 0.3  # skin of the first list in units of d
 SKIN_RANGE = (0.02, 0.5)  # limits of later skins in units of d
 REBUILD_COST = 10.0  # cost of a new list in evaluations of forces
@@ -151,6 +152,14 @@ def borders(n: int):
     """First disks of the domains of n disks, and the end, (D + 1,)."""
     number = min(max(1, n // MIN_DOMAIN_SIZE), MAX_DOMAINS)
     return GRAIN * (padded(n) // GRAIN * np.arange(number + 1) // number)
+
+
+def is_scattered(packing: Packing) -> bool:
+    """Whether the disks of domains are all over the cell, as those of a list that another program has written are."""
+    if len(borders(packing.n)) == 2:
+        return False
+    steps = lengths(np.diff(packing.positions, axis=0))
+    return bool(np.median(steps) > MAX_STEP_RATIO * (packing.volume / packing.n) ** (1.0 / packing.dimension))
 
 
 def domain_order(packing: Packing, wall_disks: int = 0):

@@ -22,8 +22,11 @@ from jampetsc.packing.strain import Strain, displace
 
 GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved to 3e-24
 UNIT_BALL = {2: np.pi, 3: 4.0 / 3.0 * np.pi}  # volume of a ball of radius one in D dimensions
-PHIS = {2: (0.8, 1.5), 3: (0.6, 1.2)}  # packing fractions that `pack` makes, by dimension
 PARTICLES = {2: "disks", 3: "spheres"}
+MINIMISED_PHIS = {
+    2: (0.8, 1.5),
+    3: (0.6, 1.2),
+}  # packing fractions of which a minimum is looked for, by dimension
 PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Packing` that change when disks move
 PROVED_BY = "Cholesky of K with pre-stress, without rattlers, one disk pinned"
 PROOF_ATTRIBUTES = ("negative_modes", "negative_modes_counted_by", "proof_fingerprint")
@@ -223,11 +226,17 @@ class Packing:
     def minimise(self, **options) -> "Packing":
         """A proved minimum of the energy in this cell, reached from these positions; `options` as for `jampetsc.pack`.
 
-        Collective. Raises as `jampetsc.pack`, which takes packing fractions between 0.8 and 1.5, of
-        spheres between 0.6 and 1.2.
+        Collective. Raises as `jampetsc.pack`, and InputError for disks of a packing fraction out of [0.8, 1.5] and
+        spheres out of [0.6, 1.2].
         """
         import jampetsc
 
+        low, high = MINIMISED_PHIS[self.dimension]
+        if not low <= self.phi <= high:
+            raise InputError(
+                f"phi = {self.phi:.6g}: minimise keeps it, and it must lie in [{low:g}, {high:g}] for "
+                f"{PARTICLES[self.dimension]}. To change it call jampetsc.pack(from_=packing, phi=…)."
+            )
         return jampetsc.pack(from_=self, phi=self.phi, **options)
 
     @cached_property

@@ -21,7 +21,7 @@ from jampetsc.io.packing_file import read_identified, read_packing
 from jampetsc.io.provenance import git_commit
 from jampetsc.io.reader import load
 from jampetsc.laws.damping import FAMILIES, Physics, damping_law
-from jampetsc.minimise.sizes import SIZES
+from jampetsc.minimise.size_laws import is_law
 from jampetsc.progress import Progress
 from jampetsc.shipped_files import located
 from jampetsc.studies import trade_process
@@ -227,7 +227,7 @@ def plan_ensembles(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
     """(jobs that make the packings, lines on what is left out and why), once there is a reference."""
     disks, attributes = read_packing(bench.job.packing), bench.reference.result.attributes
     record, packs, left_out = disks.record, [], []
-    if record.get("sizes") not in SIZES:  # imported, or from a file of radii
+    if not is_law(record.get("sizes")):  # imported, or from a file of radii
         reason = f"the radii of {bench.job.packing} cannot be drawn by `jampetsc pack`"
         return [], [f"ensemble: left out, {reason}"]
     for share in PACKING_COUNTS:

@@ -25,6 +25,7 @@ from jampetsc.minimise.protocols import random_start
 from jampetsc.minimise.sizes import radii_of
 from jampetsc.options import starts
 from jampetsc.options.parameters import build_job
+from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES
 
 NAN, INF, LAST = float("nan"), float("inf"), 2**63 - 1
 FLOW = {"n": 16, "phi": 0.8, "model": "RD0", "rate": 1e-2, "strain": 0.5}
@@ -325,3 +326,26 @@ def test_a_summary_has_jammed_fraction_pressure_and_lost_samples(lost):
 def test_a_message_names_a_refused_start_without_its_arrays():
     with pytest.raises(InputError, match="<16 disks>: a packing, not a flow"):
         jampetsc.flow(crowd(16), strain=1.0)
+
+
+def test_summaries_say_what_random_particles_are():
+    """Their sizes, stiffness and units, which are not those of `pack`; nothing of a packing that is given."""
+    disks, origin = Flow(**FLOW, sizes="lognormal:0.2").disks()
+    (line,) = starts.made_particles_lines(origin)
+    assert "lognormal:0.2" in line and starts.UNITS in line and disks.potential.stiffness in line
+    assert origin["sizes"] == "lognormal:0.2" and disks.radii.min() == 0.5
+    assert starts.made_particles_lines({"packing": "p.h5", "units": "those of the packing"}) == []
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_minimum_out_of_range_says_what_to_do(dimension):
+    """In the words of a function that keeps the packing fraction, for this dimension."""
+    low, high = MINIMISED_PHIS[dimension]
+    corners = np.indices((3,) * dimension).reshape(dimension, -1).T
+    for factor in (0.6, 1.5):
+        disks = jampetsc.Packing(corners, np.full(3**dimension, 0.5 * factor), 3.0)
+        words = rf"^phi = .*: minimise keeps it, and it must lie in \[{low:g}, {high:g}\] for {PARTICLES[dimension]}\. "
+        with pytest.raises(
+            InputError, match=words + r"To change it call jampetsc\.pack\(from_=packing, phi=…\)\.$"
+        ):
+            disks.minimise()

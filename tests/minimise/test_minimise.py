@@ -198,17 +198,20 @@ def test_no_minimum_is_an_error_in_words_of_physics(monkeypatch, patches, after)
 
 
 def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
-    limits = Limits(Descent(random_disks(100), Goal(1e-3), Team()), 1e-10)
+    def limits(disks, pressure, goal=1e-3):
+        descent = Descent(disks, Goal(goal), Team())
+        return Limits(descent, 1e-10).at(Point.of(descent), pressure)
+
     for pressure, force, stress in ((1e-3, 1e-13, 1e-13), (1e-7, 3e-15, 4e-17)):
-        found = limits.at(pressure)
+        found = limits(random_disks(100), pressure)
         assert (found.force, found.pressure) == pytest.approx((force, stress), rel=1e-12, abs=0.0)
         assert found.shear_stress == found.pressure
     disks = random_disks(100)
     wide = Packing.from_positions(3.0 * disks.positions, 3.0 * disks.radii, 3.0 * disks.cell)
-    found = Limits(Descent(wide, Goal(1e-3), Team()), 1e-10).at(1e-3)
+    found = limits(wide, 1e-3)
     assert (found.force, found.pressure) == pytest.approx((3e-13, 1e-13), rel=1e-12, abs=0.0)
-    soft = Limits(Descent(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), Team()), 1e-10)
-    assert soft.at(1e-6).force < 3e-16  # rounding of bonds moves the forces of soft contacts less
+    soft = relax(random_disks(100, potential=Potential("hertzian")), Goal(1e-6), 1e-6)
+    assert limits(soft, 1e-6, 1e-6).force < 3e-16  # rounding of bonds moves the forces of soft contacts less
 
 
 def searched(length, along=1.0, seed=3):

@@ -186,7 +186,8 @@ def test_newton_is_tried_at_ever_smaller_forces(monkeypatch):
         asked.clear()
         with pytest.raises(ConvergenceError, match="no minimum after"):
             minimise(disks, Goal(pressure), NewtonSteps())
-        least = newton.Limits(Descent(disks, Goal(pressure), Team()), 1e-10).at(pressure).force
+        descent = Descent(disks, Goal(pressure), Team())
+        least = newton.Limits(descent, 1e-10).at(newton.Point.of(descent), pressure).force
         wanted = 1e-5 * 10.0 ** -np.arange(20) * pressure * 2.0
         wanted = np.maximum(wanted[: 1 + np.argmax(wanted < 0.1 * least)], 0.5 * least)
         assert [force for force, _ in asked] == pytest.approx(wanted.tolist(), rel=1e-9, abs=0.0)
@@ -227,7 +228,8 @@ def test_damping_goes_where_steps_are_full(damped):
             descent = Descent(disks, Goal(0.05), Team())
             limits = newton.Limits(descent, 1e-14)
             assert newton.Newton(descent, NewtonSteps()).converge(limits)
-        assert newton.Point.of(descent).residual.within(limits.at(0.05)) and 3 <= len(damped) <= 8
+        point = newton.Point.of(descent)
+        assert point.residual.within(limits.at(point, 0.05)) and 3 <= len(damped) <= 8
         wanted = np.maximum(newton.DAMPING * 0.3 ** np.arange(len(damped)), floor)
         assert damped == pytest.approx(wanted, rel=1e-3)
 
@@ -278,8 +280,9 @@ def test_newton_goes_on_while_rounding_lets_it(monkeypatch):
     assert newton.Newton(descent, NewtonSteps()).converge(limits)
     forces = [residual.force for name, residual in ways if name == "linear"]
     searched = [residual.force for name, residual in ways if name == "search"]
-    last = newton.Point.of(descent).residual.force
-    assert last > 0.5 * forces[-1] and last <= limits.at(0.05).force
+    point = newton.Point.of(descent)
+    last = point.residual.force
+    assert last > 0.5 * forces[-1] and last <= limits.at(point, 0.05).force
     assert searched == [force for force in forces if force > newton.ROUNDING_FORCE * 0.05 * descent.diameter]
 
 

@@ -146,9 +146,14 @@ def test_values_that_are_refused_are_shown_whole_with_what_to_do():
         ({"pressure": [1e-3, -1]}, r"^pressure \[0\.001, -1\]: -1 must be positive and finite$"),
         ({"pressure": "2"}, r"^pressure 2: must lie in \[1e-08, 1\]$"),
         ({"phi": 0.7}, r"^phi 0\.7: must lie in \[0\.8, 1\.5\] for disks\. Give a pressure instead, or"),
+        ({"phi": 1.6}, r"^phi 1\.6: must lie in \[0\.8, 1\.5\] for disks\. Give a smaller one\.$"),
         (
-            {"phi": 0.9, "sizes": "lognormal"},
-            r"^sizes lognormal: not supported\. Choose one of .*\. For other sizes .*: radii FILE\.$",
+            {"phi": 1.6, "dimension": 3},
+            r"^phi 1\.6: must lie in \[0\.6, 1\.2\] for spheres\. Give a smaller one\.$",
+        ),
+        (
+            {"phi": 0.9, "sizes": "gamma"},
+            r"^sizes gamma: not supported\. Choose one of .*, powerlaw:EXPONENT:RATIO\.$",
         ),
         ({"phi": 0.9, "n": 16.5}, r"^n 16\.5: must be a whole number$"),
     ):
