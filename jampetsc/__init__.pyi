@@ -106,7 +106,7 @@ def pack(
     phi: float | None = None,
     potential: Literal["harmonic", "hertzian"] | None = None,
     stiffness: Literal["constant", "inverse-square-diameter"] | None = None,
-    sizes: Literal["bidisperse", "monodisperse"] | None = None,
+    sizes: str | None = None,
     radii: _Array | Sequence[float] | _Path | None = None,
     stabilise: Literal["volume", "shear", "all"] = 'volume',
     tolerance: float = 1e-10,
@@ -137,15 +137,15 @@ def pack(
     pressure : number or numbers, default None
         pressure p = Σ f r / (D V), in the unit of k, in three dimensions that of k/length
     phi : number, default None
-        packing fraction, instead of a pressure (disks jam near 0.84, spheres near 0.64)
+        packing fraction, instead of a pressure, of disks from 0.8 to 1.5, of spheres from 0.6 to 1.2 (they jam near 0.84 and 0.64)
     potential : "harmonic" or "hertzian", default None
         energy of an overlap (default harmonic)
     stiffness : "constant" or "inverse-square-diameter", default None
         convention of the contact stiffness (default constant)
-    sizes : "bidisperse" or "monodisperse", default None
-        particle sizes: bidisperse (50:50, ratio 1.4; default) or monodisperse
+    sizes : str, default None
+        particle sizes: bidisperse[:RATIO[:SHARE]], monodisperse, lognormal:SIGMA, uniform:LOW:HIGH, powerlaw:EXPONENT:RATIO; bidisperse has RATIO 1.4 and a SHARE of 0.5 of large ones (default bidisperse)
     radii : array (N,) or the name of a text file, default None
-        text file of radii, one per particle, or an array, instead of n and sizes
+        text file of radii, line i that of particle i, or an array, instead of n and sizes
     stabilise : "volume", "shear" or "all", default volume
         relaxed shape of the cell: volume alone, for a positive bulk modulus; shear as well, so that σ_xy = 0 (and σ_xz = σ_yz = 0), G₀ > 0; or all, so that σ_xx = σ_yy (= σ_zz) too and the moduli of all loads are positive
     tolerance : number, default 1e-10
@@ -190,7 +190,7 @@ def pack(
     phi: float | None = None,
     potential: Literal["harmonic", "hertzian"] | None = None,
     stiffness: Literal["constant", "inverse-square-diameter"] | None = None,
-    sizes: Literal["bidisperse", "monodisperse"] | None = None,
+    sizes: str | None = None,
     radii: _Array | Sequence[float] | _Path | None = None,
     stabilise: Literal["volume", "shear", "all"] = 'volume',
     tolerance: float = 1e-10,
@@ -215,7 +215,7 @@ def pack(
     phi: float | None = None,
     potential: Literal["harmonic", "hertzian"] | None = None,
     stiffness: Literal["constant", "inverse-square-diameter"] | None = None,
-    sizes: Literal["bidisperse", "monodisperse"] | None = None,
+    sizes: str | None = None,
     radii: _Array | Sequence[float] | _Path | None = None,
     stabilise: Literal["volume", "shear", "all"] = 'volume',
     tolerance: float = 1e-10,
@@ -819,7 +819,7 @@ def flow(
     dimension: int | None = None,
     phi: float | None = None,
     seed: int | None = None,
-    sizes: Literal["bidisperse", "monodisperse"] | None = None,
+    sizes: str | None = None,
     radii: _Array | Sequence[float] | _Path | None = None,
     potential: Literal["harmonic", "hertzian"] | None = None,
     discard: float | None = None,
@@ -858,10 +858,10 @@ def flow(
         packing fraction (disks jam near 0.84, spheres near 0.64)
     seed : integer, default None
         seed of the random start (default 1)
-    sizes : "bidisperse" or "monodisperse", default None
-        particle sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default bidisperse)
+    sizes : str, default None
+        particle sizes: bidisperse[:RATIO[:SHARE]], monodisperse, lognormal:SIGMA, uniform:LOW:HIGH, powerlaw:EXPONENT:RATIO; bidisperse has RATIO 1.4 and a SHARE of 0.5 of large ones (default bidisperse)
     radii : array (N,) or the name of a text file, default None
-        text file of radii, one per particle, or an array, instead of n and sizes
+        text file of radii, line i that of particle i, or an array, instead of n and sizes
     potential : "harmonic" or "hertzian", default None
         energy of an overlap (default harmonic)
     discard : number, default None
@@ -916,7 +916,7 @@ def shear(
     dimension: int | None = None,
     phi: float | None = None,
     seed: int | None = None,
-    sizes: Literal["bidisperse", "monodisperse"] | None = None,
+    sizes: str | None = None,
     radii: _Array | Sequence[float] | _Path | None = None,
     potential: Literal["harmonic", "hertzian"] | None = None,
     discard: float | None = None,
@@ -949,10 +949,10 @@ def shear(
         packing fraction (disks jam near 0.84, spheres near 0.64)
     seed : integer, default None
         seed of the random start (default 1)
-    sizes : "bidisperse" or "monodisperse", default None
-        particle sizes: bidisperse (50:50, ratio 1.4) or monodisperse (default bidisperse)
+    sizes : str, default None
+        particle sizes: bidisperse[:RATIO[:SHARE]], monodisperse, lognormal:SIGMA, uniform:LOW:HIGH, powerlaw:EXPONENT:RATIO; bidisperse has RATIO 1.4 and a SHARE of 0.5 of large ones (default bidisperse)
     radii : array (N,) or the name of a text file, default None
-        text file of radii, one per particle, or an array, instead of n and sizes
+        text file of radii, line i that of particle i, or an array, instead of n and sizes
     potential : "harmonic" or "hertzian", default None
         energy of an overlap (default harmonic)
     discard : number, default None
@@ -994,7 +994,7 @@ def jam(
     dimension: int = 2,
     phi: _Numbers,
     seeds: _Integers,
-    sizes: Literal["bidisperse", "monodisperse"] = 'bidisperse',
+    sizes: str = 'bidisperse',
     potential: Literal["harmonic", "hertzian"] = 'harmonic',
     tolerance: float = 1e-06,
     protocol: Literal["random", "shear", "compress"] = 'random',
@@ -1031,8 +1031,8 @@ def jam(
         packing fractions: M from A to B evenly, or a list with commas
     seeds : integers or "first:last"
         a sample at each packing fraction for each seed, both ends included
-    sizes : "bidisperse" or "monodisperse", default bidisperse
-        particle sizes: bidisperse (50:50, ratio 1.4) or monodisperse
+    sizes : str, default bidisperse
+        particle sizes: bidisperse[:RATIO[:SHARE]], monodisperse, lognormal:SIGMA, uniform:LOW:HIGH, powerlaw:EXPONENT:RATIO; bidisperse has RATIO 1.4 and a SHARE of 0.5 of large ones
     potential : "harmonic" or "hertzian", default harmonic
         energy of an overlap
     tolerance : number, default 1e-06
