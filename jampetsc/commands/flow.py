@@ -15,7 +15,7 @@ from jampetsc.laws.flow_models import MODELS, Model
 from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import FILE, composite_parameter, optional_parameter, parameter
 from jampetsc.options.physics_options import MODEL
-from jampetsc.options.starts import GROUP, ShearJob, made_particles_lines, run_parameter
+from jampetsc.options.starts import GROUP, ShearJob, random_particles_lines, run_parameter
 from jampetsc.options.values import PACKING_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import session
@@ -317,4 +317,4 @@ def _summary(run, to, means, origin) -> str:
     if means.walls:
         stress, pressure = means.walls.values()
         lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
-    return "\n".join(lines + made_particles_lines(origin) + note_lines(means.warnings()))
+    return "\n".join(lines + random_particles_lines(origin) + note_lines(means.warnings()))

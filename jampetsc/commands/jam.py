@@ -21,8 +21,8 @@ from jampetsc.options.starts import (
     PHI_RANGE,
     STIFFNESS,
     UNITS,
-    made_particles_lines,
     minimum_tolerance_parameter,
+    random_particles_lines,
 )
 from jampetsc.options.values import SEEDS, SIZES, Numbers, number_list
 from jampetsc.packing.packing import PARTICLES
@@ -166,7 +166,7 @@ A killed run continues when the same command is given again. Options of the Newt
             writer.attributes(**provenance | facts | protocol.facts, notes=noted(notes))
         on_root(comm, lambda: checkpoint.remove())
         first, *rows = _summary(self, columns, to)
-        return "\n".join([first, *made_particles_lines(facts), *rows, *note_lines(notes)])
+        return "\n".join([first, *random_particles_lines(facts), *rows, *note_lines(notes)])
 
 
 def _notes(columns) -> list[str]:
