@@ -15,7 +15,7 @@ from jampetsc.laws.flow_models import MODELS, Model
 from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import FILE, composite_parameter, optional_parameter, parameter
 from jampetsc.options.physics_options import MODEL
-from jampetsc.options.starts import GROUP, ShearJob, made_particles_lines, run_parameter
+from jampetsc.options.starts import GROUP, ShearJob, random_particles_lines, run_parameter
 from jampetsc.options.values import PACKING_OR_RESULT, POSITIVE, TIME_UNIT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import launchers
@@ -332,5 +332,5 @@ def _summary(run, to, means, origin) -> str:
     if means.walls:
         stress, pressure = means.walls.values()
         lines.append(f"  on the walls: sigma = {stress}, p = {pressure}")
-    lines += [*made_particles_lines(origin), run_units(run.disks, run.model.law.tau1)]
+    lines += [*random_particles_lines(origin), run_units(run.disks, run.model.law.tau1)]
     return "\n".join(lines + note_lines(means.warnings()))

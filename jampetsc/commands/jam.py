@@ -21,8 +21,8 @@ from jampetsc.options.starts import (
     PHI_RANGE,
     STIFFNESS,
     UNITS,
-    made_particles_lines,
     minimum_tolerance_parameter,
+    random_particles_lines,
 )
 from jampetsc.options.values import SEEDS, SIZES, Numbers, number_list
 from jampetsc.packing.packing import PARTICLES
@@ -171,7 +171,7 @@ A killed run continues when the same command is given again. Options of the Newt
         on_root(comm, lambda: checkpoint.remove())
         units = units_line(facts["stress_unit"], 1.0, diameter=2.0 * float(radii.mean()))
         first, *rows = _summary(self, columns, to)
-        return "\n".join([first, *made_particles_lines(facts), *rows, units, *note_lines(notes)])
+        return "\n".join([first, *random_particles_lines(facts), *rows, units, *note_lines(notes)])
 
 
 def _notes(columns) -> list[str]:

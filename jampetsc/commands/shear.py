@@ -11,7 +11,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines, noted
 from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import parameter
-from jampetsc.options.starts import ShearJob, made_particles_lines, minimum_tolerance_parameter
+from jampetsc.options.starts import ShearJob, minimum_tolerance_parameter, random_particles_lines
 from jampetsc.packing.packing import PLACES
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
@@ -112,7 +112,7 @@ prefix -newton_."""
         minimum = {name: getattr(path.disks, name) for name in (*PLACES, "radii")}
         write_series(to.writer(self.FORMAT), path.series.arrays(), minimum, settings, facts)
         checkpoint.remove()
-        lines = [_summary(self, to, disks.phi, path), *made_particles_lines(origin), run_units(disks)]
+        lines = [_summary(self, to, disks.phi, path), *random_particles_lines(origin), run_units(disks)]
         return "\n".join([*lines, *note_lines(notes)])
 
     def _notes(self, path) -> list[str]:

@@ -41,7 +41,7 @@ def between_walls(
 ) -> tuple[Packing, int]:
     """Disks of these radii (N,), relaxed from random places between rows of the same sizes: (disks, wall disks).
 
-    keeps_order: after those of the walls disks are in the order of the radii, else in that of a curve.
+    keeps_order: the disks between the rows are in the order of the radii, else along a curve.
     L_x and H are as equal as whole disks allow. Raises InputError where the rows leave no room between them.
     """
     radii = np.asarray(radii, float)

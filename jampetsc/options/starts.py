@@ -169,7 +169,7 @@ class ShearJob(Job):
         return Potential(self.potential or next(iter(EXPONENTS)), STIFFNESS)
 
 
-def made_particles_lines(facts) -> list[str]:
+def random_particles_lines(facts) -> list[str]:
     """A line of a summary on the particles that a run has made, none where they are of a packing; facts: attributes."""
     if "sizes" not in facts:
         return []

@@ -155,7 +155,7 @@ def borders(n: int):
 
 
 def is_scattered(packing: Packing) -> bool:
-    """Whether the disks of domains are all over the cell, as those of a list that another program has written are."""
+    """Whether the disks of domains are all over the cell, as in files that other programs have written."""
     if len(borders(packing.n)) == 2:
         return False
     steps = lengths(np.diff(packing.positions, axis=0))

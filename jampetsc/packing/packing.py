@@ -23,10 +23,8 @@ from jampetsc.packing.strain import Strain, displace
 GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved to 3e-24
 UNIT_BALL = {2: np.pi, 3: 4.0 / 3.0 * np.pi}  # volume of a ball of radius one in D dimensions
 PARTICLES = {2: "disks", 3: "spheres"}
-MINIMISED_PHIS = {
-    2: (0.8, 1.5),
-    3: (0.6, 1.2),
-}  # packing fractions of which a minimum is looked for, by dimension
+# by dimension, packing fractions at which minima are looked for
+MINIMISED_PHIS = {2: (0.8, 1.5), 3: (0.6, 1.2)}
 PLACES = ("base", "offset", "cell_base", "cell_offset")  # arrays of `Packing` that change when disks move
 PROVED_BY = "Cholesky of K with pre-stress, without rattlers, one disk pinned"
 PROOF_ATTRIBUTES = ("negative_modes", "negative_modes_counted_by", "proof_fingerprint")

@@ -331,10 +331,10 @@ def test_a_message_names_a_refused_start_without_its_arrays():
 def test_summaries_say_what_random_particles_are():
     """Their sizes, stiffness and units, which are not those of `pack`; nothing of a packing that is given."""
     disks, origin = Flow(**FLOW, sizes="lognormal:0.2").disks()
-    (line,) = starts.made_particles_lines(origin)
+    (line,) = starts.random_particles_lines(origin)
     assert "lognormal:0.2" in line and starts.UNITS in line and disks.potential.stiffness in line
     assert origin["sizes"] == "lognormal:0.2" and disks.radii.min() == 0.5
-    assert starts.made_particles_lines({"packing": "p.h5", "units": "those of the packing"}) == []
+    assert starts.random_particles_lines({"packing": "p.h5", "units": "those of the packing"}) == []
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
