@@ -123,8 +123,7 @@ class Page:
         for n, ax in enumerate(axes):
             words = (names if isinstance(names, str) else names[n] for names in (x, y))
             ax.set(**dict(zip(("xlabel", "ylabel"), words, strict=True)))
-            for axis in log if isinstance(log, str) else log[n]:
-                ax.set(**{f"{axis}scale": "log"})
+            ax.set(**{f"{axis}scale": "log" for axis in (log if isinstance(log, str) else log[n])})
         self.axes, self.lettered = shown.axes, self.is_new and letters and number > 1
         return axes[0] if count == 1 else np.array(axes)
 
