@@ -37,10 +37,16 @@ def mixed_text(curves) -> str:
     """What differs among curves beside the columns that the user chose, in words; "" where none are chosen."""
     if not curves[0].by:
         return ""
-    every = [replace(curve, by=()).description for curve in curves]
-    names = [name for name in dict.fromkeys(key for one in every for key in one) if name not in curves[0].by]
-    values = {name: dict.fromkeys(str(one.get(name)) for one in every) for name in names}
-    return "; ".join(f"{name} {', '.join(own)}" for name, own in values.items() if 1 < len(own))
+    descriptions = [replace(curve, by=()).description for curve in curves]
+    names = [
+        name
+        for name in dict.fromkeys(key for description in descriptions for key in description)
+        if name not in curves[0].by
+    ]
+    values = {
+        name: dict.fromkeys(str(description.get(name)) for description in descriptions) for name in names
+    }
+    return "; ".join(f"{name} {', '.join(words)}" for name, words in values.items() if 1 < len(words))
 
 
 def _rounded(value):

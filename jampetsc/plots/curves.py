@@ -233,7 +233,8 @@ def group_curves(curves, crossed=True, labels=()) -> tuple[str, list[CurveGroup]
     varying = [key for key in names if _varies(key, [d[key] for d in descriptions])]
     only_pressure = varying in (["p/k"], []) and all(c.pressure and c.pressure > 0 for c in curves)
     only_pressure = only_pressure and all(d.get("p/k") is not None for d in descriptions)
-    keys = varying or [next((key for key in names if descriptions[0][key] is not None), next(iter(names)))]
+    density = "phi" if descriptions[0].get("phi") is not None else "p/k"
+    keys = varying or [density if density in names else next(iter(names))]
     members = group_by(
         sorted(zip(curves, descriptions, strict=True), key=lambda pair: _rank(pair[1])),
         lambda pair: tuple(_part(key, pair[1], only_pressure, over) for key in keys),

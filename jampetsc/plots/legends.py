@@ -1,6 +1,6 @@
 """Where a legend covers no data, and its entries beside those of an earlier picture on the same axes."""
 
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_rgba_array
 from matplotlib.path import Path
 
 _CORNERS = (
@@ -14,22 +14,26 @@ def with_earlier(ax, settings) -> dict:
     if earlier is None:
         return {}
     handles, labels = settings["handles"], settings["labels"]
-    own = [(label, to_rgb(_colour(handle))) for handle, label in zip(handles, labels, strict=True)]
+    own = [(label, _colour(handle)) for handle, label in zip(handles, labels, strict=True)]
     # matplotlib renamed them in version 3.7
-    drawn = earlier.legend_handles if hasattr(earlier, "legend_handles") else earlier.legendHandles
+    handles_before = earlier.legend_handles if hasattr(earlier, "legend_handles") else earlier.legendHandles
     texts = (text.get_text() for text in earlier.get_texts())
-    kept = [pair for pair in zip(drawn, texts, strict=True) if (pair[1], to_rgb(_colour(pair[0]))) not in own]
+    earlier_entries = [
+        pair for pair in zip(handles_before, texts, strict=True) if (pair[1], _colour(pair[0])) not in own
+    ]
     title = settings["title"] or earlier.get_title().get_text() or None
     before = {
-        "handles": [handle for handle, _ in kept] + handles,
-        "labels": [text for _, text in kept] + labels,
+        "handles": [handle for handle, _ in earlier_entries] + handles,
+        "labels": [text for _, text in earlier_entries] + labels,
     }
     return before | {"title": title}
 
 
 def _colour(handle):
-    """The colour of an entry of a legend: of its line, or of its face."""
-    return handle.get_color() if hasattr(handle, "get_color") else handle.get_facecolor()
+    """The colour of an entry of a legend, (r, g, b, a), of its line or its face; bars are a container."""
+    artist = handle[0] if isinstance(handle, tuple) else handle
+    shades = to_rgba_array(artist.get_color() if hasattr(artist, "get_color") else artist.get_facecolor())
+    return tuple(shades[0]) if len(shades) else ()
 
 
 def clear_corner(ax, first, settings) -> str | None:

@@ -45,6 +45,10 @@ class Page:
         self.is_new, self.size, self.labels, self.text = axes is None, size, list(labels), ""
         self.xlim, self.chosen = xlim, chosen
         self.axes, self._given = [] if axes is None else list(np.ravel(axes)), axes
+        listed = [ax.get_legend_handles_labels()[0] for ax in self.axes if ax.get_legend() is not None]
+        self._earlier = {
+            id(handle) for handles in listed for handle in handles
+        }  # in legends of earlier pictures
         self.lettered, self.laid_out, self._legends = False, False, []
         self._has_legend_above, self._is_final = False, False
 
@@ -119,8 +123,7 @@ class Page:
         for n, ax in enumerate(axes):
             words = (names if isinstance(names, str) else names[n] for names in (x, y))
             ax.set(**dict(zip(("xlabel", "ylabel"), words, strict=True)))
-            for axis in log if isinstance(log, str) else log[n]:
-                ax.set(**{f"{axis}scale": "log"})
+            ax.set(**{f"{axis}scale": "log" for axis in (log if isinstance(log, str) else log[n])})
         self.axes, self.lettered = shown.axes, self.is_new and letters and number > 1
         return axes[0] if count == 1 else np.array(axes)
 
@@ -135,7 +138,7 @@ class Page:
         return [[available.index(letter) for letter in row] for row in self.chosen]
 
     def refuse_choice(self) -> None:
-        """Raise InputError where panels are chosen of a picture of cells, which is laid out as a whole."""
+        """Raise InputError where panels of a picture of cells are chosen."""
         if self.chosen is not None:
             raise InputError(f"{named('panels')}: pictures of cells have fixed panels. Leave it out.")
 
@@ -180,7 +183,10 @@ class Page:
         first     the corner that is tried first
         groups    number of its first entries that stand for files or groups, whose words `labels` replace; None: all
         """
-        handles = ax.get_legend_handles_labels()[0] if handles is None else list(handles)
+        if handles is None:
+            handles = [
+                handle for handle in ax.get_legend_handles_labels()[0] if id(handle) not in self._earlier
+            ]
         words = [handle.get_label() for handle in handles]
         taken = min(len(words) if groups is None else groups, len(self.labels))
         words[:taken], self.labels = self.labels[:taken], self.labels[taken:]

@@ -174,6 +174,12 @@ def test_pictures_on_the_same_axes_have_colours_of_their_own():
         plot_moduli([curve(f"{n}.h5")], ax=ax, label=f"call {n}")
     assert len(set(colours_of(ax))) == 4
     assert sorted(told(ax)) == ["$G$′", "$G$″", "call 0", "call 1", "call 2", "call 3"]
+    axes = Figure().subplots(1)
+    for name in ("first", "second"):
+        plot_stress(rates_of(), ax=axes, label=name)
+    assert told(axes) == ["first", "second"]
+    first, second = (to_rgb(container.lines[0].get_color()) for container in axes.containers)
+    assert first != second
 
 
 def rates_of(**more):
