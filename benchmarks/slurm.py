@@ -267,8 +267,8 @@ def check_ensemble(folder, args):
 
 
 def check_mpirun(folder, args):
-    """ensemble.sbatch with the launcher that its text has for other clusters."""
-    return check_study("mpirun", folder, args.ranks, {"LAUNCH": "mpirun"})
+    """ensemble.sbatch with the launcher that its text has for other clusters, on more ranks than cores."""
+    return check_study("mpirun", folder, args.ranks, {"LAUNCH": "mpirun --oversubscribe --bind-to none"})
 
 
 def check_study(name, folder, ranks, variables, seeds=2, size=32):
