@@ -191,10 +191,8 @@ class Page:
         taken = min(len(words) if groups is None else groups, len(self.labels))
         words[:taken], self.labels = self.labels[:taken], self.labels[taken:]
         if self.chosen is not None and ax not in self.axes:
-            free = [shown for shown in self.axes if not any(shown is other for other, *_ in self._legends)]
-            if not free:
-                return
-            ax = free[0]
+            taken = [other for other, *_ in self._legends]
+            ax = min(self.axes, key=lambda shown: shown in taken or shown.get_legend() is not None)
         if handles:
             self._legends.append(
                 (ax, first, settings | {"handles": handles, "labels": words, "title": title})
@@ -202,7 +200,8 @@ class Page:
 
     def _place(self, ax, first, settings):
         """Put a legend in a free corner; without one, the first goes above the panels of a new figure, which grows."""
-        settings = settings | with_earlier(ax, settings)
+        if not self.is_new or self.chosen is not None:
+            settings = settings | with_earlier(ax, settings)
         corner = clear_corner(ax, first, settings)
         if corner or not self.is_new or self._has_legend_above:
             ax.legend(loc=corner or "best", **settings)
