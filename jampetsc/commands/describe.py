@@ -226,11 +226,13 @@ def _files(parts):
 def _moduli(sweep):
     omega, G = sweep["omega"], sweep["G"]
     rows = [("frequencies", f"{len(omega)}, from {omega.min():.4g} to {omega.max():.4g}")]
-    bounds = [("G*", relative_bound(sweep["error_bound"], G))]
-    parts = [name for name in ("error_bound_storage", "error_bound_loss") if name in sweep]
-    if len(parts) == 2:
-        of_parts = relative_part_bounds(G, np.stack([sweep[name] for name in parts], axis=-1))
-        bounds = [*zip(("G'", "G''"), of_parts.T, strict=True), *bounds]
+    stored = ("error_bound_storage", "error_bound_loss")
+    parts = [sweep[name] if name in sweep else np.full(len(G), np.inf) for name in stored]
+    of_parts = relative_part_bounds(G, np.stack(parts, axis=-1)).T
+    named = zip(stored, ("G'", "G''"), of_parts, strict=True)
+    bounds = [(label, relative) for name, label, relative in named if name in sweep]
+    if "error_bound" in sweep:
+        bounds.append(("G*", relative_bound(sweep["error_bound"], G)))
     for name, relative in bounds:
         worst = int(np.argmax(relative))
         rows.append(

@@ -137,8 +137,8 @@ Without --kind each result is drawn in the way that suits it."""
         "letters of the panels to show, in rows divided by / (default: all)", metavar="a,b[/c,d]"
     )
     style: str | None = optional_parameter(
-        "style file of matplotlib (.mplstyle), applied after the style of jampetsc; the colours of its axes.prop_cycle "
-        "are those of groups",
+        "style file of matplotlib (.mplstyle), applied after the style of jampetsc; its axes.prop_cycle colours the "
+        "groups",
         metavar="FILE",
     )
     options: dict = composite_parameter(CompositeParameter(_options, _given, dict, dict))

@@ -10,16 +10,17 @@ Radii are the quantiles of the law at (k + ½)/N, k = 0 … N − 1, scaled to t
 packings of other seeds differ in their places alone.
 """
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from jampetsc.errors import InputError, named
+from jampetsc.packing import elementary
 
 DEFAULT_SIZES = "bidisperse"
 MAX_RATIO = 100.0  # largest radius over the smallest one
+NORMAL_DECIMALS = 12  # of quantiles of the normal distribution, whose last digits are the C library's
 MIN_LENGTH, MAX_LENGTH = 1e-6, 1e6  # radii of a law that has a unit
 
 
@@ -45,6 +46,10 @@ class SizeLaw(NamedTuple):
         return ":".join((name, *needed)) + "".join(f"[:{word}" for word in optional) + "]" * len(optional)
 
 
+# of arrays, the same digits whatever the C library
+_exp, _log = (np.vectorize(function, otypes=[float]) for function in (elementary.exp, elementary.log))
+
+
 def _monodisperse(n):
     return np.full(n, 0.5)
 
@@ -68,7 +73,7 @@ def _quantiles(n):
 def _lognormal(n, sigma):
     from scipy.special import ndtri  # here, as it takes long to load
 
-    return np.exp(sigma * ndtri(_quantiles(n)))
+    return _exp(sigma * np.round(ndtri(_quantiles(n)), NORMAL_DECIMALS))
 
 
 def _uniform(n, low, high):
@@ -78,10 +83,10 @@ def _uniform(n, low, high):
 
 
 def _powerlaw(n, exponent, ratio):
-    rise, span, quantiles = 1.0 - exponent, math.log(ratio), _quantiles(n)
+    rise, span, quantiles = 1.0 - exponent, elementary.log(ratio), _quantiles(n)
     if rise * span == 0.0:
-        return np.exp(span * quantiles)
-    return np.exp(np.log1p(quantiles * math.expm1(rise * span)) / rise)
+        return _exp(span * quantiles)
+    return _exp(_log(1.0 + quantiles * elementary.expm1(rise * span)) / rise)
 
 
 LAWS = {

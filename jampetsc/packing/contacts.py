@@ -14,6 +14,7 @@ from jampetsc.packing.neighbours import lengths, neighbour_pairs, vectors
 # a contact that carries less than this fraction of p·d only just touches and does not count
 MIN_FORCE_RATIO = 1e-6
 FORCE_ROUNDING = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
+MAX_SIZE_RATIO = 1e3  # of diameters, up to which the smallest or largest particles raise that
 IMBALANCE = {2: "max|F|/(p d)", 3: "max|F|/(p d²)"}  # by dimension, see `imbalance`
 BALANCED = 1e-4  # largest max |F| / (p d^(D−1)) of forces that are called balanced; `pack` leaves 1e-10
 
@@ -98,18 +99,20 @@ def find_contacts(disks: Packing, rows=None) -> Contacts:
 def force_threshold(disks: Packing, pressure: float) -> float:
     """Force above which a contact counts: max(1e-6 p d^(D−1), 1e-14 k d), d the mean diameter, k the unit of stiffness.
 
-    In place of k d the half of k σ of the largest or the smallest disks counts where that is more. Disks that only just
-    touch carry no load, yet would add their stiffness to K and shift G* by per cents.
+    In place of k d half of k σ of the largest or smallest disks counts where that is more, up to MAX_SIZE_RATIO k d.
+    Disks that only just touch carry no load, yet would add their stiffness to K and shift G* by per cents.
     """
     d, of_size = 2.0 * float(np.mean(disks.radii)), _force_of_rounding
     ends = (of_size(disks.potential, 2.0 * float(end)) for end in (disks.radii.min(), disks.radii.max()))
-    rounding = max(of_size(disks.potential, d), 0.5 * max(ends))
+    of_mean = of_size(disks.potential, d)
+    rounding = max(of_mean, 0.5 * min(max(ends), MAX_SIZE_RATIO * of_mean))
     return max(MIN_FORCE_RATIO * pressure * d ** (disks.dimension - 1), FORCE_ROUNDING * rounding)
 
 
 def _force_of_rounding(potential, sigma: float) -> float:
     """k σ of a contact of this length: what a relative change of its length does to the force, with the unit of k."""
-    return potential.k / float(potential.scale(np.array(sigma))) ** 2 * sigma
+    scale = float(potential.scale(np.array(sigma)))
+    return potential.k * (sigma / scale) / scale
 
 
 def typical_force(disks: Packing, pressure: float) -> float:

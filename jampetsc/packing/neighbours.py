@@ -135,8 +135,11 @@ def squared_length(components):
 
 
 def lengths(vectors):
-    """|v| (M,) of vectors (M, D)."""
-    return np.sqrt(squared_length(vectors.T))
+    """|v| (M,) of vectors (M, D).
+
+    In extended precision, so that they are rounded once and in range, whatever the C library.
+    """
+    return np.sqrt(squared_length(np.asarray(vectors).T.astype(np.longdouble))).astype(float)
 
 
 def _hilbert(axes, bits):

@@ -75,8 +75,8 @@ def plot(
     label        words for each file, in their order, or for the groups of the legend, in its order
     color        colours of matplotlib for these groups, one or several, in the same order
     panels       letters of the panels to show, "a,c", in rows "a,b/c,d"; None: all
-    style        a style file of matplotlib, or {name: value}, on top of the package's style; the colours of its
-                 axes.prop_cycle are those of groups
+    style        a style file of matplotlib, or {name: value}, on top of the package's style; its axes.prop_cycle
+                 colours the groups
     more         options of the kind: statistic="median", omega=[1e-3], …; None: its default
 
     Raises InputError for files that no picture shows, and for options that the kind does not have.

@@ -1,4 +1,4 @@
-"""Where a legend covers no data, and its entries beside those of an earlier picture on the same axes."""
+"""Where a legend covers no data, and its entries beside the entries of an earlier picture on the same axes."""
 
 from matplotlib.colors import to_rgba_array
 from matplotlib.path import Path
@@ -9,7 +9,7 @@ _CORNERS = (
 
 
 def with_earlier(ax, settings) -> dict:
-    """Entries and title of a legend after those of an earlier picture on the same axes."""
+    """Entries and title of a legend, after the entries of an earlier picture on the same axes."""
     earlier = ax.get_legend()
     if earlier is None:
         return {}

@@ -160,7 +160,7 @@ def drawn_in(style=None, own=True, chosen=(), shown=()):
     """Within it pictures have the package's style, whatever the user's matplotlibrc says, or the user's if not `own`.
 
     style    settings on top of it: a file of matplotlib, or {name: value}
-    chosen   colours of groups, in their order, before those of the style
+    chosen   colours of groups, in their order, before the colours of the style
     shown    colours that the axes show already, [(r, g, b)], which groups do not get
 
     Raises InputError for a file that cannot be read as a style.

@@ -515,9 +515,13 @@ def test_flows_of_one_state_are_averaged_each_observable_with_its_own_error(tmp_
 
 @pytest.mark.parametrize("name", COMMON_ATTRIBUTES)
 def test_what_is_scaled_is_of_one_kind(tmp_path, name):
-    one, two = (
-        (1.0, 2.0) if name in ("k", "mass", "tau1") else (2, 3) if name == "dimension" else ("one", "two")
-    )
+    words = {
+        "potential": ("harmonic", "hertzian"),
+        "stiffness": ("constant", "inverse-square-diameter"),
+        "dimension": (2, 3),
+        **dict.fromkeys(("k", "mass", "tau1"), (1.0, 2.0)),
+    }
+    one, two = words.get(name, ("one", "two"))
     first, other = (
         load(write_flow(tmp_path / f"{n}.h5", 0.84, 1e-3, seed=n, **more))  # files of disks have no dimension
         for n, more in enumerate(({} if one == 2 else {name: one}, {name: two}))

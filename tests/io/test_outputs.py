@@ -308,7 +308,11 @@ def test_what_is_computed_outlives_a_last_write_that_fails(session, shared_path,
     replace = os.replace
 
     def replace_or_not(source, target):
-        if os.fspath(target) == last:
+        # a study writes its table from the first task on
+        if os.fspath(target) == last and (
+            "study" not in words or list(Path("study").glob("quasistatic*.h5"))
+        ):
+            Path(last).unlink(missing_ok=True)
             os.mkdir(last)
         replace(source, target)
 

@@ -171,7 +171,7 @@ def test_packings_that_are_there_are_counted_left_or_refused(session, tmp_path, 
     (tmp_path / "2.h5").unlink()
     kept = (tmp_path / "1.h5").read_bytes()
     assert cli.dispatch(line) == 0
-    first, made = capsys.readouterr().out.splitlines()
+    first, made, _ = capsys.readouterr().out.splitlines()
     assert first == "2 of 3 packings are there already" and made.startswith(f"{tmp_path}/2.h5: N = 16, ")
     assert cli.dispatch(line) == 0 and capsys.readouterr().out == "3 of 3 packings are there already\n"
     one = [

@@ -9,6 +9,7 @@ from samples import physics, polydisperse, published, sweep_of
 
 import jampetsc
 from jampetsc.io.packing_file import write_packing
+from jampetsc.laws.equivalent_damping import EquivalentDamping
 
 DIRECT = ("--method", "direct", "--omega", "1e-4:1:6")
 KELVIN_VOIGT = ("--beta", "0", "--no-prestress")  # everything is known after the first step, without vectors
@@ -78,8 +79,12 @@ def test_everything_that_decides_a_sweep_identifies_its_checkpoint():
         replace(job, fields=omega),
         replace(job, accuracy=1e-3),
     ]
-    keys = [job.key(identity, "rational", ranks) for ranks in (1, 2)]
-    keys += [job.key((None, "another"), "rational", 1), job.key(identity, "direct", 1)]
-    keys += [other.key(identity, "rational", 1) for other in others]
-    assert len(set(map(str, keys))) == len(keys)
-    assert str(replace(job, parallel="matrix").key(("p.h5", "this one"), "rational", 1)) == str(keys[0])
+
+    def key_of(sweep, identity=identity, method="rational", ranks=1):
+        damping = None if sweep.alpha is None else EquivalentDamping(sweep.alpha, sweep.stress)
+        return str(sweep.key(identity, method, ranks, sweep.frequencies(damping)))
+
+    keys = [key_of(job), key_of(job, ranks=2), key_of(job, (None, "another")), key_of(job, method="direct")]
+    keys += map(key_of, others)
+    assert len(set(keys)) == len(keys)
+    assert key_of(replace(job, parallel="matrix"), ("p.h5", "this one")) == keys[0]

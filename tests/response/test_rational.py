@@ -306,7 +306,8 @@ def test_what_a_sweep_says_on_its_way(session, shared_path, capfd, method, line)
     assert "continuing" not in said and not session.comm.bcast(list(shared_path.glob("*.resume*")))
     if method == "direct":
         identity = read_identified(packing, session.comm)[1]
-        kept = Checkpoint(out, job.key(identity, method, session.size), session.comm)
+        key = job.key(identity, method, session.size, job.frequencies())
+        kept = Checkpoint(out, key, session.comm)
         known = {"singular_bound": (1e-3, 1.0), "factorisations": 1}
         kept.save(0, {"G": 1 + 1j, "bounds": [0.0, 0.0, 0.0], **known}, None)
         job.work(Outlet(out, out))

@@ -206,7 +206,8 @@ def test_recorded_lengths_of_slow_shear(session, jammed):
     result = jampetsc.quasistatic(jammed)
     for group, prefix in (("", ""), ("no_prestress/", "no_prestress_")):
         moved, bonds = result[f"{group}nonaffine"], result["contacts/bonds"]
-        i, j = result["contacts/pairs"].T
+        row_of = {int(particle): row for row, particle in enumerate(result["particles"])}
+        i, j = ([row_of[particle] for particle in ends] for ends in result["contacts/pairs"].T.tolist())
         w = moved[j] - moved[i] + np.outer(bonds[:, 1], np.eye(jammed.dimension)[0])
         n = bonds / np.linalg.norm(bonds, axis=1)[:, None]
         along = np.sum(n * w, axis=1)

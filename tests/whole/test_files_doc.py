@@ -5,6 +5,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import launch
+import numpy as np
 import pytest
 from samples import JAMBASHBULK, isostatic
 
@@ -36,6 +37,7 @@ pack --dimension 3 --n 16 --pressure 1e-2 --out spheres.h5
 quasistatic spheres.h5 --out slow-spheres.h5
 import plain.xyr --out plain.h5
 import nodes.txt --bonds bonds.txt --out net.h5
+import flat.npz --bonds flat.npz --out flat.h5
 springs --lattice triangular --size 4 --keep 0.9 --out lattice.h5
 springs made.h5 --keep 0.9 --out cut.h5
 sweep lattice.h5 --law stokes --omega 1 --out springs.h5
@@ -94,6 +96,7 @@ def test_files_hold_what_their_formats_say(session, shared_path, monkeypatch, ca
     write_packing("p.h5", isostatic())
     Path("plain.xyr").write_text("box 2\n0 0 0.55\n1 0 0.55\n0 1 0.55\n1 1 0.55\n")
     Path("nodes.txt").write_text("box 3\n0 0\n1 0\n")
+    np.savez("flat.npz", positions=np.array([[0, 0, 1], [1, 0, 1]]), box=[3.0, 3.0], bonds=[[0, 1]])
     Path("bonds.txt").write_text("0 1\n")
     lines = RUNS.replace("\\\n", "").splitlines()
     for line in lines:
