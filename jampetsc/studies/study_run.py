@@ -4,13 +4,14 @@ import itertools
 import math
 import statistics
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from jampetsc import interrupts
 from jampetsc.collective import on_root, own_cores
 from jampetsc.commands import study_inputs
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.atomic import refuse_links, write_error, write_whole
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.outputs import is_same
@@ -199,11 +200,15 @@ class StudyRanks:
             on_root(self.session.comm, self._refresh_when_due)
 
     def _refresh_when_due(self):
-        """Write the table, at once the first time; more rarely where that takes long."""
+        """Write the table, at once the first time; more rarely where that takes long.
+
+        A failure stops no rank: the table is written again at the end, where all ranks learn that it fails.
+        """
         start = time.monotonic()
         if start < self.next_refresh:
             return
-        self.refresh()
+        with suppress(JampetscError):
+            self.refresh()
         end = time.monotonic()
         self.next_refresh = end + REFRESH_INTERVAL * max(1.0, (end - start) / REFRESH_COST)
         self.has_new_rows = False
