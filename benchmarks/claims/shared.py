@@ -78,11 +78,15 @@ def size_of(rows):
 
 
 def medians_in_pressure(rows, column):
-    """(p, ln of the median, its error), each (P,), of a column at the pressures where pN² > LARGE, p increasing."""
+    """(p, ln of the median, its error), each (P,), of a column at the pressures where pN² > LARGE, p increasing.
+
+    Rows without a number in the column are left out.
+    """
+    groups = [(key, part[column][np.isfinite(part[column])]) for key, part in rows.groups(["n", "pressure"])]
     found = [
-        (key["pressure"], *log_median(part[column]))
-        for key, part in rows.groups(["n", "pressure"])
-        if key["pressure"] * key["n"] ** 2 > LARGE and part.rows > 2
+        (key["pressure"], *log_median(values))
+        for key, values in groups
+        if key["pressure"] * key["n"] ** 2 > LARGE and len(values) > 2
     ]
     return np.transpose(sorted(found)) if found else np.empty((3, 0))
 

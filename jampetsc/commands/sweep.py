@@ -324,6 +324,7 @@ def notes_of(job, source, omega, sweep, damping) -> list[str]:
     for name, is_zero, bounds in zip(
         ("G'", "G''"), zero_parts(G, sweep.bounds[:, 1:]).T, sweep.bounds[:, 1:].T, strict=True
     ):
+        is_zero &= bounds > 0.0  # others are exact
         if is_zero.any():
             notes.append(
                 f"{name}: zero to rounding at {np.count_nonzero(is_zero)} of {len(omega)} frequencies, at most "

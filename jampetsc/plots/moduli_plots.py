@@ -183,7 +183,7 @@ def _draw(page, curves, labels, critical, symbol, what, parts):
         )
     negative = sum(bool((curve.G.real <= 0).any()) for curve in curves)
     if negative and STORAGE in parts:  # unstable to shear, as small packings with pre-stress can be
-        words = f"{STORAGE} < 0 (not shown) in {negative} of {len(curves)} sweeps"
+        words = f"{STORAGE} ≤ 0 (not shown) in {negative} of {len(curves)} sweeps"
         ax.text(0.02, 0.98, words, transform=ax.transAxes, va="top", fontsize=7.5)
     if parts == _BOTH and symbol:
         # low pressure has the longest critical branch, high pressure the longest viscous one

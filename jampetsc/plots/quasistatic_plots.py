@@ -124,8 +124,15 @@ def groups_of(results, varied=()) -> dict:
 
 
 def values_of(levels, value, *more) -> list:
-    """value(result, *more) of the files of each pressure of one N, [(files,), …]; `levels` of `groups_of`."""
-    return [np.array([value(result, *more) for result in files]) for files in levels.values()]
+    """value(result, *more) of the files of each pressure of one N, [(files,), …]; `levels` of `groups_of`.
+
+    Files whose value is nan are left out where others have one.
+    """
+    samples = [np.array([value(result, *more) for result in files]) for files in levels.values()]
+    return [
+        sample[np.isfinite(sample)] if sample.ndim == 1 and np.isfinite(sample).any() else sample
+        for sample in samples
+    ]
 
 
 def prestress_samples(levels, value, *more):

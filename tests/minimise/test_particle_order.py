@@ -20,7 +20,7 @@ PHI = {2: 0.88, 3: 0.7}
 def test_line_i_is_particle_i_of_a_packing(session, shared_path, dimension):
     """In a ladder as well, in memory and in a file; the proof is of the particles in this order."""
     if session.rank == 0:
-        np.savetxt(shared_path / "r.txt", RADII, fmt="%r")
+        np.savetxt(shared_path / "r.txt", RADII, fmt="%.17g")
     made = jampetsc.pack(
         radii=shared_path / "r.txt",
         pressure=[1e-2, 1e-3],

@@ -111,7 +111,7 @@ def test_lists_of_numbers_are_increasing_and_grids_logarithmic_unless_told_other
 @pytest.mark.parametrize("ulps", [1, 2, 3, 5, 50])
 def test_a_grid_finer_than_rounding_has_no_number_twice(kind, low, ulps):
     """Nor any beyond its ends, and both of these; what is written for it gives it again."""
-    high = low + ulps * np.spacing(low)
+    high = float(low + ulps * np.spacing(low))
     grid = FREQUENCIES.read(f"{kind}{low!r}:{high!r}:7")
     assert (np.diff(grid) > 0).all() and (grid[0], grid[-1]) == (low, high) and len(grid) <= min(7, ulps + 1)
     np.testing.assert_array_equal(FREQUENCIES.read(format_numbers(grid)), grid)

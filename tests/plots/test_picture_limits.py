@@ -153,7 +153,7 @@ def run(choice, error, seconds, group="accuracy"):
 def test_negative_moduli_are_counted_where_they_would_be_drawn():
     some = [curve(G=np.array(G) + 1j * OMEGA) for G in ([-1.0, 1, 1], [1.0, 1, 1], [0.0, 1, 1])]
     (ax,) = figure_of(plot_moduli, some).axes
-    assert ax.texts[0].get_text() == f"{STORAGE} < 0 (not shown) in 2 of 3 sweeps"
+    assert ax.texts[0].get_text() == f"{STORAGE} ≤ 0 (not shown) in 2 of 3 sweeps"
     (ax,) = figure_of(plot_loss, some).axes
     assert not [text for text in ax.texts if "not shown" in text.get_text()]
     for picture, words in (
