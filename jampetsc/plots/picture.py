@@ -141,10 +141,10 @@ def setting_text(name, value) -> str:
     return f"{words} {value:.6g}" if isinstance(value, float) else f"{words} {value}"
 
 
-def other_settings(result, known) -> str:
-    """What a study has set for a result beside the columns that are `known` otherwise, in words."""
+def other_settings(result, columns) -> str:
+    """What a study has set for a result beside these columns, in words."""
     settings = getattr(result, "settings", {})
-    return ", ".join(setting_text(name, value) for name, value in settings.items() if name not in known)
+    return ", ".join(setting_text(name, value) for name, value in settings.items() if name not in columns)
 
 
 def join_varied(parts, varied) -> list[str]:
