@@ -86,7 +86,10 @@ def _powerlaw(n, exponent, ratio):
     rise, span, quantiles = 1.0 - exponent, elementary.log(ratio), _quantiles(n)
     if rise * span == 0.0:
         return _exp(span * quantiles)
-    return _exp(_log(1.0 + quantiles * elementary.expm1(rise * span)) / rise)
+    growth = quantiles * elementary.expm1(rise * span)
+    rounded = 1.0 + growth - 1.0  # ln(1 + x) with all digits for small x, as x over what 1 + x has of it
+    share = np.divide(growth, rounded, out=np.ones(n), where=rounded != 0.0)
+    return _exp(np.where(rounded != 0.0, _log(1.0 + growth) * share, growth) / rise)
 
 
 LAWS = {

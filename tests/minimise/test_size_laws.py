@@ -145,3 +145,10 @@ def test_a_study_varies_sizes():
         "powerlaw:3:10",
         "bidisperse:2:0.25",
     }
+
+
+@pytest.mark.parametrize("rise", [1e-3, 1e-9, 1e-13, 1e-17])
+def test_a_power_law_near_the_exponent_one_has_all_its_digits(rise):
+    """n(ρ) ~ 1/ρ has ln ρ uniform; exponents next to 1 tend to it without loss of digits."""
+    near, one = (radii_of(f"powerlaw:{exponent!r}:3", 64) for exponent in (1.0 - rise, 1.0))
+    np.testing.assert_allclose(near, one, rtol=rise + 1e-14)
