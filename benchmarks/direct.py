@@ -19,9 +19,9 @@ def matrices(path):
     """(pencil, network) of a packing in the complex build."""
     from jampetsc.io.packing_file import read_packing
     from jampetsc.laws.damping import damping_law
-    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
     from jampetsc.response.assembly import assemble
+    from jampetsc.response.contact_network import build_network
 
     running = session.start("complex")
     network = build_network(read_packing(path), running.comm)

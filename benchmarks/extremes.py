@@ -149,8 +149,8 @@ def run_one(path, accuracies, points, count):
     """All laws on one packing; hands one record per law and accuracy to `report`."""
     from jampetsc.errors import ConvergenceError
     from jampetsc.io.packing_file import read_packing
-    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
+    from jampetsc.response.contact_network import build_network
 
     running = session.start("real")
     disks = read_packing(path)

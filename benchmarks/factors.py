@@ -25,10 +25,10 @@ def measure(path, copies, shift, rotations, options) -> str:
     import numpy as np
 
     from jampetsc.laws.damping import ContactDamping
-    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
     from jampetsc.petsc.shifted import ShiftedFactor, shifted
     from jampetsc.response.assembly import assemble
+    from jampetsc.response.contact_network import build_network
     from jampetsc.response.shift_factors import splits_spins
 
     running = session.start("real", options)

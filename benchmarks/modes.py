@@ -22,11 +22,11 @@ def measure(path, count, repeats):
 
     from jampetsc.io.packing_file import read_packing
     from jampetsc.laws.damping import UNDAMPED
-    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
     from jampetsc.petsc.eigen import EXTRA_PAIRS, SHIFT, lowest
     from jampetsc.petsc.inertia import count_below
     from jampetsc.response.assembly import assemble
+    from jampetsc.response.contact_network import build_network
 
     running = session.start("real")
     network = build_network(read_packing(path), running.comm)

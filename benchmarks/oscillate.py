@@ -78,10 +78,10 @@ def main():
 
     from jampetsc.io.packing_file import read_packing
     from jampetsc.laws.damping import damping_law
-    from jampetsc.network.contact_network import build_network
     from jampetsc.oscillation.drive import Drive
     from jampetsc.oscillation.steady_oscillation import SteadyOscillation
     from jampetsc.petsc import session
+    from jampetsc.response.contact_network import build_network
 
     disks = read_packing(path)
     network = build_network(disks, session.start("real").comm)

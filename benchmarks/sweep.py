@@ -32,10 +32,10 @@ def rational(path, chosen):
     """Wall seconds of all that `jampetsc sweep` does between reading the packing and writing the file."""
     from jampetsc.io.packing_file import read_packing
     from jampetsc.laws.damping import damping_law
-    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
     from jampetsc.petsc.shifted import ShiftedFactor, shifted
     from jampetsc.response.assembly import assemble
+    from jampetsc.response.contact_network import build_network
     from jampetsc.response.rational import RationalSweep
 
     running = session.start("real")
@@ -77,9 +77,9 @@ def tensor(path):
     from jampetsc.io.packing_file import read_packing
     from jampetsc.laws.damping import damping_law
     from jampetsc.laws.loads import symmetric_loads
-    from jampetsc.network.contact_network import build_network
     from jampetsc.petsc import session
     from jampetsc.response.assembly import assemble
+    from jampetsc.response.contact_network import build_network
     from jampetsc.response.modulus_sweep import sweep_rationally
 
     running, disks = session.start("real"), read_packing(path)

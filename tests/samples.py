@@ -15,9 +15,9 @@ from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.laws.damping import Law, Physics, damping_law
-from jampetsc.network.contact_network import build_network
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
+from jampetsc.response.contact_network import build_network
 
 DATA = Path(__file__).parent / "data"
 JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"

@@ -86,7 +86,7 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         return DESCRIBE.get(type(loaded), describe.describe_result)(name, loaded)
 
     def _with_matrices(self, name):
-        from jampetsc.network.contact_network import build_network
+        from jampetsc.response.contact_network import build_network
         from jampetsc.response.minimum_check import examine
 
         running = session.current()

@@ -50,8 +50,8 @@ class Matrices(NetworkJob):
 
     def build(self, comm):
         """The `assembled_matrices.PackingMatrices`. Collective."""
-        from jampetsc.network.contact_network import build_network
         from jampetsc.response.assembled_matrices import build_matrices
+        from jampetsc.response.contact_network import build_network
 
         source, _ = read_identified(self.packing, comm, read_source)
         with about(source_name(self.packing)):

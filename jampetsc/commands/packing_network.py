@@ -7,13 +7,13 @@ from jampetsc.commands.run_files import run_provenance
 from jampetsc.errors import about
 from jampetsc.io.packing_file import read_identified, read_source, source_name
 from jampetsc.io.results import noted
-from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.packing.contacts import BALANCED
 from jampetsc.packing.packing import Packing, proved_minimum
 from jampetsc.packing.spring_network import Network
 from jampetsc.packing.units import name_stress_unit, stress_unit_of, units_line
 from jampetsc.petsc import session
 from jampetsc.progress import warn
+from jampetsc.response.contact_network import DistributedNetwork, build_network
 
 UNBALANCED = {
     Packing: "so the packing is not a minimum of its energy and the response is that of its contacts as they are. "

@@ -9,7 +9,6 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load
-from jampetsc.network.contact_network import DistributedNetwork, build_network
 from jampetsc.oscillation.cycle_solver import FACTOR_PREFIX
 from jampetsc.oscillation.drive import HARMONICS, Drive, OscillationResult
 from jampetsc.oscillation.power_law import LINEAR_BELOW, relative_softening
@@ -18,6 +17,7 @@ from jampetsc.oscillation.steady_oscillation import SteadyOscillation
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
+from jampetsc.response.contact_network import DistributedNetwork, build_network
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.factor_memory import require_memory
 

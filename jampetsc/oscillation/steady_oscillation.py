@@ -15,7 +15,6 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.laws.damping import Law
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.laws.loads import Load
-from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.oscillation.cycle_equations import ContactMotions, Cycle, Equations
 from jampetsc.oscillation.cycle_solver import solve_cycle
 from jampetsc.oscillation.drive import HARMONICS, MIN_FIXED_ALPHA, Drive, OscillationResult
@@ -24,6 +23,7 @@ from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.packing import Packing, deformed
 from jampetsc.packing.strain import simple_shear
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import DistributedNetwork
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,9 @@ from scipy.sparse import csr_array
 
 from jampetsc.errors import InputError, MissingPackage, named
 from jampetsc.laws.damping import Law
-from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.sparse_matrices import whole_matrix
 from jampetsc.response.assembly import assemble, pins_of
+from jampetsc.response.contact_network import DistributedNetwork
 
 SPARSE, VECTORS, CORNERS = ("K", "B"), ("k_gamma", "b_gamma"), ("k_gg", "b_gg")
 NUMBERS = (*CORNERS, "area")

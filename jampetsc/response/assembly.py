@@ -17,10 +17,10 @@ from scipy.sparse import coo_array
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load, simple_shear
 from jampetsc.laws.relative_motion import squares
-from jampetsc.network.contact_network import DistributedNetwork, Pieces, find_pieces
 from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import diagonal_of, distributed_matrix
 from jampetsc.response.compatibility import Compatibility, build_compatibility, forms_of, weights
+from jampetsc.response.contact_network import DistributedNetwork, Pieces, find_pieces
 
 # by D: |A| ≤ ROW max(diagonal) for the A of a contact network, the most unknowns of one form
 ROW = {2: 6.0, 3: 12.0}

@@ -20,8 +20,8 @@ from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load, fluid_dissipation
 from jampetsc.laws.relative_motion import linear_forms, transverse_axes
-from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.sparse_matrices import distributed_matrix
+from jampetsc.response.contact_network import DistributedNetwork
 
 
 @dataclass(frozen=True, eq=False)

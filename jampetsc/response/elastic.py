@@ -16,11 +16,11 @@ import numpy as np
 from jampetsc.errors import ConvergenceError
 from jampetsc.laws.damping import UNDAMPED
 from jampetsc.laws.loads import Load
-from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.shifted import PREFIX, ShiftedFactor
 from jampetsc.response.assembly import assemble
 from jampetsc.response.compatibility import Compatibility
+from jampetsc.response.contact_network import DistributedNetwork
 from jampetsc.response.factor_memory import require_memory
 from jampetsc.response.minimum_check import require_unique_response
 

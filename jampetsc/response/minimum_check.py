@@ -10,13 +10,13 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import UNDAMPED, Law
-from jampetsc.network.contact_network import DistributedNetwork, find_pieces
 from jampetsc.packing.contacts import BALANCED
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.inertia import Inertia, count_eigenvalues
 from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import PREFIX, ShiftedFactor
 from jampetsc.response.assembly import Pencil, assemble
+from jampetsc.response.contact_network import DistributedNetwork, find_pieces
 from jampetsc.response.factor_memory import require_memory
 from jampetsc.response.shift_factors import bytes_of_factor
 

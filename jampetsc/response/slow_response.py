@@ -21,13 +21,13 @@ from jampetsc.analysis.statistics import Distribution
 from jampetsc.errors import InputError
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import compression
-from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import PREFIX, ShiftedFactor
 from jampetsc.petsc.sparse_matrices import set_diagonal
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.compatibility import along_and_across
+from jampetsc.response.contact_network import DistributedNetwork
 from jampetsc.response.elastic import ElasticResponse, relax
 from jampetsc.response.factor_memory import require_memory
 from jampetsc.response.shift_factors import factored_unknowns, splits_spins

@@ -22,11 +22,11 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import UNDAMPED
 from jampetsc.laws.loads import Load
-from jampetsc.network.contact_network import DistributedNetwork
 from jampetsc.petsc.eigen import lowest
 from jampetsc.petsc.inertia import PREFIX, SHIFT, count_below
 from jampetsc.response.assembly import Pencil, assemble
 from jampetsc.response.compatibility import along_and_across
+from jampetsc.response.contact_network import DistributedNetwork
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.factor_memory import require_memory
 from jampetsc.response.minimum_check import require_minimum

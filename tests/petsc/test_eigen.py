@@ -7,10 +7,10 @@ from sheared import crowd
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.minimise import ldl
-from jampetsc.network.contact_network import build_network
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.petsc import eigen, hessian_solver
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
 from jampetsc.response.vibrations import lowest_modes
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]

@@ -8,10 +8,10 @@ from samples import SAMPLES, physics, published
 
 import jampetsc
 from jampetsc.errors import InputError
-from jampetsc.network.contact_network import build_network
 from jampetsc.petsc import mumps
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
 from jampetsc.response.minimum_check import examine
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(2)]

@@ -7,10 +7,10 @@ from samples import LAWS, SAMPLES, physics, reference
 from scipy.linalg import block_diag
 
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.network.contact_network import build_network
 from jampetsc.petsc.inertia import Inertia, count_below, count_eigenvalues
 from jampetsc.response import minimum_check as minimum
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
 from jampetsc.response.minimum_check import (
     BY_CHOLESKY,
     BY_INERTIA,

@@ -8,8 +8,8 @@ from samples import LAWS, SAMPLES, laws_of, physics, polydisperse, reference
 
 from jampetsc.laws.damping import UNDAMPED
 from jampetsc.laws.relative_motion import transverse_axes
-from jampetsc.network.contact_network import build_network
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
 
 MINIMA = ("published", "polydisperse", "isostatic")
 

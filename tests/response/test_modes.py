@@ -12,11 +12,11 @@ import jampetsc
 from jampetsc.commands.modes import PER_MODE
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.network.contact_network import build_network
 from jampetsc.packing.potentials import Potential
 from jampetsc.petsc import eigen
 from jampetsc.response import vibrations as modes_module
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.vibrations import LOWEST, _require_different, lowest_modes
 

@@ -7,9 +7,9 @@ import pytest
 from samples import SAMPLES, cut, honeycomb, pairs_of, physics, published, reference, strips
 
 from jampetsc.errors import InputError
-from jampetsc.network.contact_network import _require_rigid, build_network, find_pieces
 from jampetsc.packing.packing import Packing
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import _require_rigid, build_network, find_pieces
 
 pytestmark = pytest.mark.scalar("real")
 

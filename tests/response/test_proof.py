@@ -13,12 +13,12 @@ import jampetsc
 from jampetsc import main as cli
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.network.contact_network import build_network
 from jampetsc.packing.packing import with_proof
 from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite
 from jampetsc.petsc.hessian_solver import NewtonSolver
 from jampetsc.petsc.shifted import ShiftedFactor
+from jampetsc.response.contact_network import build_network
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.studies.study_table import numbers_of
 

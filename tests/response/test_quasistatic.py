@@ -22,10 +22,10 @@ from jampetsc import ContactDamping
 from jampetsc import main as cli
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.laws.loads import compression, simple_shear
-from jampetsc.network.contact_network import build_network
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.response import elastic as elastic_module
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.slow_response import infinite_viscosity, solve
 

@@ -13,10 +13,9 @@ from jampetsc.commands.quasistatic import Quasistatic
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.network import contact_network
 from jampetsc.packing import contacts
 from jampetsc.packing.potentials import Potential
-from jampetsc.response import modulus_sweep, slow_response, vibrations
+from jampetsc.response import contact_network, modulus_sweep, slow_response, vibrations
 from jampetsc.response.certificate import Functional
 from jampetsc.response.minimum_check import BY_CHOLESKY
 from jampetsc.response.slow_response import solve_quasistatic

@@ -11,12 +11,12 @@ from spheres import few_spheres, relaxed
 from jampetsc.analysis.elasticity import modulus_along
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.laws.loads import Load, symmetric_loads
-from jampetsc.network.contact_network import build_network
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
 from jampetsc.response.minimum_check import count_modes
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
 from jampetsc.response.slow_response import solve_quasistatic

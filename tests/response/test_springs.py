@@ -14,12 +14,12 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_network
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.laws.loads import compression, simple_shear
-from jampetsc.network.contact_network import build_network
 from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
 from jampetsc.plots.draw import draw
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.rational import RationalSweep
 

@@ -17,10 +17,10 @@ from jampetsc.analysis.error_bounds import ZERO_PART_RATIO
 from jampetsc.errors import ConvergenceError
 from jampetsc.laws.damping import Law, Physics
 from jampetsc.laws.loads import Load
-from jampetsc.network.contact_network import build_network
 from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.spring_network import Network
 from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
 from jampetsc.response.direct import FrequencySolver
 from jampetsc.response.rational import RationalSweep, largest_rate
 from jampetsc.response.residual import transfer

@@ -17,7 +17,7 @@ from jampetsc.packing import compiled
 
 PACKAGE = Path(jampetsc.__file__).parent
 # rooms from the ground up; a module may import its own room and those before it
-ROOMS = "ground packing laws analysis io minimise petsc network response flows jamming oscillation options".split()
+ROOMS = "ground packing laws analysis io minimise petsc response flows jamming oscillation options".split()
 ROOMS += ["plots", "commands", "studies", "main"]
 TOP = {"__main__": "main", "main": "main"}  # other modules: ground
 WITHOUT_PETSC = ("ground", "packing", "laws", "analysis", "io", "minimise", "plots")
@@ -25,7 +25,7 @@ PETSC = ("petsc4py", "slepc4py", "mpi4py")
 # main only to end a job that fails before the session has begun
 DOORS = ("petsc.session", "petsc.builds", "main")
 # rooms that take packings, laws and numbers, and return results in memory
-COMPUTING = "packing laws analysis minimise petsc network response flows jamming oscillation".split()
+COMPUTING = "packing laws analysis minimise petsc response flows jamming oscillation".split()
 FILES = "checkpoint hdf5 outlet outputs packing_file reader request result_file results".split()
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
