@@ -9,9 +9,10 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load
-from jampetsc.oscillation.cycle_solver import FACTOR_PREFIX
+from jampetsc.oscillation.dashpots import LINEAR_BELOW
 from jampetsc.oscillation.drive import HARMONICS, Drive, OscillationResult
-from jampetsc.oscillation.power_law import LINEAR_BELOW, relative_softening
+from jampetsc.oscillation.harmonic_preconditioner import FACTOR_PREFIX
+from jampetsc.oscillation.power_law import relative_softening
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
 from jampetsc.oscillation.steady_oscillation import SteadyOscillation
 from jampetsc.packing.packing import Packing

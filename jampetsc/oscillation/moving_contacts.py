@@ -16,8 +16,10 @@ from jampetsc.errors import ConvergenceError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.minimise.hessian import Bonds
-from jampetsc.oscillation.power_law import ContactPowerLaw, Damping, Dashpots
-from jampetsc.oscillation.time_step import STAGE, DiskState, Stages, StepMatrix
+from jampetsc.oscillation.dashpots import Damping, Dashpots
+from jampetsc.oscillation.power_law import ContactPowerLaw
+from jampetsc.oscillation.step_matrix import StepMatrix
+from jampetsc.oscillation.time_step import STAGE, DiskState, Stages
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.neighbour_list import SKIN_START, ListedPacking, is_stale
 from jampetsc.packing.neighbours import lengths

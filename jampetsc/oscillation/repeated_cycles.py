@@ -27,7 +27,7 @@ from jampetsc.errors import ConvergenceError, named
 from jampetsc.laws.damping import Law
 from jampetsc.oscillation.drive import Moduli, OscillationResult
 from jampetsc.oscillation.moving_contacts import MovingContacts
-from jampetsc.oscillation.steady_oscillation import Start
+from jampetsc.oscillation.oscillation_start import Start
 from jampetsc.oscillation.time_step import STAGE, WEIGHTS
 from jampetsc.packing.packing import Packing
 

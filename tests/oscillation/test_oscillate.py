@@ -16,9 +16,11 @@ from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
 from jampetsc.oscillation import cycle_solver
 from jampetsc.oscillation import steady_oscillation as steady
-from jampetsc.oscillation.cycle_equations import Cycle, Equations
-from jampetsc.oscillation.cycle_solver import HarmonicPreconditioner, solve_cycle
+from jampetsc.oscillation.cycle_equations import Equations
+from jampetsc.oscillation.cycle_solver import solve_cycle
 from jampetsc.oscillation.drive import Drive
+from jampetsc.oscillation.half_cycle import Cycle
+from jampetsc.oscillation.harmonic_preconditioner import HarmonicPreconditioner
 from jampetsc.oscillation.power_law import MAX_SLOPE_RATIO
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current

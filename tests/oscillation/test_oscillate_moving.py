@@ -14,7 +14,7 @@ from sweeps import Sweep
 from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
 from jampetsc.minimise.hessian import Bonds
-from jampetsc.oscillation import power_law, repeated_cycles, time_step
+from jampetsc.oscillation import dashpots, repeated_cycles, time_step
 from jampetsc.oscillation.drive import Drive, Imposed, Moduli
 from jampetsc.oscillation.moving_contacts import MovingContacts
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
@@ -116,8 +116,8 @@ def test_contacts_at_rest_are_soft_enough(monkeypatch):
     words = {"alpha": 0.5, "rotations": False}
     usual = shaken(2e-10, 1e-7, 16, 1, **words).G
     off = []
-    for below in (0.3, 10.0 * power_law.LINEAR_BELOW):
-        monkeypatch.setattr(power_law, "LINEAR_BELOW", below)
+    for below in (0.3, 10.0 * dashpots.LINEAR_BELOW):
+        monkeypatch.setattr(dashpots, "LINEAR_BELOW", below)
         off.append(abs(shaken.__wrapped__(2e-10, 1e-7, 16, 1, **words).G - usual))
     assert off[0] > 1e-4 * abs(usual) and off[1] < 1e-6 * abs(usual)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jampetsc.oscillation.cycle_equations import Cycle
+from jampetsc.oscillation.half_cycle import Cycle
 from jampetsc.oscillation.power_law import ContactPowerLaw, relative_softening
 
 ALPHAS = (0.4, 2 / 3, 1.0, 1.5, 2.0)

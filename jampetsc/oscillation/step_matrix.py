@@ -1,0 +1,88 @@
+"""The matrix of a time step: K + B/h + μ of the disks and, if it is free, the strain, factorised.
+
+The strain enters as γL, a length, a border (k, κ) of the matrix A of the disks. With A positive definite, the whole
+matrix is if and only if the Schur complement κ + μ − kᵀA⁻¹k is positive. μ is about as small as that allows.
+"""
+
+import numpy as np
+
+from jampetsc.minimise.hessian import Bonds, Pattern, gathered
+from jampetsc.oscillation.dashpots import Dashpots, motion_rows
+from jampetsc.oscillation.harmonic_preconditioner import FACTOR_PREFIX
+from jampetsc.packing.contacts import both_ends, find_rattlers
+from jampetsc.petsc.hessian_solver import NewtonSolver
+
+# Least μ in units of k or, in a short step, of the stiffest dashpot over h: without it rounding would move free disks
+# far. It changes the steps of Newton's method, not their limit.
+MIN_SHIFT = 1e-10
+# μ is divided by SHIFT_GROWTH for each new matrix, and multiplied by its square while that is not positive definite
+SHIFT_GROWTH = 3.0
+# Unknowns of a rattler that are held: moves, and of a disk its spin. A held spin would slow down spheres that roll
+# about two opposite neighbours, where it is far larger than the move.
+RATTLER_UNKNOWNS = 3
+
+
+class StepMatrix:
+    """The matrix of some `time_step.StepForces`. Vectors (unknowns + 1,) end with γL, 0 where the strain is imposed.
+
+    factorisations: their number so far; pairs: the pair list of its pattern
+    """
+
+    def __init__(self, springs):
+        self._solver = NewtonSolver(FACTOR_PREFIX, "the matrix of a time step", proves=False)
+        self._n, self._dofs, self._rims = springs.n, springs.dofs, springs.rims
+        self._stiffness, self._length, self._mu = springs.stiffness, springs.length, 0.0
+        self.factorisations, self.pairs = 0, None
+
+    def factorise(self, bonds: Bonds, dashpots: Dashpots, damping, free: bool):
+        """Factorise for the next `solve`.
+
+        damping     (contacts, damped, damped) df/dz over h
+        free        whether the strain is unknown
+        """
+        n, d, pairs, every = self._n, self._dofs, bonds.pairs, np.ones(self._n, bool)
+        dimension, weights = bonds.dimension, bonds.weights
+        if pairs is not self.pairs:
+            self.pairs, self._pattern = pairs, Pattern(pairs, n, d)
+        rows, sheared = motion_rows(bonds, self._rims, d)
+        elastic_rows, elastic_sheared = rows[:, :dimension], sheared[:, :dimension]
+        blocks = np.einsum("cf,cfx,cfy->cxy", weights, elastic_rows, elastic_rows)
+        viscous, mixed, alone = dashpots.squares(damping)
+        blocks[dashpots.touching] += viscous
+        blocks = blocks[:, :d, :d], blocks[:, d:, d:], blocks[:, :d, d:]
+        least = MIN_SHIFT * max(self._stiffness, float(np.abs(viscous).max(initial=0.0)))
+        self._mu = max(self._mu / SHIFT_GROWTH, least)
+        self._border, unheld = None, self._unheld(bonds)
+        while True:
+            self.factorisations += 1
+            values = self._pattern.sum(*blocks, every)
+            values[self._pattern.diagonal] += self._mu + unheld
+            if self._solver.factorise(self._pattern.indptr, self._pattern.indices, values):
+                if not free:
+                    return
+                elastic = np.einsum("cf,cfx,cf->cx", weights, elastic_rows, elastic_sheared)
+                border = gathered(elastic, pairs.i, pairs.j, n) + gathered(mixed, dashpots.i, dashpots.j, n)
+                self._border = border.ravel() / self._length
+                corner = np.sum(weights * elastic_sheared**2) + np.sum(alone)
+                self._response = self._solver.solve(self._border)
+                self._schur = corner / self._length**2 + self._mu - self._border @ self._response
+                if self._schur > least:
+                    return
+            self._mu *= SHIFT_GROWTH**2
+
+    def solve(self, right):
+        """Solution (unknowns + 1,) for a right-hand side (unknowns + 1,)."""
+        x = self._solver.solve(right[:-1])
+        if self._border is None:
+            return np.append(x, 0.0)
+        strain = (right[-1] - self._border @ x) / self._schur
+        return np.append(x - strain * self._response, strain)
+
+    def _unheld(self, bonds):
+        """Stiffness added to rattlers, (N, dofs), else 0: more than the −f/r by which contacts push them aside."""
+        n, (i, j), touching = self._n, (bonds.pairs.i, bonds.pairs.j), bonds.overlap > 0.0
+        push = bonds.force / bonds.distance
+        aside = gathered(np.column_stack((push, push)), i, j, n)
+        rattlers = find_rattlers(n, *both_ends(i[touching], j[touching]), bonds.dimension)
+        are_held = rattlers[:, None] & (np.arange(self._dofs) < RATTLER_UNKNOWNS)
+        return np.where(are_held, 2.0 * aside, 0.0)
