@@ -97,7 +97,8 @@ def draw(number: int) -> Case:
 
 def in_units(source, k, length):
     """A packing or network with k times the stiffness and `length` times the lengths, a power of two."""
-    from jampetsc.packing.packing import Packing, join
+    from jampetsc.packing.packing import Packing
+    from jampetsc.packing.particles import join
 
     if not isinstance(source, Packing):
         scaled = {name: getattr(source, name) * length for name in ("positions", "cell")}

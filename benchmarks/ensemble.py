@@ -15,9 +15,9 @@ import numpy as np
 from common import both_included, machine, processor
 
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.minimise import protocols
-from jampetsc.minimise.hessian import Bonds, Pattern, border
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import protocols
+from jampetsc.minimisation.hessian import Bonds, Pattern, border
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.potentials import Potential

@@ -29,8 +29,8 @@ import numpy as np
 from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.flows.step_kernels import TALLY
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.protocols import random_start
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team, meet

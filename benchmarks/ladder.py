@@ -15,8 +15,8 @@ import numpy as np
 from common import both_included, machine, processor
 from ensemble import QUANTITIES, of_packing
 
-from jampetsc.minimise import protocols
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import protocols
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.potentials import Potential
 from jampetsc.petsc import session as door
 from jampetsc.petsc.hessian_solver import HessianSolver

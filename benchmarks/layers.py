@@ -13,7 +13,7 @@ from common import folder_and_picture, saved_page
 from jampetsc.analysis.correlated_series import Average
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.io.reader import load
-from jampetsc.packing.packing import UNIT_BALL
+from jampetsc.packing.particles import UNIT_BALL
 from jampetsc.plots import style
 
 STORED = tuple(f"layers/{name}" for name in ("velocity", "velocity_error", "density", "density_error"))

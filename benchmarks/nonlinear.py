@@ -27,7 +27,7 @@ from scipy.special import gamma
 from jampetsc.analysis.statistics import draws_of
 from jampetsc.io.reader import load
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.plots import style
 
 DRAWS = 1000

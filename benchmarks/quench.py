@@ -29,7 +29,7 @@ from lammps import program, run, write_data
 HERE = Path(__file__).resolve()
 ACCURACY = 1e-5  # max|F|/p at which the clocks are stopped
 EXACTNESS = 1e-4  # |p/p_target - 1| that LAMMPS is asked for
-STEP = 0.5  # largest time step of LAMMPS's FIRE in units of √(m/k), as `jampetsc.minimise.fire` has it
+STEP = 0.5  # largest time step of LAMMPS's FIRE in units of √(m/k), as `jampetsc.minimisation.fire` has it
 
 HEAD = """
 units lj
@@ -78,8 +78,8 @@ import inspect, json, resource, sys, time
 from jampetsc.petsc import session
 session.start(scalar="real")
 from jampetsc.packing.potentials import Potential
-from jampetsc.minimise import protocols
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import protocols
+from jampetsc.minimisation.sizes import radii_of
 try:
     from jampetsc.petsc.hessian_solver import HessianSolver
 except ImportError:
@@ -160,9 +160,9 @@ def trees(args):
 
 def step(args):
     """An L-BFGS step and a force evaluation, shortest times, in turn."""
-    from jampetsc.minimise import minimise, protocols
-    from jampetsc.minimise.descent import Descent, Goal
-    from jampetsc.minimise.sizes import radii_of
+    from jampetsc.minimisation import minimise, protocols
+    from jampetsc.minimisation.descent import Descent, Goal
+    from jampetsc.minimisation.sizes import radii_of
     from jampetsc.packing.kernel import bond_forces
     from jampetsc.packing.potentials import Potential
     from jampetsc.packing.strain import UNSTRAINED
@@ -205,9 +205,9 @@ def step(args):
 
 def ours(args):
     """Worker of `lammps`: packings before and after, data for LAMMPS, and our times."""
-    from jampetsc.minimise import minimise, protocols
-    from jampetsc.minimise.descent import Goal
-    from jampetsc.minimise.sizes import radii_of
+    from jampetsc.minimisation import minimise, protocols
+    from jampetsc.minimisation.descent import Goal
+    from jampetsc.minimisation.sizes import radii_of
     from jampetsc.packing.packing import deformed
     from jampetsc.packing.potentials import Potential
     from jampetsc.packing.strain import growth_and_shear

@@ -32,8 +32,8 @@ def relaxed(n, seed):
     """The row of one start: U/N of its minima, and U/N of the dynamics at half of the time."""
     import jampetsc
     from jampetsc.jamming.quasistatic_shear import measure_minimum
-    from jampetsc.minimise.descent import Goal
-    from jampetsc.minimise.minimise import minimise
+    from jampetsc.minimisation.descent import Goal
+    from jampetsc.minimisation.minimise import minimise
     from jampetsc.petsc.hessian_solver import NewtonSolver
 
     drag = jampetsc.models.RD0()

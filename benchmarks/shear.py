@@ -22,11 +22,11 @@ from common import processor
 
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
-from jampetsc.minimise.descent import Descent, Goal
-from jampetsc.minimise.fire import fire_descent
-from jampetsc.minimise.minimise import settle
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.descent import Descent, Goal
+from jampetsc.minimisation.fire import fire_descent
+from jampetsc.minimisation.minimise import settle
+from jampetsc.minimisation.protocols import random_start
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.compiled import FAST, compiled
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbour_list import NeighbourList, is_stale

@@ -25,6 +25,7 @@ _HOMES = {  # name -> module, of the names that are not jobs
     "Packing": "jampetsc.packing.packing",
     "StokesDrag": "jampetsc.laws.damping",
     "assemble": "jampetsc.commands.matrices",
+    "minimise": "jampetsc.commands.minimising",
     "import_network": "jampetsc.io.network_importers",
     "import_packing": "jampetsc.io.importers",
     "load": "jampetsc.io.reader",

@@ -12,6 +12,7 @@ from jampetsc.io.reader import FlowResult, ShearedResult, SpectrumResult, SweepR
 from jampetsc.io.results import Result
 from jampetsc.laws.flow_models import Model
 from jampetsc.commands.matrices import assemble as assemble
+from jampetsc.commands.minimising import minimise as minimise
 from jampetsc.io.importers import import_packing as import_packing
 from jampetsc.io.network_importers import import_network as import_network
 from jampetsc.io.reader import load as load

@@ -8,8 +8,8 @@ from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.jamming import quasistatic_shear
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
-from jampetsc.minimise.minimise import settle
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.minimise import settle
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential

@@ -13,8 +13,8 @@ from jampetsc.collective import agreed, on_root
 from jampetsc.errors import InputError
 from jampetsc.io.results import note_lines, noted
 from jampetsc.jamming.sample_protocol import PROTOCOLS, SampleProtocol
-from jampetsc.minimise.size_laws import DEFAULT_SIZES, SIZES_HELP, radii_of
-from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, in_small_diameters
+from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP, radii_of
+from jampetsc.minimisation.sizes import MAX_DISKS, MIN_DISKS, in_small_diameters
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.starts import (

@@ -12,8 +12,8 @@ from jampetsc.collective import on_root, own_cores
 from jampetsc.errors import ConvergenceError, InputError, JampetscError, about, as_float, named
 from jampetsc.io.outputs import check_output
 from jampetsc.io.packing_file import check_packing, source_name
-from jampetsc.minimise.size_laws import DEFAULT_SIZES, SIZES_HELP
-from jampetsc.minimise.sizes import MAX_DISKS, MIN_DISKS, Radii, radii_asked, sizes_text
+from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP
+from jampetsc.minimisation.sizes import MAX_DISKS, MIN_DISKS, Radii, radii_asked, sizes_text
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import ValueType, format_value, optional_parameter, parameter
 from jampetsc.options.values import (
@@ -222,7 +222,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         Raises InputError for an `out` that gives several of them one name.
         """
         from jampetsc.commands.packings import PackingTask
-        from jampetsc.minimise.protocols import Target
+        from jampetsc.minimisation.protocols import Target
 
         if self.pressure is None:
             targets = {"": Target(phi=self.phi, **self._how)}

@@ -14,9 +14,9 @@ from jampetsc.io.outputs import is_finished
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.request import Request
 from jampetsc.io.results import note_lines, noted
-from jampetsc.minimise.descent import Effort
-from jampetsc.minimise.protocols import Target, changed, make_packing, random_places, start_phi
-from jampetsc.minimise.size_laws import DEFAULT_SIZES
+from jampetsc.minimisation.descent import Effort
+from jampetsc.minimisation.protocols import Target, changed, make_packing, random_places, start_phi
+from jampetsc.minimisation.size_laws import DEFAULT_SIZES
 from jampetsc.packing.contacts import IMBALANCE, typical_force
 from jampetsc.packing.neighbour_list import is_scattered
 from jampetsc.packing.neighbours import spatial_order

@@ -61,7 +61,7 @@ prefix -newton_."""
         from jampetsc.commands.run_files import run_provenance, run_units, save_rows, saved_rows, write_series
         from jampetsc.flows.trajectory import StrainSeries, discarded_strain
         from jampetsc.jamming.quasistatic_shear import PATH_COLUMNS, shear_quasistatically
-        from jampetsc.minimise.minimise import proved
+        from jampetsc.minimisation.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
 
         running = session.current()

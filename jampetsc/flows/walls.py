@@ -20,7 +20,8 @@ from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.neighbours import spatial_order
-from jampetsc.packing.packing import UNIT_BALL, Packing
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.particles import UNIT_BALL
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import simple_shear
 

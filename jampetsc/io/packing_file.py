@@ -23,7 +23,8 @@ from jampetsc.io.hdf5 import (
     values,
 )
 from jampetsc.io.outputs import check_replaced
-from jampetsc.packing.packing import Packing, join
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.particles import join
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.spring_network import Network
 

@@ -15,10 +15,10 @@ import numpy as np
 from jampetsc.analysis.correlated_series import Average
 from jampetsc.flows.flow_run import SAVE_INTERVAL
 from jampetsc.flows.trajectory import StrainSeries
-from jampetsc.minimise import warm_start
-from jampetsc.minimise.descent import Effort, Goal, stress_unit
-from jampetsc.minimise.minimise import MIN_JAMMED_PRESSURE, NEWTON_START_FORCE, minimise
-from jampetsc.minimise.newton import force_floor
+from jampetsc.minimisation import warm_start
+from jampetsc.minimisation.descent import Effort, Goal, stress_unit
+from jampetsc.minimisation.minimise import MIN_JAMMED_PRESSURE, NEWTON_START_FORCE, minimise
+from jampetsc.minimisation.newton import force_floor
 from jampetsc.packing.contacts import find_contacts, measure, typical_force
 from jampetsc.packing.neighbour_list import SKIN_RANGE, ListedPacking
 from jampetsc.packing.neighbours import fractional, lengths, vectors

@@ -11,9 +11,9 @@ from jampetsc.analysis.jammed_samples import assortativity
 from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum, quench
 from jampetsc.jamming.sample_protocol import SampleProtocol
-from jampetsc.minimise.minimise import settle
-from jampetsc.minimise.protocols import random_start, rescaled
-from jampetsc.minimise.thermal import annealed
+from jampetsc.minimisation.minimise import settle
+from jampetsc.minimisation.protocols import random_start, rescaled
+from jampetsc.minimisation.thermal import annealed
 from jampetsc.packing.neighbours import neighbour_pairs
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential

@@ -9,8 +9,8 @@ import numpy as np
 from jampetsc.errors import InputError, named
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
-from jampetsc.minimise.size_laws import DEFAULT_SIZES, SIZES_HELP
-from jampetsc.minimise.sizes import (
+from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP
+from jampetsc.minimisation.sizes import (
     MAX_DISKS,
     MIN_DISKS,
     Radii,
@@ -153,8 +153,8 @@ class ShearJob(Job):
 
     def random(self, radii, seed) -> tuple[Packing, dict]:
         """(disks of these radii (N,) at random places of a seed, more attributes)."""
-        from jampetsc.minimise.minimise import settle
-        from jampetsc.minimise.protocols import random_places
+        from jampetsc.minimisation.minimise import settle
+        from jampetsc.minimisation.protocols import random_places
         from jampetsc.packing.neighbours import spatial_order
 
         start = random_places(radii, self.phi, seed, self.made_potential, dimension=self.dimension or 2)

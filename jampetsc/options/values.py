@@ -143,7 +143,7 @@ def _seeds_text(seeds) -> str:
 
 
 def _radii(value):
-    from jampetsc.minimise.sizes import Radii
+    from jampetsc.minimisation.sizes import Radii
 
     if isinstance(value, Radii):
         return value
@@ -151,7 +151,7 @@ def _radii(value):
 
 
 def _sizes(value):
-    from jampetsc.minimise.size_laws import read_sizes
+    from jampetsc.minimisation.size_laws import read_sizes
 
     return read_sizes(value)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from jampetsc.laws.damping import Law
 from jampetsc.laws.relative_motion import linear_forms
-from jampetsc.minimise.hessian import Bonds, gathered
+from jampetsc.minimisation.hessian import Bonds, gathered
 from jampetsc.oscillation.power_law import ContactPowerLaw
 from jampetsc.response.compatibility import stacked
 

@@ -15,7 +15,7 @@ import numpy as np
 from jampetsc.errors import ConvergenceError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.relative_motion import transverse_axes
-from jampetsc.minimise.hessian import Bonds
+from jampetsc.minimisation.hessian import Bonds
 from jampetsc.oscillation.dashpots import Damping, Dashpots
 from jampetsc.oscillation.power_law import ContactPowerLaw
 from jampetsc.oscillation.step_matrix import StepMatrix

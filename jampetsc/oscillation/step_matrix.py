@@ -6,7 +6,7 @@ matrix is if and only if the Schur complement κ + μ − kᵀA⁻¹k is positiv
 
 import numpy as np
 
-from jampetsc.minimise.hessian import Bonds, Pattern, gathered
+from jampetsc.minimisation.hessian import Bonds, Pattern, gathered
 from jampetsc.oscillation.dashpots import Dashpots, motion_rows
 from jampetsc.oscillation.harmonic_preconditioner import FACTOR_PREFIX
 from jampetsc.packing.contacts import both_ends, find_rattlers

@@ -20,8 +20,8 @@ from typing import Protocol
 import numpy as np
 
 from jampetsc.errors import ConvergenceError, named
-from jampetsc.minimise.hessian import Bonds
-from jampetsc.minimise.newton import flat_between
+from jampetsc.minimisation.hessian import Bonds
+from jampetsc.minimisation.newton import flat_between
 from jampetsc.oscillation.dashpots import Dashpots
 from jampetsc.oscillation.drive import Imposed
 from jampetsc.oscillation.step_matrix import StepMatrix

@@ -1,15 +1,13 @@
 """Contacts of a packing: bond vectors rounded once, overlaps, forces, rattlers, pressure and stress."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.packing.neighbours import lengths, neighbour_pairs, vectors
+from jampetsc.packing.particles import Particles
 
 # a contact that carries less than this fraction of p·d only just touches and does not count
 MIN_FORCE_RATIO = 1e-6
@@ -53,10 +51,6 @@ class LinearBonds:
         return np.zeros((len(self), 2))
 
 
-if TYPE_CHECKING:
-    from jampetsc.packing.packing import Packing
-
-
 @dataclass(frozen=True, eq=False)
 class Contacts(LinearBonds):
     """M contacts: bonds of overlapping disks."""
@@ -72,14 +66,14 @@ class Contacts(LinearBonds):
         return np.column_stack((along, self.stiffness * self.sigma / self.distance))
 
 
-def bond_vectors(disks: Packing, i, j, image):
+def bond_vectors(disks: Particles, i, j, image):
     """x_j − x_i + image · cell, (M, D), rounded once: the bases cancel exactly, the offsets are tiny."""
     shift_base, shift_offset = vectors(image, disks.cell_base), vectors(image, disks.cell_offset)
     coarse = (disks.base[j] - disks.base[i]) + shift_base
     return coarse + ((disks.offset[j] - disks.offset[i]) + shift_offset)
 
 
-def find_contacts(disks: Packing, rows=None) -> Contacts:
+def find_contacts(disks: Particles, rows=None) -> Contacts:
     """All overlapping pairs, just touching ones included; `rows` as for `neighbour_pairs`."""
     i, j, image = neighbour_pairs(
         disks.positions, disks.radii, disks.cell, skin=1e-9 * disks.radii.max(), rows=rows
@@ -96,7 +90,7 @@ def find_contacts(disks: Packing, rows=None) -> Contacts:
     )
 
 
-def force_threshold(disks: Packing, pressure: float) -> float:
+def force_threshold(disks: Particles, pressure: float) -> float:
     """Force above which a contact counts: max(1e-6 p d^(D−1), 1e-14 k d), d the mean diameter, k the unit of stiffness.
 
     In place of k d half of k σ of the largest or smallest disks counts where that is more, up to MAX_SIZE_RATIO k d.
@@ -115,7 +109,7 @@ def _force_of_rounding(potential, sigma: float) -> float:
     return potential.k * (sigma / scale) / scale
 
 
-def typical_force(disks: Packing, pressure: float) -> float:
+def typical_force(disks: Particles, pressure: float) -> float:
     """p d^(D−1), d the mean diameter."""
     return pressure * (2.0 * float(np.mean(disks.radii))) ** (disks.dimension - 1)
 
@@ -135,13 +129,13 @@ def stress_tensor(contacts: LinearBonds, volume: float):
     return stress
 
 
-def assigned_volumes(disks: Packing):
+def assigned_volumes(disks: Particles):
     """V_i = V ρ_i^D/Σ ρ_j^D, (N,): the part of the cell assigned to each disk, its own volume over φ. They add to V."""
     shares = disks.radii**disks.dimension
     return disks.volume * shares / np.sum(shares)
 
 
-def disk_stresses(disks: Packing, contacts: Contacts):
+def disk_stresses(disks: Particles, contacts: Contacts):
     """Stress of every disk, σ_i = −1/(2V_i) Σ f r r/|r| over its contacts, (N, D, D), with V_i of `assigned_volumes`.
 
     Each of its two disks has half of a contact's virial: Σ V_i σ_i = σ V with σ of `stress_tensor`, exactly.
@@ -207,7 +201,7 @@ class State:
         return 2.0 * len(self.contacts) / backbone if backbone else 0.0
 
 
-def measure(disks: Packing, every: Contacts | None = None) -> State:
+def measure(disks: Particles, every: Contacts | None = None) -> State:
     """Contacts, rattlers, p, U, stress and force residual of a packing. Raises InputError for disks at one place.
 
     every: all its contacts, if they were found already
@@ -235,7 +229,7 @@ def measure(disks: Packing, every: Contacts | None = None) -> State:
     )
 
 
-def imbalance(disks: Packing, state: State) -> float:
+def imbalance(disks: Particles, state: State) -> float:
     """max |F| / (p d^(D−1)) of a packing, with d its mean diameter; infinite at zero pressure."""
     size = typical_force(disks, state.pressure)
     return state.max_force / size if size > 0 else np.inf

@@ -1,27 +1,20 @@
-"""The packing as data: disks or spheres in a periodic cell, with positions more precise than one double.
-
-At low pressure an overlap (~ p) is far smaller than a coordinate (~ √N), so rounding coordinates to one
-double would set the force residual (Vågberg, thesis sec. 4.7). Every coordinate is therefore a sum base +
-offset: `base` is a multiple of GRID, so that differences of bases and cell vectors are exact, and `offset`
-(|offset| ≤ GRID/2) carries the rest.
-"""
+"""The packing as data: disks or spheres in a periodic cell, how they were made, and what is measured of them."""
 
 import hashlib
-import math
 from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.packing.cell import MAX_COORDINATE, check_cell, read_numbers, reduced_basis
+from jampetsc.packing.cell import MAX_COORDINATE, check_cell, read_numbers
+from jampetsc.packing.contacts import Contacts, State, find_contacts, measure
 from jampetsc.packing.geometry import geometry_of
-from jampetsc.packing.neighbours import fractional, lengths, upright, vectors
+from jampetsc.packing.neighbours import fractional, upright, vectors
+from jampetsc.packing.particles import GRID, UNIT_BALL, Particles, join, split
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import Strain, displace
 
-GRID = 2.0**-24  # exact for coordinates below 2**29; offsets are then resolved to 3e-24
-UNIT_BALL = {2: np.pi, 3: 4.0 / 3.0 * np.pi}  # volume of a ball of radius one in D dimensions
 PARTICLES = {2: "disks", 3: "spheres"}
 # by dimension, packing fractions at which minima are looked for
 MINIMISED_PHIS = {2: (0.8, 1.5), 3: (0.6, 1.2)}
@@ -30,22 +23,8 @@ PROVED_BY = "Cholesky of K with pre-stress, without rattlers, one disk pinned"
 PROOF_ATTRIBUTES = ("negative_modes", "negative_modes_counted_by", "proof_fingerprint")
 
 
-def split(high, low=0.0):
-    """(base, offset) of the number high + low: base on the grid, offset the exact remainder plus low."""
-    base = np.round(np.asarray(high, float) / GRID) * GRID
-    offset = (high - base) + low
-    carry = np.round(offset / GRID) * GRID
-    return base + carry, offset - carry
-
-
-def join(base, offset):
-    """(high, low) with high = the double nearest to base + offset and low what it cannot hold."""
-    high = base + offset
-    return high, offset - (high - base)
-
-
 @dataclass(frozen=True, eq=False, init=False)
-class Packing:
+class Packing(Particles):
     """N soft disks or spheres in a periodic cell of D = 2 or 3 dimensions, for every function that takes a packing.
 
     positions   (N, D) centres, in the cell or out of it. (N, 3) are disks where z is the same for all, to single
@@ -63,12 +42,6 @@ class Packing:
     shapes, values not finite, radii ≤ 0, a cell of no volume or less wide than a disk, or two centres at one place.
     """
 
-    base: np.ndarray  # (N, D) coordinates, multiples of GRID
-    offset: np.ndarray  # (N, D) remainder
-    radii: np.ndarray  # (N,)
-    cell_base: np.ndarray  # (D, D) lower triangular rows a1 = (Lx, 0), a2 = (γ Ly, Ly) …, multiples of GRID
-    cell_offset: np.ndarray  # (D, D)
-    potential: Potential
     record: dict  # how it was made: pressure, phi, seed, protocol, …
     images: np.ndarray | None  # (N, D) numbers of cell vectors by which each disk was wrapped, if counted
 
@@ -171,21 +144,6 @@ class Packing:
         return packing
 
     @property
-    def n(self) -> int:
-        """Number of disks N."""
-        return len(self.radii)
-
-    @property
-    def dimension(self) -> int:
-        """D, 2 or 3."""
-        return self.base.shape[1]
-
-    @property
-    def positions(self):
-        """Coordinates rounded to one double, (N, D)."""
-        return self.base + self.offset
-
-    @property
     def unwrapped(self):
         """Coordinates that do not jump where a disk leaves the cell, x + k₁ a₁ + k₂ a₂ … with `images` k, (N, D).
 
@@ -195,52 +153,12 @@ class Packing:
             raise InputError("unwrapped positions: images are not counted; the snapshots of a flow have them")
         return self.positions + self.images @ self.cell
 
-    @property
-    def cell(self):
-        """Cell rows rounded to one double, (D, D)."""
-        return self.cell_base + self.cell_offset
-
-    @property
-    def volume(self) -> float:
-        """V = Lx Ly (Lz), an area in two dimensions."""
-        return math.prod(np.diag(self.cell).tolist())
-
-    @property
-    def period(self) -> float:
-        """Distance between a disk and its nearest image: the shortest vector of the lattice."""
-        return float(lengths(reduced_basis(self.cell)[0])[0])
-
-    @property
-    def phi(self) -> float:
-        """Packing fraction Σ π ρ² / V, in 3D Σ (4/3) π ρ³ / V, overlaps counted twice (the field's convention)."""
-        return float(UNIT_BALL[self.dimension] * np.sum(self.radii**self.dimension) / self.volume)
-
-    def contacts(self):
+    def contacts(self) -> Contacts:
         """All overlaps, those that bear no load included: `Contacts` of i, j, r, overlap, force, …"""
-        from jampetsc.packing.contacts import find_contacts
-
         return find_contacts(self)
 
-    def minimise(self, **options) -> "Packing":
-        """A proved minimum of the energy in this cell, reached from these positions; `options` as for `jampetsc.pack`.
-
-        Collective. Raises as `jampetsc.pack`, and InputError for disks of a packing fraction out of [0.8, 1.5] and
-        spheres out of [0.6, 1.2].
-        """
-        import jampetsc
-
-        low, high = MINIMISED_PHIS[self.dimension]
-        if not low <= self.phi <= high:
-            raise InputError(
-                f"phi = {self.phi:.6g}: minimise keeps it, and it must lie in [{low:g}, {high:g}] for "
-                f"{PARTICLES[self.dimension]}. To change it call jampetsc.pack(from_=packing, phi=…)."
-            )
-        return jampetsc.pack(from_=self, phi=self.phi, **options)
-
     @cached_property
-    def _state(self):
-        from jampetsc.packing.contacts import measure
-
+    def _state(self) -> State:
         return measure(self)
 
     @property

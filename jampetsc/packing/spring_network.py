@@ -13,7 +13,8 @@ from jampetsc.packing.cell import MAX_COORDINATE, SIDES, check_cell, read_number
 from jampetsc.packing.contacts import LinearBonds, measure, net_forces, stress_tensor, virial_pressure
 from jampetsc.packing.geometry import geometry_of
 from jampetsc.packing.neighbours import fractional, lengths, vectors
-from jampetsc.packing.packing import UNIT_BALL, Packing
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.particles import UNIT_BALL
 from jampetsc.packing.potentials import MAX_STIFFNESS
 
 MAX_IMAGE = 2**31  # cell vectors in a shortest vector of the lattice

@@ -11,7 +11,7 @@ are refused; where no proof is needed, only residuals are checked.
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.minimise import ldl
+from jampetsc.minimisation import ldl
 from jampetsc.petsc.cholesky import Cholesky, NotPositiveDefinite, has_suitesparse
 from jampetsc.petsc.session import current
 

@@ -21,7 +21,7 @@ from jampetsc.io.packing_file import read_identified, read_packing
 from jampetsc.io.provenance import git_commit
 from jampetsc.io.reader import load
 from jampetsc.laws.damping import FAMILIES, Physics, damping_law
-from jampetsc.minimise.size_laws import is_law
+from jampetsc.minimisation.size_laws import is_law
 from jampetsc.progress import Progress
 from jampetsc.shipped_files import located
 from jampetsc.studies import trade_process

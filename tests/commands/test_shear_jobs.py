@@ -20,9 +20,9 @@ from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.laws import flow_models as models
 from jampetsc.laws.damping import ContactDamping, Law
-from jampetsc.minimise.minimise import settle
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.minimise import settle
+from jampetsc.minimisation.protocols import random_start
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.options import starts
 from jampetsc.options.parameters import build_job
 from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES
@@ -348,4 +348,4 @@ def test_a_minimum_out_of_range_says_what_to_do(dimension):
         with pytest.raises(
             InputError, match=words + r"To change it call jampetsc\.pack\(from_=packing, phi=…\)\.$"
         ):
-            disks.minimise()
+            jampetsc.minimise(disks)

@@ -15,7 +15,7 @@ from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.io.disk_motion import six_fold_order
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import EXPONENTS, Potential
 from jampetsc.packing.threads import Team

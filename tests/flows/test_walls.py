@@ -21,7 +21,7 @@ from jampetsc.flows.walls import (
 )
 from jampetsc.io.disk_motion import velocity_profiles
 from jampetsc.laws.flow_models import Model, Scheme
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.potentials import Potential

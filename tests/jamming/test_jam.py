@@ -14,9 +14,9 @@ from jampetsc.jamming import samples
 from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, MinimumState, QuasistaticShear, quench
 from jampetsc.jamming.sample_protocol import SampleProtocol
 from jampetsc.jamming.samples import find_jamming_density, sample_seed
-from jampetsc.minimise.minimise import settle
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.minimise import settle
+from jampetsc.minimisation.protocols import random_start
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, net_forces
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential

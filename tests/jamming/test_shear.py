@@ -19,10 +19,10 @@ from jampetsc.jamming.quasistatic_shear import (
     shear_quasistatically,
 )
 from jampetsc.laws.relative_motion import transverse_axes
-from jampetsc.minimise.descent import Effort, Goal
-from jampetsc.minimise.minimise import minimise, settle
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.descent import Effort, Goal
+from jampetsc.minimisation.minimise import minimise, settle
+from jampetsc.minimisation.protocols import random_start
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import deformed, proved_minimum
 from jampetsc.packing.potentials import Potential

@@ -8,12 +8,12 @@ import jampetsc as jp
 from jampetsc import models
 from jampetsc.jamming import samples
 from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
-from jampetsc.minimise import ldl, warm_start
-from jampetsc.minimise.descent import Goal
-from jampetsc.minimise.hessian import Bonds, Pattern
-from jampetsc.minimise.minimise import minimise, settle
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import ldl, warm_start
+from jampetsc.minimisation.descent import Goal
+from jampetsc.minimisation.hessian import Bonds, Pattern
+from jampetsc.minimisation.minimise import minimise, settle
+from jampetsc.minimisation.protocols import random_start
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import deformed

@@ -18,7 +18,7 @@ from jampetsc.options.job import Job
 PRESSED = """
 import functools, signal, sys
 from jampetsc.main import main
-from jampetsc.minimise import fire
+from jampetsc.minimisation import fire
 
 made, new = [], fire.Clock.__new__
 

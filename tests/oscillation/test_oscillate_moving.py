@@ -13,7 +13,7 @@ from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
-from jampetsc.minimise.hessian import Bonds
+from jampetsc.minimisation.hessian import Bonds
 from jampetsc.oscillation import dashpots, repeated_cycles, time_step
 from jampetsc.oscillation.drive import Drive, Imposed, Moduli
 from jampetsc.oscillation.moving_contacts import MovingContacts

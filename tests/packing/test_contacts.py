@@ -22,7 +22,8 @@ from jampetsc.packing.contacts import (
     net_forces,
 )
 from jampetsc.packing.neighbours import neighbour_pairs
-from jampetsc.packing.packing import GRID, Packing, join, split
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.particles import GRID, join, split
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 
 

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import bond_vectors, find_contacts, measure
 from jampetsc.packing.neighbour_list import (
     BORDER_GAP,
@@ -21,7 +21,8 @@ from jampetsc.packing.neighbour_list import (
     tuned_skin,
 )
 from jampetsc.packing.neighbours import neighbour_pairs
-from jampetsc.packing.packing import GRID, Packing, deformed
+from jampetsc.packing.packing import Packing, deformed
+from jampetsc.packing.particles import GRID
 from jampetsc.packing.strain import (
     UNSTRAINED,
     Strain,

@@ -6,7 +6,7 @@ from samples import SAMPLES, physics
 from sheared import crowd
 
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.minimise import ldl
+from jampetsc.minimisation import ldl
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.petsc import eigen, hessian_solver
 from jampetsc.response.assembly import assemble

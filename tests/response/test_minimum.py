@@ -10,7 +10,8 @@ from jampetsc.commands.modes import Modes
 from jampetsc.errors import InputError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_packing, write_packing
-from jampetsc.packing.packing import GRID, PROVED_BY, Packing, proved_minimum, with_proof
+from jampetsc.packing.packing import PROVED_BY, Packing, proved_minimum, with_proof
+from jampetsc.packing.particles import GRID
 from jampetsc.packing.potentials import Potential
 
 

@@ -15,7 +15,7 @@ from jampetsc.flows.step_kernels import drift, move
 from jampetsc.io.frames import packing_frame
 from jampetsc.io.hdf5 import open_file
 from jampetsc.laws.relative_motion import linear_forms, transverse_axes
-from jampetsc.minimise.warm_start import without_drift
+from jampetsc.minimisation.warm_start import without_drift
 from jampetsc.packing.contacts import (
     assigned_volumes,
     disk_stresses,

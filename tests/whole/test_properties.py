@@ -18,7 +18,8 @@ from jampetsc.options.parameters import build_job, parameters
 from jampetsc.options.values import FREQUENCIES, SEEDS, format_numbers, number_list
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.neighbours import neighbour_pairs, spatial_order
-from jampetsc.packing.packing import GRID, Packing, join, split
+from jampetsc.packing.packing import Packing
+from jampetsc.packing.particles import GRID, join, split
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 
 settings.register_profile("the same inputs in every run", derandomize=True, deadline=None, database=None)

@@ -8,11 +8,11 @@ import pytest
 from dense import NewtonSteps
 
 from jampetsc.jamming.quasistatic_shear import QuasistaticShear
-from jampetsc.minimise import protocols
-from jampetsc.minimise.descent import Effort, Goal
-from jampetsc.minimise.minimise import relax
-from jampetsc.minimise.protocols import Target, make_packing, random_start
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import protocols
+from jampetsc.minimisation.descent import Effort, Goal
+from jampetsc.minimisation.minimise import relax
+from jampetsc.minimisation.protocols import Target, make_packing, random_start
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
 

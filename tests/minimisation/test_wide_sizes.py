@@ -7,11 +7,11 @@ import jampetsc
 from jampetsc import models
 from jampetsc.errors import ConvergenceError
 from jampetsc.laws.flow_models import scheme_for
-from jampetsc.minimise.descent import Descent, Goal
-from jampetsc.minimise.hessian import Bonds, Pattern
-from jampetsc.minimise.minimise import _failure
-from jampetsc.minimise.newton import BOND_FORCE_FLOOR, FORCE_FLOOR, Limits, Point
-from jampetsc.minimise.size_laws import radii_of
+from jampetsc.minimisation.descent import Descent, Goal
+from jampetsc.minimisation.hessian import Bonds, Pattern
+from jampetsc.minimisation.minimise import _failure
+from jampetsc.minimisation.newton import BOND_FORCE_FLOOR, FORCE_FLOOR, Limits, Point
+from jampetsc.minimisation.size_laws import radii_of
 from jampetsc.packing.contacts import FORCE_ROUNDING, force_threshold
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import Packing, proved_minimum

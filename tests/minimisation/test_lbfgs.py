@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from sheared import crowd
 
-from jampetsc.minimise import lbfgs
-from jampetsc.minimise import warm_start as compiled
-from jampetsc.minimise.descent import MEMORY, Descent, Goal
-from jampetsc.minimise.ldl import solve
-from jampetsc.minimise.newton import Point
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import lbfgs
+from jampetsc.minimisation import warm_start as compiled
+from jampetsc.minimisation.descent import MEMORY, Descent, Goal
+from jampetsc.minimisation.ldl import solve
+from jampetsc.minimisation.newton import Point
+from jampetsc.minimisation.protocols import random_start
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, net_forces
 from jampetsc.packing.neighbour_list import NeighbourList, is_stale, tuned_skin
 from jampetsc.packing.packing import deformed

@@ -5,12 +5,12 @@ import pytest
 from dense import Reference
 from samples import physics
 
-from jampetsc.minimise import protocols
-from jampetsc.minimise.descent import Goal
-from jampetsc.minimise.isotropic import stretched
-from jampetsc.minimise.minimise import minimise
-from jampetsc.minimise.protocols import Target
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import protocols
+from jampetsc.minimisation.descent import Goal
+from jampetsc.minimisation.isotropic import stretched
+from jampetsc.minimisation.minimise import minimise
+from jampetsc.minimisation.protocols import Target
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import deformed
 from jampetsc.packing.potentials import Potential

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.minimise.lbfgs_kernels import LbfgsArrays, adjust, is_sheared, measure, step
+from jampetsc.minimisation.lbfgs_kernels import LbfgsArrays, adjust, is_sheared, measure, step
 from jampetsc.packing.bond import box_strain
 from jampetsc.packing.compiled import compiled, nested
 from jampetsc.packing.elementary import exp

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.minimise.descent import Descent
-from jampetsc.minimise.hessian import Bonds, Pattern, border
+from jampetsc.minimisation.descent import Descent
+from jampetsc.minimisation.hessian import Bonds, Pattern, border
 from jampetsc.packing.contacts import both_ends, find_rattlers, force_threshold, virial_pressure
 from jampetsc.packing.neighbours import lengths
 

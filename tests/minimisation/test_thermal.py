@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
-from jampetsc.minimise.thermal import ACCEPTED, COLD, Around, Thermal, annealed, energy_of
+from jampetsc.minimisation.protocols import random_start
+from jampetsc.minimisation.sizes import radii_of
+from jampetsc.minimisation.thermal import ACCEPTED, COLD, Around, Thermal, annealed, energy_of
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import Packing

@@ -7,8 +7,8 @@ inverse of the factor). For disks in a cell of fixed shape; moves are in the lab
 
 import numpy as np
 
-from jampetsc.minimise.lbfgs_kernels import dot
-from jampetsc.minimise.ldl import diagonal_of, factorise, solve, space_diagonal_of
+from jampetsc.minimisation.lbfgs_kernels import dot
+from jampetsc.minimisation.ldl import diagonal_of, factorise, solve, space_diagonal_of
 from jampetsc.packing.bond import bond_vector, difference, entry, inner, row, secant, simple_shear
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled, nested
 from jampetsc.packing.kernel import bond_forces, elastic_trace

@@ -10,7 +10,7 @@ import numpy as np
 
 from jampetsc.errors import InputError, named
 from jampetsc.io.atomic import open_regular
-from jampetsc.minimise.size_laws import DEFAULT_SIZES, radii_of
+from jampetsc.minimisation.size_laws import DEFAULT_SIZES, radii_of
 
 MIN_RADIUS, MAX_RADIUS = 1e-6, 1e6  # radius
 MIN_DISKS, MAX_DISKS = 16, 10_000_000  # disks

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.errors import InputError
-from jampetsc.minimise.descent import Effort, Goal, stress_unit
-from jampetsc.minimise.isotropic import relax_sides
-from jampetsc.minimise.minimise import Minimum, minimise, relax, settle
+from jampetsc.minimisation.descent import Effort, Goal, stress_unit
+from jampetsc.minimisation.isotropic import relax_sides
+from jampetsc.minimisation.minimise import Minimum, minimise, relax, settle
 from jampetsc.packing.compiled import instruction_set
 from jampetsc.packing.contacts import measure, typical_force
 from jampetsc.packing.elementary import exp, log
 from jampetsc.packing.neighbours import spatial_order
-from jampetsc.packing.packing import PARTICLES, UNIT_BALL, Packing, deformed
+from jampetsc.packing.packing import PARTICLES, Packing, deformed
+from jampetsc.packing.particles import UNIT_BALL
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import growth_of
 from jampetsc.packing.threads import Team

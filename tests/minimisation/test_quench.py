@@ -6,11 +6,11 @@ from dense import NewtonSteps
 from samples import lattice
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.minimise import newton, protocols
-from jampetsc.minimise.descent import Descent, Goal, stress_unit
-from jampetsc.minimise.hessian import Bonds, Pattern, border
-from jampetsc.minimise.minimise import _down_to_fraction, minimise, relax, settle
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import newton, protocols
+from jampetsc.minimisation.descent import Descent, Goal, stress_unit
+from jampetsc.minimisation.hessian import Bonds, Pattern, border
+from jampetsc.minimisation.minimise import _down_to_fraction, minimise, relax, settle
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, measure, net_forces
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbour_list import NeighbourList

@@ -10,14 +10,14 @@ from samples import lattice, physics
 from test_quench import LAWS, hessian_of
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.minimise import descent as descent_module
-from jampetsc.minimise import fire, minimise, protocols
-from jampetsc.minimise import newton as newton_module
-from jampetsc.minimise.descent import Descent, Effort, Goal
-from jampetsc.minimise.fire import fire_descent
-from jampetsc.minimise.minimise import relax
-from jampetsc.minimise.newton import Imbalance, Limits, Newton, Point
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import descent as descent_module
+from jampetsc.minimisation import fire, minimise, protocols
+from jampetsc.minimisation import newton as newton_module
+from jampetsc.minimisation.descent import Descent, Effort, Goal
+from jampetsc.minimisation.fire import fire_descent
+from jampetsc.minimisation.minimise import relax
+from jampetsc.minimisation.newton import Imbalance, Limits, Newton, Point
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing import contacts as state
 from jampetsc.packing.contacts import find_contacts, measure
 from jampetsc.packing.neighbour_list import NeighbourList, borders, is_stale

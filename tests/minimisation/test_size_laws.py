@@ -8,7 +8,7 @@ from jampetsc.commands.jam import Jam
 from jampetsc.commands.pack import Pack
 from jampetsc.commands.shear import Shear
 from jampetsc.errors import InputError
-from jampetsc.minimise.size_laws import is_law, radii_of, read_sizes
+from jampetsc.minimisation.size_laws import is_law, radii_of, read_sizes
 from jampetsc.studies.plan import plan
 
 

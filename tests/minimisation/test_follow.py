@@ -5,10 +5,10 @@ import pytest
 import samples
 from sheared import crowd
 
-from jampetsc.minimise import warm_start as compiled
-from jampetsc.minimise.hessian import Bonds, Pattern
-from jampetsc.minimise.ldl import blocks_of, diagonal_of, factorise, solve
-from jampetsc.minimise.minimise import settle
+from jampetsc.minimisation import warm_start as compiled
+from jampetsc.minimisation.hessian import Bonds, Pattern
+from jampetsc.minimisation.ldl import blocks_of, diagonal_of, factorise, solve
+from jampetsc.minimisation.minimise import settle
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.strain import UNSTRAINED, simple_shear
 

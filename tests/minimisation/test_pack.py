@@ -16,8 +16,8 @@ from jampetsc.commands import pack as job
 from jampetsc.commands import packings
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import read_packing, write_packing
-from jampetsc.minimise.protocols import Target, changed
-from jampetsc.minimise.sizes import Radii
+from jampetsc.minimisation.protocols import Target, changed
+from jampetsc.minimisation.sizes import Radii
 from jampetsc.packing import compiled
 from jampetsc.packing.contacts import measure
 from jampetsc.studies.study_table import numbers_of
@@ -394,7 +394,7 @@ def test_bad_input_gets_one_line(change, said, tmp_path, monkeypatch):
     ],
 )  # fmt: skip
 def test_radii_of_a_file_and_of_an_array(values, said, tmp_path, monkeypatch):
-    monkeypatch.setattr("jampetsc.minimise.sizes.MAX_DISKS", 20)
+    monkeypatch.setattr("jampetsc.minimisation.sizes.MAX_DISKS", 20)
     path = tmp_path / "r.txt"
     path.write_text("\n".join(map(str, values + ([1.0] * 40 if len(values) > 20 else []))))  # read no farther
     if said is None:

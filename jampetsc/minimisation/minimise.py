@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.minimise.descent import Descent, Effort, Goal, stress_unit
-from jampetsc.minimise.fire import fire_descent
-from jampetsc.minimise.newton import Limits, Newton, Point
+from jampetsc.minimisation.descent import Descent, Effort, Goal, stress_unit
+from jampetsc.minimisation.fire import fire_descent
+from jampetsc.minimisation.newton import Limits, Newton, Point
 from jampetsc.packing.contacts import IMBALANCE
 from jampetsc.packing.packing import Packing, with_proof
 from jampetsc.packing.threads import Team

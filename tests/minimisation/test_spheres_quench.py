@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import jampetsc as jp
-from jampetsc.minimise import lbfgs
-from jampetsc.minimise.descent import Descent, Goal
-from jampetsc.minimise.hessian import Pattern, border
-from jampetsc.minimise.lbfgs_kernels import measure as measure_domain
-from jampetsc.minimise.minimise import settle
-from jampetsc.minimise.newton import Point, is_definite, solve_dense
-from jampetsc.minimise.protocols import random_start
-from jampetsc.minimise.sizes import radii_of
+from jampetsc.minimisation import lbfgs
+from jampetsc.minimisation.descent import Descent, Goal
+from jampetsc.minimisation.hessian import Pattern, border
+from jampetsc.minimisation.lbfgs_kernels import measure as measure_domain
+from jampetsc.minimisation.minimise import settle
+from jampetsc.minimisation.newton import Point, is_definite, solve_dense
+from jampetsc.minimisation.protocols import random_start
+from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import imbalance, measure
 from jampetsc.packing.kernel import block_room
 from jampetsc.packing.packing import deformed, proved_minimum

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.minimise.hessian import Bonds
-from jampetsc.minimise.lbfgs import CONVERGED, STALE, STRETCH, LbfgsProblem, descend
-from jampetsc.minimise.lbfgs_kernels import LbfgsArrays
+from jampetsc.minimisation.hessian import Bonds
+from jampetsc.minimisation.lbfgs import CONVERGED, STALE, STRETCH, LbfgsProblem, descend
+from jampetsc.minimisation.lbfgs_kernels import LbfgsArrays
 from jampetsc.packing.elementary import exp
 from jampetsc.packing.neighbour_list import ListedPacking, NeighbourList, borders, padded
 from jampetsc.packing.packing import Packing

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.minimise.descent import Descent
-from jampetsc.minimise.lbfgs import CONVERGED, MORE, STALE
+from jampetsc.minimisation.descent import Descent
+from jampetsc.minimisation.lbfgs import CONVERGED, MORE, STALE
 from jampetsc.packing.compiled import FAST, compiled, nested
 from jampetsc.packing.kernel import block_room, domain_forces
 from jampetsc.packing.neighbour_list import is_stale

@@ -16,9 +16,9 @@ import math
 import numpy as np
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.minimise.descent import Goal, stress_unit
-from jampetsc.minimise.minimise import Minimum, minimise
-from jampetsc.minimise.newton import is_definite, stress_floor
+from jampetsc.minimisation.descent import Goal, stress_unit
+from jampetsc.minimisation.minimise import Minimum, minimise
+from jampetsc.minimisation.newton import is_definite, stress_floor
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.elementary import expm1
 from jampetsc.packing.packing import Packing, deformed
