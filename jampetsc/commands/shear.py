@@ -58,8 +58,8 @@ prefix -newton_."""
         return f"quasistatic shear, steps of {attributes['step']:g}"
 
     def work(self, to):
+        from jampetsc.analysis.strain_series import StrainSeries, discarded_strain
         from jampetsc.commands.run_files import run_provenance, run_units, save_rows, saved_rows, write_series
-        from jampetsc.flows.trajectory import StrainSeries, discarded_strain
         from jampetsc.jamming.quasistatic_shear import PATH_COLUMNS, shear_quasistatically
         from jampetsc.minimisation.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
@@ -116,15 +116,15 @@ prefix -newton_."""
         return "\n".join([*lines, *note_lines(notes)])
 
     def _notes(self, path) -> list[str]:
-        from jampetsc.flows.trajectory import short_run_warnings
+        from jampetsc.analysis.strain_series import short_run_warnings
 
         stress, pressure = path.averages["shear_stress"], path.averages["pressure"]
         return short_run_warnings(self.strain - path.discard, self.step, stress, pressure)
 
     def _facts(self, disks, path) -> dict:
         """Attributes of the file, without provenance and origin of the disks."""
+        from jampetsc.analysis.strain_series import average_facts
         from jampetsc.commands.run_files import potential_facts
-        from jampetsc.flows.trajectory import average_facts
         from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, PLASTIC_RATIO
 
         return {

@@ -6,10 +6,11 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from jampetsc.analysis.strain_series import SAVE_INTERVAL, discarded_strain
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.flows.step_kernels import TALLY
-from jampetsc.flows.trajectory import Means, Trajectory, discarded_strain
+from jampetsc.flows.trajectory import Means, Trajectory
 from jampetsc.flows.walls import phi_between, wall_columns
 from jampetsc.laws.damping import WEIGHTS, Law
 from jampetsc.laws.flow_models import Model, Scheme, scheme_for
@@ -23,7 +24,6 @@ MAX_CHECKS = 50  # of the energy balance, evenly over the rows
 MAX_TIME_STEPS = 1e12  # time steps of a run
 MAX_START_OVERLAP = 0.5  # of two disks of a start, in units of σ
 MIN_PRESSURE = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
-SAVE_INTERVAL = 10.0  # seconds between two calls of `save`
 # most time steps of one call, and that times disks, some seconds: Ctrl-C is raised between calls
 MAX_CALL_STEPS, MAX_CALL_DISK_STEPS = 20_000, 2e8
 LAW_SETTINGS = ("label", *WEIGHTS, "tau1")  # what a run's settings have of its damping law

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jampetsc.analysis.correlated_series import Average
-from jampetsc.flows.flow_run import SAVE_INTERVAL
-from jampetsc.flows.trajectory import StrainSeries
+from jampetsc.analysis.strain_series import SAVE_INTERVAL, StrainSeries
 from jampetsc.minimisation import warm_start
 from jampetsc.minimisation.descent import Effort, Goal, stress_unit
 from jampetsc.minimisation.minimise import MIN_JAMMED_PRESSURE, NEWTON_START_FORCE, minimise

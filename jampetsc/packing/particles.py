@@ -35,7 +35,7 @@ def join(base, offset):
 
 @dataclass(frozen=True, eq=False)
 class Particles:
-    """N disks or spheres that interact, in a periodic cell of D = 2 or 3 dimensions; arrays are never changed in place."""
+    """N interacting disks or spheres in a periodic cell of D = 2 or 3 dimensions; arrays are never changed in place."""
 
     base: np.ndarray  # (N, D) coordinates, multiples of GRID
     offset: np.ndarray  # (N, D) remainder

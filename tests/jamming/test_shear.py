@@ -8,8 +8,8 @@ from sheared import stop_after
 
 import jampetsc
 from jampetsc import main as cli
+from jampetsc.analysis.strain_series import StrainSeries
 from jampetsc.errors import InputError
-from jampetsc.flows.trajectory import StrainSeries
 from jampetsc.jamming import quasistatic_shear
 from jampetsc.jamming.quasistatic_shear import (
     ENERGY_CUT,
