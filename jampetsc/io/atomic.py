@@ -17,15 +17,6 @@ from pathlib import Path
 
 from jampetsc.errors import InputError, JampetscError, named
 
-_FILE_TYPES = {  # type of a file -> in words
-    stat.S_IFDIR: "a folder",
-    stat.S_IFIFO: "a pipe",
-    stat.S_IFSOCK: "a socket",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-}
-_READING_REMEDIES = ("Give the file in it.", "Give a regular file, such as a copy of its output.")
-
 
 def open_regular(path):
     """A regular file, links followed, open for reading in binary.
@@ -33,16 +24,15 @@ def open_regular(path):
     Raises InputError for anything else, OSError where it cannot be opened. Never waits: a pipe has no end to be
     waited for, and reading a device may change it.
     """
-    require_regular(path, *_READING_REMEDIES)
+    _require_regular(path, "Give a regular file.")
     return open(path, "rb")
 
 
-def require_regular(path, folder, other) -> None:
-    """Raise InputError unless a regular file is at `path`; folder, other: remedies for a folder and for others."""
+def _require_regular(path, remedy):
+    """Raise InputError, which ends with a remedy, unless a regular file is at `path`, links followed."""
     mode = os.stat(path).st_mode
     if not stat.S_ISREG(mode):
-        kind = _FILE_TYPES.get(stat.S_IFMT(mode), "a special file")
-        raise InputError(f"{path}: {kind}. {folder if kind == 'a folder' else other}")
+        raise InputError(f"{path}: {'a folder' if stat.S_ISDIR(mode) else 'not a regular file'}. {remedy}")
 
 
 _FULL = {
@@ -106,7 +96,7 @@ def check_writable(path) -> None:
     """Raise InputError unless a file could be put at `path` now. Call it before long work."""
     with writing(path):
         path = follow(path)
-        _require_regular(path)
+        _require_replaceable(path)
         if not path.parent.is_dir():
             raise InputError(f"{path}: no folder {path.parent}. Create it first.")
         if path.exists() and not os.access(path, os.W_OK):
@@ -115,11 +105,10 @@ def check_writable(path) -> None:
         NewFile(path).discard()
 
 
-def _require_regular(path):
+def _require_replaceable(path):
     """Raise InputError if there is something other than a regular file at `path`, links followed."""
     if os.path.exists(path):
-        out = named("out")
-        require_regular(path, f"Give a file name with {out}.", f"Give another file with {out}.")
+        _require_regular(path, f"Give another file with {named('out')}.")
 
 
 def sync_folder(folder) -> None:
@@ -217,7 +206,7 @@ class NewFile:
         with writing(path):
             refuse_links(*[] if through_link else [path])
             self.path = follow(path)
-            _require_regular(self.path)
+            _require_replaceable(self.path)
             self.temporary, self.stream = _new_stream(self.path)
 
     def check(self) -> None:

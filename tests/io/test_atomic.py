@@ -111,9 +111,9 @@ def test_a_folder_that_cannot_be_made_durable_will_do(tmp_path, monkeypatch):
 
 
 PLACES = {  # where no file can be -> what is said
-    "folder": "folder: a folder. Give a file name with out",
-    "pipe": "pipe: a pipe. Give another file with out",
-    "link": "pipe: a pipe. Give another",
+    "folder": "folder: a folder. Give another file with out",
+    "pipe": "pipe: not a regular file. Give another file with out",
+    "link": "pipe: not a regular file. Give another",
     "none/a.csv": "no folder .*none. Create it first|No such file",
     "file/a.csv": "folder|not writable",
     "lost": "no folder .*none. Create it first|No such file",

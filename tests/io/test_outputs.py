@@ -97,7 +97,7 @@ def test_no_command_replaces_an_input_another_kind_of_file_or_what_is_no_file(in
     for name, message, remedy in (
         ("input", ": the input ", f"{source}, which would be lost. Choose another --out."),
         ("other", ": exists and is a jampetsc-", "Choose another --out, or remove it first."),
-        ("pipe", ": a pipe. ", "Give another file with --out."),
+        ("pipe", ": not a regular file. ", "Give another file with --out."),
     ):
         line = refused(capsys, words, name + ending)
         assert f"{name}{ending}{message}" in line and line.endswith(remedy)
@@ -336,10 +336,10 @@ def test_what_is_computed_outlives_a_last_write_that_fails(session, shared_path,
 def test_what_writes_asks_again(inputs):
     """For scripts, which do not go through the commands."""
     os.mkfifo("pipe")
-    for path, message in (("s.h5", "is a jampetsc-sweep file, not"), ("pipe", "pipe: a pipe")):
+    for path, message in (("s.h5", "is a jampetsc-sweep file, not"), ("pipe", "pipe: not a regular file")):
         with pytest.raises(InputError, match=message):
             write_packing(path, published())
-    for path, message in (("p.h5", "is a jampetsc-packing file, not"), ("pipe", "pipe: a pipe")):
+    for path, message in (("p.h5", "is a jampetsc-packing file, not"), ("pipe", "pipe: not a regular file")):
         with pytest.raises(InputError, match=message):
             stored(path, "sweep", SWEEP)
         with pytest.raises(InputError, match=message):
@@ -369,7 +369,7 @@ def test_what_is_no_regular_file_is_not_read(inputs, capsys):
         for words in ("info {}", "merge {}", "import {} --out q.h5", "plot {} --out q.png"):
             for kind in ("pipe", "socket"):
                 assert cli.main(words.format(f"{kind}.h5").split()) == 2
-                assert f"{kind}.h5: a {kind}. Give a regular file" in capsys.readouterr().err
+                assert f"{kind}.h5: not a regular file. Give a regular file" in capsys.readouterr().err
 
 
 # Of whatever command

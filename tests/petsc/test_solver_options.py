@@ -58,7 +58,7 @@ def test_what_is_said_knows_every_solver_and_every_command():
         "modes_": ("petsc.eigen", "PREFIX"),
         "newton_": ("petsc.hessian_solver", "PREFIX"),
         "osc_": ("oscillation.cycle_solver", "NEWTON_PREFIX"),
-        "osc_factor_": ("oscillation.cycle_solver", "FACTOR_PREFIX"),
+        "osc_factor_": ("oscillation.harmonic_preconditioner", "FACTOR_PREFIX"),
     }
     for prefix, (home, name) in homes.items():
         assert getattr(importlib.import_module(f"jampetsc.{home}"), name) == prefix
@@ -110,7 +110,7 @@ def test_what_an_options_file_may_hold(tmp_path, content, expected):
         (["-options_file"], "-options_file: no name of a file. Give one."),
         (["-options_file", ""], "-options_file: no name of a file. Give one."),
         (["-options_file", "/none.yml"], "/none.yml: No such file or directory. Give a PETSc options file"),
-        (["-options_file", "/"], "/: a folder. Give the file in it"),
+        (["-options_file", "/"], "/: a folder. Give a regular file"),
     ],
 )
 def test_words_that_petsc_cannot_have(words, message):
