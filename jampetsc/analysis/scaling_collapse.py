@@ -201,7 +201,7 @@ class Fit:
     form: Form
     parameters: dict  # every one of PARAMETERS that the form has
     basis: Basis
-    coefficients: tuple  # of ln f₀ and ln |f₁|, arrays of `form.terms` numbers
+    coefficients: tuple  # of ln f₀ and ln |f₁|, arrays of `Form.terms` numbers
     sign: float  # of f₁
     chi2: float
     dof: int

@@ -236,7 +236,7 @@ class Search(NamedTuple):
 def solve(me, threads, counter, graph, weights, hold, residual, u, tolerance, search, like):
     """Add to u (N, D) the correction x with (A + hold) x = residual, all axes in one conjugate gradient.
 
-    residual = b − (A + hold) u is overwritten; ends when |residual| ≤ tolerance |b|, or at `search.rounding`: where
+    residual = b − (A + hold) u is overwritten; ends when |residual| ≤ tolerance |b|, or at `Search.rounding`: where
     forces cancel, as in a crystal, b is less than that. Preconditioned by the diagonal.
     Returns the number of iterations, −1 if SOLVES were not enough. By thread `me` of `threads`: see `packing.threads`.
     """

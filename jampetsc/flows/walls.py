@@ -95,7 +95,7 @@ def velocity_profile(shear: SteadyShear, u) -> np.ndarray:
 
     −½ at the lower row and ½ at the upper one; nan in a layer without disks.
 
-    u   (N, 2) non-affine velocities of `shear.sorted_disks`
+    u   (N, 2) non-affine velocities of `SteadyShear.sorted_disks`
     """
     height = shear.reference.cell[1, 1]
     y = np.mod(shear.sorted_disks.positions[shear.wall_disks :, 1], height) / height

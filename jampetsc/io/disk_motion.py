@@ -150,7 +150,7 @@ def particle_rows(result, disks):
 
 
 def chosen_frequencies(result, frequencies=None):
-    """Rows of the stored fields at the frequencies `wanted` (in the file's units), or at up to four of them.
+    """Rows of the stored fields at frequencies (in the file's units), or at up to four of them.
 
     Raises InputError naming the nearest stored ones where a frequency is not there.
     """

@@ -51,7 +51,7 @@ class NetworkFrame:
 def packing_frame(disks: Packing, vectors=None, facts=None) -> Frame:
     """A packing: radius, area, coordination, rattler and stress of every disk, then `vectors`, name -> (N, …).
 
-    `stress_xx`, … are from `disk_stresses` with `area`, of spheres `volume`: Σ area · stress = V σ. Coordination
+    stress_xx, … are from `disk_stresses` with `area`, of spheres `volume`: Σ area · stress = V σ. Coordination
     counts the contacts that bear load. As the disks of a flow need not be at rest, theirs comes from the forces of
     contacts alone.
     """
@@ -105,7 +105,7 @@ def slow_frame(result, packing=None) -> "Frame | NetworkFrame":
 
 
 def field_frame(result, omega: float, packing=None) -> "Frame | NetworkFrame":
-    """The field of a sweep at ω per unit strain, `displacement_real` and `_imag`, and `rotation_…` where disks roll.
+    """The field of a sweep at ω per unit strain, `displacement` and, where disks roll, `rotation`: …_real, …_imag.
 
     The real part is in phase with the strain. Raises InputError without a field at ω.
     """

@@ -76,7 +76,7 @@ def open_file(path, seal=None):
 
     seal   hash in the line of checksums that the file has to have (`checksums.seal_of`); None: any
 
-    Virtual datasets must not be read from it as they are: see `parts.read`. A Ctrl-C is raised before.
+    Virtual datasets must not be read from it as they are: see `PartList.read`. A Ctrl-C is raised before.
     """
     interrupts.check()
     with opening(path):

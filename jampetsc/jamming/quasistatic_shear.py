@@ -1,8 +1,8 @@
 """Quasistatic shear: an affine step of the cell, the minimum of the energy there, and again (Vågberg, thesis sec. 4.7).
 
 Between rearrangements the disks follow the cell by a displacement that is nearly the same from step to step: each
-step starts from the affine positions displaced further as in the previous step, and descends by `minimise.warm_start`,
-with a factor of the Hessian that serves for many steps. Only if that takes too long, `minimise.minimise` quenches.
+step starts from the affine positions displaced further as in the previous step, and descends by `warm_start`,
+with a factor of the Hessian that serves for many steps. Only if that takes too long, `minimise` quenches.
 The path of minima has its rows, averages and the packing at its end.
 """
 
@@ -102,7 +102,7 @@ class QuasistaticShear(ListedPacking):
     """Disks sheared step by step; `disks`: the last minimum, `minimum`: its state, `effort`: cost so far.
 
     team: the threads of quenches; their number does not change the result.
-    Raises ConvergenceError where no minimum is found, as `minimise.minimise.minimise`.
+    Raises ConvergenceError where no minimum is found, as `minimise`.
     """
 
     def __init__(self, disks: Packing, step: float, solver, tolerance: float, team: Team | None = None):

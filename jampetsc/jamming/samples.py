@@ -131,7 +131,7 @@ def sample_seed(
     tolerance: float,
     dimension: int = 2,
 ) -> list[dict]:
-    """The samples of one seed at φ, of disks of these radii (N,): `protocol.rows` rows, nan where no minimum is found.
+    """The samples of one seed at φ, of disks of these radii (N,): `SampleProtocol.rows` rows, nan without a minimum.
 
     The seed and φ determine the random start and the thermal moves: from the same places, samples at neighbouring φ
     would jam together, and fits to several φ take them as independent.

@@ -21,7 +21,7 @@ MIN_OMEGA, MAX_OMEGA = 1e-16, 1e12  # of ωτ₁: beyond, K and ωB no longer sh
 
 
 def refuse_beyond(what: str, value) -> None:
-    """Raise InputError, which begins with `what`, unless `value` is a number between 0 and LARGEST."""
+    """Raise InputError, which begins with `what`, unless `value` is a number between 0 and MAX_WEIGHT."""
     number = _number(what, value)
     if not 0 <= number <= MAX_WEIGHT:  # nan does not
         raise InputError(f"{what} {number:g}: must lie between 0 and {MAX_WEIGHT:g}")

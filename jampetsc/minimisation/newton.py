@@ -190,7 +190,7 @@ class Linear:
 
 
 class Newton:
-    """Newton steps on a descent; `descent.effort.newton_steps` counts factorisations."""
+    """Newton steps on a descent; `Effort.newton_steps` counts factorisations."""
 
     def __init__(self, descent: Descent, solver):
         self.descent, self.solver = descent, solver

@@ -214,7 +214,7 @@ optional_parameter = functools.partial(parameter, None)  # a field of a paramete
 
 
 def composite_parameter(composite: CompositeParameter, default=MISSING):
-    """A field of a job that several options describe; without any of them `default`, or else `composite.make()`.
+    """A field of a job that several options describe; without any of them `default`, or what `make` gives.
 
     `make` gets only the options that are not at their defaults.
     """

@@ -157,7 +157,7 @@ def _sizes(value):
 
 
 def _read_as(names, what):
-    """The `read` of a Kind for a packing or a result: the name of its file, or the object if it is in memory only.
+    """The `read` of a parameter for a packing or a result: the name of its file, or the object if it is in memory only.
 
     names   classes of objects in memory that are accepted, of "Packing", "Network" and "Result"
     what    describes them in messages

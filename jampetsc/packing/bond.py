@@ -132,7 +132,7 @@ def cross(a, b):
 
 @nested(False)
 def pair_energy(r, sigma, law):
-    """V of one pair with the bond vector r; law = `potential.constants`."""
+    """V of one pair with the bond vector r; law = `Potential.constants`."""
     overlap = sigma - np.sqrt(inner(r, r))
     if overlap <= 0.0:
         return 0.0

@@ -288,7 +288,7 @@ def domain_forces(domains, d, o, strain, law, forces, motion, rolling, room):
 
     o         (N, D) offsets
     strain    `Strain` of the cell since the list
-    law       `potential.constants`
+    law       `Potential.constants`
     motion    None, or (u (N, D), γ̇, (c_∥, c_⊥, c_s)): damped contacts
     rolling   None, or (Ω, ρ (N,), torques): with spins; Ω and torques (N,), in three dimensions (N, 3); torques are
               overwritten

@@ -113,7 +113,7 @@ def _take_own_core(me, start_cores):
 def _serve(me, start_cores, tasks):
     """Thread `me` of a team: run each task of the queue `tasks`, put its error or None into `done`; end at a task None.
 
-    Queues cost 10 to 30 µs per run, a pool of `concurrent.futures` 60 to 110; a list of 4096 disks and the steps that
+    Queues cost 10 to 30 µs per run, a pool of concurrent.futures 60 to 110; a list of 4096 disks and the steps that
     it serves for, 4 ms, take two runs.
     """
     while task := tasks.get():

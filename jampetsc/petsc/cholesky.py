@@ -127,7 +127,7 @@ class Cholesky:
             self.project(out.getArray())
 
     def _compute_residual(self, rhs, x):
-        """(|b − A x|, |A| |x| + |b|); the residual b − A x stays in `_left`."""
+        """(|b − A x|, |A| |x| + |b|); the residual b − A x stays in `_residual`."""
         self.matrix.mult(x, self._residual)
         self._residual.aypx(-1.0, rhs)
         return self._residual.norm(), self._norm * x.norm() + rhs.norm()

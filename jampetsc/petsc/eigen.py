@@ -2,7 +2,7 @@
 spectrum.
 
 On one rank K − σ is factorised by `block_inverse`. On several, for very many disks, and if the user gives an
-option that begins with `modes_st_`, by MUMPS or CHOLMOD.
+option that begins with modes_st_, by MUMPS or CHOLMOD.
 
 The shift σ < 0 lies just below the spectrum, so K − σ is positive definite; translations of connected pieces
 are known and deflated. (With σ = 0 SLEPc would attach them to K as its null space.)

@@ -1,6 +1,6 @@
-"""Factorised Hessians that lie on one rank: the solvers for `minimise.newton`, prefix `newton_`.
+"""Factorised Hessians that lie on one rank: the solvers for `minimisation.newton`, prefix `newton_`.
 
-A_ij = −b_ij for disks i ≠ j, A_ii = Σ_j b_ij, b symmetric, is factorised by `minimise.ldl` in D×D blocks, up to
+A_ij = −b_ij for disks i ≠ j, A_ii = Σ_j b_ij, b symmetric, is factorised by `minimisation.ldl` in D×D blocks, up to
 MAX_BLOCK_DISKS disks: a block has one index where a library that sees single entries has four, and disks are
 eliminated, not unknowns. The result is the same to the last bit on every processor, whatever BLAS is installed; last
 digits decide which minimum a quench ends in. A larger A, and any where options begin with `newton_`, is factorised by
@@ -75,7 +75,7 @@ class NewtonSolver:
 
 
 class HessianSolver(NewtonSolver):
-    """A `NewtonSolver` for matrices of 2×2 or 3×3 blocks, as `minimise.hessian.Pattern` has them."""
+    """A `NewtonSolver` for matrices of 2×2 or 3×3 blocks, as `hessian.Pattern` has them."""
 
     def __init__(self):
         self._by_library, self._factor = True, None

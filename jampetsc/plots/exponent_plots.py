@@ -68,7 +68,7 @@ def plot_exponents(results, page, by=()):
 
 
 def draw_exponents(curves, page) -> str:
-    """Four exponents that approach Δ = ½ between ω* and 1/τ₁, for each group of sweeps (`scaling.critical_exponents`).
+    """Four exponents that approach Δ = ½ between ω* and 1/τ₁, for each group of sweeps (`critical_exponents`).
 
     Panels: ½ d ln|G*² − G₀²|/d ln ω and arg(G*² − G₀²)/π, both above ω* only; G''/G', 1 in the critical regime;
     d ln G''/d ln ω, which passes ¾ where that ends. Means over the packings of a group, each with its own G₀, and

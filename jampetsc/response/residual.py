@@ -134,7 +134,7 @@ class ResidualBound:
     """Bound on √2 rᴴ(K + ωB)⁻¹r at frequencies ω (M,), from the factors that exist. Methods are collective.
 
     factors      `Factors` of the pencil
-    q, energies  the direction that r has but for inexact solves, (n_local,), and its `factors.energies`
+    q, energies  the direction that r has but for inexact solves, (n_local,), and its `Factors.energies`
     """
 
     def __init__(self, residual: GalerkinResidual, factors, q, energies, largest_rate: float, omega):

@@ -228,7 +228,7 @@ class Factors:
         return {s: every[s] for s in self.shifts}
 
     def least_eigenvalue(self, s: float) -> float:
-        """That of K + sB scaled to a unit diagonal, see `Cholesky.least_eigenvalue`; s one of `shifts`."""
+        """That of K + sB scaled to a unit diagonal, see `cholesky.least_eigenvalue`; s one of `shifts`."""
         if s not in self._least:
             least = self._by_owner(s, lambda factor: factor.least_eigenvalue())
             self._least[s] = self.comm.bcast(least, root=self.owner[s])
