@@ -188,7 +188,7 @@ def examine(case: Case) -> Outcome:
     """Sweep a case and compare it with the reference."""
     import jampetsc
     from jampetsc.errors import JampetscError
-    from jampetsc.laws.loads import load_text, loads_of
+    from jampetsc.laws.loads import LoadChoice
 
     try:
         result = jampetsc.sweep(
@@ -202,7 +202,7 @@ def examine(case: Case) -> Outcome:
         )
     except JampetscError as error:
         return Outcome(case, refused=str(error))
-    loads = [load.gradient for load in loads_of(load_text(case.load), len(case.source.cell))]
+    loads = [load.gradient for load in LoadChoice(case.load).of(case.source.dimension)]
     reference, prefix = BallReference(case.source, case.physics, loads), "" if len(loads) == 1 else "C_"
     values = result["G" if len(loads) == 1 else "C"].reshape(-1, len(loads), len(loads))
     names = ("error_bound", "error_bound_storage", "error_bound_loss")

@@ -7,6 +7,7 @@ from jampetsc.errors import about
 from jampetsc.io.packing_file import read_identified, read_source, source_name
 from jampetsc.laws import loads
 from jampetsc.laws.damping import DEFAULT
+from jampetsc.laws.loads import LoadChoice
 from jampetsc.options.physics_options import NetworkJob, load_parameter
 from jampetsc.petsc import session
 
@@ -28,7 +29,7 @@ class Matrices(NetworkJob):
     GIVES: ClassVar = "the names of the files, a list of Path"
     EPILOG: ClassVar = "examples:\n  jampetsc matrices p.h5 --beta 0.1 --out K.npz"
 
-    load: str = load_parameter("borders (u, L) and corners (L, L) of all symmetric loads")
+    load: LoadChoice = load_parameter("borders (u, L) and corners (L, L) of all symmetric loads")
 
     def check_outputs(self, to):
         """Refuse an unknown ending, and outputs that may not be replaced."""
@@ -56,7 +57,7 @@ class Matrices(NetworkJob):
         source, _ = read_identified(self.packing, comm, read_source)
         with about(source_name(self.packing)):
             network = build_network(source, comm, self.prestress)
-        return build_matrices(network, self.law, loads.loads_of(self.load, len(source.cell)))
+        return build_matrices(network, self.law, self.load.of(source.dimension))
 
     def python_result(self, to):
         from jampetsc.commands.matrix_files import files_of

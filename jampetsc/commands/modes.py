@@ -7,7 +7,7 @@ import numpy as np
 
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines
-from jampetsc.laws.loads import STRESS_MEASURE, load_and_tensor
+from jampetsc.laws.loads import STRESS_MEASURE, LoadChoice
 from jampetsc.options.job import NETWORKS, ONE_PACKING, Job, TaskInputs
 from jampetsc.options.parameters import FILE, optional_parameter, parameter
 from jampetsc.options.physics_options import PRESTRESS, load_parameter
@@ -58,7 +58,7 @@ of them, are found by LAPACK, which takes no options."""
         off="leave the eigenvectors out of the file: of each mode only its numbers",
     )
     prestress: bool = PRESTRESS
-    load: str = load_parameter("simple shear xy, and the shares of the moduli of all symmetric loads")
+    load: LoadChoice = load_parameter("simple shear xy, and the shares of the moduli of all symmetric loads")
 
     def check(self):
         """Refuse two ways to choose modes."""
@@ -76,7 +76,9 @@ of them, are found by LAPACK, which takes no options."""
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
         source = read_network(self.packing, self.prestress, to)
         with about(source.name), session.stage("modes"):
-            load, tensor = load_and_tensor(self.load, len(source.source.cell))
+            load, tensor = (
+                of(source.source.dimension) for of in (self.load.field_load, self.load.tensor_loads)
+            )
             modes = lowest_modes(source.network, count, self.below, source.proved, load, tensor)
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
             _write(writer, modes, self.eigenvectors)

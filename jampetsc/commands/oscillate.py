@@ -7,7 +7,7 @@ from typing import ClassVar
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA, Physics
-from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, loads_of
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, LoadChoice
 from jampetsc.options.job import ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import ValueType, optional_parameter, parameter
 from jampetsc.options.physics_options import PackingJob, load_parameter
@@ -86,7 +86,7 @@ A killed run continues when the same command is given again."""
         "until G* repeats from cycle to cycle",
         value_type=ValueType(_cycles, metavar="auto|N", python='integer or "auto"'),
     )
-    load: str = load_parameter()
+    load: LoadChoice = load_parameter()
     steps: int = parameter(64, "time steps per cycle, a multiple of 8", low=16, high=4096, metavar="N")
 
     def check(self):
@@ -101,7 +101,7 @@ A killed run continues when the same command is given again."""
                 f"{named('law')} {self.law.family or self.law}: not supported, {reason}. Give a law of contacts, or "
                 "use sweep, which takes any linear law."
             )
-        if self.load == TENSOR:
+        if self.load.is_tensor:
             raise InputError(
                 f"{named('load')} {TENSOR}: not supported, oscillations are not linear. Give a single {named('load')}."
             )
@@ -203,7 +203,7 @@ A killed run continues when the same command is given again."""
         if self.stress is not None:
             self._check_amplitudes(source.stress_scale)
         with session.stage("assembly"), about(source.name):
-            (load,) = loads_of(self.load, source.network.dimension)
+            (load,) = self.load.of(source.network.dimension)
             require_stability(source.network, self.control, load)
         checkpoint = to.checkpoint(self.key(source.identity), session.comm)
         sweep = sweep_amplitudes(

@@ -9,7 +9,7 @@ from jampetsc.analysis.elasticity import anisotropy, least_modulus, poisson_rati
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
-from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, load_and_tensor
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, LoadChoice
 from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter
 from jampetsc.options.physics_options import NetworkJob, load_parameter
@@ -44,7 +44,9 @@ PETSc options: -shift_… for the factorisations."""
 
     SOLVERS: ClassVar = ("shift_", "inertia_")
 
-    load: str = load_parameter("also the elastic constants and viscosities between all symmetric loads")
+    load: LoadChoice = load_parameter(
+        "also the elastic constants and viscosities between all symmetric loads"
+    )
     betas: Numbers | None = optional_parameter(
         "also η₀ and η_∞ at these β, from the same fields (contact law)",
         value_type=number_list(0.0, MAX_WEIGHT, "b1,b2,…"),
@@ -70,7 +72,9 @@ PETSc options: -shift_… for the factorisations."""
         source = read_network(self.packing, self.prestress, to)
         with about(source.name):
             betas = () if self.betas is None else self.betas.tolist()
-            load, tensor = load_and_tensor(self.load, len(source.source.cell))
+            load, tensor = (
+                of(source.source.dimension) for of in (self.load.field_load, self.load.tensor_loads)
+            )
             outcome = solve_quasistatic(source.network, self.law, betas, load, tensor)
         notes = [
             *(unstable_to_shear(outcome.responses[""].G0, "G0") if load.is_shear else []),

@@ -13,7 +13,7 @@ from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, unstable_to_shear
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.laws.equivalent_damping import STRESS_RATIOS, EquivalentDamping
-from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, is_shear, loads_of
+from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, LoadChoice
 from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.physics_options import NetworkJob, load_parameter
@@ -62,7 +62,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         "rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency",
         choices=("rational", "direct"),
     )
-    load: str = load_parameter("all elastic constants C*(ω)")
+    load: LoadChoice = load_parameter("all elastic constants C*(ω)")
     accuracy: float = parameter(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
     parallel: str | None = optional_parameter(
         "rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
@@ -93,7 +93,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
                 f"{named('parallel')} {self.parallel}: an option of {named('method')} rational; with direct all ranks "
                 "share each solve. Leave it out."
             )
-        if self.fields is not None and self.load == TENSOR:
+        if self.fields is not None and self.load.is_tensor:
             raise InputError(
                 f"{named('fields')}: not stored with {named('load')} {TENSOR}. Give a single {named('load')}, or leave "
                 f"{named('fields')} out."
@@ -227,7 +227,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             "omega": frequencies.solved,
             "accuracy": self.accuracy,
             "field_omega": frequencies.of_fields,
-            "loads": loads_of(self.load, source.source.cell.shape[0]),
+            "loads": self.load.of(source.source.dimension),
         }
         if checkpoint.done and session.current().rank == 0:
             what = "shifts" if method == "rational" else "frequencies"
@@ -330,7 +330,7 @@ def notes_of(job, source, omega, sweep, damping) -> list[str]:
                 f"{name}: zero to rounding at {np.count_nonzero(is_zero)} of {len(omega)} frequencies, at most "
                 f"{bounds[is_zero].max():.1e}"
             )
-    if highest.min() < 0.0 and is_shear(job.load):  # by more than its bound
+    if highest.min() < 0.0 and job.load.is_shear:  # by more than its bound
         worst = int(np.argmin(highest))
         notes += unstable_to_shear(G.real[worst], f"G' at omega {omega[worst]:.3g}")
     if damping is not None:

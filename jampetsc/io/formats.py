@@ -19,7 +19,7 @@ from jampetsc.io.result_formats import (
     SWEEP,
     VELOCITY_CORRELATION,
 )
-from jampetsc.laws.loads import load_text, loads_of
+from jampetsc.laws.loads import LoadChoice
 
 PACKING = Format(
     datasets=r"""
@@ -154,7 +154,7 @@ def _check_load(path, attrs) -> None:
         return
     dimension = attrs.get("dimension", 2)
     try:
-        loads_of(load_text(attrs["load"]), dimension)
+        LoadChoice(attrs["load"]).of(dimension)
     except InputError:
         raise InputError(
             f"{path}: attribute load = {attrs['load']!r}: not a load in {dimension} dimensions. Make the file again."

@@ -16,7 +16,7 @@ from jampetsc.io.parts import PartList
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.io.results import Result
 from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.laws.loads import is_shear
+from jampetsc.laws.loads import DEFAULT, LoadChoice
 from jampetsc.packing.packing import PLACES, Packing, deformed
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import simple_shear
@@ -55,16 +55,16 @@ class SweepResult(Result):
     @property
     def shear_modulus(self):
         """Shear modulus (M,), complex; of a tensor averaged over all directions. Raises InputError for other loads."""
-        if not ("C" in self or is_shear(self.load)):
+        if not ("C" in self or self.load.is_shear):
             raise InputError(
                 f"{self.path}: load {self.load}, not a shear. Give a sweep of load xy or tensor."
             )
         return self.G
 
     @property
-    def load(self) -> str:
+    def load(self) -> LoadChoice:
         """The load as text, see `jampetsc.loads`."""
-        return str(self.attributes.get("load", "xy"))
+        return LoadChoice(self.attributes.get("load", DEFAULT))
 
     @property
     def fields(self) -> Fields:

@@ -18,6 +18,7 @@ Soc. 85, 523 (1965)) differ from C by terms of the order of σ.
 """
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,11 +133,59 @@ def named_loads(dimension: int) -> dict[str, Load]:
     return {load.name: load for load in (*loads, compression(dimension))}
 
 
-def load_text(value) -> str:
-    """A load as text: its name, "tensor", or D² numbers with commas; from text, a `Load` or an array (D, D).
+class LoadChoice(str):
+    """What a job is asked for, a load or the tensor, as the text that files and tables have of it.
 
-    Raises InputError for a name that is not in the list above, and for numbers that are no displacement gradient.
+    value   a name of the list above, "tensor", or D² numbers with commas; or a `Load`, or an array (D, D)
+
+    Raises InputError for a name that is not in the list, and for numbers that are no displacement gradient.
     """
+
+    __slots__ = ()
+
+    def __new__(cls, value):
+        return super().__new__(cls, _text(value))
+
+    @property
+    def is_tensor(self) -> bool:
+        """Whether all symmetric loads are asked for."""
+        return self == TENSOR
+
+    @property
+    def is_shear(self) -> bool:
+        """Whether its modulus is a shear modulus; that of the tensor is."""
+        return self.is_tensor or all(load.is_shear for load in self._by_dimension().values())
+
+    def of(self, dimension: int) -> tuple[Load, ...]:
+        """The loads in D dimensions: one, or all of the tensor. Raises InputError for a load of another dimension."""
+        if self.is_tensor:
+            return symmetric_loads(dimension)
+        load = self._by_dimension().get(dimension)
+        if load is None:
+            raise InputError(
+                f"{named('load')} {self}: not a load in {dimension} dimensions. Give another one."
+            )
+        return (load,)
+
+    def field_load(self, dimension: int) -> Load:
+        """The load whose fields are meant, simple shear for the tensor. Raises InputError as `of`."""
+        return simple_shear(dimension) if self.is_tensor else self.of(dimension)[0]
+
+    def tensor_loads(self, dimension: int) -> tuple[Load, ...]:
+        """All symmetric loads where the tensor is asked for, none for a single load."""
+        return self.of(dimension) if self.is_tensor else ()
+
+    def _by_dimension(self) -> dict[int, Load]:
+        by_name = {dimension: named_loads(dimension).get(self) for dimension in DIMENSIONS}
+        if any(by_name.values()):
+            return {dimension: load for dimension, load in by_name.items() if load is not None}
+        numbers = np.array(self.split(","), float)
+        dimension = math.isqrt(len(numbers))
+        return {dimension: _load(str(self), numbers.reshape(dimension, dimension))}
+
+
+def _text(value) -> str:
+    """The text of a `LoadChoice`."""
     if isinstance(value, Load):
         named_load = named_loads(value.dimension).get(value.name)
         return value.name if named_load == value else _numbers_text(np.ravel(value.rows))
@@ -164,32 +213,3 @@ def _numbers_text(numbers):
     if not np.isfinite(numbers).all() or not numbers.any():
         raise InputError(f"{named('load')}: numbers must be finite, and not all zero. Give another gradient.")
     return ",".join(repr(float(number)) for number in numbers)
-
-
-def is_shear(text: str) -> bool:
-    """Whether the modulus of a load, a text of `load_text`, is a shear modulus; that of the tensor is."""
-    dimension = 2 if text in named_loads(2) or text.count(",") == 3 else 3
-    return text == TENSOR or all(load.is_shear for load in loads_of(text, dimension))
-
-
-def loads_of(text: str, dimension: int) -> tuple[Load, ...]:
-    """The loads that a text of `load_text` stands for: one, or all of the tensor.
-
-    Raises InputError for a load of another dimension.
-    """
-    if text == TENSOR:
-        return symmetric_loads(dimension)
-    loads = named_loads(dimension)
-    if text in loads:
-        return (loads[text],)
-    numbers = None if text[:1].isalpha() else np.array(text.split(","), float)
-    if numbers is None or len(numbers) != dimension**2:
-        raise InputError(f"{named('load')} {text}: not a load in {dimension} dimensions. Give another one.")
-    return (_load(text, numbers.reshape(dimension, dimension)),)
-
-
-def load_and_tensor(text: str, dimension: int) -> tuple[Load, tuple[Load, ...]]:
-    """The load whose fields a text of `load_text` asks for, simple shear for a tensor, and the loads of that tensor."""
-    if text == TENSOR:
-        return simple_shear(dimension), symmetric_loads(dimension)
-    return loads_of(text, dimension)[0], ()

@@ -196,8 +196,8 @@ MODEL = CompositeParameter(
 )
 
 
-LOAD = ValueType(  # see `laws.loads.load_text`
-    loads.load_text, metavar="LOAD", python="str, array (D, D) or one of `jampetsc.loads`"
+LOAD = ValueType(  # see `laws.loads.LoadChoice`
+    loads.LoadChoice, str, metavar="LOAD", python="str, array (D, D) or one of `jampetsc.loads`"
 )
 LOAD_HELP = (
     "load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or "

@@ -17,7 +17,7 @@ from jampetsc.io.disk_motion import (
     snapshot,
     source_of,
 )
-from jampetsc.laws.loads import DEFAULT, TENSOR, loads_of
+from jampetsc.laws.loads import DEFAULT, TENSOR
 from jampetsc.options.parameters import SWITCH, WORD
 from jampetsc.options.values import INTEGERS
 from jampetsc.plots.cell_drawing import (
@@ -83,7 +83,7 @@ def plot_fields(results, page, omega=None, packing=None, phase=PHASES[0], total=
     disks = source_of(sweep, packing)
     section = section_of(disks, height)
     shown, numbers = section.members(particle_rows(sweep, disks))
-    (load,) = loads_of(sweep.load, disks.dimension)
+    (load,) = sweep.load.of(disks.dimension)
     affine = np.zeros((len(shown), disks.dimension))
     if total:
         affine = load.imposed(section.positions[shown] - 0.5 * disks.cell.sum(axis=0))

@@ -24,9 +24,8 @@ from jampetsc.errors import InputError
 from jampetsc.laws.loads import (
     TENSOR,
     Load,
+    LoadChoice,
     compression,
-    load_text,
-    loads_of,
     named_loads,
     pure_shear,
     simple_shear,
@@ -148,20 +147,20 @@ def test_turned_by_a_right_angle(session):
 
 def test_loads_are_read_as_they_are_written():
     names = {**named_loads(2), TENSOR: None}
-    assert [load_text(name) for name in names] == list(names)
-    assert all(loads_of(name, 2) == (load,) for name, load in named_loads(2).items())
-    assert loads_of(TENSOR, 3) == symmetric_loads(3) and len(symmetric_loads(3)) == 6
+    assert [LoadChoice(name) for name in names] == list(names)
+    assert all(LoadChoice(name).of(2) == (load,) for name, load in named_loads(2).items())
+    assert LoadChoice(TENSOR).of(3) == symmetric_loads(3) and len(symmetric_loads(3)) == 6
     for value in ("0.3,-1,0.2,0.7", [[0.3, -1.0], [0.2, 0.7]], ANY, np.array([0.3, -1, 0.2, 0.7])):
-        (load,) = loads_of(load_text(value), 2)
+        (load,) = LoadChoice(value).of(2)
         assert load.rows == ANY.rows
-    assert load_text(compression(2)) == "compression" and load_text(pure_shear()) == "pure-xy"
+    assert LoadChoice(compression(2)) == "compression" and LoadChoice(pure_shear()) == "pure-xy"
     assert uniaxial(3, "z").name == "zz" and simple_shear(3, "zx").rows[2] == (1.0, 0.0, 0.0)
     for wrong in ("shear", "1,2,3", "nan,0,0,1", "0,0,0,0", [[1.0]]):
         with pytest.raises(InputError, match="load"):
-            load_text(wrong)
+            LoadChoice(wrong)
     for text in ("zz", "1,0,0,0,1,0,0,0,1"):
         with pytest.raises(InputError, match="not a load in 2 dimensions"):
-            loads_of(text, 2)
+            LoadChoice(text).of(2)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
