@@ -93,22 +93,24 @@ def require_stability(network: DistributedNetwork, control: str, load: Load) -> 
 class _PointSolver:
     """Solves points of one packing.
 
+    comm            of the ranks that share the points
     on_one_rank     whether each rank solves points alone; else all ranks work on one point
     """
 
     def __init__(self, disks, network, law, moving, steps, cycles, load):
         self._disks, self._law, self._steps, self._cycles = disks, law, steps, cycles
+        self.comm = network.comm
         self.on_one_rank, self.name = moving, "steps" if moving else "cycle"
         if moving:
             self.regularisation = LINEAR_BELOW**law.exponent if law.exponent != 1.0 else 0.0
             # each rank has a factor of its own
             unknowns = network.n * law.dofs(network.dimension)
-            require_memory(network, unknowns, FACTOR_PREFIX, current().size)
+            require_memory(network, unknowns, FACTOR_PREFIX, network.comm.size)
         else:
             self.regularisation = relative_softening(law.exponent)
         with current().alone() if moving else contextlib.nullcontext():
             if moving:
-                network = build_network(disks, current().comm, network.prestress)
+                network = build_network(disks, current().MPI.COMM_SELF, network.prestress)
             rho0, steps = 2.0 * float(disks.radii.mean()), START_STEPS if moving else steps
             self._oscillation = SteadyOscillation(network, law, rho0, steps, load=load)
 
@@ -129,12 +131,11 @@ def _solve_batch(solver, points) -> list:
         except ConvergenceError as error:
             return error
 
-    session = current()
     if not solver.on_one_rank:
         return [outcome(drive) for drive in points]
-    own, comm = None, session.comm
-    if session.rank < len(points):
-        with session.alone():
+    own, comm = None, solver.comm
+    if comm.rank < len(points):
+        with current().alone():
             own = outcome(points[comm.rank])
     return comm.allgather(own)[: len(points)]
 
@@ -144,10 +145,10 @@ def _solve_points(solver, points, unit, records, save):
 
     unit   of the amplitudes of the points
     """
-    session, failures = current(), {}
+    session, comm, failures = current(), solver.comm, {}
     missing = [number for number in range(len(points)) if number not in records]
-    batch_size = session.size if solver.on_one_rank else 1
-    with Progress(len(points), "oscillate", session.rank, done=len(records)) as progress:
+    batch_size = comm.size if solver.on_one_rank else 1
+    with Progress(len(points), "oscillate", comm.rank, done=len(records)) as progress:
         if records:
             progress.note(f"resuming: {len(records)} points are finished")
         while missing:

@@ -107,7 +107,7 @@ class FrequencySolver:
             pencil.network, pencil.unknowns, PREFIX, 2.0 if session.scalar_type == "complex" else 4.0
         )
         self.form = ComplexForm(pencil.K, pencil.B)
-        self.ksp = mumps.make_ksp(session.comm, PREFIX, DEFAULTS)
+        self.ksp = mumps.make_ksp(pencil.network.comm, PREFIX, DEFAULTS)
         self.ksp.setOperators(self.form.A)
         # whether the factor of an earlier frequency serves until it no longer converges
         self.reuse = session.PETSc.Options(PREFIX).getBool("ksp_reuse_preconditioner", False)

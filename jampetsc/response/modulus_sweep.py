@@ -172,7 +172,7 @@ def sweep_rationally(
     be certified.
     """
     loads, steps, sweeps = list(loads or [pencil.load]), dict(resume or {}), []
-    with _FloppyModesExplained(pencil), Progress(None, "sweep", current().rank) as progress:
+    with _FloppyModesExplained(pencil), Progress(None, "sweep", pencil.network.comm.rank) as progress:
         try:
             for number, load in enumerate(loads):
                 factors = sweeps[0].factors if sweeps else None
@@ -280,7 +280,7 @@ def sweep_directly(
     missing = [index for index in range(len(omega)) if index not in steps]
     with (
         _FloppyModesExplained(pencil),
-        Progress(len(omega), "sweep", session.rank, done=len(steps)) as progress,
+        Progress(len(omega), "sweep", pencil.network.comm.rank, done=len(steps)) as progress,
     ):
         if steps:
             solver.restore(*steps[max(steps)][0]["singular_bound"])

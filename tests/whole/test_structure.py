@@ -271,3 +271,15 @@ def test_what_is_imported_is_there():
             if not module.is_file() or words[-1] not in defined(module):
                 wrong.append(f"{name(path)} imports {'.'.join(words)}")
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("room", ["response", "oscillation", "jamming"])
+def test_what_computes_takes_the_communicator_of_its_network(room):
+    """The session's is of the whole job."""
+    text = {path: path.read_text() for path in (PACKAGE / room).glob("*.py")}
+    wrong = [
+        name(path)
+        for path, code in text.items()
+        if re.search(r"(current\(\)|session)\.(comm|rank|size)\b", code)
+    ]
+    assert not wrong, wrong
