@@ -14,7 +14,7 @@ from common import folder_and_picture, saved_page
 import jampetsc
 from jampetsc.analysis.correlated_series import Average, mean_of_averages
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.jamming.quasistatic_shear import ENERGY_CUT
+from jampetsc.jamming.stepwise_shear import ENERGY_CUT
 from jampetsc.plots import style
 from jampetsc.plots.jamming_plots import samples_of
 

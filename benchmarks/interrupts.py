@@ -94,9 +94,9 @@ def child(words):
     def run_often(job, *settings):
         if job.NAME in ("flow", "shear"):
             from jampetsc.flows import flow_run
-            from jampetsc.jamming import quasistatic_shear
+            from jampetsc.jamming import stepwise_shear
 
-            flow_run.SAVE_INTERVAL = quasistatic_shear.SAVE_INTERVAL = 0.3
+            flow_run.SAVE_INTERVAL = stepwise_shear.SAVE_INTERVAL = 0.3
         return run(job, *settings)
 
     execution._run = run_often

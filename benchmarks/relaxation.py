@@ -31,7 +31,7 @@ COLUMNS = "command,file,state,n,phi,seed,gradients,minimise,dynamics,earlier".sp
 def relaxed(n, seed):
     """The row of one start: U/N of its minima, and U/N of the dynamics at half of the time."""
     import jampetsc
-    from jampetsc.jamming.quasistatic_shear import measure_minimum
+    from jampetsc.jamming.stepwise_shear import measure_minimum
     from jampetsc.minimisation.descent import Goal
     from jampetsc.minimisation.minimise import minimise
     from jampetsc.petsc.hessian_solver import NewtonSolver

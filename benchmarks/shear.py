@@ -21,7 +21,7 @@ import numpy as np
 from common import processor
 
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
+from jampetsc.jamming.stepwise_shear import StepwiseShear, measure_minimum
 from jampetsc.minimisation.descent import Descent, Goal
 from jampetsc.minimisation.fire import fire_descent
 from jampetsc.minimisation.minimise import settle
@@ -144,7 +144,7 @@ def start_of(n, phi, seed):
 
 def run_of_jampetsc(disks, step, steps):
     """Pressures of the states of a run, 0 where they do not jam."""
-    slow = QuasistaticShear(disks, step, HessianSolver(), TOLERANCE)
+    slow = StepwiseShear(disks, step, HessianSolver(), TOLERANCE)
     for _ in range(steps):
         slow.advance()
         yield slow.minimum.pressure * slow.minimum.jammed
@@ -190,7 +190,7 @@ def compare_runs(n, phi, step, seeds):
 def measure(n, phi, step, steps):
     """Two lines of the table: jampetsc and its peers."""
     start = start_of(n, phi, 1)
-    slow = QuasistaticShear(start, step, HessianSolver(), TOLERANCE)
+    slow = StepwiseShear(start, step, HessianSolver(), TOLERANCE)
     for _ in range(20):
         slow.advance()
     cost = {name: [] for name in ("jampetsc", *PEERS)}

@@ -5,7 +5,7 @@ import numpy as np
 from jampetsc.commands import run_files
 from jampetsc.flows import flow_run
 from jampetsc.flows.steady_shear import SteadyShear
-from jampetsc.jamming import quasistatic_shear
+from jampetsc.jamming import stepwise_shear
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import MODELS, Model, Scheme
 from jampetsc.minimisation.minimise import settle
@@ -55,7 +55,7 @@ def shear(name, disks=None, rate=1e-2, step=0.05, method=None, tolerance=1e-13) 
 
 def stop_after(monkeypatch, saves) -> list:
     """Runs save after every row, and end as if killed when they have so often; [times that are left]."""
-    for module in (flow_run, quasistatic_shear):
+    for module in (flow_run, stepwise_shear):
         monkeypatch.setattr(module, "SAVE_INTERVAL", -1.0)
     save, left = run_files.save_rows, [saves]
 

@@ -28,7 +28,7 @@ from claims.verdicts import Estimate, between, exact, number
 from jampetsc.analysis.correlated_series import Average
 from jampetsc.analysis.scaling_collapse import BOUNDS
 from jampetsc.analysis.statistics import mean_with_error
-from jampetsc.jamming.quasistatic_shear import ENERGY_CUT
+from jampetsc.jamming.stepwise_shear import ENERGY_CUT
 
 HALF = "½ = difference of α − 1"
 COMPARED = (  # (ensemble, potential), less another, what for

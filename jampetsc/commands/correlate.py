@@ -119,7 +119,7 @@ class Correlate(Job):
     omega: Numbers | None = optional_parameter(
         "sweep: frequencies of the fields to correlate (default: all)", value_type=FREQUENCIES
     )
-    packing: Packing | None = optional_parameter(
+    packing: Packing | str | None = optional_parameter(
         "sweep: file of its packing (default: as the result records it)", value_type=PACKING
     )
 

@@ -45,7 +45,7 @@ class Export(Job):
     field: float | None = optional_parameter(
         "sweep: frequency of the field", above=0.0, high=1e300, metavar="OMEGA"
     )
-    packing: Packing | None = optional_parameter(
+    packing: Packing | str | None = optional_parameter(
         "file of the packing of a result (default: as the result records it)", value_type=PACKING
     )
 

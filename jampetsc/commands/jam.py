@@ -118,8 +118,8 @@ A killed run continues when the same command is given again. Options of the Newt
 
     def work(self, to):
         from jampetsc.commands.run_files import run_provenance, save_rows, saved_rows
-        from jampetsc.jamming.quasistatic_shear import ENERGY_CUT
         from jampetsc.jamming.samples import batch_size, make_samples
+        from jampetsc.jamming.stepwise_shear import ENERGY_CUT
         from jampetsc.petsc.hessian_solver import HessianSolver
 
         start_time, running, protocol = time.perf_counter(), session.current(), self.made_protocol
@@ -137,12 +137,12 @@ A killed run continues when the same command is given again. Options of the Newt
             columns = make_samples(
                 protocol,
                 radii,
-                self.phi.tolist(),
-                self.seeds,
-                potential,
-                HessianSolver(),
-                self.tolerance,
-                comm,
+                phis=self.phi.tolist(),
+                seeds=self.seeds,
+                potential=potential,
+                solver=HessianSolver(),
+                tolerance=self.tolerance,
+                comm=comm,
                 dimension=self.dimension,
                 resume=resume,
                 save=lambda columns: on_root(comm, lambda: save_rows(checkpoint, columns, {})),

@@ -40,7 +40,7 @@ of them, are found by LAPACK, which takes no options."""
 
     SOLVERS: ClassVar = ("modes_", "shift_", "inertia_")
 
-    packing: Packing = parameter(help="packing or network", value_type=PACKING_OR_NETWORK, place=FILE)
+    packing: Packing | str = parameter(help="packing or network", value_type=PACKING_OR_NETWORK, place=FILE)
     count: int | None = optional_parameter(
         f"number of modes (default {COUNT}); more where the last eigenvalues are equal", low=1, metavar="M"
     )

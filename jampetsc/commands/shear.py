@@ -60,7 +60,7 @@ prefix -newton_."""
     def work(self, to):
         from jampetsc.analysis.strain_series import StrainSeries, discarded_strain
         from jampetsc.commands.run_files import run_provenance, run_units, save_rows, saved_rows, write_series
-        from jampetsc.jamming.quasistatic_shear import PATH_COLUMNS, shear_quasistatically
+        from jampetsc.jamming.stepwise_shear import PATH_COLUMNS, shear_stepwise
         from jampetsc.minimisation.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
 
@@ -92,7 +92,7 @@ prefix -newton_."""
         with Progress(MAX_LINES, "shear", done=rows * MAX_LINES // steps) as progress:
             if resume is not None:
                 progress.note(f"{to}: continues from strain {series.strain:.6g}")
-            path = shear_quasistatically(
+            path = shear_stepwise(
                 disks,
                 self.step,
                 steps,
@@ -125,7 +125,7 @@ prefix -newton_."""
         """Attributes of the file, without provenance and origin of the disks."""
         from jampetsc.analysis.strain_series import average_facts
         from jampetsc.commands.run_files import potential_facts
-        from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, PLASTIC_RATIO
+        from jampetsc.jamming.stepwise_shear import ENERGY_CUT, PLASTIC_RATIO
 
         return {
             "step": self.step,

@@ -108,23 +108,23 @@ class Means:
         excess = duration * float(np.sum(inner * (work - spent))) - float(energy[-1] - energy[0])
         checked = len(work) >= MIN_CHECKED_ROWS and total > 0
         return cls(
-            Average.of(stress.sum(1)),
-            Average.of(pressure.sum(1)),
-            Average.of(trajectory.column("contact_number")[kept]),
-            float(trajectory.column("largest_cluster")[kept].mean()),
-            {
+            shear_stress=Average.of(stress.sum(1)),
+            pressure=Average.of(pressure.sum(1)),
+            contact_number=Average.of(trajectory.column("contact_number")[kept]),
+            largest_cluster=float(trajectory.column("largest_cluster")[kept].mean()),
+            walls={
                 name: Average.of(trajectory.column(name)[kept])
                 for name in WALL_AVERAGES
                 if name in trajectory.columns
             },
-            stress.mean(0),
-            spacing * int(kept.sum()),
-            spacing,
-            float(work.sum() / spent.sum())
+            parts=stress.mean(0),
+            strain=spacing * int(kept.sum()),
+            spacing=spacing,
+            energy_balance=float(work.sum() / spent.sum())
             if spent.sum() > MAX_REVERSIBLE_RATIO * np.abs(work).sum()
             else np.nan,
-            excess / total if checked else np.nan,
-            float(np.abs(np.diff(energy, 2)).max()) / total if checked else np.nan,
+            mismatch=excess / total if checked else np.nan,
+            unresolved=float(np.abs(np.diff(energy, 2)).max()) / total if checked else np.nan,
         )
 
     @property

@@ -9,8 +9,8 @@ import numpy as np
 
 from jampetsc.analysis.jammed_samples import assortativity
 from jampetsc.errors import ConvergenceError
-from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum, quench
 from jampetsc.jamming.sample_protocol import SampleProtocol
+from jampetsc.jamming.stepwise_shear import StepwiseShear, measure_minimum, quench
 from jampetsc.minimisation.minimise import settle
 from jampetsc.minimisation.protocols import random_start, rescaled
 from jampetsc.minimisation.thermal import annealed
@@ -67,13 +67,13 @@ def segregation(disks: Packing) -> float:
 def make_samples(
     protocol: SampleProtocol,
     radii,
+    *,
     phis,
     seeds,
     potential: Potential,
     solver,
     tolerance: float,
     comm,
-    *,
     dimension: int = 2,
     resume: dict | None = None,
     save: Callable[[dict], None] | None = None,
@@ -165,7 +165,7 @@ def _minimum_row(minimum, n):
 
 def _shear(protocol, start, solver, tolerance):
     """Generates the rows of samples along quasistatic shear."""
-    shear = QuasistaticShear(start, protocol.step, solver, tolerance)
+    shear = StepwiseShear(start, protocol.step, solver, tolerance)
     steps = round(protocol.discard / protocol.step)
     for _ in range(protocol.rows):
         steps += max(1, round(protocol.every / protocol.step))
@@ -181,7 +181,7 @@ def _compress(protocol, start, seeds, solver, tolerance):
     cold = annealed(start, temperature, protocol.cooling_rate, protocol.sweeps, generator)
     disks, minimum = quench(cold, solver, tolerance)
     if protocol.strain:
-        shear = QuasistaticShear(disks, protocol.step, solver, tolerance)
+        shear = StepwiseShear(disks, protocol.step, solver, tolerance)
         for _ in range(round(protocol.strain / protocol.step)):
             shear.advance()
         disks, minimum = shear.disks, shear.minimum

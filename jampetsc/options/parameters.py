@@ -2,7 +2,7 @@
 
     @dataclass(frozen=True)
     class Sweep(Job):
-        packing: Packing = parameter(help="packing", value_type=PACKING)
+        packing: Packing | str = parameter(help="packing", value_type=PACKING)
         law: Law = composite_parameter(DAMPING)                # several options that make one object
         accuracy: float = parameter(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
 

@@ -109,7 +109,7 @@ PRESTRESS = parameter(
 class PackingJob(Job):
     """Base of jobs on the matrices of a packing, under a damping law."""
 
-    packing: Packing = parameter(help="packing", value_type=PACKING, place=FILE)
+    packing: Packing | str = parameter(help="packing", value_type=PACKING, place=FILE)
     law: Law = composite_parameter(DAMPING)
     prestress: bool = PRESTRESS
 
@@ -123,7 +123,7 @@ class PackingJob(Job):
 class NetworkJob(PackingJob):
     """Base of jobs on the matrices of a packing or a network of springs."""
 
-    packing: Packing = parameter(help="packing or network", value_type=PACKING_OR_NETWORK, place=FILE)
+    packing: Packing | str = parameter(help="packing or network", value_type=PACKING_OR_NETWORK, place=FILE)
 
 
 MODEL_HELP = (

@@ -39,6 +39,7 @@ def sweep_amplitudes(
     disks: Packing,
     network: DistributedNetwork,
     law: Law,
+    *,
     omega,
     amplitudes,
     control: str,

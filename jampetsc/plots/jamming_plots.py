@@ -19,7 +19,7 @@ STRAIN_HEIGHT = 2.3  # inches of one row of panels
 
 
 @picture("strain", "shear")
-def plot_quasistatic_shear(results, page):
+def plot_stepwise_shear(results, page):
     """U/N on a log scale, σ, p and Z over γ of one run or several; unjammed states are light, means dashed."""
     units = flow_units(results)
     panels = {"energy": units.label("U/N", "energy"), "shear_stress": units.label(r"\sigma", "stress")}

@@ -30,6 +30,7 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
 
+NETWORK_IMBALANCE = "max|F|/mean|T|"  # the imbalance of a `Network`
 RIGID_REMEDY = "raise the pressure or finish the quench"  # of a `Packing`
 UNBALANCED_REMEDY = (
     "finish the quench: forces are not balanced; a packing made with friction, which is not supported, has too few "
@@ -62,8 +63,7 @@ class DistributedNetwork:
     imbalance: float
     pushes: bool  # whether any contact has f > 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
-    imbalance_measure: str = IMBALANCE[2]  # of a `Network`: max|F|/mean|T|
-    remedy: str = RIGID_REMEDY  # of floppy modes, in words
+    of_particles: bool = True  # whether its bonds are contacts of particles; else those of a `Network`
 
     @property
     def dimension(self) -> int:
@@ -77,7 +77,8 @@ class DistributedNetwork:
     @property
     def imbalance_text(self) -> str:
         """`imbalance` with its measure."""
-        return f"{self.imbalance_measure} = {self.imbalance:.1e}"
+        measure = IMBALANCE[self.dimension] if self.of_particles else NETWORK_IMBALANCE
+        return f"{measure} = {self.imbalance:.1e}"
 
     @property
     def sum_of_squares(self) -> str:
@@ -155,8 +156,6 @@ def _spread_packing(packing, comm, prestress):
         pressure=pressure,
         threshold=threshold,
         imbalance=imbalance,
-        imbalance_measure=IMBALANCE[packing.dimension],
-        remedy=RIGID_REMEDY if imbalance <= BALANCED else UNBALANCED_REMEDY,
         prestress=prestress,
     )
 
@@ -183,8 +182,7 @@ def _spread_network(source, comm, prestress):
         pressure=source.pressure,
         threshold=0.0,
         imbalance=source.imbalance if prestress else 0.0,
-        imbalance_measure="max|F|/mean|T|",
-        remedy=FLOPPY_REMEDY,
+        of_particles=False,
         prestress=prestress,
     )
 
@@ -232,6 +230,13 @@ def _imbalance(disks, every, rows, rattler, pressure, comm):
     return largest / unit if unit > 0.0 else np.inf
 
 
+def floppy_remedy(network: DistributedNetwork) -> str:
+    """What to do about floppy modes of a network, in words."""
+    if not network.of_particles:
+        return FLOPPY_REMEDY
+    return RIGID_REMEDY if network.imbalance <= BALANCED else UNBALANCED_REMEDY
+
+
 def _require_rigid(network, total):
     contacts = network.contact_count
     if network.n == 0:
@@ -243,7 +248,7 @@ def _require_rigid(network, total):
     if floppy > 0:
         raise InputError(
             f"{contacts} contacts between {network.n} particles leave at least {floppy} floppy modes: below jamming; "
-            f"{network.remedy}"
+            f"{floppy_remedy(network)}"
         )
 
 

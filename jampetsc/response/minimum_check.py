@@ -16,7 +16,7 @@ from jampetsc.petsc.inertia import Inertia, count_eigenvalues
 from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import PREFIX, ShiftedFactor
 from jampetsc.response.assembly import Pencil, assemble
-from jampetsc.response.contact_network import DistributedNetwork, find_pieces
+from jampetsc.response.contact_network import DistributedNetwork, find_pieces, floppy_remedy
 from jampetsc.response.factor_memory import require_memory
 from jampetsc.response.shift_factors import bytes_of_factor
 
@@ -168,7 +168,7 @@ def _floppy_modes(network, inertia):
         return ""
     return (
         f"K has {floppy} floppy mode{'s' * (floppy > 1)} besides its translations: the response to strain is not "
-        f"unique; {network.remedy}"
+        f"unique; {floppy_remedy(network)}"
     )
 
 

@@ -11,9 +11,9 @@ import jampetsc
 from jampetsc.analysis.jammed_samples import assortativity
 from jampetsc.errors import ConvergenceError
 from jampetsc.jamming import samples
-from jampetsc.jamming.quasistatic_shear import ENERGY_CUT, MinimumState, QuasistaticShear, quench
 from jampetsc.jamming.sample_protocol import SampleProtocol
 from jampetsc.jamming.samples import find_jamming_density, sample_seed
+from jampetsc.jamming.stepwise_shear import ENERGY_CUT, MinimumState, StepwiseShear, quench
 from jampetsc.minimisation.minimise import settle
 from jampetsc.minimisation.protocols import random_start
 from jampetsc.minimisation.sizes import radii_of
@@ -135,7 +135,7 @@ def test_an_independent_program_finds_the_same_states(solver, kind):
     alpha, side = law.alpha, disks.cell[0, 0]
     _, *row = independent.quenched(disks.positions, disks.radii, side, 0.0, alpha)
     assert row == [pytest.approx(minimum.energy / 16, rel=1e-7), pytest.approx(minimum.pressure, rel=1e-7)]
-    slow, found = QuasistaticShear(disks, 2e-3, solver, 1e-8), []
+    slow, found = StepwiseShear(disks, 2e-3, solver, 1e-8), []
     for _ in range(4):  # before disks rearrange: which state they fall into then is a matter of rounding
         slow.advance()
         found.append((slow.minimum.energy / 16, slow.minimum.pressure))
@@ -181,7 +181,7 @@ def test_results_of_other_protocols(session):
 )
 def test_samples_are_a_whole_number_of_steps_apart(monkeypatch, every, discard, strain, strains):
     class Steps:
-        """In place of QuasistaticShear: disks that do not move."""
+        """In place of StepwiseShear: disks that do not move."""
 
         def __init__(self, disks, step, *_):
             self.disks, self.step, self.strain, self.steps = disks, step, 0.0, 0
@@ -192,7 +192,7 @@ def test_samples_are_a_whole_number_of_steps_apart(monkeypatch, every, discard, 
             if self.strain > 1.05:
                 raise ConvergenceError("lost")
 
-    monkeypatch.setattr(samples, "QuasistaticShear", Steps)
+    monkeypatch.setattr(samples, "StepwiseShear", Steps)
     protocol = SampleProtocol("shear", step=0.1, strain=strain, discard=discard, every=every)
     rows = sample_seed(protocol, radii_of("bidisperse", 16), 0.8, 1, POTENTIAL, None, 1e-6)
     found = [row["strain"] for row in rows]
@@ -268,7 +268,7 @@ def test_a_sample_whose_minimum_is_not_found_is_nan(monkeypatch):
     def lost(*_, **__):
         raise ConvergenceError("no minimum")
 
-    for name in ("quench", "QuasistaticShear"):
+    for name in ("quench", "StepwiseShear"):
         monkeypatch.setattr(samples, name, lost)
     hot = SampleProtocol("compress", temperature=1e-3, cooling_rate=2.0, sweeps=1)
     slow = SampleProtocol("shear", step=0.01, strain=0.05, discard=0.01, every=0.01)

@@ -10,13 +10,13 @@ import jampetsc
 from jampetsc import main as cli
 from jampetsc.analysis.strain_series import StrainSeries
 from jampetsc.errors import InputError
-from jampetsc.jamming import quasistatic_shear
-from jampetsc.jamming.quasistatic_shear import (
+from jampetsc.jamming import stepwise_shear
+from jampetsc.jamming.stepwise_shear import (
     ENERGY_CUT,
     PATH_COLUMNS,
-    QuasistaticShear,
+    StepwiseShear,
     measure_minimum,
-    shear_quasistatically,
+    shear_stepwise,
 )
 from jampetsc.laws.relative_motion import transverse_axes
 from jampetsc.minimisation.descent import Effort, Goal
@@ -72,7 +72,7 @@ def test_shear_begins_without_stress_from_a_packing_at_a_packing_fraction_that_h
 
 @pytest.fixture
 def jammed(session):
-    """48 disks at φ = 0.87 to shear quasistatic_shear, and the solver of their quench."""
+    """48 disks at φ = 0.87 to shear stepwise_shear, and the solver of their quench."""
     from jampetsc.petsc.hessian_solver import NewtonSolver
 
     return settle(random_start(1.2 * radii_of("bidisperse", 48), 0.87, 1, SOFT), 1e-6), NewtonSolver()
@@ -80,12 +80,12 @@ def jammed(session):
 
 def test_plastic_events_are_the_steps_that_cannot_be_reversed(jammed):
     """A step back restores the energy, except after a plastic event."""
-    slow = QuasistaticShear(jammed[0], 2e-3, jammed[1], 1e-8)
+    slow = StepwiseShear(jammed[0], 2e-3, jammed[1], 1e-8)
     elastic, plastic = [], []
     for _ in range(70):
         before, here = slow.minimum if slow.steps else None, slow.disks
         step = slow.advance()
-        back = QuasistaticShear(slow.disks, -2e-3, jammed[1], 1e-8)
+        back = StepwiseShear(slow.disks, -2e-3, jammed[1], 1e-8)
         back.advance()
         loss = back.minimum.energy - measure_minimum(here).energy
         assert before is None or before.energy == pytest.approx(measure_minimum(here).energy, rel=1e-9)
@@ -97,7 +97,7 @@ def test_plastic_events_are_the_steps_that_cannot_be_reversed(jammed):
 def test_the_descent_finds_the_minimum_of_a_quench(jammed):
     """Minima of the same energy as L-BFGS and a proof find from the same affine step, in a fifth of the evaluations."""
     disks, solver = jammed
-    slow = QuasistaticShear(disks, 5e-4, solver, 1e-9)
+    slow = StepwiseShear(disks, 5e-4, solver, 1e-9)
     cost, same = Effort(), 0
     evaluations = 0
     for _ in range(20):
@@ -138,7 +138,7 @@ def test_every_state_of_a_crystal_is_a_minimum(session, n, phi, seed, step, rows
     from jampetsc.petsc.hessian_solver import NewtonSolver
 
     start = settle(random_start(radii_of("monodisperse", n), phi, seed, SOFT), 1e-6)
-    slow = QuasistaticShear(start, step, NewtonSolver(), tolerance)
+    slow = StepwiseShear(start, step, NewtonSolver(), tolerance)
     for _ in range(rows):
         done = slow.advance()
         assert np.linalg.eigvalsh(stiffness_matrix(slow.disks))[0] > -1e-8
@@ -147,7 +147,7 @@ def test_every_state_of_a_crystal_is_a_minimum(session, n, phi, seed, step, rows
 
 
 def test_disorder_is_proved_only_now_and_then(jammed):
-    slow = QuasistaticShear(jammed[0], 1e-4, jammed[1], 1e-6)
+    slow = StepwiseShear(jammed[0], 1e-4, jammed[1], 1e-6)
     assert [slow.advance().proved for _ in range(51)] == [False] * 49 + [True, False]
 
 
@@ -167,7 +167,7 @@ def test_disks_are_jammed_by_their_energy_in_units_of_k(jammed):
     disks, solver = jammed
     found = []
     for k in (1.0, 2.0**-50):
-        slow = QuasistaticShear(disks.replace(potential=replace(SOFT, k=k)), 5e-4, solver, 1e-6)
+        slow = StepwiseShear(disks.replace(potential=replace(SOFT, k=k)), 5e-4, solver, 1e-6)
         plastic = slow.advance().plastic
         assert slow.minimum.jammed and measure_minimum(slow.disks).jammed and not plastic
         found.append(slow.minimum.energy / k)
@@ -177,7 +177,7 @@ def test_disks_are_jammed_by_their_energy_in_units_of_k(jammed):
 def test_a_step_begins_with_the_last_displacement_unless_disks_rearranged(jammed):
     """Displacements of a hundredth of a diameter and more are not repeated."""
     disks, solver = jammed
-    slow, large = QuasistaticShear(disks, 2e-3, solver, 1e-7), 0
+    slow, large = StepwiseShear(disks, 2e-3, solver, 1e-7), 0
     for _ in range(40):
         slow.advance()
         moved = slow._displacement
@@ -192,13 +192,13 @@ def test_a_step_begins_with_the_last_displacement_unless_disks_rearranged(jammed
 
 def test_displacements_in_a_quench_are_to_the_nearest_image(jammed, monkeypatch):
     """Disks that leave the cell enter on the other side."""
-    monkeypatch.setattr(quasistatic_shear, "MAX_STEP_EVALUATIONS", 0)  # every step ends by a quench
+    monkeypatch.setattr(stepwise_shear, "MAX_STEP_EVALUATIONS", 0)  # every step ends by a quench
     disks, solver = jammed
     disks = minimise(disks, Goal(), solver, tolerance=1e-6).disks
     crossed = 0
     for disk in range(6):
         edge = disks.replace(base=disks.base - disks.base[disk], offset=disks.offset - disks.offset[disk])
-        slow = QuasistaticShear(edge, 1e-3, solver, 1e-6)
+        slow = StepwiseShear(edge, 1e-3, solver, 1e-6)
         before = slow.disks.positions
         assert slow.advance().nonaffine < 0.05
         crossed += np.abs(slow.disks.positions - before).max() > 1.0
@@ -216,8 +216,8 @@ def test_all_ways_of_descent_end_in_the_same_minimum(jammed, monkeypatch):
     ):
         with monkeypatch.context() as context:
             for name, value in constants.items():
-                context.setattr(quasistatic_shear, name, value)
-            slow = QuasistaticShear(*jammed[:1], 2e-4, jammed[1], 1e-9)
+                context.setattr(stepwise_shear, name, value)
+            slow = StepwiseShear(*jammed[:1], 2e-4, jammed[1], 1e-9)
             steps = [slow.advance() for _ in range(4)]
             found.append(
                 [slow.minimum.energy, slow.minimum.shear_stress, *(step.nonaffine for step in steps)]
@@ -287,16 +287,16 @@ def test_one_run_is_one_process(session, shared_path):
 
 
 def test_a_path_of_minima_is_resumed_from_what_it_saves(jammed, monkeypatch):
-    monkeypatch.setattr(quasistatic_shear, "SAVE_INTERVAL", -1.0)  # after every step
+    monkeypatch.setattr(stepwise_shear, "SAVE_INTERVAL", -1.0)  # after every step
     disks, solver = jammed
     saved = []
-    whole = shear_quasistatically(
+    whole = shear_stepwise(
         disks, 1e-3, 4, solver, 1e-7, save=lambda series, state: saved.append((series.arrays(), state))
     )
     assert [len(arrays["strain"]) for arrays, _ in saved] == [1, 2, 3, 4]
     series = StrainSeries(PATH_COLUMNS)
     series.restore(saved[1][0])
-    parts = shear_quasistatically(disks, 1e-3, 4, solver, 1e-7, resume=(series, saved[1][1]))
+    parts = shear_stepwise(disks, 1e-3, 4, solver, 1e-7, resume=(series, saved[1][1]))
     assert len(series) == 2 and parts.disks.fingerprint == whole.disks.fingerprint
     for name, values in whole.series.arrays().items():
         assert np.array_equal(parts.series.column(name), values), name

@@ -7,7 +7,7 @@ from sheared import stop_after
 import jampetsc as jp
 from jampetsc import models
 from jampetsc.jamming import samples
-from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
+from jampetsc.jamming.stepwise_shear import StepwiseShear, measure_minimum
 from jampetsc.minimisation import ldl, warm_start
 from jampetsc.minimisation.descent import Goal
 from jampetsc.minimisation.hessian import Bonds, Pattern
@@ -60,7 +60,7 @@ def test_minima_along_shear_are_those_of_quenches(session, spheres):
     from jampetsc.petsc.hessian_solver import HessianSolver
 
     solver, step = HessianSolver(), 5e-4
-    slow, same, energies = QuasistaticShear(spheres, step, solver, 1e-9), 0, []
+    slow, same, energies = StepwiseShear(spheres, step, solver, 1e-9), 0, []
     for _ in range(8):
         affine = deformed(slow.disks, np.zeros((40, 3)), simple_shear(step))
         slow.advance()
@@ -72,7 +72,7 @@ def test_minima_along_shear_are_those_of_quenches(session, spheres):
         assert state.max_force < 1e-9 * state.pressure * slow.diameter**2
         energies.append(slow.minimum.energy)
     assert same >= 7
-    again = QuasistaticShear(spheres, step, solver, 1e-9)
+    again = StepwiseShear(spheres, step, solver, 1e-9)
     again.restore(slow.state())
     assert again.minimum == slow.minimum and again.disks.fingerprint == slow.disks.fingerprint
 

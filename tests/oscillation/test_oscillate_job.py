@@ -81,11 +81,27 @@ def test_a_sweep_in_memory_is_resumed(session):
     law, records = physics(rotations=False).law, {}
     network = network_of(published(), physics(rotations=False), session.comm)
     first = sweep_amplitudes(
-        published(), network, law, [0.1], [1e-5], "strain", steps=16, save=records.__setitem__
+        published(),
+        network,
+        law,
+        omega=[0.1],
+        amplitudes=[1e-5],
+        control="strain",
+        steps=16,
+        save=records.__setitem__,
     )
     assert list(records) == [0] and records[0]["G"] == first.arrays["G"][0, 0] and not first.failures
     marked = {0: records[0] | {"G": 7.0 + 1.0j}}
-    again = sweep_amplitudes(published(), network, law, [0.1, 1.0], [1e-5], "strain", steps=16, resume=marked)
+    again = sweep_amplitudes(
+        published(),
+        network,
+        law,
+        omega=[0.1, 1.0],
+        amplitudes=[1e-5],
+        control="strain",
+        steps=16,
+        resume=marked,
+    )
     assert again.arrays["G"][0, 0] == 7.0 + 1.0j and list(marked) == [0]
     assert abs(again.arrays["G"][0, 1]) > abs(first.arrays["G"][0, 0])
 

@@ -12,7 +12,7 @@ from spheres import few_spheres
 from sweeps import Sweep
 
 from jampetsc.errors import ConvergenceError
-from jampetsc.jamming.quasistatic_shear import QuasistaticShear, measure_minimum
+from jampetsc.jamming.stepwise_shear import StepwiseShear, measure_minimum
 from jampetsc.minimisation.hessian import Bonds
 from jampetsc.oscillation import dashpots, repeated_cycles, time_step
 from jampetsc.oscillation.drive import Drive, Imposed, Moduli
@@ -183,7 +183,7 @@ def test_slow_shear_goes_from_minimum_to_minimum():
     motion = sheared(moving(1e6, 1e-3), 2e-2, 20)
     state = measure(motion.disks)
     assert state.max_force < 1e-4 * state.pressure
-    slow = QuasistaticShear(published(), 1e-3, NewtonSolver(), 1e-10)
+    slow = StepwiseShear(published(), 1e-3, NewtonSolver(), 1e-10)
     for _ in range(20):
         slow.advance()
     assert measure_minimum(slow.disks).shear_stress == pytest.approx(state.stress[0, 1], abs=1e-6)

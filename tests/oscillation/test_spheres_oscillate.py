@@ -185,7 +185,16 @@ def test_factors_that_memory_cannot_hold_are_refused(session, monkeypatch, conta
     disks, law = few_spheres(), law_of(ROLLING)
     network = network_of(disks, law, session.comm)
     with pytest.raises(InputError, match=r"factor of 84 unknowns: needs .* -osc_factor_mat_mumps_icntl_22 1"):
-        sweep_amplitudes(disks, network, law.law, [1.0], [1e-6], "strain", contacts, steps=16)
+        sweep_amplitudes(
+            disks,
+            network,
+            law.law,
+            omega=[1.0],
+            amplitudes=[1e-6],
+            control="strain",
+            contacts=contacts,
+            steps=16,
+        )
 
 
 def test_a_file_is_resumed_printed_and_drawn(session, tmp_path, monkeypatch, capfd):

@@ -22,7 +22,7 @@ from jampetsc.plots.jamming_plots import (
     plot_fraction,
     plot_jamming_densities,
     plot_pressures,
-    plot_quasistatic_shear,
+    plot_stepwise_shear,
     samples_of,
 )
 
@@ -272,7 +272,7 @@ def test_an_empty_bin_has_the_error_of_one_sample():
 
 def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():
     file = shear_of([1, 1, 0, 1, 0, 0, 1, 1])
-    fig = figure_of(plot_quasistatic_shear, [file])
+    fig = figure_of(plot_stepwise_shear, [file])
     strain, units = (
         file["strain"],
         {"energy": 20.0, "shear_stress": 2.0, "pressure": 2.0, "contact_number": 1.0},
@@ -293,11 +293,11 @@ def test_states_that_jam_are_lines_others_dots_and_single_ones_dashes():
 
 
 def test_where_all_is_jammed_no_cut_is_drawn_and_plastic_events_are_marked():
-    fig = figure_of(plot_quasistatic_shear, [shear_of(np.ones(6), [0, 1, 0, 0, 1, 0])])
+    fig = figure_of(plot_stepwise_shear, [shear_of(np.ones(6), [0, 1, 0, 0, 1, 0])])
     assert told(fig.axes[0]) == ["jammed", "plastic events, in (b)", "means"]
     assert not [1 for _, _, dash, _ in lines(fig.axes[0], 2) if dash == ":"]
     marks = [line for line in fig.axes[1].get_lines() if line.get_marker() == "|"]
     np.testing.assert_allclose(marks[0].get_xdata(), [0.2, 0.5])
     assert (np.asarray(marks[0].get_ydata()) == 0.02).all()  # of the height of the panel
-    quiet = figure_of(plot_quasistatic_shear, [shear_of(np.ones(6), np.zeros(6))])
+    quiet = figure_of(plot_stepwise_shear, [shear_of(np.ones(6), np.zeros(6))])
     assert told(quiet.axes[0]) == ["jammed", "means"]

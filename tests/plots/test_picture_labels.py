@@ -73,7 +73,7 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
      [(r"$\phi$", r"$\sigma\ [k]$", "-l"), (r"$\phi$", r"$p\ [k]$", "-l"), (r"$\phi$", "$2N_c/N$", "--")]),
     (flow_plots.plot_flow, lambda folder: [series("a.h5")],
      [(r"$\gamma$", r"$\sigma\ [k]$", "--"), (r"$\gamma$", r"$p\ [k]$", "--")]),
-    (jamming_plots.plot_quasistatic_shear, lambda folder: [shear_of(np.ones(5))],
+    (jamming_plots.plot_stepwise_shear, lambda folder: [shear_of(np.ones(5))],
      [("", r"$U/N\ [k]$", "-l"), ("", r"$\sigma\ [k]$", "--"), (r"$\gamma$", r"$p\ [k]$", "--"),
       (r"$\gamma$", "$2N_c/N$", "--")]),
     (jamming_plots.plot_fraction, cooled, [(r"$\phi$", r"$f(\phi)$", "--")]),

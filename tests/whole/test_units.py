@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from dense import NewtonSteps
 
-from jampetsc.jamming.quasistatic_shear import QuasistaticShear
+from jampetsc.jamming.stepwise_shear import StepwiseShear
 from jampetsc.minimisation import protocols
 from jampetsc.minimisation.descent import Effort, Goal
 from jampetsc.minimisation.minimise import relax
@@ -96,7 +96,7 @@ def test_a_descent_at_a_pressure_is_the_same_in_any_units(kind, shear):
 def test_slow_shear_is_the_same_in_any_units(kind):
     def steps(length, k):
         disks, energy = quenched(length, k, kind, STIFFNESSES[1], Target(phi=0.88))
-        slow = QuasistaticShear(disks, 2e-3, NewtonSteps(), 1e-7)
+        slow = StepwiseShear(disks, 2e-3, NewtonSteps(), 1e-7)
         rows = [vars(slow.advance()) | vars(slow.minimum) for _ in range(25)]
         stress = energy / length**2
         units = {"energy": energy, "dissipated": energy, "shear_stress": stress, "pressure": stress}

@@ -44,7 +44,7 @@ MAX_FILL_RATIO = 1.25
 # share of contacts with the overlap of another one from which states are proved, until `_restart_list`
 MAX_ALIKE_RATIO = 0.125
 PLASTIC_RATIO = 0.25  # of G_A V Δγ²: a step that dissipates more is a plastic event
-# of a step: strain, then the fields of `quasistatic_shear.MinimumState` and `StrainStep`
+# of a step: strain, then the fields of `stepwise_shear.MinimumState` and `StrainStep`
 PATH_COLUMNS = {
     "strain": 0, "energy": 0, "shear_stress": 0, "pressure": 0, "jammed": 0, "contact_number": 0, "nonaffine": 0,
     "dissipated": 0, "plastic": 0, "proved": 0, "evaluations": 0,
@@ -98,7 +98,7 @@ def quench(disks: Packing, solver, tolerance: float) -> tuple[Packing, MinimumSt
     return minimum, measure_minimum(minimum)
 
 
-class QuasistaticShear(ListedPacking):
+class StepwiseShear(ListedPacking):
     """Disks sheared step by step; `disks`: the last minimum, `minimum`: its state, `effort`: cost so far.
 
     team: the threads of quenches; their number does not change the result.
@@ -319,7 +319,7 @@ class ShearPath:
         return _is_averaged(self.series, self.discard)
 
 
-def shear_quasistatically(
+def shear_stepwise(
     disks: Packing,
     step: float,
     steps: int,
@@ -344,7 +344,7 @@ def shear_quasistatically(
 
     Raises ConvergenceError where no minimum is found.
     """
-    shear, series = QuasistaticShear(disks, step, solver, tolerance, team), StrainSeries(PATH_COLUMNS)
+    shear, series = StepwiseShear(disks, step, solver, tolerance, team), StrainSeries(PATH_COLUMNS)
     if resume is not None:
         series.restore(resume[0].arrays())
         shear.restore(resume[1])
