@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import Held, bars, figure_of, lines
+from picture_contents import Held, bars, figure_of, lines
 from samples import stored
 
 import jampetsc

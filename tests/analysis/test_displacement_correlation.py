@@ -8,7 +8,7 @@ import pytest
 from claims.medium import dragged, solid
 from claims.medium import first_root as first_root_of
 from claims.motion import stokes
-from drawn import bands, bars, figure_of, lines, told
+from picture_contents import bands, bars, figure_of, lines, told
 from samples import stored
 
 from jampetsc import main as cli

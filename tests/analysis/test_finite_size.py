@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from claims.moduli import size_scaling
-from drawn import bars, figure_of, lines, require_inside, told
+from picture_contents import bars, figure_of, lines, require_inside, told
 
 from jampetsc.analysis.statistics import half_width, log_median, median_interval
 from jampetsc.errors import InputError

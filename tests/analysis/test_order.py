@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drawn import Held
+from picture_contents import Held
 
 from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drawn import figure_of, lines, told
+from picture_contents import figure_of, lines, told
 from samples import stored
 
 from jampetsc import main as cli

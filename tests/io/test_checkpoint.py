@@ -13,7 +13,7 @@ from itertools import count
 import launch
 import numpy as np
 import pytest
-from disturbed import killed
+from disk_faults import killed
 
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io import checkpoint as checkpoint_module

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from disturbed import WRITES, disturb, killed
+from disk_faults import WRITES, disturb, killed
 from test_result_file import assert_holds, names
 
 from jampetsc import main as cli

@@ -5,7 +5,7 @@ from itertools import count
 import h5py
 import numpy as np
 import pytest
-from disturbed import WRITES, killed
+from disk_faults import WRITES, killed
 
 from jampetsc.errors import InputError
 from jampetsc.io.packing_file import read_identified, read_packing, write_packing

@@ -12,7 +12,7 @@ import h5py
 import launch
 import numpy as np
 import pytest
-from disturbed import WRITES, disturb, killed
+from disk_faults import WRITES, disturb, killed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import basic_indices

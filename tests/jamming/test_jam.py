@@ -2,7 +2,6 @@
 
 import shutil
 
-import independent
 import numpy as np
 import pytest
 from sheared import stop_after
@@ -133,17 +132,19 @@ def test_an_independent_program_finds_the_same_states(solver, kind):
     disks, minimum = quench(start, solver, 1e-8)
     assert minimum.jammed
     alpha, side = law.alpha, disks.cell[0, 0]
-    _, *row = independent.quenched(disks.positions, disks.radii, side, 0.0, alpha)
+    _, *row = reference_disks.quenched(disks.positions, disks.radii, side, 0.0, alpha)
     assert row == [pytest.approx(minimum.energy / 16, rel=1e-7), pytest.approx(minimum.pressure, rel=1e-7)]
     slow, found = StepwiseShear(disks, 2e-3, solver, 1e-8), []
     for _ in range(4):  # before disks rearrange: which state they fall into then is a matter of rounding
         slow.advance()
         found.append((slow.minimum.energy / 16, slow.minimum.pressure))
-    _, *rows = independent.sheared(disks.positions, disks.radii, side, 2e-3, 4, alpha)
+    _, *rows = reference_disks.sheared(disks.positions, disks.radii, side, 2e-3, 4, alpha)
     assert np.allclose(np.transpose(rows), found, rtol=1e-5) and np.ptp(rows[1]) > 0.01 * rows[1][0]
     phi_J, _ = find_jamming_density(disks, True, solver, 1e-8)
     width = 3e-4  # of the bracket there
-    assert abs(independent.jamming_density(disks.positions, disks.radii, side, alpha, width) - phi_J) < width
+    assert (
+        abs(reference_disks.jamming_density(disks.positions, disks.radii, side, alpha, width) - phi_J) < width
+    )
 
 
 @pytest.mark.scalar("real")

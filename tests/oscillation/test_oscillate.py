@@ -5,11 +5,11 @@ from functools import cache
 import launch
 import numpy as np
 import pytest
-from gathered import unknowns
 from oscillations import steady_oscillation
 from powerlaw import Motion, slow_moduli
 from samples import physics, published
 from sweeps import Sweep
+from whole_arrays import unknowns
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.io.packing_file import write_packing

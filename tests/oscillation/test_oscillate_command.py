@@ -100,7 +100,7 @@ def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path):
     """Points are shared between ranks, and each is the same to the last bit; a journal of one rank serves two."""
     words = "--contacts moving --omega 0.3,1 --cycles 3 --stress 1e-6 --steps 16".split()
     line = ("oscillate", packing, "--out", tmp_path / "2.h5", *words)
-    assert launch.run(0, "run_disturbed.py", "steps", 1, *line).returncode < 0  # killed
+    assert launch.run(0, "run_with_disk_faults.py", "steps", 1, *line).returncode < 0  # killed
     files = []
     for ranks in (0, 2):
         done = oscillate(packing, "--out", tmp_path / f"{ranks}.h5", *words, ranks=ranks)

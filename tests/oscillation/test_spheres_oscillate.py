@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 from dense import Reference
-from gathered import unknowns
 from oscillations import steady_oscillation
 from powerlaw import Motion, Opening
 from samples import network_of, physics, put
 from sheared import forces
 from spheres import few_spheres
+from whole_arrays import unknowns
 
 import jampetsc
 from jampetsc import main

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from gathered import spread
 from samples import LAWS, SAMPLES, physics, reference
 from scipy.linalg import block_diag
+from whole_arrays import spread
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.petsc.inertia import Inertia, count_below, count_eigenvalues

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drawn import Held, bars, figure_of, lines, told
+from picture_contents import Held, bars, figure_of, lines, told
 from samples import stored
 from test_floppy_plots import quasistatic_of
 

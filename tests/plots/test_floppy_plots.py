@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drawn import Held, bands, bars, figure_of, lines, require_arrows, told
+from picture_contents import Held, bands, bars, figure_of, lines, require_arrows, told
 from samples import published
 
 from jampetsc.analysis.statistics import median_interval

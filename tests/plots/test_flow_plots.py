@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drawn import Held, bands, bars, figure_of, lines, require_arrows, told
 from matplotlib.figure import Figure
+from picture_contents import Held, bands, bars, figure_of, lines, require_arrows, told
 
 import jampetsc
 from jampetsc import main as cli

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from densities import jamming_step
-from drawn import Held, bars, figure_of, lines, told
+from picture_contents import Held, bars, figure_of, lines, told
 from pressures import CUTS, low_end
 from samples import isostatic
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn import drawn_by, figure_of, require_inside
+from picture_contents import drawn_by, figure_of, require_inside
 from test_displacement_correlation import correlation_file
 from test_floppy_plots import lowest_of, modes_of, quasistatic_of
 from test_flow_plots import facts, series

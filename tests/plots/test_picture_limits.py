@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drawn import drawn_by, figure_of, lines, told
+from picture_contents import drawn_by, figure_of, lines, told
 from test_flow_plots import facts
 
 from jampetsc.errors import InputError

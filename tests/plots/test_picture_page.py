@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 import pytest
-from drawn import told
 from matplotlib.figure import Figure
+from picture_contents import told
 from test_flow_plots import series
 from test_picture_limits import curve
 from test_plots import plot, sweep_of, write_sweep

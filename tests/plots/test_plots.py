@@ -8,7 +8,7 @@ import matplotlib
 import numpy as np
 import pytest
 import samples
-from drawn import Held, bands, drawn_by, figure_of, lines, require_arrows, told
+from picture_contents import Held, bands, drawn_by, figure_of, lines, require_arrows, told
 from samples import stored
 from test_picture_limits import curve
 

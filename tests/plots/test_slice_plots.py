@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from drawn import drawn_by, figure_of, require_arrows, require_inside
 from matplotlib.collections import LineCollection
+from picture_contents import drawn_by, figure_of, require_arrows, require_inside
 from samples import stored
 from spheres import few_spheres
 

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 import samples
-from drawn import figure_of
+from picture_contents import figure_of
 from spheres import few_spheres
 
 from jampetsc import main

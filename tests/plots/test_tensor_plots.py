@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drawn import figure_of
+from picture_contents import figure_of
 from samples import stored
 
 from jampetsc.errors import InputError

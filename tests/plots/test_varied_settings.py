@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from cycler import cycler
-from drawn import told
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from picture_contents import told
 from test_floppy_plots import quasistatic_of
 from test_flow_plots import facts
 from test_picture_limits import curve

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from gathered import csr, dense, unknowns, whole
 from samples import LAWS, SAMPLES, laws_of, network_of, physics, reference
+from whole_arrays import csr, dense, unknowns, whole
 
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import ROW, assemble

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dense import Reference, without
-from gathered import dense, unknowns
 from samples import (
     LAWS,
     ORACLE,
@@ -21,6 +20,7 @@ from samples import (
     sweep_of,
 )
 from sweeps import Sweep, errors
+from whole_arrays import dense, unknowns
 
 import jampetsc
 from jampetsc.errors import ConvergenceError

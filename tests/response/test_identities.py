@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from dense import Reference
-from gathered import dense
 from samples import LAWS, SAMPLES, laws_of, physics, polydisperse, reference
+from whole_arrays import dense
 
 from jampetsc.laws.damping import UNDAMPED
 from jampetsc.laws.relative_motion import transverse_axes

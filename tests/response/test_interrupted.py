@@ -42,7 +42,7 @@ def whole(tmp_path_factory):
 def sweep(packing, out, options, ranks=0, steps=99):
     """A sweep that is killed after so many steps."""
     words = ("sweep", packing, "--out", out, "--accuracy", "1e-10", "--fields", "0.01", *options)
-    return run(ranks, "run_disturbed.py", "steps", steps, *words)
+    return run(ranks, "run_with_disk_faults.py", "steps", steps, *words)
 
 
 @pytest.mark.parametrize(("disks", "options", "ranks", "steps", "said"), KILLED)

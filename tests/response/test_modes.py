@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dense import Reference
-from gathered import unknowns
 from samples import SAMPLES, crystal, cut, on_ranks, pairs_of, physics, published, reference, strips
+from whole_arrays import unknowns
 
 import jampetsc
 from jampetsc.commands.modes import PER_MODE

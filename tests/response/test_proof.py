@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gathered import spread, whole
 from launch import run
 from samples import SAMPLES, among, lattice, pairs_of, polydisperse
+from whole_arrays import spread, whole
 
 import jampetsc
 from jampetsc import main as cli

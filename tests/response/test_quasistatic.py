@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from gathered import unknowns
 from samples import (
     LAWS,
     SAMPLES,
@@ -16,6 +15,7 @@ from samples import (
     put,
     reference,
 )
+from whole_arrays import unknowns
 
 import jampetsc
 from jampetsc import ContactDamping

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dense import without
-from gathered import unknowns
 from samples import (
     LAWS,
     SAMPLES,
@@ -22,6 +21,7 @@ from samples import (
     sweep_of,
 )
 from sweeps import Sweep, errors, judge
+from whole_arrays import unknowns
 
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.checkpoint import Checkpoint

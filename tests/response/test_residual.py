@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.linalg
-from gathered import dense, whole
 from samples import SAMPLES, network_of, physics, reference
 from sweeps import Sweep, errors
+from whole_arrays import dense, whole
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.laws.damping import ContactDamping

@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 from dense import Reference
-from gathered import dense, unknowns, whole
 from samples import TABLE_LAWS, TENSOR_TABLE, errors_of, on_ranks, physics, put, sizes_of, table_tensor
 from samples import network_of as build
 from scipy.linalg import null_space
 from spheres import SPHERES, bidisperse, few_spheres
+from whole_arrays import dense, unknowns, whole
 
 import jampetsc
 from jampetsc.errors import InputError

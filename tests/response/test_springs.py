@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 from dense import NetworkReference
-from gathered import dense, unknowns, whole
 from samples import SAMPLES, on_ranks, physics
 from springs import floppy_lattice, pulling_springs, random_springs, shuffled
+from whole_arrays import dense, unknowns, whole
 
 import jampetsc
 from jampetsc.errors import ConvergenceError, InputError

@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 from dense import NetworkReference, Reference
-from gathered import dense
 from samples import DATA, on_ranks, published
 from springs import pulling_springs
 from sweeps import Sweep, errors
+from whole_arrays import dense
 
 import jampetsc
 from jampetsc.analysis.error_bounds import ZERO_PART_RATIO

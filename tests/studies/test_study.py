@@ -386,14 +386,14 @@ def test_killed_at_any_moment_the_same_command_continues(tmp_path):
     words = ("study", path, "--out", folder)
     kept = {}
     for ranks, count, moment in ((0, 2, "before"), (2, 2, "within"), (0, 1, "after")):
-        done = launch.run(ranks, "run_disturbed.py", moment, count, *words)
+        done = launch.run(ranks, "run_with_disk_faults.py", moment, count, *words)
         assert done.returncode != 0
         assert kept.items() <= times(folder).items(), "what was made is not made again"
         kept = times(folder)
         interrupted = jampetsc.load(folder)  # the table is there from the first task on
         assert interrupted.rows >= 1 and set(interrupted["state"]) == {"done"}
         assert set(interrupted["file"]) <= set(kept)
-    done = launch.run(2, "run_disturbed.py", "after", 99, *words)
+    done = launch.run(2, "run_with_disk_faults.py", "after", 99, *words)
     assert done.returncode == 0, done.stderr
     table = jampetsc.load(folder)
     assert set(table["state"]) == {"done"} and table.rows == 6
@@ -407,7 +407,7 @@ def test_a_rank_that_fails_alone_ends_all(tmp_path, ranks):
     """With one line, while the others have tasks or wait for it, and what they have finished is kept."""
     path, folder = tmp_path / "study.toml", tmp_path / "study"
     path.write_text(f'[pack]\nn = 16\npressure = 1e-2\nseeds = "1:{ranks}"\n')
-    done = launch.run(ranks, "run_disturbed.py", "full", 1, "study", path, "--out", folder)
+    done = launch.run(ranks, "run_with_disk_faults.py", "full", 1, "study", path, "--out", folder)
     assert done.returncode != 0 and f"error: rank 1: {folder}: disk full\n" in done.stderr
     assert done.stderr.count("error: ") == 1 and len(records_of(folder)) < ranks
 

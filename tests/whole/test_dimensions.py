@@ -38,7 +38,7 @@ def vectors_like(packing, seed=1):
     return np.random.default_rng(seed).normal(size=packing.positions.shape)
 
 
-def disturbed(packing):
+def unbalanced(packing):
     """The packing with forces that are not balanced."""
     places = packing.positions + 1e-4 * vectors_like(packing)
     return Packing.from_positions(places, packing.radii, packing.cell, packing.potential)
@@ -75,7 +75,7 @@ def test_places_in_the_cell(jammed):
 
 
 def test_contacts_forces_and_stresses(jammed):
-    packing = disturbed(jammed)
+    packing = unbalanced(jammed)
     D, c = packing.dimension, find_contacts(packing)
     pairs = all_pairs(packing.positions, packing.radii, packing.cell)
     i, j, r = (np.array(part) for part in pairs)
@@ -107,7 +107,7 @@ def test_contacts_forces_and_stresses(jammed):
 
 
 def test_distances_from_the_origin(jammed):
-    packing = disturbed(jammed).replace(record={"pressure": measure(jammed).pressure})
+    packing = unbalanced(jammed).replace(record={"pressure": measure(jammed).pressure})
     share, distance, forces = precision.residuals(packing)
     centred = precision.centred(packing)
     size = np.linalg.norm(centred.positions, axis=1)
@@ -120,7 +120,7 @@ def test_distances_from_the_origin(jammed):
 
 
 def test_bonds_of_networks(jammed):
-    network = Network.of_packing(disturbed(jammed))
+    network = Network.of_packing(unbalanced(jammed))
     bonds = network.linear_bonds
     size = np.linalg.norm(bonds.r, axis=1)
     np.testing.assert_allclose(bonds.distance, size, rtol=1e-14)
