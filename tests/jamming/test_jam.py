@@ -4,6 +4,7 @@ import shutil
 
 import numpy as np
 import pytest
+import reference_disks
 from sheared import stop_after
 
 import jampetsc
