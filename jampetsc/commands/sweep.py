@@ -273,7 +273,7 @@ def _write_moduli(writer, frequencies, sweep, source, is_power_law) -> None:
         writer.dataset(name, bound)
     if sweep.spectrum is not None:
         for name in ("G0", "eta_inf", "rates", "weights"):
-            writer.dataset(f"reduced/{name}", getattr(sweep.spectrum, name))
+            writer.dataset(f"spectrum/{name}", getattr(sweep.spectrum, name))
     if sweep.tensor is not None:
         _write_tensor(writer, sweep.tensor, source.network)
     if not sweep.fields:

@@ -160,7 +160,7 @@ class FlowRun:
             | {"law": {name: getattr(self.model.law, name) for name in LAW_SETTINGS}},
             "rate": self.rate,
             "scheme": asdict(self.scheme),
-            "plan": asdict(self.schedule),
+            "schedule": asdict(self.schedule),
             "start": self.disks.fingerprint,
             "walls": self.wall_disks,
             "done": len(self.earlier[0]) if self.earlier else 0,
@@ -170,7 +170,7 @@ class FlowRun:
     def of_settings(cls, settings: dict, disks: Packing) -> "FlowRun":
         """The run of `disks` with these `settings`."""
         model = settings["model"] | {"law": Law(**settings["model"]["law"])}
-        scheme, schedule = Scheme(**settings["scheme"]), Schedule(**settings["plan"])
+        scheme, schedule = Scheme(**settings["scheme"]), Schedule(**settings["schedule"])
         return cls(disks, Model(**model), settings["rate"], scheme, schedule, settings["walls"])
 
     def extended(self, trajectory: Trajectory, state: dict, strain: float) -> "FlowRun":

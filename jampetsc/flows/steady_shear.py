@@ -358,7 +358,7 @@ class SteadyShear(ListedPacking):
     def state(self) -> dict:
         """The whole state as arrays and numbers, for `restore` to the last bit.
 
-        Disks are in the order in which they were given; `seen` is the tally.
+        Disks are in the order in which they were given; `tally` as the attribute.
         """
         back = self._input_order
         arrays, reference = (
@@ -368,11 +368,11 @@ class SteadyShear(ListedPacking):
         arrays |= {name: getattr(reference, name) for name in PLACES}
         arrays |= {
             "steps": self.steps,
-            "since": self.list_age,
+            "list_age": self.list_age,
             "rebuilds": self.rebuilds,
             "substeps": self.substeps,
         }
-        arrays |= {"seen": self.tally.copy(), "skin": self.skin, "started": self.has_started}
+        arrays |= {"tally": self.tally.copy(), "skin": self.skin, "started": self.has_started}
         return arrays | {"images": reference.images, "order": self.order, "sorted_at": self._sorted_at}
 
     def restore(self, state: dict) -> None:
@@ -385,9 +385,9 @@ class SteadyShear(ListedPacking):
         self.inertia = INERTIA[self.reference.dimension] * self.model.mass * self.reference.radii**2
         for name in self.ARRAYS:
             setattr(self, name, np.array(state[name], float)[self.order])
-        self.tally = np.array(state["seen"], float)
+        self.tally = np.array(state["tally"], float)
         self.steps, self.list_age, self.rebuilds = (
-            int(state[name]) for name in ("steps", "since", "rebuilds")
+            int(state[name]) for name in ("steps", "list_age", "rebuilds")
         )
         self.substeps = int(state["substeps"])
         self.has_started = bool(state["started"])

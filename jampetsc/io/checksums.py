@@ -5,11 +5,10 @@ gave wrong numbers or words and 37 ended the process (HDF5 1.10: zeros pass flet
 links and virtual datasets are parsed before theirs is checked). What jampetsc writes therefore ends, after the HDF5
 content, with
 
-    sha256 of each BLOCK of the content, 32 bytes each
-    one line of LINE bytes: jampetsc-checksums 1 <bytes of content> <BLOCK> <sha256 of the numbers and hashes before>
+    one line of LINE bytes: jampetsc-sha256 <bytes of content> <sha256 of the content>
 
-A process compares a file with its line once, 1 GB in 0.6 s. The hash in the line stands for the whole content: it
-identifies the file, and a joint file keeps the hashes of its parts.
+A process compares a file with its line once, 1 GB in 0.6 s. The hash in the line identifies the file, and a joint file
+keeps the hashes of its parts.
 
 Other programs see plain HDF5, whose header says where the content ends. A program that changes the file cuts off what
 follows, as libhdf5 does on closing: an edited file has no checksums, and is read like one of any other program.
@@ -24,8 +23,7 @@ from jampetsc.io.atomic import open_regular
 
 BLOCK = 1 << 18  # bytes hashed at a time
 LINE = 128
-_MAGIC = b"jampetsc-checksums 1 "
-_DIGEST = hashlib.sha256().digest_size
+_MAGIC = b"jampetsc-sha256 "
 SIGNATURE = b"\x89HDF\r\n\x1a\n"  # of HDF5
 _verified = set()  # device, inode, size and time of files that this process has compared with their line
 
@@ -37,18 +35,16 @@ class Damaged(OSError):
 def append_seal(file) -> str:
     """Append the checksums of all of `file`, open for reading and writing; returns the hash in its line."""
     size = file.seek(0, os.SEEK_END)
-    hashes = _hashes(file, size, BLOCK)
-    digest = _digest(size, BLOCK, hashes)
+    digest = _digest(file, size)
     file.seek(size)
-    file.write(hashes)
-    file.write(_line(size, BLOCK, digest))
+    file.write(_line(size, digest))
     return digest
 
 
 def seal_of(file) -> str | None:
     """The hash in the line of checksums of an open file, None for a file without it."""
     line = _parse(file)
-    return line and line[2]
+    return line and line[1]
 
 
 def verify(file) -> None:
@@ -82,37 +78,35 @@ def identity_of(path, every_byte: bool = False) -> str | None:
         return None
 
 
-def _compare(file, size, block, digest):
-    if file.seek(0, os.SEEK_END) != size + _DIGEST * -(-size // block) + LINE:
+def _compare(file, size, digest):
+    if file.seek(0, os.SEEK_END) != size + LINE:
         raise Damaged("its length is not the one it was written with")
-    if _digest(size, block, _hashes(file, size, block)) != digest:
+    if _digest(file, size) != digest:
         raise Damaged("its bytes are not those that were written")
 
 
-def _hashes(file, size, block):
+def _digest(file, size):
+    """sha256 of the first `size` bytes of a file."""
+    digest = hashlib.sha256()
     file.seek(0)
-    return b"".join(
-        hashlib.sha256(file.read(min(block, size - start))).digest() for start in range(0, size, block)
-    )
+    for start in range(0, size, BLOCK):
+        digest.update(file.read(min(BLOCK, size - start)))
+    return digest.hexdigest()
 
 
-def _digest(size, block, hashes):
-    return hashlib.sha256(b"%d %d " % (size, block) + hashes).hexdigest()
-
-
-def _line(size, block, digest):
-    return (_MAGIC + b"%d %d %s" % (size, block, digest.encode())).ljust(LINE - 1) + b"\n"
+def _line(size, digest):
+    return (_MAGIC + b"%d %s" % (size, digest.encode())).ljust(LINE - 1) + b"\n"
 
 
 def _parse(file):
-    """(bytes of content, bytes of a block, hash) of the line at the end of a file, None without one."""
+    """(bytes of content, hash) of the line at the end of a file, None without one."""
     file.seek(max(0, file.seek(0, os.SEEK_END) - LINE))
     line = file.read(LINE)
     words = line.split()
-    if not line.startswith(_MAGIC) or len(words) != 5 or not all(word.isdigit() for word in words[2:4]):
+    if not line.startswith(_MAGIC) or len(words) != 3 or not words[1].isdigit():
         return None
-    fields = int(words[2]), int(words[3]), words[4].decode(errors="replace")
-    return fields if line == _line(*fields) and fields[1] else None
+    fields = int(words[1]), words[2].decode(errors="replace")
+    return fields if line == _line(*fields) else None
 
 
 def _check_end(file, size):

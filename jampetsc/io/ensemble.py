@@ -14,7 +14,6 @@ from jampetsc.analysis.statistics import STATISTICS, complex_statistic
 from jampetsc.columns import unquoted
 from jampetsc.errors import InputError, MissingPackage
 from jampetsc.io.atomic import open_regular
-from jampetsc.io.formats import OLDER_COLUMNS, with_present_names
 from jampetsc.io.provenance import LAW_PARAMETERS
 from jampetsc.io.results import Named, Result
 
@@ -298,7 +297,7 @@ def load_ensemble(folder, load) -> Ensemble:
     except (UnicodeDecodeError, csv.Error, ValueError):
         raise InputError(f"{path}: not the table of a study. Run `jampetsc study` again.") from None
     columns = {name: _column([row[n] for row in rows]) for n, name in enumerate(header)}
-    return Ensemble(folder, with_present_names(columns, OLDER_COLUMNS), load)
+    return Ensemble(folder, columns, load)
 
 
 def _column(cells):

@@ -30,7 +30,7 @@ positions_low | (N, D) | float? | length | what double precision cannot hold of 
 cell_low | (D, D) | float? | length | likewise of `cell`
 """,
     attributes=r"""
-format, format_version | text | | `jampetsc-packing`, and the version of its layout; readers refuse a newer major
+format, format_version | text | | `jampetsc-packing`, and the version of its layout; readers refuse another major
   version
 potential | text in harmonic hertzian | | energy of an overlap
 stiffness | text in constant inverse-square-diameter | | convention of the contact stiffness
@@ -73,7 +73,7 @@ tension | (M,) | float | force | T = dV/dr of each bond: positive where it pulls
 radii | (N,) | float? | length | of the nodes, for laws under which they roll
 """,
     attributes=r"""
-format, format_version | text | | `jampetsc-network`, and the version of its layout; readers refuse a newer major
+format, format_version | text | | `jampetsc-network`, and the version of its layout; readers refuse another major
   version
 k | float > 0 | force/length | unit of stiffness: weights of a damping law count in k τ₁
 protocol | text | | how it was made
@@ -112,35 +112,15 @@ FORMATS = {
 }
 
 
-_SHEARED = {f"coordination{end}": f"contact_number{end}" for end in ("", "_mean", "_error", "_samples")}
-OLDER_NAMES = {  # format -> {name of a dataset or an attribute in older files: its name}
-    "jampetsc-flow": _SHEARED | {"friction": "background_drag"},
-    "jampetsc-shear": _SHEARED,
-    "jampetsc-jam": _SHEARED,
-}
-OLDER_COLUMNS = {  # of the table of a study, where `coordination` is that of packings
-    old: new for names in OLDER_NAMES.values() for old, new in names.items() if old != "coordination"
-}
-
-
-def with_present_names(entries: dict, names: dict) -> dict:
-    """{name: entry} with older names {name: present name} replaced, unless there is an entry of the present one."""
-    return {
-        names[name] if names.get(name, name) not in entries else name: entry
-        for name, entry in entries.items()
-    }
-
-
 def check_file(h5, path, expected: str | None = None) -> tuple[str, dict, dict]:
-    """(format, attributes, {name: dataset or group}) of an open file that is as its format says, by present names.
+    """(format, attributes, {name: dataset or group}) of an open file that is as its format says.
 
     Nothing is read but attributes and shapes. The list of parts is left out. Raises InputError as
     `hdf5.check_format` and `Format.check`.
     """
     attrs = attributes(h5)
     name = check_format(path, attrs, expected)
-    names = OLDER_NAMES.get(name, {})
-    items, attrs = with_present_names(contents(h5, path), names), with_present_names(attrs, names)
+    items = contents(h5, path)
     for format in (FORMATS.get(name), PARTS):
         if format is not None:
             format.check(path, items, attrs)

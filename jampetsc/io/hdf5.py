@@ -19,8 +19,8 @@ from jampetsc.errors import InputError, python_value
 from jampetsc.io.atomic import NewFile, open_regular, remove_abandoned
 from jampetsc.io.checksums import Damaged, append_seal, seal_of, verify
 
-FORMAT_VERSION = "1.1"  # of the layout of all files; 1.0: `contacts/pairs` are rows of `particles`
-MAJOR_VERSION = 1  # newest that can be read
+FORMAT_VERSION = "2.0"  # of the layout of all files
+MAJOR_VERSION = 2  # that is read
 _DAMAGE_ERRORS = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 
 
@@ -213,7 +213,7 @@ def _plain(value):
 def check_format(path, attrs: dict, expected: str | None = None) -> str:
     """The file's `format`.
 
-    Raises InputError if it is not one of ours, not the `expected` one, or of a newer major version.
+    Raises InputError if it is not one of ours, not the `expected` one, or of another major version.
     """
     name = attrs.get("format")
     if not isinstance(name, str) or not name.startswith("jampetsc-"):
@@ -228,10 +228,12 @@ def check_format(path, attrs: dict, expected: str | None = None) -> str:
         raise InputError(
             f"{path}: attribute format_version = {version!r}: must be a number such as {MAJOR_VERSION}.0"
         )
-    if int(version.split(".")[0]) > MAJOR_VERSION:
+    if (major := int(version.split(".")[0])) != MAJOR_VERSION:
         writer = attrs.get("jampetsc_version")
         remedy = f"Use jampetsc {writer} or newer." if writer else "Use a newer jampetsc."
+        if major < MAJOR_VERSION:
+            remedy = "Make the file again."
         raise InputError(
-            f"{path}: format_version {version}, but this jampetsc reads up to {MAJOR_VERSION}.x. {remedy}"
+            f"{path}: format_version {version}, but this jampetsc reads {MAJOR_VERSION}.x. {remedy}"
         )
     return name

@@ -14,7 +14,7 @@ from jampetsc.version import VERSION
 LAW_PARAMETERS = (*dict.fromkeys((*OPTIONS, *WEIGHTS)), "prestress", "tau1", "alpha", "stress")
 PROVENANCE = Table(
     r"""
-format, format_version | text | | which of the kinds here, and the version of its layout; readers refuse a newer major
+format, format_version | text | | which of the kinds here, and the version of its layout; readers refuse another major
   version
 run_id | text | | unique to the run
 argv, date | text? | | command line; when the run ended (ISO 8601)

@@ -76,7 +76,7 @@ class SweepResult(Result):
     def modulus(self, omega):
         """G*(ω), complex, in the shape of `omega`: the stored value where there is one; of a tensor C*(ω), (…, L, L).
 
-        Elsewhere from the relaxation spectrum that a rational sweep stores in the group `reduced`, under
+        Elsewhere from the relaxation spectrum that a rational sweep stores in the group `spectrum`, under
         power-law damping at the equivalent frequency; beyond the swept range without a certificate.
         Raises InputError for a frequency that is not stored without a spectrum, and for one that is not finite.
         """
@@ -87,7 +87,7 @@ class SweepResult(Result):
         values = self["C"][nearest] if "C" in self else self.G[nearest]
         elsewhere = np.abs(self.omega[nearest] - frequencies) > _FREQUENCY_TOLERANCE * np.abs(frequencies)
         if elsewhere.any():
-            if not {"reduced/rates", "reduced_tensor/rates"} & set(self):
+            if not {"spectrum/rates", "reduced_tensor/rates"} & set(self):
                 raise InputError(
                     f"{self.path}: omega = {frequencies[elsewhere][0]:g} is not one of its {len(self.omega)} "
                     f"frequencies, {self.omega.min():g} to {self.omega.max():g}. Choose one of them, or run the sweep "
@@ -130,10 +130,10 @@ class SweepResult(Result):
             raise InputError(
                 f"{self.path}: elastic constants, which have no single spectrum. Give a sweep of one {named('load')}."
             )
-        if "reduced/rates" not in self:
+        if "spectrum/rates" not in self:
             raise InputError(f"{self.path}: no spectrum. Run the sweep with {named('method')} rational.")
         return _sound_spectrum(
-            self.path, *(self[f"reduced/{name}"] for name in ("G0", "eta_inf", "rates", "weights"))
+            self.path, *(self[f"spectrum/{name}"] for name in ("G0", "eta_inf", "rates", "weights"))
         )
 
     @property
@@ -170,7 +170,7 @@ class FlowResult(ShearedResult):
     @property
     def last(self) -> Packing:
         """The packing at the end."""
-        shear = int(self["state/since"]) * self.attributes["rate"] * self.attributes["step"]
+        shear = int(self["state/list_age"]) * self.attributes["rate"] * self.attributes["step"]
         return deformed(self.listed, self["state/offsets"], simple_shear(shear)).folded()
 
 

@@ -16,11 +16,11 @@ fields/rotation | (F, n) or (F, n, 3) | complex? | | angles per unit strain, of 
   with rotations
 fields/error_bound | (F,) | float? | | bound on the relative error of a field in the energy norm
 particles | (n,) | int? | | with `--fields`: numbers in the packing of the rows above
-reduced/G0 | scalar | float? | k | of the rational method: G₀, so that
+spectrum/G0 | scalar | float? | k | of the rational method: G₀, so that
   G* = G₀ + iωη_∞ + Σ_m g_m iω/(λ_m + iω) at any ω
-reduced/eta_inf | scalar | float? | kτ₁ | η_∞
-reduced/rates | (m,) | float? | 1/time | λ_m
-reduced/weights | (m,) | float? | k | g_m
+spectrum/eta_inf | scalar | float? | kτ₁ | η_∞
+spectrum/rates | (m,) | float? | 1/time | λ_m
+spectrum/weights | (m,) | float? | k | g_m
 C | (M, L, L) | complex? | k | with `--load tensor`: elastic constants; `G` is then the shear modulus averaged over all
   directions
 C_error_bound | (M, L, L) | float? | k | bound on \|ΔC\|
@@ -244,10 +244,10 @@ state/spins, state/spin_rates | (N,) or (N, 3) | float | | likewise
 state/cell_base, state/cell_offset | (D, D) | float | | likewise
 state/images | (N, D) | int | | likewise
 state/order | (N,) | int | | likewise, a permutation
-state/seen | (10,) | float | | likewise
+state/tally | (10,) | float | | likewise
 state/skin | scalar | float | | likewise
 state/sorted_at | scalar | float | | likewise
-state/steps, state/since, state/rebuilds | scalar | int | | likewise
+state/steps, state/list_age, state/rebuilds | scalar | int | | likewise
 state/substeps | scalar | int | | likewise
 state/started | scalar | bool | | likewise
 """,

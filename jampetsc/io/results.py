@@ -16,12 +16,11 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.io.formats import FORMATS, check_file
-from jampetsc.io.hdf5 import FORMAT_VERSION, open_file, retry_if_replaced
+from jampetsc.io.hdf5 import open_file, retry_if_replaced
 from jampetsc.io.parts import PartList
 from jampetsc.io.provenance import law_of
 from jampetsc.io.result_file import ResultArray, new_run_id, write_result
 
-OLDER_VERSION = "1.0"  # of files whose `contacts/pairs` are rows of `particles`
 _MAX_SHOWN = 6  # datasets that a line about a result names
 _MAX_ATTRIBUTE_LENGTH = 60  # characters of an attribute in a table
 
@@ -52,17 +51,6 @@ class StoredArray(ResultArray):
 
     def __repr__(self):
         return f"<{self._name} {self.shape} {self.dtype} in {self._path.name}>"
-
-
-class NumberedRows(ResultArray):
-    """Numbers of particles in place of rows of `particles`, both stored arrays, which older files have."""
-
-    def __init__(self, rows, particles):
-        self._rows, self._particles = rows, particles
-        self.shape, self.dtype = rows.shape, particles.dtype
-
-    def __getitem__(self, selection):
-        return self._particles[...][self._rows[selection]]
 
 
 class Attributes(dict):
@@ -150,9 +138,6 @@ class Result(Named):
             for name, data in items.items()
             if isinstance(data, h5py.Dataset)
         }
-        if attrs.get("format_version") == OLDER_VERSION and "contacts/pairs" in arrays:
-            arrays["contacts/pairs"] = NumberedRows(arrays["contacts/pairs"], arrays["particles"])
-            attrs["format_version"] = FORMAT_VERSION  # as it is saved again
         return cls(attrs, arrays, Path(path).resolve())
 
     @property

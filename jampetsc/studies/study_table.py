@@ -8,7 +8,6 @@ from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.columns import comma_separated
 from jampetsc.errors import InputError
 from jampetsc.io.ensemble import SETTINGS
-from jampetsc.io.formats import OLDER_COLUMNS, with_present_names
 from jampetsc.io.reader import load
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
@@ -40,7 +39,7 @@ def rows_of(tasks, records: dict) -> list[dict]:
 
 def _row(record):
     state = "done" if record["state"] == "done" else f"failed: {record['why']}"
-    row = with_present_names(record["row"], OLDER_COLUMNS)
+    row = record["row"]
     return row | {"state": state, "seconds": round(record["seconds"], 3)}
 
 

@@ -26,7 +26,7 @@ def write_sweep(path, held=None, omega=OMEGA, **attributes):
     """A sweep by the rational method."""
     held = held or spectrum()
     arrays = {"omega": omega, "G": held.modulus(omega), "error_bound": np.full(len(omega), 1e-9)}
-    arrays |= {f"reduced/{name}": getattr(held, name) for name in ("G0", "eta_inf", "rates", "weights")}
+    arrays |= {f"spectrum/{name}": getattr(held, name) for name in ("G0", "eta_inf", "rates", "weights")}
     facts = {"law": "contact", "beta": 1.0, "pressure": 1e-3, "k": 1.0, "tau1": 1.0}
     return stored(path, "sweep", arrays, **facts | attributes)
 

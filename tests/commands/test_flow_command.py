@@ -300,14 +300,14 @@ def finished(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("name", [*WRONG_STATES, "plan"])
+@pytest.mark.parametrize("name", [*WRONG_STATES, "schedule"])
 def test_a_flow_is_not_continued_from_a_state_that_it_cannot_have(finished, tmp_path, name):
     path = shutil.copy(finished, tmp_path / "f.h5")
     value, said = WRONG_STATES.get(name, (None, r"\d+ rows, but settings of \d+"))
     with h5py.File(path, "r+") as h5:
-        if name == "plan":
+        if name == "schedule":
             settings = json.loads(h5.attrs["settings"])
-            settings["plan"]["rows"] += 1
+            settings["schedule"]["rows"] += 1
             value, name = json.dumps(settings), "settings"
         if name == "settings":
             h5.attrs[name] = value

@@ -230,7 +230,7 @@ def test_a_result_in_memory_leaves_no_files(tmp_path, monkeypatch):
 def test_the_last_state_of_a_result_is_where_the_disks_are_at_the_end(tmp_path):
     job = {"n": 16, "phi": 0.86, "model": jampetsc.models.RD0(), "rate": 1e-2, "strain": 0.1}
     flow = jampetsc.flow(**job, last=tmp_path / "last.h5")
-    assert flow["state/since"] > 0  # steps after the last list of neighbours
+    assert flow["state/list_age"] > 0  # steps after the last list of neighbours
     assert flow.last.fingerprint == jampetsc.load(tmp_path / "last.h5").fingerprint
 
 

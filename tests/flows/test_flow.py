@@ -120,7 +120,7 @@ def test_a_run_continues_from_a_state_to_the_last_bit(name):
     assert not other.has_started
     one.advance(201)
     kept = one.state()
-    assert kept["skin"] != fresh["skin"] and kept["rebuilds"] and kept["started"] and kept["since"]
+    assert kept["skin"] != fresh["skin"] and kept["rebuilds"] and kept["started"] and kept["list_age"]
     other.restore(kept)
     for steps in (0, 101):
         one.advance(steps)

@@ -32,7 +32,7 @@ def write_sweep(path, G=LINEAR, bound=1e-9, fields=None, spectrum=None, **attrib
         write_packing(packing, Packing.from_positions(points, np.full(DISKS, 0.5), 4.0 * np.eye(2)))
         known |= dict(zip(("packing", "packing_sha256"), read_identified(packing)[1], strict=True))
     if spectrum is not None:
-        names = (f"reduced/{name}" for name in ("G0", "eta_inf", "rates", "weights"))
+        names = (f"spectrum/{name}" for name in ("G0", "eta_inf", "rates", "weights"))
         arrays |= dict(zip(names, spectrum, strict=True))
     stored(path, "sweep", arrays, **known)
 

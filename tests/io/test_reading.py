@@ -108,17 +108,21 @@ def test_attributes_are_plain_values(tmp_path):
 @pytest.mark.parametrize(
     ("attrs", "message"),
     [
-        ({"format_version": "1.9"}, None),
-        ({"format_version": 1}, None),
+        ({"format_version": "2.9"}, None),
+        ({"format_version": 2}, None),
         (
-            {"format_version": "2.0", "jampetsc_version": "9"},
-            r"format_version 2\.0, but this jampetsc reads up to 1\.x\. Use jampetsc 9 or newer",
+            {"format_version": "3.0", "jampetsc_version": "9"},
+            r"format_version 3\.0, but this jampetsc reads 2\.x\. Use jampetsc 9 or newer",
         ),
-        ({"format_version": "one"}, r"format_version = 'one': must be a number such as 1\.0"),
+        ({"format_version": "one"}, r"format_version = 'one': must be a number such as 2\.0"),
+        (
+            {"format_version": "1.1", "jampetsc_version": "0.1.0"},
+            r"format_version 1\.1, but this jampetsc reads 2\.x\. Make the file again\.$",
+        ),
         ({"format": "jampetsc-later"}, "format jampetsc-later: not one of jampetsc-packing, "),
         (
-            {"format_version": "2.1"},
-            r"format_version 2\.1, but this jampetsc reads up to 1\.x\. Use a newer jampetsc\.$",
+            {"format_version": "3.1"},
+            r"format_version 3\.1, but this jampetsc reads 2\.x\. Use a newer jampetsc\.$",
         ),
         ({"format": "NXdata"}, "format = 'NXdata': not a jampetsc file"),
         ({"format": 3}, "format = 3: not a jampetsc file"),
@@ -286,7 +290,7 @@ def swept(omega, G, attributes=None, reduced=None, **arrays):
     """A sweep in memory; reduced: what differs from two modes in its spectrum, None where it has none."""
     modes = {"G0": 2.0, "eta_inf": 0.5, "rates": [1.0, 100.0], "weights": [3.0, 4.0]}
     if reduced is not None:
-        arrays |= {f"reduced/{name}": value for name, value in (modes | reduced).items()}
+        arrays |= {f"spectrum/{name}": value for name, value in (modes | reduced).items()}
     return sweep(attributes=attributes, omega=omega, G=G, **arrays)
 
 
