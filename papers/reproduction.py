@@ -24,8 +24,8 @@ from papers.claims import (  # noqa: F401  they enter their claims
     power_law,
     spheres,
 )
-from papers.claims.page import PAGE
-from papers.claims.selection import claim_of, page_rows
+from papers.claims.page import PAGE, TEXTS
+from papers.claims.selection import page_rows
 from papers.claims.shared import CLAIMS
 from papers.claims.verdicts import verdict
 from papers.keep import KEPT
@@ -66,8 +66,8 @@ def print_tables(found):
     page = page_rows(found)
     for group in PAGE:
         rows = [
-            (claim.text, row.theirs.rpartition(": ")[2], str(row.ours), *judged(row))
-            for where, claim, _, row, _ in page
+            (TEXTS[key], row.theirs.rpartition(": ")[2], str(row.ours), *judged(row))
+            for where, key, _, row, _ in page
             if where == group
         ]
         if rows:
@@ -90,11 +90,10 @@ def write_csv(found, path):
     page = page_rows(found)
     shown = {id(row): "yes" if len(numbers) == 1 else "part" for *_, numbers in page for row in numbers}
     entries = [
-        (figures, row, claim.text, "yes") for _, claim, figures, row, numbers in page if len(numbers) > 1
+        (figures, row, TEXTS[key], "yes") for _, key, figures, row, numbers in page if len(numbers) > 1
     ]
     for figures, row in found:
-        claim = claim_of(row)
-        text = PREDICTIONS if row.predicted else claim.text if claim else ""
+        text = PREDICTIONS if row.predicted else TEXTS[row.bears]
         entries.append((figures, row, text, shown.get(id(row), "")))
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -1,6 +1,6 @@
-"""What lies in papers/ beside docs/ and pages show: the site gets the pictures and the table of claims.
+"""Pictures of papers/gallery and the table of claims, which pages of the site show though they stand beside docs/.
 
-Links of the pages are those of the repository, ../../papers/gallery/NAME.png; in the site the files lie in papers/.
+Links of the pages are those of the repository, ../../papers/gallery/NAME.png.
 """
 
 from pathlib import Path

@@ -16,6 +16,7 @@ from papers.claims.jamming import drift_of
 from papers.claims.shared import (
     SYMBOLS,
     Row,
+    bearing,
     beta_of,
     check,
     claim,
@@ -61,11 +62,11 @@ def scaling(table):
     for fit, symbol, theirs in collapses(table):
         yield from whole_rows(fit, symbol, theirs, size)
         for parameter, found in at_cut(fit, SLOWEST_FIT).items():
+            on = f"fit-{parameter}"
             what = f"collapse of {symbol}, RD0, γ̇ ≤ {SLOWEST_FIT:g}: {SYMBOLS[parameter]}"
             note = f"systematic error {found.systematic:.2g}"
-            yield check(
-                what, found.value, found.statistical, note, size, f"{theirs[parameter]:g}" if theirs else ""
-            )
+            words = f"{theirs[parameter]:g}" if theirs else ""
+            yield check(what, found.value, found.statistical, note, size, words, bears=on)
 
 
 @claim("vagberg-fig5.1-slow")
@@ -78,16 +79,17 @@ def slow_scaling(table):
         primary = at_cut(fit, min(SLOWEST_FIT, rates[0]))
         held = held_at_phi_J(fit, flows) if theirs else {}
         for parameter, found in primary.items():
+            on = f"fit-{parameter}"
             what = f"collapse of {symbol}, RD0, γ̇ ≤ {min(SLOWEST_FIT, rates[0]):g}: {SYMBOLS[parameter]}"
             if theirs:
                 note = f"{lower_cuts(fit, parameter)}; {held[parameter]}"
-                yield Row(what, f"{theirs[parameter]:g}", found, target_of(parameter), note, size)
+                yield Row(what, f"{theirs[parameter]:g}", found, target_of(parameter), note, size, bears=on)
             else:
-                yield check(what, found.value, found.statistical, "", size)
+                yield check(what, found.value, found.statistical, "", size, bears=on)
         if theirs:
             beta, note = beta_of(fit, primary["znu"], primary["y"], SLOWEST_FIT)
             what = "β = zν − y from the collapse of p, RD0"
-            yield check(what, beta.value, beta.statistical, note, size, "2.4")
+            yield check(what, beta.value, beta.statistical, note, size, "2.4", bears="beta")
             yield from powers_beside_phi_J(flows, size, f"zν − y of the collapse is {beta}")
 
 
@@ -116,9 +118,8 @@ def whole_rows(fit, symbol, theirs, size):
     for parameter in str(fit.attributes["fitted"]).split(","):
         what = f"collapse of {symbol}, RD0, γ̇ ≤ {fit['drift/cut'][0]:g}: {SYMBOLS[parameter]}"
         value, error = fit.attributes[parameter], fit.attributes[f"{parameter}_error"]
-        yield check(
-            what, value, error, f"χ²/dof {chi2:.2f}", size, f"{theirs[parameter]:g}" if theirs else ""
-        )
+        words = f"{theirs[parameter]:g}" if theirs else ""
+        yield check(what, value, error, f"χ²/dof {chi2:.2f}", size, words, bears=f"fit-{parameter}")
 
 
 def held_at_phi_J(fit, flows) -> dict[str, str]:
@@ -176,7 +177,9 @@ def powers_beside_phi_J(flows, size, of_collapse):
         note = f"{sign * near:.2f} of the nearest three φ, {sign * far:.2f} of the farthest"
         if sign < 0:
             note = f"{of_collapse}; {note}"
-        yield Row(f"{name}, extrapolated to γ̇ → 0", f"{theirs:g}", ours, number(theirs), note, size)
+        yield Row(
+            f"{name}, extrapolated to γ̇ → 0", f"{theirs:g}", ours, number(theirs), note, size, bears="beta"
+        )
 
 
 def yield_pressure(rates, p, error) -> Estimate:
@@ -191,7 +194,7 @@ def yield_pressure(rates, p, error) -> Estimate:
     return Estimate(p0, own * p0 / (m * power), 0.0, chi2, dof)
 
 
-@claim("paper5")
+@claim("paper5", on="universality")
 def universality(table):
     flows = table.where(command="flow")
     yield from same_exponents(table, flows)
@@ -211,10 +214,18 @@ def universality(table):
         what = f"RD0/CD0 of {symbol} at φ_J ~ γ̇^x, γ̇ = {rates[0]:g} to {rates[slow][-1]:g}"
         if symbol == "p":  # of which V says that it has the smaller corrections
             target = number(0.0, absolute=0.1 * 1.1 / 3.5)
-            yield Row(what, "the same exponents: x = 0", found, target, f"ratio {told}", size_of(at))
+            yield Row(
+                what,
+                "the same exponents: x = 0",
+                found,
+                target,
+                f"ratio {told}",
+                size_of(at),
+                part="ratio of p",
+            )
         else:
             yield check(what, found.value, found.inflated, f"ratio {told}", size_of(at), "0")
-    yield from stand_in(table, flows)
+    yield from bearing("stand-in", stand_in(table, flows))
 
 
 def same_exponents(table, flows):
@@ -235,7 +246,8 @@ def same_exponents(table, flows):
                         strict=True,
                     )
                 )
-                yield check(what, ours.value, ours.statistical, told, size_of(flows.where(model=model)))
+                size, on = size_of(flows.where(model=model)), "phi_J" if parameter == "phi_J" else ""
+                yield check(what, ours.value, ours.statistical, told, size, bears=on)
     if len(found) < 2:
         return
     for parameter, (value, margin) in THEIRS.items():
@@ -249,7 +261,8 @@ def same_exponents(table, flows):
         what = f"{symbol} of CD0 less {symbol} of RD0"
         target = number(0.0, absolute=margin or 0.1 * value)
         note = f"RD0 {one}, CD0 {other}; values still move as the largest γ̇ are left out"
-        yield Row(what, "the same: 0", ours, target, note, size_of(flows))
+        on, part = ("phi_J", "CD0 less RD0") if parameter == "phi_J" else ("", symbol)
+        yield Row(what, "the same: 0", ours, target, note, size_of(flows), bears=on, part=part)
 
 
 def stand_in(table, flows):
@@ -287,7 +300,7 @@ def stand_in(table, flows):
         yield Row(what, "CD stands in for CD0: 1", ours, number(1.0), note, size_of(flows))
 
 
-@claim("paper2", "paper5", "vagberg-fig5.1-slow")
+@claim("paper2", "paper5", "vagberg-fig5.1-slow", on="phi_J")
 def density_of_jamming(samples, models, drag):
     """φ_J of random starts, of quasistatic shear and of flow, γ̇ → 0: that of shear is one number, path independent."""
     found = {}
@@ -323,6 +336,6 @@ def density_of_jamming(samples, models, drag):
         what = f"φ_J of quasistatic shear less φ_J of {name}, γ̇ → 0"
         if name == "RD0":
             words = "one well-defined number, path independent: 0"
-            yield Row(what, words, ours, number(0.0, absolute=PHI_MARGIN), told, size)
+            yield Row(what, words, ours, number(0.0, absolute=PHI_MARGIN), told, size, part="QS less RD0")
         else:
             yield check(what, ours.value, 0.5 * ours.half_width, "", size, "0")

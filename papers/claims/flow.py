@@ -12,7 +12,7 @@ from jampetsc.analysis.power_laws import local_exponents
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.io.disk_motion import six_fold_order, velocity_profiles
 from jampetsc.plots.flow_plots import flow_regimes
-from papers.claims.shared import Row, check, claim, line_fit, power_law, rates_of, size_of
+from papers.claims.shared import Row, bearing, check, claim, line_fit, power_law, rates_of, size_of
 from papers.claims.verdicts import Estimate, between, number
 
 PHI_J = 0.8433  # V's, RD0
@@ -23,6 +23,7 @@ NEWTONIAN = 1.0 - 1.1 / 3.5  # γ̇/p ~ γ̇^this at φ_J, with V's y/zν
 SLOWEST = 9e-6  # γ̇ above which the exponent at φ_J is fitted: 1e-5 to 1e-3
 EXTRAPOLATED = 4e-3  # γ̇ below which the limit γ̇ → 0 is extrapolated from
 MIDDLE = 0.6  # of the height between walls: layers beside them may slip
+KINDS = {"CDn": "bagnoldian"}  # claims on which slopes of a model bear, of others "newtonian"
 NARROW, WIDE = 0.3, 0.8  # parts of the height whose shear rates are compared
 
 
@@ -31,7 +32,7 @@ def slower(rows, most):
     return rows.where(rate=[rate for rate in np.unique(rows["rate"]) if rate < most])
 
 
-@claim("vagberg-fig4.6-4.7")
+@claim("vagberg-fig4.6-4.7", on="order")
 def order(table):
     found = {}
     for sizes in ("monodisperse", "bidisperse"):
@@ -59,7 +60,9 @@ def order(table):
     ):
         mean, error, start, _, size = found[sizes]
         what = f"RD0, φ = 0.80, γ̇ = 1e-3, {sizes}: |⟨ψ₆⟩| in the second half of the strain"
-        yield Row(what, says, Estimate(mean, error), target, f"{start:.2f} at the start, {told}", size)
+        yield Row(
+            what, says, Estimate(mean, error), target, f"{start:.2f} at the start, {told}", size, part=sizes
+        )
 
 
 def _length(file):
@@ -68,7 +71,7 @@ def _length(file):
     return (at, error) if at < 0.8 * file["x"][-1] else None
 
 
-@claim("vagberg-fig4.8")
+@claim("vagberg-fig4.8", on="g_y")
 def velocity_correlation(table):
     flows = table.where(command="flow")
     for phi in (0.80, PHI_J):
@@ -105,7 +108,7 @@ def _no_minimum(files, phi, size):
     inside = sum(_length(g) is not None for g in files)
     what = f"CD0, φ = {phi:g}: minima of g_y inside the cell, at {len(files)} rates"
     if phi == 0.80:
-        yield Row(what, "none: 0", Estimate(inside), between(high=0.5), "", size)
+        yield Row(what, "none: 0", Estimate(inside), between(high=0.5), "", size, part="minima of CD0")
     else:
         yield check(what, inside, None, "", size, "0")
     apart = np.nanmax(np.ptp([g["g_y"] for g in files], axis=0))
@@ -139,7 +142,8 @@ def _growth(phi, found, narrow, size):
     what = f"RD0, φ = {phi:g}: place ℓ of the minimum of g_y ~ γ̇^(−x)"
     at_last = f"{what}, γ̇ = {rates[-1]:g} to {rates[-2]:g}"
     if phi == PHI_J:
-        yield Row(at_last, "diverges: > 0", ours, between(low=0.0), note, size)
+        part = "x of ℓ ~ γ̇^(−x) at φ_J"
+        yield Row(at_last, "diverges: > 0", ours, between(low=0.0), note, size, part=part)
         whole = power_law(rates, x, errors)
         yield check(f"{what}, all rates", -whole.value, whole.inflated, told, size)
         return
@@ -153,12 +157,13 @@ def _growth(phi, found, narrow, size):
         between(low=1.0),
         note,
         size,
+        part="growth of ℓ at φ = 0.80",
     )
     note = "in the Newtonian limit g_y depends on the strain alone, and ℓ saturates"
     yield check(at_last, ours.value, 0.5 * ours.half_width, note, size, "diverges: > 0")
 
 
-@claim("vagberg-flow-curves")
+@claim("vagberg-flow-curves", on="at-phi_J")
 def flow_curves(table):
     at = table.where(command="flow", model="RD0", phi=PHI_J)
     sizes = np.unique(at["n"])
@@ -188,7 +193,7 @@ def flow_curves(table):
                 )
         if n == sizes[-1]:
             yield corrections(both, f"RD0 at φ_J = {PHI_J}, N = {n:g}", 1.1 / 3.5, size_of(slow))
-    yield from newtonian(table.where(command="flow", model="RD0", phi=0.80))
+    yield from bearing("newtonian", newtonian(table.where(command="flow", model="RD0", phi=0.80)))
     slow = slower(table.where(command="flow", model="CDn"), 2e-3)
     if len(np.unique(slow["rate"])) < 2:
         return
@@ -198,7 +203,7 @@ def flow_curves(table):
         local = np.diff(np.log(values)) / np.diff(np.log(rates))
         note = "from low γ̇ up: " + ", ".join(f"{x:.2f}" for x in local)
         what = f"CDn, Q = 1, φ = 0.78: {symbol} ~ γ̇^x, γ̇ = {rates[0]:g} to {rates[-1]:g}"
-        yield check(what, found.value, found.inflated, note, size_of(slow), "2")
+        yield check(what, found.value, found.inflated, note, size_of(slow), "2", bears="bagnoldian")
 
 
 def corrections(exponents, what, asymptotic, size) -> Row:
@@ -210,7 +215,15 @@ def corrections(exponents, what, asymptotic, size) -> Row:
         float(np.hypot(p.systematic, sigma.systematic)),
     )
     what = f"{what}: |x − y/zν| of σ less that of p, O ~ γ̇^x"
-    return Row(what, "larger for σ: > 0", ours, between(low=0.0), f"x = {sigma} of σ, {p} of p", size)
+    return Row(
+        what,
+        "larger for σ: > 0",
+        ours,
+        between(low=0.0),
+        f"x = {sigma} of σ, {p} of p",
+        size,
+        bears="corrections",
+    )
 
 
 def newtonian(rows):
@@ -252,7 +265,7 @@ def middle_share(profile, part=MIDDLE) -> float:
     return float(np.polyfit(y[inner], profile[inner], 1)[0])
 
 
-@claim("walls")
+@claim("walls", on="walls")
 def walls(table):
     for model in ("CD", "CD0"):
         rows = table.where(command="flow", model=model)
@@ -265,7 +278,9 @@ def walls(table):
             what = f"walls, {model}, γ̇ = {rate:g}: shear rate in the middle over γ̇, strain up to 0.1"
             claimed = model == "CD" and rate == rows["rate"].max()
             if claimed:
-                yield Row(what, "a band at the walls: < 1/2", Estimate(*start), between(high=0.5), "", size)
+                part = "in the middle over γ̇, at the start"
+                words, target = "a band at the walls: < 1/2", between(high=0.5)
+                yield Row(what, words, Estimate(*start), target, "", size, part=part)
             else:
                 yield check(what, *start, "", size)
             steady = runs[0].attributes["discard"], runs[0]["strain"][-1]
@@ -296,6 +311,7 @@ def walls(table):
                     between(0.95, 1.05),
                     note,
                     size,
+                    part="in the middle over a wider part, at last",
                 )
 
 
@@ -320,10 +336,11 @@ def kinds_of_flow(table):
                     states.append((model, phi, q, x, error, cluster))
                 if phi == 0.78:
                     what = f"{model}, φ = 0.78, Q = {q:g}: σ ~ γ̇^x, γ̇ = {slow:g} to {fast:g}"
-                    yield check(what, x, error, f"{100 * cluster:.0f} % of the disks in one cluster", size)
+                    note = f"{100 * cluster:.0f} % of the disks in one cluster"
+                    yield check(what, x, error, note, size, bears=KINDS.get(model, "newtonian"))
     yield from newtonian_or_bagnoldian(states, size)
-    yield from clusters_of(states, size)
-    yield from largest_jump(maps, size)
+    yield from bearing("clusters", clusters_of(states, size))
+    yield from bearing("bagnoldian", largest_jump(maps, size))
 
 
 def newtonian_or_bagnoldian(states, size):
@@ -338,8 +355,9 @@ def newtonian_or_bagnoldian(states, size):
         phi, q, x, error = np.transpose(found)
         mean = weighted_mean(x, error)
         note = f"mean of {len(x)} states, φ = {phi.min():g} to {phi.max():g}, Q = {q.min():g} to {q.max():g}"
+        note = f"{note}; from {x.min():.2f} to {x.max():.2f}"
         what = f"{', '.join(models)}, φ < φ_J: σ ~ γ̇^x between the lowest two γ̇"
-        yield Row(what, words, mean, number(theirs), f"{note}; from {x.min():.2f} to {x.max():.2f}", size)
+        yield Row(what, words, mean, number(theirs), note, size, bears=KINDS.get(models[0], "newtonian"))
 
 
 def clusters_of(states, size):
@@ -356,9 +374,14 @@ def clusters_of(states, size):
     if len(found) == 2:
         (one, own), (other, its) = (mean_with_error(found[name]) for name in ("Newtonian", "Bagnoldian"))
         note = f"means {one:.2f} of {len(found['Newtonian'])} and {other:.2f} of {len(found['Bagnoldian'])} states"
-        what = "largest cluster/N, Newtonian less Bagnoldian states"
+        what, part = (
+            "largest cluster/N, Newtonian less Bagnoldian states",
+            "Newtonian less Bagnoldian largest cluster/N",
+        )
         ours = Estimate(one - other, float(np.hypot(own, its)))
-        yield Row(what, "Newtonian flow has large clusters: > 1/2", ours, between(low=0.5), note, size)
+        yield Row(
+            what, "Newtonian flow has large clusters: > 1/2", ours, between(low=0.5), note, size, part=part
+        )
 
 
 def largest_jump(maps, size):

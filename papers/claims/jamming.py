@@ -17,6 +17,7 @@ from papers.claims.flow import PHI_J
 from papers.claims.shared import (
     SYMBOLS,
     Row,
+    bearing,
     check,
     claim,
     exponent,
@@ -47,8 +48,8 @@ OHERN = 0.71, 0.08  # ν of O'Hern et al., PRE 68, 011306 (2003), an earlier val
 def packings(table):
     """Isostaticity and φ_c of packings at a pressure, half of them large disks."""
     rows = table.where(command="pack", state="done")
-    yield from isostaticity(rows)
-    yield from random_starts(rows)
+    yield from bearing("isostatic", isostaticity(rows))
+    yield from bearing("phi_c", random_starts(rows))
 
 
 def isostaticity(rows):
@@ -92,11 +93,11 @@ def dimension_of(rows) -> int:
     return int(rows["dimension"][0]) if "dimension" in rows else 2
 
 
-@claim("paper1")
+@claim("paper1", on="cooled")
 def densities_of_jamming(table):
     yield from cooling(table)
     yield from shearing(table)
-    yield from cut_of_energy(table)
+    yield from bearing("energy-cut", cut_of_energy(table))
 
 
 def cooling(table):
@@ -126,6 +127,7 @@ def cooling(table):
                 between(low=0.0),
                 note,
                 size,
+                part="rise per decade",
             )
         else:
             yield check(what, slope, error, note, size)
@@ -141,6 +143,7 @@ def cooling(table):
             between(low=0.0),
             note,
             size,
+            part="cooled, separated less mixed sizes",
         )
     starts = {one.start: one for one in after}
     if len(starts) == 2 and len(before) > 1:
@@ -159,11 +162,16 @@ def mixing(before, starts, size):
     change, error = apart(starts[SEPARATED].mean, starts[MIXED].mean)
     what = "φ_J of sheared liquids: |from separated less from mixed sizes| over the range of cooled ones"
     ours = Estimate(abs(change) / broad, float(np.hypot(error, abs(change) / broad * broad_error)) / broad)
+    part = "sheared over cooled, separated less mixed sizes"
     note = f"{change:.5f} after a strain of {starts[MIXED].strain:g}; cooled liquids cover {broad:.4f}"
-    yield Row(what, "broad when cooled, narrow when sheared: < 1", ours, between(high=1.0), note, sheared)
+    yield Row(
+        what, "broad when cooled, narrow when sheared: < 1", ours, between(high=1.0), note, sheared, part=part
+    )
     what = "φ_J of sheared liquids, from separated less from mixed sizes"
-    ours = Estimate(change, error)
-    yield Row(what, "no memory of the start: 0", ours, number(0.0, absolute=PHI_MARGIN), "", sheared)
+    ours, part = Estimate(change, error), "sheared, separated less mixed sizes"
+    yield Row(
+        what, "no memory of the start: 0", ours, number(0.0, absolute=PHI_MARGIN), "", sheared, part=part
+    )
     cooled = next(one for one in before if one.start == SEPARATED and one.rate == starts[SEPARATED].rate)
     for one, when in ((cooled, "before"), (starts[SEPARATED], "after")):
         what = f"segregation of a liquid of separated sizes, {when} shear"
@@ -195,7 +203,7 @@ def shearing(table):
         what = f"QS: ⟨p⟩ with Δγ = {taken[0]:.2g} over that with {taken[1]:.2g}"
         size = f"N = {fine.n}, {fine.shares[0].samples} states"
         ours = Estimate(*ratio(fine, starts[fine.n, fine.start]))
-        yield Row(what, "small Δγ does not matter: 1", ours, number(1.0), "", size)
+        yield Row(what, "small Δγ does not matter: 1", ours, number(1.0), "", size, bears="strain-step")
 
 
 def cut_of_energy(table):
@@ -250,9 +258,11 @@ def finite_size(table):
                 if corrections:
                     last = drift_of(result, parameter, 2).rpartition(", ")[2]
                     found[name, parameter] = ours, last, size
-                yield check(f"{what}: {SYMBOLS[parameter]}", ours.value, ours.inflated, note, size)
+                on = {"nu": "nu", "y": "ensembles"}[parameter]
+                yield check(f"{what}: {SYMBOLS[parameter]}", ours.value, ours.inflated, note, size, bears=on)
                 phi = estimates["phi_J"]
-                yield check(f"{what}: φ_J", phi.value, phi.inflated, drift_of(result, "phi_J", 4), size)
+                note = drift_of(result, "phi_J", 4)
+                yield check(f"{what}: φ_J", phi.value, phi.inflated, note, size, bears="phi_J")
     for name in ENSEMBLES.values():
         if (name, "nu") in found:
             ours, note, size = found[name, "nu"]
@@ -271,10 +281,12 @@ def finite_size(table):
                 between(low=0.0),
                 f"ν = {ours}; {note}",
                 size,
+                bears="nu",
+                part=name,
             )
     if ("QS", "y") in found:
         ours, note, size = found["QS", "y"]
-        yield Row("QS: y, with corrections", "> 1", ours, between(low=1.0), note, size)
+        yield Row("QS: y, with corrections", "> 1", ours, between(low=1.0), note, size, bears="y")
         other, *_ = found["RAND", "y"]
         change = Estimate(
             ours.value - other.value,
@@ -282,10 +294,11 @@ def finite_size(table):
             float(np.hypot(ours.systematic, other.systematic)),
         )
         note = f"QS {ours}, RAND {other}"
-        yield Row("y of QS less y of RAND", "exponents differ: > 0", change, between(low=0.0), note, size)
+        what, words = "y of QS less y of RAND", "exponents differ: > 0"
+        yield Row(what, words, change, between(low=0.0), note, size, bears="ensembles")
 
 
-@claim("paper2")
+@claim("paper2", on="ensembles")
 def pressure_at_phi_J(table):
     """y/ν of both ensembles from ⟨p⟩ of jammed states at φ_J, which falls as N^(−y/2ν): paper III has y > 1 of QS."""
     found = {}
@@ -310,7 +323,8 @@ def pressure_at_phi_J(table):
         f"QS {one.value:.2f}, RAND {other.value:.2f}; P(p → 0) at finite N is that of the potential in both"
     )
     size = f"N ≥ {FEWEST_DISKS}"
-    yield Row(what, "paper III, y > 1 under shear alone: > 0", change, between(low=0.0), note, size)
+    words = "paper III, y > 1 under shear alone: > 0"
+    yield Row(what, words, change, between(low=0.0), note, size, part=None)
 
 
 def mean_pressures(jams, fewest) -> dict:
@@ -372,7 +386,7 @@ def drift_of(result, name, digits):
     return ", ".join(parts)
 
 
-@claim("paper3")
+@claim("paper3", on="potential")
 def soft_states(table):
     found = {(one.name, one.potential, one.n): one for one in pressures(table)}
     for (name, potential, n), one in found.items():
@@ -392,7 +406,7 @@ def soft_states(table):
             note = f"below ⟨p⟩/4 {text(wide, wide_error)}"
             if says == HALF:
                 ours = Estimate(change, error, 0.5 * abs(wide - change))
-                yield Row(what, HALF, ours, number(0.5), note, f"N = {n}")
+                yield Row(what, HALF, ours, number(0.5), note, f"N = {n}", part=f"N = {n}")
             else:
                 yield check(
                     what,
@@ -400,4 +414,5 @@ def soft_states(table):
                     error,
                     f"{says}; {note}; at finite N the limit is that of the potential",
                     f"N = {n}",
+                    bears="ensembles",
                 )

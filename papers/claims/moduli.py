@@ -19,6 +19,8 @@ from papers.claims.shared import (
     LARGE,
     NEAR,
     Row,
+    bearing,
+    beside,
     by_decades,
     check,
     claim,
@@ -36,6 +38,8 @@ BOTH = (("no_prestress_", "without pre-stress"), ("", "with pre-stress"))
 WINDOW = 50.0, 0.1  # critical frequencies of the cross-checks, from so many p/k to so many 1/τ₁
 LIMIT = 10.0, 0.02  # the same of the limit of G″/G′
 NARROWER = (30.0, 0.02), (10.0, 0.01)  # windows whose limits tell the systematic error
+PRESTRESSED = {"G0": "G0-prestress"}  # claims of their own with pre-stress
+SHALLOW = {"eta0": "contact damping", "eta0_drag": "Stokes, η₀ − η_F"}  # columns that decide
 RESAMPLED = 60  # times the packings of a limit
 AROUND = 0.1  # of ½, where a slope counts as critical
 SLOW = 1e-2  # ωτ₁ up to which κ is iωβτ₁
@@ -84,27 +88,29 @@ def size_scaling(n, pressure, values, errors, degree=DEGREE) -> SizeScaling:
 
 
 def exponent_rows(rows, law, cases, shallow=()):
-    """Rows about exponents of columns in p; cases: (column, name, theirs), theirs a number.
+    """Rows about exponents of columns in p; cases: (column, name, theirs, key of the claim), theirs a number.
 
     shallow: columns whose power with pre-stress BT call too shallow at any size that they reach. The claim is then that
     the ratio of the column with to the column without pre-stress, packing by packing, still changes with p.
     """
     unstable = np.count_nonzero(rows["G0"] < 0)
     for prefix, where in BOTH:
-        for column, name, theirs in cases:
+        for column, name, theirs, key in cases:
             points = medians_in_pressure(rows, prefix + column)
             corrected, alone = exponent(*points), near_jamming(*points)
             if alone is None:
                 continue
+            on = key if prefix else PRESTRESSED.get(key, key)
             note, what = by_decades(*points[:2]), f"{law}: {name} ~ p^x, {where}"
             if not prefix and unstable:
                 note += f"; medians include packings with G₀ < 0: {unstable} of {rows.rows}"
             if not prefix and column in shallow:
+                on = "shallow"
                 yield shallow_row(rows, f"{law}: {name}", column, theirs)
             elif corrected is not None:
-                yield Row(what, f"{theirs:g}", corrected, number(theirs), note, size_of(rows))
+                yield Row(what, f"{theirs:g}", corrected, number(theirs), note, size_of(rows), bears=on)
             what = f"{what}, p ≤ {NEAR:g} alone"
-            yield check(what, alone.value, alone.inflated, note, size_of(rows), f"{theirs:g}")
+            yield check(what, alone.value, alone.inflated, note, size_of(rows), f"{theirs:g}", bears=on)
 
 
 def ratio_of_prestress(rows, column="eta0"):
@@ -127,7 +133,8 @@ def shallow_row(rows, name, column, theirs):
     what = f"{name} with over without pre-stress ~ (pN²)^x, pN² > {LARGE:g}"
     target = between(low=0.0) if theirs < 0 else between(high=0.0)
     words = f"with pre-stress shallower than p^{theirs:g}: x {'>' if theirs < 0 else '<'} 0"
-    return Row(what, words, estimate, target, f"the ratio is {told}", size_of(rows))
+    note, part = f"the ratio is {told}", SHALLOW.get(column)
+    return Row(what, words, estimate, target, note, size_of(rows), bears="shallow", part=part)
 
 
 def curves_of(sweeps):
@@ -256,7 +263,11 @@ def delta_row(sweeps, law, fluid=0.0):
 @claim("bt-fig3")
 def balanced(table):
     slow = table.where(command="quasistatic", state="done")
-    cases = (("G0", "G₀", 0.5), ("eta0", "η₀", -0.5), ("omega_star", "ω* = G₀/η₀", 1.0))
+    cases = (
+        ("G0", "G₀", 0.5, "G0"),
+        ("eta0", "η₀", -0.5, "eta0"),
+        ("omega_star", "ω* = G₀/η₀", 1.0, "omega*"),
+    )
     yield from exponent_rows(slow, "β = 1", cases, shallow=("eta0", "omega_star"))
     sweeps = table.where(command="sweep", state="done")
     spreads = {}
@@ -264,15 +275,16 @@ def balanced(table):
         turning = sweeps.where(prestress=on, rotations=1)
         if not turning.rows:
             continue
-        yield from delta_row(turning, f"β = 1, {where}")
+        rows = bearing("Delta", delta_row(turning, f"β = 1, {where}"))
+        yield from rows if on else beside(rows)
         groups = curves_of(turning)
-        yield from border_rows(groups, where, size_of(turning), primary=bool(on))
+        yield from bearing("border", border_rows(groups, where, size_of(turning), primary=bool(on)))
         spreads[where] = spread_of_collapse(groups), size_of(turning)
-    yield from collapse_rows(spreads)
+    yield from bearing("collapse", collapse_rows(spreads))
     still = sweeps.where(rotations=0, prestress=1)
     if still.rows:
-        yield from delta_row(still, "β = 1, no rotations, with pre-stress")
-        yield from rotation_checks(sweeps, still)
+        yield from beside(delta_row(still, "β = 1, no rotations, with pre-stress"), "rotations")
+        yield from bearing("rotations", rotation_checks(sweeps, still))
 
 
 def border_rows(groups, where, size, primary):
@@ -359,13 +371,19 @@ def sliding(table):
     size = size_of(sweeps.where(beta=0.0))
     what = "β = 0, without pre-stress: G*/[G₀(1 + iωτ₁)] − 1, largest"
     yield Row(
-        what, "0", Estimate(max(off)), between(0.0, ROUNDING), "limited by rounding of stored results", size
+        what,
+        "0",
+        Estimate(max(off)),
+        between(0.0, ROUNDING),
+        "limited by rounding of stored results",
+        size,
+        bears="beta0",
     )
     slow = table.where(command="quasistatic", state="done")
     cases = (
-        ("eta0_normal", "η₀ at β = 0", 0.5),
-        ("eta0_transverse", "η₀ − η₀(β = 0), per β", -0.5),
-        ("beta_star", "β* = G₀Vγ²/kΣ(Δu⊥ᶜ)²", 1.0),
+        ("eta0_normal", "η₀ at β = 0", 0.5, "eta0-beta0"),
+        ("eta0_transverse", "η₀ − η₀(β = 0), per β", -0.5, "eta0-beta"),
+        ("beta_star", "β* = G₀Vγ²/kΣ(Δu⊥ᶜ)²", 1.0, "beta*"),
     )
     columns = {name: slow[name] for name in slow}
     for prefix, _ in BOTH:
@@ -375,7 +393,7 @@ def sliding(table):
         # BT 22 and β* are derived without pre-stress
         yield row if "without" in row.claim else unjudged(row)
     yield from beta_scans(slow, size)
-    yield from windows_of_beta(sweeps)
+    yield from bearing("window", windows_of_beta(sweeps))
 
 
 def beta_scans(slow, size):
@@ -397,7 +415,7 @@ def beta_scans(slow, size):
     what = f"without pre-stress: ω* = G₀/η₀ ~ β^x, β = {beta[-2]:g} … {beta[-1]:g} ≫ β*"
     note = f"{nearer:.4f} between β = {beta[-3]:g} and {beta[-2]:g}"
     estimate = Estimate(farther, error, 0.5 * abs(farther - nearer))
-    yield Row(what, "-1", estimate, number(-1.0), note, size)
+    yield Row(what, "-1", estimate, number(-1.0), note, size, bears="omega*-beta")
     p = slow["pressure"]
     local = ", ".join(f"{np.mean(np.array(rises)[p == one]):.2f}" for one in np.unique(p)[::-1])
     yield check(
@@ -428,7 +446,7 @@ def windows_of_beta(sweeps):
                 f"p = 1e-4, {where}: decades of ω with d ln G″/d ln ω = ½ ± {AROUND:g}, β = {max(chosen):g}"
             )
             if on:
-                yield Row(what, words, estimate, target, told, size_of(some))
+                yield Row(what, words, estimate, target, told, size_of(some), part=f"β = {max(chosen):g}")
             else:
                 yield check(what, estimate.value, estimate.statistical, told, size_of(some), words)
         if not on:
@@ -460,11 +478,12 @@ def one_curve_spread(curves):
 @claim("bt-fig6")
 def drag(table):
     slow = table.where(command="quasistatic", state="done")
-    cases = (("eta0_drag", "η₀ − η_F", -0.5),)
+    cases = (("eta0_drag", "η₀ − η_F", -0.5, "stokes-eta0"),)
     yield from exponent_rows(slow, "Stokes, η_F = 1", cases, shallow=("eta0_drag",))
     sweeps = table.where(command="sweep", state="done")
     for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
-        for row in delta_row(sweeps.where(eta_f=1.0, prestress=on), f"Stokes, η_F = 1, {where}", 1.0):
+        rows = delta_row(sweeps.where(eta_f=1.0, prestress=on), f"Stokes, η_F = 1, {where}", 1.0)
+        for row in bearing("stokes-Delta", rows):
             yield row if on else unjudged(row)
     some = sweeps.where(prestress=1, pressure=1e-4)
     off, least, fast = [], {}, []
@@ -475,15 +494,21 @@ def drag(table):
         for eta, c in curves.items():
             least.setdefault(eta, []).append(local_slope(c.omega, c.G.imag).min())
     what = f"Stokes, p = 1e-4: G′ of {len(least)} η_F, largest relative difference"
-    yield Row(what, "0", Estimate(max(off)), between(0.0, 1e-4), "exact: iωη_F is added to G*", size_of(some))
+    note = "exact: iωη_F is added to G*"
+    ours, target = Estimate(max(off)), between(0.0, 1e-4)
+    yield Row(what, "0", ours, target, note, size_of(some), bears="stokes-storage")
     what = "Stokes, p = 1e-4, η_F = 1: G″/(η_Fω) at the highest ω"
-    yield Row(what, "1", Estimate(*mean_with_error(fast)), exact(1.0), "", size_of(some))
+    ours, part = Estimate(*mean_with_error(fast)), "G″/(η_Fω) at the highest ω"
+    yield Row(what, "1", ours, exact(1.0), "", size_of(some), bears="stokes-linear", part=part)
     told = ", ".join(
         f"{np.median(slope):.2f} at η_F = {eta:g}" for eta, slope in sorted(least.items()) if eta >= 1
     )
     what = f"Stokes, p = 1e-4, η_F = {max(least):g} ≫ p^(−½): least d ln G″/d ln ω"
     estimate = Estimate(*mean_with_error(least[max(least)]))
-    yield Row(what, "linear: 1 ± 0.02", estimate, between(0.98, 1.02), told, size_of(some))
+    words, part = "linear: 1 ± 0.02", f"least d ln G″/d ln ω at η_F = {max(least):g}"
+    yield Row(
+        what, words, estimate, between(0.98, 1.02), told, size_of(some), bears="stokes-linear", part=part
+    )
 
 
 @claim("bt-fig8")
@@ -498,7 +523,7 @@ def finite_size(table):
         for prefix, where in BOTH:
             yield from size_rows(slow.where(law=law), f"{name}, {where}", prefix, theirs, subtracted)
     contact = slow.where(law="contact")
-    yield from saturation([contact, *largest_of(table)])
+    yield from bearing("shallow", saturation([contact, *largest_of(table)]))
     x = contact["pressure"] * contact["n"] ** 2
     ranges = (("< 1", x < 1), ("1 … 1e3", (x >= 1) & (x < 1e3)), ("> 1e3", x >= 1e3))
     told = [
@@ -512,6 +537,7 @@ def finite_size(table):
         None,
         note,
         size_of(contact),
+        bears="shallow",
     )
     for law, name in (("contact", "β = 1"), ("stokes", "Stokes")):
         yield from growth_with_size(slow.where(law=law), name)
@@ -567,10 +593,11 @@ def size_rows(rows, name, prefix, theirs, subtracted):
     note = f"p ≤ {NEAR:g}, pN² = {x.min():.0e} … {x.max():.0e}; χ²/dof {found.chi2 / found.dof:.1f}"
     what = f"{name}: a of η₀ = N^a f(pN²)"
     contact = rows["law"][0] == "contact"
+    on = "size-a" if contact else "stokes-a"
     if theirs and prefix:
-        yield Row(what, f"{theirs:g}", found, number(theirs), note, size)
+        yield Row(what, f"{theirs:g}", found, number(theirs), note, size, bears=on)
     else:
-        yield check(what, found.value, found.inflated, note, size, f"{theirs:g}" if theirs else "")
+        yield check(what, found.value, found.inflated, note, size, f"{theirs:g}" if theirs else "", bears=on)
     steep = x > LARGE
     if steep.sum() > 2 and theirs:
         slope, own, chi2, dof = line_fit(
@@ -579,13 +606,14 @@ def size_rows(rows, name, prefix, theirs, subtracted):
         what, guide = f"{name}: η₀/N^{theirs:g} ~ (pN²)^x, pN² > {LARGE:g}", -theirs / 2
         estimate = Estimate(slope, own, 0.0, chi2, dof)
         if contact and prefix:
-            yield Row(what, f"−a/2 = {guide:g}", estimate, number(guide), "", size)
-        elif contact:
-            yield check(what, slope, estimate.inflated, "", size, f"shallower: > {guide:g}")
+            words, target = f"−a/2 = {guide:g}", number(guide)
+            yield Row(what, words, estimate, target, "", size, bears="size-a", part=None)
         elif prefix:
-            yield Row(what, f"shallower: > {guide:g}", estimate, between(guide, 0.0), "", size)
+            words, target = f"shallower: > {guide:g}", between(guide, 0.0)
+            yield Row(what, words, estimate, target, "", size, bears="stokes-slope")
         else:
-            yield check(what, slope, estimate.inflated, "", size, f"shallower: > {guide:g}")
+            on = "shallow" if contact else "stokes-slope"
+            yield check(what, slope, estimate.inflated, "", size, f"shallower: > {guide:g}", bears=on)
     low, high = x < 0.1, x > 30
     if low.any() and high.any() and prefix:
         level, flank = (
@@ -596,9 +624,10 @@ def size_rows(rows, name, prefix, theirs, subtracted):
         scatter = 2 * crossing * np.hypot(*(np.sum(error[some] ** -2.0) ** -0.5 for some in (low, high)))
         what = f"{name}: pN² at which η₀ ~ N and η₀ ~ p^(−½) meet"
         if contact:
-            yield Row(what, "~ 1", Estimate(crossing, scatter), between(0.1, 10.0), "", size)
+            ours = Estimate(crossing, scatter)
+            yield Row(what, "~ 1", ours, between(0.1, 10.0), "", size, bears="size-crossing")
         else:
-            yield check(what, crossing, scatter, "", size, "~ 1")
+            yield check(what, crossing, scatter, "", size, "~ 1", bears="size-crossing")
 
 
 def growth_with_size(rows, name):

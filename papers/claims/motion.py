@@ -21,6 +21,7 @@ from papers.claims.medium import correlation, dragged, first_root, solid
 from papers.claims.shared import (
     LARGE,
     Row,
+    bearing,
     by_decades,
     check,
     claim,
@@ -66,7 +67,7 @@ def rms_length(vectors):
     return float(np.sqrt(np.mean(np.sum(np.abs(vectors) ** 2, axis=1))))
 
 
-@claim("bt-fig1")
+@claim("bt-fig1", on="ends")
 def instants(table):
     """Needs of each sweep: omega, G and the fields (of one packing at least)."""
     yield from _ends(table.where(command="sweep"))
@@ -100,12 +101,18 @@ def _ends(sweeps):
             slopes.append(np.diff(np.log(loss[ends])).item() / np.diff(np.log(omega[ends])).item())
         what = f"β = 1, p = {sweeps['pressure'][0]:g}: G″ ~ ω^x at the {name} ω"
         ours = Estimate(*mean_with_error(slopes))
-        yield Row(what, "1 ± 0.02", ours, between(0.98, 1.02), "", size_of(sweeps))
+        part = f"at the {name} ω"
+        yield Row(what, "1 ± 0.02", ours, between(0.98, 1.02), "", size_of(sweeps), part=part)
 
 
 @claim("bt-fig5")
 def floppy(table):
     """Needs of each quasistatic file: attributes only."""
+    yield from floppy_rows(table, "median")
+
+
+def floppy_rows(table, decisive):
+    """Rows about Δu and u_na; decisive: rms or median, of which the claims are."""
     slow = table.where(command="quasistatic", state="done")
     size, moments = size_of(slow), {}
     for kind, source in (("rms", "BT 19–21"), ("median", "BT Fig. 5")):
@@ -119,11 +126,13 @@ def floppy(table):
                     moments[name] = found
                 elif name in moments:
                     note = f"the rms, for which BT derive the exponent, has {moments[name]}"
-                yield Row(what, f"{theirs:g}", found, number(theirs), note, size)
+                part = None if kind != decisive else name.strip("|") if decisive == "rms" else ""
+                on = f"median-{column}"
+                yield Row(what, f"{theirs:g}", found, number(theirs), note, size, bears=on, part=part)
     points = _squares_ratio(slow)
     if (found := exponent(*points)) is not None:
         what = "Σ(Δu⊥)²/Σ(Δu∥)² ~ p^x, without pre-stress (BT 20)"
-        yield Row(what, "-1", found, number(-1.0), by_decades(*points[:2]), size)
+        yield Row(what, "-1", found, number(-1.0), by_decades(*points[:2]), size, bears="squares")
     yield from _mean_normal(slow, size)
     for kind in ("rms", "median", "mean"):
         for prefix, where in (("no_prestress_", "without pre-stress"), ("", "with pre-stress")):
@@ -132,7 +141,8 @@ def floppy(table):
                 alone = near_jamming(*points)
                 if alone is not None:
                     what, note = f"{kind} {name} ~ p^x, {where}, p ≤ 0.001 alone", by_decades(*points[:2])
-                    yield check(what, alone.value, alone.inflated, note, size, f"{theirs:g}")
+                    on = f"median-{column}"
+                    yield check(what, alone.value, alone.inflated, note, size, f"{theirs:g}", bears=on)
 
 
 def _squares_ratio(slow):
@@ -162,6 +172,7 @@ def _mean_normal(slow, size):
         number(0.0, absolute=0.1),
         note,
         size,
+        bears="mean-normal",
     )
 
 
@@ -182,12 +193,12 @@ def lengths(table):
     }
     packings = large["stokes", "stress"][0][1].attributes["packings"]
     size = f"N = {largest}, {packings} packings at each of {len(large['stokes', 'stress'])} pressures"
-    yield from _contact(found, large, size)
-    yield from _plateaus(large, size)
-    yield from _lanes(large, size)
-    yield from _collapses(large, size)
+    yield from bearing("contact-size", _contact(found, large, size))
+    yield from bearing("plateau", _plateaus(large, size))
+    yield from bearing("lanes", _lanes(large, size))
+    yield from bearing("spread-7d", _collapses(large, size))
     yield from _phases(large, size)
-    yield from _minima(large)
+    yield from bearing("minimum", _minima(large))
 
 
 def _over_size(pairs, part, chosen=lambda omega: omega == omega.min()):
@@ -225,7 +236,8 @@ def _plateaus(large, size):
         if phase == "stress":
             what = "Stokes: l of Im u_y over l of Re u_y as ω → 0"
             note = "as ω → 0 drag gives u_k ~ 1/k for Re, 1/k³ for Im"
-            yield Row(what, "the same: 1", _ratio(both["Im"], both["Re"]), number(1.0), note, size)
+            ours, part = _ratio(both["Im"], both["Re"]), "Stokes, ω → 0"
+            yield Row(what, "the same: 1", ours, number(1.0), note, size, bears="re-im", part=part)
 
 
 def _slow(curve, part, phase):
@@ -250,7 +262,8 @@ def _contact(found, large, size):
         what = f"contact: l/L at ω < {BEYOND:g}, {name} u_y"
         yield check(what, value, error, "B ~ k² as K", size, f"{first_root(solid):.3f}", predicted=True)
     what = f"contact: l of Im u_y over l of Re u_y, ω < {BEYOND:g}"
-    yield Row(what, "the same: 1", _ratio(both[1], both[0]), number(1.0), "", size)
+    ours, part = _ratio(both[1], both[0]), "contact damping"
+    yield Row(what, "the same: 1", ours, number(1.0), "", size, bears="re-im", part=part)
     levels = sorted(
         (curve.pressure, _over_size([(r, curve)], np.real, slow)) for r, curve in large["contact", "stress"]
     )
@@ -259,7 +272,8 @@ def _contact(found, large, size):
         told = "l/L = " + ", ".join(
             f"{value:.3f}({1000 * error:.0f}) at {p:.0e}" for p, (value, error) in levels
         )
-        yield Row(what, "the same: 1", _ratio(levels[0][1], levels[-1][1]), number(1.0), told, size)
+        ours = _ratio(levels[0][1], levels[-1][1])
+        yield Row(what, "the same: 1", ours, number(1.0), told, size, bears="contact-p")
     pairs = found["contact", "stress"]
     sizes = sorted({curve.attributes["particle_count"] for _, curve in pairs})
     if len(sizes) < 2:
@@ -412,12 +426,13 @@ def _minima(large):
             what = f"Stokes, p = 1e-4, ω = 10^{power:g}: C at L/2 less C at its minimum"
             note = f"the minimum is at {Estimate(float(place), float(own))} L"
             if power < -5:
-                yield Row(what, "no minimum: 0", depth, number(0.0, absolute=0.1), note, size)
+                part = f"ω = 10^{power:g}"
+                yield Row(what, "no minimum: 0", depth, number(0.0, absolute=0.1), note, size, part=part)
             else:
                 yield check(what, depth.value, depth.statistical, note, size, "a minimum: > 0")
 
 
-@claim("bt-modes")
+@claim("bt-modes", on="low-modes")
 def lowest(table):
     """Needs of each modes file: attributes, eigenvalues and shear_force; the rest is in the table."""
     rows = table.where(command="modes")

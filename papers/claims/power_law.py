@@ -41,7 +41,7 @@ def effective(one):
     return one.Omega[0]
 
 
-@claim("bt-nonlinear")
+@claim("bt-nonlinear", on="BT27")
 def exponents_of_power_laws(table):
     oscillations = table.where(command="oscillate", state="done")
     data = read(table.path, table.path)
@@ -51,10 +51,10 @@ def exponents_of_power_laws(table):
         p = min(of_pressures)
         packings, size = of_pressures[p], size_of(oscillations.where(alpha=alpha))
         yield from quasistatic(alpha, of_pressures, size)
-        for name, symbol, value, theirs in (
-            ("BT 28", "G′", storage, 0.5),
-            ("BT 29", "G″", loss, 0.5),
-            ("BT 28, 29", "effective Ω", effective, 1.0),
+        for on, name, symbol, value, theirs in (
+            ("BT28", "BT 28", "G′", storage, 0.5),
+            ("BT29", "BT 29", "G″", loss, 0.5),
+            ("BT29", "BT 28, 29", "effective Ω", effective, 1.0),
         ):
             found = exponent_in(x_of, packings, value, "critical")
             if found is None:
@@ -67,11 +67,12 @@ def exponents_of_power_laws(table):
                 told = f"contacts move by γ₀|Δu|, not BT's σ/k: 2/(1 + 3α) = {2 / (1 + 3 * alpha):.2f}; linear damping "
                 told += f"has {linear:.2f} for ½ here"
             what = f"α = {alpha:.2g}, critical, p = {p:g}: {symbol} ~ X^x, X = ω^α σ^(α−1) ({name})"
-            yield Row(what, f"{theirs:g}", found, number(theirs), told, size)
+            part = f"α = {alpha:.2g}" if value is not effective else None
+            yield Row(what, f"{theirs:g}", found, number(theirs), told, size, bears=on, part=part)
             both = exponents(packings, value, "critical")
             for axis, (letter, per_X) in enumerate((("ω", alpha), ("σ", alpha - 1.0))):
                 what = f"α = {alpha:.2g}, critical, p = {p:g}: {symbol} ~ {letter}^x ({name})"
-                yield check(what, both[0][axis], both[1][axis], "", size, f"{theirs * per_X:.3f}")
+                yield check(what, both[0][axis], both[1][axis], "", size, f"{theirs * per_X:.3f}", bears=on)
     if (table.path / "large").exists():
         yield from at_large(table.path / "large")
 
@@ -85,7 +86,8 @@ def quasistatic(alpha, of_pressures, size):
         what = f"α = {alpha:.2g}, quasistatic, p = {p:g}: G″ ~ X^x, X = ω^α σ^(α−1) (BT 27)"
         ours = Estimate(found.value, found.statistical, 0.5 * abs(linear - 1.0))
         told = f"linear damping has {linear:.3f} for 1 here"
-        yield Row(what, "1 ± 0.02", ours, between(0.98, 1.02), told, size)
+        part = f"exponent of X at α = {alpha:.2g}"
+        yield Row(what, "1 ± 0.02", ours, between(0.98, 1.02), told, size, part=part)
     several = {p: some for p, some in of_pressures.items() if len(some) >= FEWEST}
     if len(several) > 1:
         slope, error = prefactor_exponent(several, loss)
@@ -93,7 +95,8 @@ def quasistatic(alpha, of_pressures, size):
         told = f"contacts move by γ₀|Δu|, not BT's σ/k: p^{0.25 * (1 - 3 * alpha):.2f} as p → 0; Ω/X ~ "
         told += f"p^{Estimate(of_omega, its)}, BT p^0"
         what = f"α = {alpha:.2g}, quasistatic: G″/X ~ p^x (BT 27)"
-        yield Row(what, "-0.5", Estimate(slope, error), number(-0.5), told, size)
+        part = f"exponent of p at α = {alpha:.2g}"
+        yield Row(what, "-0.5", Estimate(slope, error), number(-0.5), told, size, part=part)
 
 
 def at_large(folder):
@@ -105,4 +108,4 @@ def at_large(folder):
                 n = packings[0].file.attributes["particle_count"]
                 what = f"α = {alpha:.2g}, critical, p = {p:g}, N = {n}: effective Ω ~ X^x (BT 28, 29)"
                 size = f"N = {n}; {len(packings)} packings"
-                yield check(what, found.value, found.statistical, "", size, "1")
+                yield check(what, found.value, found.statistical, "", size, "1", bears="BT29")

@@ -26,6 +26,8 @@ class Row:
     reason      one line; every number in it is computed
     size        N, packings or strain behind the number
     predicted   whether `theirs` is a prediction of our own theory, for docs/theory/linear_response.md
+    bears       key of the claim in claims/page.py on which the number bears
+    part        what part of the claim it decides, in words, "" for all of it; None for a number that does not decide
     """
 
     claim: str
@@ -35,9 +37,16 @@ class Row:
     reason: str = ""
     size: str = ""
     predicted: bool = False
+    bears: str = ""
+    part: str | None = ""
+
+    @property
+    def decides(self) -> bool:
+        """Whether the row of the page is made of this number."""
+        return self.target is not None and self.part is not None
 
 
-def check(claim, value, error=None, note="", size="", theirs="", predicted=False) -> Row:
+def check(claim, value, error=None, note="", size="", theirs="", predicted=False, bears="") -> Row:
     """A measured number without a verdict: of another estimator, or one of which the works say nothing."""
     return Row(
         claim,
@@ -47,6 +56,7 @@ def check(claim, value, error=None, note="", size="", theirs="", predicted=False
         note,
         size,
         predicted,
+        bears,
     )
 
 
@@ -55,11 +65,29 @@ def unjudged(row: Row) -> Row:
     return replace(row, target=None)
 
 
-def claim(*figures):
-    """Decorator: the function yields a `Row` for each claim, from the tables of the studies of these figures."""
+def beside(rows, bears=None):
+    """The numbers with their verdicts, none of which decides a claim; bears: the claim on which they do bear."""
+    for row in rows:
+        yield replace(row, bears=bears or row.bears, part=None)
+
+
+def bearing(key, rows):
+    """The numbers with the claim on which they bear, where they do not name one."""
+    for row in rows:
+        yield row if row.bears or row.predicted else replace(row, bears=key)
+
+
+def claim(*figures, on=""):
+    """Decorator: the function yields a `Row` for each number, from the tables of the studies of these figures.
+
+    on  key of the claim on which those bear that do not name one
+    """
 
     def enter(function):
-        CLAIMS.append((figures, function))
+        def rows(*tables):
+            return bearing(on, function(*tables))
+
+        CLAIMS.append((figures, rows))
         return function
 
     return enter

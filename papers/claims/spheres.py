@@ -13,10 +13,11 @@ from jampetsc.analysis.power_laws import local_exponents
 from papers.claims.flow import slower
 from papers.claims.jamming import OHERN, PHI_MARGIN, drift_of, finite_size, isostaticity, random_starts
 from papers.claims.moduli import balanced
-from papers.claims.motion import floppy
+from papers.claims.motion import floppy_rows
 from papers.claims.shared import (
     SYMBOLS,
     Row,
+    bearing,
     beta_of,
     check,
     claim,
@@ -31,6 +32,22 @@ from papers.claims.verdicts import Estimate, number
 SHIFT = 2e-3  # relative: as far as φ_J of RD0 lies above φ_c of random starts among disks
 DISKS = 1.1, 3.5  # y and zν of V, Fig. 5.1
 SLOW = 2e-3  # γ̇ below which exponents are fitted, as among disks
+IN_SPACE = {  # {claim of disks: (claim of spheres, whether its numbers decide)}
+    "G0": ("3D-G0", True),
+    "eta0": ("3D-eta0", True),
+    "omega*": ("3D-omega*", True),
+    "Delta": ("3D-Delta", True),
+    "median-normal": ("3D-floppy", True),
+    "median-transverse": ("3D-floppy", True),
+    "median-nonaffine": ("3D-floppy", True),
+    "squares": ("3D-floppy", False),
+    "mean-normal": ("3D-floppy", False),
+    "G0-prestress": ("3D-G0", False),
+    "shallow": ("3D-eta0", False),
+    "border": ("3D-Delta", False),
+    "collapse": ("3D-Delta", False),
+    "rotations": ("3D-Delta", False),
+}
 OHERN_PHI = 0.648  # φ_c of O'Hern et al. (2003), of harmonic spheres of radii 1 : 1.4
 
 
@@ -39,13 +56,21 @@ def spheres(table, flows):
     of_two_sizes = table.where(command="pack", sizes="", state="done")
     equal = table.where(command="pack", sizes="monodisperse", state="done")
     starts = list(random_starts(of_two_sizes))
-    parts = [("3D", balanced(table)), ("3D", floppy(table)), ("3D", isostaticity(of_two_sizes))]
-    parts += [("3D, spheres of two sizes", map(unjudged, starts))]
-    parts += [("3D, equal spheres", random_starts(equal))]
-    parts += [("3D", flow_at(flows, starts[0].ours.value))] if starts else []
+    parts = [("3D", in_space(balanced(table))), ("3D", in_space(floppy_rows(table, "rms")))]
+    parts += [("3D", bearing("3D-isostatic", isostaticity(of_two_sizes)))]
+    parts += [("3D, spheres of two sizes", bearing("3D-phi_c", map(unjudged, starts)))]
+    parts += [("3D, equal spheres", bearing("3D-phi_c", random_starts(equal)))]
+    parts += [("3D", bearing("3D-flow", flow_at(flows, starts[0].ours.value)))] if starts else []
     for words, rows in parts:
         for row in rows:
             yield replace(row, claim=f"{words}, {row.claim}")
+
+
+def in_space(rows):
+    """The numbers with the claims of three dimensions on which they bear; those of other claims decide none."""
+    for row in rows:
+        bears, decides = IN_SPACE[row.bears]
+        yield replace(row, bears=bears, part=row.part if decides else None)
 
 
 def flow_at(flows, phi_c):
@@ -81,12 +106,13 @@ def collapsed_flow(flows):
             what = f"RD0, collapse of {symbol}: {SYMBOLS[parameter]}"
             theirs = dict(zip(("y", "znu"), DISKS, strict=True)).get(parameter)
             if symbol == "p" and theirs:
-                yield Row(what, f"of disks: {theirs:g}", ours, number(theirs), told, size)
+                words, target, part = f"of disks: {theirs:g}", number(theirs), SYMBOLS[parameter]
+                yield Row(what, words, ours, target, told, size, bears="3D-fit", part=part)
             else:
-                yield check(what, ours.value, 0.5 * ours.half_width, told, size)
+                yield check(what, ours.value, 0.5 * ours.half_width, told, size, bears="3D-fit")
         beta, note = beta_of(result, found["znu"], found["y"])
         what = f"RD0, collapse of {symbol}: β = zν − y"
-        yield check(what, beta.value, beta.statistical, note, size, "of disks: 2.4")
+        yield check(what, beta.value, beta.statistical, note, size, "of disks: 2.4", bears="3D-fit")
 
 
 def exponent_of_flow(flows, phi_c, name):
@@ -123,11 +149,13 @@ def exponent_of_flow(flows, phi_c, name):
     return ours, told + ", ".join(f"{one:.3f}" for one in local)
 
 
-@claim("three-dimensions", "three-dimensions-jamming")
+@claim("three-dimensions", "three-dimensions-jamming", on="3D-nu")
 def random_spheres(packings, samples):
     """f(φ, N) of random starts: φ_J and ν, with L = N^(1/3)."""
     for row in finite_size(samples):
-        yield replace(unjudged(row), claim=f"3D, {row.claim}")
+        yield replace(
+            unjudged(row), claim=f"3D, {row.claim}", bears="3D-phi_J" if row.bears == "phi_J" else ""
+        )
     found = fitted(samples, "random")
     if not found:
         return
@@ -141,7 +169,8 @@ def random_spheres(packings, samples):
     target = number(OHERN[0], absolute=2 * OHERN[1])
     yield Row("3D, RAND: ν of f(φ, N)", f"O'Hern et al.: {words}", nu, target, note, size)
     note, target = drift_of(result, "phi_J", 4), number(OHERN_PHI, absolute=PHI_MARGIN)
-    yield Row("3D, RAND: φ_J of f(φ, N)", f"O'Hern et al.: {OHERN_PHI:g}", phi_J, target, note, size)
+    what, words = "3D, RAND: φ_J of f(φ, N)", f"O'Hern et al.: {OHERN_PHI:g}"
+    yield Row(what, words, phi_J, target, note, size, bears="3D-phi_J")
     for row in random_starts(packings.where(command="pack", sizes="", state="done")):
         change = Estimate(
             phi_J.value - row.ours.value,
@@ -150,4 +179,5 @@ def random_spheres(packings, samples):
         )
         what = "3D, RAND: φ_J of f(φ, N) less φ_c of packings at p → 0"
         note = f"φ_J = {phi_J}, φ_c = {row.ours}"
-        yield Row(what, "one number: 0", change, number(0.0, absolute=PHI_MARGIN), note, size)
+        target = number(0.0, absolute=PHI_MARGIN)
+        yield Row(what, "one number: 0", change, target, note, size, bears="3D-one-phi_J")

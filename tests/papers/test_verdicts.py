@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from jampetsc.io.ensemble import Ensemble
-from papers.claims.page import PAGE, PageClaim
-from papers.claims.selection import combined, label_of
-from papers.claims.shared import Row
+from papers.claims.page import PAGE, TEXTS
+from papers.claims.selection import combined, page_rows
+from papers.claims.shared import Row, bearing, beside
 from papers.claims.spheres import exponent_of_flow
 from papers.claims.verdicts import (
     AGREES,
@@ -67,16 +67,25 @@ def test_both_errors_and_a_fair_chi2_widen_the_interval():
 
 
 def test_the_worst_of_several_numbers_decides_a_claim():
-    claim = PageClaim("p^x in both laws", {"law …: x": "law {}"})
     rows = [
-        Row(f"law {n}: x", "0.5", fit(x, error), number(0.5))
+        Row(f"law {n}: x", "0.5", fit(x, error), number(0.5), part=f"law {n}")
         for n, x, error in ((1, 0.5, 0.01), (2, 0.5, 0.3))
     ]
-    row = combined(claim, rows)
+    row = combined("BT28", rows)
     assert verdict(row.ours, row.target)[0] == UNDECIDED and row.reason == "worst of 2: law 2"
-    differs = [*rows, Row("law 3: x", "0.5", fit(0.3, 0.01), number(0.5))]
-    assert combined(claim, differs).reason == "worst of 3: law 3"
-    assert label_of(claim, rows[1]) == "law 2" and label_of(claim, replace(rows[1], target=None)) is None
+    differs = [*rows, Row("law 3: x", "0.5", fit(0.3, 0.01), number(0.5), part="law 3")]
+    row = combined("BT28", differs)
+    assert row.reason == "worst of 3: law 3" and row.claim == TEXTS["BT28"]
+
+
+def test_a_number_decides_the_claim_that_it_names():
+    """Not one without a claimed number, nor one that is beside it; a default does not replace the name of a claim."""
+    judged = Row("x", "0.5", fit(0.5, 0.01), number(0.5))
+    rows = [judged, replace(judged, target=None), *beside([judged]), replace(judged, bears="BT29")]
+    rows = [((), row) for row in bearing("BT28", rows)]
+    (first, second) = page_rows(rows)
+    assert first[1] == "BT28" and first[4] == [rows[0][1]] and first[3].claim == "x"
+    assert second[1] == "BT29" and second[4] == [rows[3][1]]
 
 
 def test_the_mean_of_one_number_has_the_chi2_of_its_parts():
@@ -95,8 +104,8 @@ def table_of_claims():
 
 def test_every_claim_has_one_row_and_every_number_bears_on_one():
     entries = table_of_claims()
-    claims = [claim.text for group in PAGE.values() for claim in group]
-    assert len(set(claims)) == len(claims) > 50
+    claims = [text for group in PAGE.values() for text in group.values()]
+    assert len(set(claims)) == len(claims) == len(TEXTS) > 50
     assert {entry["row"] for entry in entries} == {*claims, "Predictions"}
     shown = [entry for entry in entries if entry["on_page"] == "yes"]
     assert sorted(entry["row"] for entry in shown) == sorted(claims)
