@@ -1,6 +1,5 @@
 """What the benchmarks share: packings made once, programs run with time and memory, a line about the machine."""
 
-import argparse
 import json
 import os
 import platform
@@ -126,16 +125,3 @@ def saved_page(path):
         yield page
         page.finish()
         page.save(path)
-
-
-def folder_and_picture(doc: str, picture: str, **sizes):
-    """Arguments of a program that prints tables of what a figure has left in a folder, and draws a picture of it.
-
-    sizes: whole numbers that it takes as options, with their defaults
-    """
-    words = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    words.add_argument("folder", type=Path)
-    words.add_argument("--picture", type=Path, help=picture)
-    for name, value in sizes.items():
-        words.add_argument(f"--{name}", type=int, default=value)
-    return words.parse_args()

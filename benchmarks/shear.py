@@ -19,6 +19,7 @@ import argparse
 import common
 import numpy as np
 from common import processor
+from conjugate_gradients import conjugate
 
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.jamming.stepwise_shear import StepwiseShear, measure_minimum
@@ -27,12 +28,9 @@ from jampetsc.minimisation.fire import fire_descent
 from jampetsc.minimisation.minimise import settle
 from jampetsc.minimisation.protocols import random_start
 from jampetsc.minimisation.sizes import radii_of
-from jampetsc.packing.compiled import FAST, compiled
-from jampetsc.packing.kernel import bond_forces
-from jampetsc.packing.neighbour_list import NeighbourList, is_stale
 from jampetsc.packing.packing import deformed
 from jampetsc.packing.potentials import Potential
-from jampetsc.packing.strain import UNSTRAINED, simple_shear
+from jampetsc.packing.strain import simple_shear
 from jampetsc.packing.threads import Team
 from jampetsc.petsc import session
 from jampetsc.petsc.hessian_solver import HessianSolver
@@ -44,79 +42,9 @@ BLOCK = 20  # steps in a row by each, as in a run
 STRAIN = 5.0  # of --runs
 
 
-@compiled(FAST, cache=False)
-def conjugate_gradients(pairs, listed, law, o, f, d, state, goal, most):
-    """Steps of Polak–Ribière with a secant along each direction; state = (slope before, |F|² before, last length).
-
-    Returns (there, evaluations); not there: the list is stale, or `most` are spent.
-    """
-    n = len(o)
-    trial, ahead = np.empty_like(o), np.empty_like(f)
-    bond_forces(pairs, o, UNSTRAINED, law, f, None, None)
-    evaluations = 1
-    fresh = state[1] == 0.0
-    while evaluations < most:
-        top = 0.0
-        for k in range(n):
-            top = max(top, f[k, 0] ** 2 + f[k, 1] ** 2)
-        if top <= goal * goal:
-            return True, evaluations
-        if fresh:
-            d[:] = f
-            fresh = False
-        slope = np.sum(f * d)
-        if slope <= 0.0:
-            d[:] = f
-            slope = np.sum(f * d)
-        length = state[2]
-        for k in range(n):
-            for axis in range(2):
-                trial[k, axis] = o[k, axis] + length * d[k, axis]
-        bond_forces(pairs, trial, UNSTRAINED, law, ahead, None, None)
-        evaluations += 1
-        end = np.sum(ahead * d)
-        if abs(end) > 0.1 * slope:  # to where the secant of the slope ends
-            better = length * min(max(slope / (slope - end), 0.1), 10.0) if slope > end else 2.0 * length
-            for k in range(n):
-                for axis in range(2):
-                    trial[k, axis] = o[k, axis] + better * d[k, axis]
-            bond_forces(pairs, trial, UNSTRAINED, law, ahead, None, None)
-            evaluations += 1
-            length = better
-        state[2] = length
-        turn = max(np.sum(ahead * (ahead - f)) / np.sum(f * f), 0.0)
-        far = 0.0
-        for k in range(n):
-            for axis in range(2):
-                o[k, axis] = trial[k, axis]
-                f[k, axis] = ahead[k, axis]
-                d[k, axis] = f[k, axis] + turn * d[k, axis]
-            far = max(far, o[k, 0] ** 2 + o[k, 1] ** 2)
-        if is_stale(np.sqrt(far), UNSTRAINED, listed[0], listed[1]):
-            break
-    state[1] = 1.0
-    return False, evaluations
-
-
 def by_conjugate_gradients(disks, goal):
     """Force evaluations to max |F| ≤ goal."""
     return conjugate(disks, goal, MOST)[1]
-
-
-def conjugate(disks, goal, most):
-    """(disks, evaluations) of nonlinear CG, to max |F| ≤ goal or until `most` are spent."""
-    widest, evaluations = 2.0 * float(disks.radii.max()), 0
-    d, f, state = np.empty((disks.n, 2)), np.empty((disks.n, 2)), np.array([0.0, 0.0, 0.5])
-    while evaluations < most:
-        pairs, o = NeighbourList.build(disks, 0.4), np.zeros((disks.n, 2))
-        there, more = conjugate_gradients(
-            pairs, (widest, 0.4), disks.potential.constants, o, f, d, state, goal, most - evaluations
-        )
-        evaluations += more
-        disks = deformed(disks, o, UNSTRAINED)
-        if there:
-            break
-    return disks, evaluations
 
 
 def by_fire(disks, goal):

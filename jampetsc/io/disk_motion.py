@@ -19,7 +19,7 @@ PHASES = ("stress", "strain")
 # attributes that flows share whose correlations are averaged
 FLOW_KIND = ("model", "rate", "particle_count", "mass")
 PHI_TOLERANCE = 1e-6  # φ of such flows may differ by this
-# in files without positions, such as in docs/kept
+# in files without positions, such as in papers/kept
 STORED_ORDER = "snapshots/psi6_local", "snapshots/psi6_global"
 _MAX_DISPLACEMENT = 1e100  # displacements per unit strain that no packing has
 _FREQUENCY_TOLERANCE = 0.01  # relative distance from a stored frequency: 0.0316 means 10^-1.5

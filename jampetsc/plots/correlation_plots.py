@@ -38,7 +38,7 @@ _MAX_ENTRIES = 5  # frequencies in a legend; more get a colour bar
 _MAX_BANDS = 3  # frequencies up to which bands and the other lane widths are drawn
 _FREQUENCY_TOLERANCE = 0.01  # relative, of requested frequencies
 # l/L in a medium under random stresses at low frequency: Re u_y of a solid, and Im u_y under Stokes drag
-# (docs/theory/linear_response.md; benchmarks/claims/medium.py)
+# (docs/theory/linear_response.md; papers/claims/medium.py)
 MEDIUM = (0.1691383468239038, 0.24575240074885307)
 OMEGA = option(
     "omega",

@@ -2,7 +2,7 @@
 
 Per unit strain: Δu∥ = a∥ and Δu⊥ = a⊥ of each contact and the non-affine displacement u_na of each disk. BT
 eqs. 19–21 expect them to scale like p^¼, p^−¼ and p^−¼. Without pre-stress k Σ (Δu∥)² = G₀ V exactly, and
-every run checks it. On BT's plateau of the mean |Δu∥| at low pressure see benchmarks/claims/motion.py.
+every run checks it. On BT's plateau of the mean |Δu∥| at low pressure see papers/claims/motion.py.
 
 The two limits of G''/ω follow without any frequency. η₀ V γ² is the dissipation form of B at the quasistatic field,
 minimised over the angles (torques vanish as ω → 0):

@@ -5,9 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from claims.medium import dragged, solid
-from claims.medium import first_root as first_root_of
-from claims.motion import stokes
 from picture_contents import bands, bars, figure_of, lines, told
 from samples import stored
 
@@ -31,6 +28,9 @@ from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
 from jampetsc.packing.packing import Packing
 from jampetsc.plots.correlation_plots import MEDIUM, correlation_curve, plot_correlation, plot_lengths
+from papers.claims.medium import dragged, solid
+from papers.claims.medium import first_root as first_root_of
+from papers.claims.motion import stokes
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from claims.moduli import size_scaling
 from picture_contents import bars, figure_of, lines, require_inside, told
 
 from jampetsc.analysis.statistics import half_width, log_median, median_interval
@@ -15,6 +14,7 @@ from jampetsc.plots.exponent_plots import plot_exponents
 from jampetsc.plots.page import Page
 from jampetsc.plots.quasistatic_plots import draw_finite_size, plot_finite_size
 from jampetsc.plots.style import drawn_in
+from papers.claims.moduli import size_scaling
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 SIZES, PRESSURES = np.array([64, 256, 1024]), np.array([1e-6, 1e-5, 1e-4, 1e-3])

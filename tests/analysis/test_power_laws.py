@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from claims.moduli import upper_border
 
 from jampetsc.analysis.power_laws import (
     collapse,
@@ -14,6 +13,7 @@ from jampetsc.analysis.power_laws import (
 )
 from jampetsc.errors import InputError
 from jampetsc.laws.equivalent_damping import EquivalentDamping
+from papers.claims.moduli import upper_border
 
 G_LOW, ETA_HIGH = 0.03, 0.4
 

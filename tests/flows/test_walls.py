@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from claims.flow import middle_share
 from sheared import ROWS
 
 import jampetsc
@@ -26,6 +25,7 @@ from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import simple_shear
+from papers.claims.flow import middle_share
 
 SOFT = Potential("harmonic", "inverse-square-diameter")
 

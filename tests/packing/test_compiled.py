@@ -122,7 +122,7 @@ def test_what_has_no_wrapper_for_python_is_called_by_compiled_functions_alone(fu
         name.removeprefix("jampetsc.") for (name, _), function in functions.items() if function in nested
     }
     mention = re.compile("|".join(name.rpartition(".")[2] for name in modules))
-    for folder in ("jampetsc", "tests", "benchmarks", "examples"):
+    for folder in ("jampetsc", "tests", "benchmarks", "papers", "examples"):
         for path in (launch.ROOT / folder).rglob("*.py"):
             if re.search(
                 r"^\s*(from|import) jampetsc.*\b(" + mention.pattern + ")", path.read_text(), re.MULTILINE

@@ -4,7 +4,6 @@ import layers
 import numpy as np
 import precision
 import pytest
-from claims.motion import rms_length
 from dense import all_pairs
 from keep import slim
 from samples import stored
@@ -29,6 +28,7 @@ from jampetsc.packing.neighbours import fractional, lengths, squared_length, vec
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.plots.cell_drawing import wrap
+from papers.claims.motion import rms_length
 
 BALL = {2: np.pi, 3: 4 * np.pi / 3}
 

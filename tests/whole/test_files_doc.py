@@ -27,7 +27,7 @@ RARE = {  # of runs that are not made here
         "quality",
         "snapshots/psi6_local",
         "snapshots/psi6_global",
-    ),  # the latter of files in docs/kept
+    ),  # the latter of files in papers/kept
     "jampetsc-collapse": "dimension rate model mass protocol znu znu_error nu_error phi_J_error omega_error".split(),
 }
 RUNS = """\

@@ -1,0 +1,653 @@
+"""G* of linear response: BT figures 3, 4, 6 and 8. Packings are quenched at a pressure in a cell of fixed shape.
+
+Primary estimators. Exponents in p: medians over packings, ln y = A + x ln p + ln(1 + b p^½) with pN² > 1e3; with
+pre-stress, where BT themselves say that a naive slope is too shallow, a power law at p ≤ 1e-3. Δ: the limit a of
+G″/G′ = a − b (ω/p)^−s, 10 p ≤ ω ≤ 0.02/τ₁, as Δ = (2/π) arctan a (Kramers–Kronig). Other numbers are cross-checks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import OptimizeWarning, curve_fit
+
+import jampetsc
+from jampetsc.analysis.power_laws import collapse_spread, critical_exponents, local_slope
+from jampetsc.analysis.statistics import draws_of, log_median, mean_with_error
+from jampetsc.plots.curves import curve_of
+from jampetsc.plots.quasistatic_plots import MIN_SIZES
+from papers.claims.shared import (
+    LARGE,
+    NEAR,
+    Row,
+    bearing,
+    beside,
+    by_decades,
+    check,
+    claim,
+    exponent,
+    line_fit,
+    medians_in_pressure,
+    near_jamming,
+    power_law,
+    size_of,
+    unjudged,
+)
+from papers.claims.verdicts import Estimate, between, exact, number
+
+BOTH = (("no_prestress_", "without pre-stress"), ("", "with pre-stress"))
+WINDOW = 50.0, 0.1  # critical frequencies of the cross-checks, from so many p/k to so many 1/τ₁
+LIMIT = 10.0, 0.02  # the same of the limit of G″/G′
+NARROWER = (30.0, 0.02), (10.0, 0.01)  # windows whose limits tell the systematic error
+PRESTRESSED = {"G0": "G0-prestress"}  # claims of their own with pre-stress
+SHALLOW = {"eta0": "contact damping", "eta0_drag": "Stokes, η₀ − η_F"}  # columns that decide
+RESAMPLED = 60  # times the packings of a limit
+AROUND = 0.1  # of ½, where a slope counts as critical
+SLOW = 1e-2  # ωτ₁ up to which κ is iωβτ₁
+ROUNDING = 1e-6  # relative difference of what is the same, in the single precision of kept results
+SPREAD = 0.1  # rms of the logarithm within which curves count as one
+DEGREE = 5  # of the polynomial in ln pN² that stands for ln f
+
+
+def upper_border(omega, G) -> float:
+    """ω at which d ln G''/d ln ω rises through ¾ for the last time: from the critical ½ to the viscous 1.
+
+    omega (M,) increasing, G (M,) complex; nan where it does not.
+    """
+    slope = local_slope(omega, np.asarray(G).imag) - 0.75
+    rises = np.flatnonzero((slope[:-1] < 0) & (slope[1:] >= 0))
+    if not len(rises):
+        return np.nan
+    last = rises[-1]
+    share = slope[last] / (slope[last] - slope[last + 1])
+    return float(np.exp(np.interp(share, (0, 1), np.log(omega[last : last + 2]))))
+
+
+@dataclass(frozen=True)
+class SizeScaling:
+    """η₀/N^a as a function of pN²."""
+
+    power: float  # a
+    error: float  # from the errors of the points
+    chi2: float
+    dof: int
+
+
+def size_scaling(n, pressure, values, errors, degree=DEGREE) -> SizeScaling:
+    """The power a with which values/N^a become one curve of pN², a polynomial between logarithms.
+
+    n, pressure, values, errors     (m,), values positive, errors of one standard deviation; m ≥ degree + 3
+    """
+    n, values = np.asarray(n, float), np.asarray(values, float)
+    x, weights = np.log(pressure * n**2), values / np.asarray(errors)
+    u = 2.0 * (x - x.min()) / np.ptp(x) - 1.0
+    terms = np.column_stack((np.log(n), np.polynomial.chebyshev.chebvander(u, degree)))
+    terms, y = terms * weights[:, None], np.log(values) * weights
+    found = np.linalg.lstsq(terms, y, rcond=None)[0]
+    chi2, dof = float(np.sum((y - terms @ found) ** 2)), len(y) - terms.shape[1]
+    return SizeScaling(float(found[0]), float(np.linalg.inv(terms.T @ terms)[0, 0] ** 0.5), chi2, dof)
+
+
+def exponent_rows(rows, law, cases, shallow=()):
+    """Rows about exponents of columns in p; cases: (column, name, theirs, key of the claim), theirs a number.
+
+    shallow: columns whose power with pre-stress BT call too shallow at any size that they reach. The claim is then that
+    the ratio of the column with to the column without pre-stress, packing by packing, still changes with p.
+    """
+    unstable = np.count_nonzero(rows["G0"] < 0)
+    for prefix, where in BOTH:
+        for column, name, theirs, key in cases:
+            points = medians_in_pressure(rows, prefix + column)
+            corrected, alone = exponent(*points), near_jamming(*points)
+            if alone is None:
+                continue
+            on = key if prefix else PRESTRESSED.get(key, key)
+            note, what = by_decades(*points[:2]), f"{law}: {name} ~ p^x, {where}"
+            if not prefix and unstable:
+                note += f"; medians include packings with G₀ < 0: {unstable} of {rows.rows}"
+            if not prefix and column in shallow:
+                on = "shallow"
+                yield shallow_row(rows, f"{law}: {name}", column, theirs)
+            elif corrected is not None:
+                yield Row(what, f"{theirs:g}", corrected, number(theirs), note, size_of(rows), bears=on)
+            what = f"{what}, p ≤ {NEAR:g} alone"
+            yield check(what, alone.value, alone.inflated, note, size_of(rows), f"{theirs:g}", bears=on)
+
+
+def ratio_of_prestress(rows, column="eta0"):
+    """(pN², median of a column with over without pre-stress, its error), each (P,), at each N and p, pN² increasing."""
+    found = []
+    for key, part in rows.groups(["n", "pressure"]):
+        if part.rows > 2:
+            middle, error = log_median(part[column] / part[f"no_prestress_{column}"])
+            found.append((key["pressure"] * key["n"] ** 2, np.exp(middle), np.exp(middle) * error))
+    return np.transpose(sorted(found))
+
+
+def shallow_row(rows, name, column, theirs):
+    """The row about a power that pre-stress makes shallower also where pN² > LARGE."""
+    x, ratio, error = ratio_of_prestress(rows, column)
+    large = x > LARGE
+    x, ratio, error = x[large], ratio[large], error[large]
+    estimate = power_law(x, ratio, error)
+    told = " and ".join(f"{Estimate(ratio[i], error[i])} at {x[i]:.0e}" for i in (0, -1))
+    what = f"{name} with over without pre-stress ~ (pN²)^x, pN² > {LARGE:g}"
+    target = between(low=0.0) if theirs < 0 else between(high=0.0)
+    words = f"with pre-stress shallower than p^{theirs:g}: x {'>' if theirs < 0 else '<'} 0"
+    note, part = f"the ratio is {told}", SHALLOW.get(column)
+    return Row(what, words, estimate, target, note, size_of(rows), bears="shallow", part=part)
+
+
+def curves_of(sweeps):
+    """[(p/k, curves)] from the lowest pressure."""
+    return [
+        (key["pressure"], [curve_of(r) for r in part.results()]) for key, part in sweeps.groups(["pressure"])
+    ]
+
+
+def limit_form(x, a, b, s):
+    """G″/G′ at x = ω/p where p ≪ ω ≪ 1/τ₁."""
+    return a - b * x**-s
+
+
+def limit_of(series, low, high):
+    """(a, χ², degrees of freedom) of `limit_form`; series: [(p, ω (M,), values (packings, M))].
+
+    χ² is that of one frequency a decade: neighbouring ones are of the same packings.
+    """
+    x, y, error = [], [], []
+    for p, omega, values in series:
+        inside = (omega > low * p * (1 - 1e-6)) & (omega < high * (1 + 1e-6))
+        x.append(omega[inside] / p)
+        y.append(values[:, inside].mean(axis=0))
+        error.append(values[:, inside].std(axis=0) / np.sqrt(len(values) - 1))
+    x, y, error = (np.concatenate(parts) for parts in (x, y, error))
+    found, _ = curve_fit(limit_form, x, y, (1.0, 0.8, 0.4), error)
+    decade = np.abs(np.log10(x) - np.round(np.log10(x))) < 0.01
+    chi2 = float(np.sum(((y - limit_form(x, *found)) / error)[decade] ** 2))
+    return found[0], chi2, int(np.count_nonzero(decade)) - 3
+
+
+def critical_exponent(groups, fluid=0.0) -> Estimate | None:
+    """Δ = (2/π) arctan of the limit of G″/G′, iωη_F subtracted; None where the window is empty or the fit fails.
+
+    Statistical error: bootstrap over packings. Systematic: half of the largest difference in NARROWER windows.
+    """
+    series = [
+        (p, curves[0].omega, np.array([(c.G.imag - c.omega * fluid) / c.G.real for c in curves]))
+        for p, curves in groups
+        if len(curves) > 2
+    ]
+
+    def delta(series, window):
+        return 2 / np.pi * np.arctan(limit_of(series, *window)[0])
+
+    try:
+        limit, chi2, dof = limit_of(series, *LIMIT)
+        value = 2 / np.pi * np.arctan(limit)
+        others = [delta(series, window) for window in NARROWER]
+        draws = [draws_of(len(values), RESAMPLED, seed) for seed, (*_, values) in enumerate(series)]
+        resampled = [
+            delta(
+                [(p, omega, values[rows[i]]) for (p, omega, values), rows in zip(series, draws, strict=True)],
+                LIMIT,
+            )
+            for i in range(RESAMPLED)
+        ]
+    except (ValueError, RuntimeError, TypeError, OptimizeWarning):  # too few points, or no convergence
+        return None
+    if dof < 1:
+        return None
+    systematic = 0.5 * max(abs(other - value) for other in others)
+    return Estimate(value, float(np.std(resampled)), systematic, chi2, dof)
+
+
+def window_means(curves, low, of):
+    """(curves,) means of of(omega, G) (M,) over ln ω from `low` to 0.1/τ₁, both inclusive."""
+    found = []
+    for curve in curves:
+        inside = (curve.omega >= low * (1 - 1e-9)) & (curve.omega <= WINDOW[1] * (1 + 1e-9))
+        with np.errstate(divide="ignore", invalid="ignore"):  # beyond it digits of the difference may be lost
+            found.append(np.mean(of(curve.omega, curve.G)[inside]))
+    return np.array(found)
+
+
+def digits(value, error):
+    """value(error), the error in units of the third decimal."""
+    return f"{value:.3f}({1000 * error:.0f})" if np.isfinite(error) else f"{value:.3f}"
+
+
+def regime_checks(groups, sweeps, law, fluid=0.0):
+    """Means of four local exponents over the critical window at the lowest pressure."""
+    groups = [(p, curves) for p, curves in groups if WINDOW[0] * p < WINDOW[1]]
+    if not groups:
+        return
+
+    def without(of):
+        return lambda omega, G: of(omega, G - 1j * omega * fluid)
+
+    cases = (
+        ("½ d ln|G*² − G₀²|/d ln ω", lambda omega, G: critical_exponents(omega, G, G[0].real)[0], "0.5"),
+        ("arg(G*² − G₀²)/π", lambda omega, G: critical_exponents(omega, G, G[0].real)[1], "0.5"),
+        ("d ln G″/d ln ω", lambda omega, G: local_slope(omega, G.imag), "0.5"),
+        ("G″/G′", lambda omega, G: G.imag / G.real, "1"),
+    )
+    for name, of, theirs in cases:
+        means = [
+            (p, *mean_with_error(window_means(curves, WINDOW[0] * p, without(of)))) for p, curves in groups
+        ]
+        note = "; ".join(f"{digits(value, error)} at p = {p:g}" for p, value, error in means)
+        what = f"{law}: {name}, mean over {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {means[0][0]:g}"
+        yield check(what, *means[0][1:], note, size_of(sweeps), theirs)
+
+
+def at_equal_ratio(groups, fluid=0.0):
+    """G″/G′ at one ω/p, in words: whether it depends on this ratio alone."""
+    means = []
+    for p, curves in groups:
+        at = np.argmin(np.abs(np.log(curves[0].omega / (LIMIT[0] * p))))
+        if LIMIT[0] * p <= LIMIT[1]:
+            means.append(np.mean([(c.G[at].imag - fluid * c.omega[at]) / c.G[at].real for c in curves]))
+    told = ", ".join(f"{mean:.3f}" for mean in means)
+    return f"G″/G′ at ω/p = {LIMIT[0]:g} is {told}, p from {groups[0][0]:g} up"
+
+
+def delta_row(sweeps, law, fluid=0.0):
+    """The row of Δ, with its cross-checks."""
+    groups = curves_of(sweeps)
+    found = critical_exponent(groups, fluid)
+    if found is not None:
+        yield Row(f"{law}: Δ", "≈ 0.5", found, number(0.5), at_equal_ratio(groups, fluid), size_of(sweeps))
+    yield from regime_checks(groups, sweeps, law, fluid)
+
+
+@claim("bt-fig3")
+def balanced(table):
+    slow = table.where(command="quasistatic", state="done")
+    cases = (
+        ("G0", "G₀", 0.5, "G0"),
+        ("eta0", "η₀", -0.5, "eta0"),
+        ("omega_star", "ω* = G₀/η₀", 1.0, "omega*"),
+    )
+    yield from exponent_rows(slow, "β = 1", cases, shallow=("eta0", "omega_star"))
+    sweeps = table.where(command="sweep", state="done")
+    spreads = {}
+    for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
+        turning = sweeps.where(prestress=on, rotations=1)
+        if not turning.rows:
+            continue
+        rows = bearing("Delta", delta_row(turning, f"β = 1, {where}"))
+        yield from rows if on else beside(rows)
+        groups = curves_of(turning)
+        yield from bearing("border", border_rows(groups, where, size_of(turning), primary=bool(on)))
+        spreads[where] = spread_of_collapse(groups), size_of(turning)
+    yield from bearing("collapse", collapse_rows(spreads))
+    still = sweeps.where(rotations=0, prestress=1)
+    if still.rows:
+        yield from beside(delta_row(still, "β = 1, no rotations, with pre-stress"), "rotations")
+        yield from bearing("rotations", rotation_checks(sweeps, still))
+
+
+def border_rows(groups, where, size, primary):
+    """Where d ln G″/d ln ω leaves the critical ½ for the viscous 1."""
+    borders = [(p, *mean_with_error([upper_border(c.omega, c.G) for c in curves])) for p, curves in groups]
+    told = ", ".join(f"{value:.2f} at {p:g}" for p, value, _ in borders)
+    what = f"β = 1, {where}: upper border, where d ln G″/d ln ω passes ¾, in 1/τ₁, p = {borders[0][0]:g}"
+    note = f"tends to a constant as p falls: {told}"
+    if primary:
+        yield Row(what, "~ 1", Estimate(*borders[0][1:]), between(0.1, 10.0), note, size)
+    else:
+        yield check(what, *borders[0][1:], note, size, "~ 1")
+
+
+def spread_of_collapse(groups) -> Estimate:
+    """Spread of G*/p^½ at equal ω/p; bootstrap over packings."""
+
+    def spread(chosen):
+        return collapse_spread([(*median_curve(curves), p) for p, curves in chosen])
+
+    value = spread(groups)
+    draws = [draws_of(len(curves), RESAMPLED, seed) for seed, (_, curves) in enumerate(groups)]
+    resampled = [
+        spread([(p, [curves[j] for j in rows[i]]) for (p, curves), rows in zip(groups, draws, strict=True)])
+        for i in range(RESAMPLED)
+    ]
+    return Estimate(value, float(np.std(resampled)))
+
+
+def collapse_rows(spreads):
+    """Whether G*/p^½ is one curve of ω/p; spreads: {with or without pre-stress: (estimate, size)}."""
+    for where, (ours, size) in spreads.items():
+        what = f"β = 1, {where}: G*/p^½ is one curve of ω/p below ωτ₁ = 0.1: spread of ln G′, ln G″ (rms)"
+        if where == "with pre-stress":
+            note = "with pre-stress η₀ grows more slowly than p^(−½)"
+            if "without pre-stress" in spreads:
+                note += f"; without pre-stress the spread is {spreads['without pre-stress'][0]}"
+            yield Row(what, f"< {SPREAD:g}", ours, between(0.0, SPREAD), note, size)
+        else:
+            yield check(what, ours.value, ours.statistical, "", size)
+
+
+def rotation_checks(sweeps, still):
+    """|G*| of the same packings without and with rotations: a constant where both have the same form.
+
+    Systematic error of its exponent in ω: half of the difference between the halves of the window.
+    """
+    for p, curves in curves_of(still)[:1]:
+        turning = sweeps.where(rotations=1, prestress=1, pressure=p)
+        ratios, slopes = [], []
+        for curve, result in zip(curves, turning.results(), strict=True):
+            inside = (curve.omega >= WINDOW[0] * p) & (curve.omega <= WINDOW[1])
+            if inside.sum() < 4:
+                return
+            ratio = np.abs(curve.G / curve_of(result).G)
+            ratios.append((np.mean(ratio[inside]), np.ptp(ratio[inside]), ratio[-1]))
+            x, y = np.log(curve.omega[inside]), np.log(ratio[inside])
+            parts = slice(None), slice(len(x) // 2), slice(len(x) // 2, None)
+            slopes.append([np.polyfit(x[part], y[part], 1)[0] for part in parts])
+        (slope, slow, fast), (own, *_) = mean_with_error(slopes)
+        ours = Estimate(slope, own, 0.5 * abs(fast - slow))
+        what = f"β = 1: |G*| without over with rotations ~ ω^x, {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {p:g}"
+        told = f"{slow:.3f} in the lower half of the critical regime, {fast:.3f} in the upper"
+        yield Row(what, "the same form: 0 ± 0.05", ours, number(0.0, absolute=0.05), told, size_of(still))
+        (value, change, fast), (error, *_) = mean_with_error(ratios)
+        note = f"changes by {change:.2f} within; {fast:.2f} at the highest ω"
+        what = f"β = 1: |G*| without over with rotations, {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {p:g}"
+        yield check(what, value, error, note, size_of(still))
+
+
+def median_curve(curves):
+    """(ωτ₁, median of G′ + i median of G″)."""
+    G = np.array([curve.G for curve in curves])
+    return curves[0].omega, np.median(G.real, axis=0) + 1j * np.median(G.imag, axis=0)
+
+
+@claim("bt-fig4")
+def sliding(table):
+    sweeps = table.where(command="sweep", state="done")
+    off = [
+        np.abs(s.G / (s.G.real[0] * (1 + 1j * s.omega)) - 1).max()
+        for s in sweeps.where(beta=0.0, prestress=0).results()
+    ]
+    size = size_of(sweeps.where(beta=0.0))
+    what = "β = 0, without pre-stress: G*/[G₀(1 + iωτ₁)] − 1, largest"
+    yield Row(
+        what,
+        "0",
+        Estimate(max(off)),
+        between(0.0, ROUNDING),
+        "limited by rounding of stored results",
+        size,
+        bears="beta0",
+    )
+    slow = table.where(command="quasistatic", state="done")
+    cases = (
+        ("eta0_normal", "η₀ at β = 0", 0.5, "eta0-beta0"),
+        ("eta0_transverse", "η₀ − η₀(β = 0), per β", -0.5, "eta0-beta"),
+        ("beta_star", "β* = G₀Vγ²/kΣ(Δu⊥ᶜ)²", 1.0, "beta*"),
+    )
+    columns = {name: slow[name] for name in slow}
+    for prefix, _ in BOTH:
+        columns[f"{prefix}beta_star"] = slow[f"{prefix}G0"] / slow[f"{prefix}eta0_transverse"]
+    derived = type(slow)(slow.path, columns, jampetsc.load)
+    for row in exponent_rows(derived, "contact damping", cases):
+        # BT 22 and β* are derived without pre-stress
+        yield row if "without" in row.claim else unjudged(row)
+    yield from beta_scans(slow, size)
+    yield from bearing("window", windows_of_beta(sweeps))
+
+
+def beta_scans(slow, size):
+    """η₀ and η_∞ of each packing against β."""
+    off, slopes, rises = [], [], []
+    for result in slow.results():
+        beta, eta0 = result["beta_scan/beta"], result["beta_scan/no_prestress_eta0"]
+        facts = result.attributes
+        model = facts["no_prestress_G0"] + beta * facts["no_prestress_eta0_transverse"]
+        off.append(np.abs(eta0 / model - 1).max())
+        slopes.append(-np.diff(np.log(eta0[-3:])) / np.diff(np.log(beta[-3:])))
+        middle = (beta > 0.9e-2) & (beta < 1.1e-1)  # p ≪ β ≪ 1
+        rises.append(np.diff(np.log(result["beta_scan/eta_inf"][middle])).item() / np.log(10))
+    what = "without pre-stress: η₀/τ₁ = G₀ + βkΣ(Δu⊥ᶜ)²/(Vγ²), largest relative difference"
+    yield check(
+        what, max(off), None, "rotations that are best for one β are for all", size, "0", predicted=True
+    )
+    (nearer, farther), (_, error) = mean_with_error(slopes)
+    what = f"without pre-stress: ω* = G₀/η₀ ~ β^x, β = {beta[-2]:g} … {beta[-1]:g} ≫ β*"
+    note = f"{nearer:.4f} between β = {beta[-3]:g} and {beta[-2]:g}"
+    estimate = Estimate(farther, error, 0.5 * abs(farther - nearer))
+    yield Row(what, "-1", estimate, number(-1.0), note, size, bears="omega*-beta")
+    p = slow["pressure"]
+    local = ", ".join(f"{np.mean(np.array(rises)[p == one]):.2f}" for one in np.unique(p)[::-1])
+    yield check(
+        "η_∞ ~ β^x, β = 1e-2 … 1e-1, lowest p",
+        *mean_with_error(np.array(rises)[p == p.min()]),
+        f"{local} from p = {p.max():g} down: p ≪ β ≪ 1 is a short range",
+        size,
+        "0.5",
+        predicted=True,
+    )
+
+
+def windows_of_beta(sweeps):
+    """The window in which G″ ~ ω^½ at several β and one pressure, and F(κ)."""
+    for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
+        some = sweeps.where(prestress=on, pressure=1e-4)
+        groups = [(key["beta"], [curve_of(r) for r in part.results()]) for key, part in some.groups(["beta"])]
+        widths = {beta: mean_with_error([critical_decades(c) for c in curves]) for beta, curves in groups}
+        told = ", ".join(f"{width:.1f} at β = {beta:g}" for beta, (width, _) in list(widths.items())[::2])
+        for chosen, words, target in (
+            ([beta for beta in widths if beta < 1e-4 / 5], "none at β ≪ β*", between(high=0.5)),
+            ([max(widths)], "opens as β grows", between(low=1.0)),
+        ):
+            if not chosen:
+                continue
+            estimate = Estimate(*widths[max(chosen)])
+            what = (
+                f"p = 1e-4, {where}: decades of ω with d ln G″/d ln ω = ½ ± {AROUND:g}, β = {max(chosen):g}"
+            )
+            if on:
+                yield Row(what, words, estimate, target, told, size_of(some), part=f"β = {max(chosen):g}")
+            else:
+                yield check(what, estimate.value, estimate.statistical, told, size_of(some), words)
+        if not on:
+            spread = one_curve_spread([(beta, c) for beta, curves in groups if beta for c in curves[:1]])
+            what = f"p = 1e-4, {where}: G*/(1 + iωτ₁) = F of βω for all β, ω < {SLOW:g}: spread (rms)"
+            yield check(
+                what,
+                spread,
+                None,
+                "exact in κ = iωβτ₁/(1 + iωτ₁), which is nearly iωβτ₁",
+                size_of(some),
+                "0",
+                predicted=True,
+            )
+
+
+def critical_decades(curve):
+    """Decades of ω over which d ln G″/d ln ω is ½ ± AROUND."""
+    near = np.abs(local_slope(curve.omega, curve.G.imag) - 0.5) < AROUND
+    return np.sum(near[1:] * np.diff(np.log10(curve.omega)))
+
+
+def one_curve_spread(curves):
+    """How far G*/(1 + iωτ₁) is from one curve of βω, for [(β, curve)]."""
+    scaled = [(c.omega, c.G / (1 + 1j * c.omega), 1 / beta) for beta, c in curves]
+    return collapse_spread(scaled, 0.0, 1.0, end=SLOW)
+
+
+@claim("bt-fig6")
+def drag(table):
+    slow = table.where(command="quasistatic", state="done")
+    cases = (("eta0_drag", "η₀ − η_F", -0.5, "stokes-eta0"),)
+    yield from exponent_rows(slow, "Stokes, η_F = 1", cases, shallow=("eta0_drag",))
+    sweeps = table.where(command="sweep", state="done")
+    for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
+        rows = delta_row(sweeps.where(eta_f=1.0, prestress=on), f"Stokes, η_F = 1, {where}", 1.0)
+        for row in bearing("stokes-Delta", rows):
+            yield row if on else unjudged(row)
+    some = sweeps.where(prestress=1, pressure=1e-4)
+    off, least, fast = [], {}, []
+    for _, part in some.groups(["seed"]):
+        curves = {key["eta_f"]: curve_of(one.results()[0]) for key, one in part.groups(["eta_f"])}
+        off += [np.abs(c.G.real / curves[1.0].G.real - 1).max() for c in curves.values()]
+        fast.append(curves[1.0].G[-1].imag / curves[1.0].omega[-1])
+        for eta, c in curves.items():
+            least.setdefault(eta, []).append(local_slope(c.omega, c.G.imag).min())
+    what = f"Stokes, p = 1e-4: G′ of {len(least)} η_F, largest relative difference"
+    note = "exact: iωη_F is added to G*"
+    ours, target = Estimate(max(off)), between(0.0, 1e-4)
+    yield Row(what, "0", ours, target, note, size_of(some), bears="stokes-storage")
+    what = "Stokes, p = 1e-4, η_F = 1: G″/(η_Fω) at the highest ω"
+    ours, part = Estimate(*mean_with_error(fast)), "G″/(η_Fω) at the highest ω"
+    yield Row(what, "1", ours, exact(1.0), "", size_of(some), bears="stokes-linear", part=part)
+    told = ", ".join(
+        f"{np.median(slope):.2f} at η_F = {eta:g}" for eta, slope in sorted(least.items()) if eta >= 1
+    )
+    what = f"Stokes, p = 1e-4, η_F = {max(least):g} ≫ p^(−½): least d ln G″/d ln ω"
+    estimate = Estimate(*mean_with_error(least[max(least)]))
+    words, part = "linear: 1 ± 0.02", f"least d ln G″/d ln ω at η_F = {max(least):g}"
+    yield Row(
+        what, words, estimate, between(0.98, 1.02), told, size_of(some), bears="stokes-linear", part=part
+    )
+
+
+@claim("bt-fig8")
+def finite_size(table):
+    slow = table.where(command="quasistatic", state="done")
+    laws = (
+        ("contact", "β = 1", 1.0, False),
+        ("stokes", "Stokes, η_F = 1", 1.09, False),
+        ("stokes", "Stokes, η_F subtracted", None, True),
+    )
+    for law, name, theirs, subtracted in laws:
+        for prefix, where in BOTH:
+            yield from size_rows(slow.where(law=law), f"{name}, {where}", prefix, theirs, subtracted)
+    contact = slow.where(law="contact")
+    yield from bearing("shallow", saturation([contact, *largest_of(table)]))
+    x = contact["pressure"] * contact["n"] ** 2
+    ranges = (("< 1", x < 1), ("1 … 1e3", (x >= 1) & (x < 1e3)), ("> 1e3", x >= 1e3))
+    told = [
+        f"{np.count_nonzero(contact['G0'][some] < 0)} of {np.count_nonzero(some)} at pN² {text}"
+        for text, some in ranges
+    ]
+    note = f"they count like the others in all medians; {', '.join(told)}"
+    yield check(
+        "with pre-stress: share of packings with G₀ < 0",
+        np.mean(contact["G0"] < 0),
+        None,
+        note,
+        size_of(contact),
+        bears="shallow",
+    )
+    for law, name in (("contact", "β = 1"), ("stokes", "Stokes")):
+        yield from growth_with_size(slow.where(law=law), name)
+
+
+def largest_of(table) -> list:
+    """The rows of the largest packings, of a study of its own, in a list: empty if it has not been run."""
+    study = table.path / "largest"
+    return [jampetsc.load(study).where(command="quasistatic", state="done")] if study.exists() else []
+
+
+def saturation(tables):
+    """Slope of ln R in ln pN² at the largest pN², R = η₀ with over without pre-stress: 0 where the crossover ends."""
+    x, ratio, error = (np.concatenate(part) for part in zip(*map(ratio_of_prestress, tables), strict=True))
+    order = np.argsort(x, kind="stable")
+    x, ratio, error = x[order], ratio[order], error[order]
+    rows = tables[-1]
+    last = x > 0.05 * x[-1]
+    if x[-1] < 10 * LARGE or last.sum() < 2:
+        return
+    found = power_law(x[last], ratio[last], error[last])
+    told = ", ".join(
+        f"{r:.2f}({100 * e:.0f}) at {at:.1e}" for at, r, e in zip(x, ratio, error, strict=True) if at > 1
+    )
+    what = f"β = 1: R = η₀ with/without pre-stress ~ (pN²)^x, pN² = {x[last][0]:.0e} … {x[-1]:.0e}"
+    yield check(what, found.value, found.inflated, f"R = {told}", size_of(rows))
+
+
+def viscosities(rows, prefix, subtracted):
+    """[(N, p, η₀ of its packings)] at p ≤ 1e-3, where there are three or more, less η_F where subtracted."""
+    found = []
+    for key, part in rows.groups(["n", "pressure"]):
+        values = part[f"{prefix}eta0"] - (part[f"{prefix}eta0_fluid"] if subtracted else 0.0)
+        if key["pressure"] <= NEAR and part.rows > 2:
+            found.append((key["n"], key["pressure"], values))
+    return found
+
+
+def size_rows(rows, name, prefix, theirs, subtracted):
+    """Rows about η₀/N^a against pN²; the claims are about what BT draw filled, without pre-stress."""
+    points = viscosities(rows, prefix, subtracted)
+    n, p = np.array([(one, level) for one, level, _ in points]).reshape(-1, 2).T
+    if len(n) < 9 or len(set(n)) < MIN_SIZES:
+        return
+    y, error = np.transpose([log_median(values) for *_, values in points])
+    size, x = size_of(rows), p * n**2
+    fits = [
+        size_scaling(n, p, np.exp(y), error * np.exp(y), degree)
+        for degree in (DEGREE, DEGREE - 1, DEGREE + 1)
+    ]
+    systematic = 0.5 * max(abs(other.power - fits[0].power) for other in fits[1:])
+    found = Estimate(fits[0].power, fits[0].error, systematic, fits[0].chi2, fits[0].dof)
+    note = f"p ≤ {NEAR:g}, pN² = {x.min():.0e} … {x.max():.0e}; χ²/dof {found.chi2 / found.dof:.1f}"
+    what = f"{name}: a of η₀ = N^a f(pN²)"
+    contact = rows["law"][0] == "contact"
+    on = "size-a" if contact else "stokes-a"
+    if theirs and prefix:
+        yield Row(what, f"{theirs:g}", found, number(theirs), note, size, bears=on)
+    else:
+        yield check(what, found.value, found.inflated, note, size, f"{theirs:g}" if theirs else "", bears=on)
+    steep = x > LARGE
+    if steep.sum() > 2 and theirs:
+        slope, own, chi2, dof = line_fit(
+            (np.ones(steep.sum()), np.log(x[steep])), (y - theirs * np.log(n))[steep], error[steep]
+        )
+        what, guide = f"{name}: η₀/N^{theirs:g} ~ (pN²)^x, pN² > {LARGE:g}", -theirs / 2
+        estimate = Estimate(slope, own, 0.0, chi2, dof)
+        if contact and prefix:
+            words, target = f"−a/2 = {guide:g}", number(guide)
+            yield Row(what, words, estimate, target, "", size, bears="size-a", part=None)
+        elif prefix:
+            words, target = f"shallower: > {guide:g}", between(guide, 0.0)
+            yield Row(what, words, estimate, target, "", size, bears="stokes-slope")
+        else:
+            on = "shallow" if contact else "stokes-slope"
+            yield check(what, slope, estimate.inflated, "", size, f"shallower: > {guide:g}", bears=on)
+    low, high = x < 0.1, x > 30
+    if low.any() and high.any() and prefix:
+        level, flank = (
+            np.average(values[some], weights=error[some] ** -2)
+            for values, some in ((y - np.log(n), low), (y + 0.5 * np.log(p), high))
+        )
+        crossing = np.exp(2 * (flank - level))
+        scatter = 2 * crossing * np.hypot(*(np.sum(error[some] ** -2.0) ** -0.5 for some in (low, high)))
+        what = f"{name}: pN² at which η₀ ~ N and η₀ ~ p^(−½) meet"
+        if contact:
+            ours = Estimate(crossing, scatter)
+            yield Row(what, "~ 1", ours, between(0.1, 10.0), "", size, bears="size-crossing")
+        else:
+            yield check(what, crossing, scatter, "", size, "~ 1", bears="size-crossing")
+
+
+def growth_with_size(rows, name):
+    """√p (η₀ − η_F) = A + B ln N without pre-stress, at each pressure that has enough sizes."""
+    subtracted = rows["law"][0] == "stokes"
+    points = viscosities(rows, "no_prestress_", subtracted)
+    for level in sorted({p for _, p, _ in points}):
+        scaled = [
+            (n, *mean_with_error(np.sqrt(p) * values))
+            for n, p, values in points
+            if p == level and p * n**2 > 30
+        ]
+        if len(scaled) < MIN_SIZES:
+            continue
+        n = max(size for size, *_ in scaled)
+        sizes, means, errors = np.transpose(scaled)
+        slope, own, *_ = line_fit((np.ones_like(sizes), np.log(sizes)), means, errors)
+        constant = np.average(means - slope * np.log(sizes), weights=errors**-2.0)
+        told = ", ".join(f"{value:.3f}({1000 * error:.0f}) at {size:g}" for size, value, error in scaled)
+        power = 1.0 + slope / (constant + slope * np.log(n))  # 1 + d ln(A + B ln N)/d ln N
+        note = f"means {told}; a = {power:.2f} at N = {n:g}"
+        what = f"{name}, without pre-stress, p = {level:g}: B of √p {'(η₀ − η_F)' if subtracted else 'η₀'} = A + B ln N"
+        yield check(what, slope, own, note, size_of(rows), "> 0" if subtracted else "0", predicted=True)

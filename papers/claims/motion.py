@@ -1,0 +1,500 @@
+"""How disks move: BT figures 1, 5 and 7, and the lowest modes.
+
+Primary estimators. Figure 5: BT derive their exponents for second moments, so the rms over contacts or disks comes
+first; the medians that they draw are claims of their own. Both: medians over packings, y = A p^x (1 + b p^½).
+Figure 7: C and its first root l, displacements in the phase of the stress.
+"""
+
+import numpy as np
+
+from jampetsc.analysis.displacement_correlation import (
+    MAX_LENGTH,
+    MIN_LENGTH,
+    length_spread,
+    medium_collapse,
+    stokes_collapse,
+)
+from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.errors import InputError
+from jampetsc.plots.correlation_plots import correlation_curve
+from papers.claims.medium import correlation, dragged, first_root, solid
+from papers.claims.shared import (
+    LARGE,
+    Row,
+    bearing,
+    by_decades,
+    check,
+    claim,
+    exponent,
+    medians_in_pressure,
+    near_jamming,
+    size_of,
+)
+from papers.claims.verdicts import Estimate, between, number
+
+QUANTITIES = {"normal": ("|Δu∥|", 0.25), "transverse": ("|Δu⊥|", -0.25), "nonaffine": ("|u_na|", -0.25)}
+BEYOND = 0.1  # ωτ₁ below which contact-damped displacements are compared
+APART = 0.03  # δ/L at which C of two sizes is compared
+SPREAD = 0.1  # rms of the logarithm within which lengths count as one curve
+
+
+def stokes(part, angle=0.0, phase="stress", length=1.0):
+    """Factor a(k) at finite ω: `part` numpy.real or numpy.imag; angle φ of G*; length ℓ in units of L."""
+
+    def factor(k):
+        q = k * length
+        turn = 1.0 if phase == "stress" else np.exp(1j * angle)
+        return part(turn * q / (np.exp(1j * angle) * q**2 + 1j))
+
+    return factor
+
+
+def paired(rows, column):
+    """(p (P,), values (S, P)) of the seeds that have a packing at every pressure where pN² is large, p increasing.
+
+    Where it is at fewer than two, as in runs of tiny packings, at every pressure: nothing is decided then.
+    """
+    p = np.unique(rows["pressure"][rows["pressure"] * rows["n"] ** 2.0 >= LARGE])
+    p = p if len(p) > 1 else np.unique(rows["pressure"])
+    parts = [rows.where(pressure=one, state="done") for one in p]
+    seeds = sorted(set.intersection(*(set(part["seed"].tolist()) for part in parts))) if parts else []
+    values = [[part[column][part["seed"] == seed][0] for part in parts] for seed in seeds]
+    return p, np.array(values).reshape(len(seeds), len(p))
+
+
+def rms_length(vectors):
+    """√⟨|v|²⟩ of vectors (N, D), real or complex."""
+    return float(np.sqrt(np.mean(np.sum(np.abs(vectors) ** 2, axis=1))))
+
+
+@claim("bt-fig1", on="ends")
+def instants(table):
+    """Needs of each sweep: omega, G and the fields (of one packing at least)."""
+    yield from _ends(table.where(command="sweep"))
+    found = {}
+    for sweep in table.where(command="sweep").results():
+        if "fields/displacement" not in sweep:
+            continue
+        for row, omega in enumerate(sweep["fields/omega"]):
+            field, G = sweep["fields/displacement"][row], sweep.modulus(omega)
+            turned = field * np.conj(G) / abs(G)
+            size = [rms_length(part) for part in (field, turned.imag, turned.real)]
+            found.setdefault(float(omega), []).append((size[0], size[1] / size[2]))
+    for omega, values in sorted(found.items()):
+        sizes, ratios = np.transpose(values)
+        size = f"N = {table.where(command='sweep')['n'].max()}, {len(values)} packings"
+        what = f"ω = {omega:.0e}: non-affine motion per strain, in d"
+        yield check(what, *mean_with_error(sizes), "rms |ũ| over all disks", size)
+        yield check(f"ω = {omega:.0e}: ũ at zero over ũ at peak stress", *mean_with_error(ratios), "", size)
+
+
+def _ends(sweeps):
+    """d ln G″/d ln ω over the lowest and over the highest decade of ω, or between the two frequencies at the end."""
+    curves = [(one.omega, one.G.imag) for one in sweeps.results()]
+    for name in ("lowest", "highest"):
+        slopes = []
+        for omega, loss in curves:
+            inner = np.argmin(
+                np.abs(np.log(omega / (10 * omega[0] if name == "lowest" else 0.1 * omega[-1])))
+            )
+            ends = [0, max(1, inner)] if name == "lowest" else [min(inner, len(omega) - 2), -1]
+            slopes.append(np.diff(np.log(loss[ends])).item() / np.diff(np.log(omega[ends])).item())
+        what = f"β = 1, p = {sweeps['pressure'][0]:g}: G″ ~ ω^x at the {name} ω"
+        ours = Estimate(*mean_with_error(slopes))
+        part = f"at the {name} ω"
+        yield Row(what, "1 ± 0.02", ours, between(0.98, 1.02), "", size_of(sweeps), part=part)
+
+
+@claim("bt-fig5")
+def floppy(table):
+    """Needs of each quasistatic file: attributes only."""
+    yield from floppy_rows(table, "median")
+
+
+def floppy_rows(table, decisive):
+    """Rows about Δu and u_na; decisive: rms or median, of which the claims are."""
+    slow = table.where(command="quasistatic", state="done")
+    size, moments = size_of(slow), {}
+    for kind, source in (("rms", "BT 19–21"), ("median", "BT Fig. 5")):
+        for column, (name, theirs) in QUANTITIES.items():
+            points = medians_in_pressure(slow, f"no_prestress_{column}_{kind}")
+            found = exponent(*points)
+            if found is not None:
+                what = f"{kind} {name} ~ p^x, without pre-stress ({source})"
+                note = by_decades(*points[:2])
+                if kind == "rms":
+                    moments[name] = found
+                elif name in moments:
+                    note = f"the rms, for which BT derive the exponent, has {moments[name]}"
+                part = None if kind != decisive else name.strip("|") if decisive == "rms" else ""
+                on = f"median-{column}"
+                yield Row(what, f"{theirs:g}", found, number(theirs), note, size, bears=on, part=part)
+    points = _squares_ratio(slow)
+    if (found := exponent(*points)) is not None:
+        what = "Σ(Δu⊥)²/Σ(Δu∥)² ~ p^x, without pre-stress (BT 20)"
+        yield Row(what, "-1", found, number(-1.0), by_decades(*points[:2]), size, bears="squares")
+    yield from _mean_normal(slow, size)
+    for kind in ("rms", "median", "mean"):
+        for prefix, where in (("no_prestress_", "without pre-stress"), ("", "with pre-stress")):
+            for column, (name, theirs) in QUANTITIES.items():
+                points = medians_in_pressure(slow, f"{prefix}{column}_{kind}")
+                alone = near_jamming(*points)
+                if alone is not None:
+                    what, note = f"{kind} {name} ~ p^x, {where}, p ≤ 0.001 alone", by_decades(*points[:2])
+                    on = f"median-{column}"
+                    yield check(what, alone.value, alone.inflated, note, size, f"{theirs:g}", bears=on)
+
+
+def _squares_ratio(slow):
+    """`medians_in_pressure` of Σ(Δu⊥)²/Σ(Δu∥)² without pre-stress."""
+    columns = {name: slow[name] for name in slow}
+    ratio = slow["no_prestress_transverse_rms"] / slow["no_prestress_normal_rms"]
+    return medians_in_pressure(type(slow)(slow.path, columns | {"ratio": ratio**2}, None), "ratio")
+
+
+def _mean_normal(slow, size):
+    """The mean of |Δu∥|, which BT see level off, beside the rms, which √G₀ gives exactly."""
+    p, mean = paired(slow, "no_prestress_normal_mean")
+    _, rms = paired(slow, "no_prestress_normal_rms")
+    if len(p) < 2 or not len(mean):
+        return
+    local = np.diff(np.log(mean), axis=1) / np.diff(np.log(p))
+    defect = float(np.nanmax(np.abs(slow["no_prestress_identity_difference"])))
+    what = f"mean |Δu∥| ~ p^x, without pre-stress, p = {p[0]:.0e} … {p[1]:.0e}"
+    note = (
+        f"mean ≤ rms = (G₀V/kN_c)^½ γ, here exact to {defect:.0e}: it must fall with G₀; mean/rms is "
+        f"{(mean / rms)[:, 0].mean():.2f} at p = {p[0]:g}"
+    )
+    yield Row(
+        what,
+        "levels off: 0",
+        Estimate(*mean_with_error(local[:, 0])),
+        number(0.0, absolute=0.1),
+        note,
+        size,
+        bears="mean-normal",
+    )
+
+
+@claim("bt-fig7")
+def lengths(table):
+    """Needs of each correlation: everything."""
+    rows = table.where(command="correlate")
+    laws = {"contact": {"law": "contact"}, "stokes": {"law": "stokes", "eta_f": 0.0}}
+    found = {
+        (law, phase): [(one, correlation_curve(one)) for one in rows.where(phase=phase, **words).results()]
+        for law, words in laws.items()
+        for phase in ("stress", "strain")
+    }
+    largest = max(curve.attributes["particle_count"] for _, curve in found["stokes", "stress"])
+    large = {
+        key: [(r, c) for r, c in pairs if c.attributes["particle_count"] == largest]
+        for key, pairs in found.items()
+    }
+    packings = large["stokes", "stress"][0][1].attributes["packings"]
+    size = f"N = {largest}, {packings} packings at each of {len(large['stokes', 'stress'])} pressures"
+    yield from bearing("contact-size", _contact(found, large, size))
+    yield from bearing("plateau", _plateaus(large, size))
+    yield from bearing("lanes", _lanes(large, size))
+    yield from bearing("spread-7d", _collapses(large, size))
+    yield from _phases(large, size)
+    yield from bearing("minimum", _minima(large))
+
+
+def _over_size(pairs, part, chosen=lambda omega: omega == omega.min()):
+    """(mean, error) of l/L over files and the frequencies chosen; the error of one file's lengths, or their scatter."""
+    values, errors = [], []
+    for _, curve in pairs:
+        at = chosen(curve.omega)
+        values.append(np.nanmean(part(curve.G[at])) / curve.size)
+        errors.append(np.nanmean(curve.bounds[int(part is np.imag), at]) / curve.size)
+    own = np.sqrt(np.nanmean(np.square(errors)) / len(values))
+    return float(np.mean(values)), float(np.fmax(own, mean_with_error(values)[1]))
+
+
+def _ratio(one, other) -> Estimate:
+    """Ratio of two numbers (value, error)."""
+    value = one[0] / other[0]
+    return Estimate(value, abs(value) * float(np.hypot(one[1] / one[0], other[1] / other[0])))
+
+
+def _plateaus(large, size):
+    """l/L as ω → 0 under drag; and whether Re and Im have the same."""
+    for phase in ("stress", "strain"):
+        pairs = large["stokes", phase]
+        both = {name: _over_size(pairs, part) for part, name in ((np.real, "Re"), (np.imag, "Im"))}
+        for part, name in ((np.real, "Re"), (np.imag, "Im")):
+            value, error = both[name]
+            expected = np.mean([first_root(_slow(curve, part, phase)) for _, curve in pairs])
+            what = f"Stokes: l/L as ω → 0, {name} u_y, phase of the {phase}"
+            if (phase, name) == ("stress", "Re"):
+                note = (
+                    f"a medium under random stresses has {expected:.3f}; Im u_y has {Estimate(*both['Im'])}"
+                )
+                yield Row(what, "≈ 1/4", Estimate(value, error), number(0.25), note, size)
+            yield check(what, value, error, "", size, f"{expected:.3f}", predicted=True)
+        if phase == "stress":
+            what = "Stokes: l of Im u_y over l of Re u_y as ω → 0"
+            note = "as ω → 0 drag gives u_k ~ 1/k for Re, 1/k³ for Im"
+            ours, part = _ratio(both["Im"], both["Re"]), "Stokes, ω → 0"
+            yield Row(what, "the same: 1", ours, number(1.0), note, size, bears="re-im", part=part)
+
+
+def _slow(curve, part, phase):
+    """u_k of a medium as ω → 0. In the phase of the stress Im has 1/k of η₀ beside 1/k³ of the drag."""
+    if part is np.real:
+        return solid
+    if phase == "strain":
+        return dragged
+    low = curve.omega.argmin()
+    viscosity = curve.modulus[low].imag / curve.omega[low]
+    return lambda k: dragged(k) + viscosity / curve.attributes["particle_count"] * solid(k)
+
+
+def _contact(found, large, size):
+    """Contact damping: one C of δ/L at every N, p and ω, of both parts."""
+
+    def slow(omega):
+        return omega < BEYOND
+
+    both = [_over_size(large["contact", "stress"], part, slow) for part in (np.real, np.imag)]
+    for (value, error), name in zip(both, ("Re", "Im"), strict=True):
+        what = f"contact: l/L at ω < {BEYOND:g}, {name} u_y"
+        yield check(what, value, error, "B ~ k² as K", size, f"{first_root(solid):.3f}", predicted=True)
+    what = f"contact: l of Im u_y over l of Re u_y, ω < {BEYOND:g}"
+    ours, part = _ratio(both[1], both[0]), "contact damping"
+    yield Row(what, "the same: 1", ours, number(1.0), "", size, bears="re-im", part=part)
+    levels = sorted(
+        (curve.pressure, _over_size([(r, curve)], np.real, slow)) for r, curve in large["contact", "stress"]
+    )
+    if len(levels) > 1:
+        what = f"contact: l at p = {levels[0][0]:.0e} over l at {levels[-1][0]:.0e}, Re u_y"
+        told = "l/L = " + ", ".join(
+            f"{value:.3f}({1000 * error:.0f}) at {p:.0e}" for p, (value, error) in levels
+        )
+        ours = _ratio(levels[0][1], levels[-1][1])
+        yield Row(what, "the same: 1", ours, number(1.0), told, size, bears="contact-p")
+    pairs = found["contact", "stress"]
+    sizes = sorted({curve.attributes["particle_count"] for _, curve in pairs})
+    if len(sizes) < 2:
+        return
+    roots = [
+        _over_size([pair for pair in pairs if pair[1].attributes["particle_count"] == n], np.real, slow)
+        for n in (sizes[0], sizes[-1])
+    ]
+    ratio = _ratio(*roots)
+    what = f"contact: l/L at N = {sizes[0]} over that at N = {sizes[-1]}, Re u_y"
+    yield check(
+        what, ratio.value, ratio.statistical, "the root alone", f"N = {sizes[0]} and {sizes[-1]}", "1"
+    )
+    yield from _collapse_in_size(pairs, sizes)
+
+
+def _collapse_in_size(pairs, sizes):
+    """C at one δ/L and ω = 1e-3, mean over pressures, at the smallest and the largest N."""
+    means, media = [], []
+    for n in (sizes[0], sizes[-1]):
+        curves = [curve for _, curve in pairs if curve.attributes["particle_count"] == n]
+        at = []
+        for curve in curves:
+            row = int(np.abs(np.log10(curve.omega) + 3).argmin())
+            known = np.isfinite(curve.delta[-1])
+            x = curve.delta[-1][known] / curve.size
+            at.append([np.interp(APART, x, y[-1, row, 0][known]) for y in (curve.C, curve.errors)])
+        values, errors = np.transpose(at)
+        means.append((float(values.mean()), float(np.sqrt(np.sum(errors**2)) / len(errors))))
+        waves = int(np.mean([curve.size for curve in curves]))
+        media.append(correlation(solid, APART, waves) / correlation(solid, 0.0, waves))
+    told = " and ".join(f"{value:.3f}({1000 * error:.0f})" for value, error in means)
+    note = (
+        f"C = {told}; a medium under random stresses has the ratio {media[0] / media[1]:.2f}, as ⟨u²⟩ ~ ln(L/d) "
+        "normalises C"
+    )
+    what = f"contact: C(δ/L = {APART:g}) at N = {sizes[0]} over that at N = {sizes[-1]}, ω = 1e-3, Re u_y"
+    size = f"N = {sizes[0]} and {sizes[-1]}, {len(curves)} pressures"
+    yield Row(what, "one curve: 1", _ratio(*means), number(1.0), note, size)
+
+
+def _lanes(large, size):
+    """l of narrow lanes over l of wide ones."""
+    lanes = np.concatenate([result["length"] for result, _ in large["stokes", "stress"]], axis=1)
+    widths = large["stokes", "stress"][0][1].lanes
+    for wide, narrow in zip(range(len(widths) - 1), range(1, len(widths)), strict=True):
+        ratio = (lanes[narrow] / lanes[wide]).ravel()
+        ratio = ratio[np.isfinite(ratio)]
+        found = Estimate(float(np.mean(ratio)), float(np.std(ratio) / np.sqrt(len(ratio))))
+        what = f"Stokes: l of lanes of {widths[narrow]:.2g} d over that of {widths[wide]:.2g} d"
+        note = (
+            f"mean over ω, p, Re and Im; single ratios are off by {np.median(np.abs(ratio - 1)):.3f} (median)"
+        )
+        if narrow == len(widths) - 1:
+            target = between(0.98, 1.02)
+            yield Row(what, "does not depend: 1 ± 0.02", found, target, note, size)
+        else:
+            yield check(what, found.value, found.statistical, note, size, "1")
+
+
+def _spread(curves, take, exponent) -> Estimate:
+    """Spread of l (−ln p)^exponent at equal ω/p^½, or for None of l at equal |G*|/ω; jackknife over pressures."""
+
+    def of(chosen):
+        if exponent is None:
+            return length_spread([(c.omega, take(c), c.size, c.modulus) for c in chosen], medium_collapse)
+        given = [(c.omega, take(c), c.size, c.pressure, exponent) for c in chosen]
+        return length_spread(given, stokes_collapse)
+
+    value = of(curves)
+    without = [of(curves[:n] + curves[n + 1 :]) for n in range(len(curves))] if len(curves) > 2 else []
+    error = np.sqrt((len(without) - 1) * np.var(without)) if without else np.nan
+    return Estimate(value, float(error))
+
+
+def _collapses(large, size):
+    cases = {
+        "l (−ln p)^0.65 at equal ω/p^½": 0.65,
+        "l at equal ω/p^½": 0.0,
+        "l (−ln p)^−0.65 at equal ω/p^½": -0.65,
+        "l at equal |G*|/ω": None,
+    }
+    for phase in ("stress", "strain"):
+        curves = [curve for _, curve in large["stokes", phase]]
+        for take, name in ((lambda c: c.G.real + 0j, "Re"), (lambda c: 1j * c.G.imag, "Im")):
+            try:
+                found = {what: _spread(curves, take, power) for what, power in cases.items()}
+            except InputError:  # cells so small that no length is free of their size
+                continue
+            for what, estimate in found.items():
+                claimed = (phase, name) == ("stress", "Re") and cases[what] == 0.65
+                claim = f"Stokes: spread (rms) of {what}, {name} u_y, phase of the {phase}"
+                if claimed:
+                    plain, inverse, medium = (estimate.value for estimate in list(found.values())[1:])
+                    note = f"{plain:.2f} with no factor, {inverse:.2f} with its inverse, {medium:.2f} against |G*|/ω"
+                    yield Row(
+                        claim,
+                        f"one curve: < {SPREAD:g}",
+                        estimate,
+                        between(high=SPREAD),
+                        note,
+                        size,
+                    )
+                else:
+                    yield check(claim, estimate.value, estimate.statistical, "", size)
+
+
+def _phases(large, size):
+    """Coefficient of l = c √(|G*|/nω) in both phases where p ≪ ω ≪ 1, beside that of the medium."""
+    for part, name in ((np.real, "Re"), (np.imag, "Im")):
+        for phase in ("strain", "stress"):
+            values, angles = [], []
+            for _, curve in large["stokes", phase]:
+                density = curve.attributes["particle_count"] / curve.size**2
+                x, y = medium_collapse(curve.omega, part(curve.G), curve.modulus)
+                free = (y > 2 * MIN_LENGTH) & (y < MAX_LENGTH * curve.size)
+                free &= np.angle(curve.modulus) > np.pi / 6
+                values += list(y[free] / x[free] * np.sqrt(density))
+                angles += list(np.angle(curve.modulus[free]))
+            if len(values) < 2:
+                continue
+            expected = first_root(stokes(part, np.mean(angles), phase, 0.04)) / 0.04
+            note = f"a medium without disks, at the mean arg G* = {np.mean(angles):.2f}"
+            what = f"Stokes, arg G* > π/6: l/√(|G*|/nω), {name} u_y, phase of the {phase}"
+            yield check(
+                what, *mean_with_error(np.array(values)), note, size, f"{expected:.2f}", predicted=True
+            )
+
+
+def _minima(large):
+    """C at its minimum less C at L/2, in the phase of the stress: 0 where the minimum is lost (Fig. 7b)."""
+    for result, curve in large["stokes", "stress"]:
+        if abs(np.log10(curve.pressure) + 4) > 0.1:
+            continue
+        size = f"N = {curve.attributes['particle_count']}, {curve.attributes['packings']} packings"
+        lanes = int(np.argmax(np.isfinite(curve.C[:, 0, 0]).sum(axis=1)))
+        for power in (-6.5, -5.5, -4.5, -3.5):
+            row = int(np.abs(np.log10(curve.omega) - power).argmin())
+            if abs(np.log10(curve.omega[row]) - power) > 0.05:
+                continue
+            C, error = curve.C[lanes, row, 0], curve.errors[lanes, row, 0]
+            known = np.flatnonzero(np.isfinite(C))
+            least, last = known[np.argmin(C[known])], known[-1]
+            depth = Estimate(
+                float(C[last] - C[least]),
+                float(np.hypot(error[last], error[least])) if last != least else 0.0,
+            )
+            place = result["minimum"][0, row, 0] / float(result.attributes["L"])
+            own = result["minimum_error"][0, row, 0] / float(result.attributes["L"])
+            what = f"Stokes, p = 1e-4, ω = 10^{power:g}: C at L/2 less C at its minimum"
+            note = f"the minimum is at {Estimate(float(place), float(own))} L"
+            if power < -5:
+                part = f"ω = 10^{power:g}"
+                yield Row(what, "no minimum: 0", depth, number(0.0, absolute=0.1), note, size, part=part)
+            else:
+                yield check(what, depth.value, depth.statistical, note, size, "a minimum: > 0")
+
+
+@claim("bt-modes", on="low-modes")
+def lowest(table):
+    """Needs of each modes file: attributes, eigenvalues and shear_force; the rest is in the table."""
+    rows = table.where(command="modes")
+    rows = rows.where(n=int(rows["n"].max()))
+    counts = [count for count in (10, 50, 200) if f"floppiness_{count}" in rows]
+    if counts:
+        points = medians_in_pressure(rows, f"floppiness_{counts[0]}")
+        if (found := exponent(*points)) is not None:
+            what = f"rms Δu⊥ over rms Δu∥ of the lowest {counts[0]} modes ~ p^x"
+            note = f"follows from λ = k Σ(Δu∥)² ~ p; {by_decades(*points[:2])}"
+            yield Row(what, "floppy-like: -1/2", found, number(-0.5), note, size_of(rows))
+    for name, symbol in (("nonaffine", "|u_na|²"), ("transverse", "Δu⊥²"), ("normal", "Δu∥²")):
+        for count in counts:
+            p, share = paired(rows, f"share_{name}_{count}")
+            if len(share):
+                told = "from low to high p: " + ", ".join(f"{one:.3f}" for one in share.mean(axis=0))
+                size = f"N = {rows['n'].max()}, {len(share)} packings"
+                what = f"share of {symbol} that the lowest {count} modes carry, p = {p[0]:.0e}"
+                yield check(what, *mean_with_error(share[:, 0]), told, size)
+    for name, (symbol, _) in QUANTITIES.items() if counts else ():
+        p, alone = paired(rows, f"{name}_median_{counts[-1]}")
+        _, whole = paired(rows, f"{name}_median")
+        if len(alone):
+            ratio = alone / whole
+            told = "from low to high p: " + ", ".join(f"{one:.2f}" for one in ratio.mean(axis=0))
+            what = f"median {symbol} by the lowest {counts[-1]} modes alone over that of the whole, p = {p[0]:.0e}"
+            size = f"N = {rows['n'].max()}, {len(alone)} packings"
+            yield check(what, *mean_with_error(ratio[:, 0]), told, size)
+    yield from _floppy_band(rows)
+
+
+def _methods(rows):
+    return "found by " + ", ".join(sorted(set(rows["method"].tolist())))
+
+
+def _floppy_band(rows):
+    """What the modes with λ < X p alone do, X the largest that all files reach: their number is ~ N p^½."""
+    files = [
+        (seed, one)
+        for seed, one in zip(rows["seed"][rows["state"] == "done"], rows.results(), strict=True)
+        if one.attributes["pressure"] * one.attributes["particle_count"] ** 2.0 >= LARGE
+    ]
+    if not files:
+        return
+    reach = min(one["eigenvalues"][-1] / one.attributes["pressure"] for _, one in files)
+    p = np.array(sorted({float(f"{one.attributes['pressure']:.3g}") for _, one in files}))
+    found = {}
+    for seed, one in files:
+        values, force = one["eigenvalues"], one["shear_force"]
+        low = values < reach * one.attributes["pressure"]
+        parts = np.sum(force[low] ** 2 / values[low]), np.sum((force[low] / values[low]) ** 2)
+        place = int(np.abs(np.log(p / one.attributes["pressure"])).argmin())
+        found.setdefault(int(seed), {})[place] = np.sqrt(parts)
+    whole = [[found[seed][n] for n in range(len(p))] for seed in sorted(found) if len(found[seed]) == len(p)]
+    values = np.array(whole).reshape(-1, len(p), 2)
+    if len(p) < 2 or not len(values) or not (values > 0).all():
+        return
+    size = f"N = {rows['n'].max()}, {len(values)} packings at each p = {p[0]:.0e} … {p[-1]:.0e}"
+    for column, (symbol, claimed) in enumerate((("Δu∥", 0.25), ("u_na", -0.25))):
+        slopes = np.polyfit(np.log(p), np.log(values[:, :, column]).T, 1)[0]
+        note = (
+            f"as for the whole; {by_decades(p, np.log(values[:, :, column]).mean(axis=0))}; {_methods(rows)}"
+        )
+        what = f"rms {symbol} by the modes with λ < {reach:.2g} p alone ~ p^x"
+        yield check(what, *mean_with_error(slopes), note, size, f"{claimed:+g}", predicted=True)
