@@ -5,7 +5,7 @@
 
 Each case draws from its number: a packing of p = 1e-7 to 1e-1, or a network (a diluted lattice on either side of
 rigidity, random springs, the contacts of a packing, springs without rest length) at rest, pushing or under tensions of
-1e-3 to 1e3 k; a law, whose weights span 1e-12 to 1e6 or are zero; one load, a random displacement gradient or a
+1e-3 to 1e3 k; a law, whose weights span 1e-12 to 1e6 or are zero, drag on spins among them; tangential springs in a third of all; one load, a random displacement gradient or a
 rotation among them, or the tensor; five frequencies from 1e-12 to 1e6; an accuracy from 1e-10 to 0.1; a method. A third
 has other units: stiffness to 1e±8, lengths and τ₁ to 1e±6. G* and C* are compared with `ball_reference`, to 40 digits:
 a bound is false where the error is larger. A sweep may be refused instead; every reason is counted. Exit status 1 for a
@@ -25,6 +25,7 @@ from common import machine
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))  # networks of the tests
 
 PRESSURES, ACCURACIES, FREQUENCIES = (-7.0, -1.0), (-10.0, -1.0), (-12.0, 6.0)  # decades
+SPRINGS = -4.0, 2.0
 WEIGHTS, EXTREME_WEIGHTS, TENSIONS = (-6.0, 4.0), (-12.0, 6.0), (-3.0, 3.0)
 STIFFNESSES, LENGTHS, TIMES = (-8.0, 8.0), (-6.0, 6.0), (-6.0, 6.0)  # decades of units
 SIZES = (16, 24, 32)  # disks of a packing
@@ -87,7 +88,7 @@ def draw(number: int) -> Case:
     return Case(
         source,
         kind,
-        Physics(law, prestress),
+        Physics(law, prestress, draw_springs(number, source)),
         draw_load(rng, dimension),
         omega,
         power(rng, ACCURACIES),
@@ -166,9 +167,17 @@ def draw_law(rng, rolls):
     names = ["normal", "transverse", "drag", "eta_f"] + (["sliding"] if rolls else [])
     decades = EXTREME_WEIGHTS if rng.random() < 0.4 else WEIGHTS
     weights = {name: power(rng, decades) for name in names if rng.random() < 0.5}
+    if "sliding" in weights and rng.random() < 0.5:
+        weights["spin_drag"] = power(rng, decades)
     if not weights.keys() - {"eta_f"}:
         weights["drag"] = power(rng, decades)
     return Law("random", **weights)
+
+
+def draw_springs(number, source) -> float:
+    """Stiffness of tangential springs over that of contacts, 0 for two cases of three."""
+    rng = np.random.default_rng([2027, number])
+    return power(rng, SPRINGS) if source.radii is not None and rng.random() < 1 / 3 else 0.0
 
 
 def draw_load(rng, dimension):
@@ -195,6 +204,7 @@ def examine(case: Case) -> Outcome:
             case.source,
             case.physics.law,
             prestress=case.physics.prestress,
+            tangential_stiffness=case.physics.tangential_stiffness,
             load=case.load,
             omega=case.omega,
             accuracy=case.accuracy,
