@@ -5,9 +5,10 @@
 
 Each case draws from its number: a packing of p = 1e-7 to 1e-1, or a network (a diluted lattice on either side of
 rigidity, random springs, the contacts of a packing, springs without rest length) at rest, pushing or under tensions of
-1e-3 to 1e3 k; a law, whose weights span 1e-12 to 1e6 or are zero, drag on spins among them; tangential springs in a third of all; one load, a random displacement gradient or a
-rotation among them, or the tensor; five frequencies from 1e-12 to 1e6; an accuracy from 1e-10 to 0.1; a method. A third
-has other units: stiffness to 1e±8, lengths and τ₁ to 1e±6. G* and C* are compared with `ball_reference`, to 40 digits:
+1e-3 to 1e3 k; a law, whose weights span 1e-12 to 1e6 or are zero; tangential springs in a third; one load, a random
+displacement gradient or a rotation among them, or the tensor; five frequencies from 1e-12 to 1e6; an accuracy from
+1e-10 to 0.1; a method. A third has other units: stiffness to 1e±8, lengths and τ₁ to 1e±6. G* and C* are compared with
+`ball_reference`, to 40 digits:
 a bound is false where the error is larger. A sweep may be refused instead; every reason is counted. Exit status 1 for a
 false bound.
 """
@@ -85,15 +86,16 @@ def draw(number: int) -> Case:
         source, kind = in_units(source, k, length), f"{kind}, k = {k:.1e}, lengths {length:.1e}"
         law, omega = replace(law, tau1=tau1), omega / tau1
     prestress = bool(rng.random() < 0.7)
-    return Case(
+    case = Case(
         source,
         kind,
-        Physics(law, prestress, draw_springs(number, source)),
+        Physics(law, prestress),
         draw_load(rng, dimension),
         omega,
         power(rng, ACCURACIES),
         "rational" if rng.random() < 0.8 else "direct",
     )
+    return draw_spins(rng, case)
 
 
 def in_units(source, k, length):
@@ -167,17 +169,21 @@ def draw_law(rng, rolls):
     names = ["normal", "transverse", "drag", "eta_f"] + (["sliding"] if rolls else [])
     decades = EXTREME_WEIGHTS if rng.random() < 0.4 else WEIGHTS
     weights = {name: power(rng, decades) for name in names if rng.random() < 0.5}
-    if "sliding" in weights and rng.random() < 0.5:
-        weights["spin_drag"] = power(rng, decades)
     if not weights.keys() - {"eta_f"}:
         weights["drag"] = power(rng, decades)
     return Law("random", **weights)
 
 
-def draw_springs(number, source) -> float:
-    """Stiffness of tangential springs over that of contacts, 0 for two cases of three."""
-    rng = np.random.default_rng([2027, number])
-    return power(rng, SPRINGS) if source.radii is not None and rng.random() < 1 / 3 else 0.0
+def draw_spins(rng, case) -> Case:
+    """The case, a third of them with tangential springs, half of those whose disks roll with drag on spins."""
+    if case.source.radii is None:
+        return case
+    physics = case.physics
+    if rng.random() < 1 / 3:
+        physics = replace(physics, tangential_stiffness=power(rng, SPRINGS))
+    if (physics.tangential_stiffness or physics.law.sliding) and rng.random() < 0.5:
+        physics = replace(physics, law=replace(physics.law, spin_drag=power(rng, WEIGHTS), family=None))
+    return replace(case, physics=physics)
 
 
 def draw_load(rng, dimension):
