@@ -73,7 +73,7 @@ class BallReference:
             first = disk * g.dofs
             if not law.drag:
                 pins |= set(range(first, first + g.dimension))
-            if colour:
+            if colour and not law.spin_drag:
                 pins |= set(range(first + g.dimension, first + g.dofs))
         return pins
 
@@ -147,16 +147,33 @@ class BallReference:
                     for disk, end in ((i, d - len(spins)), (j, 2 * d - len(spins))):
                         slide[x, end + spin] = -arb(float(g.radii[disk])) * turned[x, 0]
             viscous = bond.transpose() * (along * law.normal + across * law.transverse) * bond
-            if law.sliding:
-                viscous += slide.transpose() * slide * arb(float(law.sliding))
-            elastic = bond.transpose() * hessian * bond
+            elastic, sliding = bond.transpose() * hessian * bond, slide.transpose() * slide
+            viscous += sliding * arb(float(law.sliding))
+            elastic += sliding * (arb(float(self.physics.tangential_stiffness)) * stiffness)
             for a, row in enumerate(at):
                 for b, column in enumerate(at):
                     K[row][column] += elastic[a, b]
                     B[row][column] += viscous[a, b] * damping
+        radii = (
+            [arb(0)] if self.source.radii is None else [arb(float(radius)) for radius in self.source.radii]
+        )
+        diameter = 2 * sum(radii, arb(0)) / len(radii)
+        of_spin = damping * arb(float(law.spin_drag)) * diameter**2
         for row in range(m):
             if row % d < D:
                 B[row][row] += damping * arb(float(law.drag))
+                continue
+            slip = {row: arb(1)}  # of the spin against the fluid: half the vorticity of each load
+            for load, gradient in enumerate(self.loads):
+                turn = [
+                    (arb(gradient[a][b]) - arb(gradient[b][a])) * int(spins[row % d - D][a][b])
+                    for a in range(D)
+                    for b in range(D)
+                ]
+                slip[m + load] = -sum(turn, arb(0)) / 4
+            for a, first in slip.items():
+                for b, second in slip.items():
+                    B[a][b] += of_spin * first * second
         fluid = self._fluid(D)
         for a in range(len(self.loads)):
             for b in range(len(self.loads)):

@@ -5,9 +5,10 @@
 
 Each case draws from its number: a packing of p = 1e-7 to 1e-1, or a network (a diluted lattice on either side of
 rigidity, random springs, the contacts of a packing, springs without rest length) at rest, pushing or under tensions of
-1e-3 to 1e3 k; a law, whose weights span 1e-12 to 1e6 or are zero; one load, a random displacement gradient or a
-rotation among them, or the tensor; five frequencies from 1e-12 to 1e6; an accuracy from 1e-10 to 0.1; a method. A third
-has other units: stiffness to 1e±8, lengths and τ₁ to 1e±6. G* and C* are compared with `ball_reference`, to 40 digits:
+1e-3 to 1e3 k; a law, whose weights span 1e-12 to 1e6 or are zero; tangential springs in a third; one load, a random
+displacement gradient or a rotation among them, or the tensor; five frequencies from 1e-12 to 1e6; an accuracy from
+1e-10 to 0.1; a method. A third has other units: stiffness to 1e±8, lengths and τ₁ to 1e±6. G* and C* are compared with
+`ball_reference`, to 40 digits:
 a bound is false where the error is larger. A sweep may be refused instead; every reason is counted. Exit status 1 for a
 false bound.
 """
@@ -25,6 +26,7 @@ from common import machine
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))  # networks of the tests
 
 PRESSURES, ACCURACIES, FREQUENCIES = (-7.0, -1.0), (-10.0, -1.0), (-12.0, 6.0)  # decades
+SPRINGS = -4.0, 2.0
 WEIGHTS, EXTREME_WEIGHTS, TENSIONS = (-6.0, 4.0), (-12.0, 6.0), (-3.0, 3.0)
 STIFFNESSES, LENGTHS, TIMES = (-8.0, 8.0), (-6.0, 6.0), (-6.0, 6.0)  # decades of units
 SIZES = (16, 24, 32)  # disks of a packing
@@ -84,7 +86,7 @@ def draw(number: int) -> Case:
         source, kind = in_units(source, k, length), f"{kind}, k = {k:.1e}, lengths {length:.1e}"
         law, omega = replace(law, tau1=tau1), omega / tau1
     prestress = bool(rng.random() < 0.7)
-    return Case(
+    case = Case(
         source,
         kind,
         Physics(law, prestress),
@@ -93,6 +95,7 @@ def draw(number: int) -> Case:
         power(rng, ACCURACIES),
         "rational" if rng.random() < 0.8 else "direct",
     )
+    return draw_spins(rng, case)
 
 
 def in_units(source, k, length):
@@ -171,6 +174,18 @@ def draw_law(rng, rolls):
     return Law("random", **weights)
 
 
+def draw_spins(rng, case) -> Case:
+    """The case, a third of them with tangential springs, half of those whose disks roll with drag on spins."""
+    if case.source.radii is None:
+        return case
+    physics = case.physics
+    if rng.random() < 1 / 3:
+        physics = replace(physics, tangential_stiffness=power(rng, SPRINGS))
+    if (physics.tangential_stiffness or physics.law.sliding) and rng.random() < 0.5:
+        physics = replace(physics, law=replace(physics.law, spin_drag=power(rng, WEIGHTS), family=None))
+    return replace(case, physics=physics)
+
+
 def draw_load(rng, dimension):
     """The tensor, a load with a name, a rotation, or a gradient."""
     from jampetsc.laws.loads import named_loads
@@ -195,6 +210,7 @@ def examine(case: Case) -> Outcome:
             case.source,
             case.physics.law,
             prestress=case.physics.prestress,
+            tangential_stiffness=case.physics.tangential_stiffness,
             load=case.load,
             omega=case.omega,
             accuracy=case.accuracy,

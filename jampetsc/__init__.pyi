@@ -340,6 +340,7 @@ def matrices(
     law: Law | str = ...,
     *,
     prestress: bool = True,
+    tangential_stiffness: float = 0.0,
     load: Any = 'xy',
     out: _Path | None = None,
     checkpoint: _Path | None = None,
@@ -363,6 +364,8 @@ def matrices(
         damping law
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
+    tangential_stiffness : number, default 0
+        elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
     load : str, array (D, D) or one of `jampetsc.loads`, default xy
         load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: borders (u, L) and corners (L, L) of all symmetric loads. Moduli are second derivatives of the energy per volume along F = 1 + εE
     out : name of a file, default None
@@ -431,6 +434,7 @@ def info(
     *,
     matrices: bool = False,
     prestress: bool = True,
+    tangential_stiffness: float = 0.0,
     out: _Path | None = None,
     checkpoint: _Path | None = None,
     overwrite: bool = False,
@@ -453,6 +457,8 @@ def info(
         damping law
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
+    tangential_stiffness : number, default 0
+        elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
     out : name of a file, default None
         file of the result (default: in memory; see `Result.save`)
     checkpoint : name of a file, default None
@@ -554,6 +560,7 @@ def sweep(
     law: Law | str = ...,
     *,
     prestress: bool = True,
+    tangential_stiffness: float = 0.0,
     omega: _Numbers = '1e-10:1e4:141',
     method: Literal["rational", "direct"] = 'rational',
     load: Any = 'xy',
@@ -587,6 +594,8 @@ def sweep(
         damping law
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
+    tangential_stiffness : number, default 0
+        elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
     omega : numbers or "low:high:count", default 1e-10:1e4:141
         frequencies ω, in 1/time, the time that tau1 is in
     method : "rational" or "direct", default rational
@@ -629,6 +638,7 @@ def quasistatic(
     law: Law | str = ...,
     *,
     prestress: bool = True,
+    tangential_stiffness: float = 0.0,
     load: Any = 'xy',
     betas: _Numbers | None = None,
     out: _Path | None = None,
@@ -656,6 +666,8 @@ def quasistatic(
         damping law
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
+    tangential_stiffness : number, default 0
+        elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
     load : str, array (D, D) or one of `jampetsc.loads`, default xy
         load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: also the elastic constants and viscosities between all symmetric loads. Moduli are second derivatives of the energy per volume along F = 1 + εE
     betas : numbers or "low:high:count", default None
@@ -745,6 +757,7 @@ def oscillate(
     law: Law | str = ...,
     *,
     prestress: bool = True,
+    tangential_stiffness: float = 0.0,
     omega: _Numbers,
     stress: _Numbers | None = None,
     strain: _Numbers | None = None,
@@ -775,6 +788,8 @@ def oscillate(
         damping law
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
+    tangential_stiffness : number, default 0
+        elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
     omega : numbers or "low:high:count"
         frequencies ω, in 1/time, the time that tau1 is in
     stress : numbers or "low:high:count", default None
@@ -1232,6 +1247,7 @@ def trade(
     law: Law | str = ...,
     *,
     prestress: bool = True,
+    tangential_stiffness: float = 0.0,
     choices: str | Sequence[str] = 'accuracy,method,physics,frequencies',
     ensemble: bool = False,
     omega: _Numbers = '1e-10:1e4:141',
@@ -1263,6 +1279,8 @@ def trade(
         damping law
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
+    tangential_stiffness : number, default 0
+        elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
     choices : texts, default accuracy,method,physics,frequencies
         groups of settings to vary
     ensemble : bool, default False

@@ -137,7 +137,8 @@ def symmetric_loads(dimension):
 class Reference:
     """K, B and G* of `disks` for `physics` (law, prestress), rattlers left out.
 
-    Unknowns are interleaved per disk, disks in file order: D displacements and, where the law has sliding, a spin.
+    Unknowns are interleaved per disk, disks in file order: D displacements and, where something acts on them, spins.
+    Spins are absolute: the fluid of a load turns with its vorticity over 2.
 
     `K` and `B` are (m + L, m + L): their last rows and columns belong to the amplitudes of the `loads`, displacement
     gradients (L, D, D) (default: simple shear γ alone). Moduli are energies along F = 1 + εE.
@@ -145,6 +146,7 @@ class Reference:
 
     def __init__(self, disks, physics, loads=None):
         self.law, self.prestress = physics.law, physics.prestress
+        self.springs = LONG(physics.tangential_stiffness)
         self.k, potential = LONG(disks.potential.k), disks.potential
         positions, cell = total(disks.base, disks.offset), total(disks.cell_base, disks.cell_offset)
         radii = total(disks.radii)
@@ -166,7 +168,7 @@ class Reference:
         self.energy = (self.k / alpha * x**alpha).sum()
         self.pressure = (force * distance).sum() / (D * self.area)
         self.stress = -(r * (force / distance)[:, None]).T @ r / self.area
-        diameter = 2 * radii.mean()
+        self.diameter = diameter = 2 * radii.mean()
         threshold = max(1e-6 * self.pressure * diameter ** (D - 1), 1e-14 * self.k * diameter)
         kept, self.disks = backbone(len(radii), i, j, force, threshold, D + 1)
         self.number = {disk: row for row, disk in enumerate(self.disks)}
@@ -174,8 +176,16 @@ class Reference:
         self.r, self.distance, self.force, self.stiffness = (a[kept] for a in (r, distance, force, stiffness))
         self.radii = radii[self.disks]
         self.n, self.contacts = len(self.disks), len(kept)
-        self.spins = spin_bases(D) if self.law.sliding > 0 else np.zeros((0, D, D), LONG)
+        self._assemble()
+
+    def _assemble(self):
+        D, law = self.dimension, self.law
+        rolls = law.sliding > 0 or law.spin_drag > 0 or self.springs > 0
+        self.spins = spin_bases(D) if rolls else np.zeros((0, D, D), LONG)
         self.dofs = D + len(self.spins)
+        # half the vorticity of each load as components of a spin, (L, D(D − 1)/2)
+        vorticity = (self.loads - self.loads.transpose(0, 2, 1)) / 2
+        self.turning = np.einsum("lab,sab->ls", vorticity, self.spins) / 2
         self.K, self.B = self._matrices()
 
     def _matrices(self):
@@ -194,15 +204,19 @@ class Reference:
             hessian = self.stiffness[c] * along
             if self.prestress:
                 hessian = hessian - self.force[c] / self.distance[c] * across
-            K[np.ix_(at, at)] += bond.T @ hessian @ bond
             slide = across @ bond
             slide[:, D:d] = -self.radii[i] * (self.spins @ n).T
             slide[:, d + D : 2 * d] = -self.radii[j] * (self.spins @ n).T
+            K[np.ix_(at, at)] += bond.T @ hessian @ bond + self.springs * self.stiffness[c] * slide.T @ slide
             motions = (law.normal, along @ bond), (law.transverse, across @ bond), (law.sliding, slide)
             for weight, motion in motions:
                 B[np.ix_(at, at)] += damping * LONG(weight) * motion.T @ motion
-        moves = np.tile(np.arange(d) < D, self.n)  # the fluid does not feel a disk turn
+        moves = np.tile(np.arange(d) < D, self.n)
         B[range(m), range(m)] += damping * LONG(law.drag) * moves
+        for row in np.flatnonzero(~moves):
+            slip = np.zeros(size, LONG)  # of the spin against the fluid around the disk
+            slip[row], slip[m:] = 1, -self.turning[:, row % d - D]
+            B += damping * LONG(law.spin_drag) * self.diameter**2 * np.outer(slip, slip)
         B[m:, m:] += damping * LONG(law.eta_f) * self.area * self._fluid()
         return K, B
 
@@ -255,7 +269,7 @@ class Reference:
     def solution(self, omega, load=0):
         """(x, G*) at frequency ω: the field per unit strain, without free moves, and the modulus."""
         x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, self._costless(), load)
-        return without(self.free_moves(), x), value / self.area
+        return without(self._unresisted(), x), value / self.area
 
     def modulus(self, omega, load=0):
         """G*(ω), complex double, each part right to the last digit or so."""
@@ -268,7 +282,7 @@ class Reference:
         return np.array([[self._between(omega, one, other) for other in solved] for one in solved])
 
     def _motions(self, omega, load):
-        """Relative motions of the contacts and displacements under a load: (a∥, a⊥, a⊥ᶜ, ũ)."""
+        """Relative motions of the contacts and of disks in the fluid under a load: (a∥, a⊥, a⊥ᶜ, ũ, d (θ − Ω))."""
         x, _ = self.solution(omega, load)
         D, u = self.dimension, x.reshape(-1, self.dofs)
         n = self.r / self.distance[:, None]
@@ -276,7 +290,8 @@ class Reference:
         along = (n * bond).sum(axis=1)
         across = bond - n * along[:, None]
         rims = self.radii[self.i, None] * u[self.i, D:] + self.radii[self.j, None] * u[self.j, D:]
-        return along, across, across - np.einsum("cs,sab,cb->ca", rims, self.spins, n), u[:, :D]
+        slide = across - np.einsum("cs,sab,cb->ca", rims, self.spins, n)
+        return along, across, slide, u[:, :D], self.diameter * (u[:, D:] - self.turning[load])
 
     def _between(self, omega, one, other):
         """The modulus between two loads with their motions, in extended precision.
@@ -294,7 +309,8 @@ class Reference:
             K = (self.stiffness * products[0]).sum()
             if self.prestress:
                 K -= (self.force / self.distance * products[1].sum(axis=1)).sum()
-            weights = (law.normal, law.transverse, law.sliding, law.drag)
+            K += self.springs * (self.stiffness * products[2].sum(axis=1)).sum()
+            weights = (law.normal, law.transverse, law.sliding, law.drag, law.spin_drag)
             return K, damping * sum(LONG(w) * a.sum() for w, a in zip(weights, products, strict=True))
 
         K, B = forms(lambda a, b: a.real * b.real - a.imag * b.imag)
@@ -304,40 +320,73 @@ class Reference:
 
     def quasistatic(self, load=0):
         """(ũ (n, D), G0): the response without any damping."""
+        x, value = self._elastic(load)
+        return x.reshape(self.n, -1)[:, : self.dimension], value
+
+    def _elastic(self, load):
+        """(x, G0) of K alone; x (n · D), with spins where K acts on them, (n · dofs)."""
         size = self.n * self.dofs
-        moving = [p for p in range(size) if p % self.dofs < self.dimension]
+        moving = [p for p in range(size) if self.springs or p % self.dofs < self.dimension]
         moves = self.free_moves()[moving]
         moves = moves[:, (moves != 0).any(axis=0)]
         rows = [*moving, *range(size, size + len(self.loads))]
         x, value = self._relax(self.K[np.ix_(rows, rows)], moves, load)
-        return without(moves, x).reshape(-1, self.dimension), float(value / self.area)
+        return without(moves, x), float(value / self.area)
 
     def eta0(self, load=0):
-        """η₀ by identity 2: dissipation of the quasistatic field, disks turning as they like best."""
-        u, _ = self.quasistatic(load)
+        """η₀ by identity 2: dissipation of the quasistatic field, disks turning as they like best where K lets them."""
+        x, _ = self._elastic(load)
         size, D = self.n * self.dofs, self.dimension
         fixed = np.zeros((self.n, self.dofs), LONG)
-        fixed[:, :D] = u
+        x = x.reshape(self.n, -1)
+        fixed[:, : x.shape[1]] = x
         state = np.append(fixed.ravel(), np.arange(len(self.loads)) == load)
-        if self.dofs == D:
+        gears = self._gears()
+        turns = gears if self.springs else np.eye(size, dtype=LONG)[:, np.arange(size) % self.dofs >= D]
+        at_will = turns.shape[1] and (self.law.spin_drag or not self.springs)
+        if not at_will:
             return float(state @ self.B @ state / self.area)
-        turns = [p for p in range(size) if p % self.dofs >= D]
-        form = np.empty((len(turns) + 1, len(turns) + 1), LONG)
-        form[:-1, :-1] = self.B[np.ix_(turns, turns)]
-        form[:-1, -1] = form[-1, :-1] = self.B[turns] @ state
+        B, free = self.B[:size, :size], np.zeros((turns.shape[1], 0), LONG)
+        form = np.empty((turns.shape[1] + 1,) * 2, LONG)
+        form[:-1, :-1] = turns.T @ B @ turns
+        form[:-1, -1] = form[-1, :-1] = turns.T @ (self.B[:size] @ state)
         form[-1, -1] = state @ self.B @ state
-        gears = self.free_moves()[turns]
-        return float(relaxed(form, gears[:, (gears != 0).any(axis=0)])[1] / self.area)
+        return float(relaxed(form, free if self.law.spin_drag else turns.T @ gears)[1] / self.area)
 
     def eta_infinity(self, load=0):
         """η_∞: the least dissipation that any field allows."""
-        return float(self._relax(self.B, self._costless(), load)[1] / self.area)
+        size = self.n * self.dofs
+        felt = np.flatnonzero(np.diag(self.B)[:size] > 0)
+        rows = [*felt, *range(size, size + len(self.loads))]
+        moves = self._costless()[felt]
+        moves = moves[:, (moves != 0).any(axis=0)]
+        return float(self._relax(self.B[np.ix_(rows, rows)], moves, load)[1] / self.area)
+
+    def _gears(self):
+        """Columns of `free_moves` in which disks turn."""
+        moves = self.free_moves()
+        return moves[:, [not self._travels(move) for move in moves.T]]
+
+    def _travels(self, move):
+        return bool((move.reshape(self.n, self.dofs)[:, : self.dimension] != 0).any())
 
     def _costless(self):
-        """Moves that cost nothing at any frequency: under drag only those in which no disk changes its place."""
+        """Moves that cost nothing at any frequency: not those that the fluid drags."""
+        law, moves = self.law, self.free_moves()
+        return moves[:, [not (law.drag if self._travels(move) else law.spin_drag) for move in moves.T]]
+
+    def _unresisted(self):
+        """Moves whose part in a field is arbitrary or zero: translations, and gears that the fluid does not turn."""
         moves = self.free_moves()
-        travels = np.abs(moves.reshape(self.n, self.dofs, -1)[:, : self.dimension]).max(axis=(0, 1)) > 0
-        return moves[:, ~travels] if self.law.drag else moves
+        return moves[:, [self._travels(move) or not self.law.spin_drag for move in moves.T]]
+
+    def turning_with_loads(self, matrix):
+        """K or B where spins are counted from the rotation of the loads: θ = θ̃ + Σ ε Ω."""
+        change = np.eye(len(matrix), dtype=LONG)
+        m = self.n * self.dofs
+        for spin in range(len(self.spins)):
+            change[self.dimension + spin : m : self.dofs, m:] = self.turning[:, spin]
+        return change.T @ matrix @ change
 
 
 class NetworkReference(Reference):
@@ -345,6 +394,7 @@ class NetworkReference(Reference):
 
     def __init__(self, network, physics, loads=None):
         self.law, self.prestress = physics.law, physics.prestress
+        self.springs = LONG(physics.tangential_stiffness)
         self.k, cell = LONG(network.k), np.array(network.cell, LONG)
         self.dimension = D = len(cell)
         self.loads = np.zeros((1, D, D), LONG) if loads is None else np.array(loads, LONG)
@@ -361,8 +411,7 @@ class NetworkReference(Reference):
         radii = (
             np.zeros(network.n) if network.radii is None else network.radii
         )  # those of nodes that do not roll
+        self.diameter = 2 * np.array(radii, LONG).mean()
         self.radii = np.array(radii, LONG)[self.disks]
         self.n, self.contacts = len(self.disks), len(self.i)
-        self.spins = spin_bases(D) if self.law.sliding > 0 else np.zeros((0, D, D), LONG)
-        self.dofs = D + len(self.spins)
-        self.K, self.B = self._matrices()
+        self._assemble()

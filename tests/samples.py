@@ -14,7 +14,7 @@ from jampetsc.commands.sweep import Sweep
 from jampetsc.io.packing_file import read_packing, write_packing
 from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.laws.damping import Law, Physics, damping_law
+from jampetsc.laws.damping import Law, Physics, damping_law, elastic_parameters
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.response.contact_network import build_network
@@ -118,9 +118,9 @@ SAMPLES = {
 }
 
 
-def physics(*name, prestress=True, **options):
+def physics(*name, prestress=True, tangential_stiffness=0.0, **options):
     """Physics with the law of these options."""
-    return Physics(damping_law(*name, **options), prestress)
+    return Physics(damping_law(*name, **options), prestress, tangential_stiffness)
 
 
 def put(path, disks, comm):
@@ -143,12 +143,13 @@ def stored(path, kind, arrays, **attributes):
 def sweep_of(packing, physics, omega, fields=None, method="rational", accuracy=1e-6, **more):
     """The `Sweep` of a packing in memory or a file."""
     settings = {"omega": omega, "fields": fields or None, "method": method, "accuracy": accuracy, **more}
-    return Sweep(packing, physics.law, prestress=physics.prestress, **settings)
+    elastic = elastic_parameters(physics.prestress, physics.tangential_stiffness)
+    return Sweep(packing, physics.law, **elastic, **settings)
 
 
 def network_of(disks, physics, comm):
     """The contact network of `disks`, linearised as `physics` has it. Collective."""
-    return build_network(disks, comm, physics.prestress)
+    return build_network(disks, comm, physics.prestress, physics.tangential_stiffness)
 
 
 def pairs_of(network):
@@ -208,6 +209,12 @@ LAWS = {
         physics("stokes", eta_f=0.0, tau1=0.3),
         physics("stokes", eta_f=0.7, tau1=0.3),
         physics("custom", normal=0.5, transverse=0.3, sliding=0.7, drag=0.2, eta_f=0.4),
+        physics("custom", normal=0.5, sliding=0.7, spin_drag=0.3, tau1=2.5),
+        physics("custom", normal=0.5, sliding=0.7, drag=0.2, spin_drag=1e-3, tangential_stiffness=0.4),
+        physics("stokes", eta_f=0.0, tau1=0.3, tangential_stiffness=0.7),
+        physics(beta=0.3, tau1=2.5, tangential_stiffness=0.4),
+        physics(rotations=False, prestress=False, tangential_stiffness=2.0),
+        physics("custom", spin_drag=0.3, tau1=0.3, tangential_stiffness=0.7),
     )
 }
 

@@ -8,10 +8,10 @@ from jampetsc.commands import describe
 from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import Ensemble
 from jampetsc.io.packing_file import read_identified, read_source
-from jampetsc.laws.damping import Law, Physics, damping_law
+from jampetsc.laws.damping import Law, Physics, damping_law, elastic_parameters
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, composite_parameter, parameter
-from jampetsc.options.physics_options import DAMPING, PRESTRESS
+from jampetsc.options.physics_options import DAMPING, PRESTRESS, TANGENTIAL_STIFFNESS
 from jampetsc.options.values import PACKING_NETWORK_OR_RESULT, input_name, load_source
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
@@ -50,11 +50,12 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
     matrices: bool = parameter(False, "assemble K and B and count their eigenvalues")
     law: Law = composite_parameter(DAMPING)
     prestress: bool = PRESTRESS
+    tangential_stiffness: float = TANGENTIAL_STIFFNESS
 
     @property
     def physics(self) -> Physics:
-        """Law and pre-stress of the matrices."""
-        return Physics(self.law, self.prestress)
+        """What the matrices model."""
+        return Physics(self.law, self.prestress, self.tangential_stiffness)
 
     def check(self):
         """Refuse a law where there are no matrices, and matrices of a result."""
@@ -91,7 +92,8 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
 
         running = session.current()
         source, _ = read_identified(self.file, running.comm, read_source)
-        network = build_network(source, running.comm, self.prestress)
+        elastic = elastic_parameters(self.prestress, self.tangential_stiffness)
+        network = build_network(source, running.comm, **elastic)
         facts = examine(network, self.law)
         counts = describe.describe_matrices(
             network, isinstance(source, Packing), self.physics, facts, running.size

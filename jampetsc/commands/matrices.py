@@ -56,7 +56,7 @@ class Matrices(NetworkJob):
 
         source, _ = read_identified(self.packing, comm, read_source)
         with about(source_name(self.packing)):
-            network = build_network(source, comm, self.prestress)
+            network = build_network(source, comm, **self.elastic)
         return build_matrices(network, self.law, self.load.of(source.dimension))
 
     def python_result(self, to):
@@ -65,17 +65,18 @@ class Matrices(NetworkJob):
         return list(files_of(to.path).values())
 
 
-def assemble(packing, law=DEFAULT, *, prestress=True, load=loads.DEFAULT):
+def assemble(packing, law=DEFAULT, *, prestress=True, tangential_stiffness=0.0, load=loads.DEFAULT):
     """The Hessian K in k, the damping matrix B in kτ₁ and their columns of the load γ (BT eqs. 10, 11). Collective.
 
-    packing     a Packing or a Network, or the name of a file
-    law         a damping law, or the name of a family of them
-    prestress   whether K keeps the f/r term of its contacts (BT eq. 4)
-    load        "xy" (simple shear) or another name, a displacement gradient (2, 2) or of `jampetsc.loads`, or "tensor":
-                the columns of all symmetric loads side by side
+    packing                a Packing or a Network, or the name of a file
+    law                    a damping law, or the name of a family of them
+    prestress              whether K keeps the f/r term of its contacts (BT eq. 4)
+    tangential_stiffness   of springs between the rims of touching particles, over the stiffness of each contact
+    load                   "xy" (simple shear) or another name, a displacement gradient (2, 2) or of `jampetsc.loads`,
+                           or "tensor": the columns of all symmetric loads side by side
 
     Returns an `assembled_matrices.PackingMatrices`, distributed; `.to_scipy()` gathers it. Raises InputError for a
     packing that is not rigid, and for an unknown law.
     """
-    job = Matrices(packing, law, prestress=prestress, load=load)
+    job = Matrices(packing, law, prestress=prestress, tangential_stiffness=tangential_stiffness, load=load)
     return job.build(session.start("real").comm)

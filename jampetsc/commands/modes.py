@@ -7,6 +7,7 @@ import numpy as np
 
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines
+from jampetsc.laws.damping import elastic_parameters
 from jampetsc.laws.loads import STRESS_MEASURE, LoadChoice
 from jampetsc.options.job import NETWORKS, ONE_PACKING, Job, TaskInputs
 from jampetsc.options.parameters import FILE, optional_parameter, parameter
@@ -74,7 +75,7 @@ of them, are found by LAPACK, which takes no options."""
 
         session = current()
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
-        source = read_network(self.packing, self.prestress, to)
+        source = read_network(self.packing, elastic_parameters(self.prestress), to)
         with about(source.name), session.stage("modes"):
             load, tensor = (
                 of(source.source.dimension) for of in (self.load.field_load, self.load.tensor_loads)
@@ -84,7 +85,7 @@ of them, are found by LAPACK, which takes no options."""
             _write(writer, modes, self.eigenvectors)
             notes = _notes(modes)
             writer.attributes(
-                **source.record({"prestress": self.prestress}, notes),
+                **source.record(elastic_parameters(self.prestress), notes),
                 load=self.load,
                 stress_measure=STRESS_MEASURE,
             )

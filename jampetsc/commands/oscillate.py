@@ -101,6 +101,11 @@ A killed run continues when the same command is given again."""
                 f"{named('law')} {self.law.family or self.law}: not supported, {reason}. Give a law of contacts, or "
                 "use sweep, which takes any linear law."
             )
+        if self.tangential_stiffness:
+            raise InputError(
+                f"{named('tangential_stiffness')} {self.tangential_stiffness:g}: not supported by oscillate. Leave it "
+                "out, or use sweep."
+            )
         if self.load.is_tensor:
             raise InputError(
                 f"{named('load')} {TENSOR}: not supported, oscillations are not linear. Give a single {named('load')}."
@@ -199,7 +204,7 @@ A killed run continues when the same command is given again."""
         from jampetsc.petsc.session import current
 
         session = current()
-        source = read_network(self.packing, self.prestress, to, read_packing)
+        source = read_network(self.packing, self.elastic, to, read_packing)
         if self.stress is not None:
             self._check_amplitudes(source.stress_scale)
         with session.stage("assembly"), about(source.name):

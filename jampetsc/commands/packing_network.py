@@ -104,10 +104,11 @@ class PackingNetwork:
         }
 
 
-def read_network(packing, prestress: bool, to, read=read_source) -> PackingNetwork:
+def read_network(packing, elastic: dict, to, read=read_source) -> PackingNetwork:
     """The bonds of a packing or a network, in memory or a file, from which the result in `to` is made. Collective.
 
-    read   `packing_file.read_packing` for a command that takes packings alone
+    elastic   what K has beside the stiffness of contacts, as `build_network` takes it
+    read      `packing_file.read_packing` for a command that takes packings alone
 
     Warns where forces are not balanced. Raises InputError, naming a packing, where it is not rigid.
     """
@@ -115,7 +116,7 @@ def read_network(packing, prestress: bool, to, read=read_source) -> PackingNetwo
     source, identity = read_identified(packing, comm, read)
     to.set_source(source)
     with session.current().stage("assembly"), about(name):
-        network = build_network(source, comm, prestress)
+        network = build_network(source, comm, **elastic)
     result = PackingNetwork(name, source, identity, network, start_time)
     for line in result.notes if comm.rank == 0 else ():
         warn(f"{name}: {line}")

@@ -69,7 +69,7 @@ PETSc options: -shift_… for the factorisations."""
         from jampetsc.response.slow_response import solve_quasistatic
 
         session = current()
-        source = read_network(self.packing, self.prestress, to)
+        source = read_network(self.packing, self.elastic, to)
         with about(source.name):
             betas = () if self.betas is None else self.betas.tolist()
             load, tensor = (

@@ -178,7 +178,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         from jampetsc.commands.packing_network import read_network
         from jampetsc.response.minimum_check import check_minimum
 
-        source = read_network(self.packing, self.prestress, to)
+        source = read_network(self.packing, self.elastic, to)
         damping = self.damping(source.stress_scale)
         frequencies = self.frequencies(damping)
         with about(source.name):
@@ -205,7 +205,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
                 method=method,
                 accuracy=self.accuracy,
                 positive_semidefinite=minimum.description,
-                unknowns=source.network.n * self.law.dofs(source.network.dimension),
+                unknowns=source.network.n * source.network.dofs(self.law),
                 factorisations=sweep.factorisations,
                 vectors=sweep.vectors,
                 failed_omega=frequencies.of_experiment(sorted(sweep.failures)) if sweep.failures else None,

@@ -12,8 +12,8 @@ from jampetsc.flows.steady_shear import SteadyShear
 from jampetsc.flows.step_kernels import TALLY
 from jampetsc.flows.trajectory import Means, Trajectory
 from jampetsc.flows.walls import phi_between, wall_columns
-from jampetsc.laws.damping import WEIGHTS, Law
-from jampetsc.laws.flow_models import Model, Scheme, scheme_for
+from jampetsc.laws.damping import Law
+from jampetsc.laws.flow_models import FLOW_WEIGHTS, Model, Scheme, scheme_for
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.threads import Team
@@ -26,7 +26,7 @@ MAX_START_OVERLAP = 0.5  # of two disks of a start, in units of σ
 MIN_PRESSURE = 1e-6  # p/(γ̇ kτ₁) below which disks are taken not to touch: overlaps of a start fade slowly
 # most time steps of one call, and that times disks, some seconds: Ctrl-C is raised between calls
 MAX_CALL_STEPS, MAX_CALL_DISK_STEPS = 20_000, 2e8
-LAW_SETTINGS = ("label", *WEIGHTS, "tau1")  # what a run's settings have of its damping law
+LAW_SETTINGS = ("label", *FLOW_WEIGHTS, "tau1")  # what a run's settings have of its damping law
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,14 @@ from jampetsc.io.request import shortened
 from jampetsc.laws.damping import OPTIONS, WEIGHTS
 from jampetsc.version import VERSION
 
-LAW_PARAMETERS = (*dict.fromkeys((*OPTIONS, *WEIGHTS)), "prestress", "tau1", "alpha", "stress")
+LAW_PARAMETERS = (
+    *dict.fromkeys((*OPTIONS, *WEIGHTS)),
+    "prestress",
+    "tangential_stiffness",
+    "tau1",
+    "alpha",
+    "stress",
+)
 PROVENANCE = Table(
     r"""
 format, format_version | text | | which of the kinds here, and the version of its layout; readers refuse another major
@@ -34,9 +41,11 @@ packing, packing_sha256 | text? | | name of the packing or network file it was m
 sources, source_runs | text? | | of spectrum, correlation and collapse: names of the files and their `run_id`
 law, normal, beta, rotations, eta_f, tau1 | text, float, float, bool, float, float > 0? | | damping law, and its
   parameters among these
-transverse, sliding, drag | float? | | with `normal` and `eta_f` the weights of a law of one's own; of one made in
-  python, `law` is its label and weights of 0 are left out
+transverse, sliding, drag, spin_drag | float? | | with `normal` and `eta_f` the weights of a law of one's own; of one
+  made in python, `law` is its label and weights of 0 are left out
 prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
+tangential_stiffness | float? | | weight in K of the squared sliding of rims, over the stiffness of each contact;
+  missing: 0
 load | text? | | displacement gradient E: a name, its numbers, or `tensor`, the symmetric loads xx, yy, (zz, yz, xz,)
   xy, shears with E = ½(x̂ŷ + ŷx̂); missing: simple shear `xy`, as are the fields of `tensor`
 stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε² and its viscous part

@@ -2,19 +2,22 @@
 
 All laws are values of the weights of one dissipation function (BT eqs. 5–9; Vågberg, thesis eqs. 4.16–4.28),
 
-    2R/kτ₁ = Σ_c [ normal (ȧ∥)² + transverse (ȧ⊥)² + sliding (ȧ⊥ᶜ)² ] + drag Σ_i |u̇_i|² + η_F V γ̇² ,
+    2R/kτ₁ = Σ_c [ normal (ȧ∥)² + transverse (ȧ⊥)² + sliding (ȧ⊥ᶜ)² ]
+             + Σ_i [ drag |u̇_i|² + spin_drag d² |θ̇_i − γ̇Ω|² ] + η_F V γ̇² ,
 
-with a∥, a⊥ the relative motions of two disks along and across their bond, a⊥ᶜ = a⊥ − (ρ_i θ_i + ρ_j θ_j) × n the
-sliding of their rims, and u_i a disk's motion relative to the affine flow. FAMILIES is the table of the laws
+a sum over the rows of `forms.FORMS`: a∥, a⊥ are the relative motions of two disks along and across their
+bond, a⊥ᶜ = a⊥ − (ρ_i θ_i + ρ_j θ_j) × n the sliding of their rims, u_i a disk's motion relative to the affine flow, Ω
+the rotation of that flow and d the mean diameter. FAMILIES is the table of the laws
 that can be chosen by name; a new law is one more row there. No other code depends on the name of a law: matrices,
 forces, dissipation, null modes and command-line options all follow from weights and rows.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, make_dataclass
 
 from jampetsc.errors import InputError, as_float, named, python_value
+from jampetsc.laws.forms import CENTRAL, FORMS, SPIN, Form, spins_of
 
 MAX_WEIGHT = 1e12  # largest weight
 MIN_OMEGA, MAX_OMEGA = 1e-16, 1e12  # of ωτ₁: beyond, K and ωB no longer share a double
@@ -77,42 +80,36 @@ FAMILIES = {
     ),
     "custom": Family(  # any weights of the dissipation function above
         "custom law",
-        {
-            "normal": Option(0.0, "weight of normal contact damping, ≥ 0"),
-            "transverse": Option(0.0, "weight of transverse contact damping without rotations, ≥ 0"),
-            "sliding": Option(0.0, "weight of the sliding of rims, ≥ 0; above 0 particles roll"),
-            "drag": Option(0.0, "weight of the drag of the fluid on every particle, ≥ 0"),
-            "eta_f": Option(0.0, "fluid viscosity in units of k τ₁, ≥ 0"),
-        },
+        {form.weight: Option(0.0, form.help) for form in FORMS},
         dict,
         python='Law("custom", {})',
     ),
 }
 DEFAULT, CUSTOM = "contact", "custom"
-WEIGHTS = tuple(FAMILIES[CUSTOM].options)  # of a `Law`
+WEIGHTS = tuple(form.weight for form in FORMS)  # of a `Law`
 OPTIONS = tuple(dict.fromkeys(name for family in FAMILIES.values() for name in family.options))
 
 
+_Weights = make_dataclass(
+    "_Weights", [(weight, float, field(default=0.0, kw_only=True)) for weight in WEIGHTS], frozen=True
+)
+
+
 @dataclass(frozen=True)
-class Law:
+class Law(_Weights):
     """A damping law: weights of the dissipation 2R in units of kτ₁ (docs/theory/linear_response.md).
 
     `damping_law` makes the laws of BT.
 
-    label                         name in messages and files
-    normal, transverse, sliding   weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)² of contacts, ≥ 0; with sliding > 0 disks roll
-    drag                          weight of |u̇|² of each disk, ≥ 0
-    eta_f                         viscosity η_F of the fluid that the disks are in, ≥ 0
-    exponent                      α of a viscous force ∝ |ȧ|^α (BT eq. 9); 1 is linear
-    tau1                          damping time τ₁
+    label      name in messages and files
+    exponent   α of a viscous force ∝ |ȧ|^α (BT eq. 9); 1 is linear
+    tau1       damping time τ₁
+
+    WEIGHTS
     """
 
     label: str
-    normal: float = 0.0  # of (ȧ∥)²
-    transverse: float = 0.0  # of (ȧ⊥)²
-    sliding: float = 0.0  # of (ȧ⊥ᶜ)²; disks then roll
-    drag: float = 0.0  # of |u̇|², per disk
-    eta_f: float = 0.0  # η_F, viscosity of the fluid that the disks are in
+    _: KW_ONLY
     exponent: float = 1.0  # α of a viscous force ∝ |ȧ|^α (BT eq. 9); 1 is linear
     tau1: float = 1.0  # damping time τ₁
     family: str | None = None  # row of FAMILIES it was made from, with its options
@@ -127,45 +124,77 @@ class Law:
         if not 0 < tau1 < math.inf:
             raise InputError(f"{named('tau1')} {tau1:g}: must be positive")
 
+    def weight(self, form: Form) -> float:
+        """The weight in B of the square of a form."""
+        return getattr(self, form.weight)
+
+    @property
+    def dissipating(self) -> tuple[Form, ...]:
+        """Rows of the table that the law weighs."""
+        return tuple(form for form in FORMS if self.weight(form))
+
+    def contact_forms(self, elastic=CENTRAL) -> tuple[Form, ...]:
+        """Forms of contacts that the law weighs, and those whose weights in K are among `elastic`."""
+        return tuple(
+            form for form in FORMS if form.is_of_contacts and (self.weight(form) or form.elastic in elastic)
+        )
+
     @property
     def on_contacts(self) -> tuple[float, float, float]:
-        """Weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)²."""
+        """Weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)², those of contacts that flows support."""
         return self.normal, self.transverse, self.sliding
 
-    def on_forms(self, dimension: int) -> tuple[float, ...]:
-        """Weights of the squares of `relative_motion.linear_forms`, along each of the D − 1 axes across a contact."""
-        axes = dimension - 1
-        sliding = [self.sliding] * axes if self.couples_rotations else []
-        return (self.normal, *[self.transverse] * axes, *sliding)
+    def on_axes(self, forms, dimension: int) -> tuple[float, ...]:
+        """Weights of the squares of `forms` of contacts, one for each axis: as `relative_motion.linear_forms`."""
+        return tuple(self.weight(form) for form in forms for _ in range(form.count(dimension)))
+
+    def on_disks(self, dimension: int, diameter: float):
+        """Weights of the squares of the D displacements of a disk and of its spins, (D(D + 1)/2,)."""
+        of_spin = 0.0 if not self.spin_drag else self.spin_drag * diameter**2
+        return (self.drag,) * dimension + (of_spin,) * spins_of(dimension)
 
     @property
     def damps_contacts(self) -> bool:
         """Whether contacts dissipate; otherwise only the fluid does, if anything."""
-        return any(self.on_contacts)
+        return any(form.is_of_contacts for form in self.dissipating)
 
     @property
     def is_of_contacts(self) -> bool:
         """Whether contacts dissipate and no fluid."""
-        return self.damps_contacts and not (self.drag or self.eta_f)
+        return self.damps_contacts and all(form.is_of_contacts for form in self.dissipating)
 
     def require_dissipation(self) -> None:
         """Raise InputError if motions of disks dissipate nothing."""
-        if not (self.damps_contacts or self.drag):
+        if not (self.damps_contacts or any(form.is_of_disks for form in self.dissipating)):
             raise InputError(f"{self.label}: nothing dissipates; raise one of the weights")
 
     @property
     def couples_rotations(self) -> bool:
-        """Whether the law needs the angles θ: only the sliding of rims couples to them."""
-        return self.sliding > 0
+        """Whether the law needs the angles θ: a form that it weighs has them."""
+        return any(form.has_spins for form in self.dissipating)
 
     def dofs(self, dimension: int) -> int:
         """Unknowns per disk: D displacements and, where disks roll, D(D − 1)/2 spins θ."""
-        return dimension + (dimension * (dimension - 1) // 2 if self.couples_rotations else 0)
+        return dimension + (spins_of(dimension) if self.couples_rotations else 0)
 
     @property
     def holds_translations(self) -> bool:
         """Whether the fluid damps translations of a whole piece of the packing; contacts do not."""
         return self.drag > 0
+
+    @property
+    def holds_spins(self) -> bool:
+        """Whether the fluid damps disks that turn like gears; the sliding of rims does not."""
+        return any(form.axes == SPIN for form in self.dissipating)
+
+    def require_only(self, forms, of: str) -> None:
+        """Raise InputError where the law weighs other forms than those of these weights; of: what has no others."""
+        for form in self.dissipating:
+            if form.weight not in forms:
+                raise InputError(
+                    f"{named(form.weight)} {self.weight(form):g}: not supported by {of}. Leave it out, or use sweep, "
+                    "which takes any linear law."
+                )
 
     @property
     def parameters(self) -> dict:
@@ -198,20 +227,37 @@ class Law:
         return python_text(self.family, options)
 
 
+Law.__doc__ = Law.__doc__.replace(
+    "WEIGHTS", "\n    ".join(f"{form.weight:10s} {form.help}" for form in FORMS)
+)
+
+
 @dataclass(frozen=True)
 class Physics:
-    """What a linear response models: a damping law, and whether K includes pre-stress."""
+    """What a linear response models: a damping law, and what K has beside the stiffness of contacts.
+
+    prestress              K includes the −f/r of contacts (BT eq. 4)
+    tangential_stiffness   weight of (a⊥ᶜ)² in K over the stiffness k of each contact; above 0 disks roll
+    """
 
     law: Law
-    prestress: bool = True  # K includes the −f/r of contacts (BT eq. 4)
+    prestress: bool = True
+    tangential_stiffness: float = 0.0
 
     @property
     def parameters(self) -> dict:
-        """The law's parameters and `prestress`, for files."""
-        return {**self.law.parameters, "prestress": self.prestress}
+        """Parameters of the law and of K, for files."""
+        return {**self.law.parameters, **elastic_parameters(self.prestress, self.tangential_stiffness)}
 
     def __str__(self):
-        return f"{self.law}{'' if self.prestress else ', no pre-stress'}"
+        springs = f", k_t/k = {self.tangential_stiffness:g}" if self.tangential_stiffness else ""
+        return f"{self.law}{'' if self.prestress else ', no pre-stress'}{springs}"
+
+
+def elastic_parameters(prestress: bool, tangential_stiffness: float = 0.0) -> dict:
+    """What K has beside the stiffness of contacts, for files: tangential springs where there are any."""
+    springs = {"tangential_stiffness": tangential_stiffness} if tangential_stiffness else {}
+    return {"prestress": prestress, **springs}
 
 
 UNDAMPED = Law("no damping")  # K alone

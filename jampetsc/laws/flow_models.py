@@ -22,6 +22,7 @@ MODELS = {
     "CDn": (Law("normal contact damping", normal=1.0), True),
     "CDt": (Law("tangential contact damping", transverse=1.0), True),
 }
+FLOW_WEIGHTS = "normal", "transverse", "sliding", "drag", "eta_f"  # of laws that the kernels of flows compute
 STRAIN_STEP = 5e-3  # largest γ̇Δt
 MAX_LIST_STRAIN = 0.1  # d/σ_max: largest γ̇Δt for which a pair list serves more than one step
 SIZE_MARGIN = (
@@ -68,6 +69,7 @@ class Model:
         if law.tau1 > MAX_WEIGHT:
             raise InputError(f"{named('tau1')} {law.tau1:g}: must be at most {MAX_WEIGHT:g}")
         law.require_dissipation()
+        law.require_only(FLOW_WEIGHTS, "flow")
         if law.exponent != 1.0:
             raise InputError(
                 f"{named('alpha')} {law.exponent:g}: not supported, flow has linear damping. Leave it out."

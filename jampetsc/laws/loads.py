@@ -64,6 +64,12 @@ class Load:
         symmetric = 0.5 * (self.gradient + self.gradient.T)
         return symmetric - np.trace(symmetric) / self.dimension * np.eye(self.dimension)
 
+    @property
+    def rotation(self):
+        """Ω with Ω × x = ½ (E − Eᵀ) x, the rotation of the affine flow: (1,), in 3D (3,)."""
+        turn = 0.5 * (self.gradient - self.gradient.T)
+        return turn[[1], [0]] if self.dimension == 2 else turn[[2, 0, 1], [1, 2, 0]]
+
     def imposed(self, bonds):
         """E r of bonds r (M, D): how far a unit amplitude moves their ends apart, (M, D)."""
         return bonds @ self.gradient.T

@@ -1,17 +1,11 @@
-"""What one bond adds to K and B: weighted squares of its relative motions, linear forms in displacements and strain.
+"""Linear forms of bonds, rows of `laws.forms`, as coefficients of the unknowns of two disks and of a load.
 
-With r = x_j − x_i, n = r/|r| and axes t across n, per unit of displacements ũ, spins θ and shear strain γ
-
-    a∥ = n·(ũ_j − ũ_i) + γ n_x r_y,    a⊥ = t·(ũ_j − ũ_i) + γ t_x r_y,    a⊥ᶜ = a⊥ − t·[(ρ_i θ_i + ρ_j θ_j) × n] .
-
-In two dimensions there is one axis t = ẑ × n and θ = θ ẑ, so that a⊥ᶜ = a⊥ − ρ_i θ_i − ρ_j θ_j. In three there are two
-axes t, and three spins.
-
-A bond's part of K is k (a∥)² − (f/r) |a⊥|² (BT eqs. 4, 11); B has the weights of the damping law (`laws`). The
-distributed K and B, their border and the Hessian of a quench are sums of these squares.
+The distributed K and B, their load columns and the Hessian of a quench are sums of their weighted squares.
 """
 
 import numpy as np
+
+from jampetsc.laws.forms import ALONG, spins_of
 
 
 def transverse_axes(normal):
@@ -31,23 +25,39 @@ def transverse_axes(normal):
     )
 
 
-def linear_forms(normal, r_y, rims=None):
-    """a∥, D − 1 of a⊥ and, with the rims' radii (ρ_i (M,), ρ_j (M,)), as many of a⊥ᶜ of bonds with n (M, D), r_y (M,).
+def linear_forms(forms, normal, rims=None):
+    """Coefficients of the `forms` of bonds with normals n (M, D), one entry for each axis of a form.
 
-    Each as its coefficients (on disk i, on disk j, on γ) of shapes (M, dofs), (M, dofs), (M,); dofs is D, with rims
-    D(D + 1)/2.
+    rims   (ρ_i (M,), ρ_j (M,)) where disks roll
+
+    Each entry: (on disk i, on disk j), (M, dofs) each; dofs is D, with rims D(D + 1)/2.
     """
     transverse, dimension = transverse_axes(normal), normal.shape[1]
-    no_spin = np.zeros((len(normal), 0 if rims is None else dimension * (dimension - 1) // 2))
-    forms = [
-        (np.hstack((-axis, no_spin)), np.hstack((axis, no_spin)), axis[:, 0] * r_y)
-        for axis in (normal, *transverse)
-    ]
-    if rims is not None:
-        for axis, spin, (*_, on_gamma) in zip(transverse, _spins(transverse), forms[1:], strict=True):
-            at_i, at_j = (-rim[:, None] * spin for rim in rims)
-            forms.append((np.hstack((-axis, at_i)), np.hstack((axis, at_j)), on_gamma))
-    return forms
+    no_spin = np.zeros((len(normal), 0 if rims is None else spins_of(dimension)))
+    made = []
+    for form in forms:
+        axes = (normal,) if form.axes == ALONG else transverse
+        for number, axis in enumerate(axes):
+            ends = no_spin, no_spin
+            if any(form.turns):
+                spin = _spins(transverse)[number]
+                ends = [(turn * rim)[:, None] * spin for turn, rim in zip(form.turns, rims, strict=True)]
+            made.append((np.hstack((-form.moves * axis, ends[0])), np.hstack((form.moves * axis, ends[1]))))
+    return made
+
+
+def load_coefficients(forms, imposed, rotation=None):
+    """What a unit amplitude of a load adds to each of `linear_forms`, (M,) each.
+
+    imposed    E r, (M, D): how far the affine flow moves the ends of a bond apart
+    rotation   of the spins in the affine flow, (D(D − 1)/2,), where they are relative to it
+    """
+    dimension = imposed.shape[1]
+    added = [np.sum(on_j[:, :dimension] * imposed, axis=1) for _, on_j in forms]
+    if rotation is None:
+        return added
+    spins = slice(dimension, None)
+    return [a + (on_i + on_j)[:, spins] @ rotation for a, (on_i, on_j) in zip(added, forms, strict=True)]
 
 
 def _spins(transverse):
@@ -59,20 +69,30 @@ def _spins(transverse):
 
 
 def squares(forms, weights):
-    """Second derivatives of ½ Σ w a² over the forms of each bond; weights w (M, forms), real or complex.
+    """Second derivatives of ½ Σ w a² over the forms of each bond by the unknowns of its disks i and j.
 
-    Returns ∂²/∂i∂i and ∂²/∂i∂j (M, dofs, dofs), ∂²/∂i∂γ (M, dofs) and ∂²/∂γ² (M,), i and j the unknowns of the two
-    disks: the entries that a bond adds to the rows of disk i and of γ.
+    forms     as `linear_forms` makes them; weights (M, forms), real or complex
+
+    Returns ∂²/∂i∂i and ∂²/∂i∂j (M, dofs, dofs): the entries that a bond adds to the rows of disk i.
     """
     m, dofs = forms[0][0].shape
     near = np.zeros((m, dofs, dofs), weights.dtype)
     far = np.zeros((m, dofs, dofs), weights.dtype)
-    border = np.zeros((m, dofs), weights.dtype)
-    corner = np.zeros(m, weights.dtype)
-    for (on_i, on_j, on_gamma), weight in zip(forms, weights.T, strict=True):
+    for (on_i, on_j), weight in zip(forms, weights.T, strict=True):
         weighted = weight[:, None] * on_i
         near += weighted[:, :, None] * on_i[:, None, :]
         far += weighted[:, :, None] * on_j[:, None, :]
-        border += weighted * on_gamma[:, None]
-        corner += weight * on_gamma**2
-    return near, far, border, corner
+    return near, far
+
+
+def load_column(forms, weights, added):
+    """∂²/∂i∂ε (M, dofs) and ∂²/∂ε² (M,) of the same sum: what a bond adds to the load column at i and to its corner.
+
+    added   (M,) for each form, see `load_coefficients`
+    """
+    column = np.zeros(forms[0][0].shape, weights.dtype)
+    corner = np.zeros(len(column), weights.dtype)
+    for (on_i, _), on_load, weight in zip(forms, added, weights.T, strict=True):
+        column += weight[:, None] * on_i * on_load[:, None]
+        corner += weight * on_load**2
+    return column, corner

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.laws.relative_motion import linear_forms, squares
+from jampetsc.laws.forms import CENTRAL_FORMS
+from jampetsc.laws.relative_motion import linear_forms, squares, transverse_axes
 from jampetsc.packing.compiled import compiled
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.neighbours import lengths
@@ -60,8 +61,8 @@ class Bonds:
         return np.column_stack((self.stiffness, *[-self.force / self.distance] * (self.dimension - 1)))
 
     def squares(self):
-        """M of each bond and its derivatives by a shear strain: see `relative_motion.squares`."""
-        return squares(linear_forms(self.normal.T, self.r[1]), self.weights)
+        """M of each bond and −M, (M, D, D) each: see `relative_motion.squares`."""
+        return squares(linear_forms(CENTRAL_FORMS, self.normal.T), self.weights)
 
     def on_disks(self, bond_forces, n):
         """Sum over pairs of the forces (D, M) on j, and of their opposites on i, (N, D)."""
@@ -112,7 +113,7 @@ class Pattern:
 
     def fill(self, bonds: Bonds, free, shift=0.0):
         """Values of K + shift for the disks in the mask `free`; unit rows for the others. (nonzeros,)"""
-        own, across, *_ = bonds.squares()
+        own, across = bonds.squares()
         for a, b in itertools.combinations(range(bonds.dimension), 2):
             across[:, b, a] = across[:, a, b]  # symmetric to the last digit
         values = self.sum(own, own, across, free)
@@ -143,9 +144,7 @@ def border(bonds: Bonds, n: int, volume: float, pressure: float):
     The C strains are as in `strain.cell_strain`: ε and the shears.
     """
     r, f, k, weights = bonds.distance, bonds.force, bonds.stiffness, bonds.weights.T
-    forms = [
-        axis for _, axis, _ in linear_forms(bonds.normal.T, bonds.r[1])
-    ]  # n and the axes across it, (M, D)
+    forms = [bonds.normal.T, *transverse_axes(bonds.normal.T)]
     planes = list(itertools.combinations(range(bonds.dimension), 2))
     corner = np.zeros((1 + len(planes),) * 2)
     corner[0, 0] = np.sum(k * r * r - f * r) + bonds.dimension**2 * pressure * volume

@@ -14,6 +14,7 @@ from jampetsc.laws.damping import (
     Law,
     Physics,
     damping_law,
+    elastic_parameters,
     having,
     python_text,
 )
@@ -105,6 +106,16 @@ PRESTRESS = parameter(
 )
 
 
+TANGENTIAL_STIFFNESS = parameter(
+    0.0,
+    "elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 "
+    "particles roll, and no contact slips",
+    low=0.0,
+    high=MAX_WEIGHT,
+    metavar="RATIO",
+)
+
+
 @dataclass(frozen=True, eq=False)
 class PackingJob(Job):
     """Base of jobs on the matrices of a packing, under a damping law."""
@@ -112,11 +123,17 @@ class PackingJob(Job):
     packing: Packing | str = parameter(help="packing", value_type=PACKING, place=FILE)
     law: Law = composite_parameter(DAMPING)
     prestress: bool = PRESTRESS
+    tangential_stiffness: float = TANGENTIAL_STIFFNESS
 
     @property
     def physics(self) -> Physics:
-        """Law and pre-stress."""
-        return Physics(self.law, self.prestress)
+        """Law, pre-stress and tangential springs."""
+        return Physics(self.law, self.prestress, self.tangential_stiffness)
+
+    @property
+    def elastic(self) -> dict:
+        """What K has beside the stiffness of contacts, for `build_network`."""
+        return elastic_parameters(self.prestress, self.tangential_stiffness)
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ class ContactMotions:
         self.length = np.sqrt(network.volume / self.thickness)  # L
         self.g = compatibility.g / self.length
         self.w_K, self.forms = compatibility.w_K, compatibility.forms
-        weights = np.array(pencil.law.on_forms(network.dimension))
+        weights = np.array(pencil.law.on_axes(compatibility.rows, network.dimension))
         self.damped = np.flatnonzero(weights)  # indices of forms
         self.roots = np.sqrt(weights[self.damped])
         self.rows, self.unknowns = self.C.getLocalSize()

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.laws.damping import Law
-from jampetsc.laws.relative_motion import linear_forms
+from jampetsc.laws.loads import simple_shear
+from jampetsc.laws.relative_motion import linear_forms, load_coefficients
 from jampetsc.minimisation.hessian import Bonds, gathered
 from jampetsc.oscillation.power_law import ContactPowerLaw
 from jampetsc.response.compatibility import stacked
@@ -27,13 +28,15 @@ class Damping:
     """A damping law for contacts, linear far below their typical |z|."""
 
     power: ContactPowerLaw
-    roots: np.ndarray  # (forms,) square roots of the weights
+    forms: tuple  # of contacts
+    roots: np.ndarray  # (forms,) square roots of the weights, for each axis of a form
     floor: float  # |z| below which the force is linear
 
     @classmethod
     def of(cls, law: Law, dimension: int, power: ContactPowerLaw, speed: float) -> "Damping":
         """Of a law in D dimensions; speed: typical |z|, without effect where damping is linear."""
-        return cls(power, np.sqrt(law.on_forms(dimension)), LINEAR_BELOW * speed)
+        forms = law.contact_forms()
+        return cls(power, forms, np.sqrt(law.on_axes(forms, dimension)), LINEAR_BELOW * speed)
 
 
 class Dashpots:
@@ -46,7 +49,7 @@ class Dashpots:
         self.touching = np.flatnonzero(bonds.overlap > 0.0)
         self.i, self.j = bonds.pairs.i[self.touching], bonds.pairs.j[self.touching]
         self._damping = damping
-        rows, sheared = motion_rows(bonds, rims, dofs, self.touching)
+        rows, sheared = motion_rows(damping.forms, bonds, rims, dofs, self.touching)
         damped = np.flatnonzero(damping.roots)
         roots = damping.roots[damped]
         self._Z, self._sheared = roots[:, None] * rows[:, damped], roots * sheared[:, damped]
@@ -88,8 +91,10 @@ class Dashpots:
         )
 
 
-def motion_rows(bonds: Bonds, rims, dofs: int, chosen=slice(None)):
-    """`linear_forms` of the chosen bonds: coefficients of disks, (M, forms, 2 dofs), and of strain, (M, forms)."""
+def motion_rows(forms, bonds: Bonds, rims, dofs: int, chosen=slice(None)):
+    """`linear_forms` of the chosen bonds: coefficients of disks, (M, axes, 2 dofs), and of shear strain, (M, axes)."""
     i, j = bonds.pairs.i[chosen], bonds.pairs.j[chosen]
     ends = (rims[i], rims[j]) if dofs > bonds.dimension else None
-    return stacked(linear_forms(bonds.normal[:, chosen].T, bonds.r[1, chosen], ends))
+    made = linear_forms(forms, bonds.normal[:, chosen].T, ends)
+    sheared = load_coefficients(made, simple_shear(bonds.dimension).imposed(bonds.r[:, chosen].T))
+    return stacked(made), np.stack(sheared, axis=1)

@@ -6,6 +6,7 @@ matrix is if and only if the Schur complement κ + μ − kᵀA⁻¹k is positiv
 
 import numpy as np
 
+from jampetsc.laws.forms import CENTRAL_FORMS
 from jampetsc.minimisation.hessian import Bonds, Pattern, gathered
 from jampetsc.oscillation.dashpots import Dashpots, motion_rows
 from jampetsc.oscillation.harmonic_preconditioner import FACTOR_PREFIX
@@ -41,11 +42,10 @@ class StepMatrix:
         free        whether the strain is unknown
         """
         n, d, pairs, every = self._n, self._dofs, bonds.pairs, np.ones(self._n, bool)
-        dimension, weights = bonds.dimension, bonds.weights
+        weights = bonds.weights
         if pairs is not self.pairs:
             self.pairs, self._pattern = pairs, Pattern(pairs, n, d)
-        rows, sheared = motion_rows(bonds, self._rims, d)
-        elastic_rows, elastic_sheared = rows[:, :dimension], sheared[:, :dimension]
+        elastic_rows, elastic_sheared = motion_rows(CENTRAL_FORMS, bonds, self._rims, d)
         blocks = np.einsum("cf,cfx,cfy->cxy", weights, elastic_rows, elastic_rows)
         viscous, mixed, alone = dashpots.squares(damping)
         blocks[dashpots.touching] += viscous

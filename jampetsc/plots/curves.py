@@ -11,6 +11,7 @@ from jampetsc.analysis.statistics import STATISTICS, median_interval
 from jampetsc.errors import InputError, named
 from jampetsc.io.provenance import LAW_PARAMETERS, recorded_dimension
 from jampetsc.laws.damping import FAMILIES, OPTIONS
+from jampetsc.laws.forms import FORMS
 from jampetsc.laws.loads import DEFAULT, TENSOR
 from jampetsc.plots.picture import group_by, setting_text, stress_unit, units_of
 from jampetsc.plots.style import (
@@ -36,13 +37,8 @@ _SWITCHES = {  # attribute -> words for (off, on)
 }
 _SYMBOLS = {  # parameter -> its symbol; a law's own parameters are shown by name
     **{name: rf"\rm {name}".replace("_", r"\_") for name in OPTIONS if name not in _SWITCHES},
-    **{
-        "normal": r"w_\parallel",
-        "transverse": r"w_\perp",
-        "sliding": r"w_{\perp c}",
-        "beta": r"\beta",
-        "eta_f": r"\eta_F",
-    },
+    **{form.weight: form.symbol for form in FORMS},
+    **{"beta": r"\beta", "tangential_stiffness": r"k_t/k"},
     **{"alpha": r"\alpha", "stress": r"\sigma_0/k", "strain": r"\gamma_0", "omega": r"\omega\tau_1"},
 }
 _LOADS = {DEFAULT: "shear xy", TENSOR: "shear, all directions"}

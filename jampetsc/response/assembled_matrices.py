@@ -114,7 +114,7 @@ def build_matrices(network: DistributedNetwork, law: Law, loads=None) -> Packing
         area=network.volume,
         particles=particles,
         dofs=np.column_stack((np.repeat(particles, pencil.dofs), component)),
-        pins=pins_of(law, pencil.pieces),
+        pins=pins_of(network, law, pencil.pieces),
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from jampetsc.laws.loads import Load, simple_shear
 from jampetsc.laws.relative_motion import squares
 from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import diagonal_of, distributed_matrix
-from jampetsc.response.compatibility import Compatibility, build_compatibility, forms_of, weights
+from jampetsc.response.compatibility import BondForms, Compatibility, build_compatibility, drag_of
 from jampetsc.response.contact_network import DistributedNetwork, Pieces, find_pieces
 
 # by D: |A| ≤ ROW max(diagonal) for the A of a contact network, the most unknowns of one form
@@ -30,10 +30,10 @@ ROW = {2: 6.0, 3: 12.0}
 class Pencil:
     """K + sB and its border for one law and load on one network. Matrices and vectors are distributed alike.
 
-    Zero modes of K and B (translations of each connected piece, unless there is drag, and gear modes where disks roll)
-    are removed by pinning one unknown each: its row and column are of the identity (times k) in K and zero in B,
-    and its border entries are zero. The response does not depend on the choice, because K, B and the border vanish on
-    these modes. Under drag translations dissipate, and `project` removes them instead.
+    Zero modes of K and B (translations of each connected piece, unless there is drag, and gear modes where disks roll,
+    unless there is drag on spins) are removed by pinning one unknown each: its row and column are of the identity
+    (times k) in K and zero in B, and its border entries are zero. The response does not depend on the choice, because
+    K, B and the border vanish on these modes. Those that the fluid damps are removed by `project` instead.
     """
 
     network: DistributedNetwork
@@ -47,22 +47,15 @@ class Pencil:
     b_gg: float  # b_γγ
     pins: np.ndarray  # pinned unknowns, global numbers
     load: Load
+    compatibility: Compatibility  # the relative motions of which K and B are sums of squares
 
     def under(self, load: Load) -> "Pencil":
-        """The same K and B with the border of another load. Collective."""
+        """The same K and B with the columns of another load. Collective."""
         if load == self.load:
             return self
         c = self.compatibility.under(load)
-        forces = [c.forces(w * c.g) for w in (c.w_K, c.w_B)]
-        corner = self.network.sum(np.array([c.w_K @ c.g**2, c.w_B @ c.g**2]))
-        border = (_vector(self.network.comm, force) for force in forces)
-        k_gamma, b_gamma = border
-        k_gg, b_gg = corner + np.array([0.0, c.drag_gg])
-        pencil = replace(
-            self, load=load, k_gamma=k_gamma, b_gamma=b_gamma, k_gg=float(k_gg), b_gg=float(b_gg)
-        )
-        # What does not depend on the load is not computed again.
-        vars(pencil).update(compatibility=c, diagonals=self.diagonals)
+        pencil = replace(self, load=load, compatibility=c, **_load_parts(c, load, self.pins))
+        vars(pencil).update(diagonals=self.diagonals)  # which do not depend on the load
         return pencil
 
     @property
@@ -78,7 +71,12 @@ class Pencil:
     @property
     def dofs(self) -> int:
         """Unknowns of each disk."""
-        return self.law.dofs(self.dimension)
+        return self.network.dofs(self.law)
+
+    @property
+    def rolls(self) -> bool:
+        """Whether spins are among the unknowns."""
+        return self.network.rolls(self.law)
 
     @property
     def spins(self):
@@ -86,27 +84,53 @@ class Pencil:
         first, last = (disk * self.dofs for disk in (self.network.first, self.network.last))
         return np.arange(first, last).reshape(-1, self.dofs)[:, self.dimension :].ravel()
 
-    def project(self, x):
-        """Remove the mean displacement of each piece from x (n_local,), in place, if none is pinned. Collective."""
-        if not self.law.holds_translations:
-            return
-        local = x.reshape(-1, self.dofs)[:, : self.dimension]
-        local -= self.pieces.mean(self.network, local)
+    @property
+    def projects(self) -> bool:
+        """Whether `project` removes anything: translations or gears that the fluid damps and K does not resist."""
+        return self.law.holds_translations or (self.law.holds_spins and bool(self.gears.any()))
 
     @cached_property
-    def compatibility(self) -> Compatibility:
-        """The relative motions of which K and B are sums of squares. Collective."""
-        return build_compatibility(self.network, self.law, self.pins)
+    def gears(self):
+        """(n,) ±1 where the disks of a piece can turn like gears, else 0, see `Pieces.gears`."""
+        return self.pieces.gears(self.compatibility.rows)
+
+    def project(self, x):
+        """Remove from x (n_local,), in place, the moves that the fluid damps and K does not resist. Collective.
+
+        They are the mean displacement of each piece under drag, and under drag on spins the turning of gears.
+        """
+        unknowns = x.reshape(-1, self.dofs)
+        if self.law.holds_translations:
+            local = unknowns[:, : self.dimension]
+            local -= self.pieces.mean(self.network, local)
+        if self.law.holds_spins:
+            self.project_gears(unknowns)
+
+    def project_gears(self, unknowns):
+        """Remove the turning of gears from (disks, dofs), in place. Collective."""
+        if self.gears.any():
+            turn = (self.gears / self.network.radii)[self.network.first : self.network.last, None]
+            parts = np.column_stack((turn * unknowns[:, self.dimension :], turn**2))
+            mean = self.pieces.mean(self.network, parts)
+            share = np.divide(mean, mean[:, -1:], out=np.zeros_like(mean), where=mean[:, -1:] != 0.0)
+            unknowns[:, self.dimension :] -= turn * share[:, :-1]
 
     @cached_property
     def diagonals(self):
         """The diagonals of K and of B, (n_local,) each, real. Collective."""
         return diagonal_of(self.K), diagonal_of(self.B)
 
+    @cached_property
+    def largest_of_kinds(self) -> list[tuple[float, float]]:
+        """Largest |diagonal entry| of K and of B on displacements, and on spins if K acts on them. Collective."""
+        parts = [part.reshape(-1, self.dofs) for part in self.diagonals]
+        kinds = [slice(0, self.dimension), slice(self.dimension, None)][: 1 + self.network.turns_elastically]
+        return [tuple(self.network.max(np.abs(part[:, kind])) for part in parts) for kind in kinds]
+
     @property
-    def displacement_diagonals(self):
-        """The diagonals of K and of B on displacements, (n_local / dofs, D) each. Collective."""
-        return [part.reshape(-1, self.dofs)[:, : self.dimension] for part in self.diagonals]
+    def drags_alone(self) -> bool:
+        """Whether all that dissipates is drag on disks that do not turn: B is then diagonal, without a load column."""
+        return not (self.law.damps_contacts or self.rolls)
 
     def diagonal(self, s: float):
         """The diagonal of K + sB, (n_local,). Collective."""
@@ -129,7 +153,7 @@ class Pencil:
             self.law, self.pieces,
             *(matrix.getRedundantMatrix(comm.size) for matrix in (self.K, self.B)),
             *(PETSc.Vec().createWithArray(values, comm=PETSc.COMM_SELF) for values in border),
-            self.k_gg, self.b_gg, self.pins, self.load,
+            self.k_gg, self.b_gg, self.pins, self.load, self.compatibility,
         )  # fmt: skip
 
     def split(self, x):
@@ -140,8 +164,11 @@ class Pencil:
         """
         moves, spins = np.split(np.asarray(x).reshape(-1, self.dofs), [self.dimension], axis=1)
         displacement = moves - self.pieces.mean(self.network, moves)
-        if not self.law.couples_rotations:
+        if not self.rolls:
             return displacement, None
+        rotation = self.compatibility.bonds.rotation(self.load)
+        if rotation is not None:
+            spins = spins + rotation
         return displacement, spins[:, 0].copy() if self.dimension == 2 else spins.copy()
 
 
@@ -150,24 +177,18 @@ def assemble(network: DistributedNetwork, law: Law, pinned: bool = True) -> Penc
 
     pinned   whether zero modes are pinned, see `Pencil`; False leaves K + sB singular on them
     """
-    dimension, c = network.dimension, network.contacts
-    dofs = law.dofs(dimension)
+    c = network.contacts
+    dofs, bonds, load = network.dofs(law), BondForms.of(network, law), simple_shear(network.dimension)
     m, rows = len(c), (network.last - network.first) * dofs
     # K is the real, B the imaginary part of one complex array: they have one pattern, and are summed at once.
-    near, far, border, corner = squares(forms_of(network, law), weights(network, law))
-    corner = network.sum(np.sum(corner)) / 2.0  # each contact is seen from both ends
+    near, far = squares(bonds.forms, bonds.weights)
 
     local = c.i - network.first
     own = np.arange(network.last - network.first)
-    starts = np.searchsorted(local, own)  # contacts come ordered by i, and every disk here has some
-    diagonal = np.add.reduceat(near, starts)
-    gamma = np.add.reduceat(border, starts)
-    damping = network.damping(law)
-    moves = np.arange(dimension)
-    diagonal[:, moves, moves] += 1j * damping * law.drag
-    corner += 1j * damping * law.eta_f * network.volume
-
+    diagonal = bonds.sum_of_disks(near)
     component = np.arange(dofs)
+    diagonal[:, component, component] += 1j * drag_of(network, law)
+
     row = np.r_[own, local][:, None, None] * dofs + component[None, :, None]
     column = np.r_[own + network.first, c.j][:, None, None] * dofs + component[None, None, :]
     shape = (len(own) + m, dofs, dofs)
@@ -179,38 +200,54 @@ def assemble(network: DistributedNetwork, law: Law, pinned: bool = True) -> Penc
         shape=(rows, network.n * dofs),
     ).tocsr()
     matrix.sort_indices()
-    gamma = gamma.ravel()
 
     pieces = find_pieces(network)
-    pins = pins_of(law, pieces) if pinned else np.zeros(0, int)
-    _pin(matrix, gamma, pins, network.first * dofs, network.k)
+    pins = pins_of(network, law, pieces) if pinned else np.zeros(0, int)
+    _pin(matrix, pins, network.first * dofs, network.k)
+    compatibility = build_compatibility(bonds, pins, load)
     return Pencil(
         network, law, pieces,
         distributed_matrix(network.comm, matrix, matrix.data.real),
         distributed_matrix(network.comm, matrix, matrix.data.imag),
-        _vector(network.comm, gamma.real), _vector(network.comm, gamma.imag),
-        float(corner.real), float(corner.imag), pins, simple_shear(dimension),
+        **_load_parts(compatibility, load, pins), pins=pins, load=load, compatibility=compatibility,
     )  # fmt: skip
 
 
-def pins_of(law: Law, pieces: Pieces):
-    """Unknowns to pin against zero modes: moves of a disk of each piece, spins of one of each bipartite piece."""
-    roots, dofs = pieces.roots, law.dofs(pieces.dimension)
+def _load_parts(compatibility, load, pins):
+    """The load column and the corner of K and of B of a `Pencil`. Collective."""
+    network = compatibility.network
+    column, corner = compatibility.bonds.load_column(load, pins)
+    corner += 1j * compatibility.drag_gg
+    return {
+        "k_gamma": _vector(network.comm, column.real),
+        "b_gamma": _vector(network.comm, column.imag),
+        "k_gg": float(corner.real),
+        "b_gg": float(corner.imag),
+    }
+
+
+def pins_of(network: DistributedNetwork, law: Law, pieces: Pieces):
+    """Unknowns to pin against zero modes: moves of a disk of each piece, spins of one of each piece of gears.
+
+    What the fluid damps is not pinned.
+    """
+    roots, dofs, pinned = pieces.roots, network.dofs(law), [np.zeros(0, int)]
     moves, spins = np.split(np.arange(dofs), [pieces.dimension])
-    pinned = [(roots[pieces.bipartite[roots], None] * dofs + spins).ravel()]
+    if network.rolls(law) and not law.holds_spins:
+        gears = pieces.gears(network.contact_forms(law))[roots] != 0.0
+        pinned.append((roots[gears, None] * dofs + spins).ravel())
     if not law.holds_translations:
         pinned.append((roots[:, None] * dofs + moves).ravel())
     return np.sort(np.concatenate(pinned))
 
 
-def _pin(matrix, gamma, pins, offset, k):
+def _pin(matrix, pins, offset, k):
     """Turn rows and columns of pinned unknowns into the identity's (times k in K), in place."""
     matrix.data[np.isin(matrix.indices, pins)] = 0.0
     for row in pins - offset:
         if 0 <= row < matrix.shape[0]:
             entries = slice(matrix.indptr[row], matrix.indptr[row + 1])
             matrix.data[entries] = np.where(matrix.indices[entries] == row + offset, k, 0.0)
-            gamma[row] = 0.0
 
 
 def _vector(comm, values):

@@ -4,7 +4,7 @@ A row of C turns unknowns into one of the relative motions a∥, a⊥, a⊥ᶜ o
 axes, g holds what a load of unit
 amplitude adds (`laws.loads`), the part of E r along the motion's axis:
 
-    a = C x + ε g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C   (+ kτ₁ drag 1 on displacements, not on angles).
+    a = C x + ε g ,      K = Cᵀ W_K C ,      B = Cᵀ W_B C + the drag of the fluid on the unknowns of each disk.
 
 Sums over contacts of W a² keep digits that products with the assembled matrices lose: at low pressure the relative
 motions are far smaller than the displacements, and here their difference is taken once per contact.
@@ -16,21 +16,91 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.loads import Load, fluid_dissipation
-from jampetsc.laws.relative_motion import linear_forms, transverse_axes
+from jampetsc.laws.relative_motion import linear_forms, load_coefficients, load_column
 from jampetsc.petsc.sparse_matrices import distributed_matrix
 from jampetsc.response.contact_network import DistributedNetwork
+
+
+@dataclass(frozen=True, eq=False)
+class BondForms:
+    """The weighted forms of the contacts of this rank's disks, seen from these disks."""
+
+    network: DistributedNetwork
+    law: Law
+    rows: tuple  # of `forms.FORMS`
+    forms: list  # as `linear_forms` makes them, one for each axis of a row
+    weights: np.ndarray  # (contacts, forms) complex: real part for K, imaginary for B
+
+    @classmethod
+    def of(cls, network: DistributedNetwork, law: Law) -> "BondForms":
+        """Of a network under a law. Raises InputError as `DistributedNetwork.contact_forms`."""
+        c, rows, dimension = network.contacts, network.contact_forms(law), network.dimension
+        rims = (network.radii[c.i], network.radii[c.j]) if network.rolls(law) else None
+        damping = network.damping(law) * np.array(law.on_axes(rows, dimension))
+        w = np.zeros((len(c), len(damping)), complex)
+        w.real = _by_axis(rows, network.elastic_weights, dimension, len(c))
+        return cls(network, law, rows, linear_forms(rows, c.normal, rims), w + 1j * damping)
+
+    @property
+    def weight_rounding(self):
+        """What rounding of the input may do to the weights in K, in units of ε, (contacts, forms)."""
+        network = self.network
+        return _by_axis(self.rows, network.weight_rounding, network.dimension, len(network.contacts))
+
+    def rotation(self, load: Load):
+        """Ω of the affine flow where spins are relative to it, else None."""
+        return load.rotation if self.network.spins_follow_load(self.law) else None
+
+    def under(self, load: Load):
+        """g of a unit amplitude of a load and sizes of its terms, (rows,) each: of every contact once."""
+        bonds, rotation = self.network.contacts.r, self.rotation(load)
+        g = load_coefficients(self.forms, load.imposed(bonds), rotation)
+        sizes = [(np.abs(on_i), np.abs(on_j)) for on_i, on_j in self.forms]
+        size = np.abs(bonds) @ np.abs(load.gradient).T
+        g_size = load_coefficients(sizes, size, None if rotation is None else np.abs(rotation))
+        return tuple(np.stack(part, axis=1)[self.once].ravel() for part in (g, g_size))
+
+    @property
+    def once(self):
+        """Which contacts are seen from their lower-numbered disk, (contacts,)."""
+        return self.network.contacts.i < self.network.contacts.j
+
+    def load_column(self, load: Load, pins):
+        """k + ib of a load, (n_local,) complex, and k_γγ + ib_γγ of the contacts. Collective.
+
+        pins   pinned unknowns, global numbers, whose entries are zero
+        """
+        added = load_coefficients(self.forms, load.imposed(self.network.contacts.r), self.rotation(load))
+        column, corner = load_column(self.forms, self.weights, added)
+        column = self.sum_of_disks(column).ravel()
+        dofs = column.size // (self.network.last - self.network.first)
+        own = pins - self.network.first * dofs
+        column[own[(own >= 0) & (own < len(column))]] = 0.0
+        return column, self.network.sum(np.sum(corner)) / 2.0  # each contact is seen from both ends
+
+    def sum_of_disks(self, values):
+        """Sums (disks, …) of values (contacts, …) over the contacts of each disk."""
+        disks = np.arange(self.network.first, self.network.last)
+        # contacts come ordered by i, and every disk here has some
+        return np.add.reduceat(values, np.searchsorted(self.network.contacts.i, disks))
+
+
+def _by_axis(rows, values, dimension, count):
+    """(contacts, forms) of {name of a weight in K: (contacts,)}, for each axis of the rows."""
+    nothing = np.zeros(count)
+    return np.stack(
+        [values.get(form.elastic, nothing) for form in rows for _ in range(form.count(dimension))], axis=1
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Compatibility:
     """C, g and the weights. Rows are distributed with the contacts, each contact once, with its lower-numbered disk."""
 
-    network: DistributedNetwork
+    bonds: BondForms
     C: object  # PETSc.Mat, one row per form and contact
-    forms: int  # rows per contact: a∥, D − 1 of a⊥ and, where disks roll, as many of a⊥ᶜ
     g: np.ndarray  # (rows,) local, of a unit amplitude of the load
     g_size: np.ndarray  # (rows,) local, ≥ |g|: sum of the sizes of its terms, which under a rotation cancel
     w_K: np.ndarray  # (rows,) local weights of a² in K
@@ -38,26 +108,36 @@ class Compatibility:
     size_K: np.ndarray  # (rows,) |w_K| and what rounding may do to it, in ε: an overlap is off by ε σ
     reach_K: np.ndarray  # (n_local,) Σ |w_K| C² over the contacts of each unknown,
     reach_B: np.ndarray  # and Σ w_B C² + drag; see `reach`
-    drag: np.ndarray  # (n_local,) kτ₁ times the drag, 0 for angles: the part of B not from contacts
+    drag: (
+        np.ndarray
+    )  # (n_local,) kτ₁ times the drag on displacements and spins: the part of B not from contacts
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V 2 s′:s″
     viscosity: float  # kτ₁ η_F
 
+    @property
+    def network(self) -> DistributedNetwork:
+        """The network."""
+        return self.bonds.network
+
+    @property
+    def rows(self) -> tuple:
+        """Forms of a contact, of `forms.FORMS`."""
+        return self.bonds.rows
+
+    @property
+    def forms(self) -> int:
+        """Rows per contact: a∥, D − 1 of a⊥ and, where disks roll, as many of a⊥ᶜ."""
+        return len(self.bonds.forms)
+
+    def axes_of(self, weight: str) -> list[int]:
+        """Which of a contact's rows belong to the form with this weight."""
+        names = [form.weight for form in self.rows for _ in range(form.count(self.network.dimension))]
+        return [number for number, name in enumerate(names) if name == weight]
+
     def under(self, load: Load) -> "Compatibility":
         """The same under another load; C is shared."""
-        contacts = self.network.contacts
-        once = contacts[contacts.i < contacts.j]
-        axes, imposed = (once.normal, *transverse_axes(once.normal)), load.imposed(once.r)
-        size = np.abs(once.r) @ np.abs(load.gradient).T
-        g, g_size = (
-            self._by_form([np.sum(of(axis) * vectors, axis=1) for axis in axes])
-            for of, vectors in ((np.asarray, imposed), (np.abs, size))
-        )
+        g, g_size = self.bonds.under(load)
         return replace(self, g=g, g_size=g_size, drag_gg=self.fluid_gg(load, load))
-
-    def _by_form(self, parts):
-        """(rows,) of parts (M,) along each axis of the contacts: those across it twice, where disks roll."""
-        along, *across = parts
-        return np.stack([along, *across, *across][: self.forms], axis=1).ravel()
 
     @cached_property
     def affine_sizes(self):
@@ -108,56 +188,25 @@ def along_and_across(motions):
     return along, across[0] if len(across) == 1 else np.hypot(*across)
 
 
-def forms_of(network: DistributedNetwork, law: Law):
-    """`linear_forms` of the network's contacts, with spins where disks roll."""
-    c = network.contacts
-    if law.couples_rotations and network.radii is None:
-        raise InputError(
-            "network without radii: its nodes roll under this damping law. Give radii, or take a law without rotations "
-            f"({named('rotations')})."
-        )
-    rims = (network.radii[c.i], network.radii[c.j]) if law.couples_rotations else None
-    return linear_forms(c.normal, c.r[:, 1], rims)
-
-
-def weights(network: DistributedNetwork, law: Law):
-    """Weights of the squares of `forms_of`, per contact, complex (M, forms): real part for K, imaginary for B."""
-    c = network.contacts
-    damping = network.damping(law) * np.array(law.on_forms(network.dimension))
-    w = np.zeros((len(c), len(damping)), complex)
-    w[:, 0] = c.stiffness
-    if network.prestress:
-        w[:, 1 : network.dimension] = -c.force_per_length[:, None]
-    return w + 1j * damping
-
-
 def stacked(forms):
-    """`linear_forms` of M bonds as coefficients of both disks' unknowns, (M, forms, 2 dofs), and of γ, (M, forms)."""
-    rows = np.stack([np.hstack((on_i, on_j)) for on_i, on_j, _ in forms], axis=1)
-    return rows, np.stack([on_gamma for *_, on_gamma in forms], axis=1)
+    """`linear_forms` of M bonds as coefficients of both disks' unknowns, (M, forms, 2 dofs)."""
+    return np.stack([np.hstack(ends) for ends in forms], axis=1)
 
 
-def build_compatibility(network: DistributedNetwork, law: Law, pins) -> Compatibility:
-    """C of a network under a law, with zero columns for pinned unknowns. Collective."""
-    once = network.contacts.i < network.contacts.j
+def build_compatibility(bonds: BondForms, pins, load: Load) -> Compatibility:
+    """C of the contacts under a load, with zero columns for pinned unknowns. Collective."""
+    network, law, w, once = bonds.network, bonds.law, bonds.weights, bonds.once
     i, j = network.contacts.i[once], network.contacts.j[once]
-    forms, w, dimension = forms_of(network, law), weights(network, law), network.dimension
-    m, f, d = len(i), len(forms), law.dofs(dimension)
-    size_K = np.abs(w[once].real)
-    rounding = network.contacts[once].weight_rounding
-    rounding[:, 1] *= network.prestress
-    size_K[:, :dimension] += np.repeat(rounding, (1, dimension - 1), axis=1)
-    rows, g = stacked(forms)
-    # contacts are seen from both ends, in the order of their disks
+    d = network.dofs(law)
+    m, f = len(i), len(bonds.forms)
+    size_K = np.abs(w[once].real) + bonds.weight_rounding[once]
+    rows = stacked(bonds.forms)
     at = (np.abs(w.real) + 1j * w.imag)[:, None, :] @ rows[..., :d] ** 2
-    starts = np.searchsorted(network.contacts.i, np.arange(network.first, network.last))
-    reach = np.add.reduceat(at[:, 0], starts).ravel()
+    reach = bonds.sum_of_disks(at[:, 0]).ravel()
     reach[np.isin(np.arange(network.first * d, network.last * d), pins)] = 0.0
-    damping = network.damping(law)
-    drag = np.zeros((network.last - network.first, d))
-    drag[:, :dimension] = damping * law.drag
-    reach += 1j * drag.ravel()
-    w, values, g = w[once], rows[once], g[once]
+    drag = np.tile(drag_of(network, law), network.last - network.first)
+    reach += 1j * drag
+    w, values = w[once], rows[once]
     columns = np.concatenate((i[:, None] * d + np.arange(d), j[:, None] * d + np.arange(d)), axis=1)
     columns = np.broadcast_to(columns[:, None, :], values.shape)
     values[np.isin(columns, pins)] = 0.0
@@ -166,7 +215,17 @@ def build_compatibility(network: DistributedNetwork, law: Law, pins) -> Compatib
     )
     local.sort_indices()
     C = distributed_matrix(network.comm, local, local.data, (network.last - network.first) * d)
+    viscosity = network.damping(law) * law.eta_f
+    of_fluid = viscosity * network.volume * fluid_dissipation(load, load)
     return Compatibility(
-        network, C, f, g.ravel(), np.abs(g).ravel(), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real,
-        reach.imag, drag.ravel(), damping * law.eta_f * network.volume, damping * law.eta_f,
+        bonds, C, *bonds.under(load), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real,
+        reach.imag, drag, of_fluid, viscosity,
     )  # fmt: skip
+
+
+def drag_of(network: DistributedNetwork, law: Law):
+    """kτ₁ times the drag of the fluid on each unknown of a disk, (dofs,)."""
+    return (
+        network.damping(law)
+        * np.array(law.on_disks(network.dimension, network.diameter))[: network.dofs(law)]
+    )

@@ -12,8 +12,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import Law
+from jampetsc.laws.forms import Form, spins_of
 from jampetsc.packing.contacts import (
     BALANCED,
     IMBALANCE,
@@ -64,11 +65,75 @@ class DistributedNetwork:
     pushes: bool  # whether any contact has f > 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
     of_particles: bool = True  # whether its bonds are contacts of particles; else those of a `Network`
+    tangential_stiffness: float = 0.0  # of elastic springs between rims, in units of the k of each contact
+    diameter: float = 1.0  # d, mean of all disks; of nodes without radii without effect
 
     @property
     def dimension(self) -> int:
         """D, 2 or 3."""
         return self.contacts.r.shape[1]
+
+    @property
+    def elastic_weights(self) -> dict:
+        """Weights in K of the squares of forms of contacts, {name: (contacts,)}, see `forms.FORMS`."""
+        c = self.contacts
+        weights = {
+            "stiffness": c.stiffness,
+            "prestress": -c.force_per_length if self.prestress else np.zeros(len(c)),
+        }
+        if self.tangential_stiffness:
+            weights["tangential_stiffness"] = self.tangential_stiffness * c.stiffness
+        return weights
+
+    @property
+    def weight_rounding(self) -> dict:
+        """What rounding of the input may do to `elastic_weights`, in units of ε, {name: (contacts,)}."""
+        along, across = self.contacts.weight_rounding.T
+        return {
+            "stiffness": along,
+            "prestress": across * self.prestress,
+            "tangential_stiffness": self.tangential_stiffness * along,
+        }
+
+    def contact_forms(self, law: Law) -> tuple[Form, ...]:
+        """Forms of contacts that K or B of a law weighs.
+
+        Raises InputError where nodes without radii roll, and where the fluid turns disks that no contact turns.
+        """
+        forms = law.contact_forms(tuple(self.elastic_weights))
+        if not self.rolls(law):
+            return forms
+        if self.radii is None:
+            raise InputError(
+                "network without radii: its nodes roll under this damping law. Give radii, or take a law without "
+                f"rotations ({named('rotations')})."
+            )
+        if not any(form.has_spins for form in forms):
+            raise InputError(
+                f"{named('spin_drag')} {law.spin_drag:g}: without effect, as no contact turns disks. Give "
+                f"{named('sliding')} or {named('tangential_stiffness')}, or leave it out."
+            )
+        return forms
+
+    @property
+    def turns_elastically(self) -> bool:
+        """Whether K acts on spins."""
+        return self.tangential_stiffness > 0.0
+
+    def rolls(self, law: Law) -> bool:
+        """Whether spins are among the unknowns: where K or B of a law acts on them."""
+        return self.turns_elastically or law.couples_rotations
+
+    def dofs(self, law: Law) -> int:
+        """Unknowns of each disk: D displacements and, where disks roll, D(D − 1)/2 spins."""
+        return self.dimension + (spins_of(self.dimension) if self.rolls(law) else 0)
+
+    def spins_follow_load(self, law: Law) -> bool:
+        """Whether spins are relative to the rotation of the affine flow, as displacements are to that flow.
+
+        They are where K or the fluid acts on them. Where contacts alone damp them no torque tells the difference.
+        """
+        return self.turns_elastically or law.holds_spins
 
     def unstressed(self) -> "DistributedNetwork":
         """The same contacts as springs at rest: K without pre-stress."""
@@ -110,23 +175,27 @@ class DistributedNetwork:
         return 2.0 * self.contact_count / self.n if self.n else 0.0
 
 
-def build_network(source: Packing | Network, comm, prestress: bool = True) -> DistributedNetwork:
+def build_network(
+    source: Packing | Network, comm, prestress: bool = True, tangential_stiffness: float = 0.0
+) -> DistributedNetwork:
     """The contacts of a packing or the bonds of a network, linearised with pre-stress or without. Collective.
 
-    source   on every rank
+    source                 on every rank
+    tangential_stiffness   weight of the squared sliding of rims in K, over the stiffness of each contact
 
     Raises InputError for two disks at one place, and for a packing with too few contacts to be rigid: n disks in a
-    periodic cell need at least D n − D (Maxwell's count), and each missing one leaves a floppy mode. A network may
-    be floppy.
+    periodic cell need at least D n − D (Maxwell's count), and each missing one leaves a floppy mode. With tangential
+    springs a contact counts D times and a disk D(D + 1)/2 times. A network may be floppy.
     """
+    model = {"prestress": prestress, "tangential_stiffness": tangential_stiffness}
     if isinstance(source, Network):
-        return _spread_network(source, comm, prestress)
-    network = _spread_packing(source, comm, prestress)
+        return _spread_network(source, comm, model)
+    network = _spread_packing(source, comm, model)
     _require_rigid(network, source.n)
     return network
 
 
-def _spread_packing(packing, comm, prestress):
+def _spread_packing(packing, comm, model):
     order = spatial_order(packing.positions, packing.cell)
     packing = packing.reordered(order)
     rows = _rows_of(packing.n, comm)
@@ -156,11 +225,12 @@ def _spread_packing(packing, comm, prestress):
         pressure=pressure,
         threshold=threshold,
         imbalance=imbalance,
-        prestress=prestress,
+        diameter=2.0 * float(np.mean(packing.radii)),
+        **model,
     )
 
 
-def _spread_network(source, comm, prestress):
+def _spread_network(source, comm, model):
     order = spatial_order(source.positions, source.cell)
     number, every = np.argsort(order), source.linear_bonds
     i, j = both_ends(number[every.i], number[every.j])
@@ -181,9 +251,10 @@ def _spread_network(source, comm, prestress):
         k=source.k,
         pressure=source.pressure,
         threshold=0.0,
-        imbalance=source.imbalance if prestress else 0.0,
+        imbalance=source.imbalance if model["prestress"] else 0.0,
         of_particles=False,
-        prestress=prestress,
+        **({} if radii is None else {"diameter": 2.0 * float(np.mean(source.radii))}),
+        **model,
     )
 
 
@@ -244,7 +315,9 @@ def _require_rigid(network, total):
             f"no load-bearing contacts among {total} particles: below jamming, nothing resists shear; "
             "raise the pressure"
         )
-    floppy = network.dimension * (network.n - 1) - contacts
+    D, springs = network.dimension, network.turns_elastically
+    unknowns = D + (spins_of(D) if springs else 0)
+    floppy = unknowns * network.n - D - contacts * (D if springs else 1)
     if floppy > 0:
         raise InputError(
             f"{contacts} contacts between {network.n} particles leave at least {floppy} floppy modes: below jamming; "
@@ -258,6 +331,7 @@ class Pieces:
 
     label: np.ndarray  # (n,) lowest disk number of the piece of each disk
     bipartite: np.ndarray  # (n,) whether that piece is bipartite, so that its disks can turn like gears
+    colour: np.ndarray  # (n,) +1 or −1, different for all neighbours in a bipartite piece
     dimension: int  # D
 
     @property
@@ -274,6 +348,16 @@ class Pieces:
     def index(self):
         """(n,) number 0, 1, … of the piece of each disk."""
         return np.unique(self.label, return_inverse=True)[1]
+
+    def gears(self, forms):
+        """(n,) ±1 where the disks of a piece can turn by ρθ of this sign such that no form of contacts changes, else 0.
+
+        forms   with spins; ρ_i θ_i = −ρ_j θ_j where both turn a form alike, which bipartite pieces alone allow
+        """
+        opposite = {form.turns[0] * form.turns[1] > 0.0 for form in forms if form.has_spins}
+        if len(opposite) != 1:
+            return np.zeros(len(self.label))
+        return self.colour * self.bipartite if opposite == {True} else np.ones(len(self.label))
 
     def mean(self, network: DistributedNetwork, values):
         """Mean over its piece of what each owned disk has: values and result (last − first, c). Collective."""
@@ -302,4 +386,10 @@ def find_pieces(network: DistributedNetwork) -> Pieces:
             break
         label = joined
     plus, minus = label[:n], label[n:]
-    return Pieces(label=np.minimum(plus, minus), bipartite=plus != minus, dimension=network.dimension)
+    # the lowest disk of a piece is the lowest of its copies v⁺, with which disks of its colour are connected
+    return Pieces(
+        label=np.minimum(plus, minus),
+        bipartite=plus != minus,
+        colour=np.where(plus <= minus, 1.0, -1.0),
+        dimension=network.dimension,
+    )

@@ -205,7 +205,7 @@ class FrequencySolver:
     def _diagonal(self):
         """That of a `SingularBound` at the frequency of the form; without a minimum that of K may be negative."""
         magnitude = self.form.magnitude
-        return np.ones_like(magnitude) if self.pencil.law.holds_translations else magnitude
+        return np.ones_like(magnitude) if self.pencil.projects else magnitude
 
     def _find_singular_bound(self, omega) -> SingularBound:
         """A `SingularBound` at ω, from solves with random right-hand sides."""

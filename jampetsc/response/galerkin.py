@@ -68,9 +68,7 @@ class Galerkin:
         """Vᵀ K V and Vᵀ B V, (m, m) each, from the motions of V."""
         c = self.pencil.compatibility
         K, B = tall.gram(motions, c.w_K), tall.gram(motions, c.w_B)
-        return self.network.sum(K), self.network.sum(
-            B + tall.gram(fields, c.drag) if self.pencil.law.drag else B
-        )
+        return self.network.sum(K), self.network.sum(B + tall.gram(fields, c.drag) if c.drag.any() else B)
 
     def _slack(self, fields, motions):
         """What rounding may change in the diagonal of Vᵀ K V, (m,)."""

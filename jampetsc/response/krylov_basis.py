@@ -128,10 +128,10 @@ class RationalBasis:
     def _without_torque(self, force):
         """A viscous force with its torques set to zero, which they are but for rounding.
 
-        K does not act on angles, so at any s the disks turn such that no torque is left; a solve at small s
+        Where K does not act on angles the disks turn such that no torque is left, at any s; a solve at small s
         would amplify the rounding by 1/s.
         """
-        if self.pencil.law.couples_rotations:
+        if self.pencil.rolls and not self.pencil.network.turns_elastically:
             force.reshape(-1, self.pencil.dofs)[:, self.pencil.dimension :] = 0.0
         return force
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.laws.damping import UNDAMPED, Law
+from jampetsc.laws.forms import spins_of
 from jampetsc.packing.contacts import BALANCED
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.inertia import Inertia, count_eigenvalues
@@ -71,7 +72,7 @@ def check_minimum(network: DistributedNetwork, proved: bool, count: bool = True)
 
 
 def count_modes(network: DistributedNetwork) -> Inertia:
-    """Inertia of K, nothing pinned: D zeros for each piece are its translations. Collective; needs the real build.
+    """Inertia of K, nothing pinned, with the zeros of `free_moves`. Collective; needs the real build.
 
     Raises as `count_eigenvalues`.
     """
@@ -150,7 +151,7 @@ def shared_zero_modes(pencil: Pencil) -> str:
     moves, cost = ("moves", "cost") if count > 1 else ("move", "costs")
     besides = "" if pencil.law.holds_translations else " besides translations"
     remedy = "Take a law with drag, which resists every motion."
-    if pencil.dimension == 3 and pencil.law.couples_rotations:
+    if pencil.dimension == 3 and pencil.rolls:
         remedy = f"Take a law without rotations ({named('rotations')}): spheres twist freely about bonds of one line."
     return (
         f"{count} {moves}{besides} {cost} neither energy nor dissipation under {pencil.law}. The response is not "
@@ -158,8 +159,15 @@ def shared_zero_modes(pencil: Pencil) -> str:
     )
 
 
+def free_moves(network: DistributedNetwork) -> int:
+    """Moves that cost no energy whatever the packing: translations, and gears where K acts on spins. Collective."""
+    pieces = find_pieces(network)
+    gears = pieces.gears(network.contact_forms(UNDAMPED))[pieces.roots] if network.turns_elastically else []
+    return pieces.translations + int(np.count_nonzero(gears)) * spins_of(network.dimension)
+
+
 def _floppy_count(network, inertia):
-    return inertia.zero - find_pieces(network).translations
+    return inertia.zero - free_moves(network)
 
 
 def _floppy_modes(network, inertia):

@@ -18,6 +18,7 @@ from jampetsc.errors import ConvergenceError, named
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.certificate import Certified
+from jampetsc.response.compatibility import drag_of
 from jampetsc.response.galerkin import Galerkin
 from jampetsc.response.krylov_basis import RationalBasis
 from jampetsc.response.residual import ResidualBound, energy_between, positive
@@ -49,9 +50,8 @@ class RationalSweep:
         self.comm = pencil.network.comm
         self.omega = self.comm.bcast(np.asarray(omega, float))
         self.largest_rate = largest_rate(pencil)
-        # of displacements, so that a unit of length does not count: at most the largest rate, as K ≤ λ_max B
-        of_K, of_B = (pencil.network.max(np.abs(part)) for part in pencil.displacement_diagonals)
-        self.rate = of_K / of_B  # sets the scale of the shifts
+        # sets the scale of the shifts: at most the largest rate, as K ≤ λ_max B
+        self.rate = max(of_K / of_B for of_K, of_B in pencil.largest_of_kinds if of_B)
         self.factors = factors or Factors(pencil, parallel)
         self.basis: RationalBasis | None = None
         self.missing = None  # (q, its energies at the shifts at hand), of the basis as it is
@@ -153,7 +153,7 @@ class RationalSweep:
         self.factors.factorise(shifts)
         if self.basis is None:
             first, x0 = np.inf, np.zeros(self.pencil.K.getLocalSize()[0])  # where only a fluid dissipates
-            if self.pencil.law.damps_contacts:
+            if not self.pencil.drags_alone:
                 first, x0 = self.factors.field(self.pencil, shifts[0])
             self._set_basis(RationalBasis(self.pencil, first, x0))
         self.factors.extend(self.basis, shifts, VECTORS - fewer)
@@ -255,16 +255,22 @@ class RationalSweep:
 def largest_rate(pencil: Pencil) -> float:
     """λ_max with K ≤ λ_max B, infinite where a motion that K resists is not damped. Collective.
 
-    K and B are sums of squares of the same motions of bonds. Where a weight in K is positive (k of a∥, and T/r of a⊥
-    where a bond pulls), the ratio of both weights bounds K; where it is negative (a bond pushes), leaving it out does.
-    With drag, K is also at most the largest sum of absolute values in one of its rows, and B at least kτ₁ drag.
+    K and B are sums of squares of the same motions of bonds. Where a weight in K is positive (k of a∥, T/r of a⊥ where
+    a bond pulls, that of a⊥ᶜ with tangential springs), the ratio of both weights bounds K; where it is negative (a bond
+    pushes), leaving it out does. With drag D on all unknowns that K acts on, the largest sum of absolute values in a
+    row of D^(−½) K D^(−½) bounds K as well.
     """
-    network, law, c = pencil.network, pencil.law, pencil.compatibility
+    network, c = pencil.network, pencil.compatibility
     resists = c.w_K > 0.0
     with np.errstate(divide="ignore", over="ignore"):
         limits = [network.max(c.w_K[resists] / c.w_B[resists])]
-    if law.drag:
-        indptr, _, values = pencil.K.getValuesCSR()
-        sums = np.add.reduceat(np.abs(values), indptr[:-1])
-        limits.append(network.max(sums) / (network.damping(law) * law.drag))
+    drag = drag_of(network, pencil.law)
+    acted_on = drag if network.turns_elastically else drag[: pencil.dimension]
+    if least := float(acted_on.min()):
+        root = np.ones(len(drag))
+        root[: len(acted_on)] = np.sqrt(acted_on / least)
+        indptr, columns, values = pencil.K.getValuesCSR()
+        rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+        sizes = np.abs(values) / (root[rows % len(drag)] * root[columns % len(drag)])
+        limits.append(network.max(np.add.reduceat(sizes, indptr[:-1])) / least)
     return min(limits)

@@ -31,6 +31,7 @@ from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.response import tall
 from jampetsc.response.assembly import ROW, Pencil
 from jampetsc.response.certificate import EPSILON
+from jampetsc.response.compatibility import drag_of
 
 SUMMED = 2.0 * EPSILON  # rounding of the sum over the contacts of a disk, relative to its terms
 DIRECTIONS = 12  # at most; if these are not enough, the solves are too poor for the accuracy
@@ -148,17 +149,16 @@ class ResidualBound:
         self._add_direction(q.copy(), energies)
 
     def _first_shift_bound(self):
-        """Under drag on disks that do not turn K + sB ≥ s kτ₁ drag; else from the factor of the middle shift."""
-        law, top = self.pencil.law, float(self.omega[-1])
-        if law.drag and not law.couples_rotations:
-            drag = self.network.damping(law) * law.drag
-            return self._shift_bound_from(top, np.ones(self.pencil.K.getLocalSize()[0]), top * drag)
+        """Under drag on all unknowns K + sB ≥ s times the least; else from the factor of the middle shift."""
+        top, least = float(self.omega[-1]), float(drag_of(self.network, self.pencil.law).min())
+        if least:
+            return self._shift_bound_from(top, np.ones(self.pencil.K.getLocalSize()[0]), top * least)
         shifts = sorted(self.factors.shifts)
         return self._shift_bound(shifts[len(shifts) // 2])
 
     def _shift_bound(self, s):
         diagonal = self.pencil.diagonal(s)
-        if self.pencil.law.holds_translations:
+        if self.pencil.projects:
             diagonal = np.ones_like(diagonal)  # as `ShiftedFactor.least_eigenvalue` has it where it projects
         return self._shift_bound_from(s, diagonal, self.factors.least_eigenvalue(s))
 

@@ -23,7 +23,9 @@ MOST_AT_ONCE = 4  # shifts at the same time; a sweep needs few, and where to put
 FACTOR_MEMORY_SHARE = {2: 0.25, 3: 0.5}
 # of spheres, from which on spins are left out of factors, as a sweep then takes no more time and less memory
 MIN_SPLIT_UNKNOWNS = 90_000
-MAX_SLIDING_RATIO = 10.0  # weight of sliding over that of normal motion up to which iterations are few
+MAX_SLIDING_RATIO = (
+    10.0  # weight of sliding over that of normal motion, in K and in B, up to which iterations are few
+)
 ALONE_BYTES = factor_bytes(2, 400_000)  # of a factor, up to which every rank holds whole matrices
 
 
@@ -38,7 +40,8 @@ def splits_spins(pencil: Pencil) -> bool:
     """Whether K + sB is solved with by a factor of its displacements alone, see `spin_split`."""
     law, large = pencil.law, pencil.dimension == 3 and pencil.unknowns >= MIN_SPLIT_UNKNOWNS
     gains = large and law.sliding <= MAX_SLIDING_RATIO * law.normal
-    return law.couples_rotations and spin_split.is_requested(PREFIX, gains)
+    gains &= pencil.network.tangential_stiffness <= MAX_SLIDING_RATIO
+    return pencil.rolls and spin_split.is_requested(PREFIX, gains)
 
 
 def factored_unknowns(pencil: Pencil) -> int:
@@ -64,7 +67,7 @@ def _named(s):
 
 def _new_factor(pencil, s):
     """The factor of K + sB."""
-    project = pencil.project if pencil.law.holds_translations else None
+    project = pencil.project if pencil.projects else None
     spins = pencil.spins if splits_spins(pencil) else None
     return ShiftedFactor(shifted(pencil.K, pencil.B, s), _named(s), project, spins)
 

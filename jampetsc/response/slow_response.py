@@ -52,48 +52,52 @@ class ViscousResponse:
         return sum(self.parts.values())
 
 
-def quasistatic_flow(pencil: Pencil, displacement) -> ViscousResponse:
-    """η₀ of the field `displacement` (n_local, D), non-affine per unit strain, under the law of a pencil. Collective.
+def quasistatic_flow(pencil: Pencil, field) -> ViscousResponse:
+    """η₀ of a quasistatic field under the law of a pencil. Collective.
 
-    With drag, the mean of each piece must be zero; without, the displacements of pinned disks.
+    field   (n_local, D), non-affine displacements per unit strain, where K acts on spins with these: (n_local, dofs).
+            With drag, the mean displacement of each piece must be zero; without, the displacements of pinned disks.
     """
     network, law, c = pencil.network, pencil.law, pencil.compatibility
-    dimension = pencil.dimension
-    start = np.zeros((len(displacement), pencil.dofs))
-    start[:, :dimension] = displacement
-    parts = {}
-    if law.drag or law.eta_f:
-        drag = network.sum(float(c.drag @ start.ravel() ** 2))
-        parts = {"drag": drag / network.volume, "fluid": c.drag_gg / network.volume}
-    if not law.damps_contacts:
-        return ViscousResponse(parts, None, None, c.motions(start.ravel()) + c.g, start.ravel())
-    field = start.ravel()
-    if law.couples_rotations:
-        flow = relax(c, c.w_B, _turns(pencil), c.g, "rotations of the quasistatic flow", start.ravel())
-        field, motions = flow.x, flow.motions
-        rotation = pencil.split(field)[1]
-        sliding = along_and_across(motions[:, [0, *range(dimension, c.forms)]])[1].copy()
-    else:
-        motions, rotation, sliding = (c.motions(start.ravel()) + c.g).reshape(-1, c.forms), None, None
-    costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(motions.shape), motions**2)) / network.volume
-    return ViscousResponse(
-        {"normal": float(costs[0]), "transverse": float(costs[1:].sum()), **parts},
-        rotation,
-        sliding,
-        motions.ravel(),
-        field,
-    )
+    start = np.zeros((len(field), pencil.dofs))
+    start[:, : field.shape[1]] = field
+    x, motions = start.ravel(), c.motions(start.ravel()) + c.g
+    if pencil.rolls and not network.turns_elastically:
+        flow = relax(c, c.w_B, _turns(pencil), c.g, "rotations of the quasistatic flow", x, c.drag)
+        x, motions = flow.x, flow.motions.ravel()
+    parts = _fluid_parts(pencil, x) if not law.is_of_contacts else {}
+    rotation = sliding = None
+    if pencil.rolls:
+        rotation, axes = pencil.split(x)[1], [0, *c.axes_of("sliding")]
+        sliding = along_and_across(motions.reshape(-1, c.forms)[:, axes])[1].copy() if axes[1:] else None
+    if law.damps_contacts:
+        by_axis = motions.reshape(-1, c.forms)
+        costs = network.sum(np.einsum("cf,cf->f", c.w_B.reshape(by_axis.shape), by_axis**2)) / network.volume
+        parts = {"normal": float(costs[0]), "transverse": float(costs[1:].sum()), **parts}
+    return ViscousResponse(parts, rotation, sliding, motions, x)
+
+
+def _fluid_parts(pencil, x):
+    """Parts of η₀ that the fluid adds for a field x: of each drag, and of its own strain. Collective."""
+    network, c, dofs = pencil.network, pencil.compatibility, pencil.dofs
+    is_spin = np.arange(len(x)) % dofs >= pencil.dimension
+    kinds = {"drag": ~is_spin} | ({"spin_drag": is_spin} if pencil.law.spin_drag else {})
+    parts = {
+        name: network.sum(float(np.where(kind, c.drag, 0.0) @ x**2)) / network.volume
+        for name, kind in kinds.items()
+    }
+    return parts | {"fluid": c.drag_gg / network.volume}
 
 
 def _turns(pencil):
-    """solve(rhs, out) that solves for the spins only, with B_θθ, the spins of a disk pinned in each bipartite piece."""
+    """solve(rhs, out) that solves for the spins only, with B_θθ, the spins of a disk pinned in each piece of gears."""
     PETSc, network, law = current().PETSc, pencil.network, pencil.law
     dofs, dimension = pencil.dofs, pencil.dimension
     rows = PETSc.IS().createGeneral(pencil.spins.astype(PETSc.IntType), comm=network.comm)
     block = pencil.B.createSubMatrix(rows, rows)
     disks, component = np.divmod(pencil.pins, dofs)
     pinned = (disks * (dofs - dimension) + component - dimension)[component >= dimension]
-    set_diagonal(block, pinned, law.sliding * network.damping(law))
+    set_diagonal(block, pinned, network.damping(law))
     factor = _factor(block, law)
     work = block.createVecRight()
 
@@ -102,6 +106,8 @@ def _turns(pencil):
         factor.solve(work, work)
         out.zeroEntries()
         out.getArray().reshape(-1, dofs)[:, dimension:] = work.getArray().reshape(-1, dofs - dimension)
+        if law.holds_spins:
+            pencil.project(out.getArray())
 
     return solve
 
@@ -122,7 +128,8 @@ def infinite_viscosities(pencil: Pencil, loads):
         return dissipation_between(pencil, loads, *zero)
     require_memory(pencil.network, factored_unknowns(pencil), PREFIX)
     block = pencil.B.copy()
-    set_diagonal(block, pencil.pins, pencil.network.damping(law))
+    idle = pencil.spins[: 0 if law.couples_rotations else None]  # B does not act on these
+    set_diagonal(block, np.union1d(pencil.pins, idle), pencil.network.damping(law))
     factor = _factor(block, law, pencil.spins if splits_spins(pencil) else None)
     relaxed = [
         relax(c, c.w_B, factor.solve, c.under(load).g, "flow of least dissipation", drag=c.drag)
@@ -160,7 +167,7 @@ class SlowResponse:
 
     network: DistributedNetwork
     nonaffine: np.ndarray  # (n_local, D) u_na, without the mean of each connected piece
-    field: np.ndarray  # (n_local, D) the same as `quasistatic_flow` takes it
+    field: np.ndarray  # (n_local, D) or (n_local, dofs), the same as `quasistatic_flow` takes it
     normal: np.ndarray  # (contacts_local,) Δu∥
     transverse: np.ndarray  # (contacts_local,) Δu⊥, in 3D its length
     flow: ViscousResponse  # η₀ and the rotations
@@ -204,15 +211,12 @@ def solve(
     responses, elastic = _elastic_responses(network, (pencil.load, expansion, *tensor))
     response, area = responses[pencil.load], network.volume
     nonaffine = elastic.split(response.x)[0]
-    fields = {
-        load: elastic.split(part.x)[0] if pencil.law.holds_translations else part.x.reshape(nonaffine.shape)
-        for load, part in responses.items()
-    }
+    fields = {load: _field(pencil, elastic, part.x) for load, part in responses.items()}
     slow = SlowResponse(
         network,
         nonaffine,
         fields[pencil.load],
-        *along_and_across(response.motions),
+        *along_and_across(response.motions[:, : elastic.dimension]),
         quasistatic_flow(pencil, fields[pencil.load]),
         G0=response.value / area,
         G_affine=elastic.under(pencil.load).k_gg / area,
@@ -229,6 +233,17 @@ def solve(
         pencil, tensor, [flow.motions for flow in flows], [flow.field for flow in flows]
     )
     return slow, QuasistaticTensor(C0, eta0, infinite_viscosities(pencil, tensor))
+
+
+def _field(pencil, elastic, x):
+    """A field of K as `quasistatic_flow` takes it: without moves that only the fluid resists. Collective."""
+    field = x.reshape(-1, elastic.dofs)
+    if pencil.law.holds_translations:
+        field = np.column_stack((elastic.split(x)[0], field[:, elastic.dimension :]))
+    if pencil.law.holds_spins and elastic.rolls:
+        field = field.copy()
+        pencil.project_gears(field)
+    return field
 
 
 def _elastic_responses(network, loads):

@@ -69,6 +69,7 @@ class TradeRuns:
     def sweep_with(self, **changes) -> Sweep:
         """The sweep that the trade is about, with these changes."""
         usual = {name: getattr(self.job, name) for name in ("packing", "law", "prestress", "omega")}
+        usual["tangential_stiffness"] = self.job.tangential_stiffness
         return Sweep(**usual | changes)
 
     def run(self, job, petsc=(), name=None):
@@ -185,17 +186,17 @@ def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     damping at β = 1 (BT) except for a logarithm (docs/theory/linear_response.md), which slopes over a window do not
     resolve.
     """
-    law, prestress = physics.law, physics.prestress
+    law = physics.law
     alternatives = []
     if "rotations" in dict(law.options) and (law.sliding or law.transverse):
         name = "without rotations" if law.couples_rotations else "with rotations"
-        alternatives.append((name, Physics(law.altered(rotations=not law.couples_rotations), prestress)))
-    name = "without pre-stress" if prestress else "with pre-stress"
-    alternatives.append((name, Physics(law, not prestress)))
+        alternatives.append((name, replace(physics, law=law.altered(rotations=not law.couples_rotations))))
+    name = "without pre-stress" if physics.prestress else "with pre-stress"
+    alternatives.append((name, replace(physics, prestress=not physics.prestress)))
     for name, family in FAMILIES.items():
         if name != law.family and family.simplest is not None:
             other = damping_law(name, tau1=law.tau1, **family.simplest)
-            alternatives.append((str(other), Physics(other, prestress)))
+            alternatives.append((str(other), replace(physics, law=other)))
     return alternatives
 
 

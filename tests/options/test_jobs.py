@@ -217,7 +217,8 @@ def test_a_law_of_the_command_line_is_that_of_python():
     weights = ("on_contacts", "drag", "eta_f", "tau1", "exponent", "couples_rotations")
     assert [getattr(law, name) for name in weights] == [getattr(mine, name) for name in weights]
     assert law.parameters == {
-        "law": "custom", "tau1": 1.0, "normal": 1.0, "transverse": 0.3, "sliding": 0.0, "drag": 0.1, "eta_f": 0.0
+        "law": "custom", "tau1": 1.0, "normal": 1.0, "transverse": 0.3, "sliding": 0.0, "drag": 0.1,
+        "spin_drag": 0.0, "eta_f": 0.0,
     }  # fmt: skip
 
 

@@ -321,8 +321,10 @@ def test_bounds_are_the_same_in_any_unit_of_length(session, law):
 )
 def test_how_ranks_are_used(ranks, unknowns, asked, alone):
     """Side by side where a matrix fits a rank's memory and no more shifts are made at once than are needed."""
-    network, law = SimpleNamespace(comm=SimpleNamespace(size=ranks), n=unknowns), ContactDamping()
-    pencil = SimpleNamespace(network=network, law=law, unknowns=unknowns, dimension=2)
+    network = SimpleNamespace(comm=SimpleNamespace(size=ranks), n=unknowns, tangential_stiffness=0.0)
+    pencil = SimpleNamespace(
+        network=network, law=ContactDamping(), unknowns=unknowns, dimension=2, rolls=True
+    )
     assert factors.side_by_side(pencil, asked) == alone
 
 

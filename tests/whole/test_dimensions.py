@@ -13,7 +13,9 @@ from jampetsc.analysis.statistics import Distribution
 from jampetsc.flows.step_kernels import drift, move
 from jampetsc.io.frames import packing_frame
 from jampetsc.io.hdf5 import open_file
-from jampetsc.laws.relative_motion import linear_forms, transverse_axes
+from jampetsc.laws.forms import CENTRAL_FORMS
+from jampetsc.laws.loads import simple_shear
+from jampetsc.laws.relative_motion import linear_forms, load_coefficients, transverse_axes
 from jampetsc.minimisation.warm_start import without_drift
 from jampetsc.packing.contacts import (
     assigned_volumes,
@@ -141,9 +143,11 @@ def test_relative_motions(jammed):
     axes = np.stack((c.normal, *transverse_axes(c.normal)), axis=1)
     np.testing.assert_allclose(axes @ axes.transpose(0, 2, 1), np.broadcast_to(np.eye(len(w.T)), axes.shape),
                                atol=1e-14)  # fmt: skip
+    forms = linear_forms(CENTRAL_FORMS, c.normal)
+    sheared = load_coefficients(forms, simple_shear(c.r.shape[1]).imposed(c.r))
     motions = [
         np.sum(on_i * u[c.i] + on_j * u[c.j], axis=1) + gamma * on_gamma
-        for on_i, on_j, on_gamma in linear_forms(c.normal, c.r[:, 1])
+        for (on_i, on_j), on_gamma in zip(forms, sheared, strict=True)
     ]
     np.testing.assert_allclose(motions[0], np.sum(c.normal * w, axis=1), atol=1e-13)
     np.testing.assert_allclose(np.linalg.norm(motions, axis=0), np.linalg.norm(w, axis=1), rtol=1e-13)
