@@ -103,10 +103,6 @@ class Outlet:
         if self.path is not None:
             write_network(self.path, network, self.request)
 
-    def put_packings(self, packings) -> None:
-        """Take several packings instead of one file: a Packing, or a list of them or of their files, on every rank."""
-        self._result = packings
-
     def set_source(self, disks) -> None:
         """Take the packing that the result was made from, to be its `Result.packing`."""
         self._packing = disks
@@ -143,8 +139,6 @@ class Outlet:
         from jampetsc.packing.packing import Packing
         from jampetsc.packing.spring_network import Network
 
-        if isinstance(self._result, list):
-            return [item if isinstance(item, Packing) else load(item) for item in self._result]
         if self.path is None and isinstance(self._result, Packing | Network):
             return self._result
         result = collected(self._result) if self.path is None else load(self.path)

@@ -60,7 +60,6 @@ class Job:
         "real"  # scalars of PETSc that it needs: real, complex or any; None: it does not use PETSc
     )
     place: ClassVar = None  # file of its result if no name is given
-    several: ClassVar[bool] = False  # whether it has several results, each a file of its own
     AGAIN: ClassVar[bool] = (
         False  # whether its result is always made again, without --overwrite: pictures, tables
     )

@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 from dataclasses import dataclass
 
+from jampetsc.commands.pack import PARTICLE_PARAMETERS
 from jampetsc.errors import InputError
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import COUNT, FILES, NUMBER, OPTION, build_job, parameters, suggest_name
@@ -31,14 +32,11 @@ class TaskSettings:
         files = tuple(inputs) if place.place == FILES else inputs[0]
         return dataclasses.replace(self.job, **{place.name: files})
 
-    def without(self, switch) -> "TaskSettings":
-        """The same with a switch as it is by default."""
-        options, changed = (
-            {n: v for n, v in values.items() if n != switch} for values in (self.options, self.changed)
-        )
-        return TaskSettings(
-            options, changed, dataclasses.replace(self.job, **{switch: not getattr(self.job, switch)})
-        )
+    def continued(self, **columns) -> "TaskSettings":
+        """The same of a packing that is made from another one, whose particles it has; columns: what its row adds."""
+        fixed = dict.fromkeys(("seed", *PARTICLE_PARAMETERS))
+        job = dataclasses.replace(self.job, **fixed, from_=PLACEHOLDER)
+        return TaskSettings(self.options | columns, self.changed | columns, job)
 
 
 def _place(job):
@@ -92,12 +90,6 @@ def combinations_of(job, lists: list, where: str, reads_files: bool) -> list[Tas
             task_job = build_job(job, files | values_by_name)
         except InputError as error:
             raise InputError(f"{where}: {error.message(lambda name: keys.get(name, name))}") from None
-        for parameter, value in pairs:
-            if task_job.several and isinstance(getattr(task_job, parameter.name), tuple):
-                key = keys[parameter.name]
-                raise InputError(
-                    f"{where}: {key} {value}: several values in one string. Write a list, {key} = [{value}]."
-                )
         changed = {
             parameter.name: values_by_name[parameter.name]
             for parameter, _ in pairs

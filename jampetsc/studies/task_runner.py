@@ -122,7 +122,7 @@ class TaskRunner:
         self.execute(job, out, words, overwrite)
 
     def _is_there(self, task, job) -> bool:
-        """Whether the file is the result of this job; False for packings, which `pack` checks itself.
+        """Whether the file is the result of this job.
 
         A file of the study that somebody has changed is renamed first.
         """
@@ -130,8 +130,6 @@ class TaskRunner:
         if _done(previous) and identity_of(path, every_byte=True) != previous.get("files", {}).get(task.file):
             with contextlib.suppress(FileNotFoundError):
                 os.replace(path, f"{path}{REPLACED_SUFFIX}")
-        if task.command == "pack":
-            return False
         request = Request(job)
         request.read(job.paths)
         try:
