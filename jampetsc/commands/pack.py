@@ -117,6 +117,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         low=1,
         high=MAX_THREADS,
         metavar="T",
+        in_identity=False,
     )
 
     def check(self):
@@ -154,6 +155,14 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             1.0 + ROUNDING
         ):
             raise InputError(f"{named('pressure')} {self.pressure:g}: must lie in [{low:.6g}, {high:.6g}]")
+
+    @property
+    def implied(self):
+        """See `Job`."""
+        if self.from_ is not None:
+            return {}
+        sizes = {} if self.radii is not None else {"sizes": DEFAULT_SIZES}
+        return {"dimension": 2, "potential": "harmonic", "stiffness": "constant", "seed": 1} | sizes
 
     @property
     def _law(self):

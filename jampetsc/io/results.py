@@ -16,10 +16,11 @@ import numpy as np
 
 from jampetsc.errors import InputError
 from jampetsc.io.formats import FORMATS, check_file
-from jampetsc.io.hdf5 import FORMAT_VERSION, open_file, retry_if_replaced
+from jampetsc.io.hdf5 import open_file, retry_if_replaced
 from jampetsc.io.parts import PartList
 from jampetsc.io.provenance import law_of
 from jampetsc.io.result_file import ResultArray, new_run_id, write_result
+from jampetsc.version import FORMAT_VERSION
 
 OLDER_VERSION = "1.0"  # of files whose `contacts/pairs` are rows of `particles`
 _MAX_SHOWN = 6  # datasets that a line about a result names

@@ -100,6 +100,7 @@ class Parameter:
     group       heading in the help
     remedy      what to do where a value is out of range or no choice
     several     what to do where several values are given
+    in_identity whether the result depends on it: not on the number of threads, or on files written besides
     also        a second name of its option on the command line
     place       OPTION, FILE or FILES
     """
@@ -118,6 +119,7 @@ class Parameter:
     group: str = ""
     remedy: str = ""
     several: str = ""
+    in_identity: bool = True
     also: str = ""
     place: str = OPTION
 

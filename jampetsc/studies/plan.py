@@ -11,8 +11,6 @@ where = {pressure = 1e-2} only on these packings
 [quasistatic]
 """
 
-import hashlib
-import json
 import math
 import tomllib
 from dataclasses import dataclass
@@ -47,6 +45,8 @@ class StudyTask:
     settings: TaskSettings
     columns: dict  # column -> value: its settings and its packing's
     inputs: tuple = ()  # tasks whose files it reads
+    digest: str = ""  # its identity, see `io.request`: the digests of its inputs stand for their files
+    ensemble: str = ""  # the same without seeds, also of its inputs: that of all members of an ensemble
 
     @property
     def file(self) -> str:
@@ -169,7 +169,7 @@ def _starts(task_inputs, planned, where):
         return [(task,) for task in files]
     groups = {}
     for task in files:
-        groups.setdefault(_identity(task), []).append(task)
+        groups.setdefault(task.ensemble, []).append(task)
     return [tuple(group) for group in groups.values()]
 
 
@@ -195,18 +195,15 @@ def _shared(inputs):
 
 
 def _task(command, settings, inputs):
-    shared = _shared(inputs)
-    input_names = [task.name for task in inputs]
+    shared, digests = _shared(inputs), [task.digest for task in inputs]
+    ensembles = [task.ensemble for task in inputs[:1]]
     if study_inputs()[command].reads is ALL_SEEDS:  # with more seeds it is the same task, done again
         shared.pop(SEED, None)
-        input_names = [_identity(task) for task in inputs[:1]]
+        digests = ensembles
     columns = {**shared, **settings.options}
-    digest = hashlib.sha256(
-        json.dumps([command, settings.changed, input_names], sort_keys=True).encode()
-    ).hexdigest()[:HASH_DIGITS]
-    return StudyTask(
-        "-".join(filter(None, (command, label_of(columns), digest))), command, settings, columns, inputs
-    )
+    digest = settings.digest(digests)
+    name = "-".join(filter(None, (command, label_of(columns), digest[:HASH_DIGITS])))
+    return StudyTask(name, command, settings, columns, inputs, digest, settings.digest(ensembles, SEED))
 
 
 def _ladders(table, where) -> list[bool]:
@@ -227,14 +224,8 @@ def _rungs(combinations):
     """
     last_rungs = {}  # of each ladder: the task of its last pressure so far
     for settings in combinations:
-        ladder = json.dumps({n: v for n, v in settings.changed.items() if n != "pressure"}, sort_keys=True)
+        ladder = settings.digest((), "pressure")
         above = last_rungs.get(ladder)
         settings = settings if above is None else settings.continued(**{LADDER: True})
         last_rungs[ladder] = _task("pack", settings, () if above is None else (above,))
         yield last_rungs[ladder]
-
-
-def _identity(task):
-    """Command, settings and inputs of a task as JSON, without seeds: the same for all members of an ensemble."""
-    changed = {name: value for name, value in task.settings.changed.items() if name != SEED}
-    return json.dumps([task.command, changed, [_identity(source) for source in task.inputs]], sort_keys=True)

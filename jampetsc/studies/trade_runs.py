@@ -82,7 +82,7 @@ class TradeRuns:
         key = (*job.line(), *petsc)
         if key not in self._runs:
             name = name or f"run{len(self._runs)}"
-            task = StudyTask(name, job.NAME, TaskSettings({}, {}, job), {})
+            task = StudyTask(name, job.NAME, TaskSettings({}, job), {})
             outcomes = []
             execute = partial(self._execute, petsc, outcomes)
             record = TaskRunner(self.folder, {}, cores=None, execute=execute).run(task, [])

@@ -155,7 +155,7 @@ def test_a_packing_that_is_there_is_left_or_refused(session, tmp_path, capsys):
     line = [*"pack --n 16 --phi 0.95 --seed 2 --tolerance 1e-6 --out".split(), str(path)]
     assert cli.dispatch(line) == 0 and "finished earlier" not in capsys.readouterr().out
     kept = path.read_bytes()
-    same = "pack --phi 0.950 --seed 2 --n 16 --tolerance 1e-6 --threads 1 --out"
+    same = "pack --phi 0.950 --seed 2 --n 16 --sizes bidisperse --dimension 2 --tolerance 1e-6 --threads 1 --out"
     for words in (line, [*same.split(), str(path)]):
         assert cli.dispatch(words) == 0
         assert capsys.readouterr().out.startswith(
