@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, overload
+from typing import Any, Literal
 
 from numpy.typing import NDArray
 
@@ -98,7 +98,6 @@ class models:
         """Tangential contact damping (Vågberg, thesis sec. 4.3), see `Model` and `model_of`.
         """
 
-@overload
 def pack(
     *,
     n: int | None = None,
@@ -112,20 +111,17 @@ def pack(
     stabilise: Literal["volume", "shear", "all"] = 'volume',
     tolerance: float = 1e-10,
     seed: int | None = None,
-    seeds: None = None,
     from_: Packing | _Path | None = None,
-    ladder: bool = False,
     threads: int | None = None,
     out: _Path | None = None,
     checkpoint: _Path | None = None,
     overwrite: bool = False,
     progress: bool = False,
 ) -> Packing:
-    """Make a packing, or an ensemble.
+    """Make a packing.
 
     A packing of soft disks or spheres at rest: a minimum of the enthalpy at a given pressure, or of the energy at a
-    given packing fraction. A list of pressures or seeds gives a list of packings: for each seed, the pressures in the
-    given order, each from random disks, or with `ladder` from the packing at the preceding pressure.
+    given packing fraction, from random particles or from another packing. `study` makes ensembles of them.
 
     Collective.
 
@@ -135,7 +131,7 @@ def pack(
         number of particles
     dimension : integer, default None
         2: disks (default), 3: spheres
-    pressure : number or numbers, default None
+    pressure : number, default None
         pressure p = Σ f r / (D V), in the unit of k, in three dimensions that of k/length
     phi : number, default None
         packing fraction, instead of a pressure, of disks from 0.8 to 1.5, of spheres from 0.6 to 1.2 (they jam near 0.84 and 0.64)
@@ -153,12 +149,8 @@ def pack(
         largest max|F|/(p d), in three dimensions max|F|/(p d²), and |Δp|/p of a packing
     seed : integer, default None
         seed of the random start (default 1)
-    seeds : integers or "first:last", default None
-        seeds of several packings, both ends included
     from_ : Packing or the name of its file, default None
         packing to start from, with its cell
-    ladder : bool, default False
-        start each pressure from the packing at the preceding one, not from a random start
     threads : integer, default None
         threads of a rank (default: its share of the cores of the node)
     out : name of a file, default None
@@ -172,7 +164,7 @@ def pack(
 
     Returns
     -------
-    a Packing, or a list of them
+    what `load` gives for a jampetsc-packing file
 
     Raises
     ------
@@ -181,56 +173,6 @@ def pack(
     ConvergenceError
         where a solver does not converge
     """
-
-@overload
-def pack(
-    *,
-    n: int | None = None,
-    dimension: int | None = None,
-    pressure: Sequence[float] | _Array,
-    phi: float | None = None,
-    potential: Literal["harmonic", "hertzian"] | None = None,
-    stiffness: Literal["constant", "inverse-square-diameter"] | None = None,
-    sizes: str | None = None,
-    radii: _Array | Sequence[float] | _Path | None = None,
-    stabilise: Literal["volume", "shear", "all"] = 'volume',
-    tolerance: float = 1e-10,
-    seed: int | None = None,
-    seeds: None = None,
-    from_: Packing | _Path | None = None,
-    ladder: bool = False,
-    threads: int | None = None,
-    out: _Path | None = None,
-    checkpoint: _Path | None = None,
-    overwrite: bool = False,
-    progress: bool = False,
-) -> list[Packing]:
-    ...
-
-@overload
-def pack(
-    *,
-    n: int | None = None,
-    dimension: int | None = None,
-    pressure: float | Sequence[float] | _Array | None = None,
-    phi: float | None = None,
-    potential: Literal["harmonic", "hertzian"] | None = None,
-    stiffness: Literal["constant", "inverse-square-diameter"] | None = None,
-    sizes: str | None = None,
-    radii: _Array | Sequence[float] | _Path | None = None,
-    stabilise: Literal["volume", "shear", "all"] = 'volume',
-    tolerance: float = 1e-10,
-    seed: int | None = None,
-    seeds: _Integers,
-    from_: Packing | _Path | None = None,
-    ladder: bool = False,
-    threads: int | None = None,
-    out: _Path | None = None,
-    checkpoint: _Path | None = None,
-    overwrite: bool = False,
-    progress: bool = False,
-) -> list[Packing]:
-    ...
 
 def springs(
     source: Packing | Network | _Path | None = None,

@@ -17,7 +17,7 @@ HEAD = '''\
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, overload
+from typing import Any, Literal
 
 from numpy.typing import NDArray
 
@@ -41,7 +41,6 @@ TYPES = {  # words of `Parameter.python` -> annotation; words without a row beco
     "str": "str",
     "name of a file": "_Path",
     "names of files": "Sequence[_Path]",
-    "number or numbers": "float | Sequence[float] | _Array",
     "numbers": "_Numbers",
     'numbers or "low:high:count"': "_Numbers",
     'integers or "first:last"': "_Integers",
@@ -68,10 +67,6 @@ RETURNS = {  # first words of GIVES, or the format
     "jampetsc-packing": "Packing",
     "jampetsc-network": "Network",
     "table": "Ensemble",
-}
-SEVERAL = {  # parameters that make `pack` return a list, with the annotations that do, and those that do not
-    "seeds": ("_Integers", "None"),
-    "pressure": ("Sequence[float] | _Array", "float | None"),
 }
 
 
@@ -108,28 +103,19 @@ def _result_classes():
 
 
 def _of_job(name):
-    """The function of a job; with `overload`s where several values give a list of results."""
+    """The function of a job."""
     job, function = job_class(name), getattr(jampetsc, name)
-    if not job.GIVES.endswith("or a list of them"):
-        return "\n" + _function(name, _arguments(job, function), _returned(job), function.__doc__)
-    seeds, pressure = SEVERAL["seeds"], SEVERAL["pressure"]
-    single = {"seeds": f"{seeds[1]} = None", "pressure": f"{pressure[1]} = None"}
-    many = {"seeds": f"{seeds[1]} = None", "pressure": pressure[0]}, {"seeds": seeds[0]}
-    text = "\n@overload\n" + _function(name, _arguments(job, function, single), "Packing", function.__doc__)
-    for changes in many:
-        text += "\n@overload\n" + _function(name, _arguments(job, function, changes), "list[Packing]")
-    return text
+    return "\n" + _function(name, _arguments(job, function), _returned(job), function.__doc__)
 
 
-def _arguments(job, function, changes=None):
-    """Parameters of a job's function with types and defaults; `changes`: {name: annotation and default}."""
+def _arguments(job, function):
+    """Parameters of a job's function with types and defaults."""
     arguments, keyword = [], inspect.Parameter.KEYWORD_ONLY
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind == keyword and not any(word.startswith("*") for word in arguments):
             arguments.append("*")
         star = "*" if parameter.kind == inspect.Parameter.VAR_POSITIONAL else ""
-        written = (changes or {}).get(name) or f"{_annotation(job, name)}{_default(parameter)}"
-        arguments.append(f"{star}{name}: {written}")
+        arguments.append(f"{star}{name}: {_annotation(job, name)}{_default(parameter)}")
     return arguments
 
 

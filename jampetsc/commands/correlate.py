@@ -123,6 +123,11 @@ class Correlate(Job):
         "sweep: file of its packing (default: as the result records it)", value_type=PACKING
     )
 
+    @property
+    def implied(self):
+        """See `Job`; the width of a lane depends on what the files hold."""
+        return {"bin": DEFAULT_BIN_WIDTH, "phase": PHASES[0]}
+
     def check(self):
         """Refuse a result given twice."""
         refuse_repeated(self.results)

@@ -1,5 +1,6 @@
 """Steady shear at a rate."""
 
+import json
 import time
 from dataclasses import dataclass
 from typing import ClassVar
@@ -118,6 +119,11 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
                     f"{named('strain')} {self.strain:g}). Give a shorter one."
                 )
 
+    @property
+    def implied(self):
+        """See `Job`; all but the strain of a flow that is continued is in its file."""
+        return super().implied | {"snapshots": 0, "snapshot_spacing": "even", "tolerance": TOLERANCE}
+
     def _check_rate(self, scale):
         """Refuse a rate out of range for disks whose shortest scale of overlaps is `scale`, see `Potential.scale`."""
         fastest = MAX_RATE / (self.model.law.tau1 * scale**2)
@@ -183,10 +189,10 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
         run, origin = self._continued_run() if self._continues else self._new_run()
         if launchers.has_several_ranks():
             note("one rank does one flow, on threads; independent runs use more ranks")
-        schedule, settings = run.schedule, run.settings
+        schedule = run.schedule
         check_space(to, run.disks.n, schedule.count_snapshots(run.first_averaged_row))
-        checkpoint = to.checkpoint(settings)
-        resume, rows = run_files.saved_rows(checkpoint), settings["done"]
+        checkpoint = to.checkpoint()
+        resume, rows = run_files.saved_rows(checkpoint), len(run.earlier[0]) if run.earlier else 0
         if resume is not None:
             resume = Trajectory.of(resume[0]), resume[1]
             rows = len(resume[0])
@@ -208,11 +214,11 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
             )
         save(result.trajectory, result.state)  # in case one of the files cannot be written
         provenance = run_files.run_provenance(time.perf_counter() - began, law=_law_parameters(run.model.law))
-        facts = provenance | origin | _facts(run, result)
+        facts = provenance | origin | _facts(run, result) | {"settings": json.dumps(run.settings)}
         self.write_last(result.disks.replace(record={}), facts, to)
         # a flow file that is continued in place is replaced last
         state = result.state | {"radii": run.disks.radii}
-        run_files.write_series(to.writer(self.FORMAT), result.trajectory.arrays(), state, settings, facts)
+        run_files.write_series(to.writer(self.FORMAT), result.trajectory.arrays(), state, facts)
         checkpoint.remove()
         return _summary(run, to, result.means, origin)
 

@@ -112,6 +112,11 @@ A killed run continues when the same command is given again. Options of the Newt
         return SampleProtocol.of(self.protocol, separated=self.separated, **options)
 
     @property
+    def implied(self):
+        """See `Job`."""
+        return self.made_protocol.facts
+
+    @property
     def count(self) -> int:
         """Samples in all."""
         return len(self.phi) * len(self.seeds) * self.made_protocol.rows
@@ -126,7 +131,7 @@ A killed run continues when the same command is given again. Options of the Newt
         comm, checkpoint, resume = running.comm, None, None
         with agreed(comm):
             if comm.rank == 0:
-                checkpoint = to.checkpoint(self.settings() | protocol.facts)
+                checkpoint = to.checkpoint()
                 resume = saved_rows(checkpoint)
         resume = comm.bcast(resume and resume[0])
         radii = in_small_diameters(radii_of(self.sizes, self.n))

@@ -69,6 +69,11 @@ of them, are found by LAPACK, which takes no options."""
                 f"{named(selections[0])} and {named(selections[1])}: both given. Give one of them."
             )
 
+    @property
+    def implied(self):
+        """See `Job`."""
+        return {} if self.below is not None or self.all else {"count": COUNT}
+
     def work(self, to):
         from jampetsc.commands.packing_network import read_network
         from jampetsc.response.vibrations import lowest_modes

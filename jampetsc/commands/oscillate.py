@@ -183,20 +183,6 @@ A killed run continues when the same command is given again."""
         """Parameters of the law as a file records them, with its exponent."""
         return {**self.physics.parameters, "alpha": self.alpha}
 
-    def key(self, identity) -> dict:
-        """What identifies the job to a checkpoint; identity: of its packing, see `read_identified`."""
-        return {
-            "packing": identity[1],
-            "law": self.parameters,
-            "omega": self.omega,
-            "amplitude": self.amplitude,
-            "control": self.control,
-            "steps": self.steps,
-            "contacts": self.contacts,
-            "cycles": self.cycles,
-            "load": self.load,
-        }
-
     def work(self, to):
         from jampetsc.commands.packing_network import read_network
         from jampetsc.io.packing_file import read_packing
@@ -210,7 +196,7 @@ A killed run continues when the same command is given again."""
         with session.stage("assembly"), about(source.name):
             (load,) = self.load.of(source.network.dimension)
             require_stability(source.network, self.control, load)
-        checkpoint = to.checkpoint(self.key(source.identity), session.comm)
+        checkpoint = to.checkpoint(session.comm)
         sweep = sweep_amplitudes(
             source.source,
             source.network,

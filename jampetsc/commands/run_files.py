@@ -1,7 +1,5 @@
 """What runs write: attributes of how they were made; of flow, shear and jam also rows over strain and checkpoints."""
 
-import json
-
 from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.provenance import provenance
 from jampetsc.packing.units import mean_diameter, name_stress_unit, units_line
@@ -45,8 +43,8 @@ def run_units(disks, tau1: float | None = None) -> str:
     return units_line(unit, disks.potential.k, tau1, mean_diameter(disks))
 
 
-def write_series(writer, arrays: dict, state: dict, settings: dict, facts: dict) -> None:
-    """Write a finished result: arrays, the state at the end, settings, and the attributes `facts`.
+def write_series(writer, arrays: dict, state: dict, facts: dict) -> None:
+    """Write a finished result: arrays, the state at the end, and the attributes `facts`.
 
     Collective if the writer is. Raises the errors of ResultWriter.
     """
@@ -55,7 +53,7 @@ def write_series(writer, arrays: dict, state: dict, settings: dict, facts: dict)
             writer.dataset(name, array)
         for name, value in state.items():
             writer.dataset(f"{STATE}{name}", value)
-        writer.attributes(settings=json.dumps(settings), **facts)
+        writer.attributes(**facts)
 
 
 def save_rows(checkpoint: Checkpoint, arrays: dict, state: dict) -> None:

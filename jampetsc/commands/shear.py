@@ -70,14 +70,7 @@ prefix -newton_."""
         (disks, origin), solver, start_time = self.disks(), HessianSolver(), time.perf_counter()
         steps = max(1, int(np.ceil(self.strain / self.step - 1e-9)))
         discard = discarded_strain(self.strain, self.discard)
-        settings = {  # everything that determines the result
-            "start": disks.fingerprint,
-            "step": self.step,
-            "steps": steps,
-            "tolerance": self.tolerance,
-            "discard": discard,
-        }
-        checkpoint = to.checkpoint(settings)
+        checkpoint = to.checkpoint()
         resume, rows = saved_rows(checkpoint), 0
         if resume is not None:
             series = StrainSeries(PATH_COLUMNS)
@@ -110,7 +103,7 @@ prefix -newton_."""
         if self.last is not None:
             self.write_last(proved(path.disks.replace(record={}), solver), facts, to)
         minimum = {name: getattr(path.disks, name) for name in (*PLACES, "radii")}
-        write_series(to.writer(self.FORMAT), path.series.arrays(), minimum, settings, facts)
+        write_series(to.writer(self.FORMAT), path.series.arrays(), minimum, facts)
         checkpoint.remove()
         lines = [_summary(self, to, disks.phi, path), *random_particles_lines(origin), run_units(disks)]
         return "\n".join([*lines, *note_lines(notes)])

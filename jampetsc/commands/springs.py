@@ -71,6 +71,16 @@ class Springs(Job):
         if self.source is not None and self.size is not None:
             raise InputError(f"{named('size')}: an option of {named('lattice')}. Leave it out.")
 
+    @property
+    def implied(self):
+        """See `Job`."""
+        return {} if self.lattice is None else {"size": (DEFAULT_SIZES[self._dimension],)}
+
+    @property
+    def _dimension(self):
+        """Dimension of the lattice."""
+        return len(LATTICES[self.lattice].vectors)
+
     def work(self, to):
         network = self._of_lattice() if self.lattice else self._of_source()
         if self.keep < 1.0:
@@ -79,9 +89,8 @@ class Springs(Job):
         return describe_network(to, network)
 
     def _of_lattice(self):
-        dimension = len(LATTICES[self.lattice].vectors)
-        size = self.size or (DEFAULT_SIZES[dimension],)
-        return build_lattice(self.lattice, size * dimension if len(size) == 1 else size)
+        size = self.size or (DEFAULT_SIZES[self._dimension],)
+        return build_lattice(self.lattice, size * self._dimension if len(size) == 1 else size)
 
     def _of_source(self):
         source, (name, digest) = read_identified(self.source, read=read_source)

@@ -68,6 +68,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         "rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
         "(default auto: by the number of ranks and unknowns)",
         choices=("auto", "shifts", "matrix"),
+        in_identity=False,
     )
     fields: Numbers | None = optional_parameter(
         "also displacement fields at these frequencies", value_type=FREQUENCIES
@@ -157,23 +158,6 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             return self.physics.parameters
         return {**self.physics.parameters, "alpha": self.alpha, "stress": self.stress}
 
-    def key(self, identity, method: str, ranks: int, frequencies: "SweepFrequencies") -> dict:
-        """What identifies the job to a checkpoint; rows of fields are per rank, numbers are not.
-
-        identity   of its packing, see `read_identified`
-        method     the method that is used
-        """
-        return {
-            "packing": identity[1],
-            "law": self.parameters,
-            "omega": frequencies.solved,
-            "method": method,
-            "accuracy": self.accuracy,
-            "fields": frequencies.of_fields,
-            "load": self.load,
-            "ranks": ranks if len(frequencies.of_fields) or method == "rational" else None,
-        }
-
     def work(self, to):
         from jampetsc.commands.packing_network import read_network
         from jampetsc.response.minimum_check import check_minimum
@@ -187,11 +171,8 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         notes = _minimum_notes(minimum)
         for line in notes if method != self.method and session.current().rank == 0 else ():
             warn(f"{source.name}: {line}")
-        checkpoint = to.checkpoint(
-            self.key(source.identity, method, session.current().size, frequencies),
-            session.current().comm,
-            ordered=method == "rational",
-        )
+        # a direct job is not ordered: its steps are never those of a rational one, which other PETSc options may allow
+        checkpoint = to.checkpoint(session.current().comm, ordered=method == "rational")
         with about(source.name):
             sweep = self._solve(source, frequencies, method, minimum, checkpoint)
         notes += notes_of(self, source, frequencies.of_experiment(sweep.omega), sweep, damping)

@@ -154,16 +154,14 @@ class FlowRun:
 
     @property
     def settings(self) -> dict:
-        """Everything that determines the result, as plain values."""
+        """What a run that continues this one keeps, as plain values."""
         return {
             "model": asdict(self.model)
             | {"law": {name: getattr(self.model.law, name) for name in LAW_SETTINGS}},
             "rate": self.rate,
             "scheme": asdict(self.scheme),
             "schedule": asdict(self.schedule),
-            "start": self.disks.fingerprint,
             "walls": self.wall_disks,
-            "done": len(self.earlier[0]) if self.earlier else 0,
         }
 
     @classmethod

@@ -31,7 +31,7 @@ from jampetsc.io.atomic import (
 from jampetsc.io.parts import remove_if_empty
 from jampetsc.version import VERSION
 
-_VERSION = 4
+_VERSION = 5
 _STEP = re.compile(r"(\d{5,})-rank-\d{4,}")
 _locks = weakref.WeakValueDictionary()  # folder -> its open lock, which this process may use again
 
@@ -66,22 +66,22 @@ def read_entry(path):
 class Checkpoint:
     """Finished steps of one job, beside the file `path`; None: in memory. Every method is collective.
 
-    `key` identifies the job: a dictionary of scalars, strings, lists and arrays (packing, law, frequencies, method, …).
-    `done` maps the index of a finished step to its record.
+    `digest` identifies the job, see `io.request`; None in memory. `done` maps the index of a finished step to its
+    record.
 
     ordered: each step builds on those before it, so that only an unbroken sequence 0, 1, 2, … counts and the next step
-    is `next`. Otherwise steps are independent, such as frequencies solved one by one.
+    is `next`. Otherwise steps are independent, such as frequencies solved one by one. Steps of the one kind are never
+    taken for those of the other.
 
     Steps of another job stay, with a line on stderr, until this job finishes a step. A checkpoint that another process
     is using is locked: opening it, or saving the first step, raises InputError, so that no two runs write one output.
     """
 
-    def __init__(self, path, key: dict, comm=None, ordered=False):
+    def __init__(self, path, digest: str | None, comm=None, ordered=False):
         self.comm = comm
         self.rank, self.size = (0, 1) if comm is None else (comm.rank, comm.size)
         self.journal = None if path is None else folder_of(path)
-        job = {"version": _VERSION, "program": VERSION, "key": key}
-        self._job = hashlib.sha256(json.dumps(job, default=_encode, sort_keys=True).encode()).hexdigest()
+        self._job = {"version": _VERSION, "program": VERSION, "digest": digest, "ordered": ordered}
         self.done, self._hashes, self._arrays = {}, {}, {}
         self._last = ""  # hash of the last step
         self._lock = None  # on rank 0: open and locked as long as an object of this folder lives
@@ -101,6 +101,9 @@ class Checkpoint:
             if whole:
                 self.done[index], self._hashes[index] = entry["record"], hashes
                 self._last, self._own = hashes[0], True
+        others = {entry["ranks"] for _, entry, _ in steps} - {None, self.size}
+        if others and not self.done and self.rank == 0:
+            self._note_ignored(f"on {min(others)} ranks")
 
     def _read(self):
         """[(index, rank 0's entry, hashes of the ranks' files)] of this job's steps, in their order."""
@@ -115,11 +118,11 @@ class Checkpoint:
             elif entry["index"] == int(named[1]):
                 steps.append((entry["index"], entry, [digest, *entry["others"]]))
         if has_other_job and not steps:
-            print(
-                f"{self.journal}: was saved by another job: ignored, starting from the beginning",
-                file=sys.stderr,
-            )
+            self._note_ignored("by another job")
         return sorted(steps, key=lambda step: step[0])
+
+    def _note_ignored(self, how):
+        print(f"{self.journal}: was saved {how}: ignored, starting from the beginning", file=sys.stderr)
 
     def _sound(self, index, entry, hashes) -> bool:
         """Whether this rank's file of a step is intact; a step with arrays needs the number of ranks that saved it."""

@@ -46,8 +46,8 @@ seed, sizes, stabilise, tolerance | int, text, text, float? | | as asked for; `s
   name of their file or the hash of the array
 requested_n, requested_potential, requested_stiffness | int, text, text? | | as asked for
 requested_pressure, requested_phi | float? | | as asked for; one of the two
-source, source_sha256 | text? | | with `--from` and `--ladder`: the packing it began with, name (of a file) and hash as
-  `packing`, `packing_sha256`
+source, source_sha256 | text? | | with `--from`, and with `ladder` in a study: the packing it began with, name (of a
+  file) and hash as `packing`, `packing_sha256`
 limited_by | text? | | what ended the quench: `tolerance`, or `rounding` where that leaves more
 evaluations, newton_steps | int? | | work: force evaluations and factorisations
 imported_from, imported_index | text, int? | | of imports: the file and the number of the packing in it

@@ -19,7 +19,6 @@ from jampetsc.errors import InputError, python_value
 from jampetsc.io.atomic import NewFile, open_regular, remove_abandoned
 from jampetsc.io.checksums import Damaged, append_seal, seal_of, verify
 
-FORMAT_VERSION = "2.0"  # of the layout of all files
 MAJOR_VERSION = 2  # that is read
 _DAMAGE_ERRORS = (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, AttributeError)
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from jampetsc.collective import on_root
 from jampetsc.errors import ConvergenceError, InputError, named
 
 
@@ -10,7 +11,7 @@ class Outlet:
 
     path        file of the result; None: it stays in memory
     checkpoint  file beside which a long run keeps its finished steps, to resume from; None: in memory
-    request     settings of the run, a `request.Request`, which files record; None: not recorded
+    request     the `request.Request` of the run, which its files and its checkpoint are identified by
     status      exit status of a command that has written what it could
     finished    whether the result of the request is in its file already and stays
     summary     text for the user, after the run
@@ -18,14 +19,14 @@ class Outlet:
     Raises InputError for a name without a character.
     """
 
-    request, status, finished, summary = None, 0, False, ""
+    status, finished, summary = 0, False, ""
 
-    def __init__(self, path=None, checkpoint=None):
+    def __init__(self, path=None, checkpoint=None, request=None):
         for name, value in (("out", path), ("checkpoint", checkpoint)):
             if isinstance(value, str) and not value:
                 raise InputError(f"{named(name)}: empty. Give the name of a file.")
         self.path = None if path is None else Path(path)
-        self.checkpoint_path = checkpoint
+        self.checkpoint_path, self.request = checkpoint, request
         self._result = self._packing = self._checkpoint = None
         self._ranks = 1  # that have written the file
 
@@ -103,19 +104,20 @@ class Outlet:
         if self.path is not None:
             write_network(self.path, network, self.request)
 
-    def put_packings(self, packings) -> None:
-        """Take several packings instead of one file: a Packing, or a list of them or of their files, on every rank."""
-        self._result = packings
-
     def set_source(self, disks) -> None:
         """Take the packing that the result was made from, to be its `Result.packing`."""
         self._packing = disks
 
-    def checkpoint(self, key: dict, comm=None, ordered=False):
-        """The `io.checkpoint.Checkpoint` of the job that `key` identifies. Collective over comm."""
+    def checkpoint(self, comm=None, ordered=False):
+        """The `io.checkpoint.Checkpoint` of the job, after its inputs were read. Collective over comm.
+
+        Raises InputError where an input was replaced while it was read.
+        """
         from jampetsc.io.checkpoint import Checkpoint
 
-        self._checkpoint = Checkpoint(self.checkpoint_path, key, comm, ordered=ordered)
+        path = self.checkpoint_path
+        digest = None if path is None else on_root(comm, self.request.confirmed_digest)
+        self._checkpoint = Checkpoint(path, digest, comm, ordered=ordered)
         return self._checkpoint
 
     @property
@@ -143,8 +145,6 @@ class Outlet:
         from jampetsc.packing.packing import Packing
         from jampetsc.packing.spring_network import Network
 
-        if isinstance(self._result, list):
-            return [item if isinstance(item, Packing) else load(item) for item in self._result]
         if self.path is None and isinstance(self._result, Packing | Network):
             return self._result
         result = collected(self._result) if self.path is None else load(self.path)

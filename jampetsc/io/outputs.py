@@ -50,10 +50,7 @@ def check_output(out, kind, inputs=(), beside=(), request=None) -> bool:
             alias = "" if str(out) == str(source) else f" {source}"
             raise InputError(f"{out}: the input{alias}, which would be lost. Choose another {named('out')}.")
     check_place(out, kind)
-    if request is None:
-        return False
-    request.read(inputs)
-    return not request.overwrite and is_finished(out, request)
+    return request is not None and not request.overwrite and is_finished(out, request)
 
 
 def check_place(out, kind) -> None:
@@ -67,7 +64,7 @@ def check_place(out, kind) -> None:
 
 
 def is_finished(path, request) -> bool:
-    """Whether the result of a request, after `Request.read`, is at `path`, every byte as it was written.
+    """Whether the result of a request is at `path`, every byte as it was written.
 
     Raises InputError for a result of other settings or inputs, and for one that is damaged or was edited.
     """

@@ -13,7 +13,6 @@ from jampetsc.collective import on_root
 from jampetsc.errors import InputError, about
 from jampetsc.io.formats import check_file
 from jampetsc.io.hdf5 import (
-    FORMAT_VERSION,
     OutputFile,
     attributes,
     check_format,
@@ -27,6 +26,7 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.particles import join
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.spring_network import Network
+from jampetsc.version import FORMAT_VERSION
 
 FORMAT = "jampetsc-packing"
 ARRAYS = ("positions", "radii", "cell", "positions_low", "cell_low")

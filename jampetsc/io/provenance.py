@@ -26,9 +26,9 @@ format, format_version | text | | which of the kinds here, and the version of it
 run_id | text | | unique to the run
 argv, date | text? | | command line; when the run ended (ISO 8601)
 wall_seconds | float? | s | duration
-request | text? | | settings of the run (JSON): command, options, hashes of its input files, without PETSc's options,
-  `--threads` and `--last`. The same command finds its unchanged result and ends; any other file is replaced by
-  `--overwrite` alone
+request | text? | | identity of the job (JSON): command, `format_version`, options with their defaults, hashes of its
+  input files; without PETSc's options, `--threads`, `--parallel` and `--last`. The same job finds its unchanged result
+  and ends; any other file is replaced by `--overwrite` alone
 notes | text? | | warnings about the numbers, `KIND: details. Remedy`, separated by `; `
 instruction_set | text? | | processors for which loops were compiled; seeds give the same packing only where it is the
   same ([installation](../install.md#processors))

@@ -17,7 +17,6 @@ from jampetsc.errors import JampetscError
 from jampetsc.io.atomic import follow, remove_abandoned, writing
 from jampetsc.io.formats import PART_GROUP, check_file
 from jampetsc.io.hdf5 import (
-    FORMAT_VERSION,
     OutputFile,
     as_stored,
     open_file,
@@ -27,6 +26,7 @@ from jampetsc.io.hdf5 import (
 )
 from jampetsc.io.outputs import check_output, check_place
 from jampetsc.io.parts import PartList, part_name, parts_of, remove_if_empty
+from jampetsc.version import FORMAT_VERSION
 
 
 class ResultArray:
@@ -91,7 +91,7 @@ class ResultWriter:
 
     def __init__(self, path, format, comm=None, request=None):
         self.path, self.comm, self.found, self.arrays = path, comm, {}, {}
-        recorded = request.recorded if request else {}
+        recorded = request.recorded if request and (comm is None or comm.rank == 0) else {}
         self.attributes(format=format, format_version=FORMAT_VERSION, run_id=new_run_id(), **recorded)
 
     def attributes(self, **values) -> None:

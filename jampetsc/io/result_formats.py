@@ -267,8 +267,8 @@ walls | int? | | with `--walls`: number of disks of a wall; φ is then that of t
 wall_shear_stress_mean, wall_shear_stress_error, wall_pressure_mean, wall_pressure_error | float? | `units` | with
   `--walls`: means over strain > `discard`, as those above
 wall_shear_stress_samples, wall_pressure_samples | float? | | likewise
-method, step, tolerance, settings | text, float, float, text | | integrator, time step, tolerance of CD0's solve, all
-  settings as JSON
+method, step, tolerance, settings | text, float, float, text | | integrator, time step, tolerance of CD0's solve, and
+  as JSON what a run that continues this one keeps
 substeps | int | | number of parts of divided time steps, which are halved until no disk moves by more than a quarter
   of the largest diameter: CD0 from a random start of many disks
 """
@@ -295,8 +295,8 @@ state/cell_base, state/cell_offset | (D, D) | float | length | its cell in two p
 state/radii | (N,) | float | length | radii of the disks
 """,
     attributes=r"""
-step, phi, tolerance, discard, settings | float, float, float, float, text | | Δγ, φ, max\|F\|/(p d) of a minimum,
-  strain left out of means, all settings as JSON
+step, phi, tolerance, discard | float, float, float, float | | Δγ, φ, max\|F\|/(p d) of a minimum, strain left out of
+  means
 energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16; ¼; factorisations of all steps
 saddles | int? | | saddles that were left
 shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, contact_number_mean, \

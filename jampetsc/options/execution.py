@@ -30,8 +30,7 @@ def run_job(
     Raises InputError before any work for an output that may not be written, as `Job.work` does, and KeyboardInterrupt,
     which says what is kept, after a Ctrl-C (see `interrupts`).
     """
-    to, is_done = Outlet(out, checkpoint), False
-    to.request = Request(job, argv or sys.argv, overwrite)
+    to, is_done = Outlet(out, checkpoint, Request(job, argv or sys.argv, overwrite)), False
     try:
         with interrupts.deferred():
             to.summary = _run(job, to, petsc_argv, alone)

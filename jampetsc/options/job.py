@@ -60,7 +60,6 @@ class Job:
         "real"  # scalars of PETSc that it needs: real, complex or any; None: it does not use PETSc
     )
     place: ClassVar = None  # file of its result if no name is given
-    several: ClassVar[bool] = False  # whether it has several results, each a file of its own
     AGAIN: ClassVar[bool] = (
         False  # whether its result is always made again, without --overwrite: pictures, tables
     )
@@ -129,8 +128,22 @@ class Job:
         """Hashes of its inputs in memory."""
         values = [item for value in vars(self).values() for item in _as_list(value)]
         packings = [getattr(item, "fingerprint", None) for item in values]
-        runs = [item.attributes.get("run_id") for item in values if hasattr(item, "attributes")]
+        results = [item for item in values if hasattr(item, "attributes") and item.file is None]
+        runs = [item.attributes.get("run_id") for item in results]
         return [str(digest) for digest in (*packings, *runs) if digest]
+
+    @property
+    def implied(self) -> dict:
+        """{parameter: value} that None, for an optional parameter that was left out, stands for."""
+        return {}
+
+    def identity(self) -> dict:
+        """{parameter: value} that the result depends on, besides its files: `settings`, with defaults spelled out."""
+        declared = parameters(type(self))
+        switches = {name: item.default for name, item in declared.items() if isinstance(item.default, bool)}
+        implied = {name: declared[name].value_type.serialise(value) for name, value in self.implied.items()}
+        values = switches | implied | self.settings()
+        return {name: value for name, value in values.items() if declared[name].in_identity}
 
     def settings(self) -> dict:
         """{parameter: value} as JSON and command lines write them: all but files, and switches at their defaults."""
@@ -157,9 +170,7 @@ class Job:
                 continue
             if isinstance(parameter.default, bool):
                 words += [parameter.word] * (name in settings)
-            elif name in settings and (
-                parameter.default is None or not self.same(name, settings[name], None)
-            ):
+            elif name in settings and settings[name] != _default_text(parameter):
                 text = str(settings[name])
                 words += [f"{parameter.word}={text}"] if text.startswith("-") else [parameter.word, text]
         return words
@@ -168,14 +179,6 @@ class Job:
         """A command line for this job; for a packing or a result in memory stands a description."""
         sources = [str(input_name(source)) for source in self.sources]
         return ["jampetsc", self.NAME, *sources, *(["--out", str(out)] if out else []), *self.words()]
-
-    def same(self, name, first, second) -> bool:
-        """Whether two values of a parameter, as `settings` has them, mean the same; None stands for the default."""
-        parameter = parameters(type(self)).get(name)
-        try:
-            return parameter is not None and _canonical(parameter, first) == _canonical(parameter, second)
-        except InputError:
-            return False
 
     def check_outputs(self, to: Outlet) -> None:
         """Raise InputError, before any work, unless all of its files may be written."""
@@ -225,6 +228,8 @@ def _gather(value):
     return value.gathered() if hasattr(value, "gathered") else value
 
 
-def _canonical(parameter, value):
-    value = parameter.read(parameter.default if value is None and not parameter.required else value)
-    return value if value is None else parameter.value_type.serialise(value)
+def _default_text(parameter):
+    """The default of a parameter as `Job.settings` has it; None without one."""
+    if parameter.required or parameter.default is None:
+        return None
+    return parameter.value_type.serialise(parameter.read(parameter.default))

@@ -99,6 +99,8 @@ class Parameter:
     unit        unit of the value, for help and documentation
     group       heading in the help
     remedy      what to do where a value is out of range or no choice
+    several     what to do where several values are given
+    in_identity whether the result depends on it: not on the number of threads, or on files written besides
     also        a second name of its option on the command line
     place       OPTION, FILE or FILES
     """
@@ -116,6 +118,8 @@ class Parameter:
     metavar: str = ""
     group: str = ""
     remedy: str = ""
+    several: str = ""
+    in_identity: bool = True
     also: str = ""
     place: str = OPTION
 
@@ -151,6 +155,8 @@ class Parameter:
             if isinstance(error, InputError):
                 raise
             text, reason = format_value(value), str(error)
+            if self.several and _is_list(value):
+                reason = f"not a single value. {self.several}"
             if reason.startswith((f"{text} ", f"{text}:")):  # the message begins with the value
                 reason = reason[len(text) :].removeprefix(":").strip()
             raise InputError(f"{named(self.name)} {text}: {reason}") from None
@@ -293,6 +299,11 @@ def format_value(value) -> str:
     if len(text) <= MAX_TEXT_LENGTH:
         return text
     return f"{text[: MAX_TEXT_LENGTH // 2]} … {text[-MAX_TEXT_LENGTH // 4 :]}"
+
+
+def _is_list(value) -> bool:
+    """Whether a value that cannot be read was meant as several."""
+    return any(mark in value for mark in ",:") if isinstance(value, str) else hasattr(value, "__iter__")
 
 
 def _without_none(annotation):

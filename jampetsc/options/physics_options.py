@@ -76,12 +76,16 @@ def law_options(law: Law) -> dict:
     if law.family:
         defaults = {name: option.default for name, option in FAMILIES[law.family].options.items()}
         changed = {name: value for name, value in law.options if value != defaults[name]}
-        return {"law": law.family, "tau1": law.tau1, **changed}
+        return _with_floats({"law": law.family, "tau1": law.tau1, **changed})
     if law.exponent != 1.0:
-        return {"law": repr(law), "tau1": law.tau1}
-    return {"law": CUSTOM, "tau1": law.tau1} | {
-        name: value for name in WEIGHTS if (value := getattr(law, name))
-    }
+        return _with_floats({"law": repr(law), "tau1": law.tau1})
+    weights = {name: value for name in WEIGHTS if (value := getattr(law, name))}
+    return _with_floats({"law": CUSTOM, "tau1": law.tau1} | weights)
+
+
+def _with_floats(options) -> dict:
+    """Options with numbers as a command line reads them: 2 of python code is 2.0."""
+    return {name: float(value) if type(value) is int else value for name, value in options.items()}
 
 
 def law_code(**options) -> str:
@@ -185,9 +189,9 @@ def build_model(**options) -> Model:
 
 def model_options(model: Model) -> dict:
     """{name: value} of the options that describe a model."""
-    motion = {name: getattr(model, name) or None for name in MOTION}
+    motion = _with_floats({name: getattr(model, name) or None for name in MOTION})
     if model.name:
-        return {"model": model.name, "tau1": model.law.tau1} | motion
+        return _with_floats({"model": model.name, "tau1": model.law.tau1}) | motion
     return law_options(model.law) | motion
 
 

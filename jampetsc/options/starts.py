@@ -73,9 +73,15 @@ class ShearJob(Job):
     discard: float | None = run_parameter(
         "strain left out of the means (default 1, or half of the strain if less)", low=0.0, metavar="S"
     )
-    last: Path | None = run_parameter("packing file of the last state to write", metavar="FILE")
+    last: Path | None = run_parameter(
+        "packing file of the last state to write", metavar="FILE", in_identity=False
+    )
     threads: int | None = run_parameter(
-        "maximal number of threads (default: one per core)", low=1, high=MAX_THREADS, metavar="T"
+        "maximal number of threads (default: one per core)",
+        low=1,
+        high=MAX_THREADS,
+        metavar="T",
+        in_identity=False,
     )
 
     def check(self):
@@ -99,6 +105,17 @@ class ShearJob(Job):
             raise InputError(
                 f"{named('discard')} {self.discard:g}: not below {named('strain')} {self.strain:g}. Give a smaller one."
             )
+
+    @property
+    def implied(self):
+        """See `Job`."""
+        from jampetsc.analysis.strain_series import discarded_strain
+
+        discard = {"discard": discarded_strain(self.strain, self.discard)}
+        if self.start is not None:
+            return discard
+        sizes = {} if self.radii is not None else {"sizes": DEFAULT_SIZES}
+        return {"dimension": 2, "seed": 1, "potential": next(iter(EXPONENTS))} | sizes | discard
 
     def check_outputs(self, to):
         """Also check the file of the last state."""

@@ -4,15 +4,13 @@
 n = [256, 1024]
 pressure = [1e-2, 1e-3]
 seeds = "1:20"
+ladder = true             each pressure from the packing at the one before it; the first from random particles
 [[sweep]]
 beta = [1.0, 1e-3]
 where = {pressure = 1e-2} only on these packings
 [quasistatic]
 """
 
-import dataclasses
-import hashlib
-import json
 import math
 import tomllib
 from dataclasses import dataclass
@@ -23,7 +21,6 @@ from jampetsc.io.atomic import open_regular
 from jampetsc.options.job import ALL_SEEDS, NO_FILE, ONE_PACKING, ONE_RESULT, PACKING_OR_N
 from jampetsc.options.parameters import suggest_name
 from jampetsc.studies.table_keys import (
-    PLACEHOLDER,
     TaskSettings,
     combinations_of,
     label_of,
@@ -31,8 +28,10 @@ from jampetsc.studies.table_keys import (
     values_of,
 )
 
-SEED, LADDER = "seed", "ladder"
+SEED = "seed"
 WHERE = "where"  # key of a table that selects its inputs by their settings
+# key of [pack]: whether each pressure starts from the packing at the one before it
+LADDER = "ladder"
 MAX_TASKS = 100_000  # tasks of one study
 HASH_DIGITS = 8  # hexadecimal digits in the name of a file
 
@@ -46,6 +45,8 @@ class StudyTask:
     settings: TaskSettings
     columns: dict  # column -> value: its settings and its packing's
     inputs: tuple = ()  # tasks whose files it reads
+    digest: str = ""  # its identity, see `io.request`: the digests of its inputs stand for their files
+    ensemble: str = ""  # the same without seeds, also of its inputs: that of all members of an ensemble
 
     @property
     def file(self) -> str:
@@ -95,23 +96,25 @@ def plan(path, content: bytes | dict) -> list[StudyTask]:
                 task_inputs.reads is PACKING_OR_N and "n" in table
             )
             conditions = table.get(WHERE, {}) if reads_files else {}
-            keys = {key: value for key, value in table.items() if key != WHERE or not reads_files}
+            ladders = _ladders(table, where) if command == "pack" else [False]
+            own_keys = [WHERE] * reads_files + [LADDER] * (command == "pack")
+            keys = {key: value for key, value in table.items() if key not in own_keys}
             lists = values_of(job_class(command), keys, where)
             starts = _chosen(_starts(task_inputs, planned, where), conditions, where) if reads_files else [()]
-            count = len(starts) * math.prod(len(values) for _, values in lists)
+            count = len(ladders) * len(starts) * math.prod(len(values) for _, values in lists)
             if len(tasks) + count > MAX_TASKS:
                 existing = f" with the {len(tasks)} before them" if tasks else ""
                 raise InputError(
                     f"{where}: too many tasks, {count}{existing} (at most {MAX_TASKS}). Divide the study."
                 )
-            last_rungs = {}  # of each ladder: the task of its last pressure so far
-            for settings in combinations_of(job_class(command), lists, where, reads_files):
-                for inputs in starts:
-                    task = (
-                        _rung(settings, last_rungs)
-                        if LADDER in settings.changed
-                        else _task(command, settings, inputs)
-                    )
+            combinations = combinations_of(job_class(command), lists, where, reads_files)
+            for is_ladder in ladders:
+                made = (
+                    _rungs(combinations)
+                    if is_ladder
+                    else (_task(command, settings, inputs) for settings in combinations for inputs in starts)
+                )
+                for task in made:
                     if task.name not in tasks:
                         tasks[task.name] = task
                         planned[command].append(task)
@@ -166,7 +169,7 @@ def _starts(task_inputs, planned, where):
         return [(task,) for task in files]
     groups = {}
     for task in files:
-        groups.setdefault(_identity(task), []).append(task)
+        groups.setdefault(task.ensemble, []).append(task)
     return [tuple(group) for group in groups.values()]
 
 
@@ -192,37 +195,37 @@ def _shared(inputs):
 
 
 def _task(command, settings, inputs):
-    shared = _shared(inputs)
-    input_names = [task.name for task in inputs]
+    shared, digests = _shared(inputs), [task.digest for task in inputs]
+    ensembles = [task.ensemble for task in inputs[:1]]
     if study_inputs()[command].reads is ALL_SEEDS:  # with more seeds it is the same task, done again
         shared.pop(SEED, None)
-        input_names = [_identity(task) for task in inputs[:1]]
+        digests = ensembles
     columns = {**shared, **settings.options}
-    digest = hashlib.sha256(
-        json.dumps([command, settings.changed, input_names], sort_keys=True).encode()
-    ).hexdigest()[:HASH_DIGITS]
-    return StudyTask(
-        "-".join(filter(None, (command, label_of(columns), digest))), command, settings, columns, inputs
-    )
+    digest = settings.digest(digests)
+    name = "-".join(filter(None, (command, label_of(columns), digest[:HASH_DIGITS])))
+    return StudyTask(name, command, settings, columns, inputs, digest, settings.digest(ensembles, SEED))
 
 
-def _rung(settings, last_rungs):
-    """The task of one pressure of a ladder, which reads the packing at the previous pressure.
+def _ladders(table, where) -> list[bool]:
+    """The values of the key `ladder` of a table [pack]. Raises InputError."""
+    values = table.get(LADDER, False)
+    values = values if isinstance(values, list) else [values]
+    if not values or not all(isinstance(value, bool) for value in values):
+        raise InputError(f"{where}: {LADDER} = {table[LADDER]!r}: must be true, false or a list of them")
+    if any(values) and "pressure" not in table:
+        raise InputError(f"{where}: {LADDER}: a ladder without pressures. Give pressure.")
+    return values
 
-    last_rungs   {ladder: task of its last pressure so far}, updated
+
+def _rungs(combinations):
+    """The tasks of ladders, each of which reads the packing at the previous pressure.
 
     The first task of a ladder reads nothing: it is the same packing as without a ladder.
     """
-    ladder = json.dumps({n: v for n, v in settings.changed.items() if n != "pressure"}, sort_keys=True)
-    if ladder in last_rungs:
-        lower = dataclasses.replace(settings, job=settings.job.rung(PLACEHOLDER))
-        last_rungs[ladder] = _task("pack", lower, (last_rungs[ladder],))
-    else:
-        last_rungs[ladder] = _task("pack", settings.without(LADDER), ())
-    return last_rungs[ladder]
-
-
-def _identity(task):
-    """Command, settings and inputs of a task as JSON, without seeds: the same for all members of an ensemble."""
-    changed = {name: value for name, value in task.settings.changed.items() if name != SEED}
-    return json.dumps([task.command, changed, [_identity(source) for source in task.inputs]], sort_keys=True)
+    last_rungs = {}  # of each ladder: the task of its last pressure so far
+    for settings in combinations:
+        ladder = settings.digest((), "pressure")
+        above = last_rungs.get(ladder)
+        settings = settings if above is None else settings.continued(**{LADDER: True})
+        last_rungs[ladder] = _task("pack", settings, () if above is None else (above,))
+        yield last_rungs[ladder]

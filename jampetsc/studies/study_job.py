@@ -50,6 +50,9 @@ class Study(Job):
   omega = "1e-8:1e2:61"
   [quasistatic]
 
+With `ladder = true` in [pack] each pressure starts from the packing at the one before it, not from random particles.
+A study of [pack] alone makes packings, one on each rank at a time.
+
 examples:
   jampetsc study STUDY.toml --out ensemble --dry-run        # the list of tasks
   mpirun -n 4 jampetsc study STUDY.toml --out ensemble

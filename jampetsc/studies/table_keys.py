@@ -1,10 +1,13 @@
 """The keys of a table of STUDY.toml: the parameters of a job, written as the options of its command."""
 
 import dataclasses
+import functools
 import itertools
 from dataclasses import dataclass
 
+from jampetsc.commands.pack import PARTICLE_PARAMETERS
 from jampetsc.errors import InputError
+from jampetsc.io.request import digest_of, input_hashes, settings_of, with_inputs
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import COUNT, FILES, NUMBER, OPTION, build_job, parameters, suggest_name
 from jampetsc.options.values import read_seeds
@@ -12,7 +15,7 @@ from jampetsc.options.values import read_seeds
 STUDY_KEYS = ("out", "packing", "last", "overwrite", "quiet")  # keys that the study sets itself
 # column -> its letters in names of files
 LABEL_LETTERS = {"n": "n", "pressure": "p", "phi": "phi", "seed": "s"}
-PLACEHOLDER = "x.h5"  # stands for real files while values are checked
+PLACEHOLDER = "<file of another task>"  # stands for real files while values are checked
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +23,7 @@ class TaskSettings:
     """One value for every key of a table."""
 
     options: dict  # parameter -> value given by the table
-    changed: dict  # parameter -> value that differs from the default
-    job: Job  # with PLACEHOLDER for the files
+    job: Job  # with PLACEHOLDER for the files of other tasks
 
     def job_of(self, inputs) -> Job:
         """The job for real files."""
@@ -31,14 +33,22 @@ class TaskSettings:
         files = tuple(inputs) if place.place == FILES else inputs[0]
         return dataclasses.replace(self.job, **{place.name: files})
 
-    def without(self, switch) -> "TaskSettings":
-        """The same with a switch as it is by default."""
-        options, changed = (
-            {n: v for n, v in values.items() if n != switch} for values in (self.options, self.changed)
-        )
-        return TaskSettings(
-            options, changed, dataclasses.replace(self.job, **{switch: not getattr(self.job, switch)})
-        )
+    def continued(self, **columns) -> "TaskSettings":
+        """The same of a packing that is made from another one, whose particles it has; columns: what its row adds."""
+        fixed = dict.fromkeys(("seed", *PARTICLE_PARAMETERS))
+        job = dataclasses.replace(self.job, **fixed, from_=PLACEHOLDER)
+        return TaskSettings(self.options | columns, job)
+
+    @functools.cached_property
+    def _identity(self):
+        """(settings, hashes of its other inputs), see `io.request`."""
+        return settings_of(self.job), input_hashes(self.job, known=(PLACEHOLDER,))
+
+    def digest(self, hashes, without: str | None = None) -> str:
+        """The digest of the job where the files of other tasks have these hashes; without: a parameter to leave out."""
+        settings, others = self._identity
+        settings = {name: text for name, text in settings.items() if name != without}
+        return digest_of(with_inputs(settings, [*others, *hashes]))
 
 
 def _place(job):
@@ -92,19 +102,8 @@ def combinations_of(job, lists: list, where: str, reads_files: bool) -> list[Tas
             task_job = build_job(job, files | values_by_name)
         except InputError as error:
             raise InputError(f"{where}: {error.message(lambda name: keys.get(name, name))}") from None
-        for parameter, value in pairs:
-            if task_job.several and isinstance(getattr(task_job, parameter.name), tuple):
-                key = keys[parameter.name]
-                raise InputError(
-                    f"{where}: {key} {value}: several values in one string. Write a list, {key} = [{value}]."
-                )
-        changed = {
-            parameter.name: values_by_name[parameter.name]
-            for parameter, _ in pairs
-            if values_by_name[parameter.name] != parameter.default
-        }
         options = {name: number_of(value) for name, value in values_by_name.items()}
-        combinations.append(TaskSettings(options, changed, task_job))
+        combinations.append(TaskSettings(options, task_job))
     return combinations
 
 
@@ -139,7 +138,7 @@ def _seeds(value, where):
 
 
 def _typed(parameter, value):
-    """A value, the same for 1e-3 and "0.001", since it enters the name of its task."""
+    """A value as the job reads it, with numbers written in one way."""
     if _is_switch(parameter):
         return parameter.default != value  # a switch that is on by default has a key that turns it off
     text = str(number_of(value))

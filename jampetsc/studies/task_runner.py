@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import functools
 import os
 import time
 
@@ -46,33 +45,42 @@ class TaskRunner:
         unfinished, changed = {}, []
         failed = [task for task in tasks if self.records.get(task.name, {}).get("state") == "failed"]
         suspects = {source.file for task in failed for source in task.inputs}  # may be why it failed
-        identity = functools.cache(lambda name: identity_of(self.folder / name, every_byte=name in suspects))
+        damaged = {file for file in suspects if identity_of(self.folder / file, every_byte=True) is None}
         for task in tasks:
-            record = self.records.get(task.name)
+            record, is_whole = self.records.get(task.name), False
             if _done(record):
-                read = {f"{name}.h5" for name in record["inputs"]}
-                if any(
-                    identity(name) != recorded
-                    for name, recorded in record["files"].items()
-                    if name not in read
-                ):
-                    changed.append(task.file)
-            current = _current(record, task.inputs, identity)
-            if not current or any(source.name in unfinished for source in task.inputs):
+                is_whole = task.file not in damaged and self._are_unchanged(record["files"])
+                changed += [] if is_whole else [task.file]
+            if (
+                not is_whole
+                or any(source.name in unfinished for source in task.inputs)
+                or record.get("digest") != self._digest(task, task.inputs)
+            ):
                 unfinished[task.name] = None
         return list(unfinished), changed
 
-    def _files(self, names):
-        """{file: identity} of the results of these tasks, and of the parts of the last one."""
-        files = [f"{name}.h5" for name in names]
-        parts = names and parts_of(self.folder / files[-1])
-        return {name: identity_of(self.folder / name) for name in [*files, *(parts.sizes if parts else ())]}
+    def _digest(self, task, inputs, every_byte=False) -> str:
+        """The digest of the job of a task with the files of these inputs, see `io.request`."""
+        return task.settings.digest(
+            map(str, self._identities([one.file for one in inputs], every_byte).values())
+        )
+
+    def _identities(self, files, every_byte=False) -> dict:
+        """{file: identity}, None for one that is missing or damaged."""
+        return {name: identity_of(self.folder / name, every_byte) for name in files}
+
+    def _files(self, task) -> dict:
+        """{file: identity} of the result of a task and of its parts."""
+        parts = parts_of(self.folder / task.file)
+        return self._identities([task.file, *(parts.sizes if parts else ())])
+
+    def _are_unchanged(self, files, every_byte=False) -> bool:
+        """Whether files still have these identities."""
+        return self._identities(files, every_byte) == files
 
     def files_unchanged(self, record) -> bool:
-        """Whether the files that a record names are unchanged."""
-        return all(
-            identity_of(self.folder / name) == recorded for name, recorded in record.get("files", {}).items()
-        )
+        """Whether the files of a task and of its inputs are those of its record."""
+        return self._are_unchanged(record.get("files", {}) | record.get("inputs", {}))
 
     def run(self, task, available, shared=False) -> dict:
         """Run a task with its `available` inputs; returns its record.
@@ -80,21 +88,18 @@ class TaskRunner:
         shared   whether all ranks share the task: then it is collective, and unexpected errors, which only one rank may
                  meet, are raised. Else nothing but an interrupt is raised.
         """
-        start_time = time.perf_counter()
-        previous, names = self.records.get(task.name), [source.name for source in available]
-        record = {"task": task.name, "inputs": names, "row": {}}
+        start_time, previous = time.perf_counter(), self.records.get(task.name)
+        record = {"task": task.name, "row": {}}
         try:
             if not available and task.inputs:
                 raise InputError(f"{task.inputs[0].file} failed")
             comm = session.communicator()
-            if on_root(
-                comm,
-                lambda: _current(previous, available, lambda name: identity_of(self.folder / name, True)),
-            ):
+            record["digest"] = on_root(comm, lambda: self._digest(task, available, every_byte=True))
+            if on_root(comm, lambda: self._is_current(previous, record["digest"])):
                 return previous
-            record["files"] = on_root(comm, lambda: self._files(names))  # before they are read
+            record["inputs"] = on_root(comm, lambda: self._identities([one.file for one in available]))
             self._work(task, available)
-            record["files"] |= on_root(comm, lambda: self._files([task.name]))
+            record["files"] = on_root(comm, lambda: self._files(task))
             numbers = numbers_of(self.folder / task.file)
             state, why = "done", ""
         except JampetscError as error:
@@ -107,6 +112,10 @@ class TaskRunner:
         seconds = time.perf_counter() - start_time
         why = " ".join(why.replace(f"{self.folder}{os.sep}", "").split()).removeprefix(f"{task.file}: ")
         return record | {"state": state, "why": why, "seconds": seconds, "row": row_of(task, numbers)}
+
+    def _is_current(self, record, digest) -> bool:
+        """Whether a record is of a done task with this digest, and every byte of its files is as it was made."""
+        return _done(record) and record.get("digest") == digest and self._are_unchanged(record["files"], True)
 
     def _work(self, task, available):
         """Make the file, unless a run made it and was killed before it could write the record."""
@@ -122,7 +131,7 @@ class TaskRunner:
         self.execute(job, out, words, overwrite)
 
     def _is_there(self, task, job) -> bool:
-        """Whether the file is the result of this job; False for packings, which `pack` checks itself.
+        """Whether the file is the result of this job.
 
         A file of the study that somebody has changed is renamed first.
         """
@@ -130,12 +139,8 @@ class TaskRunner:
         if _done(previous) and identity_of(path, every_byte=True) != previous.get("files", {}).get(task.file):
             with contextlib.suppress(FileNotFoundError):
                 os.replace(path, f"{path}{REPLACED_SUFFIX}")
-        if task.command == "pack":
-            return False
-        request = Request(job)
-        request.read(job.paths)
         try:
-            finished = is_finished(path, request)
+            finished = is_finished(path, Request(job))
         except InputError:
             return False
         if finished:
@@ -159,12 +164,3 @@ def row_of(task, numbers) -> dict:
 
 def _done(record) -> bool:
     return record is not None and record["state"] == "done"
-
-
-def _current(record, inputs, identity) -> bool:
-    """Whether a record is of a done task with these inputs, and all its files are unchanged."""
-    return (
-        _done(record)
-        and {source.name for source in inputs} == set(record["inputs"])
-        and all(identity(name) == recorded for name, recorded in record["files"].items())
-    )

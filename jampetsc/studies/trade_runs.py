@@ -83,7 +83,7 @@ class TradeRuns:
         key = (*job.line(), *petsc)
         if key not in self._runs:
             name = name or f"run{len(self._runs)}"
-            task = StudyTask(name, job.NAME, TaskSettings({}, {}, job), {})
+            task = StudyTask(name, job.NAME, TaskSettings({}, job), {})
             outcomes = []
             execute = partial(self._execute, petsc, outcomes)
             record = TaskRunner(self.folder, {}, cores=None, execute=execute).run(task, [])
@@ -224,8 +224,8 @@ def _spent(outcome, result) -> dict:
     }
 
 
-def plan_ensembles(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
-    """(jobs that make the packings, lines on what is left out and why), once there is a reference."""
+def plan_ensembles(bench: TradeRuns) -> tuple[list[list[Pack]], list[str]]:
+    """(jobs that make the packings of each ensemble, lines on what is left out and why), once there is a reference."""
     disks, attributes = read_packing(bench.job.packing), bench.reference.result.attributes
     record, packs, left_out = disks.record, [], []
     if not is_law(record.get("sizes")):  # imported, or from a file of radii
@@ -236,10 +236,10 @@ def plan_ensembles(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
             left_out.append(f"{share} packings: left out, fewer than {MIN_DISKS} particles each")
             continue
         try:
-            pack = Pack(
+            first = Pack(
                 n=disks.n // share,
                 pressure=record.get("requested_pressure", attributes["pressure"] / attributes["k"]),
-                seeds=range(FIRST_SEED, FIRST_SEED + share),
+                seed=FIRST_SEED,
                 potential=disks.potential.kind,
                 stiffness=disks.potential.stiffness,
                 sizes=record["sizes"],
@@ -247,18 +247,18 @@ def plan_ensembles(bench: TradeRuns) -> tuple[list[Pack], list[str]]:
             )
         except InputError as error:  # such as a pressure that `pack` has not
             return [], [f"ensemble: left out, {error}"]
-        packs.append(pack)
+        packs.append([replace(first, seed=FIRST_SEED + number) for number in range(share)])
     return packs, left_out
 
 
-def measure_ensemble(bench: TradeRuns, pack: Pack) -> TradeRow:
-    """The row of the packings that a job makes, each at the pressure of the reference."""
-    share, name = len(pack.seeds), f"{len(pack.seeds)} x N = {pack.n}"
-    names = {seed: f"packing-{pack.n}-{seed}" for seed in pack.seeds}
-    packings = {
-        seed: bench.run(replace(pack, seeds=None, seed=seed), name=name) for seed, name in names.items()
-    }
-    paths = [bench.folder / f"{names[seed]}.h5" for seed, (_, disks) in packings.items() if disks is not None]
+def measure_ensemble(bench: TradeRuns, packs: list[Pack]) -> TradeRow:
+    """The row of the packings that these jobs make, each at the pressure of the reference."""
+    share, n = len(packs), packs[0].n
+    name = f"{share} x N = {n}"
+    packings = {pack.seed: bench.run(pack, name=f"packing-{n}-{pack.seed}") for pack in packs}
+    paths = [
+        bench.folder / f"packing-{n}-{seed}.h5" for seed, (_, disks) in packings.items() if disks is not None
+    ]
     runs = [bench.run(bench.sweep_with(packing=path, accuracy=PHYSICS_ACCURACY)) for path in paths]
     packing_seconds = sum(outcome.seconds for outcome, _ in packings.values())
     results = [result for _, result in runs if result is not None]
@@ -314,10 +314,10 @@ def measure_trade(job, out) -> str:
         rows = bench.find_reference()
         todo, remarks = plan_settings(bench)
         packs, more = plan_ensembles(bench) if job.ensemble else ([], [])
-        count = sum(len(pack.seeds) for pack in packs)
+        count = sum(map(len, packs))
         progress.note(f"{len(todo)} runs{f' and {count} packings with one each' if packs else ''} to do")
         rows += [bench.measure(choice) for choice in todo]
-        rows += [measure_ensemble(bench, pack) for pack in packs]
+        rows += [measure_ensemble(bench, ensemble) for ensemble in packs]
     facts = [*_facts(job, out, bench.reference, load), *remarks, *more]
     write_table(out, rows, facts)
     from jampetsc.plots.trade_plots import plot_trade  # only now: matplotlib's memory is the runs' until then

@@ -4,13 +4,12 @@ import fcntl
 import json
 import re
 import shutil
-from dataclasses import replace
 
 import h5py
 import launch
 import numpy as np
 import pytest
-from sheared import crowd, model, stop_after
+from sheared import crowd, stop_after
 
 import jampetsc
 from jampetsc import main as cli
@@ -19,7 +18,6 @@ from jampetsc.commands import flow as flow_command
 from jampetsc.commands import flow_files
 from jampetsc.commands.run_files import save_rows, saved_rows
 from jampetsc.errors import InputError
-from jampetsc.flows.flow_run import define_flow
 from jampetsc.io.checkpoint import Checkpoint, folder_of
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import write_packing
@@ -121,22 +119,6 @@ def test_a_killed_run_continues_to_the_last_bit(tmp_path, monkeypatch, capsys):
     assert flow(*("2e-2" if word == "1e-2" else word for word in SMALL), "--out", place) == 0
     assert "goes on" not in capsys.readouterr().err
     assert jampetsc.load(place).attributes["rate"] == 2e-2
-
-
-def test_a_checkpoint_is_identified_by_all_settings_of_its_run():
-    disks = crowd(16)
-
-    def settings(disks=disks, name="CD0", wall_disks=0, **more):
-        given = {"rate": 1e-2, "strain": 0.5} | more
-        run = define_flow(disks, model(name), wall_disks=wall_disks, **given)
-        return json.dumps(run.settings, sort_keys=True)
-
-    others = [{"disks": crowd(16, seed=2)}, {"name": "unequal"}, {"wall_disks": 4}]
-    numbers = {"rate": 2e-2, "strain": 0.6, "discard": 0.1, "snapshots": 3, "step": 0.01, "tolerance": 1e-6}
-    found = [settings(**one) for one in [{}, *others, *({name: x} for name, x in numbers.items())]]
-    assert len(set(found)) == 10 and settings() == found[0]
-    run = define_flow(disks, model("CD0"), 1e-2, 0.5)
-    assert replace(run, earlier=([0, 0], {})).settings != run.settings  # it continues from another row
 
 
 @pytest.mark.parametrize("name", ["RD0", "CDn"])
@@ -338,16 +320,16 @@ def test_snapshots_need_room_twice(tmp_path, monkeypatch):
 
 
 def test_only_an_intact_checkpoint_of_the_same_job_is_used(tmp_path):
-    out, settings = tmp_path / "x.h5", {"rate": 1e-2, "start": "a"}
-    checkpoint = Checkpoint(out, settings)
+    out, digest = tmp_path / "x.h5", "a" * 64
+    checkpoint = Checkpoint(out, digest)
     assert saved_rows(checkpoint) is None
     save_rows(checkpoint, {"energy": np.arange(3.0)}, {"base": np.eye(2)})
-    arrays, state = saved_rows(Checkpoint(out, settings))
+    arrays, state = saved_rows(Checkpoint(out, digest))
     assert arrays.keys() == {"energy"} and np.array_equal(arrays["energy"], np.arange(3.0))
     assert state.keys() == {"base"} and np.array_equal(state["base"], np.eye(2))
     with open(folder_of(out) / "lock") as lock, pytest.raises(BlockingIOError):
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # another process may not use it
-    assert saved_rows(Checkpoint(out, settings | {"start": "b"})) is None
+    assert saved_rows(Checkpoint(out, "b" * 64)) is None
     (path,) = folder_of(out).glob("0*")
     path.write_bytes(path.read_bytes()[:-100])
-    assert saved_rows(Checkpoint(out, settings)) is None
+    assert saved_rows(Checkpoint(out, digest)) is None

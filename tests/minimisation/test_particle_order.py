@@ -18,18 +18,14 @@ PHI = {2: 0.88, 3: 0.7}
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_line_i_is_particle_i_of_a_packing(session, shared_path, dimension):
-    """In a ladder as well, in memory and in a file; the proof is of the particles in this order."""
+    """Also where it starts from another, in memory and in a file; the proof is of the particles in this order."""
     if session.rank == 0:
         np.savetxt(shared_path / "r.txt", RADII, fmt="%.17g")
-    made = jampetsc.pack(
-        radii=shared_path / "r.txt",
-        pressure=[1e-2, 1e-3],
-        ladder=True,
-        dimension=dimension,
-        out=shared_path / "p{pressure}.h5",
+    first = jampetsc.pack(
+        radii=shared_path / "r.txt", pressure=1e-2, dimension=dimension, out=shared_path / "p.h5"
     )
-    made += [jampetsc.pack(radii=RADII, phi=PHI[dimension], dimension=dimension)]
-    for disks in made:
+    lower = jampetsc.pack(from_=shared_path / "p.h5", pressure=1e-3)
+    for disks in (first, lower, jampetsc.pack(radii=RADII, phi=PHI[dimension], dimension=dimension)):
         assert np.array_equal(disks.radii, RADII) and proved_minimum(disks)
         assert measure(disks).max_force == pytest.approx(disks.record["max_force"], abs=1e-14)
 

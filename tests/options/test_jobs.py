@@ -73,8 +73,6 @@ def test_the_words_of_a_job_ask_for_it(job):
     again = parsed(job)
     assert type(again) is type(job) and again.sources == job.sources
     assert again.settings() == job.settings() and again.words() == job.words()
-    for name, value in job.settings().items():
-        assert job.same(name, str(value), value) or isinstance(value, bool), name
 
 
 def test_what_is_written_otherwise_and_means_the_same():
@@ -82,8 +80,6 @@ def test_what_is_written_otherwise_and_means_the_same():
     assert (
         job.settings()["omega"] == "1e-10:10000.0:141" and "beta" not in job.settings()
     )  # as a grid, without defaults
-    assert job.same("omega", "1e-10:1e4:141", "1e-10:10000.0:141") and job.same("accuracy", "1e-6", 1e-6)
-    assert not job.same("omega", "1e-10:1e4:141", "1e-10:1e4:140") and not job.same("accuracy", "x", 1e-6)
     assert (
         Sweep("p.h5", "stokes").law == StokesDrag() and Sweep("p.h5", "stokes").settings()["law"] == "stokes"
     )
@@ -142,8 +138,11 @@ def test_a_keyword_that_a_function_does_not_have_is_answered_with_what_to_write(
 
 def test_values_that_are_refused_are_shown_whole_with_what_to_do():
     for given, message in (
-        ({"pressure": -1}, r"^pressure -1: must be positive and finite$"),
-        ({"pressure": [1e-3, -1]}, r"^pressure \[0\.001, -1\]: -1 must be positive and finite$"),
+        ({"pressure": -1}, r"^pressure -1: must be positive$"),
+        (
+            {"pressure": [1e-3, 1e-4]},
+            r"^pressure \[0\.001, 0\.0001\]: not a single value\. Give a list .*study",
+        ),
         ({"pressure": "2"}, r"^pressure 2: must lie in \[1e-08, 1\]$"),
         ({"phi": 0.7}, r"^phi 0\.7: must lie in \[0\.8, 1\.5\] for disks\. Give a pressure instead, or"),
         ({"phi": 1.6}, r"^phi 1\.6: must lie in \[0\.8, 1\.5\] for disks\. Give a smaller one\.$"),

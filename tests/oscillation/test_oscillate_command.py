@@ -1,6 +1,5 @@
 """`jampetsc oscillate` as a program: what it writes, what it refuses, and that it goes on where it was."""
 
-import json
 import subprocess
 import sys
 
@@ -78,22 +77,6 @@ def test_what_is_refused_once_the_packing_is_read(packing, tmp_path, words, mess
     done = oscillate(packing, "--out", tmp_path / "out.h5", "--omega", 1, *words.split())
     assert done.returncode == 2 and not (tmp_path / "out.h5").exists()
     assert message in done.stderr and len(done.stderr.splitlines()) == 1
-
-
-def test_a_checkpoint_is_of_the_same_oscillation(packing):
-    """Whatever decides a result is in the key of its checkpoint."""
-
-    def key(*words, imposed=("--strain", "1e-5")):
-        job = checked(packing, "--omega", "1", *imposed, *words)
-        return json.dumps(job.key(("name", "hash")), default=list, sort_keys=True)
-
-    moving = ("--contacts", "moving")
-    asked = ["", "--alpha 0.5", "--beta 0.5", "--no-prestress", "--steps 16", "--omega 2", "--strain 1e-4"]
-    asked = [words.split() for words in asked]
-    asked += [moving, (*moving, "--cycles", "3"), (*moving, "--cycles", "4")]
-    assert len({key(*words) for words in asked}) == len(asked)
-    assert key(imposed=("--stress", "1e-5")) != key()
-    assert key() == key() == key("--out", "other.h5")
 
 
 def test_steps_in_time_on_any_number_of_ranks(packing, tmp_path):

@@ -10,6 +10,7 @@ from jampetsc.commands.oscillate import Oscillate
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
+from jampetsc.io.request import Request
 from jampetsc.oscillation.amplitude_sweep import COUNTS, _PointSolver, sweep_amplitudes
 from jampetsc.oscillation.steady_oscillation import SteadyOscillation, SteadyResult
 from jampetsc.petsc.session import current
@@ -37,7 +38,8 @@ def ask(
     how = {"stress" if stress else "strain": amplitude, "omega": OMEGA[contacts] if omega is None else omega}
     how |= {"contacts": contacts, "cycles": 3 if contacts == "moving" else None, "steps": 16, "alpha": alpha}
     out = packing.parent / out
-    return Oscillate(packing, physics(rotations=False).law, **how, **options), Outlet(out, out)
+    job = Oscillate(packing, physics(rotations=False).law, **how, **options)
+    return job, Outlet(out, out, Request(job))
 
 
 def work(job, to):

@@ -17,6 +17,7 @@ from jampetsc import main
 from jampetsc.commands.oscillate import Oscillate
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.outlet import Outlet
+from jampetsc.io.request import Request
 from jampetsc.laws.loads import named_loads
 from jampetsc.oscillation.amplitude_sweep import _PointSolver, sweep_amplitudes
 from jampetsc.oscillation.drive import Drive, Imposed
@@ -200,8 +201,8 @@ def test_factors_that_memory_cannot_hold_are_refused(session, monkeypatch, conta
 def test_a_file_is_resumed_printed_and_drawn(session, tmp_path, monkeypatch, capfd):
     """After a point has failed only that one is solved; `info` and `plot` know oscillations of spheres."""
     packing = put(tmp_path / "p.h5", few_spheres(), session.comm)
-    to = Outlet(tmp_path / "o.h5", tmp_path / "o.h5")
     job = Oscillate(packing, law_of(ROLLING).law, omega=[0.1, 1.0], strain=[1e-4, 1e-3], alpha=0.7, steps=16)
+    to = Outlet(tmp_path / "o.h5", tmp_path / "o.h5", Request(job))
     solve, seen = _PointSolver.solve, []
 
     def failing(solver, drive):

@@ -26,6 +26,7 @@ import jampetsc
 from jampetsc.errors import ConvergenceError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
+from jampetsc.io.request import Request
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.packing.packing import Packing, with_proof
 from jampetsc.petsc.cholesky import least_singular_value
@@ -292,7 +293,7 @@ def test_frequencies_that_fail_are_told_beside_the_others(session, shared_path, 
     def solve(name, omega, fields=()):
         how = {"alpha": 0.6, "stress": 1.0}
         job = sweep_of(packing, physics(prestress=False), omega, fields, "direct", 1e-10, **how)
-        job.work(Outlet(shared_path / name, shared_path / name))
+        job.work(Outlet(shared_path / name, shared_path / name, Request(job)))
         session.comm.barrier()
 
     lowest = EquivalentDamping(0.6, 1.0).frequency(omega[0])

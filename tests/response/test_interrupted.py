@@ -1,15 +1,12 @@
 """A sweep killed half-way: the same command continues, another one starts from the beginning."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from launch import run
-from samples import physics, polydisperse, published, sweep_of
+from samples import polydisperse, published
 
 import jampetsc
 from jampetsc.io.packing_file import write_packing
-from jampetsc.laws.equivalent_damping import EquivalentDamping
 
 DIRECT = ("--method", "direct", "--omega", "1e-4:1:6")
 KELVIN_VOIGT = ("--beta", "0", "--no-prestress")  # everything is known after the first step, without vectors
@@ -65,26 +62,3 @@ def test_the_same_command_continues(tmp_path, whole, disks, options, ranks, step
     np.testing.assert_allclose(other["fields/displacement"], one["fields/displacement"], atol=exact)
     if options == KELVIN_VOIGT:
         assert other.attributes["vectors"] == 0
-
-
-def test_everything_that_decides_a_sweep_identifies_its_checkpoint():
-    """So that no other is gone on with (tests/io/test_checkpoint.py)."""
-    omega = [0.1, 1.0]
-    job, identity = sweep_of(published(), physics(), omega, [1.0]), (None, "this one")
-    others = [
-        sweep_of(published(), physics(beta=0.5), omega, [1.0]),
-        sweep_of(published(), physics(prestress=False), omega, [1.0]),
-        replace(job, alpha=0.5, stress=1e-5),
-        replace(job, omega=[0.2, 2.0]),
-        replace(job, fields=omega),
-        replace(job, accuracy=1e-3),
-    ]
-
-    def key_of(sweep, identity=identity, method="rational", ranks=1):
-        damping = None if sweep.alpha is None else EquivalentDamping(sweep.alpha, sweep.stress)
-        return str(sweep.key(identity, method, ranks, sweep.frequencies(damping)))
-
-    keys = [key_of(job), key_of(job, ranks=2), key_of(job, (None, "another")), key_of(job, method="direct")]
-    keys += map(key_of, others)
-    assert len(set(keys)) == len(keys)
-    assert key_of(replace(job, parallel="matrix"), ("p.h5", "this one")) == keys[0]

@@ -26,8 +26,8 @@ from whole_arrays import unknowns
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.checkpoint import Checkpoint
 from jampetsc.io.outlet import Outlet
-from jampetsc.io.packing_file import read_identified
 from jampetsc.io.reader import load
+from jampetsc.io.request import Request
 from jampetsc.packing.packing import Packing, with_proof
 from jampetsc.response import factor_memory, rational
 from jampetsc.response import shift_factors as factors
@@ -300,17 +300,15 @@ def test_what_a_sweep_says_on_its_way(session, shared_path, capfd, method, line)
     put(packing, published(), session.comm)
     job = sweep_of(packing, physics(), [1e-3, 1.0], [], method, 1e-6)
     capfd.readouterr()
-    job.work(Outlet(out, out))
+    job.work(Outlet(out, out, Request(job)))
     said = capfd.readouterr().err
     assert bool(re.search(line, said)) == (session.rank == 0)
     assert "continuing" not in said and not session.comm.bcast(list(shared_path.glob("*.resume*")))
     if method == "direct":
-        identity = read_identified(packing, session.comm)[1]
-        key = job.key(identity, method, session.size, job.frequencies())
-        kept = Checkpoint(out, key, session.comm)
+        kept = Checkpoint(out, Request(job).digest, session.comm)
         known = {"singular_bound": (1e-3, 1.0), "factorisations": 1}
         kept.save(0, {"G": 1 + 1j, "bounds": [0.0, 0.0, 0.0], **known}, None)
-        job.work(Outlet(out, out))
+        job.work(Outlet(out, out, Request(job)))
         said = capfd.readouterr().err
         assert ("sweep.h5.resume: 1 frequencies are finished" in said) == (session.rank == 0)
         session.comm.barrier()

@@ -12,6 +12,7 @@ from jampetsc.commands.packing_network import PackingNetwork
 from jampetsc.commands.quasistatic import Quasistatic
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
+from jampetsc.io.request import Request
 from jampetsc.laws.equivalent_damping import EquivalentDamping
 from jampetsc.packing import contacts
 from jampetsc.packing.potentials import Potential
@@ -175,7 +176,7 @@ def test_sweeps_under_power_law_damping(session, path, method, monkeypatch):
     monkeypatch.setattr(Functional, "field_bound", lambda *words: certain.append(real(*words)) or certain[-1])
     name = "sweep_rationally" if method == "rational" else "sweep_directly"
     sweeps = recorded(monkeypatch, modulus_sweep, name)
-    job.work(Outlet(out, out))
+    job.work(Outlet(out, out, Request(job)))
     session.comm.barrier()
     solved, G, bounds = sweeps[0].omega, sweeps[0].G, sweeps[0].bounds
     file = load(out)

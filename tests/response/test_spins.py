@@ -15,7 +15,7 @@ from sweeps import Sweep, errors, judge
 import jampetsc
 from jampetsc.errors import InputError
 from jampetsc.laws.damping import Law, Physics
-from jampetsc.laws.loads import load_text, loads_of, simple_shear, symmetric_loads
+from jampetsc.laws.loads import LoadChoice, simple_shear, symmetric_loads
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import assemble
@@ -67,9 +67,9 @@ SEVERAL = [
 def load_of(dimension):
     """A load with shear, compression and rotation."""
     if dimension == 2:
-        return loads_of(ROTATION, 2)[0]
+        return LoadChoice(ROTATION).of(2)[0]
     gradient = np.array([[0.1, 1.0, 0.3], [-0.8, 0.2, 0.0], [0.5, 0.4, -0.1]])
-    return loads_of(load_text(gradient), 3)[0]
+    return LoadChoice(gradient).of(3)[0]
 
 
 @cache

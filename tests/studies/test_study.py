@@ -238,8 +238,11 @@ def test_a_ladder_is_the_one_that_pack_makes_and_what_is_below_a_packing_that_fa
     monkeypatch.setattr(packings, "make_packing", make)
     whole = study(folder, LADDER)
     assert set(whole["state"]) == {"done"}
-    packs = jampetsc.pack(n=16, pressure=[1e-2, 1e-3, 1e-4], seeds="1:2", ladder=True)
-    expected = dict(zip(itertools.product((1, 2), (1e-2, 1e-3, 1e-4)), packs, strict=True))
+    expected = {}
+    for seed in (1, 2):
+        above = expected[seed, 1e-2] = jampetsc.pack(n=16, pressure=1e-2, seed=seed)
+        for pressure in (1e-3, 1e-4):
+            above = expected[seed, pressure] = jampetsc.pack(from_=above, pressure=pressure)
     for seed, pressure, disks in zip(whole["seed"], whole["pressure"], whole.results(), strict=True):
         assert disks.fingerprint == expected[seed, pressure].fingerprint
         assert disks.record.get("source_sha256") == expected[seed, pressure].record.get("source_sha256")

@@ -17,12 +17,11 @@ import jampetsc
 from jampetsc.analysis.jammed_samples import independent_share
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
-from jampetsc.io import checksums
 from jampetsc.io.atomic import locked
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.request import Request
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.studies import journal, study_run, task_runner
+from jampetsc.studies import journal, study_run
 from jampetsc.studies.journal import Claims, Lock, keep_record, records_of
 from jampetsc.studies.plan import plan, read
 from jampetsc.studies.study_table import numbers_of, rows_of, table_text
@@ -197,12 +196,16 @@ REFUSED = [  # STUDY.toml, how the message goes on behind its name
     ("[pack]\nn = 16.5\npressure = 1", "[pack]: n 16.5: must be a whole number"),
     ("[pack]\nn = 16", "[pack]: pressure, phi: missing. Give one of them"),
     ('[pack]\nn = 16\npressure = ["1e-4", "1e-2,1e-3"]',
-     "[pack]: pressure 1e-2,1e-3: several values in one string. Write a list, pressure = [1e-2,1e-3]"),
+     "[pack]: pressure 1e-2,1e-3: not a single value. Give a list of them in the table [pack]"),
+    ('[pack]\nn = 16\npressure = 1e-2\nseed = "1:3"', "[pack]: seed 1:3: not a single value. Give a list"),
     (f"[pack]\nn = 16\nphi = 1{400 * '0'}", "[pack]: phi inf: must lie in"),
     (f"[pack]\nn = 1{5000 * '0'}", "not TOML ("),
-    ("[pack]\nn = 16\npressure = 7.0", "[pack]: pressure 7.0: must lie in"),
+    ("[pack]\nn = 16\npressure = 7.0", "[pack]: pressure 7: must lie in"),
     ('[pack]\nn = 16\npressure = 1e-2\nseeds = "2:1"', "[pack]: seeds 2:1: must have a last seed"),
     ("[pack]\nn = 16\nphi = [0.9, 0.88]\nladder = true", "[pack]: ladder: a ladder without pressures"),
+    *((f"[pack]\nn = 16\npressure = 1e-2\nladder = {value}", f"[pack]: ladder = {value}: must be true, false or a list")
+      for value in ("1", "[]", "[0, 1]")),
+    (PACK + "[modes]\nladder = true", "[modes]: ladder: no such option"),
     ('[pack]\nn = [16, 32]\nphi = [0.9, 0.95]\nseeds = "1:1000000"', "[pack]: too many tasks, 4000000 (at"),
     (PACK.replace("1:2", "1:300") + f"[sweep]\nbeta = {[0.1] * 333}",
      "[sweep]: too many tasks, 99900 with the 300 before them (at most 100000)"),
@@ -625,9 +628,9 @@ def runner(tmp_path):
     made = TaskRunner(tmp_path, {})
     for task in found:
         (tmp_path / task.file).write_text(task.name)
-        names = [one.name for one in task.inputs]
-        record = {"task": task.name, "state": "done", "inputs": names, "row": {}}
-        made.records[task.name] = record | {"files": made._files([*names, task.name])}
+        record = {"task": task.name, "state": "done", "digest": made._digest(task, task.inputs), "row": {}}
+        inputs = made._identities([source.file for source in task.inputs])
+        made.records[task.name] = record | {"files": made._files(task), "inputs": inputs}
     return made, found
 
 
@@ -646,9 +649,8 @@ def test_what_is_left(runner):
     file.write_text(sweep_.name)
     (runner.folder / pack.file).write_text("24 disks")
     assert left() == (all_three, [pack.file])
-    assert not runner.files_unchanged(runner.records[sweep_.name]) and runner.files_unchanged(
-        runner.records[mean.name]
-    )
+    unchanged = [runner.files_unchanged(runner.records[task.name]) for task in (pack, sweep_, mean)]
+    assert unchanged == [False, False, True]  # as to their files and those that they have read
     (runner.folder / pack.file).write_text(pack.name)
     assert left() == ([], []) and runner.files_unchanged(runner.records[sweep_.name])
     runner.records[pack.name]["state"] = "failed"
@@ -656,20 +658,20 @@ def test_what_is_left(runner):
     del runner.records[pack.name]
     assert left() == (all_three, [])
     found = [mean]
-    for inputs in (runner.records[mean.name]["inputs"][:1], ["another", "one"]):  # a seed more, or others
-        runner.records[mean.name]["inputs"] = inputs
+    for inputs in (mean.inputs[:1], [pack]):  # a seed more, or others
+        runner.records[mean.name]["digest"] = runner._digest(mean, inputs)
         assert left() == ([mean.name], [])
 
 
 def test_what_was_read_counts_and_is_named_where_it_is_not_there(runner):
     runner, found = runner
     sweep_, mean = of(found, "sweep")[0], of(found, "correlate")[0]
-    record, identity = runner.records[mean.name], lambda name: checksums.identity_of(runner.folder / name)
-    assert task_runner._current(record, reversed(mean.inputs), identity)
+    record = runner.records[mean.name]
+    assert record["digest"] == runner._digest(mean, reversed(mean.inputs))
     for task in (sweep_, mean):
         made = runner.run(task, [])
         assert (made["state"], made["why"]) == ("failed", f"{task.inputs[0].file} failed")
-        assert made["inputs"] == [] and made["row"]["command"] == task.command
+        assert "digest" not in made and made["row"]["command"] == task.command
 
 
 def test_a_row_says_what_was_asked_for_before_what_was_found():
@@ -687,7 +689,6 @@ def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
 
     def is_there(**changed):
         request = Request(dataclasses.replace(job, **changed), task.words)
-        request.read(job.paths)
         with ResultWriter(path, "jampetsc-modes", request=request) as writer:
             writer.dataset("eigenvalues", [1.0])
         return runner._is_there(task, job)
@@ -695,7 +696,7 @@ def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
     write_packing(packing, published())
     assert not runner._is_there(task, job)
     assert is_there() and not is_there(count=3)
-    assert not runner._is_there(there, there.settings.job)  # a packing, at which `pack` looks
+    assert not runner._is_there(there, there.settings.job)  # of another job
     result(path, "modes", eigenvalues=[1.0])  # that does not say with which settings
     assert not runner._is_there(task, job)
     is_there()
