@@ -51,7 +51,7 @@ LAWS = {
     "springs in a fluid": bare("custom", transverse=0.3, drag=0.2, spin_drag=0.5, tangential_stiffness=0.4),
     "springs, spins alone damped": bare("custom", spin_drag=0.3, tau1=0.3, tangential_stiffness=0.7),
 }
-ROTATION = load_text([[0.1, 1.0], [-0.8, 0.2]])
+ROTATION = LoadChoice([[0.1, 1.0], [-0.8, 0.2]])
 LAWS["pre-stress"] = physics(
     "custom", normal=0.5, sliding=0.2, drag=0.1, spin_drag=0.3, eta_f=0.4, tangential_stiffness=0.3
 )
