@@ -289,9 +289,9 @@ def matrices(
     overwrite: bool = False,
     progress: bool = False,
 ) -> list[Path]:
-    """Write K, B and the border of a packing or a network for scipy, Matrix Market or PETSc.
+    """Write K, B and the load column of a packing or a network for scipy, Matrix Market or PETSc.
 
-    The matrices of docs/theory/linear_response.md, not scaled and without constraints. With them come their border
+    The matrices of docs/theory/linear_response.md, not scaled and without constraints. With them come their load column
     k_gamma, b_gamma, k_gg, b_gg, the area, the disk and the component of every unknown, and the unknowns to leave out
     where K + i omega B is to be regular (pins). docs/reference/python.md computes G* of them in five lines; in python
     `assemble` gives them without a file.
@@ -309,7 +309,7 @@ def matrices(
     tangential_stiffness : number, default 0
         elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
     load : str, array (D, D) or one of `jampetsc.loads`, default xy
-        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: borders (u, L) and corners (L, L) of all symmetric loads. Moduli are second derivatives of the energy per volume along F = 1 + εE
+        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: columns (u, L) and their products (L, L) of all symmetric loads. Moduli are second derivatives of the energy per volume along F = 1 + εE
     out : name of a file, default None
         file of the result (default: in memory; see `Result.save`)
     checkpoint : name of a file, default None

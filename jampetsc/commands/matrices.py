@@ -1,4 +1,4 @@
-"""K, B and their border as files of scipy, Matrix Market or PETSc."""
+"""K, B and their load columns as files of scipy, Matrix Market or PETSc."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -14,9 +14,9 @@ from jampetsc.petsc import session
 
 @dataclass(frozen=True, eq=False)
 class Matrices(NetworkJob):
-    """Write K, B and the border of a packing or a network for scipy, Matrix Market or PETSc.
+    """Write K, B and the load column of a packing or a network for scipy, Matrix Market or PETSc.
 
-    The matrices of docs/theory/linear_response.md, not scaled and without constraints. With them come their border
+    The matrices of docs/theory/linear_response.md, not scaled and without constraints. With them come their load column
     k_gamma, b_gamma, k_gg, b_gg, the area, the disk and the component of every unknown, and the unknowns to leave out
     where K + i omega B is to be regular (pins). docs/reference/python.md computes G* of them in five lines; in python
     `assemble` gives them without a file.
@@ -29,7 +29,7 @@ class Matrices(NetworkJob):
     GIVES: ClassVar = "the names of the files, a list of Path"
     EPILOG: ClassVar = "examples:\n  jampetsc matrices p.h5 --beta 0.1 --out K.npz"
 
-    load: LoadChoice = load_parameter("borders (u, L) and corners (L, L) of all symmetric loads")
+    load: LoadChoice = load_parameter("columns (u, L) and their products (L, L) of all symmetric loads")
 
     def check_outputs(self, to):
         """Refuse an unknown ending, and outputs that may not be replaced."""

@@ -1,4 +1,4 @@
-"""Files of K, B and their border, as numpy, Matrix Market or PETSc read them."""
+"""Files of K, B and their load columns, as numpy, Matrix Market or PETSc read them."""
 
 import io
 import tempfile
@@ -67,9 +67,9 @@ def _write_petsc(comm, path, matrices):
     numbers = PETSc.Vec().createMPI((len(values) if first else 0, len(values)), comm=comm)
     if first:
         numbers.getArray()[:] = values
-    borders = [getattr(matrices, name) for name in VECTORS]
+    columns = [getattr(matrices, name) for name in VECTORS]
     vectors = [
-        vector for border in borders for vector in (border if isinstance(border, tuple) else (border,))
+        vector for column in columns for vector in (column if isinstance(column, tuple) else (column,))
     ]
     sets = [
         PETSc.IS().createGeneral((rows if first else rows[:0]).astype(PETSc.IntType), comm=comm)

@@ -1,4 +1,4 @@
-"""K, B and the border, the load, of a packing for other programs: as PETSc has them, or gathered for scipy and pymor.
+"""K, B and the load column of a packing for other programs: as PETSc has them, or gathered for scipy and pymor.
 
 With unknowns x and a load of amplitude γ = 1 at frequency ω (BT eqs. 10–14; `laws.loads`: G* is the modulus of the
 energy along F = 1 + γE)
@@ -42,7 +42,7 @@ class PackingMatrices:
     pins: np.ndarray  # unknowns to leave out, so that K + iωB is regular
 
     def to_scipy(self) -> "PackingMatrices":
-        """The same matrices whole on every rank, K and B as csr_array, the border as numpy arrays. Collective."""
+        """The same matrices whole on every rank, K and B as csr_array, load columns as numpy arrays. Collective."""
         if not hasattr(self.K, "getValuesCSR"):
             return self
         comm = self.K.getComm().tompi4py()
@@ -91,7 +91,7 @@ class PackingMatrices:
 
 
 def _whole_border(comm, vectors):
-    """A border vector (u,), or all of a tensor (u, L), on every rank. Collective."""
+    """A load column (u,), or all of a tensor (u, L), on every rank. Collective."""
     if isinstance(vectors, tuple):
         return np.column_stack([_whole_border(comm, vector) for vector in vectors])
     return np.concatenate(comm.allgather(vectors.getArray().real))
@@ -100,17 +100,17 @@ def _whole_border(comm, vectors):
 def build_matrices(network: DistributedNetwork, law: Law, loads=None) -> PackingMatrices:
     """The matrices of a network under a law. Collective.
 
-    loads   one, simple shear if not given, or several, whose borders stand side by side
+    loads   one, simple shear if not given, or several, whose columns stand side by side
     """
     comm, pencil = network.comm, assemble(network, law, pinned=False)
     pencils = [pencil.under(load) for load in loads or [pencil.load]]
-    border = [getattr(pencils[0], name) for name in (*VECTORS, *CORNERS)]
+    of_loads = [getattr(pencils[0], name) for name in (*VECTORS, *CORNERS)]
     if len(pencils) > 1:
-        border = [tuple(getattr(item, name) for item in pencils) for name in VECTORS] + _corners(pencils)
+        of_loads = [tuple(getattr(item, name) for item in pencils) for name in VECTORS] + _corners(pencils)
     particles = np.concatenate(comm.allgather(network.particles))
     component = np.tile(np.arange(pencil.dofs), len(particles))
     return PackingMatrices(
-        pencil.K, pencil.B, *border,
+        pencil.K, pencil.B, *of_loads,
         area=network.volume,
         particles=particles,
         dofs=np.column_stack((np.repeat(particles, pencil.dofs), component)),

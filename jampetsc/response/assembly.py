@@ -1,4 +1,4 @@
-"""Hessian K, damping matrix B and their border, the load, of a contact network, as distributed PETSc matrices.
+"""Hessian K, damping matrix B and their load column, of a contact network, as distributed PETSc matrices.
 
 Unknowns are the non-affine displacements ũ = u − ε E x of a load E (`laws.loads`; at first simple shear, γ y x̂) and,
 where the law couples to them, the spins θ, interleaved (x, y, θ) per disk, (x, y, z, θ_x, θ_y, θ_z) per sphere. A
@@ -28,12 +28,12 @@ ROW = {2: 6.0, 3: 12.0}
 
 @dataclass(frozen=True, eq=False)
 class Pencil:
-    """K + sB and its border for one law and load on one network. Matrices and vectors are distributed alike.
+    """K + sB and its load column for one law and load on one network. Matrices and vectors are distributed alike.
 
     Zero modes of K and B (translations of each connected piece, unless there is drag, and gear modes where disks roll,
     unless there is drag on spins) are removed by pinning one unknown each: its row and column are of the identity
-    (times k) in K and zero in B, and its border entries are zero. The response does not depend on the choice, because
-    K, B and the border vanish on these modes. Those that the fluid damps are removed by `project` instead.
+    (times k) in K and zero in B, and zero in the load column. The response does not depend on the choice, because
+    K, B and the load column vanish on these modes. Those that the fluid damps are removed by `project` instead.
     """
 
     network: DistributedNetwork
@@ -145,14 +145,14 @@ class Pencil:
     def gathered(self) -> "Pencil":
         """A copy with all rows on every rank, on COMM_SELF; its contacts remain on this rank. Collective."""
         PETSc, MPI, comm = current().PETSc, current().MPI, self.network.comm
-        border = (
+        columns = (
             np.concatenate(comm.allgather(vector.getArray())) for vector in (self.k_gamma, self.b_gamma)
         )
         return Pencil(
             replace(self.network, comm=MPI.COMM_SELF, first=0, last=self.network.n),
             self.law, self.pieces,
             *(matrix.getRedundantMatrix(comm.size) for matrix in (self.K, self.B)),
-            *(PETSc.Vec().createWithArray(values, comm=PETSc.COMM_SELF) for values in border),
+            *(PETSc.Vec().createWithArray(values, comm=PETSc.COMM_SELF) for values in columns),
             self.k_gg, self.b_gg, self.pins, self.load, self.compatibility,
         )  # fmt: skip
 
@@ -173,7 +173,7 @@ class Pencil:
 
 
 def assemble(network: DistributedNetwork, law: Law, pinned: bool = True) -> Pencil:
-    """K, B and the border, in the scalar type of the running PETSc. Collective.
+    """K, B and the load column, in the scalar type of the running PETSc. Collective.
 
     pinned   whether zero modes are pinned, see `Pencil`; False leaves K + sB singular on them
     """

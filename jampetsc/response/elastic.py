@@ -5,7 +5,7 @@ strain that moves the contacts by g, the field x that minimises
 
     E(x) = Σ_c w (C x + g)² + Σ drag x²
 
-obeys r = Cᵀ w (C x + g) + drag x = 0. At the minimum E = Σ w g (C x + g) as well (the border's form,
+obeys r = Cᵀ w (C x + g) + drag x = 0. At the minimum E = Σ w g (C x + g) as well (the form of the load column,
 k_γγ + k_γᵀx): their difference is xᵀr. `relax` refines such fields by a given factor and estimates their error.
 """
 

@@ -155,12 +155,12 @@ class Factors:
         pencil   with the load; its K and B are as in the factors
         """
         s = closest(self.owner, s)
-        border = SimpleNamespace(k_gamma=self._border(pencil.k_gamma), b_gamma=self._border(pencil.b_gamma))
-        x = self._by_owner(s, lambda factor: field_at(border, factor, s))
+        columns = SimpleNamespace(k_gamma=self._column(pencil.k_gamma), b_gamma=self._column(pencil.b_gamma))
+        x = self._by_owner(s, lambda factor: field_at(columns, factor, s))
         return s, self._scatter(x, self.owner[s])
 
-    def _border(self, vector):
-        """All entries of a border vector, as the factors have them."""
+    def _column(self, vector):
+        """All entries of a load column, as the factors have them."""
         if not self._alone:
             return vector
         whole = self.whole.K.createVecRight()
