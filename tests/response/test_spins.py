@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 from dense import NetworkReference, Reference
-from gathered import dense, unknowns, whole
 from samples import SAMPLES, errors_of, network_of, on_ranks, physics, published
 from spheres import SPHERES
 from springs import pulling_springs, random_springs
 from sweeps import Sweep, errors, judge
+from whole_arrays import dense, unknowns, whole
 
 import jampetsc
 from jampetsc.errors import InputError
@@ -67,7 +67,7 @@ SEVERAL = [
 def load_of(dimension):
     """A load with shear, compression and rotation."""
     if dimension == 2:
-        return LoadChoice(ROTATION).of(2)[0]
+        return ROTATION.of(2)[0]
     gradient = np.array([[0.1, 1.0, 0.3], [-0.8, 0.2, 0.0], [0.5, 0.4, -0.1]])
     return LoadChoice(gradient).of(3)[0]
 
