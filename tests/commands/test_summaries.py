@@ -11,6 +11,7 @@ from jampetsc.commands import collapse, correlate, modes, oscillate, quasistatic
 from jampetsc.io.results import noted
 from jampetsc.laws.damping import Physics, damping_law
 from jampetsc.laws.equivalent_damping import EquivalentDamping
+from jampetsc.laws.loads import LoadChoice
 from jampetsc.studies import study_job
 
 PHYSICS = Physics(damping_law())
@@ -20,7 +21,7 @@ SOURCE = SimpleNamespace(network=SimpleNamespace(pressure=2e-3, k=2.0), stress_s
 
 
 def summary_of_sweep(omega, G, bounds, certified=True, alpha=None, stress=None):
-    job = SimpleNamespace(physics=PHYSICS, alpha=alpha, stress=stress, load="xy")
+    job = SimpleNamespace(physics=PHYSICS, alpha=alpha, stress=stress, load=LoadChoice("xy"))
     frequencies = sweep.SweepFrequencies(omega, omega + 3.0, omega[:0])
     return sweep._summary(job, "s.h5", None, frequencies, modulus_sweep(omega + 3.0, G, bounds), certified)
 
@@ -49,7 +50,7 @@ def test_a_strain_that_would_change_contacts(stress, told):
     G, bounds = np.array([4.0 + 0j, 2.0j]), np.ones((2, 3))
     said = summary_of_sweep(omega, G, bounds, alpha=0.5, stress=stress)
     assert "equivalent linear frequencies 4 to 5; the stored" in said
-    job, damping = SimpleNamespace(stress=stress, load="xy"), EquivalentDamping(0.5, stress / 2.0)
+    job, damping = SimpleNamespace(stress=stress, load=LoadChoice("xy")), EquivalentDamping(0.5, stress / 2.0)
     notes = sweep.notes_of(job, SOURCE, omega, modulus_sweep(omega, G, bounds), damping)
     assert [
         f"strain amplitude up to {stress / 2:.1e}, more than p/k = 1.0e-03" in note for note in notes
@@ -59,7 +60,7 @@ def test_a_strain_that_would_change_contacts(stress, told):
 
 
 def test_a_modulus_below_its_bound_below_zero_is_noted():
-    omega, bounds, job = np.array([1e-3, 1.0]), np.full((2, 3), 0.01), SimpleNamespace(load="xy")
+    omega, bounds, job = np.array([1e-3, 1.0]), np.full((2, 3), 0.01), SimpleNamespace(load=LoadChoice("xy"))
     found = [modulus_sweep(omega, np.array([real + 1j, 1.0]), bounds) for real in (-0.02, -0.005)]
     (note,) = sweep.notes_of(job, SOURCE, omega, found[0], None)
     assert note.startswith("unstable to shear: G' at omega 0.001 = -0.02. ") and "--stabilise shear" in note
@@ -115,7 +116,12 @@ def test_a_study_tells_what_failed_and_what_its_runs_noted():
 def test_an_oscillation_tells_both_ends_of_its_frequencies():
     omega = np.array([0.1, 1.0, 10.0])
     asked = SimpleNamespace(
-        alpha=1.0, physics=PHYSICS, amplitude=np.array([1e-6]), omega=omega, control="strain", load="xy"
+        alpha=1.0,
+        physics=PHYSICS,
+        amplitude=np.array([1e-6]),
+        omega=omega,
+        control="strain",
+        load=LoadChoice("xy"),
     )
     arrays = {
         "G": np.array([[1 + 1j, 2 + 2j, 3 + 4j]]), "error": np.array([[1e-3, 1e-3, 1e-1]]),

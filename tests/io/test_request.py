@@ -179,7 +179,7 @@ def test_another_version_of_the_format_is_another_job(here, monkeypatch):
     monkeypatch.setattr(request, "FORMAT_VERSION", "9.0")
     later = Request(Sweep("p.h5"))
     assert later.digest != first.digest
-    assert later.differences(text) == "format_version = 1.1, not 9.0"
+    assert later.differences(text) == f"format_version = {FORMAT_VERSION}, not 9.0"
 
 
 def test_a_default_that_changes_is_another_job(here, monkeypatch):
