@@ -30,6 +30,7 @@ from jampetsc.io.packing_file import write_packing
 from jampetsc.io.request import Request
 from jampetsc.options.parameters import parameters
 from jampetsc.studies.plan import plan
+from jampetsc.version import FORMAT_VERSION
 
 
 def digest(asked):
