@@ -24,7 +24,7 @@ UNSET_PATH = 1e300  # as path where no inner list was made yet
 class StepConstants(NamedTuple):
     """Constants of the time steps from one pair list to the next."""
 
-    law: tuple  # `Potential.constants`
+    potential: tuple  # `Potential.constants`
     weights: tuple  # (c_∥, c_⊥, c_s) of contacts
     drag: float  # of a disk, force over velocity
     mass: float
@@ -164,7 +164,7 @@ def squares_of(u, like):
 @nested(FAST, forceinline=True)
 def write_terms(constants, bonds, xy, squares, row):
     """The terms of TALLY of one domain into `row`; bonds: Sums of its forces; xy, squares: see `squares_of`."""
-    alpha = 2.5 if constants.law[1] else 2.0
+    alpha = 2.5 if constants.potential[1] else 2.0
     row[0] = bonds.elastic_xy
     row[1] = elastic_trace(bonds)
     row[2] = bonds.viscous_xy

@@ -111,7 +111,7 @@ class StepwiseShear(ListedPacking):
         self.steps = 0
         self.last_displacement = np.zeros(disks.base.shape)  # non-affine displacement in the last step,
         self._displacement = np.zeros(disks.base.shape)  # and in this one
-        self._unit, self._law = stress_unit(disks), disks.potential.constants
+        self._unit, self._potential = stress_unit(disks), disks.potential.constants
         self._memory = warm_start.nothing_remembered(disks.base.shape)
         super().__init__(self._quench(disks), SKIN_RANGE[1], team)
 
@@ -152,10 +152,10 @@ class StepwiseShear(ListedPacking):
         self._anchor = self.reference, self.last_displacement.copy(), self.steps, replace(self.effort)
         self._needs_proof = self.tolerance > NEWTON_START_FORCE  # forces as large also rest on slopes
         self._find_order()
-        law, state = self.reference.potential, measure(self.reference)
+        potential, state = self.reference.potential, measure(self.reference)
         pressure = max(state.pressure, MIN_JAMMED_PRESSURE * self._unit)
-        usual = law.overlap_at(2.0 * typical_force(self.reference, pressure), self.diameter)
-        self._stiffness = float(law.contact_stiffness(usual, self.diameter))
+        usual = potential.overlap_at(2.0 * typical_force(self.reference, pressure), self.diameter)
+        self._stiffness = float(potential.contact_stiffness(usual, self.diameter))
         changes = state.contacts.stiffness * state.contacts.distance
         ends = state.contacts.i, state.contacts.j
         self._floor = force_floor(self._stiffness * self.diameter, self.reference.n, *ends, changes)
@@ -174,7 +174,7 @@ class StepwiseShear(ListedPacking):
         """Factorise the present Hessian, and clear the memory of L-BFGS."""
         while True:
             self._factor = warm_start.factor_of(
-                self._order, self.pairs, self.offsets, self.shear, self._law,
+                self._order, self.pairs, self.offsets, self.shear, self._potential,
                 MAX_CONTACT_GAP * self.diameter, HESSIAN_SHIFT_RATIO * self._stiffness, self._stiffness,
             )  # fmt: skip
             entries = len(self._factor[2])
@@ -192,7 +192,7 @@ class StepwiseShear(ListedPacking):
             MIN_JAMMED_PRESSURE * self._unit, unit, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
         state = self._factor, self._memory, self.offsets, self._displacement, forces
-        return warm_start.follow(self.pairs, self._law, scalars, *state)
+        return warm_start.follow(self.pairs, self._potential, scalars, *state)
 
     def _follow(self):
         """Descend to the minimum; the sums of `bond_forces` there, None if MAX_STEP_EVALUATIONS do not reach it."""
@@ -239,7 +239,7 @@ class StepwiseShear(ListedPacking):
             minimum = self._minimum_state(sums)
             if self._needs_proof or self.steps % RESTART_STEPS == 0:
                 proved = warm_start.is_minimum(
-                    self._order, self.pairs, self.offsets, self.shear, self._law, self._stiffness
+                    self._order, self.pairs, self.offsets, self.shear, self._potential, self._stiffness
                 )
                 sums = sums if proved else None
         if sums is None:  # rearrangements without end, or a saddle: a quench, which leaves saddles
@@ -271,7 +271,9 @@ class StepwiseShear(ListedPacking):
 
     def _minimum_state(self, sums):
         disks, n = self.reference, self.reference.n
-        contacts, stiffness, alike = warm_start.contacts_at(self.pairs, self.offsets, self.shear, self._law)
+        contacts, stiffness, alike = warm_start.contacts_at(
+            self.pairs, self.offsets, self.shear, self._potential
+        )
         self.affine_modulus = stiffness / self.volume
         self._needs_proof |= bool(alike > MAX_ALIKE_RATIO)
         energy = sums.energy / disks.potential.alpha

@@ -138,9 +138,9 @@ class Descent(ListedPacking):
 
     def usual_overlap(self, pressure: float | None = None) -> float:
         """Overlap of a contact of the force 2 p d^(D−1), p the given pressure, the target's, or else 1e-3 k."""
-        law, d = self.potential, self.diameter
+        potential, d = self.potential, self.diameter
         pressure = pressure or self.goal.pressure or 1e-3 * stress_unit(self.reference)
-        return law.overlap_at(2.0 * self.force_at(pressure), d)
+        return potential.overlap_at(2.0 * self.force_at(pressure), d)
 
     def usual_stiffness(self, pressure: float | None = None) -> float:
         """Stiffness of a contact of `usual_overlap`."""
@@ -184,7 +184,7 @@ class Descent(ListedPacking):
     def task(self, force: float, box_force: float, steps: int) -> LbfgsProblem:
         """The arguments of the next compiled steps."""
         return LbfgsProblem(
-            law=self.potential.constants,
+            potential=self.potential.constants,
             moving=self.moving,
             push=(self.goal.pressure or 0.0) * self.reference.volume,
             scale=float(np.sqrt(self.n)) * self.diameter,

@@ -131,9 +131,9 @@ def cross(a, b):
 
 
 @nested(False)
-def pair_energy(r, sigma, law):
-    """V of one pair with the bond vector r; law = `Potential.constants`."""
+def pair_energy(r, sigma, potential):
+    """V of one pair with the bond vector r; potential: `Potential.constants`."""
     overlap = sigma - np.sqrt(inner(r, r))
     if overlap <= 0.0:
         return 0.0
-    return secant(overlap, sigma, law) * overlap * overlap / (2.5 if law[1] else 2.0)
+    return secant(overlap, sigma, potential) * overlap * overlap / (2.5 if potential[1] else 2.0)

@@ -84,9 +84,16 @@ def find_contacts(disks: Particles, rows=None) -> Contacts:
     overlap = sigma - distance
     touching = overlap > 0
     i, j, r, distance, sigma, overlap = (a[touching] for a in (i, j, r, distance, sigma, overlap))
-    law = disks.potential
+    potential = disks.potential
     return Contacts(
-        i, j, r, distance, law.force(overlap, sigma), law.contact_stiffness(overlap, sigma), overlap, sigma
+        i,
+        j,
+        r,
+        distance,
+        potential.force(overlap, sigma),
+        potential.contact_stiffness(overlap, sigma),
+        overlap,
+        sigma,
     )
 
 

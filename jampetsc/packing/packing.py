@@ -55,8 +55,8 @@ class Packing(Particles):
         geometry = geometry_of(positions, cell, dimension)
         if k.ndim:
             raise InputError(f"k of shape {k.shape}: must be one number")
-        law = Potential(potential, stiffness, float(k))
-        exact = Packing.from_positions(geometry.positions, radii, geometry.cell, law).with_measurements()
+        forces = Potential(potential, stiffness, float(k))
+        exact = Packing.from_positions(geometry.positions, radii, geometry.cell, forces).with_measurements()
         self.__dict__.update(exact.__dict__)
 
     def __repr__(self):
@@ -187,8 +187,8 @@ class Packing(Particles):
 
         The same for a packing in a file, however a coordinate is divided between base and offset.
         """
-        law = f"{self.potential.kind} {self.potential.stiffness} {float(self.potential.k).hex()} {self.n}"
-        digest = hashlib.sha256(law.encode())
+        header = f"{self.potential.kind} {self.potential.stiffness} {float(self.potential.k).hex()} {self.n}"
+        digest = hashlib.sha256(header.encode())
         for array in (*join(self.base, self.offset), self.radii, *join(self.cell_base, self.cell_offset)):
             digest.update(np.ascontiguousarray(array + 0.0, "<f8"))  # + 0.0: -0 and 0 are one number
         return digest.hexdigest()
