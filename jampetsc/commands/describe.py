@@ -110,7 +110,7 @@ def describe_packing(path, disks) -> str:
     rows = [
         (f"{path}: packing of {disks.n} {PARTICLES[disks.dimension]}",),
         ("made by", str(record.pop("protocol", "unknown"))),
-        ("potential", f"{potential.kind}, stiffness {potential.stiffness}, k = {potential.k:g}"),
+        ("potential", f"{potential}, stiffness {potential.stiffness}, k = {potential.k:g}"),
         ("radii", f"{radii.min():.6g} to {radii.max():.6g}, mean diameter {letter} = {diameter:.6g}"),
         ("units", units_line(name_stress_unit(potential, disks.dimension), potential.k).partition(": ")[2]),
         ("cell", f"{cell_text(disks.cell)}, V = {disks.volume:.9g}"),

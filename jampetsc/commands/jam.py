@@ -24,9 +24,9 @@ from jampetsc.options.starts import (
     minimum_tolerance_parameter,
     random_particles_lines,
 )
-from jampetsc.options.values import SEEDS, SIZES, Numbers, number_list
+from jampetsc.options.values import EXPONENT, SEEDS, SIZES, Numbers, number_list
 from jampetsc.packing.packing import PARTICLES
-from jampetsc.packing.potentials import EXPONENTS, Potential
+from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, Potential
 from jampetsc.packing.units import name_stress_unit, units_line
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
@@ -72,7 +72,8 @@ A killed run continues when the same command is given again. Options of the Newt
         help="a sample at each packing fraction for each seed, both ends included", value_type=SEEDS
     )
     sizes: str = parameter(DEFAULT_SIZES, SIZES_HELP, value_type=SIZES)
-    potential: str = parameter("harmonic", "energy of an overlap", choices=EXPONENTS)
+    potential: str = parameter(DEFAULT_POTENTIAL, "energy of an overlap", choices=EXPONENTS)
+    exponent: float | None = optional_parameter(**EXPONENT)
     tolerance: float = minimum_tolerance_parameter()
     protocol: str = parameter("random", "how samples are made", choices=tuple(PROTOCOLS))
     separated: bool = parameter(False, "large particles start on one side of the cell, small on the other")
@@ -101,8 +102,14 @@ A killed run continues when the same command is given again. Options of the Newt
     def check(self):
         """Refuse options of other protocols, too many samples, and sizes that so few particles cannot have."""
         radii_of(self.sizes, self.n)
+        _ = self.made_potential  # raises InputError
         if self.count > MAX_SAMPLES:
             raise InputError(f"{self.count} samples: at most {MAX_SAMPLES} in one result")
+
+    @property
+    def made_potential(self) -> Potential:
+        """The potential of the samples. Raises InputError."""
+        return Potential(self.potential, STIFFNESS, exponent=self.exponent)
 
     @property
     def made_protocol(self) -> SampleProtocol:
@@ -135,7 +142,7 @@ A killed run continues when the same command is given again. Options of the Newt
                 resume = saved_rows(checkpoint)
         resume = comm.bcast(resume and resume[0])
         radii = in_small_diameters(radii_of(self.sizes, self.n))
-        potential = Potential(self.potential, STIFFNESS)
+        potential = self.made_potential
         size, starts = batch_size(protocol, comm.size), len(self.phi) * len(self.seeds)
         finished = len(resume["phi"]) // protocol.rows if resume else 0
         with Progress(-(-starts // size), "jam", comm.rank, finished // size) as progress:
@@ -156,7 +163,7 @@ A killed run continues when the same command is given again. Options of the Newt
                 ),
             )
         facts = {
-            "stiffness": STIFFNESS,
+            **{name: value for name, value in potential.record.items() if name != "k"},
             "stress_unit": name_stress_unit(potential, self.dimension),
             "units": UNITS,
             "energy_cut": ENERGY_CUT,
@@ -164,7 +171,6 @@ A killed run continues when the same command is given again. Options of the Newt
             "particle_count": self.n,
             **({"dimension": 3} if self.dimension == 3 else {}),
             "sizes": self.sizes,
-            "potential": self.potential,
             "tolerance": self.tolerance,
         }
         notes = _notes(columns)

@@ -12,9 +12,9 @@ from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP
 from jampetsc.minimisation.sizes import MAX_DISKS, MIN_DISKS, Radii, radii_asked, sizes_text
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, STRESS_UNIT
+from jampetsc.options.values import EXPONENT, MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, STRESS_UNIT
 from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES, Packing
-from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, STIFFNESSES, Potential
 from jampetsc.packing.units import stress_unit_of
 from jampetsc.petsc import session
 
@@ -33,6 +33,7 @@ PARTICLE_PARAMETERS = (
     "n",
     "dimension",
     "potential",
+    "exponent",
     "stiffness",
     "sizes",
     "radii",
@@ -85,7 +86,10 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         "0.84 and 0.64)",
         above=0.0,
     )
-    potential: str | None = packing_parameter("energy of an overlap (default harmonic)", choices=EXPONENTS)
+    potential: str | None = packing_parameter(
+        f"energy of an overlap (default {DEFAULT_POTENTIAL})", choices=EXPONENTS
+    )
+    exponent: float | None = packing_parameter(**EXPONENT)
     stiffness: str | None = packing_parameter(
         "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
@@ -132,7 +136,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.from_ is None:
             radii = radii_asked(self.n, self.sizes, self.radii)
             self._check_phi(self.dimension or 2)
-            self._check_pressure(stress_unit_of(radii, self._law, self.dimension or 2))
+            self._check_pressure(stress_unit_of(radii, self._potential, self.dimension or 2))
             return
         for name in PARTICLE_PARAMETERS:
             if getattr(self, name) is not None:
@@ -162,12 +166,14 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.from_ is not None:
             return {}
         sizes = {} if self.radii is not None else {"sizes": DEFAULT_SIZES}
-        return {"dimension": 2, "potential": "harmonic", "stiffness": "constant", "seed": 1} | sizes
+        return {"dimension": 2, "potential": DEFAULT_POTENTIAL, "stiffness": STIFFNESSES[0], "seed": 1} | sizes
 
     @property
-    def _law(self):
+    def _potential(self):
         """The potential of random particles."""
-        return Potential(self.potential or "harmonic", self.stiffness or "constant")
+        return Potential(
+            self.potential or DEFAULT_POTENTIAL, self.stiffness or STIFFNESSES[0], exponent=self.exponent
+        )
 
     def check_outputs(self, to):
         """See `Job`; also refuse a file to start from that is not a packing."""
@@ -216,7 +222,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             record = how | {"sizes": sizes_text(self.sizes, self.radii), "requested_n": self.n or 0}
             seed = 1 if self.seed is None else self.seed
             return start_at_random(
-                radii, self._law, self.target, seed, record, self.dimension or 2, keeps_order
+                radii, self._potential, self.target, seed, record, self.dimension or 2, keeps_order
             )
         with about(source_name(self.from_)):
             start = start_from_packing(self.from_, self.target, how)

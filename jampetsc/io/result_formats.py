@@ -2,6 +2,7 @@
 
 from jampetsc.io.declaration import Format
 from jampetsc.io.provenance import PROVENANCE
+from jampetsc.packing.potentials import EXPONENTS, MAX_EXPONENT, MIN_EXPONENT, STIFFNESSES
 
 SWEEP = Format(
     datasets=r"""
@@ -202,10 +203,15 @@ regularisation | float | | force below which a contact counts as linear, over th
     common=PROVENANCE,
 )
 
-_DISKS = """
+POTENTIAL_ROWS = f"""
+potential | text in {" ".join(EXPONENTS)} | | energy of an overlap
+exponent | float? | | α of the potential `power`, from {MIN_EXPONENT:g} to {MAX_EXPONENT:g}
+stiffness | text in {" ".join(STIFFNESSES)} | | convention of the contact stiffness
+""".strip()
+
+_DISKS = f"""
 units | text | | of the disks
-potential | text in harmonic hertzian | | likewise
-stiffness | text in constant inverse-square-diameter | | likewise
+{POTENTIAL_ROWS}
 dimension | int in 2 3? | | 3 for spheres, else missing
 sizes | text? | | law of the sizes, or list of radii, where the run has made the particles
 """
@@ -384,7 +390,7 @@ notes | text? | | warnings about these numbers, separated by `; `
 chi2, dof, probability | float, int > 0, float | | χ², degrees of freedom, probability of a χ² at least as large
 common_share | float? | | share of the squared errors that is fitted as common to a rate or size
 potential, stiffness, units, sizes, model, protocol | text? | | of the files
-mass | float? | | of the files
+mass, exponent | float? | | of the files
 """,
     common=PROVENANCE,
 )

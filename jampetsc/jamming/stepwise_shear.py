@@ -276,7 +276,7 @@ class StepwiseShear(ListedPacking):
         )
         self.affine_modulus = stiffness / self.volume
         self._needs_proof |= bool(alike > MAX_ALIKE_RATIO)
-        energy = sums.energy / disks.potential.alpha
+        energy = sums.energy / disks.potential.exponent
         return MinimumState(
             energy,
             -sums.elastic_xy / self.volume,

@@ -9,7 +9,16 @@ import numpy as np
 
 from jampetsc.minimisation.lbfgs_kernels import dot
 from jampetsc.minimisation.ldl import diagonal_of, factorise, solve, space_diagonal_of
-from jampetsc.packing.bond import bond_vector, difference, entry, inner, row, secant, simple_shear
+from jampetsc.packing.bond import (
+    bond_vector,
+    difference,
+    entry,
+    inner,
+    row,
+    secant,
+    simple_shear,
+    tangent_ratio,
+)
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled, nested
 from jampetsc.packing.kernel import bond_forces, elastic_trace
 from jampetsc.packing.neighbour_list import is_stale
@@ -59,7 +68,6 @@ def springs(pairs, o, strain, potential, nearby, stress):
 @nested(FAST, forceinline=True)
 def _springs(i, j, r0, sigma, o, strain, potential, nearby, stress):
     """`springs`, of the arrays of the pairs."""
-    alpha = 2.5 if potential[1] else 2.0
     blocks, chosen = np.zeros((len(i), len(r0), len(r0))), np.zeros(len(i), np.bool_)
     for p in range(len(i)):
         a, b = i[p], j[p]
@@ -73,7 +81,8 @@ def _springs(i, j, r0, sigma, o, strain, potential, nearby, stress):
             continue
         chosen[p] = True
         f = stress * secant(max(d, 0.0), sigma[p], potential) * max(d, 0.0) / r
-        k = (alpha - 1.0) * secant(d if d > 0.0 else nearby, sigma[p], potential)
+        depth = d if d > 0.0 else nearby
+        k = tangent_ratio(depth, sigma[p], potential) * secant(depth, sigma[p], potential)
         if d <= 0.0:
             k *= 0.5
         if len(r0) == 3:
@@ -185,8 +194,7 @@ def contacts_at(pairs, o, g, potential):
     symmetry, which maps contacts onto others, makes it half of them or more.
     """
     i, j, r0, sigma = pairs.i, pairs.j, pairs.r0, pairs.sigma
-    strain, alpha = simple_shear(g), 2.5 if potential[1] else 2.0
-    number, modulus = 0, 0.0
+    strain, number, modulus = simple_shear(g), 0, 0.0
     overlaps = np.empty(len(i))
     for p in range(len(i)):
         a, b = i[p], j[p]
@@ -194,8 +202,8 @@ def contacts_at(pairs, o, g, potential):
         square = inner(r, r)
         if square < sigma[p] * sigma[p]:
             number += 1
-            overlaps[number - 1] = sigma[p] - np.sqrt(square)
-            k = (alpha - 1.0) * secant(overlaps[number - 1], sigma[p], potential)
+            d = overlaps[number - 1] = sigma[p] - np.sqrt(square)
+            k = tangent_ratio(d, sigma[p], potential) * secant(d, sigma[p], potential)
             modulus += k * (r[0] * r[1]) ** 2 / square
     bins = CELLS * max(number, 1)
     taken, alike, total = np.zeros(bins, np.bool_), 0, np.sum(overlaps[:number])

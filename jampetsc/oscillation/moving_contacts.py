@@ -157,7 +157,7 @@ class MovingContacts(ListedPacking):
         deeper = -np.sum(mean_bond * change, axis=0) / (after.bonds.distance + before.bonds.distance)
         old, new = (np.maximum(state.bonds.overlap, 0.0) for state in (before, after))
         energy, little = potential.energy(old, pairs.sigma), np.abs(deeper) < 0.5 * old
-        grown = np.expm1(potential.alpha * np.log1p(deeper[little] / old[little]))
+        grown = np.expm1(potential.exponent * np.log1p(deeper[little] / old[little]))
         much = (potential.energy(new, pairs.sigma) - energy)[~little]
         return float(np.sum(energy[little] * grown) + np.sum(much))
 

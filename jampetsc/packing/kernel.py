@@ -28,6 +28,7 @@ from jampetsc.packing.bond import (
     bond_vector,
     cross,
     difference,
+    energy_term,
     entry,
     inner,
     put,
@@ -96,7 +97,7 @@ def _block_forces(r0, sigma, b, moving, strain, potential, motion, rolling):
         d = sigma[q] - r
         d = d if d > 0.0 else 0.0
         f = secant(d, sigma[q], potential) * d
-        energy += f * d
+        energy += energy_term(f, d, sigma[q], potential)
         w = scaled(f / r, bond)
         wxx += w[0] * bond[0]
         wxy += w[0] * bond[1]
@@ -216,7 +217,6 @@ def add_forces(pairs, first, middle, last, o, strain, potential, forces, motion,
     """
     i, j, r0, sigma = pairs
     b, moving = _bonds_of_block(room, r0), room[2]
-    k, hertzian, by_diameter = potential
     in_space = len(r0) == 3
     if motion is not None:
         velocities = _velocities_of_block(moving, r0)
@@ -244,10 +244,12 @@ def add_forces(pairs, first, middle, last, o, strain, potential, forces, motion,
         inside = np.uint64(0), end - begin
         arrays = _part(r0, begin, end), sigma[begin:end], _part(b, inside[0], inside[1]), moving
         # With a flag that is not constant the compiler computes the root of a Hertzian potential for every one.
-        if hertzian:
-            sums = _block_forces(*arrays, strain, (k, True, by_diameter), motion, rolling)
+        if len(potential) != 3:
+            sums = _block_forces(*arrays, strain, potential, motion, rolling)
+        elif potential[1]:
+            sums = _block_forces(*arrays, strain, (potential[0], True, potential[2]), motion, rolling)
         else:
-            sums = _block_forces(*arrays, strain, (k, False, by_diameter), motion, rolling)
+            sums = _block_forces(*arrays, strain, (potential[0], False, potential[2]), motion, rolling)
         energy += weight * sums[0]
         wxx += weight * sums[1]
         wxy += weight * sums[2]

@@ -232,7 +232,7 @@ def test_time_steps_depend_on_k_tau1_and_the_potential():
         assert scheme_for(Model(law), stiff, 1e-4).step == pytest.approx(step)  # k τ₁ / k
         slower = Model(replace(law, tau1=2.0 * law.tau1))
         assert scheme_for(slower, disks, 1e-4).step == pytest.approx(2 * step)
-        hertzian = disks.replace(potential=replace(disks.potential, kind="hertzian"))
+        hertzian = disks.replace(potential=Potential("hertzian", disks.potential.stiffness))
         assert scheme_for(Model(law), hertzian, 1e-4).step == pytest.approx(step / 1.5)
     for given, m, wanted in ((disks, 0.5, 0.05), (stiff, 0.4, 0.01), (stiff, 10.0, 0.1 * np.sqrt(2.5))):
         flying = scheme_for(Model(Law("some", normal=1.0), m), given, 1e-4)
