@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from jampetsc.commands.describe import cell_text, describe_network
-from jampetsc.commands.pack import PRESSURES
+from jampetsc.commands.pack import pressure_range
 from jampetsc.errors import InputError, named, option_word
 from jampetsc.io.exchange import READERS
 from jampetsc.io.importers import import_packing
@@ -22,7 +22,6 @@ from jampetsc.options.values import EXPONENT
 from jampetsc.packing.contacts import BALANCED, IMBALANCE, imbalance, measure
 from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES
 from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, SETTINGS, STIFFNESSES
-from jampetsc.packing.units import stress_unit_of
 
 # options on how a file is read, of packings and networks
 READING = ("format", "radius", "column_holds", "columns", "box", "dimension")
@@ -199,13 +198,11 @@ def _way_to_minimum(path, disks) -> str:
 
     At its φ, or at its p where `pack` refuses that φ.
     """
-    (low, high), pressure = (
-        MINIMISED_PHIS[disks.dimension],
-        disks.pressure / stress_unit_of(disks.radii, disks.potential, disks.dimension),
-    )
+    low, high = MINIMISED_PHIS[disks.dimension]
+    lowest, highest = pressure_range(disks.radii, disks.potential, disks.dimension)
     if low <= disks.phi <= high:
         goal = f"--phi {disks.phi!r}"
-    elif disks.phi < low and PRESSURES[0] <= pressure <= PRESSURES[1]:
+    elif disks.phi < low and lowest <= disks.pressure <= highest:
         goal = f"--pressure {disks.pressure:.6g}"
     else:
         return ""

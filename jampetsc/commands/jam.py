@@ -131,7 +131,7 @@ A killed run continues when the same command is given again. Options of the Newt
     def work(self, to):
         from jampetsc.commands.run_files import run_provenance, save_rows, saved_rows
         from jampetsc.jamming.samples import batch_size, make_samples
-        from jampetsc.jamming.stepwise_shear import ENERGY_CUT
+        from jampetsc.jamming.stepwise_shear import energy_cut
         from jampetsc.petsc.hessian_solver import HessianSolver
 
         start_time, running, protocol = time.perf_counter(), session.current(), self.made_protocol
@@ -166,7 +166,7 @@ A killed run continues when the same command is given again. Options of the Newt
             **{name: value for name, value in potential.record.items() if name != "k"},
             "stress_unit": name_stress_unit(potential, self.dimension),
             "units": UNITS,
-            "energy_cut": ENERGY_CUT,
+            "energy_cut": energy_cut(potential),
             "protocol": protocol.name,
             "particle_count": self.n,
             **({"dimension": 3} if self.dimension == 3 else {}),

@@ -18,7 +18,7 @@ from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, STIFFNESSE
 from jampetsc.packing.units import stress_unit_of
 from jampetsc.petsc import session
 
-PRESSURES = (1e-8, 1.0)  # over `stress_unit_of` the particles
+PRESSURES = (1e-8, 1.0)  # over `stress_unit_of` the particles, see `pressure_range`
 TOLERANCES = (1e-13, 1e-4)
 ROUNDING = 1e-12  # relative, of limits in other units
 PHI_REMEDY = (
@@ -38,6 +38,13 @@ PARTICLE_PARAMETERS = (
     "sizes",
     "radii",
 )  # fixed by a packing to start from
+
+
+def pressure_range(radii, potential: Potential, dimension: int) -> tuple[float, float]:
+    """Lowest and highest pressure of packings of these radii (N,)."""
+    low, high = PRESSURES
+    unit = stress_unit_of(radii, potential, dimension)
+    return potential.force_limit(low) * unit, high * unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +143,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.from_ is None:
             radii = radii_asked(self.n, self.sizes, self.radii)
             self._check_phi(self.dimension or 2)
-            self._check_pressure(stress_unit_of(radii, self._potential, self.dimension or 2))
+            self._check_pressure(radii, self._potential, self.dimension or 2)
             return
         for name in PARTICLE_PARAMETERS:
             if getattr(self, name) is not None:
@@ -152,9 +159,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
                 f"{named('phi')} {self.phi:g}: must lie in [{low:g}, {high:g}] for {PARTICLES[dimension]}. {remedy}"
             )
 
-    def _check_pressure(self, unit):
-        """Refuse a pressure out of range for particles whose stress of order one is `unit`."""
-        low, high = (end * unit for end in PRESSURES)
+    def _check_pressure(self, radii, potential, dimension):
+        """Refuse a pressure out of range for these particles."""
+        low, high = pressure_range(radii, potential, dimension)
         if self.pressure is not None and not low * (1.0 - ROUNDING) <= self.pressure <= high * (
             1.0 + ROUNDING
         ):
@@ -228,5 +235,5 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             start = start_from_packing(self.from_, self.target, how)
             disks = start.disks
             self._check_phi(disks.dimension)
-            self._check_pressure(stress_unit_of(disks.radii, disks.potential, disks.dimension))
+            self._check_pressure(disks.radii, disks.potential, disks.dimension)
         return start

@@ -30,8 +30,8 @@ def _hertz(stiffness, radii):
     if np.ptp(radii) > SIZE_TOLERANCE * radii.max():
         raise InputError(
             f"{named('pair_style')} gran/hertz: supported for radii that are all alike, as its force is ∝ "
-            f"√(RᵢRⱼ/(Rᵢ + Rⱼ)) (radii {radii.min():g} to {radii.max():g}). For a near one give {named('potential')} "
-            f"hertzian and a {named('k')} from {low:.6g} to {high:.6g}, and minimise the energy."
+            f"√(RᵢRⱼ/(Rᵢ + Rⱼ)) (radii {radii.min():g} to {radii.max():g}). For a similar one give "
+            f"{named('potential')} hertzian and a {named('k')} from {low:.6g} to {high:.6g}, and minimise the energy."
         )
     return {"potential": "hertzian", "stiffness": "constant", "k": low}
 

@@ -303,7 +303,8 @@ state/radii | (N,) | float | length | radii of the disks
     attributes=r"""
 step, phi, tolerance, discard | float, float, float, float | | Δγ, φ, max\|F\|/(p d) of a minimum, strain left out of
   means
-energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16; ¼; factorisations of all steps
+energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16, with α > 5/2 its power 2α/5; ¼;
+  factorisations of all steps
 saddles | int? | | saddles that were left
 shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, contact_number_mean, \
 contact_number_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float
@@ -334,7 +335,7 @@ step, strain, discard, every | float? | | of shear: Δγ, γ of each run, γ bef
 separated | bool? | | true if large disks started on one side of the cell, else missing
 temperature, cooling_rate, sweeps | float, float, int? | | of compress: T in units of energy over `k`, decrease of ln T
   per sweep of N moves, sweeps at T
-energy_cut, tolerance | float | | 1e-16; max\|F\|/(p d) of a minimum
+energy_cut, tolerance | float | | 1e-16, with α > 5/2 its power 2α/5; max\|F\|/(p d) of a minimum
 """
     + _DISKS,
     common=PROVENANCE,

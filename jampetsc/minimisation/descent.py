@@ -139,7 +139,7 @@ class Descent(ListedPacking):
     def usual_overlap(self, pressure: float | None = None) -> float:
         """Overlap of a contact of the force 2 p d^(D−1), p the given pressure, the target's, or else 1e-3 k."""
         potential, d = self.potential, self.diameter
-        pressure = pressure or self.goal.pressure or 1e-3 * stress_unit(self.reference)
+        pressure = pressure or self.goal.pressure or potential.force_limit(1e-3) * stress_unit(self.reference)
         return potential.overlap_at(2.0 * self.force_at(pressure), d)
 
     def usual_stiffness(self, pressure: float | None = None) -> float:

@@ -21,7 +21,9 @@ from jampetsc.packing.strain import UNSTRAINED
 SKIN = 0.5  # of the pair list, in mean diameters
 LONGEST = 0.25  # reach, in skins: a move from a new list never makes it stale
 ACCEPTED = 0.4  # acceptance rate that tuning `reach` aims at
-COLD = 1e-8  # temperature in units of k at which cooling ends: overlaps are then a tenth of a per mille of σ
+# `Potential.energy_limit` of the temperature in units of k at which cooling ends: overlaps are then a tenth of a per
+# mille of σ
+COLD = 1e-8
 
 
 class Around(NamedTuple):
@@ -127,7 +129,7 @@ class Thermal(ListedPacking):
 
 def annealed(disks: Packing, temperature: float, rate: float, sweeps: int, generator) -> Packing:
     """Disks after `sweeps` at a temperature, then cooled: ln T falls by `rate` per sweep until T = COLD k."""
-    thermal, cold = Thermal(disks, generator), COLD * disks.potential.k
+    thermal, cold = Thermal(disks, generator), disks.potential.energy_limit(COLD) * disks.potential.k
     for _ in range(sweeps):
         thermal.sweep(temperature, tune=True)
     current = temperature

@@ -49,7 +49,8 @@ class MovingContacts(ListedPacking):
         self.n, self.dofs, self.volume = disks.n, law.dofs(dimension), disks.volume
         # of V over a thickness of one diameter for each axis beyond two, so that γL is a displacement
         self.length = float(np.sqrt(self.volume / self.diameter ** (dimension - 2)))
-        self.stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
+        stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
+        self.stiffness = stiffness * potential.reach(self.diameter)
         self.reach = MAX_OVERLAP_MOVE * float(np.mean(find_contacts(disks).overlap))
         # rotations are solved for as lengths, times this diameter, as displacements are
         self._lengths = np.repeat((1.0, self.diameter), (dimension, self.dofs - dimension))

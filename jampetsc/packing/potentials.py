@@ -140,6 +140,21 @@ class Potential:
         """Length by which overlaps are measured: σ, or the unit of length (shape of sigma)."""
         return sigma if self.stiffness == "inverse-square-diameter" else np.ones_like(sigma)
 
+    def reach(self, sigma: float) -> float:
+        """(σ/s)^(α−2), s = `scale`: stiffnesses k/s² in other units of length, exactly 1 where there is no unit."""
+        return float(power(sigma / float(self.scale(np.array(sigma))), self.exponent - 2.0))
+
+    def force_limit(self, fraction: float) -> float:
+        """A small force or stress in units of k, that of the same overlap for all α > 5/2.
+
+        A force is ∝ δ^(α−1): the same number would stand for ever larger overlaps.
+        """
+        return _risen(fraction, (self.exponent - 1.0) / 1.5)
+
+    def energy_limit(self, fraction: float) -> float:
+        """Likewise a small energy, which is ∝ δ^α."""
+        return _risen(fraction, self.exponent / 2.5)
+
     def overlap_at(self, force: float, diameter: float) -> float:
         """Overlap of two disks of this diameter that repel each other with this force, f = (k/s) (δ/s)^(α−1)."""
         scale = float(self.scale(np.array(diameter)))
@@ -161,6 +176,11 @@ class Potential:
         secant = secant_stiffness(overlap, sigma, self.constants)
         ratio = tangent_ratio(overlap, sigma, self.constants)
         return ratio * np.broadcast_to(secant, np.shape(overlap))
+
+
+def _risen(fraction: float, rise: float) -> float:
+    """fraction^rise, for a rise above 1."""
+    return exp(rise * log(fraction)) if rise > 1.0 else fraction
 
 
 def _own_exponent(exponent) -> float:

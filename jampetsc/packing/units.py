@@ -9,9 +9,10 @@ POWERS = {0.5: "^½", 1.0: "", 1.5: "^(3/2)", 2.0: "²", 2.5: "^(5/2)", 3.0: "³
 
 
 def stress_unit_of(radii, potential: Potential, dimension: int) -> float:
-    """Stress of order one for radii (N,) of mean diameter d: k/d^(D−2), with stiffnesses k/σ² k/d^D."""
+    """Stress of order one for radii (N,) of mean diameter d: k d^(α−D), with stiffnesses k/σ² k/d^D."""
     d = 2.0 * float(np.mean(radii))
-    return float(potential.k) / float(potential.scale(np.array(d))) ** 2 / d ** (dimension - 2)
+    stiffness = float(potential.k) / float(potential.scale(np.array(d))) ** 2 * potential.reach(d)
+    return stiffness / d ** (dimension - 2)
 
 
 def name_stress_unit(potential: Potential | None, dimension: int) -> str:
