@@ -171,9 +171,17 @@ class Scheme:
 
 def stiffest(disks) -> float:
     """Stiffness of the stiffest contact that these disks can have."""
-    potential = disks.potential
-    scale = float(potential.scale(2.0 * np.array(disks.radii.min())))
-    return potential.k * (potential.exponent - 1.0) / scale**2
+    return _largest_stiffness(disks.potential, 2.0 * float(disks.radii.min()))
+
+
+def _largest_stiffness(potential, sigma) -> float:
+    """Stiffness of a contact of this length with the overlap σ."""
+    return (
+        potential.k
+        * (potential.exponent - 1.0)
+        / float(potential.scale(np.array(sigma))) ** 2
+        * potential.reach(sigma)
+    )
 
 
 def crowding(disks) -> float:
@@ -191,8 +199,7 @@ def _ratio(disks) -> float:
 
 def stiffest_motion(disks) -> float:
     """Stiffness of the stiffest motion of one particle, in units in which it is `stiffest` where sizes are alike."""
-    potential, ends = disks.potential, np.array(disks.radii.max() + disks.radii.min())
-    large = potential.k * (potential.exponent - 1.0) / float(potential.scale(ends)) ** 2
+    large = _largest_stiffness(disks.potential, float(disks.radii.max() + disks.radii.min()))
     return max(stiffest(disks), crowding(disks) * large)
 
 
