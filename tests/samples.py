@@ -16,7 +16,7 @@ from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.laws.damping import Law, Physics, damping_law, elastic_parameters
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.potentials import Potential
+from jampetsc.packing.potentials import STIFFNESSES, Potential
 from jampetsc.response.contact_network import build_network
 
 DATA = Path(__file__).parent / "data"
@@ -106,6 +106,11 @@ def crystal():
     return Packing.from_positions(places, np.full(36, 0.5), 0.99 * np.array([(6, 0), (3, 6 * height)]))
 
 
+POTENTIALS = [
+    Potential(None, stiffness, 1.7, exponent)
+    for exponent in (2.0, 2.25, 2.5, 4.0)
+    for stiffness in STIFFNESSES
+]  # of which forces are compared with differences of energies and with compiled loops
 SAMPLES = {
     "published": published,
     "k = 2.5": lambda: published().replace(potential=Potential(k=2.5)),

@@ -26,9 +26,8 @@ from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import bond_vector, simple_shear
 from jampetsc.packing.threads import Team
 
-ENERGY_CUT = (
-    1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011)), see `energy_cut`
-)
+# of U/(N k_e), above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011)); see `energy_cut`
+ENERGY_CUT = 1e-16
 # mean diameters: longest move in one iteration of the descent, as longer ones leave the path of a rearrangement for
 # minima where fewer disks touch; and longest displacement in a step that the next one repeats, else disks rearranged
 MAX_MOVE_RATIO = 0.01

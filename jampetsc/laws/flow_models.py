@@ -171,17 +171,7 @@ class Scheme:
 
 def stiffest(disks) -> float:
     """Stiffness of the stiffest contact that these disks can have."""
-    return _largest_stiffness(disks.potential, 2.0 * float(disks.radii.min()))
-
-
-def _largest_stiffness(potential, sigma) -> float:
-    """Stiffness of a contact of this length with the overlap σ."""
-    return (
-        potential.k
-        * (potential.exponent - 1.0)
-        / float(potential.scale(np.array(sigma))) ** 2
-        * potential.reach(sigma)
-    )
+    return disks.potential.largest_stiffness(2.0 * float(disks.radii.min()))
 
 
 def crowding(disks) -> float:
@@ -199,7 +189,7 @@ def _ratio(disks) -> float:
 
 def stiffest_motion(disks) -> float:
     """Stiffness of the stiffest motion of one particle, in units in which it is `stiffest` where sizes are alike."""
-    large = _largest_stiffness(disks.potential, float(disks.radii.max() + disks.radii.min()))
+    large = disks.potential.largest_stiffness(float(disks.radii.max() + disks.radii.min()))
     return max(stiffest(disks), crowding(disks) * large)
 
 

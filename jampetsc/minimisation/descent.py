@@ -150,7 +150,7 @@ class Descent(ListedPacking):
         """Largest contact stiffness: of the present contacts, or of one of `usual_overlap`."""
         pairs = self.domains.trimmed()
         depth = np.full_like(pairs.sigma, self.usual_overlap())
-        if self.potential.exponent > 2.0:
+        if self.potential.kind != "harmonic":  # whose stiffness is the same at every overlap
             depth = np.maximum(depth, Bonds.of(pairs, self.potential, self.offsets, self.cell_strain).overlap)
         return np.max(self.potential.contact_stiffness(depth, pairs.sigma), initial=1e-300)
 

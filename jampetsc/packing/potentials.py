@@ -125,8 +125,8 @@ class Potential:
     @property
     def constants(self) -> tuple:
         """The potential as compiled loops take it: (k, whether α = 5/2, whether by the diameter), and any other α."""
-        named_ones = self.k, self.kind == "hertzian", self.stiffness == "inverse-square-diameter"
-        return (*named_ones, self.exponent) if self.kind == "power" else named_ones
+        common = self.k, self.kind == "hertzian", self.stiffness == "inverse-square-diameter"
+        return (*common, self.exponent) if self.kind == "power" else common
 
     @property
     def identity(self) -> str:
@@ -143,6 +143,10 @@ class Potential:
     def reach(self, sigma: float) -> float:
         """(σ/s)^(α−2), s = `scale`: stiffnesses k/s² in other units of length, exactly 1 where there is no unit."""
         return float(power(sigma / float(self.scale(np.array(sigma))), self.exponent - 2.0))
+
+    def largest_stiffness(self, sigma: float) -> float:
+        """d²V/dr² at the overlap σ, which centres at one place have."""
+        return self.k * (self.exponent - 1.0) / float(self.scale(np.array(sigma))) ** 2 * self.reach(sigma)
 
     def force_limit(self, fraction: float) -> float:
         """A small force or stress in units of k, that of the same overlap for all α > 5/2.

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import sheared
+from samples import POTENTIALS
 
 from jampetsc.laws.damping import Law
 from jampetsc.packing.contacts import find_contacts
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.packing import deformed
-from jampetsc.packing.potentials import STIFFNESSES, Potential
 from jampetsc.packing.strain import growth_and_shear
 
 WEIGHTS = {
@@ -29,9 +29,8 @@ def crowd():
 
 @pytest.mark.parametrize("name", WEIGHTS)
 @pytest.mark.parametrize("spinning", [False, True])
-@pytest.mark.parametrize("exponent, stiffness", [(a, s) for a in (2.0, 2.25, 2.5, 4.0) for s in STIFFNESSES])
-def test_against_sums_over_contacts(crowd, name, spinning, exponent, stiffness):
-    potential = Potential(None, stiffness, 1.7, exponent)
+@pytest.mark.parametrize("potential", POTENTIALS, ids=repr)
+def test_against_sums_over_contacts(crowd, name, spinning, potential):
     disks, rng = crowd.replace(potential=potential), np.random.default_rng(2)
     weights = tuple(float(w) for w in WEIGHTS[name])
     if not spinning:

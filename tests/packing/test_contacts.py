@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from dense import Reference
-from samples import ORACLE, SAMPLES, physics, polydisperse, published
+from samples import ORACLE, POTENTIALS, SAMPLES, physics, polydisperse, published
 
 from jampetsc.errors import InputError
 from jampetsc.packing.contacts import (
@@ -63,18 +63,25 @@ def test_bond_vectors_are_rounded_once_at_coordinates_of_1e5():
 
 @pytest.mark.parametrize("exponent", [2.0, 2.25, 2.5, 3.0, 4.0, 10.0])
 @pytest.mark.parametrize("stiffness", STIFFNESSES)
-def test_force_and_stiffness_are_derivatives_of_the_energy(exponent, stiffness):
-    law = Potential(None, stiffness, 2.5, exponent)
-    sigma, overlap, h = np.array([0.9, 1.3]), np.array([0.02, 0.1]), 1e-6
+def test_the_energy_is_a_power_of_the_overlap(exponent, stiffness):
+    sigma, overlap = np.array([0.9, 1.3]), np.array([0.02, 0.1])
     scale = sigma if stiffness == "inverse-square-diameter" else 1.0
     exact = 2.5 / exponent * (overlap / scale) ** exponent
-    np.testing.assert_allclose(law.energy(overlap, sigma), exact, rtol=1e-13)
+    energy = Potential(None, stiffness, 2.5, exponent).energy(overlap, sigma)
+    np.testing.assert_allclose(energy, exact, rtol=1e-13)
+
+
+@pytest.mark.parametrize("potential", POTENTIALS, ids=repr)
+def test_force_and_stiffness_are_derivatives_of_the_energy(potential):
+    sigma, overlap, h = np.array([0.9, 1.3]), np.array([0.02, 0.1]), 1e-6
 
     def slope(f):  # d/dr = −d/dδ
         return -(f(overlap + h, sigma) - f(overlap - h, sigma)) / (2 * h)
 
-    np.testing.assert_allclose(law.force(overlap, sigma), -slope(law.energy), rtol=1e-7)
-    np.testing.assert_allclose(law.contact_stiffness(overlap, sigma), -slope(law.force), rtol=1e-7)
+    np.testing.assert_allclose(potential.force(overlap, sigma), -slope(potential.energy), rtol=1e-7)
+    np.testing.assert_allclose(
+        potential.contact_stiffness(overlap, sigma), -slope(potential.force), rtol=1e-7
+    )
 
 
 @pytest.mark.parametrize("name", SAMPLES)
