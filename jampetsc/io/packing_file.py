@@ -2,8 +2,8 @@
 
 A packing has datasets `positions` (N, D), `radii` (N,), `cell` (D, D) rows a1, a2, …, and the parts one double cannot
 hold, `positions_low` (N, D) and `cell_low` (D, D), which may be missing. Attributes are `format`, `format_version`,
-those of `Potential.record` (`k` is 1 if missing), then the record: pressure, phi, energy, max_force, seed, … A network
-has its nodes, bonds and their stiffnesses.
+the entries of `Potential.record` (`k` is 1 if missing), then the record: pressure, phi, energy, max_force, seed, … A
+network has its nodes, bonds and their stiffnesses.
 """
 
 import os

@@ -119,7 +119,7 @@ class Potential:
     @property
     def record(self) -> dict:
         """{name of SETTINGS: value} as files have it; without the exponent where the name says it."""
-        exponent = {"exponent": self.exponent} if EXPONENTS[self.kind] is None else {}
+        exponent = {"exponent": self.exponent} if self.kind == "power" else {}
         return {"potential": self.kind} | exponent | {"stiffness": self.stiffness, "k": float(self.k)}
 
     @property
