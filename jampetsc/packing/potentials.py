@@ -18,21 +18,19 @@ import numpy as np
 from jampetsc.errors import InputError
 from jampetsc.packing.elementary import exp, log, power
 
+# name -> α at small overlaps; None: a number of its own
 EXPONENTS = {
     "harmonic": 2.0,
     "hertzian": 2.5,
     "power": None,
-}  # name -> α at small overlaps; None: a number of its own
+}
+NAMED_POWERS = ("harmonic", "hertzian")  # which `power` with their exponents is
 DEFAULT_POTENTIAL = "harmonic"
 MIN_EXPONENT, MAX_EXPONENT = 2.0, 10.0
 MAX_STIFFNESS = 1e150  # largest k: squares of stresses then stay in the range of doubles
 STIFFNESSES = ("constant", "inverse-square-diameter")
-SETTINGS = (
-    "potential",
-    "exponent",
-    "stiffness",
-    "k",
-)  # as options, keys of files and `Potential.record` have them
+# as options, keys of files and `Potential.record` have them
+SETTINGS = ("potential", "exponent", "stiffness", "k")
 
 
 def secant_stiffness(overlap, sigma, constants):
@@ -78,14 +76,13 @@ class Potential:
     def __post_init__(self):
         kind = self.kind
         if kind is None:
-            kind = DEFAULT_POTENTIAL if self.exponent is None else "power"
+            kind = "power" if self.exponent is not None else DEFAULT_POTENTIAL
         if kind not in tuple(EXPONENTS):  # a tuple, as a kind of a wrong type may not be hashable
             raise InputError(f"potential {kind!r}: not supported. Choose one of {', '.join(EXPONENTS)}.")
         exponent = EXPONENTS[kind]
         if exponent is None:
             exponent = _own_exponent(self.exponent)
-            # one potential has one name
-            kind = next((name for name, value in EXPONENTS.items() if value == exponent), kind)
+            kind = next((name for name in NAMED_POWERS if EXPONENTS[name] == exponent), kind)
         elif self.exponent not in (None, exponent):
             raise InputError(
                 f"exponent {self.exponent}: of the potential power alone ({kind} has {exponent:g}). Leave it out, or "
@@ -141,7 +138,7 @@ class Potential:
         return sigma if self.stiffness == "inverse-square-diameter" else np.ones_like(sigma)
 
     def reach(self, sigma: float) -> float:
-        """(σ/s)^(α−2), s = `scale`: stiffnesses k/s² in other units of length, exactly 1 where there is no unit."""
+        """(σ/s)^(α−2), s = `scale`: stiffnesses k/s² in other units of length, exactly 1 for k/σ²."""
         return float(power(sigma / float(self.scale(np.array(sigma))), self.exponent - 2.0))
 
     def largest_stiffness(self, sigma: float) -> float:

@@ -34,6 +34,7 @@ sums = bond_forces(
 assert np.isclose(sums.energy / potential.exponent, found.record["energy"], rtol=1e-12)
 sweep = jampetsc.sweep(found, omega=[1e-8, 1.0])
 assert np.isclose(sweep.G.real[0], found.record["shear_modulus"], rtol=1e-6)
+assert str(type(potential)(exponent=2.0)) == "harmonic"
 scale = np.array([0.8, 1.3])
 for name in ("energy", "force"):
     of = type(potential)("stiffening", "inverse-square-diameter", 2.0)
