@@ -18,7 +18,7 @@ from jampetsc.io.results import noted
 from jampetsc.io.size_columns import HOLDS
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
-from jampetsc.options.values import EXPONENT
+from jampetsc.options.potential_options import EXPONENT
 from jampetsc.packing.contacts import BALANCED, IMBALANCE, imbalance, measure
 from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES
 from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, SETTINGS, STIFFNESSES

@@ -17,6 +17,7 @@ from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP, radii_of
 from jampetsc.minimisation.sizes import MAX_DISKS, MIN_DISKS, in_small_diameters
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
+from jampetsc.options.potential_options import EXPONENT
 from jampetsc.options.starts import (
     PHI_RANGE,
     STIFFNESS,
@@ -24,7 +25,7 @@ from jampetsc.options.starts import (
     minimum_tolerance_parameter,
     random_particles_lines,
 )
-from jampetsc.options.values import EXPONENT, SEEDS, SIZES, Numbers, number_list
+from jampetsc.options.values import SEEDS, SIZES, Numbers, number_list
 from jampetsc.packing.packing import PARTICLES
 from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, Potential
 from jampetsc.packing.units import name_stress_unit, units_line

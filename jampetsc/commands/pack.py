@@ -12,7 +12,8 @@ from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP
 from jampetsc.minimisation.sizes import MAX_DISKS, MIN_DISKS, Radii, radii_asked, sizes_text
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.values import EXPONENT, MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, STRESS_UNIT
+from jampetsc.options.potential_options import EXPONENT
+from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, STRESS_UNIT
 from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES, Packing
 from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, STIFFNESSES, Potential
 from jampetsc.packing.units import stress_unit_of

@@ -20,7 +20,8 @@ from jampetsc.minimisation.sizes import (
 )
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, optional_parameter, parameter, parameters
-from jampetsc.options.values import EXPONENT, MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, input_name
+from jampetsc.options.potential_options import EXPONENT
+from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, input_name
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, Potential
 

@@ -12,18 +12,11 @@ from functools import partial
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.options.parameters import ValueType, format_value
-from jampetsc.packing.potentials import MAX_EXPONENT, MIN_EXPONENT
 
 Numbers = str | Sequence[float]
 MAX_GRID_SIZE = 100_000  # numbers of a grid
 STRESS_UNIT = "the unit of k, in three dimensions that of k/length"
 TIME_UNIT = "1/time, the time that tau1 is in"
-EXPONENT = {  # of potentials, as arguments of `parameter`
-    "help": "exponent α of the potential power, whose force is ∝ overlap^(α−1); 2 is harmonic, 5/2 hertzian",
-    "low": MIN_EXPONENT,
-    "high": MAX_EXPONENT,
-    "metavar": "A",
-}
 MAX_SEED = 2**63 - 1  # largest that a file can record
 MAX_SEEDS = 1_000_000
 POSITIVE = 1e-300, 1e300  # range of positive numbers in units that are not known yet
