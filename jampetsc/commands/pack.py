@@ -174,7 +174,12 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.from_ is not None:
             return {}
         sizes = {} if self.radii is not None else {"sizes": DEFAULT_SIZES}
-        return {"dimension": 2, "potential": DEFAULT_POTENTIAL, "stiffness": STIFFNESSES[0], "seed": 1} | sizes
+        return {
+            "dimension": 2,
+            "potential": DEFAULT_POTENTIAL,
+            "stiffness": STIFFNESSES[0],
+            "seed": 1,
+        } | sizes
 
     @property
     def _potential(self):
