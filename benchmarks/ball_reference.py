@@ -106,7 +106,7 @@ class BallReference:
             distance = sum((x * x for x in r), arb(0)).sqrt()
             sigma = arb(float(source.radii[a])) + arb(float(source.radii[b]))
             length = sigma if potential.stiffness == "inverse-square-diameter" else arb(1)
-            k, alpha, x = arb(potential.k), arb(potential.alpha), (sigma - distance) / length
+            k, alpha, x = arb(potential.k), arb(potential.exponent), (sigma - distance) / length
             yield r, k / length * x ** (alpha - 1), k * (alpha - 1) / length**2 * x ** (alpha - 2)
 
     def _matrices(self):

@@ -104,7 +104,8 @@ def pack(
     dimension: int | None = None,
     pressure: float | None = None,
     phi: float | None = None,
-    potential: Literal["harmonic", "hertzian"] | None = None,
+    potential: Literal["harmonic", "hertzian", "power"] | None = None,
+    exponent: float | None = None,
     stiffness: Literal["constant", "inverse-square-diameter"] | None = None,
     sizes: str | None = None,
     radii: _Array | Sequence[float] | _Path | None = None,
@@ -135,8 +136,10 @@ def pack(
         pressure p = Σ f r / (D V), in the unit of k, in three dimensions that of k/length
     phi : number, default None
         packing fraction, instead of a pressure, of disks from 0.8 to 1.5, of spheres from 0.6 to 1.2 (they jam near 0.84 and 0.64)
-    potential : "harmonic" or "hertzian", default None
+    potential : "harmonic", "hertzian" or "power", default None
         energy of an overlap (default harmonic)
+    exponent : number, default None
+        exponent α of the potential power, whose force is ∝ overlap^(α−1); 2 is harmonic, 5/2 hertzian
     stiffness : "constant" or "inverse-square-diameter", default None
         convention of the contact stiffness (default constant)
     sizes : str, default None
@@ -779,7 +782,8 @@ def flow(
     seed: int | None = None,
     sizes: str | None = None,
     radii: _Array | Sequence[float] | _Path | None = None,
-    potential: Literal["harmonic", "hertzian"] | None = None,
+    potential: Literal["harmonic", "hertzian", "power"] | None = None,
+    exponent: float | None = None,
     discard: float | None = None,
     last: _Path | None = None,
     threads: int | None = None,
@@ -820,8 +824,10 @@ def flow(
         particle sizes: bidisperse[:RATIO[:SHARE]], monodisperse, lognormal:SIGMA, uniform:LOW:HIGH, powerlaw:EXPONENT:RATIO; bidisperse has RATIO 1.4 and a SHARE of 0.5 of large ones (default bidisperse)
     radii : array (N,) or the name of a text file, default None
         text file of radii, line i that of particle i, or an array, instead of n and sizes
-    potential : "harmonic" or "hertzian", default None
+    potential : "harmonic", "hertzian" or "power", default None
         energy of an overlap (default harmonic)
+    exponent : number, default None
+        exponent α of the potential power, whose force is ∝ overlap^(α−1); 2 is harmonic, 5/2 hertzian
     discard : number, default None
         strain left out of the means (default 1, or half of the strain if less)
     last : name of a file, default None
@@ -876,7 +882,8 @@ def shear(
     seed: int | None = None,
     sizes: str | None = None,
     radii: _Array | Sequence[float] | _Path | None = None,
-    potential: Literal["harmonic", "hertzian"] | None = None,
+    potential: Literal["harmonic", "hertzian", "power"] | None = None,
+    exponent: float | None = None,
     discard: float | None = None,
     last: _Path | None = None,
     threads: int | None = None,
@@ -911,8 +918,10 @@ def shear(
         particle sizes: bidisperse[:RATIO[:SHARE]], monodisperse, lognormal:SIGMA, uniform:LOW:HIGH, powerlaw:EXPONENT:RATIO; bidisperse has RATIO 1.4 and a SHARE of 0.5 of large ones (default bidisperse)
     radii : array (N,) or the name of a text file, default None
         text file of radii, line i that of particle i, or an array, instead of n and sizes
-    potential : "harmonic" or "hertzian", default None
+    potential : "harmonic", "hertzian" or "power", default None
         energy of an overlap (default harmonic)
+    exponent : number, default None
+        exponent α of the potential power, whose force is ∝ overlap^(α−1); 2 is harmonic, 5/2 hertzian
     discard : number, default None
         strain left out of the means (default 1, or half of the strain if less)
     last : name of a file, default None
@@ -953,7 +962,8 @@ def jam(
     phi: _Numbers,
     seeds: _Integers,
     sizes: str = 'bidisperse',
-    potential: Literal["harmonic", "hertzian"] = 'harmonic',
+    potential: Literal["harmonic", "hertzian", "power"] = 'harmonic',
+    exponent: float | None = None,
     tolerance: float = 1e-06,
     protocol: Literal["random", "shear", "compress"] = 'random',
     separated: bool = False,
@@ -991,8 +1001,10 @@ def jam(
         a sample at each packing fraction for each seed, both ends included
     sizes : str, default bidisperse
         particle sizes: bidisperse[:RATIO[:SHARE]], monodisperse, lognormal:SIGMA, uniform:LOW:HIGH, powerlaw:EXPONENT:RATIO; bidisperse has RATIO 1.4 and a SHARE of 0.5 of large ones
-    potential : "harmonic" or "hertzian", default harmonic
+    potential : "harmonic", "hertzian" or "power", default harmonic
         energy of an overlap
+    exponent : number, default None
+        exponent α of the potential power, whose force is ∝ overlap^(α−1); 2 is harmonic, 5/2 hertzian
     tolerance : number, default 1e-06
         largest max|F|/(p d), in three dimensions max|F|/(p d²), of a minimum
     protocol : "random", "shear" or "compress", default random

@@ -158,7 +158,7 @@ class Reference:
         i, j, r = all_pairs(positions, radii, cell)
         distance = np.sqrt((r**2).sum(axis=1))
         sigma = radii[i] + radii[j]
-        alpha = LONG(potential.alpha)
+        alpha = LONG(potential.exponent)
         length = sigma if potential.stiffness == "inverse-square-diameter" else np.ones_like(sigma)
         x = (sigma - distance) / length
         force, stiffness = (

@@ -16,7 +16,7 @@ from jampetsc.io.reader import collected
 from jampetsc.io.result_file import ResultWriter
 from jampetsc.laws.damping import Law, Physics, damping_law, elastic_parameters
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.potentials import Potential
+from jampetsc.packing.potentials import STIFFNESSES, Potential
 from jampetsc.response.contact_network import build_network
 
 DATA = Path(__file__).parent / "data"
@@ -25,12 +25,12 @@ JAXMD = DATA / "jaxmd-2d_polyuniform_N64_Lp-1.0.nc"
 ORACLE = json.loads((DATA / "jambashbulk-N16-P1e-3-0001.json").read_text())
 
 
-def published(kind="harmonic"):
+def published(kind="harmonic", exponent=None):
     """The 16 bidisperse disks of jamBashbulk in their triclinic cell, p = 1e-3 for the harmonic potential."""
     rows = [line.split(",") for line in JAMBASHBULK.read_text().splitlines()[6:22]]
     table = np.array([[float(word) for word in row[:3]] for row in rows])
     cell = [(9.5393607291793076335, 0.0), (0.0630575654921525210, 9.5693366275464142399)]
-    return Packing.from_positions(table[:, :2], table[:, 2], cell, Potential(kind))
+    return Packing.from_positions(table[:, :2], table[:, 2], cell, Potential(kind, exponent=exponent))
 
 
 def polydisperse(index=0):
@@ -106,10 +106,16 @@ def crystal():
     return Packing.from_positions(places, np.full(36, 0.5), 0.99 * np.array([(6, 0), (3, 6 * height)]))
 
 
+POTENTIALS = [
+    Potential(None, stiffness, 1.7, exponent)
+    for exponent in (2.0, 2.25, 2.5, 4.0)
+    for stiffness in STIFFNESSES
+]  # of which forces are compared with differences of energies and with compiled loops
 SAMPLES = {
     "published": published,
     "k = 2.5": lambda: published().replace(potential=Potential(k=2.5)),
     "hertzian": lambda: published("hertzian"),
+    "power": lambda: published("power", 2.25),
     "polydisperse": lambda: polydisperse(3)[0],
     "isostatic": isostatic,
     "two images": two_images,

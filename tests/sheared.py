@@ -27,23 +27,23 @@ def model(name) -> Model:
     return Model(law, mass, name=name)
 
 
-def spheres(n=40, phi=0.7, seed=1, kind="harmonic"):
+def spheres(n=40, phi=0.7, seed=1, exponent=2.0):
     """Spheres without deep overlaps in a tilted cell that is not a cube, stiffness as Vågberg's."""
     rng = np.random.default_rng(seed)
     radii = 0.6 * radii_of("bidisperse", n) / 0.5
     height = np.cbrt(4.0 / 3.0 * np.pi * np.sum(radii**3) / phi / 1.3)
     cell = height * np.array([[1.3, 0.0, 0.0], [0.2, 1.0, 0.0], [-0.1, 0.3, 1.0]])
-    potential = Potential(kind, "inverse-square-diameter")
+    potential = Potential(exponent=exponent, stiffness="inverse-square-diameter")
     return settle(Packing.from_positions(rng.random((n, 3)) @ cell, radii, cell, potential), 1e-3)
 
 
-def crowd(n=64, phi=0.86, aspect=1.3, tilt=0.2, seed=1, kind="harmonic"):
+def crowd(n=64, phi=0.86, aspect=1.3, tilt=0.2, seed=1, exponent=2.0):
     """Disks without deep overlaps in a tilted cell that is not square, stiffness as Vågberg's."""
     rng = np.random.default_rng(seed)
     radii = 0.6 * radii_of("bidisperse", n) / 0.5
     height = np.sqrt(np.pi * np.sum(radii**2) / phi / aspect)
     cell = np.array([[aspect * height, 0.0], [tilt * height, height]])
-    potential = Potential(kind, "inverse-square-diameter")
+    potential = Potential(exponent=exponent, stiffness="inverse-square-diameter")
     return settle(Packing.from_positions(rng.random((n, 2)) @ cell, radii, cell, potential), 1e-3)
 
 

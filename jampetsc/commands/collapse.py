@@ -24,6 +24,7 @@ COMMON_ATTRIBUTES = (
     "mass",
     "sizes",
     "potential",
+    "exponent",
     "stiffness",
     "protocol",
     "units",

@@ -95,7 +95,7 @@ def cell_text(cell) -> str:
 def describe_packing(path, disks) -> str:
     """Geometry, state and record of a packing; published values stand beside the computed ones."""
     state, record = measure(disks), dict(disks.record)
-    radii, law, axes = disks.radii, disks.potential, AXES[: disks.dimension]
+    radii, potential, axes = disks.radii, disks.potential, AXES[: disks.dimension]
     diameter = 2.0 * float(radii.mean())
     letter = "d" if disks.dimension == 2 else "⟨d⟩"  # d is the unit of length in labels of spheres
     rattlers = int(np.count_nonzero(state.rattlers))
@@ -110,9 +110,9 @@ def describe_packing(path, disks) -> str:
     rows = [
         (f"{path}: packing of {disks.n} {PARTICLES[disks.dimension]}",),
         ("made by", str(record.pop("protocol", "unknown"))),
-        ("potential", f"{law.kind}, stiffness {law.stiffness}, k = {law.k:g}"),
+        ("potential", f"{potential}, stiffness {potential.stiffness}, k = {potential.k:g}"),
         ("radii", f"{radii.min():.6g} to {radii.max():.6g}, mean diameter {letter} = {diameter:.6g}"),
-        ("units", units_line(name_stress_unit(law, disks.dimension), law.k).partition(": ")[2]),
+        ("units", units_line(name_stress_unit(potential, disks.dimension), potential.k).partition(": ")[2]),
         ("cell", f"{cell_text(disks.cell)}, V = {disks.volume:.9g}"),
     ]
     notes = []

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from jampetsc.commands.describe import cell_text, describe_network
-from jampetsc.commands.pack import PRESSURES
+from jampetsc.commands.pack import pressure_range
 from jampetsc.errors import InputError, named, option_word
 from jampetsc.io.exchange import READERS
 from jampetsc.io.importers import import_packing
@@ -18,10 +18,10 @@ from jampetsc.io.results import noted
 from jampetsc.io.size_columns import HOLDS
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, PATH, ValueType, optional_parameter, parameter
+from jampetsc.options.potential_options import EXPONENT
 from jampetsc.packing.contacts import BALANCED, IMBALANCE, imbalance, measure
 from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES
-from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES
-from jampetsc.packing.units import stress_unit_of
+from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, SETTINGS, STIFFNESSES
 
 # options on how a file is read, of packings and networks
 READING = ("format", "radius", "column_holds", "columns", "box", "dimension")
@@ -102,8 +102,9 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
         value_type=ValueType(_box, _box_text, metavar="L|Lx,Ly[,xy]|Lx,Ly,Lz[,…]"),
     )
     potential: str | None = optional_parameter(
-        "energy of an overlap (default: as FILE says, or harmonic)", choices=EXPONENTS
+        f"energy of an overlap (default: as FILE says, or {DEFAULT_POTENTIAL})", choices=EXPONENTS
     )
+    exponent: float | None = optional_parameter(**EXPONENT)
     stiffness: str | None = optional_parameter(
         "convention of the contact stiffness (default: as FILE says, or constant)", choices=STIFFNESSES
     )
@@ -111,14 +112,14 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
         "contact stiffness, in units of FILE (default: as FILE says, or 1); LAMMPS' harmonic/cut K means k = 2K"
     )
     pair_style: str | None = optional_parameter(
-        "instead of potential, stiffness and k: LAMMPS' pair style and its stiffness in units of FILE, "
+        "instead of potential, exponent, stiffness and k: LAMMPS' pair style and its stiffness in units of FILE, "
         "'harmonic/cut K', 'gran/hooke KN' or 'gran/hertz KN'",
         metavar="'STYLE K'",
     )
 
     def check(self):
         """Refuse the potential of overlaps for a network."""
-        for name in ("potential", "stiffness", "pair_style"):
+        for name in ("potential", "exponent", "stiffness", "pair_style"):
             if self.bonds is not None and getattr(self, name) is not None:
                 raise InputError(f"{named(name)}: an option of packings. Leave it out with {named('bonds')}.")
 
@@ -137,7 +138,7 @@ To minimise the energy of a packing that is not at rest: jampetsc pack --from du
             network = import_network(self.file, self.bonds, self.index, **options)
             to.put_network(network)
             return describe_network(to, network)
-        settings = (*READING, "potential", "stiffness", "k", "pair_style")
+        settings = (*READING, *SETTINGS, "pair_style")
         disks = import_packing(self.file, self.index, **{name: getattr(self, name) for name in settings})
         if notes := _notes(disks):
             disks = disks.with_record(notes=noted(notes))
@@ -157,7 +158,7 @@ def _notes(disks) -> list[str]:
 def _summary(to, file, disks) -> str:
     """The summary."""
     state, potential = measure(disks), disks.potential
-    overlap, alpha = ("(δ/σ)" if potential.constants[2] else "δ"), potential.alpha
+    overlap, alpha = ("δ" if potential.stiffness == "constant" else "(δ/σ)"), potential.exponent
     units = disks.record.get("units", f"lengths as in {file}")
     lines = [
         f"{to}: {disks.n} {PARTICLES[disks.dimension]}, phi = {disks.phi:.9g}, read as {disks.record['protocol']}",
@@ -197,13 +198,11 @@ def _way_to_minimum(path, disks) -> str:
 
     At its φ, or at its p where `pack` refuses that φ.
     """
-    (low, high), pressure = (
-        MINIMISED_PHIS[disks.dimension],
-        disks.pressure / stress_unit_of(disks.radii, disks.potential, disks.dimension),
-    )
+    low, high = MINIMISED_PHIS[disks.dimension]
+    lowest, highest = pressure_range(disks.radii, disks.potential, disks.dimension)
     if low <= disks.phi <= high:
         goal = f"--phi {disks.phi!r}"
-    elif disks.phi < low and PRESSURES[0] <= pressure <= PRESSURES[1]:
+    elif disks.phi < low and lowest <= disks.pressure <= highest:
         goal = f"--pressure {disks.pressure:.6g}"
     else:
         return ""

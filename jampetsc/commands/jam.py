@@ -17,6 +17,7 @@ from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP, radii_of
 from jampetsc.minimisation.sizes import MAX_DISKS, MIN_DISKS, in_small_diameters
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
+from jampetsc.options.potential_options import EXPONENT
 from jampetsc.options.starts import (
     PHI_RANGE,
     STIFFNESS,
@@ -26,7 +27,7 @@ from jampetsc.options.starts import (
 )
 from jampetsc.options.values import SEEDS, SIZES, Numbers, number_list
 from jampetsc.packing.packing import PARTICLES
-from jampetsc.packing.potentials import EXPONENTS, Potential
+from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, Potential
 from jampetsc.packing.units import name_stress_unit, units_line
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
@@ -72,7 +73,8 @@ A killed run continues when the same command is given again. Options of the Newt
         help="a sample at each packing fraction for each seed, both ends included", value_type=SEEDS
     )
     sizes: str = parameter(DEFAULT_SIZES, SIZES_HELP, value_type=SIZES)
-    potential: str = parameter("harmonic", "energy of an overlap", choices=EXPONENTS)
+    potential: str = parameter(DEFAULT_POTENTIAL, "energy of an overlap", choices=EXPONENTS)
+    exponent: float | None = optional_parameter(**EXPONENT)
     tolerance: float = minimum_tolerance_parameter()
     protocol: str = parameter("random", "how samples are made", choices=tuple(PROTOCOLS))
     separated: bool = parameter(False, "large particles start on one side of the cell, small on the other")
@@ -101,8 +103,14 @@ A killed run continues when the same command is given again. Options of the Newt
     def check(self):
         """Refuse options of other protocols, too many samples, and sizes that so few particles cannot have."""
         radii_of(self.sizes, self.n)
+        _ = self.made_potential  # raises InputError
         if self.count > MAX_SAMPLES:
             raise InputError(f"{self.count} samples: at most {MAX_SAMPLES} in one result")
+
+    @property
+    def made_potential(self) -> Potential:
+        """The potential of the samples. Raises InputError."""
+        return Potential(self.potential, STIFFNESS, exponent=self.exponent)
 
     @property
     def made_protocol(self) -> SampleProtocol:
@@ -124,7 +132,7 @@ A killed run continues when the same command is given again. Options of the Newt
     def work(self, to):
         from jampetsc.commands.run_files import run_provenance, save_rows, saved_rows
         from jampetsc.jamming.samples import batch_size, make_samples
-        from jampetsc.jamming.stepwise_shear import ENERGY_CUT
+        from jampetsc.jamming.stepwise_shear import energy_cut
         from jampetsc.petsc.hessian_solver import HessianSolver
 
         start_time, running, protocol = time.perf_counter(), session.current(), self.made_protocol
@@ -135,7 +143,7 @@ A killed run continues when the same command is given again. Options of the Newt
                 resume = saved_rows(checkpoint)
         resume = comm.bcast(resume and resume[0])
         radii = in_small_diameters(radii_of(self.sizes, self.n))
-        potential = Potential(self.potential, STIFFNESS)
+        potential = self.made_potential
         size, starts = batch_size(protocol, comm.size), len(self.phi) * len(self.seeds)
         finished = len(resume["phi"]) // protocol.rows if resume else 0
         with Progress(-(-starts // size), "jam", comm.rank, finished // size) as progress:
@@ -156,15 +164,14 @@ A killed run continues when the same command is given again. Options of the Newt
                 ),
             )
         facts = {
-            "stiffness": STIFFNESS,
+            **{name: value for name, value in potential.record.items() if name != "k"},
             "stress_unit": name_stress_unit(potential, self.dimension),
             "units": UNITS,
-            "energy_cut": ENERGY_CUT,
+            "energy_cut": energy_cut(potential),
             "protocol": protocol.name,
             "particle_count": self.n,
             **({"dimension": 3} if self.dimension == 3 else {}),
             "sizes": self.sizes,
-            "potential": self.potential,
             "tolerance": self.tolerance,
         }
         notes = _notes(columns)

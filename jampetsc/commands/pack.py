@@ -12,13 +12,14 @@ from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP
 from jampetsc.minimisation.sizes import MAX_DISKS, MIN_DISKS, Radii, radii_asked, sizes_text
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
+from jampetsc.options.potential_options import EXPONENT
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, STRESS_UNIT
 from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES, Packing
-from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, STIFFNESSES, Potential
 from jampetsc.packing.units import stress_unit_of
 from jampetsc.petsc import session
 
-PRESSURES = (1e-8, 1.0)  # over `stress_unit_of` the particles
+PRESSURES = (1e-8, 1.0)  # over `stress_unit_of` the particles, see `pressure_range`
 TOLERANCES = (1e-13, 1e-4)
 ROUNDING = 1e-12  # relative, of limits in other units
 PHI_REMEDY = (
@@ -33,10 +34,18 @@ PARTICLE_PARAMETERS = (
     "n",
     "dimension",
     "potential",
+    "exponent",
     "stiffness",
     "sizes",
     "radii",
 )  # fixed by a packing to start from
+
+
+def pressure_range(radii, potential: Potential, dimension: int) -> tuple[float, float]:
+    """Lowest and highest pressure of packings of these radii (N,)."""
+    low, high = PRESSURES
+    unit = stress_unit_of(radii, potential, dimension)
+    return potential.force_limit(low) * unit, high * unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +94,10 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         "0.84 and 0.64)",
         above=0.0,
     )
-    potential: str | None = packing_parameter("energy of an overlap (default harmonic)", choices=EXPONENTS)
+    potential: str | None = packing_parameter(
+        f"energy of an overlap (default {DEFAULT_POTENTIAL})", choices=EXPONENTS
+    )
+    exponent: float | None = packing_parameter(**EXPONENT)
     stiffness: str | None = packing_parameter(
         "convention of the contact stiffness (default constant)", choices=STIFFNESSES
     )
@@ -132,7 +144,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.from_ is None:
             radii = radii_asked(self.n, self.sizes, self.radii)
             self._check_phi(self.dimension or 2)
-            self._check_pressure(stress_unit_of(radii, self._law, self.dimension or 2))
+            self._check_pressure(radii, self._potential, self.dimension or 2)
             return
         for name in PARTICLE_PARAMETERS:
             if getattr(self, name) is not None:
@@ -148,9 +160,9 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
                 f"{named('phi')} {self.phi:g}: must lie in [{low:g}, {high:g}] for {PARTICLES[dimension]}. {remedy}"
             )
 
-    def _check_pressure(self, unit):
-        """Refuse a pressure out of range for particles whose stress of order one is `unit`."""
-        low, high = (end * unit for end in PRESSURES)
+    def _check_pressure(self, radii, potential, dimension):
+        """Refuse a pressure out of range for these particles."""
+        low, high = pressure_range(radii, potential, dimension)
         if self.pressure is not None and not low * (1.0 - ROUNDING) <= self.pressure <= high * (
             1.0 + ROUNDING
         ):
@@ -162,12 +174,19 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         if self.from_ is not None:
             return {}
         sizes = {} if self.radii is not None else {"sizes": DEFAULT_SIZES}
-        return {"dimension": 2, "potential": "harmonic", "stiffness": "constant", "seed": 1} | sizes
+        return {
+            "dimension": 2,
+            "potential": DEFAULT_POTENTIAL,
+            "stiffness": STIFFNESSES[0],
+            "seed": 1,
+        } | sizes
 
     @property
-    def _law(self):
+    def _potential(self):
         """The potential of random particles."""
-        return Potential(self.potential or "harmonic", self.stiffness or "constant")
+        return Potential(
+            self.potential or DEFAULT_POTENTIAL, self.stiffness or STIFFNESSES[0], exponent=self.exponent
+        )
 
     def check_outputs(self, to):
         """See `Job`; also refuse a file to start from that is not a packing."""
@@ -216,11 +235,11 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
             record = how | {"sizes": sizes_text(self.sizes, self.radii), "requested_n": self.n or 0}
             seed = 1 if self.seed is None else self.seed
             return start_at_random(
-                radii, self._law, self.target, seed, record, self.dimension or 2, keeps_order
+                radii, self._potential, self.target, seed, record, self.dimension or 2, keeps_order
             )
         with about(source_name(self.from_)):
             start = start_from_packing(self.from_, self.target, how)
             disks = start.disks
             self._check_phi(disks.dimension)
-            self._check_pressure(stress_unit_of(disks.radii, disks.potential, disks.dimension))
+            self._check_pressure(disks.radii, disks.potential, disks.dimension)
         return start

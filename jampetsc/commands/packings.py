@@ -44,7 +44,7 @@ def start_at_random(
     ):  # seeds of packings of unit diameter keep them to the last bit
         unit = 1.0
     phi = target.phi or start_phi(target.pressure / unit, dimension)
-    kind = {"requested_potential": potential.kind, "requested_stiffness": potential.stiffness}
+    kind = {f"requested_{name}": value for name, value in potential.record.items() if name != "k"}
     disks = random_places(radii, phi, seed, potential, dimension=dimension)
     return PackingStart(disks, record | kind | _requested(target) | {"seed": seed}, True, keeps_order)
 

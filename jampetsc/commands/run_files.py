@@ -28,13 +28,7 @@ def run_provenance(seconds: float, running=None, ranks: int = 1, law=None, packi
 
 def potential_facts(disks) -> dict:
     """Attributes of the potential of the disks."""
-    potential = disks.potential
-    return {
-        "potential": potential.kind,
-        "stiffness": potential.stiffness,
-        "k": float(potential.k),
-        "stress_unit": name_stress_unit(potential, disks.dimension),
-    }
+    return disks.potential.record | {"stress_unit": name_stress_unit(disks.potential, disks.dimension)}
 
 
 def run_units(disks, tau1: float | None = None) -> str:

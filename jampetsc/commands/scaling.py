@@ -13,8 +13,8 @@ from jampetsc.io.provenance import recorded_dimension
 
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
 COMMON_ATTRIBUTES = (
-    "dimension", "model", "mass", "sizes", "potential", "stiffness", "protocol", "cooling_rate", "separated", "units",
-    "k", "tau1",
+    "dimension", "model", "mass", "sizes", "potential", "exponent", "stiffness", "protocol", "cooling_rate",
+    "separated", "units", "k", "tau1",
 )  # fmt: skip
 LENGTH = {2: np.sqrt, 3: np.cbrt}  # L = N^(1/D) of D dimensions
 PHI_DECIMALS = 6  # of packing fractions that count as equal

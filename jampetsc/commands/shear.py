@@ -118,7 +118,7 @@ prefix -newton_."""
         """Attributes of the file, without provenance and origin of the disks."""
         from jampetsc.analysis.strain_series import average_facts
         from jampetsc.commands.run_files import potential_facts
-        from jampetsc.jamming.stepwise_shear import ENERGY_CUT, PLASTIC_RATIO
+        from jampetsc.jamming.stepwise_shear import PLASTIC_RATIO, energy_cut
 
         return {
             "step": self.step,
@@ -128,7 +128,7 @@ prefix -newton_."""
             **potential_facts(disks),
             "tolerance": self.tolerance,
             "discard": path.discard,
-            "energy_cut": ENERGY_CUT,
+            "energy_cut": energy_cut(disks.potential),
             "plastic_share": PLASTIC_RATIO,
             "newton_steps": path.effort.newton_steps,
             "saddles": path.effort.saddles,

@@ -73,7 +73,7 @@ def drag_steps(me, threads, counter, arrays, constants, like, steps):
             for d in domains:
                 rows = slice(disks[d], disks[d + 1])
                 bonds = domain_forces(
-                    pairs, d, place, simple_shear(shear), constants.law, forces, None, None, room
+                    pairs, d, place, simple_shear(shear), constants.potential, forces, None, None, room
                 )
                 forces[disks[d] : constants.wall_disks] = 0.0
                 if part == 0:
@@ -118,7 +118,7 @@ def residual_at(pairs, d, o, g, constants, u, forces, rolling, room, like):
         d,
         o,
         simple_shear(g),
-        constants.law,
+        constants.potential,
         forces,
         (u, constants.rate, constants.weights),
         rolling,
@@ -238,7 +238,7 @@ def contact_steps(me, threads, counter, arrays, constants, like, contacts, steps
                 d,
                 o,
                 simple_shear(g),
-                constants.law,
+                constants.potential,
                 arrays.forces,
                 (u, constants.rate, constants.weights),
                 None,
@@ -307,12 +307,20 @@ def massive_steps(me, threads, counter, arrays, constants, like, turning, steps)
             motion = predicted, constants.rate, constants.weights
             if turning is None:
                 bonds = domain_forces(
-                    arrays.inner_pairs, d, o, simple_shear(g), constants.law, forces, motion, None, room
+                    arrays.inner_pairs, d, o, simple_shear(g), constants.potential, forces, motion, None, room
                 )
             else:
                 rolling = current_spins, turning.radii, torques
                 bonds = domain_forces(
-                    arrays.inner_pairs, d, o, simple_shear(g), constants.law, forces, motion, rolling, room
+                    arrays.inner_pairs,
+                    d,
+                    o,
+                    simple_shear(g),
+                    constants.potential,
+                    forces,
+                    motion,
+                    rolling,
+                    room,
                 )
             forces[disks[d] : constants.wall_disks] = 0.0
             far, longest, xy, squares = kick(

@@ -177,7 +177,7 @@ class SteadyShear(ListedPacking):
         """Constants of the compiled steps from here, with time steps of `part` of the scheme's."""
         unit, scheme = self.damping_unit, self.scheme
         return StepConstants(
-            law=self.reference.potential.constants,
+            potential=self.reference.potential.constants,
             weights=tuple(unit * w for w in self.model.law.on_contacts),
             drag=unit * self.model.drag,
             mass=float(self.model.mass),

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jampetsc.packing.bond import simple_shear
+from jampetsc.packing.bond import exponent_of, simple_shear
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled, nested
 from jampetsc.packing.kernel import elastic_trace, viscous_trace
 from jampetsc.packing.neighbour_list import NeighbourList, choose_inner_list, inner_list_is_stale, is_stale
@@ -24,7 +24,7 @@ UNSET_PATH = 1e300  # as path where no inner list was made yet
 class StepConstants(NamedTuple):
     """Constants of the time steps from one pair list to the next."""
 
-    law: tuple  # `Potential.constants`
+    potential: tuple  # `Potential.constants`
     weights: tuple  # (c_∥, c_⊥, c_s) of contacts
     drag: float  # of a disk, force over velocity
     mass: float
@@ -164,14 +164,13 @@ def squares_of(u, like):
 @nested(FAST, forceinline=True)
 def write_terms(constants, bonds, xy, squares, row):
     """The terms of TALLY of one domain into `row`; bonds: Sums of its forces; xy, squares: see `squares_of`."""
-    alpha = 2.5 if constants.law[1] else 2.0
     row[0] = bonds.elastic_xy
     row[1] = elastic_trace(bonds)
     row[2] = bonds.viscous_xy
     row[3] = viscous_trace(bonds)
     row[4] = constants.mass * xy
     row[5] = constants.mass * squares
-    row[6] = bonds.energy / alpha + 0.5 * constants.mass * squares
+    row[6] = bonds.energy / exponent_of(constants.potential) + 0.5 * constants.mass * squares
     row[7] = bonds.dissipation + constants.drag * squares
 
 

@@ -123,7 +123,7 @@ def stress_on_walls(shear: SteadyShear, u) -> tuple[float, float]:
             len(u), i[side], j[side], [component[side] for component in r0], sigma[side]
         )
         forces = np.empty_like(shear.offsets)
-        bond_forces(pairs, shear.offsets, simple_shear(shear.shear), task.law, forces, motion, rolling)
+        bond_forces(pairs, shear.offsets, simple_shear(shear.shear), task.potential, forces, motion, rolling)
         total += sign * forces[: shear.wall_disks].sum(0)
     width = 2.0 * shear.reference.cell[0, 0]
     return float(total[0] / width), float(-total[1] / width)

@@ -11,9 +11,9 @@ from jampetsc.io.disk_table import (
     check_index,
     columns_of,
     count_of,
-    force_law_of,
     is_number,
     places_of,
+    potential_of,
     rows_of,
     to_numbers,
 )
@@ -135,9 +135,9 @@ def read_xyz(content, index, columns=None):
     particle_columns = columns_of(names, rows, remedy=f"{NAME_COLUMNS}, e.g. species,x,y,z,r.")
     if not {"x", "y"} <= set(particle_columns):
         raise InputError(f"no pos among the columns {', '.join(particle_columns)}. Add it to the file.")
-    law, place = force_law_of(entries), places_of(particle_columns)
+    potential, place = potential_of(entries), places_of(particle_columns)
     if "Lattice" not in entries:
-        return DiskTable(particle_columns, place, None, law, frame)
+        return DiskTable(particle_columns, place, None, potential, frame)
     lattice = to_numbers(re.findall(r"[^\s,\[\]]+", entries["Lattice"]))
     if lattice.shape != (9,):
         raise InputError(f'Lattice="{entries["Lattice"]}": must be nine numbers, the rows a₁, a₂ and a₃')
@@ -148,7 +148,9 @@ def read_xyz(content, index, columns=None):
             f'pbc="{entries["pbc"]}": must be periodic in x and y. Walls and open boundaries are not supported; if '
             "nothing touches them, write T T F for disks."
         )
-    return DiskTable(particle_columns, place, lattice.reshape(3, 3), law, frame, all(periodic), may_turn=True)
+    return DiskTable(
+        particle_columns, place, lattice.reshape(3, 3), potential, frame, all(periodic), may_turn=True
+    )
 
 
 def _entries(line) -> dict:

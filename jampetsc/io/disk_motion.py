@@ -198,7 +198,7 @@ def snapshot(result, row=-1) -> Snapshot:
     if not -count <= row < count:
         raise InputError(f"{result.path}: no snapshot {row} ({count}, numbered from 0). Choose another.")
     a = result.attributes
-    potential = Potential(str(a["potential"]), str(a["stiffness"]), float(a["k"]))
+    potential = Potential.of_record(a)
     names = ("positions", "cell", "velocities", "strain", "images", "spins")
     kept = {name: result.stored(f"snapshots/{name}")[row] for name in names if f"snapshots/{name}" in result}
     record = {name: convert(a[name]) for name, convert in (("walls", int), ("units", str)) if name in a}

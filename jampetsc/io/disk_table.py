@@ -10,9 +10,8 @@ import numpy as np
 
 from jampetsc.errors import InputError, named
 from jampetsc.packing.geometry import Geometry, geometry_of
-from jampetsc.packing.potentials import EXPONENTS
+from jampetsc.packing.potentials import EXPONENTS, SETTINGS
 
-LAW = ("potential", "stiffness", "k")  # entries of a file on its forces, see `packing.potentials`
 MAX_SHOWN_WORDS = 5  # of a row or column in a message
 
 
@@ -23,7 +22,9 @@ class DiskTable:
     columns: dict  # name in the file -> (N,) words or numbers
     positions: np.ndarray  # (N, 2) or (N, 3)
     box: object  # in a form that `packing.cell.cell_of` takes; None where the file has none
-    law: dict = field(default_factory=dict)  # name of LAW, or units -> what the file says
+    potential: dict = field(
+        default_factory=dict
+    )  # name of SETTINGS of `packing.potentials`, or units -> what the file says
     index: int = 0  # number of the frame, from 0
     is_deep: bool = True  # whether a box of three axes repeats along z
     dimension: int | None = None  # D where the format states it
@@ -39,18 +40,18 @@ class DiskTable:
         return geometry_of(self.positions, box, dimension, is_deep=self.is_deep, may_turn=self.may_turn)
 
 
-def force_law_of(entries) -> dict:
-    """The entries {key: value} of a file that are of LAW, or units; none where `potential` is not one of jampetsc.
+def potential_of(entries) -> dict:
+    """The entries {key: value} of a file that are of SETTINGS, or units; none where `potential` is not one of jampetsc.
 
     Other programs may use these keys for something else.
     """
-    law = {name: entries[name] for name in (*LAW, "units") if name in entries}
-    return law if law.get("potential") in tuple(EXPONENTS) else {}
+    potential = {name: entries[name] for name in (*SETTINGS, "units") if name in entries}
+    return potential if potential.get("potential") in tuple(EXPONENTS) else {}
 
 
-def law_in(text) -> dict:
-    """`force_law_of` the words key=value of a text."""
-    return force_law_of({key: value.strip('"') for key, value in re.findall(r'(\w+)=("[^"]*"|\S+)', text)})
+def potential_in(text) -> dict:
+    """`potential_of` the words key=value of a text."""
+    return potential_of({key: value.strip('"') for key, value in re.findall(r'(\w+)=("[^"]*"|\S+)', text)})
 
 
 def shown(words) -> str:

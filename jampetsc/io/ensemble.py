@@ -23,6 +23,7 @@ SYSTEM_COLUMNS = (
     "lattice",
     "keep",
     "potential",
+    "exponent",
     "stabilise",
     "stiffness",
     "sizes",

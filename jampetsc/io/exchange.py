@@ -13,8 +13,9 @@ import numpy as np
 
 from jampetsc.errors import InputError, MissingPackage, named
 from jampetsc.io.column_reader import TextTable, looks_like_xyz, read_xyr, read_xyz
-from jampetsc.io.disk_table import LAW, DiskTable, check_index, force_law_of
+from jampetsc.io.disk_table import DiskTable, check_index, potential_of
 from jampetsc.io.lammps_reader import read_lammps_data, read_lammps_dump
+from jampetsc.packing.potentials import SETTINGS
 
 _HEAD_BYTES = 1 << 16  # by which a format is recognised
 MAX_UNPACKED_BYTES = 1 << 29  # of all arrays of an npz file
@@ -91,8 +92,10 @@ def read_npz(content, index):
         raise InputError(f"not arrays of numpy.savez, or damaged ({words}). Get it again.") from None
     if "positions" not in arrays:
         raise InputError(f"no array positions among {', '.join(arrays)}. Add it to the file.")
-    law = {name: arrays.pop(name).item() for name in (*LAW, "units") if np.ndim(arrays.get(name, [])) == 0}
-    return DiskTable(arrays, arrays["positions"], arrays.get("box", arrays.get("cell")), law)
+    potential = {
+        name: arrays.pop(name).item() for name in (*SETTINGS, "units") if np.ndim(arrays.get(name, [])) == 0
+    }
+    return DiskTable(arrays, arrays["positions"], arrays.get("box", arrays.get("cell")), potential)
 
 
 def read_gsd(content, index):
@@ -122,8 +125,8 @@ def read_gsd(content, index):
     texts = {n: v.tobytes().decode(errors="replace") for n, v in frame.log.items() if v.dtype == np.uint8}
     values = {n: v.item() for n, v in frame.log.items() if v.size == 1}
     is_plane = frame.configuration.dimensions == 2 or not Lz > 0.0
-    law, D = force_law_of(values | texts), 2 if is_plane else None
-    return DiskTable(columns, particles.position, cell, law, number, dimension=D)
+    potential, D = potential_of(values | texts), 2 if is_plane else None
+    return DiskTable(columns, particles.position, cell, potential, number, dimension=D)
 
 
 def _check_counts(file, frames, size) -> None:

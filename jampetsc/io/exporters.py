@@ -1,8 +1,8 @@
 """Files for other programs: extended XYZ, LAMMPS dump and data, VTK PolyData, numpy's npz, HOOMD's GSD.
 
 Coordinates are one double each (one single in GSD before gsd 5); forces and stresses were found with all digits before.
-Every format carries `Frame.law`, so that a reader finds the same forces. Networks go to data, vtp and npz: LAMMPS' bond
-style harmonic has the energy K (r − r₀)², so K = k/2, and r₀ = r − T/k gives the tension T.
+Every format carries `Frame.potential`, so that a reader finds the same forces. Networks go to data, vtp and npz:
+LAMMPS' bond style harmonic has the energy K (r − r₀)², so K = k/2, and r₀ = r − T/k gives the tension T.
 """
 
 import importlib
@@ -119,7 +119,7 @@ def _xyz(frame: Frame, number) -> bytes:
         properties += f":{'velo' if name == 'velocity' else name}:{kind}:{values[0].size}"
     head = (
         f'{frame.disks.n}\nLattice="{lattice}" Properties={properties} '
-        f'pbc="T T {"TF"[frame.disks.dimension == 2]}" {_words({"frame": number} | frame.law | frame.facts)}\n'
+        f'pbc="T T {"TF"[frame.disks.dimension == 2]}" {_words({"frame": number} | frame.potential | frame.facts)}\n'
     )
     return (head + format_rows(columns.values(), "X ")).encode()
 
@@ -137,7 +137,7 @@ def _dump(frame: Frame, number) -> bytes:
         else {"spin": "omegaz"}.get(name, name)
         for name, values in columns.items()
     )
-    units = "" if number else f"ITEM: UNITS\nlj {_words(frame.law)}\n"
+    units = "" if number else f"ITEM: UNITS\nlj {_words(frame.potential)}\n"
     xy, xz, yz = cell[1, 0], cell[2, 0], cell[2, 1]
     bounds, flags = _box_bounds(cell, frame.disks.dimension), "pp pp ff" if len(axes) == 2 else "pp pp pp"
     bounds[0] += min(0.0, xy, xz, xy + xz), max(0.0, xy, xz, xy + xz)
@@ -164,7 +164,7 @@ def _data(frame: Frame, number) -> bytes:
     ends = zip(*(a.tolist() for a in (c.i + 1, c.j + 1, c.force, c.overlap)), strict=True)
     bonds = "".join(f"{row} 1 {i} {j} # {f!r} {d!r}\n" for row, (i, j, f, d) in enumerate(ends, 1))
     return (
-        f"LAMMPS data file of jampetsc, bonds are contacts: # force overlap; units = lj, {_words(frame.law)}\n\n"
+        f"LAMMPS data file of jampetsc, bonds are contacts: # force overlap; units = lj, {_words(frame.potential)}\n\n"
         f"{disks.n} atoms\n{len(c)} bonds\n{types.max()} atom types\n1 bond types\n\n"
         f"{_lammps_box(_frame_cell(frame), disks.dimension)}\n"
         f"Atoms # bpm/sphere\n\n{format_rows(atoms)}" + (f"\nBonds\n\n{bonds}" if bonds else "")
@@ -183,7 +183,7 @@ def _vtp(frame: Frame, number) -> bytes:
     """VTK XML PolyData: a point per disk, a line per contact."""
     disks, c = frame.disks, frame.contacts
     bonds = {"force": c.force, "overlap": c.overlap, "bearing": frame.bearing.astype(int)}
-    return poly_data(disks.positions, disks.cell, c, frame.columns, bonds, frame.law | frame.facts)
+    return poly_data(disks.positions, disks.cell, c, frame.columns, bonds, frame.potential | frame.facts)
 
 
 def poly_data(positions, cell, c, columns, bonds, facts) -> bytes:
@@ -244,7 +244,7 @@ def _npz(frame: Frame, number) -> bytes:
     contacts = {"pairs": np.column_stack((c.i, c.j)), "bonds": c.r, "force": c.force, "overlap": c.overlap}
     np.savez(
         file,
-        **frame.law,
+        **frame.potential,
         positions=disks.positions,
         cell=disks.cell,
         **frame.columns,
@@ -264,7 +264,7 @@ def _gsd():
 
 
 def _write_gsd(stream, frames) -> int:
-    """HOOMD frames, the middle of the cell at the origin; law, columns and forces are in their log."""
+    """HOOMD frames, the middle of the cell at the origin; potential, columns and forces are in their log."""
     hoomd, count = _gsd(), 0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frames.gsd"
@@ -302,7 +302,7 @@ def _gsd_frame(hoomd, frame, number):
     snapshot.bonds.group = np.column_stack((c.i, c.j))
     snapshot.log = {f"particles/{name}": values for name, values in frame.columns.items()}
     snapshot.log |= {"bonds/force": c.force, "bonds/overlap": c.overlap}
-    for name, value in (frame.law | frame.facts).items():  # a text as its bytes
+    for name, value in (frame.potential | frame.facts).items():  # a text as its bytes
         snapshot.log[name] = (
             np.frombuffer(value.encode(), np.uint8) if isinstance(value, str) else np.array([value])
         )

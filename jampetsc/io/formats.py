@@ -13,6 +13,7 @@ from jampetsc.io.result_formats import (
     JAM,
     MODES,
     OSCILLATE,
+    POTENTIAL_ROWS,
     QUASISTATIC,
     SHEAR,
     SPECTRUM,
@@ -32,8 +33,9 @@ cell_low | (D, D) | float? | length | likewise of `cell`
     attributes=r"""
 format, format_version | text | | `jampetsc-packing`, and the version of its layout; readers refuse another major
   version
-potential | text in harmonic hertzian | | energy of an overlap
-stiffness | text in constant inverse-square-diameter | | convention of the contact stiffness
+"""
+    + POTENTIAL_ROWS
+    + r"""
 k | float > 0 | | contact stiffness
 protocol | text | | how it was made
 pressure, phi, energy, max_force | float | | p = Σ f r/(D V), φ, U, largest net force on a disk
@@ -44,7 +46,7 @@ negative_modes, negative_modes_counted_by, proof_fingerprint | int, text, text? 
 notes | text? | | warnings about the numbers, `KIND: details. Remedy`, separated by `; `
 seed, sizes, stabilise, tolerance | int, text, text, float? | | as asked for; `sizes` is a law, or with `--radii` the
   name of their file or the hash of the array
-requested_n, requested_potential, requested_stiffness | int, text, text? | | as asked for
+requested_n, requested_potential, requested_exponent, requested_stiffness | int, text, float, text? | | as asked for
 requested_pressure, requested_phi | float? | | as asked for; one of the two
 source, source_sha256 | text? | | with `--from`, and with `ladder` in a study: the packing it began with, name (of a
   file) and hash as `packing`, `packing_sha256`

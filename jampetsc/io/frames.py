@@ -32,11 +32,10 @@ class Frame:
     facts: dict = field(default_factory=dict)  # name -> number for the whole frame
 
     @property
-    def law(self) -> dict:
-        """The law of the forces, from which `importers` computes them again, and the units where they are known."""
-        law = self.disks.potential
+    def potential(self) -> dict:
+        """`Potential.record`, from which `importers` computes the forces again, and the units where they are known."""
         units = {"units": self.disks.record["units"]} if "units" in self.disks.record else {}
-        return {"potential": law.kind, "stiffness": law.stiffness, "k": float(law.k)} | units
+        return self.disks.potential.record | units
 
 
 @dataclass(frozen=True, eq=False)

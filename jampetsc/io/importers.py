@@ -5,12 +5,12 @@ from pathlib import Path
 from jampetsc.errors import InputError, about, named, option_word
 from jampetsc.io.atomic import open_regular
 from jampetsc.io.checksums import SIGNATURE
-from jampetsc.io.disk_table import LAW
 from jampetsc.io.exchange import check_uncompressed, format_of, read_table, refuse_unknown
-from jampetsc.io.pair_styles import law_of_pair_style
+from jampetsc.io.pair_styles import potential_of_pair_style
 from jampetsc.io.published_packings import PROGRAMS, is_published, read_published
 from jampetsc.io.size_columns import radii_in
 from jampetsc.packing.packing import MINIMISED_PHIS, Packing
+from jampetsc.packing.potentials import SETTINGS
 from jampetsc.progress import warn
 
 _MAX_TEXT_BYTES = 1 << 29  # bytes of text, about ten million disks
@@ -27,6 +27,7 @@ def import_packing(
     box=None,
     dimension=None,
     potential=None,
+    exponent=None,
     stiffness=None,
     k=None,
     pair_style=None,
@@ -42,8 +43,8 @@ def import_packing(
     columns        names of the columns of a text, "id,x,y,r"; None: as its title line says, or x y r
     box            as the cell of `Packing`, for a file that has none
     dimension      2: disks, z is left out; 3: spheres; None: disks where z is the same for all, to single precision
-    potential, stiffness, k   as for `Packing`; None: what the file says, or else the defaults of `Packing`
-    pair_style     instead of these three LAMMPS' pair style with its stiffness, "harmonic/cut 1", "gran/hooke 1e5",
+    potential, exponent, stiffness, k   as for `Packing`; None: what the file says, or else the defaults of `Packing`
+    pair_style     instead of these LAMMPS' pair style with its stiffness, "harmonic/cut 1", "gran/hooke 1e5",
                    "gran/hertz 1e5" (`pair_styles`)
 
     Returns a Packing, in the unit of length of the file. Its record has pressure, phi, energy and max_force as computed
@@ -54,18 +55,18 @@ def import_packing(
     periodic, or whose pressure or energy is not the one in the file.
     """
     content = read_content(path, whole=format is not None)
-    law = {"potential": potential, "stiffness": stiffness, "k": k}
-    law = {name: value for name, value in law.items() if value is not None}
-    if pair_style is not None and law:
+    settings = {"potential": potential, "exponent": exponent, "stiffness": stiffness, "k": k}
+    settings = {name: value for name, value in settings.items() if value is not None}
+    if pair_style is not None and settings:
         raise InputError(
-            f"{named('pair_style')}, {', '.join(map(named, law))}: both given. Give one of them."
+            f"{named('pair_style')}, {', '.join(map(named, settings))}: both given. Give one of them."
         )
     options = {"radius": radius, "column_holds": column_holds, "columns": columns, "dimension": dimension}
     with about(path):
         check_uncompressed(content, path)
         if format is None and is_published(content):
-            settings = {**options, "box": box, "pair_style": pair_style, **law}
-            fixed = [name for name, value in settings.items() if value is not None]
+            every = {**options, "box": box, "pair_style": pair_style, **settings}
+            fixed = [name for name, value in every.items() if value is not None]
             if fixed:
                 raise InputError(
                     f"{', '.join(map(named, fixed))}: fixed in files of {' and '.join(PROGRAMS)}. Leave them out, or "
@@ -73,7 +74,7 @@ def import_packing(
                 )
         else:
             format = format or format_of(content) or refuse_unknown(content, PROGRAMS)
-            disks = _read_exchanged(content, index, format, box, law, pair_style, **options)
+            disks = _read_exchanged(content, index, format, box, settings, pair_style, **options)
     if format is None:
         disks = read_published(path, content, index)
     disks = disks.with_record(imported_from=Path(path).name)
@@ -118,16 +119,18 @@ def read_content(path, whole=True) -> bytes:
 
 
 def _read_exchanged(
-    content, index, format, box, law, pair_style, *, radius, column_holds, columns, dimension
+    content, index, format, box, settings, pair_style, *, radius, column_holds, columns, dimension
 ):
     table = read_table(content, index, format, columns)
     cell = box_of(table, box)
     radii, source = radii_in(table.columns, radius, column_holds)
     geometry = table.geometry(cell, dimension)
-    law = table.law | (law if pair_style is None else law_of_pair_style(pair_style, radii))
-    units = {"units": law.pop("units")} if "units" in law else {}
-    assumed = ", ".join(name for name in LAW if name not in law)
-    disks = Packing(geometry.positions, radii, geometry.cell, **law, dimension=len(geometry.cell))
+    settings = settings if pair_style is None else potential_of_pair_style(pair_style, radii)
+    replaced = ("potential", "exponent") if "potential" in settings else ()  # they go together
+    potential = {name: value for name, value in table.potential.items() if name not in replaced} | settings
+    units = {"units": potential.pop("units")} if "units" in potential else {}
+    assumed = ", ".join(name for name in SETTINGS if name not in {*potential, "exponent"})
+    disks = Packing(geometry.positions, radii, geometry.cell, **potential, dimension=len(geometry.cell))
     record = {"protocol": format, "imported_index": table.index, "sizes_from": source} | units
     record |= {"geometry": geometry.decision} if geometry.decision else {}
     return disks.with_record(**record, **({"assumed": assumed} if assumed else {}))

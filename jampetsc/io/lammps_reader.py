@@ -10,9 +10,9 @@ from jampetsc.io.disk_table import (
     check_index,
     columns_of,
     count_of,
-    law_in,
     numbers_in,
     places_of,
+    potential_in,
     rows_of,
     to_numbers,
     to_whole_numbers,
@@ -62,9 +62,9 @@ def read_lammps_dump(content, index):
     if "s" in kind:
         axes = place.shape[1]
         place = place @ cell[:axes, :axes] + low[:axes]
-    law = law_in(sections["UNITS"][1] if "UNITS" in sections else "")
+    potential = potential_in(sections["UNITS"][1] if "UNITS" in sections else "")
     is_deep = flags[2:3] in ([], ["pp"])
-    return DiskTable(columns, place, cell, law, frame, is_deep, may_turn=is_general)
+    return DiskTable(columns, place, cell, potential, frame, is_deep, may_turn=is_general)
 
 
 def _refuse_other_dump(titles):
@@ -129,7 +129,7 @@ def read_lammps_data(content, index):
         cell = np.array([[x1 - x0, 0.0, 0.0], [xy, y1 - y0, 0.0], [xz, yz, z1 - z0]])
     rows = [_without_comment(row) for row in rows_of(body, count_of(header_words("atoms", 1)[0]))]
     columns = columns_of(STYLES[style].split(), rows, surplus=(0, IMAGE_COLUMNS))
-    return DiskTable(columns, places_of(columns), cell, law_in(title), may_turn=is_general)
+    return DiskTable(columns, places_of(columns), cell, potential_in(title), may_turn=is_general)
 
 
 def _without_comment(words):

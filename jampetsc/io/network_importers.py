@@ -62,7 +62,7 @@ def import_network(
             "dimension": len(geometry.cell),
             "radii": radii_in(table.columns, radius, column_holds)[0] if has_radii else None,
         }
-        k = table.law.get("k", 1.0) if k is None else k
+        k = table.potential.get("k", 1.0) if k is None else k
         if is_one_file:
             values = _values_of(content, format, table)
     if not is_one_file:
@@ -87,7 +87,7 @@ def import_network(
 def _values_of(content, format, table):
     """Arguments of `Network` about the bonds of the file that has its nodes, and `rest`, lengths r₀ of springs."""
     if format == "npz" and "bonds" in table.columns:
-        arrays = table.law | table.columns
+        arrays = table.potential | table.columns
         return {name: arrays[name] for name in ("bonds", *BOND_ARRAYS) if name in arrays}
     if format == "lammps-data":
         return lammps_bonds(content.decode(), table.columns["id"])

@@ -2,8 +2,8 @@
 
 A packing has datasets `positions` (N, D), `radii` (N,), `cell` (D, D) rows a1, a2, …, and the parts one double cannot
 hold, `positions_low` (N, D) and `cell_low` (D, D), which may be missing. Attributes are `format`, `format_version`,
-`potential`, `stiffness`, `k` (1 if missing), then the record: pressure, phi, energy, max_force, seed, … A network has
-its nodes, bonds and their stiffnesses.
+the entries of `Potential.record` (`k` is 1 if missing), then the record: pressure, phi, energy, max_force, seed, … A
+network has its nodes, bonds and their stiffnesses.
 """
 
 import os
@@ -24,13 +24,13 @@ from jampetsc.io.hdf5 import (
 from jampetsc.io.outputs import check_replaced
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.particles import join
-from jampetsc.packing.potentials import Potential
+from jampetsc.packing.potentials import SETTINGS, Potential
 from jampetsc.packing.spring_network import Network
 from jampetsc.version import FORMAT_VERSION
 
 FORMAT = "jampetsc-packing"
 ARRAYS = ("positions", "radii", "cell", "positions_low", "cell_low")
-_HEADER = ("format", "format_version", "potential", "stiffness", "k")
+_HEADER = ("format", "format_version", *SETTINGS)
 _FILE_ATTRIBUTES = (*_HEADER, "request")  # attributes that are no record of the disks
 NETWORK_FORMAT = "jampetsc-network"
 NETWORK_ARRAYS = ("positions", "bonds", "images", "cell", "stiffness", "tension")
@@ -53,12 +53,11 @@ def write_packing(path, disks: Packing, request=None) -> None:
     cell, cell_low = join(disks.cell_base, disks.cell_offset)
     datasets = {"positions": positions, "positions_low": positions_low, "radii": disks.radii}
     datasets |= {"cell": cell, "cell_low": cell_low}
-    potential = disks.potential
-    header = (FORMAT, FORMAT_VERSION, potential.kind, potential.stiffness, float(potential.k))
+    header = {"format": FORMAT, "format_version": FORMAT_VERSION} | disks.potential.record
     record = {name: value for name, value in disks.record.items() if name not in _FILE_ATTRIBUTES}
     check_replaced(path, FORMAT)
     with OutputFile(path) as h5:
-        set_attributes(h5, dict(zip(_HEADER, header, strict=True)) | record)
+        set_attributes(h5, header | record)
         set_attributes(h5, {"request": request and request.text})
         for name, array in datasets.items():
             store(h5, name, array)
@@ -110,8 +109,7 @@ def packing_from(h5, path) -> Packing:
     arrays = {name: values(datasets[name]).astype(float) for name in ARRAYS if name in datasets}
     record = {name: value for name, value in attrs.items() if name not in _FILE_ATTRIBUTES}
     with about(path):
-        potential = Potential(attrs.get("potential"), attrs.get("stiffness"), float(attrs.get("k", 1.0)))
-        return Packing.from_positions(**arrays, potential=potential, record=record)
+        return Packing.from_positions(**arrays, potential=Potential.of_record(attrs), record=record)
 
 
 def write_network(path, network: Network, request=None) -> None:

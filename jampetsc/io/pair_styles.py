@@ -1,4 +1,4 @@
-"""Force laws of LAMMPS' pair styles in the conventions of `packing.potentials`.
+"""Potentials of LAMMPS' pair styles in the conventions of `packing.potentials`.
 
 With the overlap δ and the radii Rᵢ, Rⱼ (LAMMPS' manual, pages of the pair styles):
 
@@ -30,20 +30,20 @@ def _hertz(stiffness, radii):
     if np.ptp(radii) > SIZE_TOLERANCE * radii.max():
         raise InputError(
             f"{named('pair_style')} gran/hertz: supported for radii that are all alike, as its force is ∝ "
-            f"√(RᵢRⱼ/(Rᵢ + Rⱼ)) (radii {radii.min():g} to {radii.max():g}). For a near law give {named('potential')} "
-            f"hertzian and a {named('k')} from {low:.6g} to {high:.6g}, and minimise the energy."
+            f"√(RᵢRⱼ/(Rᵢ + Rⱼ)) (radii {radii.min():g} to {radii.max():g}). For a similar one give "
+            f"{named('potential')} hertzian and a {named('k')} from {low:.6g} to {high:.6g}, and minimise the energy."
         )
     return {"potential": "hertzian", "stiffness": "constant", "k": low}
 
 
-PAIR_STYLES = {  # name -> the law of its stiffness and radii (N,)
+PAIR_STYLES = {  # name -> the potential of its stiffness and radii (N,)
     "harmonic/cut": _harmonic,
     "gran/hooke": _hooke,
     "gran/hertz": _hertz,
 }
 
 
-def law_of_pair_style(text, radii) -> dict:
+def potential_of_pair_style(text, radii) -> dict:
     """{potential, stiffness, k} of a pair style and its first coefficient, "gran/hertz 2e5". Raises InputError.
 
     radii   (N,) in the units of length in which the coefficient is given

@@ -156,7 +156,7 @@ class ShearedResult(Result):
         """The disks of the stored state."""
         arrays = {name: np.asarray(self[f"state/{name}"], float) for name in (*PLACES, "radii")}
         with about(self.path):
-            potential = Potential(*(self.attributes[name] for name in ("potential", "stiffness", "k")))
+            potential = Potential.of_record(self.attributes)
             radii, positions = arrays["radii"], arrays["base"] + arrays["offset"]
             cell = arrays["cell_base"] + arrays["cell_offset"]
             return Packing.from_positions(positions, radii, cell, potential).replace(**arrays)

@@ -2,6 +2,7 @@
 
 from jampetsc.io.declaration import Format
 from jampetsc.io.provenance import PROVENANCE
+from jampetsc.packing.potentials import EXPONENTS, MAX_EXPONENT, MIN_EXPONENT, STIFFNESSES
 
 SWEEP = Format(
     datasets=r"""
@@ -202,10 +203,15 @@ regularisation | float | | force below which a contact counts as linear, over th
     common=PROVENANCE,
 )
 
-_DISKS = """
+POTENTIAL_ROWS = f"""
+potential | text in {" ".join(EXPONENTS)} | | energy of an overlap
+exponent | float? | | α of the potential `power`, from {MIN_EXPONENT:g} to {MAX_EXPONENT:g}
+stiffness | text in {" ".join(STIFFNESSES)} | | convention of the contact stiffness
+""".strip()
+
+_DISKS = f"""
 units | text | | of the disks
-potential | text in harmonic hertzian | | likewise
-stiffness | text in constant inverse-square-diameter | | likewise
+{POTENTIAL_ROWS}
 dimension | int in 2 3? | | 3 for spheres, else missing
 sizes | text? | | law of the sizes, or list of radii, where the run has made the particles
 """
@@ -297,7 +303,8 @@ state/radii | (N,) | float | length | radii of the disks
     attributes=r"""
 step, phi, tolerance, discard | float, float, float, float | | Δγ, φ, max\|F\|/(p d) of a minimum, strain left out of
   means
-energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16; ¼; factorisations of all steps
+energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16, with α > 5/2 its power 2α/5; ¼;
+  factorisations of all steps
 saddles | int? | | saddles that were left
 shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, contact_number_mean, \
 contact_number_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float
@@ -328,7 +335,7 @@ step, strain, discard, every | float? | | of shear: Δγ, γ of each run, γ bef
 separated | bool? | | true if large disks started on one side of the cell, else missing
 temperature, cooling_rate, sweeps | float, float, int? | | of compress: T in units of energy over `k`, decrease of ln T
   per sweep of N moves, sweeps at T
-energy_cut, tolerance | float | | 1e-16; max\|F\|/(p d) of a minimum
+energy_cut, tolerance | float | | 1e-16, with α > 5/2 its power 2α/5; max\|F\|/(p d) of a minimum
 """
     + _DISKS,
     common=PROVENANCE,
@@ -384,7 +391,7 @@ notes | text? | | warnings about these numbers, separated by `; `
 chi2, dof, probability | float, int > 0, float | | χ², degrees of freedom, probability of a χ² at least as large
 common_share | float? | | share of the squared errors that is fitted as common to a rate or size
 potential, stiffness, units, sizes, model, protocol | text? | | of the files
-mass | float? | | of the files
+mass, exponent | float? | | of the files
 """,
     common=PROVENANCE,
 )

@@ -15,17 +15,19 @@ import numpy as np
 from jampetsc.analysis.correlated_series import Average
 from jampetsc.analysis.strain_series import SAVE_INTERVAL, StrainSeries
 from jampetsc.minimisation import warm_start
-from jampetsc.minimisation.descent import Effort, Goal, stress_unit
-from jampetsc.minimisation.minimise import MIN_JAMMED_PRESSURE, NEWTON_START_FORCE, minimise
+from jampetsc.minimisation.descent import Effort, Goal
+from jampetsc.minimisation.minimise import NEWTON_START_FORCE, minimise, separated_pressure
 from jampetsc.minimisation.newton import force_floor
 from jampetsc.packing.contacts import find_contacts, measure, typical_force
 from jampetsc.packing.neighbour_list import SKIN_RANGE, ListedPacking
 from jampetsc.packing.neighbours import fractional, lengths, vectors
 from jampetsc.packing.packing import PLACES, Packing
+from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import bond_vector, simple_shear
 from jampetsc.packing.threads import Team
 
-ENERGY_CUT = 1e-16  # U/(N k_e) above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011))
+# of U/(N k_e), above which disks are jammed (Vågberg et al., PRE 83, 031307 (2011)); see `energy_cut`
+ENERGY_CUT = 1e-16
 # mean diameters: longest move in one iteration of the descent, as longer ones leave the path of a rearrangement for
 # minima where fewer disks touch; and longest displacement in a step that the next one repeats, else disks rearranged
 MAX_MOVE_RATIO = 0.01
@@ -79,6 +81,11 @@ class StrainStep:
     evaluations: int  # of forces
 
 
+def energy_cut(potential: Potential) -> float:
+    """U/(N k) above which disks are jammed."""
+    return potential.energy_limit(ENERGY_CUT)
+
+
 def measure_minimum(disks: Packing) -> MinimumState:
     """Energy, stress and contacts of disks at a minimum."""
     contacts = find_contacts(disks)
@@ -87,7 +94,7 @@ def measure_minimum(disks: Packing) -> MinimumState:
         state.energy,
         float(state.stress[0, 1]),
         state.pressure,
-        bool(state.energy / disks.n > ENERGY_CUT * disks.potential.k),
+        bool(state.energy / disks.n > energy_cut(disks.potential) * disks.potential.k),
         2.0 * len(contacts) / disks.n,
     )
 
@@ -111,7 +118,7 @@ class StepwiseShear(ListedPacking):
         self.steps = 0
         self.last_displacement = np.zeros(disks.base.shape)  # non-affine displacement in the last step,
         self._displacement = np.zeros(disks.base.shape)  # and in this one
-        self._unit, self._law = stress_unit(disks), disks.potential.constants
+        self._separated_pressure, self._potential = separated_pressure(disks), disks.potential.constants
         self._memory = warm_start.nothing_remembered(disks.base.shape)
         super().__init__(self._quench(disks), SKIN_RANGE[1], team)
 
@@ -152,10 +159,10 @@ class StepwiseShear(ListedPacking):
         self._anchor = self.reference, self.last_displacement.copy(), self.steps, replace(self.effort)
         self._needs_proof = self.tolerance > NEWTON_START_FORCE  # forces as large also rest on slopes
         self._find_order()
-        law, state = self.reference.potential, measure(self.reference)
-        pressure = max(state.pressure, MIN_JAMMED_PRESSURE * self._unit)
-        usual = law.overlap_at(2.0 * typical_force(self.reference, pressure), self.diameter)
-        self._stiffness = float(law.contact_stiffness(usual, self.diameter))
+        potential, state = self.reference.potential, measure(self.reference)
+        pressure = max(state.pressure, self._separated_pressure)
+        usual = potential.overlap_at(2.0 * typical_force(self.reference, pressure), self.diameter)
+        self._stiffness = float(potential.contact_stiffness(usual, self.diameter))
         changes = state.contacts.stiffness * state.contacts.distance
         ends = state.contacts.i, state.contacts.j
         self._floor = force_floor(self._stiffness * self.diameter, self.reference.n, *ends, changes)
@@ -174,7 +181,7 @@ class StepwiseShear(ListedPacking):
         """Factorise the present Hessian, and clear the memory of L-BFGS."""
         while True:
             self._factor = warm_start.factor_of(
-                self._order, self.pairs, self.offsets, self.shear, self._law,
+                self._order, self.pairs, self.offsets, self.shear, self._potential,
                 MAX_CONTACT_GAP * self.diameter, HESSIAN_SHIFT_RATIO * self._stiffness, self._stiffness,
             )  # fmt: skip
             entries = len(self._factor[2])
@@ -189,10 +196,10 @@ class StepwiseShear(ListedPacking):
         unit = typical_force(self.reference, 1.0)
         scalars = (
             self.largest, self.skin, self.volume, self.shear, tolerance, self._floor,
-            MIN_JAMMED_PRESSURE * self._unit, unit, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
+            self._separated_pressure, unit, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
         state = self._factor, self._memory, self.offsets, self._displacement, forces
-        return warm_start.follow(self.pairs, self._law, scalars, *state)
+        return warm_start.follow(self.pairs, self._potential, scalars, *state)
 
     def _follow(self):
         """Descend to the minimum; the sums of `bond_forces` there, None if MAX_STEP_EVALUATIONS do not reach it."""
@@ -239,7 +246,7 @@ class StepwiseShear(ListedPacking):
             minimum = self._minimum_state(sums)
             if self._needs_proof or self.steps % RESTART_STEPS == 0:
                 proved = warm_start.is_minimum(
-                    self._order, self.pairs, self.offsets, self.shear, self._law, self._stiffness
+                    self._order, self.pairs, self.offsets, self.shear, self._potential, self._stiffness
                 )
                 sums = sums if proved else None
         if sums is None:  # rearrangements without end, or a saddle: a quench, which leaves saddles
@@ -271,15 +278,17 @@ class StepwiseShear(ListedPacking):
 
     def _minimum_state(self, sums):
         disks, n = self.reference, self.reference.n
-        contacts, stiffness, alike = warm_start.contacts_at(self.pairs, self.offsets, self.shear, self._law)
+        contacts, stiffness, alike = warm_start.contacts_at(
+            self.pairs, self.offsets, self.shear, self._potential
+        )
         self.affine_modulus = stiffness / self.volume
         self._needs_proof |= bool(alike > MAX_ALIKE_RATIO)
-        energy = sums.energy / disks.potential.alpha
+        energy = sums.energy / disks.potential.exponent
         return MinimumState(
             energy,
             -sums.elastic_xy / self.volume,
             (sums.elastic_xx + sums.elastic_yy + sums.elastic_zz) / disks.dimension / self.volume,
-            energy / n > ENERGY_CUT * disks.potential.k,
+            energy / n > energy_cut(disks.potential) * disks.potential.k,
             2.0 * contacts / n,
         )
 

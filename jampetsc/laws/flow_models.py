@@ -171,9 +171,7 @@ class Scheme:
 
 def stiffest(disks) -> float:
     """Stiffness of the stiffest contact that these disks can have."""
-    potential = disks.potential
-    scale = float(potential.scale(2.0 * np.array(disks.radii.min())))
-    return potential.k * (potential.alpha - 1.0) / scale**2
+    return disks.potential.largest_stiffness(2.0 * float(disks.radii.min()))
 
 
 def crowding(disks) -> float:
@@ -191,8 +189,7 @@ def _ratio(disks) -> float:
 
 def stiffest_motion(disks) -> float:
     """Stiffness of the stiffest motion of one particle, in units in which it is `stiffest` where sizes are alike."""
-    potential, ends = disks.potential, np.array(disks.radii.max() + disks.radii.min())
-    large = potential.k * (potential.alpha - 1.0) / float(potential.scale(ends)) ** 2
+    large = disks.potential.largest_stiffness(float(disks.radii.max() + disks.radii.min()))
     return max(stiffest(disks), crowding(disks) * large)
 
 

@@ -138,9 +138,9 @@ class Descent(ListedPacking):
 
     def usual_overlap(self, pressure: float | None = None) -> float:
         """Overlap of a contact of the force 2 p d^(D−1), p the given pressure, the target's, or else 1e-3 k."""
-        law, d = self.potential, self.diameter
-        pressure = pressure or self.goal.pressure or 1e-3 * stress_unit(self.reference)
-        return law.overlap_at(2.0 * self.force_at(pressure), d)
+        potential, d = self.potential, self.diameter
+        pressure = pressure or self.goal.pressure or potential.force_limit(1e-3) * stress_unit(self.reference)
+        return potential.overlap_at(2.0 * self.force_at(pressure), d)
 
     def usual_stiffness(self, pressure: float | None = None) -> float:
         """Stiffness of a contact of `usual_overlap`."""
@@ -150,7 +150,7 @@ class Descent(ListedPacking):
         """Largest contact stiffness: of the present contacts, or of one of `usual_overlap`."""
         pairs = self.domains.trimmed()
         depth = np.full_like(pairs.sigma, self.usual_overlap())
-        if self.potential.alpha > 2.0:
+        if self.potential.kind != "harmonic":  # whose stiffness is the same at every overlap
             depth = np.maximum(depth, Bonds.of(pairs, self.potential, self.offsets, self.cell_strain).overlap)
         return np.max(self.potential.contact_stiffness(depth, pairs.sigma), initial=1e-300)
 
@@ -184,7 +184,7 @@ class Descent(ListedPacking):
     def task(self, force: float, box_force: float, steps: int) -> LbfgsProblem:
         """The arguments of the next compiled steps."""
         return LbfgsProblem(
-            law=self.potential.constants,
+            potential=self.potential.constants,
             moving=self.moving,
             push=(self.goal.pressure or 0.0) * self.reference.volume,
             scale=float(np.sqrt(self.n)) * self.diameter,

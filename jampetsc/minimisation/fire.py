@@ -70,7 +70,7 @@ def _move(o, v, f, keep, push, step, back):
 
 
 @compiled(False, nogil=True)
-def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock, longest):
+def _fall(me, threads, counter, domains, motion, potential, skin, force, steps, clock, longest):
     """Steps of FIRE by thread `me` of `threads` until max |F| ≤ force, a stale list, or `steps` are done.
 
     longest: largest time step. Returns (status, evaluations, clock).
@@ -84,7 +84,7 @@ def _fall(me, threads, counter, domains, motion, law, skin, force, steps, clock,
     status, done, room = MORE, 0, block_room(axes)
     while done < steps:
         for d in range(first, last):
-            domain_forces(domains, d, motion.offsets, UNSTRAINED, law, motion.forces, None, None, room)
+            domain_forces(domains, d, motion.offsets, UNSTRAINED, potential, motion.forces, None, None, room)
             here = slice(axes * domains.disks[d], axes * domains.disks[d + 1])
             _sums(f[here], v[here], motion.sums[d])
         meet(counter, threads)

@@ -35,7 +35,7 @@ MORE, CONVERGED, STALE = range(3)
 class LbfgsProblem(NamedTuple):
     """The potential, what moves, and when to stop."""
 
-    law: tuple  # `Potential.constants`
+    potential: tuple  # `Potential.constants`
     moving: tuple  # of bool: which of ε and the shears move
     push: float  # p V at ε = 0
     scale: float  # √N d: ε and shears times this are lengths, as moves of disks are

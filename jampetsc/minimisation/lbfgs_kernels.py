@@ -136,7 +136,7 @@ def measure(domains, d, space, task, factors, now, slot, room, like):
     box = space.box
     strain = box_strain(box, like)
     fresh = space.forces[now]
-    bonds = domain_forces(domains, d, space.offsets, strain, task.law, fresh, None, None, room)
+    bonds = domain_forces(domains, d, space.offsets, strain, task.potential, fresh, None, None, room)
     first, last = domains.disks[d], domains.disks[d + 1]
     if is_sheared(box, like):
         _shear(fresh[first:last], exp(box[0]), box, like)

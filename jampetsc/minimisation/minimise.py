@@ -23,7 +23,9 @@ SLICE = 20_000  # evaluations between two reports
 MAX_SETTLING_EVALUATIONS = 20_000  # evaluations for the first relaxation of a random start
 MAX_SADDLES = 20  # saddles left before the minimisation is given up or disks are shaken
 SHAKE_LENGTH = 0.02  # largest move of disks in the first shake, in units of d; twice as far in each next one
-MIN_JAMMED_PRESSURE = 1e-11  # pressure in units of k below which disks in a fixed cell do not touch
+MIN_JAMMED_PRESSURE = (
+    1e-11  # pressure below which disks in a fixed cell do not touch, see `separated_pressure`
+)
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ def minimise(
     fraction = NEWTON_START_FORCE
     while True:
         pressure = _down_to_fraction(descent, fraction, limits)
-        if goal.pressure is None and pressure < MIN_JAMMED_PRESSURE * stress_unit(disks):
+        if goal.pressure is None and pressure < separated_pressure(disks):
             return Minimum(descent.disks, False, pressure, Point.of(descent).residual.force, "tolerance", 0.0)
         if newton.converge(limits):
             descent.fold()  # so that the proof is of the disks that are returned, to the last bit
@@ -147,16 +149,18 @@ def _down_to(descent: Descent, force: float) -> bool:
     return reached
 
 
+def separated_pressure(disks) -> float:
+    """Pressure below which disks in a fixed cell do not touch."""
+    return disks.potential.force_limit(MIN_JAMMED_PRESSURE) * stress_unit(disks)
+
+
 def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> float:
     """Down to max |F| = fraction · p d^(D−1), or to rounding; p, which in a fixed cell decreases meanwhile."""
     force = np.inf
     while True:
         point = Point.of(descent)
         pressure = point.pressure if descent.goal.pressure is None else descent.goal.pressure
-        is_unjammed = descent.goal.pressure is None and pressure < MIN_JAMMED_PRESSURE * stress_unit(
-            descent.disks
-        )
-        if is_unjammed:
+        if descent.goal.pressure is None and pressure < separated_pressure(descent.disks):
             return pressure
         descent.effort.residual = point.residual.force / descent.force_at(pressure)
         target = max(fraction * descent.force_at(pressure), 0.5 * limits.at(point, pressure).force)

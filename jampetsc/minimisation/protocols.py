@@ -19,12 +19,13 @@ from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import growth_of
 from jampetsc.packing.threads import Team
 
-START_PRESSURE = 1e-3  # pressure in units of k from which a random start is decompressed decade by decade
+# `Potential.force_limit` of the pressure in units of k from which a random start is decompressed decade by decade
+START_PRESSURE = 1e-3
 PATH_TOLERANCE = 1e-2  # max |F| / (p d^(D−1)) to which the packings on the way are quenched
 SIDES_TOLERANCE = 1e-4  # to which the sides of the cell of spheres relax on the way
 MAX_SHAKES = 4  # of a packing for which no minimum is found, before that is an error
 START_PHI = {2: 0.85, 3: 0.66}  # by dimension, at p → 0: a little above φ_J
-START_FORCE = 1e-3  # max |F| / (k d) to which a random start is relaxed in its cell
+START_FORCE = 1e-3  # likewise of max |F| / (k d) to which a random start is relaxed in its cell
 
 
 @dataclass(frozen=True)
@@ -128,12 +129,12 @@ def make_packing(
         path.append(f"phi = {target.phi:.10g}")
     else:
         goal = Goal(target.pressure, target.stabilise != "volume")
-        unit = stress_unit(disks)
+        unit, limit = stress_unit(disks), disks.potential.force_limit
         if fresh:
             effort.stage = "random start"
-            disks = settle(disks, typical_force(disks, START_FORCE * unit), team=team, effort=effort)
+            disks = settle(disks, typical_force(disks, limit(START_FORCE) * unit), team=team, effort=effort)
             path.append(f"phi = {start.phi:.6g}")
-            first = max(START_PRESSURE * unit, target.pressure)
+            first = max(limit(START_PRESSURE) * unit, target.pressure)
         else:
             first = measure(start).pressure
             path.append(f"p = {first:.6g}")

@@ -21,7 +21,9 @@ from jampetsc.packing.strain import UNSTRAINED
 SKIN = 0.5  # of the pair list, in mean diameters
 LONGEST = 0.25  # reach, in skins: a move from a new list never makes it stale
 ACCEPTED = 0.4  # acceptance rate that tuning `reach` aims at
-COLD = 1e-8  # temperature in units of k at which cooling ends: overlaps are then a tenth of a per mille of σ
+# `Potential.energy_limit` of the temperature in units of k at which cooling ends: overlaps are then a tenth of a per
+# mille of σ
+COLD = 1e-8
 
 
 class Around(NamedTuple):
@@ -43,14 +45,14 @@ class Around(NamedTuple):
 
 
 @compiled(False)
-def energy_of(a, place, around, o, law):
+def energy_of(a, place, around, o, potential):
     """Σ V of disk a's contacts if its offset were `place`, a tuple, with offsets o (N, D) of the others."""
     energy = 0.0
     for q in range(around.start[a], around.start[a + 1]):
         b = around.other[q]
         separation = added(row(o, b, place), scaled(-1.0, place))
         r = bond_vector(UNSTRAINED, row(around.bond, q, place), separation)
-        energy += pair_energy(r, around.sigma[q], law)
+        energy += pair_energy(r, around.sigma[q], potential)
     return energy
 
 
@@ -67,7 +69,7 @@ def _offered(o, a, reach, draw, like):
 
 
 @compiled(False)
-def _moves(around, law, o, temperature, reach, stale, draws, like):
+def _moves(around, potential, o, temperature, reach, stale, draws, like):
     """Moves by the random numbers draws (M, D + 2) until all are done or one would make the list stale.
 
     stale = (largest σ, skin); like: a tuple of length D. Returns (moves done, moves taken).
@@ -79,7 +81,9 @@ def _moves(around, law, o, temperature, reach, stale, draws, like):
         place = _offered(o, a, reach, draws[m], like)
         if is_stale(np.sqrt(inner(place, place)), UNSTRAINED, stale[0], stale[1]):
             return m, accepted
-        change = energy_of(a, place, around, o, law) - energy_of(a, row(o, a, like), around, o, law)
+        change = energy_of(a, place, around, o, potential) - energy_of(
+            a, row(o, a, like), around, o, potential
+        )
         if change <= 0.0 or draws[m, last] < exp(-change / temperature):
             set_row(o, a, place)
             accepted += 1
@@ -106,11 +110,11 @@ class Thermal(ListedPacking):
         """One sweep at this temperature; returns the acceptance rate. A Ctrl-C is raised before, see `interrupts`."""
         interrupts.check()
         left = self.generator.random((len(self.offsets), self.reference.dimension + 2))
-        law, accepted = self.reference.potential.constants, 0
+        potential, accepted = self.reference.potential.constants, 0
         while len(left):
             stale = self.largest, self.skin
             attempted, newly_accepted = _moves(
-                self._around, law, self.offsets, temperature, self.reach, stale, left, self.pairs.r0
+                self._around, potential, self.offsets, temperature, self.reach, stale, left, self.pairs.r0
             )
             accepted += newly_accepted
             left = left[attempted:]
@@ -125,7 +129,7 @@ class Thermal(ListedPacking):
 
 def annealed(disks: Packing, temperature: float, rate: float, sweeps: int, generator) -> Packing:
     """Disks after `sweeps` at a temperature, then cooled: ln T falls by `rate` per sweep until T = COLD k."""
-    thermal, cold = Thermal(disks, generator), COLD * disks.potential.k
+    thermal, cold = Thermal(disks, generator), disks.potential.energy_limit(COLD) * disks.potential.k
     for _ in range(sweeps):
         thermal.sweep(temperature, tune=True)
     current = temperature

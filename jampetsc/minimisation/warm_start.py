@@ -9,7 +9,16 @@ import numpy as np
 
 from jampetsc.minimisation.lbfgs_kernels import dot
 from jampetsc.minimisation.ldl import diagonal_of, factorise, solve, space_diagonal_of
-from jampetsc.packing.bond import bond_vector, difference, entry, inner, row, secant, simple_shear
+from jampetsc.packing.bond import (
+    bond_vector,
+    difference,
+    entry,
+    inner,
+    row,
+    secant,
+    simple_shear,
+    tangent_ratio,
+)
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled, nested
 from jampetsc.packing.kernel import bond_forces, elastic_trace
 from jampetsc.packing.neighbour_list import is_stale
@@ -47,19 +56,18 @@ def _set_block(block, k, f, n):
 
 
 @compiled(FAST, forceinline=True)
-def springs(pairs, o, strain, law, nearby, stress):
+def springs(pairs, o, strain, potential, nearby, stress):
     """(blocks k n nᵀ − (f/r) (1 − n nᵀ), (M, D, D), of the pairs at offsets o and `strain`, mask of those that count).
 
     A pair with a gap below `nearby` counts with half the stiffness that it has at an overlap of `nearby`, so that a
     move that closes it has a cost. With stress = 0 the blocks are without f.
     """
-    return _springs(pairs.i, pairs.j, pairs.r0, pairs.sigma, o, strain, law, nearby, stress)
+    return _springs(pairs.i, pairs.j, pairs.r0, pairs.sigma, o, strain, potential, nearby, stress)
 
 
 @nested(FAST, forceinline=True)
-def _springs(i, j, r0, sigma, o, strain, law, nearby, stress):
+def _springs(i, j, r0, sigma, o, strain, potential, nearby, stress):
     """`springs`, of the arrays of the pairs."""
-    alpha = 2.5 if law[1] else 2.0
     blocks, chosen = np.zeros((len(i), len(r0), len(r0))), np.zeros(len(i), np.bool_)
     for p in range(len(i)):
         a, b = i[p], j[p]
@@ -72,8 +80,9 @@ def _springs(i, j, r0, sigma, o, strain, law, nearby, stress):
         if d <= -nearby:
             continue
         chosen[p] = True
-        f = stress * secant(max(d, 0.0), sigma[p], law) * max(d, 0.0) / r
-        k = (alpha - 1.0) * secant(d if d > 0.0 else nearby, sigma[p], law)
+        f = stress * secant(max(d, 0.0), sigma[p], potential) * max(d, 0.0) / r
+        depth = d if d > 0.0 else nearby
+        k = tangent_ratio(depth, sigma[p], potential) * secant(depth, sigma[p], potential)
         if d <= 0.0:
             k *= 0.5
         if len(r0) == 3:
@@ -106,11 +115,11 @@ def _diagonal_of(like, i, j, blocks, chosen, shift):
 
 
 @compiled(False)
-def _factorised(order, pairs, o, g, law, nearby, stress, damping, stiffness):
+def _factorised(order, pairs, o, g, potential, nearby, stress, damping, stiffness):
     """(definite, factor) of the Hessian with `damping` on its diagonal, and `stiffness` for what few contacts hold."""
     n, axes = o.shape
     shift = np.empty(n)
-    blocks, chosen = springs(pairs, o, simple_shear(g), law, nearby, stress)
+    blocks, chosen = springs(pairs, o, simple_shear(g), potential, nearby, stress)
     number = held_by(pairs, chosen, n)
     for k in range(n):
         shift[k] = damping + (stiffness if number[k] < axes + 1 else 0.0)
@@ -119,21 +128,21 @@ def _factorised(order, pairs, o, g, law, nearby, stress, damping, stiffness):
 
 
 # The next two are not compiled: their copies of `_factorised` would round in their own way, see `packing.compiled`.
-def factor_of(order, pairs, o, g, law, nearby, damping, stiffness):
+def factor_of(order, pairs, o, g, potential, nearby, damping, stiffness):
     """A factor of the Hessian with `damping` on its diagonal; without pre-stress if it is not definite with it.
 
     A disk with fewer than D + 1 contacts also gets this `stiffness` on its diagonal: otherwise it would move far when
     another one touches it.
     """
-    definite, factor = _factorised(order, pairs, o, g, law, nearby, 1.0, damping, stiffness)
+    definite, factor = _factorised(order, pairs, o, g, potential, nearby, 1.0, damping, stiffness)
     if not definite:
-        factor = _factorised(order, pairs, o, g, law, nearby, 0.0, damping, stiffness)[1]
+        factor = _factorised(order, pairs, o, g, potential, nearby, 0.0, damping, stiffness)[1]
     return factor
 
 
-def is_minimum(order, pairs, o, g, law, stiffness):
+def is_minimum(order, pairs, o, g, potential, stiffness):
     """Whether the Hessian of the contacts has no eigenvalue below −MIN_CURVATURE · stiffness; rattlers have none."""
-    return _factorised(order, pairs, o, g, law, 0.0, 1.0, MIN_CURVATURE * stiffness, stiffness)[0]
+    return _factorised(order, pairs, o, g, potential, 0.0, 1.0, MIN_CURVATURE * stiffness, stiffness)[0]
 
 
 @nested(FAST, forceinline=True)
@@ -178,15 +187,14 @@ def without_drift(moved, like):
 
 
 @compiled(FAST)
-def contacts_at(pairs, o, g, law):
+def contacts_at(pairs, o, g, potential):
     """(number of contacts, Σ k (n_x r_y)², V times the modulus of affine motion, share with equal overlaps).
 
     At offsets o and shear g. Without symmetry some 3 % of the contacts share a cell of overlaps with an earlier one; a
     symmetry, which maps contacts onto others, makes it half of them or more.
     """
     i, j, r0, sigma = pairs.i, pairs.j, pairs.r0, pairs.sigma
-    strain, alpha = simple_shear(g), 2.5 if law[1] else 2.0
-    number, modulus = 0, 0.0
+    strain, number, modulus = simple_shear(g), 0, 0.0
     overlaps = np.empty(len(i))
     for p in range(len(i)):
         a, b = i[p], j[p]
@@ -194,8 +202,8 @@ def contacts_at(pairs, o, g, law):
         square = inner(r, r)
         if square < sigma[p] * sigma[p]:
             number += 1
-            overlaps[number - 1] = sigma[p] - np.sqrt(square)
-            k = (alpha - 1.0) * secant(overlaps[number - 1], sigma[p], law)
+            d = overlaps[number - 1] = sigma[p] - np.sqrt(square)
+            k = tangent_ratio(d, sigma[p], potential) * secant(d, sigma[p], potential)
             modulus += k * (r[0] * r[1]) ** 2 / square
     bins = CELLS * max(number, 1)
     taken, alike, total = np.zeros(bins, np.bool_), 0, np.sum(overlaps[:number])
@@ -261,7 +269,7 @@ def _longest(a, like):
 
 
 @compiled(NUMBERS)
-def follow(pairs, law, scalars, factor, memory, o, moved, forces):
+def follow(pairs, potential, scalars, factor, memory, o, moved, forces):
     """Go down from offsets o (N, D) at shear g of the list to the minimum; returns (status, evaluations, sums).
 
     pairs     a `NeighbourList` of one domain
@@ -281,7 +289,7 @@ def follow(pairs, law, scalars, factor, memory, o, moved, forces):
     evaluations = tries = 0
     slope = length = done = 0.0
     while True:
-        sums = bond_forces(pairs, o, simple_shear(g), law, forces, None, None)
+        sums = bond_forces(pairs, o, simple_shear(g), potential, forces, None, None)
         evaluations += 1
         if tries:
             end = dot(flat, d)

@@ -20,9 +20,10 @@ from jampetsc.minimisation.sizes import (
 )
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, optional_parameter, parameter, parameters
+from jampetsc.options.potential_options import EXPONENT
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, input_name
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.potentials import EXPONENTS, Potential
+from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, Potential
 
 PHI_RANGE = (0.1, 1.0)
 RELAXED_START_FORCE = 1e-6  # max |F| in k_e/d of the smallest particles, to which a random start is relaxed
@@ -67,8 +68,9 @@ class ShearJob(Job):
         "text file of radii, line i that of particle i, or an array, instead of n and sizes", value_type=RADII
     )
     potential: str | None = random_disks_parameter(
-        f"energy of an overlap (default {next(iter(EXPONENTS))})", choices=EXPONENTS
+        f"energy of an overlap (default {DEFAULT_POTENTIAL})", choices=EXPONENTS
     )
+    exponent: float | None = random_disks_parameter(**EXPONENT)
 
     discard: float | None = run_parameter(
         "strain left out of the means (default 1, or half of the strain if less)", low=0.0, metavar="S"
@@ -98,6 +100,7 @@ class ShearJob(Job):
                     f"{named(name)}: missing. Give {named('n')} and {named('phi')}, or a packing to start from."
                 )
         radii_asked(self.n, self.sizes, self.radii)
+        _ = self.made_potential  # raises InputError
 
     def check_discard(self):
         """Refuse a strain left out of the means that is as long as the run."""
@@ -182,8 +185,8 @@ class ShearJob(Job):
 
     @property
     def made_potential(self) -> Potential:
-        """The potential of random disks."""
-        return Potential(self.potential or next(iter(EXPONENTS)), STIFFNESS)
+        """The potential of random disks. Raises InputError."""
+        return Potential(self.potential or DEFAULT_POTENTIAL, STIFFNESS, exponent=self.exponent)
 
 
 def random_particles_lines(facts) -> list[str]:

@@ -27,6 +27,11 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.strain import bond_vector, displace, simple_shear
 
 MAX_OVERLAP_MOVE = 3.0  # mean overlaps: largest move in a Newton step, to stay in the same minimum
+# of an overlap: changes up to which energies are integrals of forces, by Gauss's formula with errors below rounding
+MAX_INTEGRATED_RATIO = 0.1
+INTEGRATION = tuple(
+    0.5 * (a + b) for a, b in zip(np.polynomial.legendre.leggauss(6), (1.0, 0.0), strict=True)
+)
 MAX_SKIN_RATIO = 2.0  # mean diameters: a step that needs a pair list with a larger skin is too long
 
 
@@ -49,7 +54,8 @@ class MovingContacts(ListedPacking):
         self.n, self.dofs, self.volume = disks.n, law.dofs(dimension), disks.volume
         # of V over a thickness of one diameter for each axis beyond two, so that γL is a displacement
         self.length = float(np.sqrt(self.volume / self.diameter ** (dimension - 2)))
-        self.stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
+        stiffness = float(potential.scale(np.array(self.diameter))) ** -2 * float(potential.k)
+        self.stiffness = stiffness * potential.reach(self.diameter)
         self.reach = MAX_OVERLAP_MOVE * float(np.mean(find_contacts(disks).overlap))
         # rotations are solved for as lengths, times this diameter, as displacements are
         self._lengths = np.repeat((1.0, self.diameter), (dimension, self.dofs - dimension))
@@ -156,10 +162,11 @@ class MovingContacts(ListedPacking):
         mean_bond = after.bonds.r + before.bonds.r
         deeper = -np.sum(mean_bond * change, axis=0) / (after.bonds.distance + before.bonds.distance)
         old, new = (np.maximum(state.bonds.overlap, 0.0) for state in (before, after))
-        energy, little = potential.energy(old, pairs.sigma), np.abs(deeper) < 0.5 * old
-        grown = np.expm1(potential.alpha * np.log1p(deeper[little] / old[little]))
-        much = (potential.energy(new, pairs.sigma) - energy)[~little]
-        return float(np.sum(energy[little] * grown) + np.sum(much))
+        little = np.abs(deeper) < MAX_INTEGRATED_RATIO * old
+        few, sigma, way = old[little], pairs.sigma[little], deeper[little]
+        work = sum(w * potential.force(few + x * way, sigma) for x, w in zip(*INTEGRATION, strict=True)) * way
+        much = (potential.energy(new, pairs.sigma) - potential.energy(old, pairs.sigma))[~little]
+        return float(np.sum(work) + np.sum(much))
 
     def forces(self, state):
         """See `time_step.StepForces`."""

@@ -5,23 +5,53 @@ tuple when it compiles, so that one source gives the code of each dimension, wit
 """
 
 import numpy as np
-from numba.extending import register_jitable
+from numba import types
+from numba.extending import intrinsic, overload, register_jitable
 
-from jampetsc.packing import elementary, strain
+from jampetsc.packing import elementary, potentials, strain
 from jampetsc.packing.compiled import FAST, nested
-from jampetsc.packing.potentials import secant_stiffness
 
 # what compiled functions call by the same names as others
-for _function in (elementary.split_exponential, elementary.exp, elementary.expm1, elementary.cosine_of_third):
+for _function in (
+    elementary.split_exponential,
+    elementary.exp,
+    elementary.expm1,
+    elementary.cosine_of_third,
+):
     register_jitable(fastmath=False)(_function)
+# `elementary.power` rounds as it does in numpy, in a loop that may be FAST
+register_jitable(fastmath=False, error_model="numpy", forceinline=True)(elementary.power)
+register_jitable(fastmath=False)(potentials.exponent_of)
 _inlined = nested(FAST, cache=False, forceinline=True)
 simple_shear, growth_and_shear = _inlined(strain.simple_shear), _inlined(strain.growth_and_shear)
 growth_and_tilts = _inlined(strain.growth_and_tilts)
 bond_vector = _inlined(strain.bond_vector)
-secant = _inlined(secant_stiffness)
+secant, tangent_ratio = _inlined(potentials.secant_stiffness), _inlined(potentials.tangent_ratio)
+energy_term, exponent_of = _inlined(potentials.energy_term), _inlined(potentials.exponent_of)
 # not FAST: whether a list serves is decided in exact order
 _exact = nested(False, cache=False)
 norms, strain_between = _exact(strain.norms), _exact(strain.strain_between)
+
+
+@intrinsic
+def _cast(typing_context, value):
+    """The bits of a double as a whole number, or the other way round."""
+    result = types.int64 if isinstance(value, types.Float) else types.float64
+
+    def generate(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], context.get_value_type(result))
+
+    return result(types.float64 if result == types.int64 else types.int64), generate
+
+
+@overload(elementary.bits_of, jit_options={"forceinline": True})
+def _bits_of(x):
+    return lambda x: _cast(x)
+
+
+@overload(elementary.from_bits, jit_options={"forceinline": True})
+def _from_bits(bits):
+    return lambda bits: _cast(bits)
 
 
 @_inlined
@@ -131,9 +161,10 @@ def cross(a, b):
 
 
 @nested(False)
-def pair_energy(r, sigma, law):
-    """V of one pair with the bond vector r; law = `Potential.constants`."""
+def pair_energy(r, sigma, potential):
+    """V of one pair with the bond vector r; potential: `Potential.constants`."""
     overlap = sigma - np.sqrt(inner(r, r))
     if overlap <= 0.0:
         return 0.0
-    return secant(overlap, sigma, law) * overlap * overlap / (2.5 if law[1] else 2.0)
+    force = secant(overlap, sigma, potential) * overlap
+    return energy_term(force, overlap, sigma, potential) / exponent_of(potential)

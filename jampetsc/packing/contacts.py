@@ -84,14 +84,23 @@ def find_contacts(disks: Particles, rows=None) -> Contacts:
     overlap = sigma - distance
     touching = overlap > 0
     i, j, r, distance, sigma, overlap = (a[touching] for a in (i, j, r, distance, sigma, overlap))
-    law = disks.potential
+    potential = disks.potential
     return Contacts(
-        i, j, r, distance, law.force(overlap, sigma), law.contact_stiffness(overlap, sigma), overlap, sigma
+        i,
+        j,
+        r,
+        distance,
+        potential.force(overlap, sigma),
+        potential.contact_stiffness(overlap, sigma),
+        overlap,
+        sigma,
     )
 
 
 def force_threshold(disks: Particles, pressure: float) -> float:
     """Force above which a contact counts: max(1e-6 p d^(D−1), 1e-14 k d), d the mean diameter, k the unit of stiffness.
+
+    The second one is less for exponents above 5/2, see `Potential.force_limit`.
 
     In place of k d half of k σ of the largest or smallest disks counts where that is more, up to MAX_SIZE_RATIO k d.
     Disks that only just touch carry no load, yet would add their stiffness to K and shift G* by per cents.
@@ -100,13 +109,14 @@ def force_threshold(disks: Particles, pressure: float) -> float:
     ends = (of_size(disks.potential, 2.0 * float(end)) for end in (disks.radii.min(), disks.radii.max()))
     of_mean = of_size(disks.potential, d)
     rounding = max(of_mean, 0.5 * min(max(ends), MAX_SIZE_RATIO * of_mean))
-    return max(MIN_FORCE_RATIO * pressure * d ** (disks.dimension - 1), FORCE_ROUNDING * rounding)
+    least = disks.potential.force_limit(FORCE_ROUNDING) * rounding
+    return max(MIN_FORCE_RATIO * pressure * d ** (disks.dimension - 1), least)
 
 
 def _force_of_rounding(potential, sigma: float) -> float:
     """k σ of a contact of this length: what a relative change of its length does to the force, with the unit of k."""
     scale = float(potential.scale(np.array(sigma)))
-    return potential.k * (sigma / scale) / scale
+    return potential.k * (sigma / scale) / scale * potential.reach(sigma)
 
 
 def typical_force(disks: Particles, pressure: float) -> float:

@@ -28,6 +28,7 @@ from jampetsc.packing.bond import (
     bond_vector,
     cross,
     difference,
+    energy_term,
     entry,
     inner,
     put,
@@ -75,7 +76,7 @@ def viscous_trace(sums):
 
 
 @nested(FAST, forceinline=True)
-def _block_forces(r0, sigma, b, moving, strain, law, motion, rolling):
+def _block_forces(r0, sigma, b, moving, strain, potential, motion, rolling):
     """Turn o_j − o_i in b into the forces on j, for one block of pairs: no branches, no indices.
 
     With motion, and in three dimensions, b includes r0: fewer arrays, within the compiler's limit for proofs that none
@@ -95,8 +96,8 @@ def _block_forces(r0, sigma, b, moving, strain, law, motion, rolling):
         r = np.sqrt(inner(bond, bond))
         d = sigma[q] - r
         d = d if d > 0.0 else 0.0
-        f = secant(d, sigma[q], law) * d
-        energy += f * d
+        f = secant(d, sigma[q], potential) * d
+        energy += energy_term(f, d, sigma[q], potential)
         w = scaled(f / r, bond)
         wxx += w[0] * bond[0]
         wxy += w[0] * bond[1]
@@ -208,7 +209,7 @@ def _add_torque(torques, a, radius, moving, q, like):
 
 
 @nested(FAST, forceinline=True)
-def add_forces(pairs, first, middle, last, o, strain, law, forces, motion, rolling, room):
+def add_forces(pairs, first, middle, last, o, strain, potential, forces, motion, rolling, room):
     """Add the forces of pairs first … last − 1 to `forces` (N, D), from `middle` on only those on i; returns the Sums.
 
     A pair that acts on i only is listed again from its other side, and counts half. Arguments as for
@@ -216,7 +217,6 @@ def add_forces(pairs, first, middle, last, o, strain, law, forces, motion, rolli
     """
     i, j, r0, sigma = pairs
     b, moving = _bonds_of_block(room, r0), room[2]
-    k, hertzian, scaled_law = law
     in_space = len(r0) == 3
     if motion is not None:
         velocities = _velocities_of_block(moving, r0)
@@ -243,11 +243,13 @@ def add_forces(pairs, first, middle, last, o, strain, law, forces, motion, rolli
             put(b, p - begin, moved)
         inside = np.uint64(0), end - begin
         arrays = _part(r0, begin, end), sigma[begin:end], _part(b, inside[0], inside[1]), moving
-        # With a flag that is not constant the compiler computes the root of a Hertzian law for every law.
-        if hertzian:
-            sums = _block_forces(*arrays, strain, (k, True, scaled_law), motion, rolling)
+        # With a flag that is not constant the compiler computes the root of a Hertzian potential for every one.
+        if len(potential) != 3:
+            sums = _block_forces(*arrays, strain, potential, motion, rolling)
+        elif potential[1]:
+            sums = _block_forces(*arrays, strain, (potential[0], True, potential[2]), motion, rolling)
         else:
-            sums = _block_forces(*arrays, strain, (k, False, scaled_law), motion, rolling)
+            sums = _block_forces(*arrays, strain, (potential[0], False, potential[2]), motion, rolling)
         energy += weight * sums[0]
         wxx += weight * sums[1]
         wxy += weight * sums[2]
@@ -283,16 +285,16 @@ def add_forces(pairs, first, middle, last, o, strain, law, forces, motion, rolli
 
 
 @nested(FAST, forceinline=True)
-def domain_forces(domains, d, o, strain, law, forces, motion, rolling, room):
+def domain_forces(domains, d, o, strain, potential, forces, motion, rolling, room):
     """Net forces on the disks of domain d of a `NeighbourList` into their rows of `forces`; returns the domain's Sums.
 
-    o         (N, D) offsets
-    strain    `Strain` of the cell since the list
-    law       `Potential.constants`
-    motion    None, or (u (N, D), γ̇, (c_∥, c_⊥, c_s)): damped contacts
-    rolling   None, or (Ω, ρ (N,), torques): with spins; Ω and torques (N,), in three dimensions (N, 3); torques are
-              overwritten
-    room      see `block_room`
+    o           (N, D) offsets
+    strain      `Strain` of the cell since the list
+    potential   `Potential.constants`
+    motion      None, or (u (N, D), γ̇, (c_∥, c_⊥, c_s)): damped contacts
+    rolling     None, or (Ω, ρ (N,), torques): with spins; Ω and torques (N,), in three dimensions (N, 3); torques are
+                overwritten
+    room        see `block_room`
     """
     own = slice(domains.disks[d], domains.disks[d + 1])
     forces[own] = 0.0
@@ -300,12 +302,12 @@ def domain_forces(domains, d, o, strain, law, forces, motion, rolling, room):
         rolling[2][own] = 0.0
     pairs = domains.i, domains.j, domains.r0, domains.sigma
     ends = domains.begin[d], domains.across[d], domains.end[d]
-    return add_forces(pairs, *ends, o, strain, law, forces, motion, rolling, room)
+    return add_forces(pairs, *ends, o, strain, potential, forces, motion, rolling, room)
 
 
 @compiled(FAST, forceinline=True)
-def bond_forces(pairs, o, strain, law, forces, motion, rolling):
+def bond_forces(pairs, o, strain, potential, forces, motion, rolling):
     """Net forces of a `NeighbourList` of one domain into `forces` (N, D); returns their Sums. See `domain_forces`."""
     return domain_forces(
-        pairs, np.int64(0), o, strain, law, forces, motion, rolling, block_room(forces.shape[1])
+        pairs, np.int64(0), o, strain, potential, forces, motion, rolling, block_room(forces.shape[1])
     )

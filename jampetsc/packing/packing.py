@@ -34,7 +34,8 @@ class Packing(Particles):
                 L, (Lx, Ly, Lz), (Lx, Ly, Lz, xy, xz, yz) with a₂ = (xy, Ly, 0) and a₃ = (xz, yz, Lz), all of them
                 lengths, or lower triangular rows (3, 3); an object with Lx, Ly, … such as freud.box.Box, whose tilts
                 are ratios; any tilt, periodic in all axes
-    potential   harmonic or hertzian; stiffness: constant or inverse-square-diameter; k > 0, see `packing.potentials`
+    potential   harmonic, hertzian, or power with an `exponent`; stiffness: constant or inverse-square-diameter; k > 0,
+                see `packing.potentials`
     dimension   2: disks, z is left out; 3: spheres, in one plane as well; None: as z says
 
     Lengths are in any unit; p and moduli then in that of k, in 3D over that of length. The record holds phi, pressure,
@@ -46,7 +47,15 @@ class Packing(Particles):
     images: np.ndarray | None  # (N, D) numbers of cell vectors by which each disk was wrapped, if counted
 
     def __init__(
-        self, positions, radii, cell, potential="harmonic", stiffness="constant", k=1.0, dimension=None
+        self,
+        positions,
+        radii,
+        cell,
+        potential="harmonic",
+        stiffness="constant",
+        k=1.0,
+        dimension=None,
+        exponent=None,
     ):
         positions, radii, k = (
             read_numbers(name, values)
@@ -55,15 +64,15 @@ class Packing(Particles):
         geometry = geometry_of(positions, cell, dimension)
         if k.ndim:
             raise InputError(f"k of shape {k.shape}: must be one number")
-        law = Potential(potential, stiffness, float(k))
-        exact = Packing.from_positions(geometry.positions, radii, geometry.cell, law).with_measurements()
+        potential = Potential(potential, stiffness, float(k), exponent)
+        exact = Packing.from_positions(
+            geometry.positions, radii, geometry.cell, potential
+        ).with_measurements()
         self.__dict__.update(exact.__dict__)
 
     def __repr__(self):
         pressure = f", pressure = {self.record['pressure']:.6g}" if "pressure" in self.record else ""
-        return (
-            f"<{self.n} {PARTICLES[self.dimension]}, {self.potential.kind}, phi = {self.phi:.6g}{pressure}>"
-        )
+        return f"<{self.n} {PARTICLES[self.dimension]}, {self.potential}, phi = {self.phi:.6g}{pressure}>"
 
     @classmethod
     def from_positions(
@@ -187,8 +196,7 @@ class Packing(Particles):
 
         The same for a packing in a file, however a coordinate is divided between base and offset.
         """
-        law = f"{self.potential.kind} {self.potential.stiffness} {float(self.potential.k).hex()} {self.n}"
-        digest = hashlib.sha256(law.encode())
+        digest = hashlib.sha256(f"{self.potential.identity} {self.n}".encode())
         for array in (*join(self.base, self.offset), self.radii, *join(self.cell_base, self.cell_offset)):
             digest.update(np.ascontiguousarray(array + 0.0, "<f8"))  # + 0.0: -0 and 0 are one number
         return digest.hexdigest()

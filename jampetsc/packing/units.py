@@ -5,20 +5,14 @@ import numpy as np
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
-HALVES = {
-    0.5: "^½",
-    1.0: "",
-    1.5: "^(3/2)",
-    2.0: "²",
-    2.5: "^(5/2)",
-    3.0: "³",
-}  # powers of a length, in words
+POWERS = {0.5: "^½", 1.0: "", 1.5: "^(3/2)", 2.0: "²", 2.5: "^(5/2)", 3.0: "³"}  # of a length, in words
 
 
 def stress_unit_of(radii, potential: Potential, dimension: int) -> float:
-    """Stress of order one for radii (N,) of mean diameter d: k/d^(D−2), with stiffnesses k/σ² k/d^D."""
+    """Stress of order one for radii (N,) of mean diameter d: k d^(α−D), with stiffnesses k/σ² k/d^D."""
     d = 2.0 * float(np.mean(radii))
-    return float(potential.k) / float(potential.scale(np.array(d))) ** 2 / d ** (dimension - 2)
+    stiffness = float(potential.k) / float(potential.scale(np.array(d))) ** 2 * potential.reach(d)
+    return stiffness / d ** (dimension - 2)
 
 
 def name_stress_unit(potential: Potential | None, dimension: int) -> str:
@@ -26,11 +20,11 @@ def name_stress_unit(potential: Potential | None, dimension: int) -> str:
 
     An energy (k/α) δ^α over a volume is k times a length to the power α − D, (k/α) (δ/σ)^α over it to the power −D.
     """
-    alpha = 2.0 if potential is None else 0.0 if potential.constants[2] else potential.alpha
-    power = alpha - dimension
+    potential = potential or Potential()
+    power = (potential.exponent if potential.stiffness == "constant" else 0.0) - dimension
     if not power:
         return "k"
-    return f"k{'/' if power < 0 else ' '}length{HALVES[abs(power)]}"
+    return f"k{'/' if power < 0 else ' '}length{POWERS.get(abs(power), f'^{abs(power):g}')}"
 
 
 def units_line(stress_unit: str, k: float, tau1: float | None = None, diameter: float | None = None) -> str:

@@ -16,7 +16,15 @@ from jampetsc.analysis.velocity_correlation import DEFAULT_BIN_WIDTH, DEFAULT_LA
 from jampetsc.errors import InputError
 from jampetsc.io.disk_motion import correlate_lanes, six_fold_order, velocity_profiles
 from jampetsc.plots.page import draw_band, draw_points
-from jampetsc.plots.picture import count_text, flow_units, group_by, join_varied, other_settings, picture
+from jampetsc.plots.picture import (
+    count_text,
+    flow_units,
+    group_by,
+    join_varied,
+    other_settings,
+    picture,
+    potential_text,
+)
 from jampetsc.plots.style import DASHED, GREY, OPEN, PAGE, colours, entry, hidden, looks, number
 
 CURVE_HEIGHT = 2.3  # inches of one row of panels
@@ -234,6 +242,7 @@ _KNOWN = {
     "pressure",
     "sizes",
     "potential",
+    "exponent",
     "model",
     "mass",
     "quality",
@@ -254,7 +263,7 @@ def kind_of(result) -> tuple:
         int(attributes["particle_count"]),
         float(attributes["mass"]),
     )
-    words = str(attributes.get("sizes", "")), str(attributes["potential"]), other_settings(result, _KNOWN)
+    words = str(attributes.get("sizes", "")), potential_text(attributes), other_settings(result, _KNOWN)
     return *state, *words
 
 

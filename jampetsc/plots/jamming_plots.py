@@ -12,7 +12,14 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.plots.flow_plots import draw_mean
 from jampetsc.plots.page import draw_points
-from jampetsc.plots.picture import count_text, flow_units, join_varied, other_settings, picture
+from jampetsc.plots.picture import (
+    count_text,
+    flow_units,
+    join_varied,
+    other_settings,
+    picture,
+    potential_text,
+)
 from jampetsc.plots.style import COLUMN, DASHED, GREY, PAGE, colours, entry, hidden, looks, number
 
 STRAIN_HEIGHT = 2.3  # inches of one row of panels
@@ -70,6 +77,7 @@ _KNOWN = {
     "pressure",
     "sizes",
     "potential",
+    "exponent",
     "protocol",
     "cooling_rate",
     "strain",
@@ -110,7 +118,7 @@ def samples_of(results) -> list[Samples]:
     for result in results:
         attributes = result.attributes
         # of disks out of a packing they are not known
-        words = (str(attributes.get(name, "")) for name in ("sizes", "potential"))
+        words = str(attributes.get("sizes", "")), potential_text(attributes)
         dimension = f"$D={recorded_dimension(attributes)}$"
         more = _step(result), other_settings(result, _KNOWN)
         kind = _protocol(result), int(attributes["particle_count"]), dimension, *words, *more

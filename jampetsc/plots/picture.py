@@ -22,6 +22,7 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.io.results import Result
 from jampetsc.options.parameters import SWITCH, WORD, Parameter
+from jampetsc.packing.potentials import Potential
 from jampetsc.plots.page import Page, shown_colours
 from jampetsc.plots.style import drawn_in, read_colours
 
@@ -145,6 +146,11 @@ def other_settings(result, columns) -> str:
     """What a study has set for a result beside these columns, in words."""
     settings = getattr(result, "settings", {})
     return ", ".join(setting_text(name, value) for name, value in settings.items() if name not in columns)
+
+
+def potential_text(attributes) -> str:
+    """The potential that a file records, in words; empty where it records none."""
+    return str(Potential.of_record(attributes)) if "potential" in attributes else ""
 
 
 def join_varied(parts, varied) -> list[str]:

@@ -240,8 +240,7 @@ def plan_ensembles(bench: TradeRuns) -> tuple[list[list[Pack]], list[str]]:
                 n=disks.n // share,
                 pressure=record.get("requested_pressure", attributes["pressure"] / attributes["k"]),
                 seed=FIRST_SEED,
-                potential=disks.potential.kind,
-                stiffness=disks.potential.stiffness,
+                **{name: value for name, value in disks.potential.record.items() if name != "k"},
                 sizes=record["sizes"],
                 stabilise=record.get("stabilise", "volume"),
             )

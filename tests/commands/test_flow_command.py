@@ -159,7 +159,7 @@ def test_a_continued_run_takes_more_snapshots(tmp_path, monkeypatch):
 
 def test_a_packing_keeps_its_own_units(tmp_path):
     packing, out = tmp_path / "p.h5", tmp_path / "flow.h5"
-    disks = crowd(kind="hertzian")
+    disks = crowd(exponent=2.5)
     write_packing(packing, disks)
     words = ["flow", packing, "--model", "CD0", "--rate", 1e-2, "--strain", 0.3, "--out", out]
     assert flow(*words) == 0

@@ -222,6 +222,22 @@ def test_a_direction_that_no_contact_damps_may_be_damped_by_friction_or_drag():
     assert Model(Law("some", normal=1.0, transverse=1.0)).mass == 0.0
 
 
+@pytest.mark.parametrize("exponent", [2.0, 2.5, 4.0])
+def test_time_steps_are_the_same_in_any_unit_of_length(exponent):
+    small = crowd(16, phi=0.9).replace(potential=Potential(exponent=exponent))
+    large = Packing.from_positions(8.0 * small.positions, 8.0 * small.radii, 8.0 * small.cell)
+    for k in (1.0, 3.0):  # of contacts as stiff
+        stiff, soft = (
+            Potential(exponent=exponent, k=k),
+            Potential(exponent=exponent, k=k * 8.0 ** (2.0 - exponent)),
+        )
+        steps = [
+            scheme_for(Model(ROWS["RD0"][0]), small.replace(potential=stiff), 1e-4).step,
+            scheme_for(Model(ROWS["RD0"][0]), large.replace(potential=soft), 1e-4).step,
+        ]
+        assert steps[1] == pytest.approx(8.0 ** (2.0 - exponent) * steps[0])  # kτ₁ over stiffness
+
+
 def test_time_steps_depend_on_k_tau1_and_the_potential():
     """With forces 4 times as large, damping times twice as long, and Hertzian disks, 3/2 times as stiff."""
     disks = crowd()
@@ -232,7 +248,7 @@ def test_time_steps_depend_on_k_tau1_and_the_potential():
         assert scheme_for(Model(law), stiff, 1e-4).step == pytest.approx(step)  # k τ₁ / k
         slower = Model(replace(law, tau1=2.0 * law.tau1))
         assert scheme_for(slower, disks, 1e-4).step == pytest.approx(2 * step)
-        hertzian = disks.replace(potential=replace(disks.potential, kind="hertzian"))
+        hertzian = disks.replace(potential=Potential("hertzian", disks.potential.stiffness))
         assert scheme_for(Model(law), hertzian, 1e-4).step == pytest.approx(step / 1.5)
     for given, m, wanted in ((disks, 0.5, 0.05), (stiff, 0.4, 0.01), (stiff, 10.0, 0.1 * np.sqrt(2.5))):
         flying = scheme_for(Model(Law("some", normal=1.0), m), given, 1e-4)

@@ -159,7 +159,7 @@ def test_energy_is_balanced_at_every_instant(name, start):
 )  # fmt: skip
 def test_steps_are_those_of_their_equations(name, method, held, step):
     """Also when lists are made and near pairs are chosen anew."""
-    compare_steps(crowd(10, phi=0.9, kind="hertzian" if held else "harmonic"), name, method, held, step)
+    compare_steps(crowd(10, phi=0.9, exponent=2.5 if held else 2.0), name, method, held, step)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_steps_are_those_of_their_equations(name, method, held, step):
 )  # fmt: skip
 def test_steps_of_spheres_are_those_of_their_equations(name, method, step):
     """In three dimensions, with three spins."""
-    compare_steps(spheres(20, phi=0.75, kind="hertzian"), name, method, 0, step)
+    compare_steps(spheres(20, phi=0.75, exponent=2.5), name, method, 0, step)
 
 
 def compare_steps(disks, name, method, held, step):

@@ -17,7 +17,7 @@ from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.packing import Packing
-from jampetsc.packing.potentials import EXPONENTS, Potential
+from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team
 
 ROLLING = Law("rolling", normal=1.0, transverse=0.2, sliding=0.7)
@@ -49,15 +49,15 @@ def test_forces_of_several_domains_and_on_two_threads():
     )
 
 
-@pytest.mark.parametrize("kind", EXPONENTS)
-def test_forces_of_all_models_are_sums_over_all_pairs(kind):
+@pytest.mark.parametrize("exponent", [2.0, 2.25, 2.5, 4.0])
+def test_forces_of_all_models_are_sums_over_all_pairs(exponent):
     """m u̇ and torques of every model and law, with velocities and spins, against all pairs and images in turn."""
-    disks, rate, rng = spheres(20, phi=0.8, kind=kind), 0.1, np.random.default_rng(3)
+    disks, rate, rng = spheres(20, phi=0.8, exponent=exponent), 0.1, np.random.default_rng(3)
     u, spins, torques = rng.normal(size=(3, disks.n, 3))
     i, j, r = all_pairs(disks.positions, disks.radii, disks.cell)
     r, law = r.astype(float), disks.potential
     distance, sigma = np.linalg.norm(r, axis=1), disks.radii[i] + disks.radii[j]
-    force = law.k / sigma * ((sigma - distance) / sigma) ** (law.alpha - 1.0)
+    force = law.k / sigma * ((sigma - distance) / sigma) ** (law.exponent - 1.0)
     pairs = SimpleNamespace(i=i, j=j, r=r, normal=r / distance[:, None], force=force)
     assert len(i) > 3 * disks.n
     for name, (damping, mass) in ROWS.items():

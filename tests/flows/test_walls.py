@@ -87,7 +87,7 @@ def test_forces_on_the_walls_balance_those_between_them(channel, name):
         run.pairs,
         run.offsets,
         simple_shear(run.shear),
-        task.law,
+        task.potential,
         forces,
         (u, task.rate, task.weights),
         rolling,

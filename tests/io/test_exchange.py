@@ -299,7 +299,14 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
     "potential": (
         TEXT,
         {"potential": "lj"},
-        "potential 'lj': not supported. Choose one of harmonic, hertzian",
+        "potential 'lj': not supported. Choose one of harmonic, hertzian, power",
+    ),
+    "exponent of harmonic": (TEXT, {"exponent": 3.0}, "exponent 3.0: of the potential power alone"),
+    "no exponent": (TEXT, {"potential": "power"}, "exponent: missing. Give that of the potential power"),
+    "small exponent": (
+        TEXT,
+        {"potential": "power", "exponent": 1.0},
+        "exponent 1.0: must be a number from 2 to 10",
     ),
     **{
         program: (

@@ -247,15 +247,17 @@ def test_disks_that_do_not_touch_are_exported_without_contacts_and_by_their_size
     for ending in ("xyz", "dump", "data", "npz"):
         found = jampetsc.import_packing(tmp_path / f"p.{ending}")
         np.testing.assert_array_equal(found.positions, disks.positions)
-    hertzian = disks.replace(potential=Potential("hertzian", "inverse-square-diameter", 2.5e-7))
-    for ending in ("xyz", "dump", "data", "npz", *(["gsd"] if find_spec("gsd") else [])):
-        path = tmp_path / f"h.{ending}"
-        write_frames(path, [packing_frame(hertzian)])
-        found = jampetsc.import_packing(path)
-        assert found.potential == hertzian.potential and "assumed" not in found.record
-        assert jampetsc.import_packing(path, stiffness="constant").potential == Potential(
-            "hertzian", k=2.5e-7
-        )
+    for exponent in (2.5, 2.25):
+        soft = disks.replace(potential=Potential(None, "inverse-square-diameter", 2.5e-7, exponent))
+        for ending in ("xyz", "dump", "data", "npz", *(["gsd"] if find_spec("gsd") else [])):
+            path = tmp_path / f"h.{ending}"
+            write_frames(path, [packing_frame(soft)])
+            found = jampetsc.import_packing(path)
+            assert found.potential == soft.potential and "assumed" not in found.record
+            constant = jampetsc.import_packing(path, stiffness="constant").potential
+            assert constant == Potential(exponent=exponent, k=2.5e-7)
+            harmonic = jampetsc.import_packing(path, potential="harmonic").potential
+            assert harmonic == Potential("harmonic", "inverse-square-diameter", 2.5e-7)
     row = np.column_stack((3.0 * np.arange(11), np.ones(11)))
     for count, types in ((2, [1, 2]), (10, range(1, 11)), (11, [1] * 11)):  # where sizes are few
         disks = Packing.from_positions(row[:count], 0.5 + 0.01 * np.arange(count), 40.0 * np.eye(2))

@@ -452,7 +452,7 @@ def test_pair_styles_that_are_refused(tmp_path):
     for text, message in (
         (
             "gran/hertz 8",
-            r"radii 1 to 1.4\)\. For a near law give potential hertzian and a k from 5.65685 to 6.69328",
+            r"radii 1 to 1.4\)\. For a similar one give potential hertzian and a k from 5.65685 to 6.69328",
         ),
         ("lj/cut 1", "pair_style lj/cut: not supported. Choose one of harmonic/cut, gran/hooke, gran/hertz"),
         ("gran/hooke", "needs its stiffness, a positive number. Give e.g. 'gran/hooke 100'"),

@@ -69,6 +69,17 @@ def test_optional_contents_may_be_missing(path, disks):
     assert found.record.keys() == RECORD.keys() - {"seed"}
 
 
+@pytest.mark.parametrize("exponent", [2.25, 3.1])
+def test_any_exponent_is_kept(tmp_path, disks, exponent):
+    soft = disks.replace(potential=Potential(exponent=exponent, k=1.3))
+    write_packing(tmp_path / "p.h5", soft)
+    found = read_packing(tmp_path / "p.h5")
+    assert found.potential == soft.potential and found.fingerprint == soft.fingerprint != disks.fingerprint
+    assert (
+        found.fingerprint != soft.replace(potential=Potential(exponent=exponent + 1e-15, k=1.3)).fingerprint
+    )
+
+
 def put(h5, name, value):
     del h5[name]
     h5[name] = value
@@ -116,11 +127,28 @@ DEFECTS = {
     ),
     "potential": (
         lambda h5: h5.attrs.update(potential="WCA"),
-        r"attribute potential = 'WCA': must be one of harmonic, hertzian. Make",
+        r"attribute potential = 'WCA': must be one of harmonic, hertzian, power. Make",
+    ),
+    "no potential": (
+        lambda h5: h5.attrs.__delitem__("potential"),
+        "potential: missing. Give one of harmonic",
+    ),
+    "no exponent": (lambda h5: h5.attrs.update(potential="power"), r"p.h5: exponent: missing. Give that of"),
+    "small exponent": (
+        lambda h5: h5.attrs.update(potential="power", exponent=1.5),
+        r"p.h5: exponent 1.5: must be a number from 2 to 10",
+    ),
+    "worded exponent": (
+        lambda h5: h5.attrs.update(potential="power", exponent="one"),
+        r"attribute exponent = 'one': must be a real number",
+    ),
+    "other exponent": (
+        lambda h5: h5.attrs.update(exponent=2.25),
+        r"p.h5: exponent 2.25: of the potential power alone \(hertzian has 2.5\)",
     ),
     "no stiffness": (
         lambda h5: h5.attrs.__delitem__("stiffness"),
-        r"stiffness None: not supported. Choose one of constant",
+        r"stiffness: missing. Give one of constant",
     ),
     "negative k": (lambda h5: h5.attrs.update(k=-1.0), r"k = -1.0: must be a positive number"),
     "worded k": (lambda h5: h5.attrs.update(k="one"), r"attribute k = 'one': must be a real number"),

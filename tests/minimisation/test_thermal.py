@@ -12,6 +12,7 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 POTENTIALS = [Potential("harmonic", "inverse-square-diameter", 2.0), Potential("hertzian", "constant", 1.5)]
+POTENTIALS += [Potential(exponent=3.5, k=1.5)]
 CELL = np.array([[1.6, 0.0], [0.3, 1.5]])
 RADII = np.array([0.5, 0.6])
 
@@ -23,7 +24,7 @@ def energy_at(relative, potential):
     for a in range(-2, 3):
         for b in range(-2, 3):
             overlap = np.maximum(sigma - np.linalg.norm(relative + a * CELL[0] + b * CELL[1], axis=-1), 0)
-            total = total + potential.k / potential.alpha * (overlap / unit) ** potential.alpha
+            total = total + potential.k / potential.exponent * (overlap / unit) ** potential.exponent
     return total
 
 

@@ -317,7 +317,7 @@ def test_of_many_short_steps_the_later_ones_have_one_stage(monkeypatch):
     assert run.motion.gamma == pytest.approx(2e-2 * np.sin(4 * period), rel=1e-9)
 
 
-@pytest.mark.parametrize("sample", ["published", "hertzian", "spheres"])
+@pytest.mark.parametrize("sample", ["published", "hertzian", "power", "spheres"])
 def test_energy_of_a_change(sample):
     """As the difference of energies, but for rounding; of a small change to the last digits."""
     rng, disks = np.random.default_rng(1), few_spheres() if sample == "spheres" else SAMPLES[sample]()

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from dense import Reference
-from samples import ORACLE, SAMPLES, physics, polydisperse, published
+from samples import ORACLE, POTENTIALS, SAMPLES, physics, polydisperse, published
 
 from jampetsc.errors import InputError
 from jampetsc.packing.contacts import (
@@ -24,7 +24,7 @@ from jampetsc.packing.contacts import (
 from jampetsc.packing.neighbours import neighbour_pairs
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.particles import GRID, join, split
-from jampetsc.packing.potentials import EXPONENTS, STIFFNESSES, Potential
+from jampetsc.packing.potentials import STIFFNESSES, Potential
 
 
 def test_split_loses_nothing():
@@ -61,17 +61,27 @@ def test_bond_vectors_are_rounded_once_at_coordinates_of_1e5():
     assert np.abs(bond_vectors(far_away(low=0.0), i, j, image) - r).max() > 1e-13  # positions_low does count
 
 
-@pytest.mark.parametrize("kind", EXPONENTS)
+@pytest.mark.parametrize("exponent", [2.0, 2.25, 2.5, 3.0, 4.0, 10.0])
 @pytest.mark.parametrize("stiffness", STIFFNESSES)
-def test_force_and_stiffness_are_derivatives_of_the_energy(kind, stiffness):
-    law = Potential(kind, stiffness, k=2.5)
+def test_the_energy_is_a_power_of_the_overlap(exponent, stiffness):
+    sigma, overlap = np.array([0.9, 1.3]), np.array([0.02, 0.1])
+    scale = sigma if stiffness == "inverse-square-diameter" else 1.0
+    exact = 2.5 / exponent * (overlap / scale) ** exponent
+    energy = Potential(None, stiffness, 2.5, exponent).energy(overlap, sigma)
+    np.testing.assert_allclose(energy, exact, rtol=1e-13)
+
+
+@pytest.mark.parametrize("potential", POTENTIALS, ids=repr)
+def test_force_and_stiffness_are_derivatives_of_the_energy(potential):
     sigma, overlap, h = np.array([0.9, 1.3]), np.array([0.02, 0.1]), 1e-6
 
     def slope(f):  # d/dr = −d/dδ
         return -(f(overlap + h, sigma) - f(overlap - h, sigma)) / (2 * h)
 
-    np.testing.assert_allclose(law.force(overlap, sigma), -slope(law.energy), rtol=1e-7)
-    np.testing.assert_allclose(law.contact_stiffness(overlap, sigma), -slope(law.force), rtol=1e-7)
+    np.testing.assert_allclose(potential.force(overlap, sigma), -slope(potential.energy), rtol=1e-7)
+    np.testing.assert_allclose(
+        potential.contact_stiffness(overlap, sigma), -slope(potential.force), rtol=1e-7
+    )
 
 
 @pytest.mark.parametrize("name", SAMPLES)
@@ -221,11 +231,36 @@ def test_limits_of_valid_packings():
         ({"k": 1e151}, r"stiffness k = 1e\+151: must be a positive number, from 1e-150 to 1e\+150"),
         ({"kind": ["harmonic"]}, r"potential \['harmonic'\]: not supported. Choose one of"),
         ({"stiffness": None}, "stiffness None: not supported. Choose one of"),
+        ({"kind": "power"}, "exponent: missing. Give that of the potential power"),
+        ({"exponent": 1.9}, "exponent 1.9: must be a number from 2 to 10"),
+        ({"exponent": np.nan}, "exponent nan: must be a number from 2 to 10"),
+        ({"exponent": "soft"}, "exponent soft: must be a number from 2 to 10"),
+        (
+            {"kind": "hertzian", "exponent": 2.25},
+            r"exponent 2.25: of the potential power alone \(hertzian has 2.5\)",
+        ),
     ],
 )
 def test_invalid_potentials_are_refused(change, says):
     with pytest.raises(InputError, match=says):
         Potential(**change)
+
+
+@pytest.mark.parametrize("exponent, words", [(2, "harmonic"), (2.5, "hertzian"), (2.25, "power 2.25")])
+def test_a_potential_has_one_name_and_one_record(exponent, words):
+    potential = Potential(exponent=exponent, stiffness="inverse-square-diameter", k=2)
+    assert str(potential) == words and Potential.of_record(potential.record) == potential
+    assert Potential("power", exponent=exponent) == Potential(exponent=exponent)
+    assert ("exponent" in potential.record) == (words == "power 2.25")
+    assert potential.identity.endswith("inverse-square-diameter 0x1.0000000000000p+1")
+
+
+def test_the_overlap_of_a_force():
+    for exponent in (2.0, 2.25, 2.5, 4.0):
+        for stiffness in STIFFNESSES:
+            potential = Potential(None, stiffness, 3.0, exponent)
+            overlap = potential.overlap_at(1e-4, 1.3)
+            assert potential.force(overlap, 1.3) == pytest.approx(1e-4, rel=1e-12)
 
 
 def test_disks_without_contacts_have_no_coordination_and_no_force():

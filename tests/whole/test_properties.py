@@ -112,7 +112,7 @@ def test_units_of_length_and_force_change_no_number_without_units(disks, length,
     """p has k δ^(α−1)/length, with δ in units of length or of σ (Vågberg, eq. 4.7)."""
     assume(not in_doubt(disks))
     kind, stiffness, k = disks.potential.kind, disks.potential.stiffness, disks.potential.k
-    power = disks.potential.alpha - 2.0 if stiffness == "constant" else -2.0
+    power = disks.potential.exponent - 2.0 if stiffness == "constant" else -2.0
     other = Potential(kind, stiffness, k * force / length**power)
     scaled = Packing.from_positions(
         length * disks.positions, length * disks.radii, length * disks.cell, other

@@ -1,0 +1,128 @@
+"""Potentials of any exponent, from the packing to its responses: each number by two ways."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import jampetsc
+from jampetsc import main as cli
+from jampetsc.packing.potentials import Potential
+
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
+
+K = 2.5
+CASES = [  # exponent, stiffness, dimension, number of particles, pressure
+    (2.25, "constant", 2, 48, 1e-2),
+    (4.0, "inverse-square-diameter", 2, 48, 1e-3),
+    (3.0, "inverse-square-diameter", 3, 64, 1e-2),
+    (2.25, "constant", 3, 64, 1e-2),
+]
+
+
+@cache
+def at_rest(exponent, stiffness, dimension, n, pressure):
+    """A packing at rest with k = K; forces are ∝ k."""
+    disks = jampetsc.pack(
+        n=n, dimension=dimension, pressure=pressure, potential="power", exponent=exponent, stiffness=stiffness,
+        stabilise="shear", seed=2,
+    )  # fmt: skip
+    assert disks.pressure == pytest.approx(pressure, rel=1e-9)
+    assert disks.potential == Potential(exponent=exponent, stiffness=stiffness)
+    stiff = disks.replace(potential=Potential(None, stiffness, K, exponent))
+    assert stiff.pressure == pytest.approx(K * pressure, rel=1e-9)
+    return stiff
+
+
+@pytest.fixture(params=CASES, ids=lambda case: f"{case[0]:g} in {case[2]}D")
+def packing(request, session):
+    return at_rest(*request.param)
+
+
+def test_the_pressure_is_minus_the_slope_of_the_energy(packing):
+    """p = −∂U/∂V of the affine motion, by differences."""
+
+    def energy(stretch):
+        cell, places = stretch * packing.cell, stretch * packing.positions
+        moved = jampetsc.Packing(
+            places,
+            packing.radii,
+            cell,
+            "power",
+            packing.potential.stiffness,
+            K,
+            exponent=packing.potential.exponent,
+        )
+        return moved.record["energy"]
+
+    h = 1e-5
+    slope = (energy(1 + h) - energy(1 - h)) / (2 * h)
+    assert packing.pressure == pytest.approx(-slope / (packing.dimension * packing.volume), rel=1e-5)
+
+
+def test_the_static_modulus_is_the_slope_of_the_stress(packing):
+    """G₀ of the linear response, of the sweep at ω → 0, and of steps of quasistatic shear."""
+    static = jampetsc.quasistatic(packing).attributes["G0"]
+    swept = jampetsc.sweep(packing, omega=[1e-8])
+    assert swept.G.real[0] == pytest.approx(static, rel=1e-6)
+    step = 1e-7
+    sheared = jampetsc.shear(packing, strain=2 * step, step=step, tolerance=1e-12, discard=0.0)
+    stress = sheared["shear_stress"]
+    assert (stress[1] - stress[0]) / step == pytest.approx(static, rel=1e-3)
+
+
+def test_small_oscillations_with_moving_contacts_are_linear(packing):
+    law = jampetsc.ContactDamping(beta=1.0, tau1=2.0)
+    swept = jampetsc.sweep(packing, law, omega=[0.5])
+    moving = jampetsc.oscillate(packing, law, omega=[0.5], strain=[1e-7], contacts="moving")
+    assert abs(moving["G"].ravel()[0] / swept.G[0] - 1.0) < 1e-3
+
+
+def test_a_flow_dissipates_the_work_on_it(packing):
+    rate = 1e-2
+    flow = jampetsc.flow(packing, model="CD0", rate=rate, strain=0.1, discard=0.02)
+    strain, energy, spent = (flow[name] for name in ("strain", "energy", "dissipation"))
+    left = flow["shear_stress"].sum(axis=1) * rate * packing.volume - spent
+    times = np.diff(strain)[1:] / rate
+    # energies are means over a row: from the middle of the second row to that of the last
+    stored = np.sum(times * 0.5 * (left[1:-1] + left[2:]))
+    assert abs(stored - (energy[-1] - energy[1])) < 0.02 * np.sum(times * spent[2:])
+
+
+def test_a_file_of_a_flow_keeps_the_exponent(session, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = "flow --model RD0 --rate 1e-2 --strain 0.1 --n 24 --phi 0.9 --potential power --exponent 3.25"
+    assert cli.main([*words.split(), "--snapshots", "2", "--last", "last.h5", "--out", "f.h5"]) == 0
+    result = jampetsc.load("f.h5")
+    expected = Potential(exponent=3.25, stiffness="inverse-square-diameter")
+    for disks in (result.last, result.snapshot(), result.listed, jampetsc.load("last.h5")):
+        assert disks.potential == expected
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--potential power", "exponent: missing. Give that of the potential power, e.g. 2.25."),
+        ("--potential power --exponent 1.9", "--exponent 1.9: must lie in [2, 10]"),
+        ("--potential power --exponent nan", "--exponent nan: must lie in [2, 10]"),
+        (
+            "--potential hertzian --exponent 3",
+            "exponent 3.0: of the potential power alone (hertzian has 2.5). ",
+        ),
+        ("--exponent 3", "exponent 3.0: of the potential power alone (harmonic has 2). "),
+    ],
+)
+@pytest.mark.parametrize(
+    "command",
+    [
+        "pack --n 16 --pressure 1e-2",
+        "jam --n 16 --phi 0.9 --seeds 1",
+        "shear --n 16 --phi 0.9 --step 1e-3 --strain 1e-2",
+        "flow --n 16 --phi 0.9 --model RD0 --rate 1e-2 --strain 0.1",
+    ],
+)
+def test_wrong_exponents_are_one_line(session, command, words, message, tmp_path, capsys):
+    assert cli.main([*command.split(), *words.split(), "--out", str(tmp_path / "x.h5")]) != 0
+    written = capsys.readouterr().err.strip()
+    assert written.startswith(f"jampetsc: error: {message}") and "\n" not in written
+    assert not list(tmp_path.iterdir())
