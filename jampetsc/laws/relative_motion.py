@@ -53,7 +53,7 @@ def load_coefficients(forms, imposed, rotation=None):
     rotation   of the spins in the affine flow, (D(D − 1)/2,), where they are relative to it
     """
     dimension = imposed.shape[1]
-    added = [np.sum(on_j[:, :dimension] * imposed, axis=1) for _, on_j in forms]
+    added = [sum(on_j[:, axis] * imposed[:, axis] for axis in range(dimension)) for _, on_j in forms]
     if rotation is None:
         return added
     spins = slice(dimension, None)
