@@ -258,7 +258,11 @@ def describe_matrices(network, is_packing, physics, facts, ranks) -> str:
 
     contacts = facts.contacts
     D, particles = network.dimension, PARTICLES[network.dimension]
-    excess = contacts - D * (network.n - 1)
+    springs = network.turns_elastically
+    each, dofs = (D, D * (D + 1) // 2) if springs else (1, D)
+    excess = each * contacts - (dofs * network.n - D)
+    count = f"{each}·{contacts} contacts with springs" if springs else f"{contacts} contacts"
+    moving = "displacements and spins" if springs else "displacements"
     rows = [
         (f"K and B for {physics}, on {ranks} rank{'s' * (ranks > 1)}",),
         (
@@ -271,7 +275,7 @@ def describe_matrices(network, is_packing, physics, facts, ranks) -> str:
         *(
             (
                 ("contacts", f"{contacts}, Z = {number_text(2.0 * contacts / network.n)}"),
-                ("Maxwell's count", f"{contacts} contacts − ({D}·{network.n} − {D}) = {excess} in excess"),
+                ("Maxwell's count", f"{count} − ({dofs}·{network.n} − {D}) = {excess} in excess"),
             )
             if is_packing
             else [("bonds", str(contacts))]
@@ -280,8 +284,8 @@ def describe_matrices(network, is_packing, physics, facts, ranks) -> str:
         ("pinned unknowns", _pins(facts)),
         ("asymmetry", f"|K − Kᵀ|/|K| = {facts.asymmetry_K:.1e}, |B − Bᵀ|/|B| = {facts.asymmetry_B:.1e}"),
         ("eigenvalues", "negative", "zero", "positive", ""),
-        _inertia("K, pre-stress", facts.with_prestress, "displacements, nothing pinned"),
-        _inertia("K, no pre-stress", facts.without_prestress, "displacements, nothing pinned"),
+        _inertia("K, pre-stress", facts.with_prestress, f"{moving}, nothing pinned"),
+        _inertia("K, no pre-stress", facts.without_prestress, f"{moving}, nothing pinned"),
         _inertia("B", facts.damping, "without the pinned unknowns"),
     ]
     head = len(rows) - 4
@@ -310,7 +314,7 @@ def minimum_lines(facts, at_rest) -> list[str]:
     """Lines on the meaning of the numbers of eigenvalues; at_rest: the forces are balanced."""
     K, free = facts.with_prestress, facts.without_prestress
     lines = []
-    floppy = free.zero - facts.translations
+    floppy = free.zero - facts.free_moves
     if K.negative:
         lines.append(
             f"not a minimum: K has {K.negative} negative eigenvalue{'s' * (K.negative > 1)}; error bounds of a sweep "
@@ -322,8 +326,8 @@ def minimum_lines(facts, at_rest) -> list[str]:
             "not a minimum: K has no negative eigenvalue, but the forces are not balanced; finish the quench, "
             "which also leaves out friction"
         )
-    elif K.zero > facts.translations:
-        lines.append(f"marginal: {K.zero - facts.translations} moves besides the translations cost no energy")
+    elif K.zero > facts.free_moves:
+        lines.append(f"marginal: {K.zero - facts.free_moves} moves besides the translations cost no energy")
     else:
         lines.append("a minimum: K has no negative eigenvalue, and only the translations cost no energy")
     if floppy > 0:

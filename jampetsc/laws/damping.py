@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field, make_dataclass
 
 from jampetsc.errors import InputError, as_float, named, python_value
-from jampetsc.laws.forms import CENTRAL, FORMS, SPIN, Form, spins_of
+from jampetsc.laws.forms import CENTRAL, FORMS, SPIN, LinearForm, spins_of
 
 MAX_WEIGHT = 1e12  # largest weight
 MIN_OMEGA, MAX_OMEGA = 1e-16, 1e12  # of ωτ₁: beyond, K and ωB no longer share a double
@@ -124,16 +124,16 @@ class Law(_Weights):
         if not 0 < tau1 < math.inf:
             raise InputError(f"{named('tau1')} {tau1:g}: must be positive")
 
-    def weight(self, form: Form) -> float:
+    def weight(self, form: LinearForm) -> float:
         """The weight in B of the square of a form."""
         return getattr(self, form.weight)
 
     @property
-    def dissipating(self) -> tuple[Form, ...]:
+    def dissipating(self) -> tuple[LinearForm, ...]:
         """Rows of the table that the law weighs."""
         return tuple(form for form in FORMS if self.weight(form))
 
-    def contact_forms(self, elastic=CENTRAL) -> tuple[Form, ...]:
+    def contact_forms(self, elastic=CENTRAL) -> tuple[LinearForm, ...]:
         """Forms of contacts that the law weighs, and those whose weights in K are among `elastic`."""
         return tuple(
             form for form in FORMS if form.is_of_contacts and (self.weight(form) or form.elastic in elastic)
@@ -141,7 +141,7 @@ class Law(_Weights):
 
     @property
     def on_contacts(self) -> tuple[float, float, float]:
-        """Weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)², those of contacts that flows support."""
+        """Weights of (ȧ∥)², (ȧ⊥)², (ȧ⊥ᶜ)², of contacts, which flows support."""
         return self.normal, self.transverse, self.sliding
 
     def on_axes(self, forms, dimension: int) -> tuple[float, ...]:
@@ -188,7 +188,7 @@ class Law(_Weights):
         return any(form.axes == SPIN for form in self.dissipating)
 
     def require_only(self, forms, of: str) -> None:
-        """Raise InputError where the law weighs other forms than those of these weights; of: what has no others."""
+        """Raise InputError where the law weighs forms with other weights than these; of: what has no others."""
         for form in self.dissipating:
             if form.weight not in forms:
                 raise InputError(

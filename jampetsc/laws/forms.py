@@ -20,7 +20,7 @@ DISPLACEMENT, SPIN, STRAIN = "displacement of a disk", "spin of a disk", "strain
 
 
 @dataclass(frozen=True)
-class Form:
+class LinearForm:
     """A row of the table: a motion whose square K and B weigh."""
 
     weight: str  # in B: attribute of a `Law` and option of `--law custom`, in units of kτ₁
@@ -52,7 +52,7 @@ class Form:
 
 
 FORMS = (
-    Form(
+    LinearForm(
         "normal",
         "weight of normal contact damping, ≥ 0",
         r"w_\parallel",
@@ -60,7 +60,7 @@ FORMS = (
         moves=1.0,
         elastic="stiffness",
     ),
-    Form(
+    LinearForm(
         "transverse",
         "weight of transverse contact damping without rotations, ≥ 0",
         r"w_\perp",
@@ -68,7 +68,7 @@ FORMS = (
         moves=1.0,
         elastic="prestress",
     ),
-    Form(
+    LinearForm(
         "sliding",
         "weight of the sliding of rims, ≥ 0; above 0 particles roll",
         r"w_{\perp c}",
@@ -77,15 +77,15 @@ FORMS = (
         turns=(-1.0, -1.0),
         elastic="tangential_stiffness",
     ),
-    Form("drag", "weight of the drag of the fluid on every particle, ≥ 0", r"w_d", DISPLACEMENT),
-    Form(
+    LinearForm("drag", "weight of the drag of the fluid on every particle, ≥ 0", r"w_d", DISPLACEMENT),
+    LinearForm(
         "spin_drag",
         "weight of the drag of the fluid on the spin of every particle relative to the rotation of the flow, in units "
         "of k τ₁ d² with the mean diameter d, ≥ 0; above 0 particles roll",
         r"w_\theta",
         SPIN,
     ),
-    Form("eta_f", "fluid viscosity in units of k τ₁, ≥ 0", r"\eta_F", STRAIN),
+    LinearForm("eta_f", "fluid viscosity in units of k τ₁, ≥ 0", r"\eta_F", STRAIN),
 )
 # weights in K that every packing has, so that their motions are always known
 CENTRAL = "stiffness", "prestress"

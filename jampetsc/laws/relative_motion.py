@@ -34,7 +34,7 @@ def linear_forms(forms, normal, rims=None):
     """
     transverse, dimension = transverse_axes(normal), normal.shape[1]
     no_spin = np.zeros((len(normal), 0 if rims is None else spins_of(dimension)))
-    made = []
+    coefficients = []
     for form in forms:
         axes = (normal,) if form.axes == ALONG else transverse
         for number, axis in enumerate(axes):
@@ -42,8 +42,10 @@ def linear_forms(forms, normal, rims=None):
             if any(form.turns):
                 spin = _spins(transverse)[number]
                 ends = [(turn * rim)[:, None] * spin for turn, rim in zip(form.turns, rims, strict=True)]
-            made.append((np.hstack((-form.moves * axis, ends[0])), np.hstack((form.moves * axis, ends[1]))))
-    return made
+            coefficients.append(
+                (np.hstack((-form.moves * axis, ends[0])), np.hstack((form.moves * axis, ends[1])))
+            )
+    return coefficients
 
 
 def load_coefficients(forms, imposed, rotation=None):
@@ -53,7 +55,7 @@ def load_coefficients(forms, imposed, rotation=None):
     rotation   of the spins in the affine flow, (D(D − 1)/2,), where they are relative to it
     """
     dimension = imposed.shape[1]
-    added = [np.sum(on_j[:, :dimension] * imposed, axis=1) for _, on_j in forms]
+    added = [sum(on_j[:, axis] * imposed[:, axis] for axis in range(dimension)) for _, on_j in forms]
     if rotation is None:
         return added
     spins = slice(dimension, None)

@@ -95,6 +95,6 @@ def motion_rows(forms, bonds: Bonds, rims, dofs: int, chosen=slice(None)):
     """`linear_forms` of the chosen bonds: coefficients of disks, (M, axes, 2 dofs), and of shear strain, (M, axes)."""
     i, j = bonds.pairs.i[chosen], bonds.pairs.j[chosen]
     ends = (rims[i], rims[j]) if dofs > bonds.dimension else None
-    made = linear_forms(forms, bonds.normal[:, chosen].T, ends)
-    sheared = load_coefficients(made, simple_shear(bonds.dimension).imposed(bonds.r[:, chosen].T))
-    return stacked(made), np.stack(sheared, axis=1)
+    coefficients = linear_forms(forms, bonds.normal[:, chosen].T, ends)
+    sheared = load_coefficients(coefficients, simple_shear(bonds.dimension).imposed(bonds.r[:, chosen].T))
+    return stacked(coefficients), np.stack(sheared, axis=1)

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import Law
-from jampetsc.laws.forms import Form, spins_of
+from jampetsc.laws.forms import LinearForm, spins_of
 from jampetsc.packing.contacts import (
     BALANCED,
     IMBALANCE,
@@ -95,7 +95,7 @@ class DistributedNetwork:
             "tangential_stiffness": self.tangential_stiffness * along,
         }
 
-    def contact_forms(self, law: Law) -> tuple[Form, ...]:
+    def contact_forms(self, law: Law) -> tuple[LinearForm, ...]:
         """Forms of contacts that K or B of a law weighs.
 
         Raises InputError where nodes without radii roll, and where the fluid turns disks that no contact turns.

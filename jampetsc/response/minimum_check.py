@@ -198,7 +198,10 @@ class Examination:
     nonzeros: int  # entries stored in each of K and B
     factor_bytes: float  # of a factor of K + sB, about
     pieces: int  # connected pieces of the contact graph
-    translations: int  # moves that cost no energy whatever the packing: D for each piece
+    translations: int  # D for each piece
+    free_moves: (
+        int  # moves that cost no energy whatever the packing: translations, and gears where K acts on spins
+    )
     gears: int  # bipartite pieces, whose disks can turn like gears
     pins: int  # pinned unknowns, see `assembly.Pencil`
     asymmetry_K: float  # ‖K − Kᵀ‖ / ‖K‖ (Frobenius)
@@ -233,6 +236,7 @@ def examine(network: DistributedNetwork, law: Law) -> Examination:
         factor_bytes=bytes_of_factor(pencil),
         pieces=len(roots),
         translations=pencil.pieces.translations,
+        free_moves=free_moves(network),
         gears=int(np.count_nonzero(pencil.pieces.bipartite[roots])),
         pins=len(pencil.pins),
         asymmetry_K=asymmetry(pencil.K),

@@ -77,14 +77,14 @@ def copy(tmp_path_factory):
         .partition("\n## A weight\n")[2]
         .partition("\n## ")[0]
     )
-    row = re.search(r"^ {8}Form\(\n.*?^ {8}\),\n", text, re.DOTALL | re.MULTILINE)[0]
+    row = re.search(r"^ {8}LinearForm\(\n.*?^ {8}\),\n", text, re.DOTALL | re.MULTILINE)[0]
     root = tmp_path_factory.mktemp("copy")
     shutil.copytree(launch.ROOT / "jampetsc", root / "jampetsc", ignore=shutil.ignore_patterns("__pycache__"))
     table = root / "jampetsc/laws/forms.py"
     written = table.read_text()
     assert written.count("FORMS = (\n") == 1
-    head, _, rest = written.partition('    Form("drag"')
-    table.write_text(f'{head}{re.sub("^    ", "", row, flags=re.MULTILINE)}    Form("drag"{rest}')
+    head, _, rest = written.partition('    LinearForm("drag"')
+    table.write_text(f'{head}{re.sub("^    ", "", row, flags=re.MULTILINE)}    LinearForm("drag"{rest}')
     return root
 
 

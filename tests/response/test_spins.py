@@ -20,7 +20,7 @@ from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import assemble
 from jampetsc.response.direct import FrequencySolver
-from jampetsc.response.minimum_check import check_minimum, negative_modes
+from jampetsc.response.minimum_check import check_minimum, examine, negative_modes
 from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
 from jampetsc.response.rational import largest_rate
 from jampetsc.response.slow_response import infinite_viscosity, solve
@@ -223,6 +223,15 @@ def test_K_with_springs_is_no_less_stable(session):
     assert negative_modes(network)[0] == 0
     minimum = check_minimum(network, False)
     assert minimum.certified and "Cholesky" in minimum.description
+
+
+@pytest.mark.most_ranks(2)
+@pytest.mark.parametrize(("sample", "gears"), [("gears", 1), ("polydisperse", 0)])
+def test_facts_count_gears_that_springs_let_pass(session, sample, gears):
+    law = LAWS["springs in a fluid"]
+    facts = examine(network_of(SOURCES[sample](), law, session.comm), law.law)
+    assert (facts.translations, facts.free_moves, facts.pins) == (2, 2 + gears, 0)
+    assert facts.without_prestress.zero == facts.free_moves
 
 
 def test_results_name_their_springs(session, shared_path):
