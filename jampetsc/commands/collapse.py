@@ -12,7 +12,7 @@ from jampetsc.errors import InputError, as_float, named
 from jampetsc.io.ensemble import Ensemble
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.io.results import note_lines
-from jampetsc.options.job import Job
+from jampetsc.options.job import Job, files_of
 from jampetsc.options.parameters import FILES, ValueType, optional_parameter, parameter
 from jampetsc.options.values import RESULT, load_source, refuse_repeated, split_list
 
@@ -104,19 +104,23 @@ examples:
 
     def _sources(self) -> list:
         """The inputs: files, of a study the files of its rows, and results in memory."""
-        from jampetsc.commands.scaling import files_of
+        from jampetsc.commands import scaling
 
         sources = []
         for item in rows_named(self.results, self.where):
             is_study = isinstance(item, Ensemble)
-            sources += files_of(item, self.finite_size, self.where) if is_study else [item]
+            sources += scaling.files_of(item, self.finite_size, self.where) if is_study else [item]
         return sources
+
+    @property
+    def paths(self):
+        """See `Job`; of a study the files of its rows."""
+        return files_of(self._sources())
 
     def check_outputs(self, to):
         """Refuse a result given twice, and an output that may not be replaced."""
-        sources = self._sources()
-        refuse_repeated(sources)
-        to.check(self.FORMAT, [source for source in sources if isinstance(source, str)])
+        refuse_repeated(self._sources())
+        super().check_outputs(to)
 
     def work(self, to):
         from jampetsc.analysis.collapse_fit import drift

@@ -110,14 +110,11 @@ class Job:
     @property
     def paths(self) -> list[str]:
         """Files that it reads: of its `sources`, and of packings and radii among the options."""
-        values = self._values(
-            lambda parameter: parameter.place != OPTION or parameter.value_type in (PACKING, RADII)
+        return files_of(
+            self._values(
+                lambda parameter: parameter.place != OPTION or parameter.value_type in (PACKING, RADII)
+            )
         )
-        files = [
-            value if isinstance(value, str | Path) else getattr(value, "file", getattr(value, "path", None))
-            for value in values
-        ]
-        return [str(file) for file in files if file is not None]
 
     def gathered(self) -> "Job":
         """The same job, with all rows of its results in memory on every rank. Collective."""
@@ -214,6 +211,15 @@ class Job:
 
     def __str__(self):
         return shlex.join(self.line())
+
+
+def files_of(values) -> list[str]:
+    """The files among values of parameters: their names, and those of results and radii that are in files."""
+    files = [
+        value if isinstance(value, str | Path) else getattr(value, "file", getattr(value, "path", None))
+        for value in values
+    ]
+    return [str(file) for file in files if file is not None]
 
 
 def _as_list(value) -> list:

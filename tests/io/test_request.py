@@ -13,6 +13,7 @@ from samples import published
 import jampetsc
 from jampetsc import ContactDamping, Law, StokesDrag, models
 from jampetsc.commands import JOBS, job_class
+from jampetsc.commands.collapse import Collapse
 from jampetsc.commands.correlate import Correlate
 from jampetsc.commands.flow import Flow
 from jampetsc.commands.jam import Jam
@@ -164,6 +165,25 @@ def test_a_job_is_of_the_content_of_its_files(here):
     assert digest(lines) != before
     assert digest(Correlate(["p.h5", "q.h5"])) == digest(Correlate(["q.h5", "p.h5"]))
     assert digest(Correlate(["p.h5"])) != digest(Correlate(["p.h5", "q.h5"]))
+
+
+def test_a_job_on_a_study_is_of_the_files_of_its_rows(here):
+    """Of those that it takes: another row or another content of one of them is another job."""
+
+    def of(rows, where="phi=0.84"):
+        table = [
+            {"command": "flow", "state": "done", "file": f"{n}.h5", "phi": phi} for n, phi in enumerate(rows)
+        ]
+        (here / "study" / "table.csv").write_text(table_text(table))
+        return digest(Collapse(["study"], observable="pressure", fit="phi_J,y,znu", where=where))
+
+    (here / "study").mkdir()
+    for number in range(3):
+        (here / "study" / f"{number}.h5").write_text(str(number))
+    first = of([0.84, 0.84])
+    assert of([0.84, 0.84, 0.85]) == first != of([0.84, 0.84, 0.84])
+    (here / "study" / "1.h5").write_text("another flow")
+    assert of([0.84, 0.84]) != first
 
 
 def test_a_packing_in_memory_is_known_by_its_arrays():
