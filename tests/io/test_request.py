@@ -31,6 +31,7 @@ from jampetsc.io.packing_file import write_packing
 from jampetsc.io.request import Request
 from jampetsc.options.parameters import parameters
 from jampetsc.studies.plan import plan
+from jampetsc.studies.study_table import table_text
 from jampetsc.version import FORMAT_VERSION
 
 
