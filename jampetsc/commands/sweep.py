@@ -171,7 +171,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         notes = _minimum_notes(minimum)
         for line in notes if method != self.method and session.current().rank == 0 else ():
             warn(f"{source.name}: {line}")
-        # a direct job is not ordered: its steps are never those of a rational one, which other PETSc options may allow
+        # other PETSc options may decide otherwise about the method: direct steps, not ordered, are no rational ones
         checkpoint = to.checkpoint(session.current().comm, ordered=method == "rational")
         with about(source.name):
             sweep = self._solve(source, frequencies, method, minimum, checkpoint)

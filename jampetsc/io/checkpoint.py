@@ -70,8 +70,8 @@ class Checkpoint:
     record.
 
     ordered: each step builds on those before it, so that only an unbroken sequence 0, 1, 2, … counts and the next step
-    is `next`. Otherwise steps are independent, such as frequencies solved one by one. Steps of the one kind are never
-    taken for those of the other.
+    is `next`. Otherwise steps are independent, such as frequencies solved one by one. Steps of one kind are never
+    taken for the other.
 
     Steps of another job stay, with a line on stderr, until this job finishes a step. A checkpoint that another process
     is using is locked: opening it, or saving the first step, raises InputError, so that no two runs write one output.
@@ -101,9 +101,9 @@ class Checkpoint:
             if whole:
                 self.done[index], self._hashes[index] = entry["record"], hashes
                 self._last, self._own = hashes[0], True
-        others = {entry["ranks"] for _, entry, _ in steps} - {None, self.size}
-        if others and not self.done and self.rank == 0:
-            self._note_ignored(f"on {min(others)} ranks")
+        sizes = {entry["ranks"] for _, entry, _ in steps} - {None, self.size}
+        if sizes and not self.done and self.rank == 0:
+            self._note_ignored(f"on {min(sizes)} ranks")
 
     def _read(self):
         """[(index, rank 0's entry, hashes of the ranks' files)] of this job's steps, in their order."""

@@ -80,9 +80,9 @@ def settings_of(job) -> dict[str, str]:
     return {"command": job.NAME, "format_version": FORMAT_VERSION} | parameters
 
 
-def input_hashes(job, known=()) -> list[str]:
-    """Hashes of the content of the files that a job reads, but for `known` names, and of its inputs in memory."""
-    files = [path for path in job.paths if path not in known]
+def input_hashes(job, without=()) -> list[str]:
+    """Hashes of the content of the files that a job reads, those `without` excepted, and of its inputs in memory."""
+    files = [path for path in job.paths if path not in without]
     return [*job.input_hashes, *(str(identity_of(path)) for path in files)]
 
 

@@ -214,7 +214,7 @@ class Job:
 
 
 def files_of(values) -> list[str]:
-    """The files among values of parameters: their names, and those of results and radii that are in files."""
+    """The files among values of parameters: names of files, and the files of results and radii that have one."""
     files = [
         value if isinstance(value, str | Path) else getattr(value, "file", getattr(value, "path", None))
         for value in values

@@ -4,7 +4,7 @@
 n = [256, 1024]
 pressure = [1e-2, 1e-3]
 seeds = "1:20"
-ladder = true             each pressure from the packing at the one before it; the first from random particles
+ladder = true             each pressure from the packing at the preceding one; the first from random particles
 [[sweep]]
 beta = [1.0, 1e-3]
 where = {pressure = 1e-2} only on these packings
@@ -30,7 +30,7 @@ from jampetsc.studies.table_keys import (
 
 SEED = "seed"
 WHERE = "where"  # key of a table that selects its inputs by their settings
-# key of [pack]: whether each pressure starts from the packing at the one before it
+# key of [pack]: whether each pressure starts from the packing at the preceding one
 LADDER = "ladder"
 MAX_TASKS = 100_000  # tasks of one study
 HASH_DIGITS = 8  # hexadecimal digits in the name of a file
@@ -109,12 +109,12 @@ def plan(path, content: bytes | dict) -> list[StudyTask]:
                 )
             combinations = combinations_of(job_class(command), lists, where, reads_files)
             for is_ladder in ladders:
-                made = (
+                new_tasks = (
                     _rungs(combinations)
                     if is_ladder
                     else (_task(command, settings, inputs) for settings in combinations for inputs in starts)
                 )
-                for task in made:
+                for task in new_tasks:
                     if task.name not in tasks:
                         tasks[task.name] = task
                         planned[command].append(task)

@@ -50,7 +50,7 @@ class Study(Job):
   omega = "1e-8:1e2:61"
   [quasistatic]
 
-With `ladder = true` in [pack] each pressure starts from the packing at the one before it, not from random particles.
+With `ladder = true` in [pack] each pressure starts from the packing at the preceding one, not from random particles.
 A study of [pack] alone makes packings, one on each rank at a time.
 
 examples:

@@ -42,13 +42,13 @@ class TaskSettings:
     @functools.cached_property
     def _identity(self):
         """(settings, hashes of its other inputs), see `io.request`."""
-        return settings_of(self.job), input_hashes(self.job, known=(PLACEHOLDER,))
+        return settings_of(self.job), input_hashes(self.job, without=(PLACEHOLDER,))
 
     def digest(self, hashes, without: str | None = None) -> str:
         """The digest of the job where the files of other tasks have these hashes; without: a parameter to leave out."""
-        settings, others = self._identity
+        settings, other_hashes = self._identity
         settings = {name: text for name, text in settings.items() if name != without}
-        return digest_of(with_inputs(settings, [*others, *hashes]))
+        return digest_of(with_inputs(settings, [*other_hashes, *hashes]))
 
 
 def _place(job):

@@ -62,7 +62,7 @@ class TaskRunner:
     def _digest(self, task, inputs, every_byte=False) -> str:
         """The digest of the job of a task with the files of these inputs, see `io.request`."""
         return task.settings.digest(
-            map(str, self._identities([one.file for one in inputs], every_byte).values())
+            map(str, self._identities([source.file for source in inputs], every_byte).values())
         )
 
     def _identities(self, files, every_byte=False) -> dict:
@@ -79,7 +79,7 @@ class TaskRunner:
         return self._identities(files, every_byte) == files
 
     def files_unchanged(self, record) -> bool:
-        """Whether the files of a task and of its inputs are those of its record."""
+        """Whether the files of a task and of its inputs have the identities in its record."""
         return self._are_unchanged(record.get("files", {}) | record.get("inputs", {}))
 
     def run(self, task, available, shared=False) -> dict:
@@ -97,7 +97,7 @@ class TaskRunner:
             record["digest"] = on_root(comm, lambda: self._digest(task, available, every_byte=True))
             if on_root(comm, lambda: self._is_current(previous, record["digest"])):
                 return previous
-            record["inputs"] = on_root(comm, lambda: self._identities([one.file for one in available]))
+            record["inputs"] = on_root(comm, lambda: self._identities([source.file for source in available]))
             self._work(task, available)
             record["files"] = on_root(comm, lambda: self._files(task))
             numbers = numbers_of(self.folder / task.file)

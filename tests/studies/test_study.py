@@ -258,6 +258,27 @@ def test_a_ladder_is_the_one_that_pack_makes_and_what_is_below_a_packing_that_fa
 
 
 @pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_a_table_of_packings_needs_no_other(session, shared_path):
+    """Every one is that which `pack` makes; the file is found again, by its digest, without the journal."""
+    text = '[pack]\nn = 16\npressure = [1e-2, 1e-3]\nseeds = "1:2"\n'
+    table, folder = study(shared_path / "packs", text), shared_path / "packs"
+    asked = set(zip(table["seed"], table["pressure"], strict=True))
+    assert asked == set(itertools.product((1, 2), (1e-2, 1e-3))) and set(table["state"]) == {"done"}
+    for seed, pressure, disks in zip(table["seed"], table["pressure"], table.results(), strict=True):
+        alone = jampetsc.pack(n=16, pressure=pressure, seed=int(seed))
+        assert disks.fingerprint == alone.fingerprint and disks.record == alone.record
+    before = times(folder)
+    session.comm.Barrier()
+    if session.rank == 0:
+        for record in (folder / "journal").iterdir():
+            record.unlink()
+    session.comm.Barrier()
+    require_same(table, study(folder, text))
+    assert times(folder) == before and len(records_of(folder)) == 4
+
+
+@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize(("threads", "used"), [({}, None), ({"threads": None}, 5), ({"threads": 2}, 2)])
 def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads, used):
