@@ -28,7 +28,7 @@ from papers.claims.shared import (
 )
 from papers.claims.verdicts import Estimate, number
 
-SLOWEST_FIT = 3e-4  # γ̇ of the primary collapse
+SLOWEST_FIT = 3e-4  # γ̇ of the primary collapses
 PHI_MARGIN = 1e-3  # of φ_J
 FAR = 0.5  # share of the value at the lowest rate below which a limit γ̇ → 0 is too far to extrapolate to
 HALF = 0.5  # p^m = p₀^m + c γ̇^½ above φ_J, m = ½ zν/y: the least form with p ~ γ̇^(y/zν) at large γ̇
@@ -93,11 +93,12 @@ def slow_scaling(table):
             yield from powers_beside_phi_J(flows, size, f"zν − y of the collapse is {beta}")
 
 
-def lower_cuts(fit, parameter) -> str:
-    """What the fits of lower rates alone give for a parameter, in words."""
+def lower_cuts(fit, parameter, whole=False) -> str:
+    """What the fits of lower rates alone give for a parameter, in words; whole: and that of all rates."""
     column = str(fit.attributes["fitted"]).split(",").index(parameter)
     cuts, values, errors = (fit[f"drift/{name}"] for name in ("cut", "parameters", "errors"))
-    rows = zip(cuts[1:], values[1:, column], errors[1:, column], strict=True)
+    first = 0 if whole else 1
+    rows = zip(cuts[first:], values[first:, column], errors[first:, column], strict=True)
     return ", ".join(f"{Estimate(value, error)} for γ̇ ≤ {cut:g}" for cut, value, error in rows)
 
 
@@ -235,9 +236,9 @@ def same_exponents(table, flows):
         path = table.path / f"pressure-{model}.h5"
         if path.exists():
             fit = jampetsc.load(path)
-            found[model] = at_cut(fit, 3 * SLOWEST_FIT)
+            found[model] = at_cut(fit, SLOWEST_FIT)
             for parameter, ours in found[model].items():
-                what = f"collapse of p, {model}, γ̇ ≤ {3 * SLOWEST_FIT:g}: {SYMBOLS[parameter]}"
+                what = f"collapse of p, {model}, γ̇ ≤ {SLOWEST_FIT:g}: {SYMBOLS[parameter]}"
                 told = ", ".join(
                     f"{value:.4f} at γ̇ ≤ {cut:g}"
                     for value, cut in zip(
@@ -260,7 +261,7 @@ def same_exponents(table, flows):
         symbol = SYMBOLS[parameter]
         what = f"{symbol} of CD0 less {symbol} of RD0"
         target = number(0.0, absolute=margin or 0.1 * value)
-        note = f"RD0 {one}, CD0 {other}; values still move as the largest γ̇ are left out"
+        note = f"RD0 {one}, CD0 {other}; CD0 {lower_cuts(jampetsc.load(path), parameter, whole=True)}"
         on, part = ("phi_J", "CD0 less RD0") if parameter == "phi_J" else ("", symbol)
         yield Row(what, "the same: 0", ours, target, note, size_of(flows), bears=on, part=part)
 
@@ -308,12 +309,12 @@ def density_of_jamming(samples, models, drag):
         estimates = fitted(samples, f"{ensemble}-corrected")
         if estimates:
             found[name] = estimates["phi_J"]
-    for name, table, file, cut in (
-        ("RD0", drag, "pressure", SLOWEST_FIT),
-        ("CD0", models, "pressure-CD0", 3 * SLOWEST_FIT),
+    for name, table, file in (
+        ("RD0", drag, "pressure"),
+        ("CD0", models, "pressure-CD0"),
     ):
         if (table.path / f"{file}.h5").exists():
-            found[name] = at_cut(jampetsc.load(table.path / f"{file}.h5"), cut)["phi_J"]
+            found[name] = at_cut(jampetsc.load(table.path / f"{file}.h5"), SLOWEST_FIT)["phi_J"]
     jams = samples.where(command="jam")
     size = f"{size_of(drag.where(command='flow'))}; N = {jams['n'].min():.0f} to {jams['n'].max():.0f} of samples"
     how = {"RAND": "f(φ, N) with corrections to scaling", "QS": "f(φ, N) with corrections to scaling"}

@@ -16,7 +16,7 @@ PAGE = {
         "border": "the critical regime ends at ω ~ 1: where d ln G″/d ln ω passes ¾ (Fig. 3a)",
         "collapse": "G*/p^½ is one curve of ω/p: spread (rms of the logarithm) below ω = 0.1, with pre-stress (Fig. "
         "3b)",
-        "rotations": "rotations do not change the form: |G*| without over with rotations ~ ω^x (sec. 2)",
+        "rotations": "rotations do not change the form: Δ without less Δ with rotations (sec. 2)",
     },
     "Moduli at β ≠ 1": {
         "beta0": "β = 0, without pre-stress: G* = G₀(1 + iωτ₁), largest relative difference (BT 18)",
@@ -33,7 +33,7 @@ PAGE = {
         "median-nonaffine": "median |u_na| ~ p^x, without pre-stress (BT 21, Fig. 5)",
         "squares": "Σ(Δu⊥)²/Σ(Δu∥)² over contacts ~ p^x, without pre-stress (BT 20)",
         "mean-normal": "mean |Δu∥| levels off at low p: ~ p^x between the lowest two p (sec. 3.3)",
-        "low-modes": "low modes are floppy-like: rms Δu⊥ over rms Δu∥ of the lowest ten ~ p^x (sec. 3.3)",
+        "low-modes": "low modes are floppy-like: rms Δu⊥ over rms Δu∥ at equal λ/p ~ p^x (sec. 3.3)",
     },
     "Stokes drag": {
         "stokes-eta0": "η₀ − η_F ~ p^x at η_F = 1, without pre-stress (Fig. 6a)",
@@ -60,8 +60,8 @@ PAGE = {
     },
     "Power-law damping": {
         "BT27": "slow shear: G″ ~ X p^(−½), X = ω^α σ^(α−1), exponents of X and p, α = ½ and ⅔ (BT 27)",
-        "BT28": "critical regime: G′ ~ X^x, α = ½ and ⅔ (BT 28)",
-        "BT29": "critical regime: G″ ~ X^x, α = ½ and ⅔ (BT 29)",
+        "BT28": "critical regime: G′ ~ Ω^½ with Ω ~ X^x, α = ½ and ⅔ (BT 28)",
+        "BT29": "critical regime: G″ ~ Ω^½ with Ω ~ X^x, α = ½ and ⅔ (BT 29)",
     },
     "Statics": {
         "isostatic": "isostatic at jamming, rattlers left out: Z + 4/N extrapolated to p = 0 (V 2.5)",
@@ -87,8 +87,8 @@ PAGE = {
         "stand-in": "CD of small mass stands in for CD0: ratio of σ (V 4.5.1, 6.5)",
     },
     "Criticality": {
-        "nu": "ν with corrections to scaling is well above the earlier 0.71(8): ν less 0.71, RAND and QS (V 6.2)",
-        "y": "y > 1 under shear: y of QS, with corrections (V 6.3)",
+        "nu": "ν is well above the earlier 0.71(8): ν less 0.71, RAND and QS (V 6.2)",
+        "y": "y > 1 under shear, by P(p → 0): y of QS less y of RAND (V 6.3)",
         "ensembles": "exponents of sheared and of compressed states differ: y of QS less y of RAND (V 2.4)",
         "potential": "exponents depend on the potential: y of Hertzian less that of harmonic disks, RAND (V 4.3.2)",
         "phi_J": "φ_J of sheared states is one number: QS less RD0, CD0 less RD0 (V 6.1)",
@@ -117,5 +117,5 @@ PAGE = {
         "3D-fit": "y and zν of disks in 3D: collapse of p, RD0 (BT 2, V Fig. 5.1)",
     },
 }
-MEANS = {"potential"}  # keys of claims whose numbers all estimate one number
+MEANS = {"potential", "y"}  # keys of claims whose numbers all estimate one number
 TEXTS = {key: text for claims in PAGE.values() for key, text in claims.items()}
