@@ -42,6 +42,7 @@ PHI_MARGIN = 1e-3  # of φ_J
 PHI_C = {2: 0.84, 3: 0.64}  # of BT and V, in D dimensions
 FEWEST_DISKS, FEWEST_STATES = 128, 20  # for exponents of N without corrections to scaling, and for a mean
 ENSEMBLES = {"random": "RAND", "shear": "QS"}
+RESIDUAL = 0.01  # of p: shear stress that counts as none
 LEAST_N = {"RAND": 128, "QS": 64}  # from which ν without corrections to scaling does not drift
 OHERN = 0.71, 0.08  # ν of O'Hern et al., PRE 68, 011306 (2003), an earlier value than V's, who prints none
 
@@ -52,6 +53,11 @@ def packings(table):
     rows = table.where(command="pack", state="done")
     yield from bearing("isostatic", isostaticity(rows))
     yield from bearing("phi_c", random_starts(rows))
+    for key, part in rows.groups(["pressure"]):
+        ratio = mean_with_error(independent(part, "shear_stress") / key["pressure"])
+        what, words = f"p = {key['pressure']:g}: ⟨σ₀⟩/p", "zero: 0 ± 0.01"
+        target, part_of = number(0.0, absolute=RESIDUAL), f"p = {key['pressure']:g}"
+        yield Row(what, words, Estimate(*ratio), target, "", size_of(part), bears="residual", part=part_of)
 
 
 def isostaticity(rows):
@@ -155,6 +161,13 @@ def cooling(table):
             part="cooled, separated less mixed sizes",
         )
     starts = {one.start: one for one in after}
+    for start in (start for start in starts if len(before) > 1):
+        least = min((one.width, one.rate) for one in before if one.start == start)
+        change = Estimate(*apart(starts[start].width, least[0]))
+        note = f"{Estimate(*starts[start].width)} after shear, {Estimate(*least[0])} cooled at {least[1]:g}"
+        what = f"φ_J of liquids of {start} sizes: width after shear less that of cooled ones"
+        part = f"{start} sizes"
+        yield Row(what, "narrower: < 0", change, between(high=0.0), note, size, bears="narrower", part=part)
     if len(starts) == 2 and len(before) > 1:
         yield from mixing(before, starts, size)
     for one in (one for one in cold if one.rate == (after or cold)[0].rate):

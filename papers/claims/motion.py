@@ -189,6 +189,7 @@ def lengths(table):
     yield from bearing("lanes", _lanes(large, size))
     yield from bearing("spread-7d", _collapses(large, size))
     yield from _phases(large, size)
+    yield from _growth_of_length(large, size)
     yield from bearing("minimum", _minima(large))
 
 
@@ -251,6 +252,8 @@ def _contact(found, large, size):
     both = [_over_size(large["contact", "stress"], part, slow) for part in (np.real, np.imag)]
     for (value, error), name in zip(both, ("Re", "Im"), strict=True):
         what = f"contact: l/L at ω < {BEYOND:g}, {name} u_y"
+        if name == "Re":
+            yield Row(what, "≈ 1/4", Estimate(value, error), number(0.25), "", size, bears="swirls")
         yield check(what, value, error, "B ~ k² as K", size, f"{first_root(solid):.3f}", predicted=True)
     what = f"contact: l of Im u_y over l of Re u_y, ω < {BEYOND:g}"
     ours, part = _ratio(both[1], both[0]), "contact damping"
@@ -265,6 +268,7 @@ def _contact(found, large, size):
         )
         ours = _ratio(levels[0][1], levels[-1][1])
         yield Row(what, "the same: 1", ours, number(1.0), told, size, bears="contact-p")
+    yield from _form_of_contact([curve for _, curve in large["contact", "stress"]], size)
     pairs = found["contact", "stress"]
     sizes = sorted({curve.attributes["particle_count"] for _, curve in pairs})
     if len(sizes) < 2:
@@ -279,6 +283,40 @@ def _contact(found, large, size):
         what, ratio.value, ratio.statistical, "the root alone", f"N = {sizes[0]} and {sizes[-1]}", "1"
     )
     yield from _collapse_in_size(pairs, sizes)
+
+
+def _form_of_contact(curves, size):
+    """C of contact damping at L/2 less its least value; and C at one δ/L at the lowest ω over that at the highest."""
+    rises, ends = [], []
+    for curve in curves:
+        known = np.isfinite(curve.C[-1, 0, 0])
+        C = curve.C[-1, :, 0][:, known]
+        rises += list(C[:, -1] - C.min(axis=1))
+        x = curve.delta[-1][known] / curve.size
+        ends.append([np.interp(APART, x, C[row]) for row in (curve.omega.argmin(), curve.omega.argmax())])
+    what = "contact: C at L/2 less least C, Re u_y"
+    note = f"mean over p and ω; {max(rises):.3f} at most"
+    ours = Estimate(*mean_with_error(rises))
+    yield Row(what, "monotonic: < 0.1", ours, between(high=0.1), note, size, bears="monotonic")
+    if len(ends) > 1:
+        low, high = (mean_with_error([pair[side] for pair in ends]) for side in (0, 1))
+        rates = f"ω = {curve.omega.min():.0e} over that at {curve.omega.max():.0e}"
+        what = f"contact: C(δ/L = {APART:g}) at {rates}, Re u_y"
+        note = f"C = {Estimate(*low)} and {Estimate(*high)}"
+        yield Row(what, "the same: 1", _ratio(low, high), number(1.0), note, size, bears="contact-omega")
+
+
+def _growth_of_length(large, size):
+    """l of drag at ω = 1e-4 over l at 1e-2, in the phase of the stress."""
+    for _, curve in large["stokes", "stress"]:
+        rows = [int(np.abs(np.log10(curve.omega) + power).argmin()) for power in (4, 2)]
+        if np.abs(np.log10(curve.omega[rows]) + np.array([4, 2])).max() > 0.1:
+            continue
+        ends = [(curve.G[row].real, curve.bounds[0, row]) for row in rows]
+        part = f"p = {curve.pressure:.0e}"
+        what = f"Stokes, {part}: l at ω = 1e-4 over l at 1e-2, Re u_y"
+        note = f"{ends[0][0]:.1f} and {ends[1][0]:.1f} d"
+        yield Row(what, "grows: > 1", _ratio(*ends), between(low=1.0), note, size, bears="growth", part=part)
 
 
 def _collapse_in_size(pairs, sizes):
