@@ -16,18 +16,20 @@ from pathlib import Path
 import jampetsc
 from papers.claims import (  # noqa: F401  they enter their claims
     checks,
+    drag,
     exponents,
     flow,
     jamming,
     moduli,
     motion,
     power_law,
+    sizes,
     spheres,
 )
 from papers.claims.page import PAGE, TEXTS
 from papers.claims.selection import page_rows
 from papers.claims.shared import CLAIMS
-from papers.claims.verdicts import verdict
+from papers.claims.verdicts import AGREES, IDENTITY, verdict
 from papers.keep import KEPT
 
 COLUMNS = "row,on_page,claim,theirs,ours,statistical,systematic,chi2,dof,verdict,reason,size,figure".split(
@@ -41,7 +43,8 @@ def judged(row) -> tuple[str, str]:
     if row.target is None:
         return "", row.reason
     said, why = verdict(row.ours, row.target)
-    return said, "; ".join(filter(None, (why, row.reason)))
+    said = IDENTITY if row.identity and said == AGREES else said
+    return said, "; ".join(filter(None, (why, row.identity, row.reason)))
 
 
 def rows_of(folder, mode):

@@ -5,6 +5,8 @@ alone, as higher rates move φ_J; systematic: half of the change to the next lar
 of values extrapolated to γ̇ → 0, with the χ² of the extrapolations.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 import jampetsc
@@ -28,8 +30,9 @@ from papers.claims.shared import (
 )
 from papers.claims.verdicts import Estimate, number
 
-SLOWEST_FIT = 3e-4  # γ̇ of the primary collapse
+SLOWEST_FIT = 3e-4  # γ̇ of the primary collapses
 PHI_MARGIN = 1e-3  # of φ_J
+FAR_BELOW = 0.78  # φ up to which the lowest γ̇ are Newtonian within a few per cent
 FAR = 0.5  # share of the value at the lowest rate below which a limit γ̇ → 0 is too far to extrapolate to
 HALF = 0.5  # p^m = p₀^m + c γ̇^½ above φ_J, m = ½ zν/y: the least form with p ~ γ̇^(y/zν) at large γ̇
 THEIRS = {"phi_J": (PHI_J, PHI_MARGIN), "y": (1.1, None), "znu": (3.5, None)}  # V Fig. 5.1: value, margin
@@ -93,11 +96,12 @@ def slow_scaling(table):
             yield from powers_beside_phi_J(flows, size, f"zν − y of the collapse is {beta}")
 
 
-def lower_cuts(fit, parameter) -> str:
-    """What the fits of lower rates alone give for a parameter, in words."""
+def lower_cuts(fit, parameter, whole=False) -> str:
+    """What the fits of lower rates alone give for a parameter, in words; whole: and that of all rates."""
     column = str(fit.attributes["fitted"]).split(",").index(parameter)
     cuts, values, errors = (fit[f"drift/{name}"] for name in ("cut", "parameters", "errors"))
-    rows = zip(cuts[1:], values[1:, column], errors[1:, column], strict=True)
+    first = 0 if whole else 1
+    rows = zip(cuts[first:], values[first:, column], errors[first:, column], strict=True)
     return ", ".join(f"{Estimate(value, error)} for γ̇ ≤ {cut:g}" for cut, value, error in rows)
 
 
@@ -139,47 +143,34 @@ def held_at_phi_J(fit, flows) -> dict[str, str]:
 
 
 def powers_beside_phi_J(flows, size, of_collapse):
-    """β of p/γ̇ and y of p, both extrapolated to γ̇ → 0 at each φ, against the distance to V's φ_J."""
-    below, above = [], []
+    """β of p/γ̇ extrapolated to γ̇ → 0 at each φ, against the distance to V's φ_J."""
     if len(np.unique(slower(flows, 2e-3)["rate"])) < 3:
         return
-    for phi in np.unique(flows["phi"]):
+    points = []
+    for phi in (phi for phi in np.unique(flows["phi"]) if phi < PHI_J):
         rates, p, error = rates_of(flows.where(phi=phi), "pressure")
-        if phi < PHI_J:
-            limit, _ = extrapolated_fluidity(rates, p, error)
-            if limit.value > FAR * rates[0] / p[0]:
-                below.append(
-                    (PHI_J - phi, 1 / limit.value, limit.statistical / limit.value**2, limit.chi2, limit.dof)
-                )
-        elif phi > PHI_J:
-            limit = yield_pressure(rates, p, error)
-            if limit.value > FAR * p[0]:
-                above.append((phi - PHI_J, limit.value, limit.statistical, limit.chi2, limit.dof))
-    for points, name, theirs, sign in (
-        (below, "φ < φ_J: p/γ̇ ~ (φ_J − φ)^(−β): β", 2.4, -1),
-        (above, "φ > φ_J: p ~ (φ − φ_J)^y: y", 1.1, 1),
-    ):
-        known = np.array(sorted(point for point in points if 0 < 5 * point[2] < point[1]))
-        if len(known) < 3:
-            continue
-        distance, value, error, chi2, dof = known.T
-        whole = power_law(distance, value, error)
-        near, far = (
-            power_law(distance[some], value[some], error[some]).value for some in (slice(3), slice(-3, None))
-        )
-        ours = Estimate(
-            sign * whole.value,
-            whole.statistical,
-            0.5 * abs(near - far),
-            whole.chi2 + chi2.sum(),
-            whole.dof + int(dof.sum()),
-        )
-        note = f"{sign * near:.2f} of the nearest three φ, {sign * far:.2f} of the farthest"
-        if sign < 0:
-            note = f"{of_collapse}; {note}"
-        yield Row(
-            f"{name}, extrapolated to γ̇ → 0", f"{theirs:g}", ours, number(theirs), note, size, bears="beta"
-        )
+        limit, _ = extrapolated_fluidity(rates, p, error)
+        if limit.value > max(FAR * rates[0] / p[0], 5 * limit.statistical):
+            error = limit.statistical / limit.value**2
+            points.append((PHI_J - phi, replace(limit, value=1 / limit.value, statistical=error)))
+    if len(points) < 3:
+        return
+    distances, limits = (list(part) for part in zip(*points[::-1], strict=True))  # the nearest φ first
+    found = power_of_limits(distances, limits)
+    near, far = (
+        -power_of_limits(distances[some], limits[some]).value for some in (slice(3), slice(-3, None))
+    )
+    ours = replace(found, value=-found.value, systematic=0.5 * abs(near - far))
+    note = f"{of_collapse}; {near:.2f} of the nearest three φ, {far:.2f} of the farthest"
+    what = "φ < φ_J: p/γ̇ ~ (φ_J − φ)^(−β): β, extrapolated to γ̇ → 0"
+    yield Row(what, "2.4", ours, number(2.4), note, size, bears="beta")
+
+
+def power_of_limits(distances, limits) -> Estimate:
+    """Exponent of limits γ̇ → 0 in a distance, with the χ² of the extrapolations, too."""
+    found = power_law(distances, [one.value for one in limits], np.array([one.statistical for one in limits]))
+    chi2, dof = (sum(getattr(one, name) for one in limits) for name in ("chi2", "dof"))
+    return replace(found, chi2=found.chi2 + chi2, dof=found.dof + dof)
 
 
 def yield_pressure(rates, p, error) -> Estimate:
@@ -235,9 +226,9 @@ def same_exponents(table, flows):
         path = table.path / f"pressure-{model}.h5"
         if path.exists():
             fit = jampetsc.load(path)
-            found[model] = at_cut(fit, 3 * SLOWEST_FIT)
+            found[model] = at_cut(fit, SLOWEST_FIT)
             for parameter, ours in found[model].items():
-                what = f"collapse of p, {model}, γ̇ ≤ {3 * SLOWEST_FIT:g}: {SYMBOLS[parameter]}"
+                what = f"collapse of p, {model}, γ̇ ≤ {SLOWEST_FIT:g}: {SYMBOLS[parameter]}"
                 told = ", ".join(
                     f"{value:.4f} at γ̇ ≤ {cut:g}"
                     for value, cut in zip(
@@ -260,7 +251,7 @@ def same_exponents(table, flows):
         symbol = SYMBOLS[parameter]
         what = f"{symbol} of CD0 less {symbol} of RD0"
         target = number(0.0, absolute=margin or 0.1 * value)
-        note = f"RD0 {one}, CD0 {other}; values still move as the largest γ̇ are left out"
+        note = f"RD0 {one}, CD0 {other}; CD0 {lower_cuts(jampetsc.load(path), parameter, whole=True)}"
         on, part = ("phi_J", "CD0 less RD0") if parameter == "phi_J" else ("", symbol)
         yield Row(what, "the same: 0", ours, target, note, size_of(flows), bears=on, part=part)
 
@@ -308,12 +299,12 @@ def density_of_jamming(samples, models, drag):
         estimates = fitted(samples, f"{ensemble}-corrected")
         if estimates:
             found[name] = estimates["phi_J"]
-    for name, table, file, cut in (
-        ("RD0", drag, "pressure", SLOWEST_FIT),
-        ("CD0", models, "pressure-CD0", 3 * SLOWEST_FIT),
+    for name, table, file in (
+        ("RD0", drag, "pressure"),
+        ("CD0", models, "pressure-CD0"),
     ):
         if (table.path / f"{file}.h5").exists():
-            found[name] = at_cut(jampetsc.load(table.path / f"{file}.h5"), cut)["phi_J"]
+            found[name] = at_cut(jampetsc.load(table.path / f"{file}.h5"), SLOWEST_FIT)["phi_J"]
     jams = samples.where(command="jam")
     size = f"{size_of(drag.where(command='flow'))}; N = {jams['n'].min():.0f} to {jams['n'].max():.0f} of samples"
     how = {"RAND": "f(φ, N) with corrections to scaling", "QS": "f(φ, N) with corrections to scaling"}
@@ -339,3 +330,49 @@ def density_of_jamming(samples, models, drag):
             yield Row(what, words, ours, number(0.0, absolute=PHI_MARGIN), told, size, part="QS less RD0")
         else:
             yield check(what, ours.value, 0.5 * ours.half_width, "", size, "0")
+
+
+@claim("vagberg-fig5.1", "paper5", on="overdamped-newtonian")
+def overdamped_below_phi_J(drag, models):
+    """Slope of σ between the lowest two γ̇: of RD0 far below φ_J, of CD0 at the lowest φ of the figure."""
+    wide = drag.path / "wide"
+    cases = (
+        ("RD0", jampetsc.load(wide) if wide.exists() else drag, FAR_BELOW),
+        ("CD0", models, 0.80),
+    )
+    for model, table, highest in cases:
+        rows, slopes = table.where(command="flow", model=model), []
+        for phi in (phi for phi in np.unique(rows["phi"]) if phi <= highest + 1e-9):
+            rates, stress, error = rates_of(rows.where(phi=phi), "shear_stress")
+            if len(rates) > 1:
+                slopes.append(power_law(rates[:2], stress[:2], error[:2]))
+        if not slopes:
+            continue
+        mean = weighted_mean([one.value for one in slopes], [one.statistical for one in slopes])
+        what = f"{model}, φ ≤ {highest:g}: σ ~ γ̇^x between the lowest two γ̇"
+        note = f"{len(slopes)} φ, from γ̇ = {rows['rate'].min():g} up"
+        yield Row(what, "Newtonian: 1", mean, number(1.0), note, size_of(rows), part=model)
+
+
+@claim("paper5", "vagberg-fig5.1-slow", on="above")
+def yield_pressures(models, drag):
+    """y of the limits γ̇ → 0 of RD0 above φ_J, with φ_J of the collapse of p."""
+    path, rows = drag.path / "pressure.h5", models.where(command="flow", model="RD0")
+    if not path.exists():
+        return
+    phi_J = at_cut(jampetsc.load(path), SLOWEST_FIT)["phi_J"]
+    limits = []
+    for phi in (phi for phi in np.unique(rows["phi"]) if phi > PHI_J + 1e-9):
+        limit = yield_pressure(*rates_of(rows.where(phi=phi), "pressure"))
+        if limit.value > 0:
+            limits.append((phi, limit))
+    if len(limits) < 3:
+        return
+    phi, values = np.array([at for at, _ in limits]), [limit for _, limit in limits]
+    found = power_of_limits(phi - phi_J.value, values)
+    shifts = [phi_J.value + sign * 0.5 * phi_J.half_width for sign in (-1, 1)]
+    ends = [power_of_limits(phi - shift, values).value for shift in shifts]
+    ours = replace(found, systematic=0.5 * abs(ends[1] - ends[0]))
+    told = ", ".join(f"{one} at φ = {at:g}, χ² = {one.chi2:.0f} for {one.dof}" for at, one in limits)
+    what = "RD0, φ > φ_J: p ~ (φ − φ_J)^y, extrapolated to γ̇ → 0: y"
+    yield Row(what, "1.1", ours, number(1.1), f"p = {told}", size_of(rows))

@@ -361,27 +361,25 @@ def newtonian_or_bagnoldian(states, size):
 
 
 def clusters_of(states, size):
-    """Largest clusters of Newtonian and of Bagnoldian states."""
+    """Largest clusters of Newtonian and of Bagnoldian states: that state of each kind decides which fits least."""
     x, error, cluster = np.array([state[3:] for state in states]).reshape(-1, 3).T
-    found = {}
     for value, name in ((1, "Newtonian"), (2, "Bagnoldian")):
         near = (np.abs(x - value) < 0.15) & (error < 0.1)
         if near.any():
-            found[name] = cluster[near]
             note = f"{cluster[near].min():.2f} to {cluster[near].max():.2f} of {near.sum()} states of all φ and Q"
             what = f"largest cluster/N where |x − {value}| < 0.15 ({name}), mean"
             yield check(what, *mean_with_error(cluster[near]), note, size)
-    if len(found) == 2:
-        (one, own), (other, its) = (mean_with_error(found[name]) for name in ("Newtonian", "Bagnoldian"))
-        note = f"means {one:.2f} of {len(found['Newtonian'])} and {other:.2f} of {len(found['Bagnoldian'])} states"
-        what, part = (
-            "largest cluster/N, Newtonian less Bagnoldian states",
-            "Newtonian less Bagnoldian largest cluster/N",
-        )
-        ours = Estimate(one - other, float(np.hypot(own, its)))
-        yield Row(
-            what, "Newtonian flow has large clusters: > 1/2", ours, between(low=0.5), note, size, part=part
-        )
+            chosen = [state for state, is_near in zip(states, near, strict=True) if is_near]
+            worst = (min if value == 1 else max)(chosen, key=lambda state: state[5])
+            words, target = (
+                ("large clusters: > 1/2", between(low=0.5))
+                if value == 1
+                else ("no large cluster: < 1/2", between(high=0.5))
+            )
+            which = f"{worst[0]}, φ = {worst[1]:g}, Q = {worst[2]:g}, x = {worst[3]:.2f}"
+            part = f"{'smallest' if value == 1 else 'largest'} of {name} states"
+            what = f"largest cluster/N, {part}"
+            yield Row(what, words, Estimate(worst[5]), target, f"{which}; {note}", size, part=part)
 
 
 def largest_jump(maps, size):

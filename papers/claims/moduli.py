@@ -1,11 +1,9 @@
-"""G* of linear response: BT figures 3, 4, 6 and 8. Packings are quenched at a pressure in a cell of fixed shape.
+"""G* of linear response: BT figures 3 and 4. Packings are quenched at a pressure in a cell of fixed shape.
 
-Primary estimators. Exponents in p: medians over packings, ln y = A + x ln p + ln(1 + b p^½) with pN² > 1e3; with
-pre-stress, where BT themselves say that a naive slope is too shallow, a power law at p ≤ 1e-3. Δ: the limit a of
+Primary estimators. Exponents in p without pre-stress: a power law at p ≤ 1e-3 for each seed, with pN² > 1e3; with
+pre-stress ln y = A + x ln p + ln(1 + b p^½) of medians. Δ: the limit a of
 G″/G′ = a − b (ω/p)^−s, 10 p ≤ ω ≤ 0.02/τ₁, as Δ = (2/π) arctan a (Kramers–Kronig). Other numbers are cross-checks.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import OptimizeWarning, curve_fit
@@ -14,7 +12,6 @@ import jampetsc
 from jampetsc.analysis.power_laws import collapse_spread, critical_exponents, local_slope
 from jampetsc.analysis.statistics import draws_of, log_median, mean_with_error
 from jampetsc.plots.curves import curve_of
-from jampetsc.plots.quasistatic_plots import MIN_SIZES
 from papers.claims.shared import (
     LARGE,
     NEAR,
@@ -25,14 +22,17 @@ from papers.claims.shared import (
     check,
     claim,
     exponent,
-    line_fit,
+    identities,
     medians_in_pressure,
     near_jamming,
+    paired_exponent,
     power_law,
     size_of,
     unjudged,
+    widened,
+    widening,
 )
-from papers.claims.verdicts import Estimate, between, exact, number
+from papers.claims.verdicts import Estimate, between, number
 
 BOTH = (("no_prestress_", "without pre-stress"), ("", "with pre-stress"))
 WINDOW = 50.0, 0.1  # critical frequencies of the cross-checks, from so many p/k to so many 1/τ₁
@@ -45,7 +45,12 @@ AROUND = 0.1  # of ½, where a slope counts as critical
 SLOW = 1e-2  # ωτ₁ up to which κ is iωβτ₁
 ROUNDING = 1e-6  # relative difference of what is the same, in the single precision of kept results
 SPREAD = 0.1  # rms of the logarithm within which curves count as one
-DEGREE = 5  # of the polynomial in ln pN² that stands for ln f
+IDENTITIES = {
+    "beta0": "B = τ₁K at β = 0",
+    "eta0-beta0": "η₀ = G₀τ₁ at β = 0",
+    "beta*": "β* is G₀ over η₀ per β, of the rows above",
+    "omega*-beta": "η₀ = G₀τ₁ + βS",
+}
 
 
 def upper_border(omega, G) -> float:
@@ -62,31 +67,6 @@ def upper_border(omega, G) -> float:
     return float(np.exp(np.interp(share, (0, 1), np.log(omega[last : last + 2]))))
 
 
-@dataclass(frozen=True)
-class SizeScaling:
-    """η₀/N^a as a function of pN²."""
-
-    power: float  # a
-    error: float  # from the errors of the points
-    chi2: float
-    dof: int
-
-
-def size_scaling(n, pressure, values, errors, degree=DEGREE) -> SizeScaling:
-    """The power a with which values/N^a become one curve of pN², a polynomial between logarithms.
-
-    n, pressure, values, errors     (m,), values positive, errors of one standard deviation; m ≥ degree + 3
-    """
-    n, values = np.asarray(n, float), np.asarray(values, float)
-    x, weights = np.log(pressure * n**2), values / np.asarray(errors)
-    u = 2.0 * (x - x.min()) / np.ptp(x) - 1.0
-    terms = np.column_stack((np.log(n), np.polynomial.chebyshev.chebvander(u, degree)))
-    terms, y = terms * weights[:, None], np.log(values) * weights
-    found = np.linalg.lstsq(terms, y, rcond=None)[0]
-    chi2, dof = float(np.sum((y - terms @ found) ** 2)), len(y) - terms.shape[1]
-    return SizeScaling(float(found[0]), float(np.linalg.inv(terms.T @ terms)[0, 0] ** 0.5), chi2, dof)
-
-
 def exponent_rows(rows, law, cases, shallow=()):
     """Rows about exponents of columns in p; cases: (column, name, theirs, key of the claim), theirs a number.
 
@@ -97,7 +77,8 @@ def exponent_rows(rows, law, cases, shallow=()):
     for prefix, where in BOTH:
         for column, name, theirs, key in cases:
             points = medians_in_pressure(rows, prefix + column)
-            corrected, alone = exponent(*points), near_jamming(*points)
+            corrected = paired_exponent(rows, prefix + column) if prefix else exponent(*points)
+            alone = near_jamming(*points)
             if alone is None:
                 continue
             on = key if prefix else PRESTRESSED.get(key, key)
@@ -119,6 +100,7 @@ def ratio_of_prestress(rows, column="eta0"):
     for key, part in rows.groups(["n", "pressure"]):
         if part.rows > 2:
             middle, error = log_median(part[column] / part[f"no_prestress_{column}"])
+            error *= widening(part)
             found.append((key["pressure"] * key["n"] ** 2, np.exp(middle), np.exp(middle) * error))
     return np.transpose(sorted(found))
 
@@ -144,30 +126,30 @@ def curves_of(sweeps):
     ]
 
 
-def limit_form(x, a, b, s):
-    """G″/G′ at x = ω/p where p ≪ ω ≪ 1/τ₁."""
-    return a - b * x**-s
+def limit_form(x, a, b, s, c=0.0):
+    """G″/G′ at x = (ω/p, ωτ₁) where p ≪ ω ≪ 1/τ₁; c: the first correction by the viscous end."""
+    return a - b * x[0] ** -s + c * x[1] ** 0.5
 
 
-def limit_of(series, low, high):
+def limit_of(series, low, high, viscous=False):
     """(a, χ², degrees of freedom) of `limit_form`; series: [(p, ω (M,), values (packings, M))].
 
-    χ² is that of one frequency a decade: neighbouring ones are of the same packings.
+    χ² is that of one frequency a decade: neighbouring ones are of the same packings. viscous: with c.
     """
     x, y, error = [], [], []
     for p, omega, values in series:
         inside = (omega > low * p * (1 - 1e-6)) & (omega < high * (1 + 1e-6))
-        x.append(omega[inside] / p)
+        x.append((omega[inside] / p, omega[inside]))
         y.append(values[:, inside].mean(axis=0))
         error.append(values[:, inside].std(axis=0) / np.sqrt(len(values) - 1))
-    x, y, error = (np.concatenate(parts) for parts in (x, y, error))
-    found, _ = curve_fit(limit_form, x, y, (1.0, 0.8, 0.4), error)
-    decade = np.abs(np.log10(x) - np.round(np.log10(x))) < 0.01
+    x, y, error = (np.concatenate(parts, axis=-1) for parts in (x, y, error))
+    found, _ = curve_fit(limit_form, x, y, (1.0, 0.8, 0.4, 0.0)[: 3 + viscous], error)
+    decade = np.abs(np.log10(x[0]) - np.round(np.log10(x[0]))) < 0.01
     chi2 = float(np.sum(((y - limit_form(x, *found)) / error)[decade] ** 2))
-    return found[0], chi2, int(np.count_nonzero(decade)) - 3
+    return found[0], chi2, int(np.count_nonzero(decade)) - len(found)
 
 
-def critical_exponent(groups, fluid=0.0) -> Estimate | None:
+def critical_exponent(groups, fluid=0.0, viscous=False) -> Estimate | None:
     """Δ = (2/π) arctan of the limit of G″/G′, iωη_F subtracted; None where the window is empty or the fit fails.
 
     Statistical error: bootstrap over packings. Systematic: half of the largest difference in NARROWER windows.
@@ -179,10 +161,10 @@ def critical_exponent(groups, fluid=0.0) -> Estimate | None:
     ]
 
     def delta(series, window):
-        return 2 / np.pi * np.arctan(limit_of(series, *window)[0])
+        return 2 / np.pi * np.arctan(limit_of(series, *window, viscous)[0])
 
     try:
-        limit, chi2, dof = limit_of(series, *LIMIT)
+        limit, chi2, dof = limit_of(series, *LIMIT, viscous)
         value = 2 / np.pi * np.arctan(limit)
         others = [delta(series, window) for window in NARROWER]
         draws = [draws_of(len(values), RESAMPLED, seed) for seed, (*_, values) in enumerate(series)]
@@ -254,7 +236,7 @@ def at_equal_ratio(groups, fluid=0.0):
 def delta_row(sweeps, law, fluid=0.0):
     """The row of Δ, with its cross-checks."""
     groups = curves_of(sweeps)
-    found = critical_exponent(groups, fluid)
+    found = widened(critical_exponent(groups, fluid), sweeps)
     if found is not None:
         yield Row(f"{law}: Δ", "≈ 0.5", found, number(0.5), at_equal_ratio(groups, fluid), size_of(sweeps))
     yield from regime_checks(groups, sweeps, law, fluid)
@@ -279,12 +261,12 @@ def balanced(table):
         yield from rows if on else beside(rows)
         groups = curves_of(turning)
         yield from bearing("border", border_rows(groups, where, size_of(turning), primary=bool(on)))
-        spreads[where] = spread_of_collapse(groups), size_of(turning)
+        spreads[where] = widened(spread_of_collapse(groups), turning), size_of(turning)
     yield from bearing("collapse", collapse_rows(spreads))
     still = sweeps.where(rotations=0, prestress=1)
     if still.rows:
         yield from beside(delta_row(still, "β = 1, no rotations, with pre-stress"), "rotations")
-        yield from bearing("rotations", rotation_checks(sweeps, still))
+        yield from bearing("rotations", rotation_rows(sweeps, still))
 
 
 def border_rows(groups, where, size, primary):
@@ -327,32 +309,42 @@ def collapse_rows(spreads):
             yield check(what, ours.value, ours.statistical, "", size)
 
 
-def rotation_checks(sweeps, still):
-    """|G*| of the same packings without and with rotations: a constant where both have the same form.
-
-    Systematic error of its exponent in ω: half of the difference between the halves of the window.
-    """
-    for p, curves in curves_of(still)[:1]:
-        turning = sweeps.where(rotations=1, prestress=1, pressure=p)
-        ratios, slopes = [], []
-        for curve, result in zip(curves, turning.results(), strict=True):
-            inside = (curve.omega >= WINDOW[0] * p) & (curve.omega <= WINDOW[1])
-            if inside.sum() < 4:
-                return
-            ratio = np.abs(curve.G / curve_of(result).G)
-            ratios.append((np.mean(ratio[inside]), np.ptp(ratio[inside]), ratio[-1]))
-            x, y = np.log(curve.omega[inside]), np.log(ratio[inside])
-            parts = slice(None), slice(len(x) // 2), slice(len(x) // 2, None)
-            slopes.append([np.polyfit(x[part], y[part], 1)[0] for part in parts])
-        (slope, slow, fast), (own, *_) = mean_with_error(slopes)
-        ours = Estimate(slope, own, 0.5 * abs(fast - slow))
-        what = f"β = 1: |G*| without over with rotations ~ ω^x, {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {p:g}"
-        told = f"{slow:.3f} in the lower half of the critical regime, {fast:.3f} in the upper"
-        yield Row(what, "the same form: 0 ± 0.05", ours, number(0.0, absolute=0.05), told, size_of(still))
-        (value, change, fast), (error, *_) = mean_with_error(ratios)
-        note = f"changes by {change:.2f} within; {fast:.2f} at the highest ω"
-        what = f"β = 1: |G*| without over with rotations, {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {p:g}"
-        yield check(what, value, error, note, size_of(still))
+def rotation_rows(sweeps, still):
+    """Δ and |G*| of the same packings without and with rotations: one form: one Δ and a flat ratio."""
+    turning = sweeps.where(rotations=1, prestress=1)
+    without, with_them = (
+        widened(critical_exponent(curves_of(some), viscous=True), some) for some in (still, turning)
+    )
+    if without and with_them:
+        ours = Estimate(
+            without.value - with_them.value,
+            float(np.hypot(without.inflated, with_them.inflated)),
+            float(np.hypot(without.systematic, with_them.systematic)),
+        )
+        note = f"Δ = {without} and {with_them}"
+        what = "β = 1: Δ without less Δ with rotations"
+        yield Row(what, "the same form: 0 ± 0.05", ours, number(0.0, absolute=0.05), note, size_of(still))
+    (p, curves), *_ = curves_of(still)
+    pairs = [
+        (slow, fast)
+        for level, some in curves_of(turning)
+        if level == p
+        for slow, fast in zip(curves, some, strict=True)
+    ]
+    ratios, slopes = [], []
+    for curve, other in pairs:
+        inside = (curve.omega >= WINDOW[0] * p) & (curve.omega <= WINDOW[1])
+        if inside.sum() < 4:
+            return
+        ratio = np.abs(curve.G / other.G)
+        ratios.append((np.mean(ratio[inside]), np.ptp(ratio[inside]), ratio[-1]))
+        slopes.append(np.polyfit(np.log(curve.omega[inside]), np.log(ratio[inside]), 1)[0])
+    what = f"β = 1: |G*| without over with rotations ~ ω^x, {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {p:g}"
+    yield check(what, *mean_with_error(slopes), "", size_of(still), "the same form: 0")
+    (value, change, fast), (error, *_) = mean_with_error(ratios)
+    note = f"changes by {change:.2f} within; {fast:.2f} at the highest ω"
+    what = f"β = 1: |G*| without over with rotations, {WINDOW[0]:g} p … {WINDOW[1]:g}, p = {p:g}"
+    yield check(what, value, error, note, size_of(still))
 
 
 def median_curve(curves):
@@ -363,6 +355,11 @@ def median_curve(curves):
 
 @claim("bt-fig4")
 def sliding(table):
+    yield from identities(numbers_at_other_beta(table), IDENTITIES)
+
+
+def numbers_at_other_beta(table):
+    """The rows of figure 4."""
     sweeps = table.where(command="sweep", state="done")
     off = [
         np.abs(s.G / (s.G.real[0] * (1 + 1j * s.omega)) - 1).max()
@@ -473,181 +470,3 @@ def one_curve_spread(curves):
     """How far G*/(1 + iωτ₁) is from one curve of βω, for [(β, curve)]."""
     scaled = [(c.omega, c.G / (1 + 1j * c.omega), 1 / beta) for beta, c in curves]
     return collapse_spread(scaled, 0.0, 1.0, end=SLOW)
-
-
-@claim("bt-fig6")
-def drag(table):
-    slow = table.where(command="quasistatic", state="done")
-    cases = (("eta0_drag", "η₀ − η_F", -0.5, "stokes-eta0"),)
-    yield from exponent_rows(slow, "Stokes, η_F = 1", cases, shallow=("eta0_drag",))
-    sweeps = table.where(command="sweep", state="done")
-    for on, where in ((0, "without pre-stress"), (1, "with pre-stress")):
-        rows = delta_row(sweeps.where(eta_f=1.0, prestress=on), f"Stokes, η_F = 1, {where}", 1.0)
-        for row in bearing("stokes-Delta", rows):
-            yield row if on else unjudged(row)
-    some = sweeps.where(prestress=1, pressure=1e-4)
-    off, least, fast = [], {}, []
-    for _, part in some.groups(["seed"]):
-        curves = {key["eta_f"]: curve_of(one.results()[0]) for key, one in part.groups(["eta_f"])}
-        off += [np.abs(c.G.real / curves[1.0].G.real - 1).max() for c in curves.values()]
-        fast.append(curves[1.0].G[-1].imag / curves[1.0].omega[-1])
-        for eta, c in curves.items():
-            least.setdefault(eta, []).append(local_slope(c.omega, c.G.imag).min())
-    what = f"Stokes, p = 1e-4: G′ of {len(least)} η_F, largest relative difference"
-    note = "exact: iωη_F is added to G*"
-    ours, target = Estimate(max(off)), between(0.0, 1e-4)
-    yield Row(what, "0", ours, target, note, size_of(some), bears="stokes-storage")
-    what = "Stokes, p = 1e-4, η_F = 1: G″/(η_Fω) at the highest ω"
-    ours, part = Estimate(*mean_with_error(fast)), "G″/(η_Fω) at the highest ω"
-    yield Row(what, "1", ours, exact(1.0), "", size_of(some), bears="stokes-linear", part=part)
-    told = ", ".join(
-        f"{np.median(slope):.2f} at η_F = {eta:g}" for eta, slope in sorted(least.items()) if eta >= 1
-    )
-    what = f"Stokes, p = 1e-4, η_F = {max(least):g} ≫ p^(−½): least d ln G″/d ln ω"
-    estimate = Estimate(*mean_with_error(least[max(least)]))
-    words, part = "linear: 1 ± 0.02", f"least d ln G″/d ln ω at η_F = {max(least):g}"
-    yield Row(
-        what, words, estimate, between(0.98, 1.02), told, size_of(some), bears="stokes-linear", part=part
-    )
-
-
-@claim("bt-fig8")
-def finite_size(table):
-    slow = table.where(command="quasistatic", state="done")
-    laws = (
-        ("contact", "β = 1", 1.0, False),
-        ("stokes", "Stokes, η_F = 1", 1.09, False),
-        ("stokes", "Stokes, η_F subtracted", None, True),
-    )
-    for law, name, theirs, subtracted in laws:
-        for prefix, where in BOTH:
-            yield from size_rows(slow.where(law=law), f"{name}, {where}", prefix, theirs, subtracted)
-    contact = slow.where(law="contact")
-    yield from bearing("shallow", saturation([contact, *largest_of(table)]))
-    x = contact["pressure"] * contact["n"] ** 2
-    ranges = (("< 1", x < 1), ("1 … 1e3", (x >= 1) & (x < 1e3)), ("> 1e3", x >= 1e3))
-    told = [
-        f"{np.count_nonzero(contact['G0'][some] < 0)} of {np.count_nonzero(some)} at pN² {text}"
-        for text, some in ranges
-    ]
-    note = f"they count like the others in all medians; {', '.join(told)}"
-    yield check(
-        "with pre-stress: share of packings with G₀ < 0",
-        np.mean(contact["G0"] < 0),
-        None,
-        note,
-        size_of(contact),
-        bears="shallow",
-    )
-    for law, name in (("contact", "β = 1"), ("stokes", "Stokes")):
-        yield from growth_with_size(slow.where(law=law), name)
-
-
-def largest_of(table) -> list:
-    """The rows of the largest packings, of a study of its own, in a list: empty if it has not been run."""
-    study = table.path / "largest"
-    return [jampetsc.load(study).where(command="quasistatic", state="done")] if study.exists() else []
-
-
-def saturation(tables):
-    """Slope of ln R in ln pN² at the largest pN², R = η₀ with over without pre-stress: 0 where the crossover ends."""
-    x, ratio, error = (np.concatenate(part) for part in zip(*map(ratio_of_prestress, tables), strict=True))
-    order = np.argsort(x, kind="stable")
-    x, ratio, error = x[order], ratio[order], error[order]
-    rows = tables[-1]
-    last = x > 0.05 * x[-1]
-    if x[-1] < 10 * LARGE or last.sum() < 2:
-        return
-    found = power_law(x[last], ratio[last], error[last])
-    told = ", ".join(
-        f"{r:.2f}({100 * e:.0f}) at {at:.1e}" for at, r, e in zip(x, ratio, error, strict=True) if at > 1
-    )
-    what = f"β = 1: R = η₀ with/without pre-stress ~ (pN²)^x, pN² = {x[last][0]:.0e} … {x[-1]:.0e}"
-    yield check(what, found.value, found.inflated, f"R = {told}", size_of(rows))
-
-
-def viscosities(rows, prefix, subtracted):
-    """[(N, p, η₀ of its packings)] at p ≤ 1e-3, where there are three or more, less η_F where subtracted."""
-    found = []
-    for key, part in rows.groups(["n", "pressure"]):
-        values = part[f"{prefix}eta0"] - (part[f"{prefix}eta0_fluid"] if subtracted else 0.0)
-        if key["pressure"] <= NEAR and part.rows > 2:
-            found.append((key["n"], key["pressure"], values))
-    return found
-
-
-def size_rows(rows, name, prefix, theirs, subtracted):
-    """Rows about η₀/N^a against pN²; the claims are about what BT draw filled, without pre-stress."""
-    points = viscosities(rows, prefix, subtracted)
-    n, p = np.array([(one, level) for one, level, _ in points]).reshape(-1, 2).T
-    if len(n) < 9 or len(set(n)) < MIN_SIZES:
-        return
-    y, error = np.transpose([log_median(values) for *_, values in points])
-    size, x = size_of(rows), p * n**2
-    fits = [
-        size_scaling(n, p, np.exp(y), error * np.exp(y), degree)
-        for degree in (DEGREE, DEGREE - 1, DEGREE + 1)
-    ]
-    systematic = 0.5 * max(abs(other.power - fits[0].power) for other in fits[1:])
-    found = Estimate(fits[0].power, fits[0].error, systematic, fits[0].chi2, fits[0].dof)
-    note = f"p ≤ {NEAR:g}, pN² = {x.min():.0e} … {x.max():.0e}; χ²/dof {found.chi2 / found.dof:.1f}"
-    what = f"{name}: a of η₀ = N^a f(pN²)"
-    contact = rows["law"][0] == "contact"
-    on = "size-a" if contact else "stokes-a"
-    if theirs and prefix:
-        yield Row(what, f"{theirs:g}", found, number(theirs), note, size, bears=on)
-    else:
-        yield check(what, found.value, found.inflated, note, size, f"{theirs:g}" if theirs else "", bears=on)
-    steep = x > LARGE
-    if steep.sum() > 2 and theirs:
-        slope, own, chi2, dof = line_fit(
-            (np.ones(steep.sum()), np.log(x[steep])), (y - theirs * np.log(n))[steep], error[steep]
-        )
-        what, guide = f"{name}: η₀/N^{theirs:g} ~ (pN²)^x, pN² > {LARGE:g}", -theirs / 2
-        estimate = Estimate(slope, own, 0.0, chi2, dof)
-        if contact and prefix:
-            words, target = f"−a/2 = {guide:g}", number(guide)
-            yield Row(what, words, estimate, target, "", size, bears="size-a", part=None)
-        elif prefix:
-            words, target = f"shallower: > {guide:g}", between(guide, 0.0)
-            yield Row(what, words, estimate, target, "", size, bears="stokes-slope")
-        else:
-            on = "shallow" if contact else "stokes-slope"
-            yield check(what, slope, estimate.inflated, "", size, f"shallower: > {guide:g}", bears=on)
-    low, high = x < 0.1, x > 30
-    if low.any() and high.any() and prefix:
-        level, flank = (
-            np.average(values[some], weights=error[some] ** -2)
-            for values, some in ((y - np.log(n), low), (y + 0.5 * np.log(p), high))
-        )
-        crossing = np.exp(2 * (flank - level))
-        scatter = 2 * crossing * np.hypot(*(np.sum(error[some] ** -2.0) ** -0.5 for some in (low, high)))
-        what = f"{name}: pN² at which η₀ ~ N and η₀ ~ p^(−½) meet"
-        if contact:
-            ours = Estimate(crossing, scatter)
-            yield Row(what, "~ 1", ours, between(0.1, 10.0), "", size, bears="size-crossing")
-        else:
-            yield check(what, crossing, scatter, "", size, "~ 1", bears="size-crossing")
-
-
-def growth_with_size(rows, name):
-    """√p (η₀ − η_F) = A + B ln N without pre-stress, at each pressure that has enough sizes."""
-    subtracted = rows["law"][0] == "stokes"
-    points = viscosities(rows, "no_prestress_", subtracted)
-    for level in sorted({p for _, p, _ in points}):
-        scaled = [
-            (n, *mean_with_error(np.sqrt(p) * values))
-            for n, p, values in points
-            if p == level and p * n**2 > 30
-        ]
-        if len(scaled) < MIN_SIZES:
-            continue
-        n = max(size for size, *_ in scaled)
-        sizes, means, errors = np.transpose(scaled)
-        slope, own, *_ = line_fit((np.ones_like(sizes), np.log(sizes)), means, errors)
-        constant = np.average(means - slope * np.log(sizes), weights=errors**-2.0)
-        told = ", ".join(f"{value:.3f}({1000 * error:.0f}) at {size:g}" for size, value, error in scaled)
-        power = 1.0 + slope / (constant + slope * np.log(n))  # 1 + d ln(A + B ln N)/d ln N
-        note = f"means {told}; a = {power:.2f} at N = {n:g}"
-        what = f"{name}, without pre-stress, p = {level:g}: B of √p {'(η₀ − η_F)' if subtracted else 'η₀'} = A + B ln N"
-        yield check(what, slope, own, note, size_of(rows), "> 0" if subtracted else "0", predicted=True)

@@ -25,15 +25,18 @@ from papers.claims.shared import (
     by_decades,
     check,
     claim,
-    exponent,
+    exponent_of_seeds,
     medians_in_pressure,
     near_jamming,
+    paired,
+    paired_exponent,
     size_of,
 )
 from papers.claims.verdicts import Estimate, between, number
 
 QUANTITIES = {"normal": ("|Δu∥|", 0.25), "transverse": ("|Δu⊥|", -0.25), "nonaffine": ("|u_na|", -0.25)}
 BEYOND = 0.1  # ωτ₁ below which contact-damped displacements are compared
+BAND = 0.45  # λ/p from which the band of modes reaches up
 APART = 0.03  # δ/L at which C of two sizes is compared
 SPREAD = 0.1  # rms of the logarithm within which lengths count as one curve
 
@@ -47,19 +50,6 @@ def stokes(part, angle=0.0, phase="stress", length=1.0):
         return part(turn * q / (np.exp(1j * angle) * q**2 + 1j))
 
     return factor
-
-
-def paired(rows, column):
-    """(p (P,), values (S, P)) of the seeds that have a packing at every pressure where pN² is large, p increasing.
-
-    Where it is at fewer than two, as in runs of tiny packings, at every pressure: nothing is decided then.
-    """
-    p = np.unique(rows["pressure"][rows["pressure"] * rows["n"] ** 2.0 >= LARGE])
-    p = p if len(p) > 1 else np.unique(rows["pressure"])
-    parts = [rows.where(pressure=one, state="done") for one in p]
-    seeds = sorted(set.intersection(*(set(part["seed"].tolist()) for part in parts))) if parts else []
-    values = [[part[column][part["seed"] == seed][0] for part in parts] for seed in seeds]
-    return p, np.array(values).reshape(len(seeds), len(p))
 
 
 def rms_length(vectors):
@@ -118,7 +108,7 @@ def floppy_rows(table, decisive):
     for kind, source in (("rms", "BT 19–21"), ("median", "BT Fig. 5")):
         for column, (name, theirs) in QUANTITIES.items():
             points = medians_in_pressure(slow, f"no_prestress_{column}_{kind}")
-            found = exponent(*points)
+            found = paired_exponent(slow, f"no_prestress_{column}_{kind}")
             if found is not None:
                 what = f"{kind} {name} ~ p^x, without pre-stress ({source})"
                 note = by_decades(*points[:2])
@@ -129,8 +119,9 @@ def floppy_rows(table, decisive):
                 part = None if kind != decisive else name.strip("|") if decisive == "rms" else ""
                 on = f"median-{column}"
                 yield Row(what, f"{theirs:g}", found, number(theirs), note, size, bears=on, part=part)
-    points = _squares_ratio(slow)
-    if (found := exponent(*points)) is not None:
+    ratios = _squares_ratio(slow)
+    points = medians_in_pressure(ratios, "ratio")
+    if (found := paired_exponent(ratios, "ratio")) is not None:
         what = "Σ(Δu⊥)²/Σ(Δu∥)² ~ p^x, without pre-stress (BT 20)"
         yield Row(what, "-1", found, number(-1.0), by_decades(*points[:2]), size, bears="squares")
     yield from _mean_normal(slow, size)
@@ -146,10 +137,10 @@ def floppy_rows(table, decisive):
 
 
 def _squares_ratio(slow):
-    """`medians_in_pressure` of Σ(Δu⊥)²/Σ(Δu∥)² without pre-stress."""
+    """The rows with the column "ratio", Σ(Δu⊥)²/Σ(Δu∥)² without pre-stress."""
     columns = {name: slow[name] for name in slow}
     ratio = slow["no_prestress_transverse_rms"] / slow["no_prestress_normal_rms"]
-    return medians_in_pressure(type(slow)(slow.path, columns | {"ratio": ratio**2}, None), "ratio")
+    return type(slow)(slow.path, columns | {"ratio": ratio**2}, None)
 
 
 def _mean_normal(slow, size):
@@ -198,6 +189,7 @@ def lengths(table):
     yield from bearing("lanes", _lanes(large, size))
     yield from bearing("spread-7d", _collapses(large, size))
     yield from _phases(large, size)
+    yield from _growth_of_length(large, size)
     yield from bearing("minimum", _minima(large))
 
 
@@ -260,6 +252,8 @@ def _contact(found, large, size):
     both = [_over_size(large["contact", "stress"], part, slow) for part in (np.real, np.imag)]
     for (value, error), name in zip(both, ("Re", "Im"), strict=True):
         what = f"contact: l/L at ω < {BEYOND:g}, {name} u_y"
+        if name == "Re":
+            yield Row(what, "≈ 1/4", Estimate(value, error), number(0.25), "", size, bears="swirls")
         yield check(what, value, error, "B ~ k² as K", size, f"{first_root(solid):.3f}", predicted=True)
     what = f"contact: l of Im u_y over l of Re u_y, ω < {BEYOND:g}"
     ours, part = _ratio(both[1], both[0]), "contact damping"
@@ -274,6 +268,7 @@ def _contact(found, large, size):
         )
         ours = _ratio(levels[0][1], levels[-1][1])
         yield Row(what, "the same: 1", ours, number(1.0), told, size, bears="contact-p")
+    yield from _form_of_contact([curve for _, curve in large["contact", "stress"]], size)
     pairs = found["contact", "stress"]
     sizes = sorted({curve.attributes["particle_count"] for _, curve in pairs})
     if len(sizes) < 2:
@@ -288,6 +283,40 @@ def _contact(found, large, size):
         what, ratio.value, ratio.statistical, "the root alone", f"N = {sizes[0]} and {sizes[-1]}", "1"
     )
     yield from _collapse_in_size(pairs, sizes)
+
+
+def _form_of_contact(curves, size):
+    """C of contact damping at L/2 less its least value; and C at one δ/L at the lowest ω over that at the highest."""
+    rises, ends = [], []
+    for curve in curves:
+        known = np.isfinite(curve.C[-1, 0, 0])
+        C = curve.C[-1, :, 0][:, known]
+        rises += list(C[:, -1] - C.min(axis=1))
+        x = curve.delta[-1][known] / curve.size
+        ends.append([np.interp(APART, x, C[row]) for row in (curve.omega.argmin(), curve.omega.argmax())])
+    what = "contact: C at L/2 less least C, Re u_y"
+    note = f"mean over p and ω; {max(rises):.3f} at most"
+    ours = Estimate(*mean_with_error(rises))
+    yield Row(what, "monotonic: < 0.1", ours, between(high=0.1), note, size, bears="monotonic")
+    if len(ends) > 1:
+        low, high = (mean_with_error([pair[side] for pair in ends]) for side in (0, 1))
+        rates = f"ω = {curve.omega.min():.0e} over that at {curve.omega.max():.0e}"
+        what = f"contact: C(δ/L = {APART:g}) at {rates}, Re u_y"
+        note = f"C = {Estimate(*low)} and {Estimate(*high)}"
+        yield Row(what, "the same: 1", _ratio(low, high), number(1.0), note, size, bears="contact-omega")
+
+
+def _growth_of_length(large, size):
+    """l of drag at ω = 1e-4 over l at 1e-2, in the phase of the stress."""
+    for _, curve in large["stokes", "stress"]:
+        rows = [int(np.abs(np.log10(curve.omega) + power).argmin()) for power in (4, 2)]
+        if np.abs(np.log10(curve.omega[rows]) + np.array([4, 2])).max() > 0.1:
+            continue
+        ends = [(curve.G[row].real, curve.bounds[0, row]) for row in rows]
+        part = f"p = {curve.pressure:.0e}"
+        what = f"Stokes, {part}: l at ω = 1e-4 over l at 1e-2, Re u_y"
+        note = f"{ends[0][0]:.1f} and {ends[1][0]:.1f} d"
+        yield Row(what, "grows: > 1", _ratio(*ends), between(low=1.0), note, size, bears="growth", part=part)
 
 
 def _collapse_in_size(pairs, sizes):
@@ -440,10 +469,11 @@ def lowest(table):
     counts = [count for count in (10, 50, 200) if f"floppiness_{count}" in rows]
     if counts:
         points = medians_in_pressure(rows, f"floppiness_{counts[0]}")
-        if (found := exponent(*points)) is not None:
-            what = f"rms Δu⊥ over rms Δu∥ of the lowest {counts[0]} modes ~ p^x"
-            note = f"follows from λ = k Σ(Δu∥)² ~ p; {by_decades(*points[:2])}"
-            yield Row(what, "floppy-like: -1/2", found, number(-0.5), note, size_of(rows))
+        if (found := near_jamming(*points)) is not None:
+            what = f"rms Δu⊥ over rms Δu∥ of the lowest {counts[0]} modes ~ p^x, p ≤ 0.001 alone"
+            note = f"waves of shear of the cell, whose λ does not go as p; {by_decades(*points[:2])}"
+            yield check(what, found.value, found.inflated, note, size_of(rows), "-1/2")
+    yield from _band_of_modes(rows)
     for name, symbol in (("nonaffine", "|u_na|²"), ("transverse", "Δu⊥²"), ("normal", "Δu∥²")):
         for count in counts:
             p, share = paired(rows, f"share_{name}_{count}")
@@ -468,26 +498,55 @@ def _methods(rows):
     return "found by " + ", ".join(sorted(set(rows["method"].tolist())))
 
 
-def _floppy_band(rows):
-    """What the modes with λ < X p alone do, X the largest that all files reach: their number is ~ N p^½."""
+def _of_files(rows, values):
+    """(p (P,), (S, P, …)) of values(file, λ/p of its modes) of seeds with a file at each p where pN² is large."""
     files = [
-        (seed, one)
+        (int(seed), one)
         for seed, one in zip(rows["seed"][rows["state"] == "done"], rows.results(), strict=True)
         if one.attributes["pressure"] * one.attributes["particle_count"] ** 2.0 >= LARGE
     ]
-    if not files:
-        return
-    reach = min(one["eigenvalues"][-1] / one.attributes["pressure"] for _, one in files)
     p = np.array(sorted({float(f"{one.attributes['pressure']:.3g}") for _, one in files}))
     found = {}
     for seed, one in files:
-        values, force = one["eigenvalues"], one["shear_force"]
-        low = values < reach * one.attributes["pressure"]
-        parts = np.sum(force[low] ** 2 / values[low]), np.sum((force[low] / values[low]) ** 2)
         place = int(np.abs(np.log(p / one.attributes["pressure"])).argmin())
-        found.setdefault(int(seed), {})[place] = np.sqrt(parts)
+        found.setdefault(seed, {})[place] = values(one, one["eigenvalues"] / one.attributes["pressure"])
     whole = [[found[seed][n] for n in range(len(p))] for seed in sorted(found) if len(found[seed]) == len(p)]
-    values = np.array(whole).reshape(-1, len(p), 2)
+    return p, np.array(whole)
+
+
+def _reach(rows) -> float:
+    """The largest λ/p that all files reach."""
+    return float(min(_of_files(rows, lambda _, level: level[-1])[1].ravel(), default=0.0))
+
+
+def _band_of_modes(rows):
+    """Δu⊥ over Δu∥ of modes with λ/p in a band, where λ = k Σ(Δu∥)² of modes goes as p."""
+    low, high = BAND, _reach(rows)
+
+    def ratio(one, level):
+        inside = (level > low) & (level <= high)
+        squares = [np.sum(one[name][inside]) for name in ("transverse", "normal")]
+        return np.sqrt(squares[0] / squares[1]) if squares[1] > 0 else np.nan
+
+    p, ratios = _of_files(rows, ratio)
+    ratios = ratios[np.isfinite(ratios).all(axis=1)] if len(ratios) else ratios
+    found = exponent_of_seeds(p, ratios)
+    if found is not None:
+        what = f"rms Δu⊥ over rms Δu∥ of modes with λ = {low:g} … {high:.2g} p ~ p^x"
+        note = by_decades(p, np.log(ratios).mean(axis=0))
+        yield Row(what, "floppy-like: -1/2", found, number(-0.5), note, size_of(rows))
+
+
+def _floppy_band(rows):
+    """What the modes with λ < X p alone do, X the largest that all files reach: their number is ~ N p^½."""
+    reach = _reach(rows)
+
+    def lengths(one, level):
+        force, low = one["shear_force"], level < reach
+        values = one["eigenvalues"][low]
+        return np.sqrt([np.sum(force[low] ** 2 / values), np.sum((force[low] / values) ** 2)])
+
+    p, values = _of_files(rows, lengths)
     if len(p) < 2 or not len(values) or not (values > 0).all():
         return
     size = f"N = {rows['n'].max()}, {len(values)} packings at each p = {p[0]:.0e} … {p[-1]:.0e}"

@@ -21,7 +21,8 @@ def combined(key: str, rows: list[Row]) -> Row:
     worst = max(rows, key=badness)
     label = f"worst of {len(rows)}: {worst.part}".removesuffix(": ")
     reason = "; ".join(filter(None, (label, worst.reason)))
-    return Row(TEXTS[key], worst.theirs, worst.ours, worst.target, reason, sizes)
+    identity = worst.identity if all(row.identity for row in rows) else ""
+    return Row(TEXTS[key], worst.theirs, worst.ours, worst.target, reason, sizes, identity=identity)
 
 
 def page_rows(entries) -> list:

@@ -9,7 +9,7 @@ import jampetsc
 from jampetsc.analysis.collapse_fit import correlations, find_minima
 from jampetsc.analysis.correlated_series import mean_of_runs
 from jampetsc.analysis.scaling_collapse import Points, form_named
-from jampetsc.analysis.statistics import log_median
+from jampetsc.analysis.statistics import log_median, mean_with_error
 from papers.claims.verdicts import Estimate, Target
 
 NEAR, LARGE = 1e-3, 1e3  # p up to which, pN² from which, a packing counts as near jamming and large
@@ -26,6 +26,7 @@ class Row:
     reason      one line; every number in it is computed
     size        N, packings or strain behind the number
     predicted   whether `theirs` is a prediction of our own theory, for docs/theory/linear_response.md
+    identity    why it is exact for any packing: no evidence for a power or a form; "" where it is not
     bears       key of the claim in claims/page.py on which the number bears
     part        what part of the claim it decides, in words, "" for all of it; None for a number that does not decide
     """
@@ -39,6 +40,7 @@ class Row:
     predicted: bool = False
     bears: str = ""
     part: str | None = ""
+    identity: str = ""
 
     @property
     def decides(self) -> bool:
@@ -77,6 +79,12 @@ def bearing(key, rows):
         yield row if row.bears or row.predicted else replace(row, bears=key)
 
 
+def identities(rows, reasons):
+    """The numbers, those that bear on one of the claims {key: why it is exact} marked as identities."""
+    for row in rows:
+        yield replace(row, identity=reasons.get(row.bears, ""))
+
+
 def claim(*figures, on=""):
     """Decorator: the function yields a `Row` for each number, from the tables of the studies of these figures.
 
@@ -100,9 +108,43 @@ def size_of(rows):
         strains, seeds = np.unique(rows["strain"]), len(np.unique(rows["seed"])) if "seed" in rows else 1
         strain = f"{strains[0]:g}" + (f" to {strains[-1]:g}" if len(strains) > 1 else "")
         return f"N = {n}, {seeds} seed{'s' if seeds > 1 else ''}, strain {strain}"
-    counts = sorted({part.rows for _, part in rows.groups([name for name in POINT if name in rows])})
+    parts = [part for _, part in rows.groups([name for name in POINT if name in rows])]
+    counts = sorted({part.rows for part in parts})
+    starts = max(len(np.unique(part["seed"])) for part in parts) if "seed" in rows else counts[-1]
     few = f"{counts[0]}" if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"
-    return f"N = {n}; {few} packings"
+    return f"N = {n}; {few} packings" + (f" of {starts} starts" if starts < counts[-1] else "")
+
+
+def starts_of(rows, column) -> dict:
+    """{seed: mean of a column over the rows of it}; rows without a number are left out.
+
+    Packings of one seed, by several versions of the program, begin at the same places and are not independent.
+    """
+    values = {}
+    for seed, value in zip(rows["seed"].tolist(), rows[column].tolist(), strict=True):
+        if np.isfinite(value):
+            values.setdefault(seed, []).append(value)
+    return {seed: float(np.mean(some)) for seed, some in values.items()}
+
+
+def independent(rows, column):
+    """Values of a column (S,), one for each seed."""
+    return np.array(list(starts_of(rows, column).values()))
+
+
+def widening(rows) -> float:
+    """√(packings/starts): the factor of errors of medians over packings of one p and N, some of one seed.
+
+    The larger of what full dependence of such packings asks for, and 1.
+    """
+    return float(
+        np.sqrt(max(part.rows / len(np.unique(part["seed"])) for _, part in rows.groups(["n", "pressure"])))
+    )
+
+
+def widened(estimate: Estimate | None, rows) -> Estimate | None:
+    """The estimate with its statistical error times `widening`."""
+    return estimate and replace(estimate, statistical=estimate.statistical * widening(rows))
 
 
 def medians_in_pressure(rows, column):
@@ -116,7 +158,10 @@ def medians_in_pressure(rows, column):
         for key, values in groups
         if key["pressure"] * key["n"] ** 2 > LARGE and len(values) > 2
     ]
-    return np.transpose(sorted(found)) if found else np.empty((3, 0))
+    if not found:
+        return np.empty((3, 0))
+    p, medians, errors = np.transpose(sorted(found))
+    return p, medians, errors * widening(rows)
 
 
 def line_fit(terms, y, error) -> tuple[float, float, float, int]:
@@ -139,6 +184,39 @@ def exponent(p, y, error) -> Estimate | None:
     near = p <= NEAR * (1 + 1e-9)
     alone = line_fit((np.ones(near.sum()), np.log(p[near])), y[near], error[near])
     return Estimate(full[0], full[1], 0.5 * abs(full[0] - alone[0]), full[2], full[3])
+
+
+def paired(rows, column):
+    """(p (P,), values (S, P)) of the seeds that have a packing at every pressure where pN² is large, p increasing.
+
+    Where it is at fewer than two, as in runs of tiny packings, at every pressure: nothing is decided then.
+    """
+    p = np.unique(rows["pressure"][rows["pressure"] * rows["n"] ** 2.0 >= LARGE])
+    p = p if len(p) > 1 else np.unique(rows["pressure"])
+    found = [starts_of(rows.where(pressure=level, state="done"), column) for level in p]
+    seeds = sorted(set.intersection(*map(set, found))) if found else []
+    values = [[level[seed] for level in found] for seed in seeds]
+    return p, np.array(values).reshape(len(seeds), len(p))
+
+
+def paired_exponent(rows, column) -> Estimate | None:
+    """`exponent_of_seeds` of a column."""
+    return exponent_of_seeds(*paired(rows, column))
+
+
+def exponent_of_seeds(p, values) -> Estimate | None:
+    """Exponent of y ~ p^x at p ≤ NEAR: a fit for each seed, then mean and error over seeds; values (S, P) positive.
+
+    Systematic: half of the difference to fits of p^x (1 + b p^½) to all p. None below three seeds or four pressures.
+    """
+    near = p <= NEAR * (1 + 1e-9)
+    if len(values) < 3 or len(p) < 4 or near.sum() < 2 or not (values > 0).all():
+        return None
+    y = np.log(values).T
+    alone = np.polyfit(np.log(p[near]), y[near], 1)[0]
+    corrected = np.linalg.lstsq(np.transpose((np.ones_like(p), np.log(p), np.sqrt(p))), y, rcond=None)[0][1]
+    value, error = mean_with_error(alone)
+    return Estimate(float(value), float(error), 0.5 * abs(float(np.mean(corrected) - value)))
 
 
 def near_jamming(p, y, error) -> Estimate | None:

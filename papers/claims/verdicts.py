@@ -11,6 +11,7 @@ it. Its interval is
   where the whole interval is farther from c than the margin; else it is undecided.
 - A range is claimed by its ends: the estimate agrees where its interval is inside, differs where all of it is outside
   by more than the margin, else it is undecided.
+- An identity holds for any packing: it agrees, and is not evidence.
 """
 
 import math
@@ -22,6 +23,7 @@ SIGMAS = 2.0
 MARGIN, EXACT_MARGIN = 0.10, 0.02  # of the number claimed
 MIN_PROBABILITY = 0.01  # of χ², below which a form does not fit
 AGREES, DIFFERS, UNDECIDED = "agrees", "differs", "undecided"
+IDENTITY = "identity"  # for "agrees" where no packing could differ
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ def viscosity_under_drag(page, folder):
 @drawn("paper2")
 def finite_size(page, folder):
     """Collapses of f and ⟨p⟩ of RAND and QS without their corrections, and ν and y against the smallest N."""
-    corrected = r"-\mathrm{corr.})\,L^{y/\nu}"
-    y = [rf"$({symbol}{corrected}$" for _, symbol in OBSERVABLES for _ in ENSEMBLES] + [r"$\nu$", "$y$"]
+    corrected = [r"$f-\mathrm{corr.}$", r"$(\langle p\rangle-\mathrm{corr.})\,L^{y/\nu}$"]
+    y = [name for name in corrected for _ in ENSEMBLES] + [r"$\nu$", "$y$"]
     axes = page.panels(3, 2, PAGE, 7.2, x=[r"$(\phi-\phi_J)\,L^{1/\nu}$"] * 4 + ["smallest $N$"] * 2, y=y,
                        log=[""] * 4 + ["x"] * 2)  # fmt: skip
     cases = [(observable, ensemble) for observable in OBSERVABLES for ensemble in ENSEMBLES]
@@ -37,13 +37,17 @@ def finite_size(page, folder):
             continue
         a, (b, left, bars) = result.attributes, rescaled_values(result)
         ax.plot(result["curve/x"], result["curve/f0"], color=GREY, lw=0.9, zorder=1, label=hidden("f0"))
+        if not ending:  # a share is from 0 to 1
+            bars = np.array(
+                [np.minimum(bars, np.maximum(left, 0)), np.minimum(bars, np.maximum(1 - left, 0))]
+            )
         for scale, look in looks(np.unique(b)):
             here = b == scale
             draw_points(
                 ax,
                 result["x"][here],
                 left[here],
-                bars[here],
+                bars[..., here],
                 ls="none",
                 ms=3,
                 label=f"${1 / scale**2:.0f}$",
@@ -51,13 +55,13 @@ def finite_size(page, folder):
             )
         title = rf"{name}, $\chi^2/\mathrm{{dof}}={float(a['chi2']) / float(a['dof']):.2g}$"
         ax.set_title(title, loc="right", pad=3)
-        page.legend(ax, title="$N$", first="upper left", fontsize=7, named=False)
+        page.legend(ax, title="$N$", first="upper left", fontsize=7.5, groups=0)
     for ax, parameter in zip(axes[4:], ("nu", "y"), strict=True):
         _drifts(ax, folder, parameter)
     kinds = [(f"{name}, {words}", look) for (name, words), look in looks(_kinds())]
     handles = [entry(label, ls="none", **look) for label, look in kinds]
     handles.append(entry("no corrections", "0.4", marker="o", ls=":", mfc="white"))
-    page.legend(axes[4], handles, fontsize=6.5, first="upper right", ncol=2)
+    page.legend(axes[4], handles, fontsize=7.5, first="upper right", ncol=2)
 
 
 def _kinds():

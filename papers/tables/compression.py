@@ -218,7 +218,7 @@ def draw(points, quotients, path):
         for row, law in enumerate(LAWS):
             by = points[law, False]
             plain, scaled = axes[2 * row : 2 * row + 2]
-            for p, look in looks(by):
+            for p, look in looks(sorted(by)):
                 omega, K, G = by[p].omega, median(by[p].K), median(by[p].G)
                 draw_moduli(plain, omega, K, G, f"p = {p:g}", look["color"])
                 below = omega <= 1.0
@@ -228,7 +228,7 @@ def draw(points, quotients, path):
             scaled.set_title(rf"$K^*$ without $K_f$, and ${factor:.2f}\,G^*$", loc="right", pad=3)
             lowest = by[min(by)]
             draw_guide(plain, lowest.omega, median(lowest.K).imag, CRITICAL, r"\omega", True)
-        shades = [entry(f"${power_or_number(p)}$", look["color"]) for p, look in looks(by)]
+        shades = [entry(f"${power_or_number(p)}$", look["color"]) for p, look in looks(sorted(by))]
         page.legend(axes[0], shades, title="$p/k$")
         page.legend(axes[1], [entry("$K$\u2032, $K$\u2033"), entry(f"{STORAGE}, {LOSS}", ls=DASHED)])
 

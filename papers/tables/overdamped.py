@@ -10,11 +10,13 @@ import numpy as np
 from benchmarks.common import saved_page
 from jampetsc.io.reader import load
 from jampetsc.plots import style
+from jampetsc.plots.page import draw_points
 from papers.claims.shared import mean_over_seeds
 from papers.programs import folder_and_picture
 
 # model with a mass: one without that it might tend to
 LIMITS = {"RD": "RD0", "CD": "CD0", "CDt": "CD0", "CDn": "CD0"}
+CLOSE = ("RD", "CD")  # models that σ shows to have a limit
 
 
 def limits(table, name="shear_stress"):
@@ -31,16 +33,20 @@ def limits(table, name="shear_stress"):
 
 
 def draw(found, path):
-    """σ over that of the overdamped model against Q."""
+    """σ over that of the overdamped model against Q: (a) of models with a limit, (b) of all, logarithmic."""
     with saved_page(path) as page:
-        ax = page.panels(1, 1, 3.6, 3.0)
-        for (model, (q, ratio, error)), colour in zip(found.items(), style.colours(len(found)), strict=True):
-            ax.errorbar(
-                q, ratio, error, fmt="o-", ms=3, lw=0.6, color=colour, label=f"{model}/{LIMITS[model]}"
-            )
-        ax.axhline(1.0, lw=0.5, color=style.GREY)
-        ax.set(xscale="log", yscale="log", xlabel="$Q$", ylabel=r"$\sigma/\sigma_{Q = 0}$")
-        ax.legend()
+        name = r"$\sigma/\sigma_{Q=0}$"
+        near, whole = page.panels(1, 2, style.PAGE, 2.9, x="$Q$", y=[name, name], log=["x", "xy"])
+        for (model, (q, ratio, error)), (_, look) in zip(found.items(), style.looks(found), strict=True):
+            label = f"{model}/{LIMITS[model]}"
+            draw_points(whole, q, ratio, error, ms=3.5, lw=0.8, label=label, **look)
+            if model in CLOSE:
+                draw_points(near, q, ratio, error, ms=3.5, lw=0.8, label=style.hidden(label), **look)
+        for ax in (near, whole):
+            ax.axhline(1.0, lw=0.6, color=style.GREY, zorder=0)
+        near.axhspan(0.95, 1.05, color=style.GREY, alpha=0.15, lw=0, zorder=0)
+        near.set_title(r"shaded: $\pm5\,\%$", loc="right", pad=3)
+        page.legend(whole, first="lower right")
 
 
 def main():

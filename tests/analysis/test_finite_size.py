@@ -14,7 +14,7 @@ from jampetsc.plots.exponent_plots import plot_exponents
 from jampetsc.plots.page import Page
 from jampetsc.plots.quasistatic_plots import draw_finite_size, plot_finite_size
 from jampetsc.plots.style import drawn_in
-from papers.claims.moduli import size_scaling
+from papers.claims.sizes import size_scaling
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 SIZES, PRESSURES = np.array([64, 256, 1024]), np.array([1e-6, 1e-5, 1e-4, 1e-3])
