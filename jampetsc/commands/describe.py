@@ -15,7 +15,7 @@ from jampetsc.laws.loads import AXES
 from jampetsc.packing.contacts import BALANCED, imbalance, measure
 from jampetsc.packing.packing import PARTICLES, PROOF_ATTRIBUTES, proved_minimum
 from jampetsc.packing.spring_network import Network
-from jampetsc.packing.units import name_stress_unit, units_line
+from jampetsc.packing.units import name_stress_unit, units_text
 from jampetsc.streams import visible
 
 DIGITS = 10  # of numbers, enough to compare them with published ones
@@ -112,7 +112,7 @@ def describe_packing(path, disks) -> str:
         ("made by", str(record.pop("protocol", "unknown"))),
         ("potential", f"{potential}, stiffness {potential.stiffness}, k = {potential.k:g}"),
         ("radii", f"{radii.min():.6g} to {radii.max():.6g}, mean diameter {letter} = {diameter:.6g}"),
-        ("units", units_line(name_stress_unit(potential, disks.dimension), potential.k).partition(": ")[2]),
+        ("units", units_text(name_stress_unit(potential, disks.dimension), potential.k)),
         ("cell", f"{cell_text(disks.cell)}, V = {disks.volume:.9g}"),
     ]
     notes = []
@@ -197,7 +197,7 @@ def describe_result(path, loaded) -> str:
         ("files", _files(len(parts_of(path).sizes)) if loaded.file else "none: in memory"),
     ]
     if "k" in a and "stress_unit" in a:
-        rows.append(("units", units_line(a["stress_unit"], a["k"], a.get("tau1")).partition(": ")[2]))
+        rows.append(("units", units_text(a["stress_unit"], a["k"], a.get("tau1"))))
     if "G" in loaded:
         rows += _moduli(loaded)
     listed = {
@@ -350,7 +350,7 @@ def describe_network(name, network: Network) -> str:
             ("bonds", f"{2 * len(bonds) / network.n:.6g} for each node; {isolated} nodes have none"),
             ("lengths", _range(bonds.distance)),
             ("stiffness", f"{_range(bonds.stiffness)}, unit k = {network.k:g}"),
-            ("units", units_line(name_stress_unit(None, network.dimension), network.k).partition(": ")[2]),
+            ("units", units_text(name_stress_unit(None, network.dimension), network.k)),
             ("forces", _forces(network)),
             ("radii", "none: nodes do not roll" if network.radii is None else _range(network.radii)),
             *((key, number_text(value)) for key, value in sorted(record.items()) if value is not None),

@@ -19,12 +19,12 @@ from jampetsc.options.physics_options import MODEL
 from jampetsc.options.starts import GROUP, ShearJob, random_particles_lines, run_parameter
 from jampetsc.options.values import PACKING_OR_RESULT, POSITIVE, TIME_UNIT, input_name, load_source
 from jampetsc.packing.packing import Packing
+from jampetsc.packing.units import is_within
 from jampetsc.petsc import launchers
 from jampetsc.progress import Progress, note
 
 TOLERANCE = 1e-4
 MAX_RATE = 1.0  # of the stiffness of the stiffest contact over its damping, k/kτ₁ or (k/σ²)/kτ₁
-ROUNDING = 1e-12  # relative, of limits in other units
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ same packing (`jampetsc pack --help`); elsewhere trajectories part, and only ave
     def _check_rate(self, scale):
         """Refuse a rate out of range for disks whose shortest scale of overlaps is `scale`, see `Potential.scale`."""
         fastest = MAX_RATE / (self.model.law.tau1 * scale**2)
-        if not self.rate <= fastest * (1.0 + ROUNDING):
+        if not is_within(self.rate, 0.0, fastest):
             raise InputError(f"{named('rate')} {self.rate:g}: must be at most {fastest:.6g}")
 
     @property

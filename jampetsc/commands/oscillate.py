@@ -13,12 +13,12 @@ from jampetsc.options.parameters import ValueType, optional_parameter, parameter
 from jampetsc.options.physics_options import PackingJob, load_parameter
 from jampetsc.options.values import POSITIVE, STRESS_UNIT, TIME_UNIT, Numbers, number_list
 from jampetsc.oscillation.drive import MIN_FIXED_ALPHA
+from jampetsc.packing.units import is_within
 
 OMEGA_RANGE = 1e-300, 1e300  # of ω and ωτ₁
 MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-30, 1.0  # of strains, and of stresses over `PackingNetwork.stress_scale`
 MIN_MOVING_AMPLITUDE = 1e-9  # smaller strains or stresses give forces of few correct digits
 MIN_CYCLES, MAX_CYCLES = 3, 100_000
-ROUNDING = 1e-12  # relative, of limits in other units
 
 
 def _cycles(value):
@@ -120,7 +120,7 @@ A killed run continues when the same command is given again."""
         moving = self.contacts == "moving"
         low, high = (MIN_MOVING_AMPLITUDE if moving else MIN_AMPLITUDE) * unit, MAX_AMPLITUDE * unit
         for end in self.amplitude[[0, -1]]:
-            if not low * (1.0 - ROUNDING) <= end <= high * (1.0 + ROUNDING):
+            if not is_within(end, low, high):
                 raise InputError(
                     f"{named(self.control)} {end:g}: must lie between {low:g} and {high:g}"
                     + f" with {named('contacts')} moving" * moving

@@ -16,12 +16,11 @@ from jampetsc.options.potential_options import EXPONENT
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, STRESS_UNIT
 from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES, Packing
 from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, STIFFNESSES, Potential
-from jampetsc.packing.units import stress_unit_of
+from jampetsc.packing.units import is_within, stress_unit_of
 from jampetsc.petsc import session
 
 PRESSURES = (1e-8, 1.0)  # over `stress_unit_of` the particles, see `pressure_range`
 TOLERANCES = (1e-13, 1e-4)
-ROUNDING = 1e-12  # relative, of limits in other units
 PHI_REMEDY = (
     "Give a pressure instead, or a packing fraction above jamming; `jampetsc flow` shears particles below it."
 )
@@ -163,9 +162,7 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
     def _check_pressure(self, radii, potential, dimension):
         """Refuse a pressure out of range for these particles."""
         low, high = pressure_range(radii, potential, dimension)
-        if self.pressure is not None and not low * (1.0 - ROUNDING) <= self.pressure <= high * (
-            1.0 + ROUNDING
-        ):
+        if self.pressure is not None and not is_within(self.pressure, low, high):
             raise InputError(f"{named('pressure')} {self.pressure:g}: must lie in [{low:.6g}, {high:.6g}]")
 
     @property

@@ -16,11 +16,9 @@ from jampetsc.packing.neighbour_list import is_scattered
 from jampetsc.packing.neighbours import spatial_order
 from jampetsc.packing.packing import Packing, with_proof
 from jampetsc.packing.potentials import Potential
-from jampetsc.packing.units import stress_unit_of
+from jampetsc.packing.units import UNIT_ROUNDING, stress_unit_of
 from jampetsc.petsc.hessian_solver import HessianSolver
 from jampetsc.progress import Progress
-
-ROUNDING = 1e-12  # largest relative difference of a unit from 1 that is rounding
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ def start_at_random(
 
     unit = stress_unit_of(radii, potential, dimension)
     if math.isclose(
-        unit, 1.0, rel_tol=ROUNDING
+        unit, 1.0, rel_tol=UNIT_ROUNDING
     ):  # seeds of packings of unit diameter keep them to the last bit
         unit = 1.0
     phi = target.phi or start_phi(target.pressure / unit, dimension)

@@ -18,12 +18,12 @@ from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.physics_options import NetworkJob, load_parameter
 from jampetsc.options.values import FREQUENCIES, POSITIVE, STRESS_UNIT, TIME_UNIT, Numbers, check_frequencies
+from jampetsc.packing.units import is_within
 from jampetsc.petsc import builds, session
 from jampetsc.progress import note, warn
 
 BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 SAME_FREQUENCY = 1e-9  # a frequency this close to one of the fields, relatively, counts as the same
-ROUNDING = 1e-12  # relative, of limits in other units
 OMEGA = "1e-10:1e4:141"
 POWER_LAW = (
     "power-law damping: viscous force of a contact ∝ |Δu̇|^A, by an equivalent linear damping (approximate)"
@@ -123,7 +123,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         if self.alpha is None:
             return None
         low, high = (end * unit for end in STRESS_RATIOS)
-        if not low * (1.0 - ROUNDING) <= self.stress <= high * (1.0 + ROUNDING):
+        if not is_within(self.stress, low, high):
             raise InputError(f"{named('stress')} {self.stress:g}: must lie between {low:g} and {high:g}")
         return EquivalentDamping(self.alpha, min(max(self.stress / unit, STRESS_RATIOS[0]), STRESS_RATIOS[1]))
 

@@ -5,6 +5,7 @@ import numpy as np
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
+UNIT_ROUNDING = 1e-12  # largest relative difference that a change of units makes
 POWERS = {0.5: "^½", 1.0: "", 1.5: "^(3/2)", 2.0: "²", 2.5: "^(5/2)", 3.0: "³"}  # of a length, in words
 
 
@@ -27,8 +28,13 @@ def name_stress_unit(potential: Potential | None, dimension: int) -> str:
     return f"k{'/' if power < 0 else ' '}length{POWERS.get(abs(power), f'^{abs(power):g}')}"
 
 
-def units_line(stress_unit: str, k: float, tau1: float | None = None, diameter: float | None = None) -> str:
-    """The line of a summary that says in which units its numbers are.
+def is_within(value: float, low: float, high: float) -> bool:
+    """Whether low ≤ value ≤ high, to rounding of a change of units."""
+    return low * (1.0 - UNIT_ROUNDING) <= value <= high * (1.0 + UNIT_ROUNDING)
+
+
+def units_text(stress_unit: str, k: float, tau1: float | None = None, diameter: float | None = None) -> str:
+    """In which units the numbers of a result are.
 
     stress_unit   as `name_stress_unit` gives it
     tau1          unit of time; None: there are no times
@@ -37,7 +43,12 @@ def units_line(stress_unit: str, k: float, tau1: float | None = None, diameter: 
     parts = [f"stress as {stress_unit} (k = {k:g})"]
     parts += [] if tau1 is None else [f"time as tau1 (tau1 = {tau1:g})"]
     parts += [] if diameter is None else [f"mean diameter {diameter:.6g}"]
-    return f"  units: {', '.join(parts)}"
+    return ", ".join(parts)
+
+
+def units_line(*units, **more) -> str:
+    """The line of a summary that says in which units its numbers are; parameters as of `units_text`."""
+    return f"  units: {units_text(*units, **more)}"
 
 
 def mean_diameter(disks: Packing) -> float:

@@ -108,9 +108,7 @@ class Compatibility:
     size_K: np.ndarray  # (rows,) |w_K| and what rounding may do to it, in ε: an overlap is off by ε σ
     reach_K: np.ndarray  # (n_local,) Σ |w_K| C² over the contacts of each unknown,
     reach_B: np.ndarray  # and Σ w_B C² + drag; see `reach`
-    drag: (
-        np.ndarray
-    )  # (n_local,) kτ₁ times the drag on displacements and spins: the part of B not from contacts
+    drag: np.ndarray  # (n_local,) kτ₁ times the drag on displacements and spins, which contacts do not add
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V 2 s′:s″
     viscosity: float  # kτ₁ η_F
 

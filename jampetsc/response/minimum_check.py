@@ -199,9 +199,7 @@ class Examination:
     factor_bytes: float  # of a factor of K + sB, about
     pieces: int  # connected pieces of the contact graph
     translations: int  # D for each piece
-    free_moves: (
-        int  # moves that cost no energy whatever the packing: translations, and gears where K acts on spins
-    )
+    free_moves: int  # that cost no energy in any packing: translations, and gears where K acts on spins
     gears: int  # bipartite pieces, whose disks can turn like gears
     pins: int  # pinned unknowns, see `assembly.Pencil`
     asymmetry_K: float  # ‖K − Kᵀ‖ / ‖K‖ (Frobenius)

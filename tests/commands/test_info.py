@@ -229,7 +229,7 @@ def test_what_numbers_of_eigenvalues_mean(K, bare, damping, at_rest, beginnings)
         "without_prestress": counted(*bare),
         "damping": counted(0, damping, 9),
     }
-    lines = describe.minimum_lines(SimpleNamespace(translations=2, pins=2, **parts), at_rest)
+    lines = describe.minimum_lines(SimpleNamespace(translations=2, free_moves=2, pins=2, **parts), at_rest)
     assert [line[: len(one)] for line, one in zip(lines, beginnings, strict=True)] == beginnings
 
 
