@@ -1,11 +1,9 @@
 """Vectors, positions and axes in a plane and in space: whatever takes them, against plain numpy."""
 
-import layers
 import numpy as np
 import precision
 import pytest
 from dense import all_pairs
-from keep import slim
 from samples import stored
 
 import jampetsc
@@ -31,6 +29,8 @@ from jampetsc.packing.packing import Packing
 from jampetsc.packing.spring_network import Network
 from jampetsc.plots.cell_drawing import wrap
 from papers.claims.motion import rms_length
+from papers.keep import slim
+from papers.tables import layers
 
 BALL = {2: np.pi, 3: 4 * np.pi / 3}
 
