@@ -1,7 +1,6 @@
 """Vectors, positions and axes in a plane and in space: whatever takes them, against plain numpy."""
 
 import numpy as np
-import precision
 import pytest
 from dense import all_pairs
 from samples import stored
@@ -30,7 +29,7 @@ from jampetsc.packing.spring_network import Network
 from jampetsc.plots.cell_drawing import wrap
 from papers.claims.motion import rms_length
 from papers.keep import slim
-from papers.tables import layers
+from papers.tables import layers, precision
 
 BALL = {2: np.pi, 3: 4 * np.pi / 3}
 
