@@ -12,13 +12,13 @@ GALLERY = Path(__file__).resolve().parent / "gallery"
 COLOURS = 32
 SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "bt-fig1": {"bt-fig1": "bt-fig1", "bt-fig1-fields": "bt-fig1-fields"},
-    "bt-fig3": {"3a": "bt-fig3a", "3b": "bt-fig3b", "3c": "bt-fig3-exponents"},
+    "bt-fig3": {"3a": "bt-fig3a", "3b": "bt-fig3b", "bt-fig3-exponents": "bt-fig3-exponents"},
     "bt-fig4": {"bt-fig4a": "bt-fig4a", "bt-fig4b": "bt-fig4b"},
     "bt-fig5": {"5": "bt-fig5", "5-local-exponents": "bt-fig5-exponents"},
     "bt-fig6": {"6a": "bt-fig6a", "6b": "bt-fig6b", "bt-fig6-logarithm": "bt-fig6-logarithm"},
     "bt-fig7": {"bt-fig7a": "bt-fig7a", "7b": "bt-fig7b", "bt-fig7cd": "bt-fig7cd"},
     "bt-fig8": {"8a": "bt-fig8a", "bt-fig8b": "bt-fig8b", "bt-viscosity-ratio": "bt-viscosity-ratio"},
-    "bt-modes": {"lowest-modes": "bt-modes"},
+    "bt-modes": {"lowest-modes": "bt-modes", "bt-modes-levels": "bt-modes-levels"},
     "compression": {"compression": "compression"},
     "contact-lifetimes": {"lifetimes": "contact-lifetimes"},
     "overdamped-limit": {"overdamped": "overdamped-limit"},

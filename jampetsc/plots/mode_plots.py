@@ -196,7 +196,7 @@ def binned_medians(omega, values):
 def plot_lowest(results, page):
     """Means over the files of one pressure, with errors, against p/k:
 
-    (a) floppiness, rms Δu⊥ over rms Δu∥, of the lowest 10, 50 and 200 modes together, with slope −½ (λ ~ p);
+    (a) floppiness, rms Δu⊥ over rms Δu∥, of the lowest 10, 50 and 200 modes together, with slope −½;
     (b) their shares of Σ|u_na|², Σ(Δu⊥)² and Σ(Δu∥)², affine parts left out;
     (c) medians of the whole response (filled, BT Fig. 5) and of the sum of the largest number of these modes (open).
 

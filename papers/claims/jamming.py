@@ -457,7 +457,7 @@ def soft_states(table):
                 ours = Estimate(change, error, 0.5 * abs(wide - change))
                 yield Row(what, HALF, ours, number(0.5), note, f"N = {n}", part=f"N = {n}")
             elif one == ("QS", "harmonic"):
-                ours, words = Estimate(change, error, 0.5 * abs(wide - change)), "> 1: more than 1 of RAND"
+                ours, words = Estimate(change, error, 0.5 * abs(wide - change)), "above that of RAND: > 0"
                 yield Row(what, words, ours, between(low=0.0), note, f"N = {n}", bears="y", part=f"N = {n}")
             else:
                 yield check(what, change, error, f"{says}; {note}", f"N = {n}", bears="y")

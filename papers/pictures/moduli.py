@@ -1,4 +1,4 @@
-"""BT's figures 1 and 4, and η₀ with over without pre-stress."""
+"""BT's figures 1 and 4, local exponents of figure 3, and η₀ with over without pre-stress."""
 
 from itertools import product
 from pathlib import Path
@@ -8,6 +8,7 @@ from matplotlib.collections import LineCollection
 from scipy.spatial import cKDTree
 
 import jampetsc
+from jampetsc.analysis.power_laws import local_slope
 from jampetsc.analysis.statistics import log_median
 from jampetsc.io.disk_motion import field_at, packing_of, particle_rows, phase_factor
 from jampetsc.packing.contacts import measure
@@ -17,6 +18,7 @@ from jampetsc.plots.moduli_plots import average_files, plot_collapse, plot_modul
 from jampetsc.plots.page import draw_guide, draw_points
 from jampetsc.plots.quasistatic_plots import plot_viscosities
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number, power_or_number
+from papers.claims.moduli import curves_of, median_curve
 from papers.pictures.shared import beside, drawn, results
 
 WINDOW = 26.0  # side of the part of a packing in mean diameters
@@ -140,3 +142,28 @@ def with_over_without(page, folder):
         bars = np.exp(middle) * np.array([1 - 1 / factor, factor - 1])
         draw_points(ax, p * n**2, np.exp(middle), bars, label=f"$N={n:.0f}$", lw=0.7, **look)
     page.legend(ax, title="medians, standard errors", first="upper left")
+
+
+@drawn("bt-fig3-exponents")
+def local_exponents(page, folder):
+    """d ln G′/d ln ω and d ln G″/d ln ω of medians over packings against ω/p, β = 1 with pre-stress."""
+    names = [
+        r"$\mathrm{d}\ln G^{\prime}/\mathrm{d}\ln\omega$",
+        r"$\mathrm{d}\ln G^{\prime\prime}/\mathrm{d}\ln\omega$",
+    ]
+    axes = page.panels(1, 2, PAGE, 2.9, x=r"$\omega\tau_1\,k/p$", y=names, log="x")
+    sweeps = jampetsc.load(folder).where(command="sweep", state="done", rotations=1, prestress=1)
+    groups = dict(curves_of(sweeps))
+    for p, look in looks(sorted(groups)):
+        omega, G = median_curve(groups[p])
+        for ax, part in zip(axes, (G.real, G.imag), strict=True):
+            ax.plot(
+                omega / p,
+                local_slope(omega, part),
+                color=look["color"],
+                lw=1.0,
+                label=f"${power_or_number(p)}$",
+            )
+    for ax in axes:
+        ax.axhline(0.5, color=GREY, lw=0.6, ls=":", zorder=0)
+    page.legend(axes[0], title="$p/k$", first="upper left")
