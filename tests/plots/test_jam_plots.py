@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from densities import jamming_step
 from picture_contents import Held, bars, figure_of, lines, told
-from pressures import CUTS, low_end
 from samples import isostatic
 
 from jampetsc.analysis.jammed_samples import (
@@ -25,6 +23,8 @@ from jampetsc.plots.jamming_plots import (
     plot_stepwise_shear,
     samples_of,
 )
+from papers.tables.densities import jamming_step
+from papers.tables.pressures import CUTS, low_end
 
 UNITS = {"units": "k_e = k_d = 1, diameter of the small disks 1", "stiffness": "inverse-square-diameter"}
 PHIS = (0.83, 0.84)
