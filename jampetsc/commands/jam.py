@@ -17,7 +17,7 @@ from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP, radii_of
 from jampetsc.minimisation.sizes import MAX_DISKS, MIN_DISKS, in_small_diameters
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.potential_options import EXPONENT
+from jampetsc.options.potential_options import EXPONENT, potential_identity
 from jampetsc.options.starts import (
     PHI_RANGE,
     STIFFNESS,
@@ -123,6 +123,10 @@ A killed run continues when the same command is given again. Options of the Newt
     def implied(self):
         """See `Job`."""
         return self.made_protocol.facts
+
+    def identity(self):
+        """See `Job`."""
+        return super().identity() | potential_identity(self.made_potential)
 
     @property
     def count(self) -> int:

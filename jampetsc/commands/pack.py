@@ -12,7 +12,7 @@ from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP
 from jampetsc.minimisation.sizes import MAX_DISKS, MIN_DISKS, Radii, radii_asked, sizes_text
 from jampetsc.options.job import NO_FILE, Job, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
-from jampetsc.options.potential_options import EXPONENT
+from jampetsc.options.potential_options import EXPONENT, potential_identity
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, STRESS_UNIT
 from jampetsc.packing.packing import MINIMISED_PHIS, PARTICLES, Packing
 from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, STIFFNESSES, Potential
@@ -173,10 +173,13 @@ Options of the Newton steps have the prefix -newton_, e.g. -newton_pc_factor_mat
         sizes = {} if self.radii is not None else {"sizes": DEFAULT_SIZES}
         return {
             "dimension": 2,
-            "potential": DEFAULT_POTENTIAL,
             "stiffness": STIFFNESSES[0],
             "seed": 1,
         } | sizes
+
+    def identity(self):
+        """See `Job`."""
+        return super().identity() | ({} if self.from_ is not None else potential_identity(self._potential))
 
     @property
     def _potential(self):

@@ -20,7 +20,7 @@ from jampetsc.minimisation.sizes import (
 )
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, optional_parameter, parameter, parameters
-from jampetsc.options.potential_options import EXPONENT
+from jampetsc.options.potential_options import EXPONENT, potential_identity
 from jampetsc.options.values import MAX_SEED, MAX_THREADS, PACKING, RADII, SIZES, input_name
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import DEFAULT_POTENTIAL, EXPONENTS, Potential
@@ -118,7 +118,13 @@ class ShearJob(Job):
         if self.start is not None:
             return discard
         sizes = {} if self.radii is not None else {"sizes": DEFAULT_SIZES}
-        return {"dimension": 2, "seed": 1, "potential": next(iter(EXPONENTS))} | sizes | discard
+        return {"dimension": 2, "seed": 1} | sizes | discard
+
+    def identity(self):
+        """See `Job`."""
+        return super().identity() | (
+            {} if self.start is not None else potential_identity(self.made_potential)
+        )
 
     def check_outputs(self, to):
         """Also check the file of the last state."""

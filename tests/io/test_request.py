@@ -69,6 +69,11 @@ SAME = [  # each: ways to ask for one job, on a command line or in python
     ["jam --n 16 --phi 0.5:1:3 --seeds 1:3 --protocol shear --out j.h5", "jam --n 16 --phi 1,0.75,0.5 --seeds 1,2,3 "
      "--protocol shear --step 1e-3 --strain 2 --discard 1 --every 0.02 --dimension 2 --out j.h5",
      Jam(n=16, phi=[0.5, 0.75, 1.0], seeds=range(1, 4), protocol="shear")],
+    *([f"{job} {words}" for words in both] for both in (
+        ("--potential harmonic", "--potential power --exponent 2"),
+        ("--potential hertzian", "--potential power --exponent 2.5")) for job in (
+        "pack --n 16 --phi 0.9 --out p.h5", "jam --n 16 --phi 0.9 --seeds 1 --out j.h5",
+        "shear --n 16 --phi 0.9 --step 1e-3 --strain 1 --out s.h5")),
     ["jam --n 16 --phi 0.8 --seeds 1:1 --protocol compress --out j.h5", "jam --n 16 --phi 0.8 --seeds 1 --protocol "
      "compress --temperature 1e-3 --cooling-rate 1e-2 --sweeps 200 --out j.h5"],
     ["oscillate p.h5 --omega 1 --strain 1e-6 --contacts moving --out o.h5", "oscillate p.h5 --omega 1 --strain 1e-6 "
@@ -95,6 +100,7 @@ DIFFERENT = [  # each: jobs of which no two have the same result
         "--n 16 --phi 0.9", "--n 17 --phi 0.9", "--n 16 --phi 0.91", "--n 16 --pressure 0.9",
         "--n 16 --phi 0.9 --seed 2",
         "--n 16 --phi 0.9 --dimension 3", "--n 16 --phi 0.9 --potential hertzian",
+        "--n 16 --phi 0.9 --potential power --exponent 3", "--n 16 --phi 0.9 --potential power --exponent 4",
         "--n 16 --phi 0.9 --stiffness inverse-square-diameter", "--n 16 --phi 0.9 --sizes monodisperse",
         "--n 16 --phi 0.9 --stabilise shear", "--n 16 --phi 0.9 --tolerance 1e-9", "--from p0.h5 --phi 0.9",
         "--radii r.txt --phi 0.9")],
