@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import launch
 
@@ -44,10 +45,49 @@ for name in ("energy", "force"):
 """
 
 
+ROWS = """
+import sys
+import numpy as np
+import jampetsc
+from jampetsc import main
+from jampetsc.laws.damping import damping_law
+from jampetsc.laws.loads import LoadChoice
+
+assert jampetsc.__file__.startswith(sys.argv[1])
+packing = jampetsc.load(sys.argv[2])
+brush = damping_law("brush", ratio=0.3)
+assert (brush.normal, brush.transverse, str(brush)) == (1.0, 0.3, "brush damping, ratio = 0.3")
+model = jampetsc.models.CDd()
+assert (model.law.drag, model.law.transverse, model.mass) == (0.1, 1.0, 0.0)
+(load,) = LoadChoice("biaxial").of(3)
+assert np.array_equal(load.gradient, np.diag([0.5, 0.5, 0.0]))
+options = "--law brush --ratio 0.3 --load biaxial --omega 0.1,1 --out s.h5".split()
+assert main.main(["sweep", sys.argv[2], *options]) == 0
+sweep, direct = jampetsc.load("s.h5"), jampetsc.sweep(packing, brush, load=np.eye(2) / 2, omega=[0.1, 1.0])
+assert np.allclose(sweep.G, direct.G, rtol=1e-6) and sweep.load == "biaxial"
+assert (sweep.law["law"], sweep.law["ratio"]) == ("brush", 0.3)
+slow = jampetsc.quasistatic(packing)
+assert slow.attributes["contact_count"] == len(slow["contacts/pairs"])
+assert main.main(["plot", "s.h5", "--kind", "loss-tangent", "--out", "loss.png"]) == 0
+distances = packing.contacts().distance
+assert float(jampetsc.spacing(packing, quantile=0.25)) == float(f"{np.quantile(distances, 0.25):.6g}")
+assert [main.main(["spacing", sys.argv[2], "--laps", laps]) for laps in ("2", "0")] == [0, 2]
+"""
+
+
 def section(title):
     """The text of a section of the page."""
-    text = (launch.ROOT / "docs" / "howto" / "extend.md").read_text()
+    text = (launch.ROOT / "docs" / "howto" / "extend.md").read_text() + "## "
     return re.search(rf"^## {title}\n(.*?)(?=^## )", text, re.MULTILINE | re.DOTALL)[1]
+
+
+def blocks(title):
+    """The indented pieces of code in a section."""
+    return [
+        textwrap.dedent(text)
+        for text in re.findall(r"(?:^(?: {4}.*)?\n)+", section(title), re.MULTILINE)
+        if text.strip()
+    ]
 
 
 def with_insertion(source, name, lines):
@@ -65,10 +105,7 @@ def with_insertion(source, name, lines):
 
 def test_a_potential(tmp_path):
     """As the page says, in one module: a packing, its file, the compiled loop and a sweep."""
-    shutil.copytree(
-        launch.ROOT / "jampetsc", tmp_path / "jampetsc", ignore=shutil.ignore_patterns("__pycache__")
-    )
-    module = tmp_path / "jampetsc" / "packing" / "potentials.py"
+    module = copy_of_package(tmp_path) / "packing" / "potentials.py"
     source = module.read_text()
     steps = re.findall(
         r"(?:In|a row of) `(\w+)`[^\n]*(?:\n[^\n]+)*?:\n\n((?: {8}[^\n]*\n)+)", section("A potential")
@@ -90,4 +127,54 @@ def test_a_potential(tmp_path):
         text=True,
         timeout=300,
     )
+    assert done.returncode == 0, done.stderr
+
+
+def copy_of_package(folder):
+    """The package, copied into a folder."""
+    ignored = shutil.ignore_patterns("__pycache__")
+    return Path(shutil.copytree(launch.ROOT / "jampetsc", folder / "jampetsc", ignore=ignored))
+
+
+def insert(path, before, lines):
+    """Lines in front of the one line of a module that begins with `before`, indented as it is."""
+    rows = path.read_text().splitlines()
+    (place,) = (number for number, row in enumerate(rows) if row.strip().startswith(before))
+    indent = " " * (len(rows[place]) - len(rows[place].lstrip()))
+    path.write_text("\n".join([*rows[:place], textwrap.indent(lines.rstrip(), indent), *rows[place:], ""]))
+
+
+def test_rows_and_commands(tmp_path):
+    """A law, a load, a model, an option, a number in a file, a picture and a command."""
+    package = copy_of_package(tmp_path)
+    (law,), (load,), (model,), (option,) = map(
+        blocks, ("A damping law", "A load", "A model of flow", "An option")
+    )
+    number, row = blocks("A number in a file")
+    command, entry = blocks("A command")
+    (picture,) = re.findall(r"```python\n(.*?)```", section("A picture"), re.DOTALL)
+    imports, function = (
+        "from jampetsc.plots.picture import picture\n",
+        picture.partition("\n\n\n")[2].partition("\n\n\naxes")[0],
+    )
+    insert(package / "laws" / "damping.py", '"stokes": Family(', law)
+    insert(package / "laws" / "loads.py", "return {load.name: load", load)
+    insert(package / "laws" / "flow_models.py", '"RD": (Law', model)
+    insert(package / "commands" / "quasistatic.py", "writer.attributes(eta_inf", number)
+    insert(package / "io" / "result_formats.py", "G0, G_affine, bulk_modulus |", row)
+    (package / "plots" / "loss_plots.py").write_text(imports + "\n\n" + function + "\n")
+    draw = package / "plots" / "draw.py"
+    draw.write_text(draw.read_text().replace('"moduli_plots",', '"moduli_plots", "loss_plots",', 1))
+    (package / "commands" / "spacing.py").write_text(command)
+    insert(package / "commands" / "spacing.py", "quantile: float", option)
+    insert(package / "commands" / "__init__.py", '"info": ', entry)
+    (tmp_path / "program.py").write_text(ROWS)
+    environment = launch.environment() | {"PYTHONPATH": str(tmp_path)}
+    words = [
+        sys.executable,
+        "program.py",
+        str(tmp_path),
+        str(launch.ROOT / "tests/data/isostatic-N24-p1e-7.h5"),
+    ]
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
