@@ -20,7 +20,8 @@ from jampetsc.packing.spring_network import Network
 
 KINDS = {Packing: "jampetsc-packing", Network: "jampetsc-network"}
 RARE = {  # of runs that are not made here
-    "": ("transverse", "sliding", "drag"),  # weights of a law that only python has
+    # weights of a law that only python has; the exponent of a power, for which loops would be compiled again
+    "": ("transverse", "sliding", "drag", "exponent", "requested_exponent"),
     "jampetsc-packing": ("source", "source_sha256", "requested_phi", "walls"),
     "jampetsc-sweep": ("failed_omega",),
     "jampetsc-flow": (
@@ -43,6 +44,7 @@ springs made.h5 --keep 0.9 --out cut.h5
 sweep lattice.h5 --law stokes --omega 1 --out springs.h5
 sweep made.h5 --out sweep.h5 --fields 1e-3,1
 sweep p.h5 --out alpha.h5 --alpha 0.5 --stress 1e-6 --omega 1e-3,1
+sweep p.h5 --out spins.h5 --law custom --sliding 1 --spin-drag 1 --tangential-stiffness 1 --omega 1
 sweep p.h5 --out stokes.h5 --law stokes --method direct --omega 1e-3
 quasistatic p.h5 --out slow.h5 --betas 1,2
 modes p.h5 --out modes.h5 --count 3
