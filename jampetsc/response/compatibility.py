@@ -75,7 +75,7 @@ class BondForms:
         added = load_coefficients(self.forms, load.imposed(self.network.contacts.r), self.rotation(load))
         column, corner = load_column(self.forms, self.weights, added)
         column = self.sum_of_disks(column).ravel()
-        dofs = column.size // (self.network.last - self.network.first)
+        dofs = self.network.dofs(self.law)
         own = pins - self.network.first * dofs
         column[own[(own >= 0) & (own < len(column))]] = 0.0
         return column, self.network.sum(np.sum(corner)) / 2.0  # each contact is seen from both ends

@@ -519,6 +519,7 @@ def test_what_is_scaled_is_of_one_kind(tmp_path, name):
         "potential": ("harmonic", "hertzian"),
         "stiffness": ("constant", "inverse-square-diameter"),
         "dimension": (2, 3),
+        "exponent": (2.25, 3.5),
         **dict.fromkeys(("k", "mass", "tau1"), (1.0, 2.0)),
     }
     one, two = words.get(name, ("one", "two"))

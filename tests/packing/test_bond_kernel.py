@@ -45,7 +45,9 @@ def test_against_sums_over_contacts(crowd, name, spinning, potential):
         (u, rate, weights), (spin, disks.radii, torques) if spinning else None,
     )  # fmt: skip
     moved = deformed(disks, offsets, growth_and_shear(strain, shear))
-    law = Law(name, *weights, tau1=1.0 / potential.k)  # weights count kτ₁
+    law = Law(
+        name, **dict(zip(("normal", "transverse", "sliding"), weights, strict=True)), tau1=1.0 / potential.k
+    )  # weights count kτ₁
     springs, viscous, turned, virial, work = sheared.forces(moved, law, rate, u, spin)
     c, wanted = find_contacts(moved), springs + viscous
     assert np.abs(forces - wanted).max() < 1e-12 * np.abs(wanted).max()

@@ -9,6 +9,8 @@ import pytest
 from dense import Reference, symmetric_loads
 from samples import DATA, TABLE_LAWS, TENSOR_TABLE, table_tensor
 
+from jampetsc.packing.potentials import Potential
+
 
 def published(row):
     """The packing as `Reference` takes it: positions are fractions of the box."""
@@ -16,7 +18,7 @@ def published(row):
     with h5py.File(DATA / row["file"]) as h5:
         cell, radii = h5["box"][i].reshape(D, D), h5["rad"][i]
         positions = h5["pos"][i].reshape(-1, D) @ cell
-    potential = SimpleNamespace(k=1.0, alpha=2.0, stiffness="inverse-square-diameter")
+    potential = Potential(stiffness="inverse-square-diameter")
     return SimpleNamespace(
         base=positions, offset=None, cell_base=cell, cell_offset=None, radii=radii, potential=potential
     )

@@ -36,12 +36,12 @@ def packings(draw, most=20):
     width, height = (draw(st.floats(2.0, 9.0)) for _ in "xy")
     tilt = draw(st.one_of(st.just(0.0), st.floats(-3.0, 3.0)))
     cell = np.array([[width, 0.0], [tilt * height, height]])
-    law = Potential(
-        draw(st.sampled_from(list(EXPONENTS))), draw(st.sampled_from(STIFFNESSES)), draw(st.floats(1e-3, 1e3))
-    )
+    kind, stiffness = draw(st.sampled_from(list(EXPONENTS))), draw(st.sampled_from(STIFFNESSES))
+    exponent = draw(st.floats(2.0, 4.0)) if kind == "power" else None
+    potential = Potential(kind, stiffness, draw(st.floats(1e-3, 1e3)), exponent)
     positions = rng.uniform(-1.0, 2.0, (n, 2)) @ cell
     try:
-        return Packing.from_positions(positions, rng.uniform(0.3, 0.9, n), cell, law)
+        return Packing.from_positions(positions, rng.uniform(0.3, 0.9, n), cell, potential)
     except InputError as error:
         assume("would touch its own image" not in str(error))
         raise
@@ -111,9 +111,9 @@ def test_a_packing_is_the_same_in_another_order_and_place_and_cell(disks, shift,
 def test_units_of_length_and_force_change_no_number_without_units(disks, length, force):
     """p has k δ^(α−1)/length, with δ in units of length or of σ (Vågberg, eq. 4.7)."""
     assume(not in_doubt(disks))
-    kind, stiffness, k = disks.potential.kind, disks.potential.stiffness, disks.potential.k
-    power = disks.potential.exponent - 2.0 if stiffness == "constant" else -2.0
-    other = Potential(kind, stiffness, k * force / length**power)
+    stiffness, k, exponent = disks.potential.stiffness, disks.potential.k, disks.potential.exponent
+    power = exponent - 2.0 if stiffness == "constant" else -2.0
+    other = Potential(stiffness=stiffness, k=k * force / length**power, exponent=exponent)
     scaled = Packing.from_positions(
         length * disks.positions, length * disks.radii, length * disks.cell, other
     )
