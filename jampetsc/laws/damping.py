@@ -12,6 +12,7 @@ that can be chosen by name; a new law is one more row there. No other code depen
 forces, dissipation, null modes and command-line options all follow from weights and rows.
 """
 
+import inspect
 import math
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field, make_dataclass
@@ -227,8 +228,8 @@ class Law(_Weights):
         return python_text(self.family, options)
 
 
-Law.__doc__ = Law.__doc__.replace(
-    "WEIGHTS", "\n    ".join(f"{form.weight:10s} {form.help}" for form in FORMS)
+Law.__doc__ = inspect.cleandoc(Law.__doc__).replace(
+    "WEIGHTS", "\n".join(f"{form.weight:10s} {form.help}" for form in FORMS)
 )
 
 

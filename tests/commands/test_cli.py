@@ -158,14 +158,14 @@ def test_settings_of_other_programs_are_one_line_or_nothing(tmp_path, setting, c
     assert (done.returncode, done.stderr) == (2, f"jampetsc: error: {setting}: {message}. Unset it.\n")
 
 
-def processes_of(folder):
-    """Names of those that a test with this folder has started, by the environment they were given."""
+def processes_of(folder, fact="comm"):
+    """Names, or command lines, of those that a test with this folder has started, by their environment."""
     mark = f"JAMPETSC_TEST={folder}"
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             if mark.encode() in (folder / "environ").read_bytes():
-                found.append((folder / "comm").read_text().strip())
+                found.append((folder / fact).read_text().strip())
     return found
 
 
@@ -205,7 +205,7 @@ def test_what_waits_for_a_process_of_its_own_takes_it_along(tmp_path):
     line = [sys.executable, "-m", "jampetsc", "trade", "p.h5", "--out", "t.csv", "--omega", "1e-6:1:100000"]
     environment = launch.environment() | {"JAMPETSC_TEST": str(tmp_path)}
     with subprocess.Popen(line, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL) as running:
-        assert until(lambda: len(processes_of(tmp_path)) == 2)
+        assert until(lambda: any("\0sweep\0" in words for words in processes_of(tmp_path, "cmdline")))
         running.send_signal(signal.SIGTERM)
     assert running.returncode == 128 + signal.SIGTERM
     assert until(lambda: not processes_of(tmp_path))  # the kernel ends it a moment after its parent
