@@ -82,9 +82,7 @@ of them, are found by LAPACK, which takes no options."""
         count = COUNT if self.count is None and self.below is None and not self.all else self.count
         source = read_network(self.packing, elastic_parameters(self.prestress), to)
         with about(source.name), session.stage("modes"):
-            load, tensor = (
-                of(source.source.dimension) for of in (self.load.field_load, self.load.tensor_loads)
-            )
+            load, tensor = self.load.field_and_tensor(source.source.dimension)
             modes = lowest_modes(source.network, count, self.below, source.proved, load, tensor)
         with session.stage("output"), to.writer(self.FORMAT, session.comm) as writer:
             _write(writer, modes, self.eigenvectors)

@@ -72,9 +72,7 @@ PETSc options: -shift_… for the factorisations."""
         source = read_network(self.packing, self.elastic, to)
         with about(source.name):
             betas = () if self.betas is None else self.betas.tolist()
-            load, tensor = (
-                of(source.source.dimension) for of in (self.load.field_load, self.load.tensor_loads)
-            )
+            load, tensor = self.load.field_and_tensor(source.source.dimension)
             outcome = solve_quasistatic(source.network, self.law, betas, load, tensor)
         notes = [
             *(unstable_to_shear(outcome.responses[""].G0, "G0") if load.is_shear else []),

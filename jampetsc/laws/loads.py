@@ -173,13 +173,13 @@ class LoadChoice(str):
             )
         return (load,)
 
-    def field_load(self, dimension: int) -> Load:
-        """The load whose fields are meant, simple shear for the tensor. Raises InputError as `of`."""
-        return simple_shear(dimension) if self.is_tensor else self.of(dimension)[0]
+    def field_and_tensor(self, dimension: int) -> tuple[Load, tuple[Load, ...]]:
+        """The load whose fields are meant, and the loads of the tensor: simple shear and all of them, or one and none.
 
-    def tensor_loads(self, dimension: int) -> tuple[Load, ...]:
-        """All symmetric loads where the tensor is asked for, none for a single load."""
-        return self.of(dimension) if self.is_tensor else ()
+        Raises InputError as `of`.
+        """
+        loads = self.of(dimension)
+        return (simple_shear(dimension), loads) if self.is_tensor else (loads[0], ())
 
     def _by_dimension(self) -> dict[int, Load]:
         by_name = {dimension: named_loads(dimension).get(self) for dimension in DIMENSIONS}
