@@ -8,18 +8,13 @@ import sys
 
 import launch
 import pytest
+from written_commands import small, small_study
 
 import jampetsc
 from jampetsc import main as cli
 from jampetsc.commands import JOBS, job_class
 from jampetsc.options.parameters import OPTION, parameters
 
-SMALL = {  # option -> its value here
-    **{"--n": "32", "--count": "5", "--seeds": "1:2", "--strain": "0.05", "--snapshots": "2"},
-    **{"--phi": "0.86", "--discard": "0.01"},
-}
-KEPT = ("pack", "import")  # whose φ and seeds are those of files that later lines read
-HERE = {("oscillate", "--omega"): "1e-6", ("oscillate", "--strain"): "1e-6"}  # each point takes a while
 SMALL_PYTHON = {  # python in a document -> here
     **{
         "n=256": "n=32",
@@ -41,20 +36,6 @@ LONG = "trade"  # runs commands for minutes; it has tests of its own
 def blocks(name, language):
     """The ```language blocks of a document."""
     return re.findall(rf"```{language}\n(.*?)```", (launch.ROOT / name).read_text(), re.DOTALL)
-
-
-def small(words):
-    """A command line at a size for tests."""
-    words = list(words)
-    for n in range(len(words) - 1):
-        if words[n] in SMALL and not (words[0] in KEPT and words[n] in ("--seeds", "--phi")):
-            words[n + 1] = SMALL[words[n]]
-        words[n + 1] = HERE.get((words[0], words[n]), words[n + 1])
-    return words
-
-
-def small_study(text):
-    return re.sub(r'"1:\d+"', '"1:2"', re.sub(r"^n = \d+", "n = 16", text, flags=re.MULTILINE))
 
 
 def pages(pattern):

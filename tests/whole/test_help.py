@@ -7,20 +7,12 @@ import numpy as np
 import pytest
 from samples import stored
 from test_collapse import PHIS, RATES, write_flow
+from written_commands import small, small_study
 
 from jampetsc import main as cli
 from jampetsc.commands import JOBS, job_class
 from jampetsc.studies.study_table import table_text
 
-SMALL = {  # option -> {its value: that here}
-    "--n": {"64": "16", "256": "24", "1024": "32"},
-    "--seeds": {"1:4": "1:1", "1:20": "1:1", "1:40": "1:1", "1:100": "1:2", "1:500": "1:2"},
-    **{"--phi": {"0.78": "0.86"}, "--snapshots": {"40": "4"}, "--below": {"0.01": "0.5"}},
-    **{"--cooling-rate": {"1e-3": "0.5"}, "--discard": {"1": "0.01"}},
-    "--omega": {"1e-9:1e-5:9": "1e-6", "1e-4": "1e-2", "1e-6": "1e-2"},
-    **{"--stress": {"1e-6,1e-5": "1e-5", "1e-5,1e-4": "1e-4"}, "--steps": {"256": "32"}},
-}
-SHEARED = ("flow", "shear", "jam")  # whose strain is that of a run
 FIRST = "pack springs sweep modes quasistatic flow shear jam study".split()  # make what the others read
 LONG = ("trade", "--corrections")  # have tests of their own
 MORE = """\
@@ -40,21 +32,11 @@ springs --lattice square --size 4 --out plain.h5
 export plain.h5 --out gel.data"""
 
 
-def small(words, folder):
+def matched(words, folder):
     """A command line at a size for tests, its patterns as a shell in the folder replaces them."""
-    named = [*words]
-    for n in range(1, len(words)):
-        named[n] = SMALL.get(words[n - 1], {}).get(words[n], words[n])
-        if words[n - 1] == "--strain" and words[0] in SHEARED:
-            named[n] = "0.05"
-        if words[n - 1] == "--strain" and "," in words[n]:
-            named[n] = "1e-4"
-    if words[0] == "pack" and "--pressure" in words and "--stabilise" not in words:
-        named += ["--stabilise", "shear"]  # at so small sizes the shear modulus would often be negative
-    if words[0] == "oscillate":
-        named += [] if "--steps" in words else ["--steps", "16"]
-        named += ["--cycles", "3"] if "moving" in words else []
-    found = [sorted(path.name for path in folder.glob(word)) if "*" in word else [word] for word in named]
+    found = [
+        sorted(path.name for path in folder.glob(word)) if "*" in word else [word] for word in small(words)
+    ]
     return [name for some in found for name in some]
 
 
@@ -94,9 +76,9 @@ def test_the_examples_run(tmp_path):
     order = [words for command in FIRST for words in lines.pop(command)]
     order += [words for some in lines.values() for words in some if not set(words) & set(LONG)]
     study = re.search(r"(?:^  [\[a-z].*\n)+", job_class("study").EPILOG, re.MULTILINE)[0]
-    (folder / "STUDY.toml").write_text(re.sub("1:20", "1:1", study).replace("[256, 1024]", "16"))
+    (folder / "STUDY.toml").write_text(small_study(study))
     write_scaled(folder)
-    packs = [small(words, folder) for words in order if words[0] == "pack"]
+    packs = [matched(words, folder) for words in order if words[0] == "pack"]
     launch.run_lines(folder, packs + [line.split() for line in MORE.splitlines()])
     text = (folder / "p.dump").read_text()
     (folder / "dump.lammpstrj").write_text(2 * text)
@@ -107,7 +89,7 @@ def test_the_examples_run(tmp_path):
     np.savetxt(folder / "disks.txt", np.loadtxt(rows, usecols=(2, 3, 5)))
     (folder / "nodes.txt").write_text("0 0\n1 0\n1 1\n")
     (folder / "bonds.txt").write_text("0 1 1.0\n1 2 2.0\n")
-    rest = [small(words, folder) for words in order if words[0] != "pack"]
+    rest = [matched(words, folder) for words in order if words[0] != "pack"]
     pictures = [words for words in rest if words[0] == "plot"]
     assert len(pictures) > 10
     launch.run_lines(folder, [words for words in rest if words not in pictures] + pictures)
