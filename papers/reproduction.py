@@ -15,6 +15,7 @@ from pathlib import Path
 
 import jampetsc
 from papers.claims import (  # noqa: F401  they enter their claims
+    above,
     checks,
     drag,
     exponents,

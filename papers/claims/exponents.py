@@ -375,4 +375,4 @@ def yield_pressures(models, drag):
     ours = replace(found, systematic=0.5 * abs(ends[1] - ends[0]))
     told = ", ".join(f"{one} at φ = {at:g}, χ² = {one.chi2:.0f} for {one.dof}" for at, one in limits)
     what = "RD0, φ > φ_J: p ~ (φ − φ_J)^y, extrapolated to γ̇ → 0: y"
-    yield Row(what, "1.1", ours, number(1.1), f"p = {told}", size_of(rows))
+    yield Row(what, "1.1", ours, number(1.1), f"p = {told}", size_of(rows), part=None)

@@ -321,7 +321,7 @@ def finite_size(table):
         )
         note = f"QS {ours}, RAND {other}"
         what, words = "y of QS less y of RAND", "exponents differ: > 0"
-        yield Row(what, words, change, between(low=0.0), note, size, bears="ensembles")
+        yield Row(what, words, change, between(low=0.0), note, size, bears="ensembles", part=None)
 
 
 @claim("paper2", on="ensembles")

@@ -106,7 +106,7 @@ PAGE = {
         "fit-y": "collapse of p, RD0: y (V Fig. 5.1)",
         "fit-znu": "collapse of p, RD0: zν (V Fig. 5.1)",
         "beta": "φ < φ_J: p/γ̇ ~ (φ_J − φ)^(−β), γ̇ → 0: β (V 5.4)",
-        "above": "φ > φ_J: p ~ (φ − φ_J)^y, γ̇ → 0: y, RD0 (V 5.5)",
+        "above": "φ > φ_J: p ~ (φ − φ_J)^y, γ̇ → 0: y, QS (V 5.5)",
         "at-phi_J": "RD0 at φ_J: p ~ γ̇^x (V 5.3)",
         "corrections": "corrections to scaling are larger for σ than for p: distances of their exponents at φ_J from "
         "y/zν (V 5.4)",
