@@ -13,28 +13,38 @@ import launch
 PROGRAM = """
 import numpy as np
 import jampetsc
+from jampetsc.io.packing_file import write_packing
 from jampetsc.packing.contacts import net_forces
 
-jampetsc.pack(n=24, pressure=0.05, seed=1, potential="stiffening", stabilise="shear", out="p.h5")
+# a triangular lattice, which is at rest under any potential and moves affinely
+a, rows = 0.9, np.arange(6)
+x, y = (one.ravel() for one in np.meshgrid(np.arange(6), rows, indexing="ij"))
+places, cell = np.column_stack((a * (x + 0.5 * y), a * 0.75**0.5 * y)), a * np.diag([6, 6 * 0.75**0.5])
+write_packing("p.h5", jampetsc.Packing(places, np.full(36, 0.5), cell, "stiffening"))
 found = jampetsc.load("p.h5")
 contacts, potential = found.contacts(), found.potential
 assert str(potential) == "stiffening" and potential.record["stiffness"] == "constant"
 u = contacts.overlap
 assert np.allclose(contacts.force, u + u**3, rtol=1e-13) and np.allclose(contacts.stiffness, 1 + 3 * u * u, rtol=1e-13)
-assert np.isclose(found.record["energy"], np.sum(u**2 / 2 + u**4 / 4), rtol=1e-13) and u.max() > 0.05
-assert np.abs(net_forces(found.n, contacts)).max() < 1e-9 and np.isclose(found.pressure, 0.05)
+assert np.isclose(found.record["energy"], np.sum(u**2 / 2 + u**4 / 4), rtol=1e-13) and len(u) == 108
+assert np.abs(net_forces(36, contacts)).max() < 1e-9 and np.isclose(found.pressure, (0.1 + 0.1**3) * 3**0.5 / a)
 
 from jampetsc.packing.kernel import bond_forces
 from jampetsc.packing.neighbour_list import NeighbourList
 from jampetsc.packing.strain import UNSTRAINED
 
-forces = np.empty((24, 2))
+forces = np.empty((36, 2))
 sums = bond_forces(
-    NeighbourList.build(found, 0.3), np.zeros((24, 2)), UNSTRAINED, potential.constants, forces, None, None
+    NeighbourList.build(found, 0.3), np.zeros((36, 2)), UNSTRAINED, potential.constants, forces, None, None
 )
 assert np.isclose(sums.energy / potential.exponent, found.record["energy"], rtol=1e-12)
 sweep = jampetsc.sweep(found, omega=[1e-8, 1.0])
-assert np.isclose(sweep.G.real[0], found.record["shear_modulus"], rtol=1e-6)
+h = 1e-4
+shears = [np.array([[1, 0], [gamma, 1]]) for gamma in (-h, 0, h)]
+energies = [
+    jampetsc.Packing(places @ F, found.radii, cell @ F, "stiffening").record["energy"] for F in shears
+]
+assert np.isclose(sweep.G.real[0], (energies[0] - 2 * energies[1] + energies[2]) / h**2 / found.volume, rtol=1e-4)
 assert str(type(potential)(exponent=2.0)) == "harmonic"
 scale = np.array([0.8, 1.3])
 for name in ("energy", "force"):
@@ -104,7 +114,7 @@ def with_insertion(source, name, lines):
 
 
 def test_a_potential(tmp_path):
-    """As the page says, in one module: a packing, its file, the compiled loop and a sweep."""
+    """As the page says, in one module: contacts, a file, the compiled loop and a sweep."""
     module = copy_of_package(tmp_path) / "packing" / "potentials.py"
     source = module.read_text()
     steps = re.findall(
