@@ -12,12 +12,9 @@ from jampetsc.packing.potentials import Potential
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 
 K = 2.5
-CASES = [  # exponent, stiffness, dimension, number of particles, pressure
-    (2.25, "constant", 2, 48, 1e-2),
-    (4.0, "inverse-square-diameter", 2, 48, 1e-3),
-    (3.0, "inverse-square-diameter", 3, 64, 1e-2),
-    (2.25, "constant", 3, 64, 1e-2),
-]
+# exponent, stiffness, dimension, number of particles, pressure
+PLANE, SPACE = (2.25, "constant", 2, 24, 1e-2), (3.0, "inverse-square-diameter", 3, 32, 1e-2)
+MORE = (4.0, "inverse-square-diameter", 2, 24, 1e-3), (2.25, "constant", 3, 32, 1e-2)
 
 
 @cache
@@ -34,13 +31,15 @@ def at_rest(exponent, stiffness, dimension, n, pressure):
     return stiff
 
 
-@pytest.fixture(params=CASES, ids=lambda case: f"{case[0]:g} in {case[2]}D")
+@pytest.fixture(params=[PLANE, SPACE], ids=lambda case: f"{case[0]:g} in {case[2]}D")
 def packing(request, session):
     return at_rest(*request.param)
 
 
-def test_the_pressure_is_minus_the_slope_of_the_energy(packing):
+@pytest.mark.parametrize("case", [PLANE, SPACE, *MORE])
+def test_the_pressure_is_minus_the_slope_of_the_energy(session, case):
     """p = −∂U/∂V of the affine motion, by differences."""
+    packing = at_rest(*case)
 
     def energy(stretch):
         cell, places = stretch * packing.cell, stretch * packing.positions
@@ -74,12 +73,14 @@ def test_the_static_modulus_is_the_slope_of_the_stress(packing):
 def test_small_oscillations_with_moving_contacts_are_linear(packing):
     law = jampetsc.ContactDamping(beta=1.0, tau1=2.0)
     swept = jampetsc.sweep(packing, law, omega=[0.5])
-    moving = jampetsc.oscillate(packing, law, omega=[0.5], strain=[1e-7], contacts="moving")
-    assert abs(moving["G"].ravel()[0] / swept.G[0] - 1.0) < 1e-3
+    few = {"steps": 16, "cycles": 2}
+    moving = jampetsc.oscillate(packing, law, omega=[0.5], strain=[1e-7], contacts="moving", **few)
+    assert abs(moving["G"].ravel()[0] / swept.G[0] - 1.0) < 5e-3
 
 
-def test_a_flow_dissipates_the_work_on_it(packing):
-    rate = 1e-2
+def test_a_flow_dissipates_the_work_on_it(session):
+    """In a plane: flows in space have all exponents in the tests of their forces."""
+    packing, rate = at_rest(*PLANE), 1e-2
     flow = jampetsc.flow(packing, model="CD0", rate=rate, strain=0.1, discard=0.02)
     strain, energy, spent = (flow[name] for name in ("strain", "energy", "dissipation"))
     left = flow["shear_stress"].sum(axis=1) * rate * packing.volume - spent
@@ -91,7 +92,7 @@ def test_a_flow_dissipates_the_work_on_it(packing):
 
 def test_a_file_of_a_flow_keeps_the_exponent(session, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    words = "flow --model RD0 --rate 1e-2 --strain 0.1 --n 24 --phi 0.9 --potential power --exponent 3.25"
+    words = "flow --model CD0 --rate 1e-2 --strain 0.1 --n 24 --phi 0.9 --potential power --exponent 3.25"
     assert cli.main([*words.split(), "--snapshots", "2", "--last", "last.h5", "--out", "f.h5"]) == 0
     result = jampetsc.load("f.h5")
     expected = Potential(exponent=3.25, stiffness="inverse-square-diameter")
