@@ -1,6 +1,6 @@
 """Pictures of papers/gallery and the table of claims, which pages of the site show though they stand beside docs/.
 
-Links of the pages are those of the repository, ../../papers/gallery/NAME.png.
+Links of the pages are as in the repository, ../../papers/gallery/NAME.png.
 """
 
 from pathlib import Path
@@ -10,7 +10,7 @@ SHOWN = "papers/gallery/*.png", "papers/kept/claims.csv"
 
 
 def on_files(files, config):
-    """The files of the site, with those of papers/; mkdocs calls it."""
+    """The files of the site and of papers/; mkdocs calls it."""
     from mkdocs.structure.files import File
 
     for path in sorted(path for pattern in SHOWN for path in ROOT.glob(pattern)):

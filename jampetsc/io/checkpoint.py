@@ -154,7 +154,7 @@ class Checkpoint:
     def save(self, index, record, arrays=None) -> None:
         """Keep a finished step: `record`, numbers all ranks have, and this rank's arrays by name.
 
-        `arrays` is None on all ranks or on no rank. On return the step survives a kill.
+        All ranks give `arrays`, or none does. On return the step survives a kill.
         Raises JampetscError on all ranks if it cannot be written.
         """
         index = int(index)

@@ -347,7 +347,7 @@ def require_alike(key, rows, name) -> None:
 
 
 def varied_settings(settings) -> list[str]:
-    """The columns in which rows of `Ensemble.settings` differ; one that a row does not have is None there."""
+    """The columns in which rows of `Ensemble.settings` differ; None where a row lacks one."""
     columns = dict.fromkeys(column for row in settings for column in row)
     return [column for column in columns if len({str(row.get(column)) for row in settings}) > 1]
 

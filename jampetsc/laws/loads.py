@@ -140,7 +140,7 @@ def named_loads(dimension: int) -> dict[str, Load]:
 
 
 class LoadChoice(str):
-    """What a job is asked for, a load or the tensor, as the text that files and tables have of it.
+    """The load of a job, or the tensor, as the text in files and tables.
 
     value   a name of the list above, "tensor", or D² numbers with commas; or a `Load`, or an array (D, D)
 
@@ -154,7 +154,7 @@ class LoadChoice(str):
 
     @property
     def is_tensor(self) -> bool:
-        """Whether all symmetric loads are asked for."""
+        """Whether it is all symmetric loads."""
         return self == TENSOR
 
     @property

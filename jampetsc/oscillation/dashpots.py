@@ -1,4 +1,4 @@
-"""Damping of the current contacts: relative velocities from those of disks and strain, and the forces they cause.
+"""Damping of the current contacts: relative velocities from the motion of disks and strain, and the forces they cause.
 
 The relative velocities of a contact, times the square roots of the law's weights, are the vector z of `power_law`. In a
 step of length h in which disks move by x (spins times h included) and the strain by s, z = Z (x, s) / h, and

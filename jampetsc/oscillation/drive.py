@@ -11,7 +11,7 @@ MIN_FIXED_ALPHA = 0.45  # below, FGMRES does not solve the equations of fixed co
 
 @dataclass(frozen=True)
 class Imposed:
-    """The imposed stress at one time or, where it is None, the imposed strain and its rate."""
+    """The imposed stress at one time or, without one, the imposed strain and its rate."""
 
     gamma: float = 0.0
     rate: float = 0.0

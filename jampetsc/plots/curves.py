@@ -265,7 +265,7 @@ def group_curves(curves, crossed=True, labels=()) -> tuple[str, list[CurveGroup]
 
 
 def _labelled_groups(curves, groups, labels):
-    """A group for each curve, in their order, with its label; those of a shared group get colours of their own."""
+    """A group for each curve, in their order, with its label; curves of a shared group get colours of their own."""
     owners = [
         next(group for group in groups if any(own is curve for own in group.curves)) for curve in curves
     ]

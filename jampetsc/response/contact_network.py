@@ -64,7 +64,7 @@ class DistributedNetwork:
     imbalance: float
     pushes: bool  # whether any contact has f > 0
     prestress: bool = True  # K keeps the −f/r of its contacts (BT eq. 4); False: BT's 'without pre-stress'
-    of_particles: bool = True  # whether its bonds are contacts of particles; else those of a `Network`
+    of_particles: bool = True  # whether its bonds are contacts of particles; else bonds of a `Network`
     tangential_stiffness: float = 0.0  # of elastic springs between rims, in units of the k of each contact
     diameter: float = 1.0  # d, mean of all disks; of nodes without radii without effect
 
