@@ -16,11 +16,15 @@ from pathlib import Path
 import jampetsc
 from papers.claims import (  # noqa: F401  they enter their claims
     above,
+    beta,
     checks,
+    correlations,
     drag,
     exponents,
+    finite_size,
     flow,
     jamming,
+    low_modes,
     moduli,
     motion,
     power_law,

@@ -13,8 +13,8 @@ import jampetsc
 from jampetsc.analysis.collapse_fit import estimate
 from jampetsc.analysis.scaling_collapse import form_named
 from jampetsc.commands.scaling import read_points
+from papers.claims.finite_size import drift_of
 from papers.claims.flow import PHI_J, extrapolated_fluidity, slower, weighted_mean
-from papers.claims.jamming import drift_of
 from papers.claims.shared import (
     SYMBOLS,
     Row,

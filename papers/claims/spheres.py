@@ -10,8 +10,9 @@ import numpy as np
 
 import jampetsc
 from jampetsc.analysis.power_laws import local_exponents
+from papers.claims.finite_size import OHERN, drift_of, finite_size
 from papers.claims.flow import slower
-from papers.claims.jamming import OHERN, PHI_MARGIN, drift_of, finite_size, isostaticity, random_starts
+from papers.claims.jamming import PHI_MARGIN, isostaticity, random_starts
 from papers.claims.moduli import balanced
 from papers.claims.motion import floppy_rows
 from papers.claims.shared import (

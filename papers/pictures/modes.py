@@ -4,7 +4,7 @@ import numpy as np
 
 from jampetsc.plots.page import draw_points
 from jampetsc.plots.style import GREY, PAGE, entry, looks, power_or_number
-from papers.claims.motion import BAND
+from papers.claims.low_modes import BAND
 from papers.pictures.shared import drawn, results
 
 BINS = 6  # per decade of λ/p

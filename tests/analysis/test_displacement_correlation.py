@@ -28,9 +28,9 @@ from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.io.reader import load
 from jampetsc.packing.packing import Packing
 from jampetsc.plots.correlation_plots import MEDIUM, correlation_curve, plot_correlation, plot_lengths
+from papers.claims.correlations import stokes
 from papers.claims.medium import dragged, solid
 from papers.claims.medium import first_root as first_root_of
-from papers.claims.motion import stokes
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
 

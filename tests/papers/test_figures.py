@@ -17,7 +17,7 @@ from jampetsc.commands import study_inputs
 from jampetsc.io.disk_motion import six_fold_order
 from jampetsc.plots import draw
 from jampetsc.studies.plan import plan
-from papers.claims import checks, motion  # noqa: F401  they enter their claims
+from papers.claims import checks, correlations, low_modes, motion  # noqa: F401  they enter their claims
 from papers.claims.shared import CLAIMS
 from papers.keep import slim
 from papers.show import GALLERY, SHOWN
