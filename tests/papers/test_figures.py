@@ -86,7 +86,7 @@ def test_sizes_of_a_figure_come_from_its_mode_or_the_environment():
     done = subprocess.run([FIGURE, "bt-fig2"], capture_output=True, text=True)
     assert (
         done.returncode == 2
-        and "bt-fig2: missing. Give one of papers/figures: bt-fig1, bt-fig3," in done.stderr
+        and "bt-fig2: missing. Give one of papers/figures: above-jamming, bt-fig1, bt-fig3," in done.stderr
     )
 
 
