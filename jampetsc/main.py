@@ -11,6 +11,7 @@ import errno
 import importlib
 import os
 import re
+import shlex
 import sys
 import time
 
@@ -23,6 +24,7 @@ from jampetsc.petsc import launchers, session, solver_options
 from jampetsc.version import VERSION
 
 REMEDIES = {errno.ENOSPC: ". Free some space, or write elsewhere.", errno.EACCES: ". Check its permissions."}
+REQUIRED = "the following arguments are required: "  # how argparse begins
 MORE_MEMORY = "Use more nodes, or a smaller packing."
 SHORT_OPTIONS = ("-h", "-q", "-v")  # short options of the program's own
 FAILURE_TIMEOUT = 2.0  # seconds that a failed rank waits for the others to report the same
@@ -73,7 +75,7 @@ def dispatch(argv):
     try:
         args, unknown = parser.parse_known_args(words)
     except InputError as error:
-        if "required" not in str(error):
+        if "missing" not in str(error):
             raise
         command = commands.choices.get(words[0])
         options = command._option_string_actions if command else words
@@ -81,7 +83,7 @@ def dispatch(argv):
             if word.startswith("--") and word.partition("=")[0] not in options:
                 raise InputError(_unknown_word(word, command)) from None
         values = [token for token in petsc_argv if not solver_options.OPTION.match(token)]
-        hint = f". Options of PETSc took {', '.join(values)}. Put these last." if values else ""
+        hint = f" Options of PETSc took {', '.join(values)}. Put these last." if values else ""
         raise InputError(f"{error}{hint}") from None
     if unknown:
         raise InputError(_unknown_word(unknown[0], commands.choices[args.command]))
@@ -126,7 +128,10 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("-h", "--help", action="help", help="show this text and exit")
 
     def error(self, message):
-        raise InputError(f"{message} (see {self.prog} --help)")
+        message = message.removeprefix("argument ")
+        if message.startswith(REQUIRED):
+            message = f"{message.removeprefix(REQUIRED)}: missing"
+        raise InputError(f"{message}. See {self.prog} --help.")
 
     def _print_message(self, message, file=None):  # help and version
         if _is_working_rank(sys.argv):
@@ -145,9 +150,11 @@ def command_parser(words):
     )
     parser.add_argument("--version", action="version", version=f"jampetsc {VERSION}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    name = words[0] if words else ""
-    if name and name not in JOBS and not name.startswith("-"):
-        raise InputError(f"{name}: no such command{suggest_name(name, JOBS)} (see jampetsc --help)")
+    name = words[0] if words else "--help"
+    if name not in JOBS and not name.startswith("-"):
+        raise InputError(
+            f"{shlex.quote(name)}: no such command{suggest_name(name, JOBS) or '.'} See jampetsc --help."
+        )
     is_command = name in JOBS
     names = [name] if is_command else [] if name == "--version" else JOBS
     for command in names:
@@ -168,9 +175,9 @@ def _unknown_word(token, parser):
     """The message for a word that argparse left over."""
     word = token.partition("=")[0]
     if not word.startswith("-"):
-        return f"{token}: one argument too many (see {parser.prog} --help)"
+        return f"{token}: one argument too many. See {parser.prog} --help."
     near = suggest_name(word, parser._option_string_actions)
-    return f"{word}: no such option{near} (see {parser.prog} --help)"
+    return f"{word}: no such option{near or '.'} See {parser.prog} --help."
 
 
 def _is_working_rank(request):

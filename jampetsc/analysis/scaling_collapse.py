@@ -128,7 +128,7 @@ def form_named(fit, finite_size=False, corrections=False, degree=5, spline=False
     for word in fit.split(","):
         name, equals, value = word.strip().partition("=")
         if name not in names or name in seen:
-            what = "named twice" if name in seen else f"must be one of {', '.join(names)}"
+            what = "named twice. Leave one out." if name in seen else f"must be one of {', '.join(names)}"
             if name not in names and name in words_of(not finite_size).values():
                 what += f" (valid {'without' if finite_size else 'with'} {named('finite_size')})"
             raise InputError(f"{here}: {name or 'a name that is missing'} {what}")

@@ -286,7 +286,7 @@ def refuse_mixture(sweeps):
     first, of_packing = sweeps[0], {}
     for sweep in sweeps:
         for what, value, other in (
-            ("law", _words(sweep.law), _words(first.law)),
+            ("damping", _words(sweep.law), _words(first.law)),
             ("load", sweep.load, first.load),
             ("number of particles", *(s.attributes.get("particle_count") for s in (sweep, first))),
         ):

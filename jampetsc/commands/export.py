@@ -101,6 +101,6 @@ class Export(Job):
                     )
                 return [frames.field_frame(loaded, self.field, self.packing)]
         raise InputError(
-            f"{name}: export of a {kind} file is not supported. Give a packing, network, modes, sweep, quasistatic or "
+            f"{name}: export of {kind} files is not supported. Give a packing, network, modes, sweep, quasistatic or "
             "flow file."
         )

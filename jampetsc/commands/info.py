@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from jampetsc.commands import describe
-from jampetsc.errors import InputError, named
+from jampetsc.errors import InputError, about, named
 from jampetsc.io.ensemble import Ensemble
 from jampetsc.io.packing_file import read_identified, read_source
 from jampetsc.laws.damping import Law, Physics, damping_law, elastic_parameters
@@ -93,8 +93,9 @@ PETSc options: -inertia_… for the factorisations of --matrices."""
         running = session.current()
         source, _ = read_identified(self.file, running.comm, read_source)
         elastic = elastic_parameters(self.prestress, self.tangential_stiffness)
-        network = build_network(source, running.comm, **elastic)
-        facts = examine(network, self.law)
+        with about(name):
+            network = build_network(source, running.comm, **elastic)
+            facts = examine(network, self.law)
         counts = describe.describe_matrices(
             network, isinstance(source, Packing), self.physics, facts, running.size
         )

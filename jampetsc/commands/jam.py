@@ -10,7 +10,7 @@ import numpy as np
 
 from jampetsc.analysis.jammed_samples import at_densities
 from jampetsc.collective import agreed, on_root
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines, noted
 from jampetsc.jamming.sample_protocol import PROTOCOLS, SampleProtocol
 from jampetsc.minimisation.size_laws import DEFAULT_SIZES, SIZES_HELP, radii_of
@@ -105,7 +105,10 @@ A killed run continues when the same command is given again. Options of the Newt
         radii_of(self.sizes, self.n)
         _ = self.made_potential  # raises InputError
         if self.count > MAX_SAMPLES:
-            raise InputError(f"{self.count} samples: at most {MAX_SAMPLES} in one result")
+            raise InputError(
+                f"{named('phi')}, {named('seeds')}: {self.count} samples (at most {MAX_SAMPLES} in one result). Give "
+                "fewer."
+            )
 
     @property
     def made_potential(self) -> Potential:

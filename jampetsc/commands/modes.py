@@ -65,9 +65,7 @@ of them, are found by LAPACK, which takes no options."""
         """Refuse two ways to choose modes."""
         selections = [name for name in ("count", "below", "all") if getattr(self, name) not in (None, False)]
         if len(selections) > 1:
-            raise InputError(
-                f"{named(selections[0])} and {named(selections[1])}: both given. Give one of them."
-            )
+            raise InputError(f"{named(selections[0])}, {named(selections[1])}: both given. Give one of them.")
 
     @property
     def implied(self):

@@ -130,7 +130,7 @@ A killed run continues when the same command is given again."""
         if self.contacts == "fixed":
             if self.alpha < MIN_FIXED_ALPHA:
                 raise InputError(
-                    f"{named('alpha')}: {self.alpha:g} (at least {MIN_FIXED_ALPHA:g} with fixed contacts). Give "
+                    f"{named('alpha')} {self.alpha:g}: must be at least {MIN_FIXED_ALPHA:g} with fixed contacts. Give "
                     f"{named('contacts')} moving, or a larger {named('alpha')}."
                 )
             if self.cycles is not None:

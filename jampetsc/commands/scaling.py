@@ -10,6 +10,7 @@ from jampetsc.analysis.jammed_samples import runs_of, share_of
 from jampetsc.analysis.scaling_collapse import PARAMETERS, Points, words_of
 from jampetsc.errors import InputError, named
 from jampetsc.io.provenance import recorded_dimension
+from jampetsc.options.values import input_name
 
 FORMATS = {False: ("jampetsc-flow",), True: ("jampetsc-jam", "jampetsc-shear")}  # by rate, by size
 COMMON_ATTRIBUTES = (
@@ -65,8 +66,7 @@ def _check(result, first, finite_size):
             if finite_size
             else f"flow files, or add {named('finite_size')} for jam and shear files"
         )
-        name = getattr(result, "path", "a packing")
-        raise InputError(f"{name}: not supported. Give {supported}.")
+        raise InputError(f"{input_name(result)}: not supported. Give {supported}.")
     for name in COMMON_ATTRIBUTES:
         value, expected = (_setting(item, name) for item in (result, first))
         if value != expected and not (name == "protocol" and result.format != first.format):

@@ -46,12 +46,12 @@ prefix -newton_."""
         super().check()
         if self.strain < self.step:
             raise InputError(
-                f"{named('strain')} {self.strain:g}: must lie in [{named('step')}, {MAX_STRAIN:g}]"
+                f"{named('strain')} {self.strain:g}: must be at least {named('step')} ({self.step:g})"
             )
         if self.strain / self.step > MAX_STEPS:
             raise InputError(
-                f"{named('step')} {self.step:g}: {self.strain / self.step:.2g} steps, at most {MAX_STEPS:.0e}: give a "
-                "larger one"
+                f"{named('step')} {self.step:g}: {self.strain / self.step:.3g} steps (at most {MAX_STEPS:.0e}). Give a "
+                "larger one."
             )
 
     def protocol(self, attributes):
@@ -66,7 +66,10 @@ prefix -newton_."""
 
         running = session.current()
         if running.size > 1:
-            raise InputError(f"shear on {running.size} ranks: one run is one process; a study runs many")
+            raise InputError(
+                f"shear: started on {running.size} ranks, but one run is one process. Run it without mpirun, or many "
+                "by a study."
+            )
         (disks, origin), solver, start_time = self.disks(), HessianSolver(), time.perf_counter()
         steps = max(1, int(np.ceil(self.strain / self.step - 1e-9)))
         discard = discarded_strain(self.strain, self.discard)

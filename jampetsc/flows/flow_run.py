@@ -61,8 +61,9 @@ class Schedule:
         needed = strain / rate / step
         if needed > MAX_TIME_STEPS:
             raise InputError(
-                f"{named('strain')} {strain:g}: {needed:.2g} time steps of {step:.3g}, at most {MAX_TIME_STEPS:.0e}: "
-                f"give a larger {named('rate')} or {named('step')}, or a smaller {named('strain')}"
+                f"{named('strain')} {strain:g}: {needed:.2g} time steps of {step:.3g} (at most "
+                f"{MAX_TIME_STEPS:.0e}). Give a larger {named('rate')} or {named('step')}, or a smaller "
+                f"{named('strain')}."
             )
         if steps is None:
             steps = round(min(ROW_STRAIN, strain / MIN_ROWS) / (rate * step))

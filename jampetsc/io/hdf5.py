@@ -117,7 +117,7 @@ def opening(path):
     try:
         yield
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
+        raise InputError(f"{path}: no such file. Check its name.") from None
     except PermissionError:
         raise InputError(f"{path}: no permission to read it. Change its permissions.") from None
     except OSError as error:
@@ -131,7 +131,8 @@ def _explain(error) -> str:
         return "truncated, not written or copied completely. Copy or make it again."
     if "signature not found" in str(error):
         return "not an HDF5 file. Give a file of jampetsc, or read packings of other programs by `jampetsc import`."
-    return f"not readable as HDF5 ({' '.join(str(error).split())}). Copy or make it again."
+    reason = error.strerror or " ".join(str(error).split())
+    return f"not readable as HDF5 ({reason}). Copy or make it again."
 
 
 @contextmanager

@@ -66,8 +66,9 @@ def import_network(
         if is_one_file:
             values = _values_of(content, format, table)
     if not is_one_file:
+        content = read_content(bonds)
         with about(bonds):
-            values = _columns_of(read_content(bonds))
+            values = _columns_of(content)
     assumed = ", ".join(
         name for name in ("stiffness", "tension") if name not in values and "rest" not in values
     )

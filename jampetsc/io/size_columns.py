@@ -29,9 +29,9 @@ def radii_in(columns, radius=None, column_holds=None):
             f"no column {radius or 'radius or diameter'} among {', '.join(columns)}. "
             f"Name the column of the radii by {named('radius')}, or give "
             + (
-                f"a radius for each type: {named('radius')} {example}"
+                f"a radius for each type: {named('radius')} {example}."
                 if example
-                else "arrays to jampetsc.Packing"
+                else "arrays to jampetsc.Packing."
             )
         )
     holds = column_holds or _kind_of(name)

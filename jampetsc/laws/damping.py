@@ -167,7 +167,7 @@ class Law(_Weights):
     def require_dissipation(self) -> None:
         """Raise InputError if motions of disks dissipate nothing."""
         if not (self.damps_contacts or any(form.is_of_disks for form in self.dissipating)):
-            raise InputError(f"{self.label}: nothing dissipates; raise one of the weights")
+            raise InputError(f"{self.label}: nothing dissipates. Raise one of the weights.")
 
     @property
     def couples_rotations(self) -> bool:

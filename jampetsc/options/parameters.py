@@ -294,7 +294,7 @@ def format_value(value) -> str:
     if isinstance(value, int) and value.bit_length() > 64:
         return f"{Decimal(value):.6g}"
     value = python_value(value)
-    text = f"{value:g}" if isinstance(value, float) else str(value)
+    text = f"{value:g}" if isinstance(value, float) else str(value) or "''"
     text = text if text.isprintable() else ascii(text)
     if len(text) <= MAX_TEXT_LENGTH:
         return text

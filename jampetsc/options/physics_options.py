@@ -174,7 +174,7 @@ def build_model(**options) -> Model:
     if "model" in options:
         if law:
             raise InputError(
-                f"{named('model')} {options['model']} and {named(next(iter(law)))}: both given. Give one of them."
+                f"{named('model')} {options['model']}, {named(next(iter(law)))}: both given. Give one of them."
             )
         return model_of(
             options["model"], **{name: value for name, value in options.items() if name != "model"}

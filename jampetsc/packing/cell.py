@@ -33,7 +33,7 @@ def cell_of(cell, dimension: int = 2):
         return cell
     sizes = (1, 2, 3) if dimension == 2 else (1, 3, 6)
     if cell.ndim > 1 or cell.size not in sizes:
-        raise InputError(f"cell of shape {cell.shape}: need {FORMS[dimension]}")
+        raise InputError(f"cell of shape {cell.shape}: must be {FORMS[dimension]}")
     if not np.isfinite(cell).all():
         raise InputError(f"cell {cell.tolist()}: must be finite")
     sides = cell[:dimension] if cell.size > 1 else np.full(dimension, cell.flat[0])

@@ -220,7 +220,7 @@ def measure(disks: Particles, every: Contacts | None = None) -> State:
     if not every.distance.all():
         pair = int(np.argmin(every.distance))
         raise InputError(
-            f"particles {every.i[pair]} and {every.j[pair]} are in one place: a force has no direction there"
+            f"particles {every.i[pair]} and {every.j[pair]} are in one place: a force has no direction there. Move one."
         )
     pressure = virial_pressure(every.force, every.distance, disks.volume, disks.dimension)
     threshold = force_threshold(disks, pressure)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.packing.neighbours import fractional, upright
 from jampetsc.packing.spring_network import Network
 
@@ -66,16 +66,16 @@ def build_lattice(kind: str, size) -> Network:
     InputError for an unknown kind, and for sizes out of range.
     """
     if kind not in LATTICES:
-        raise InputError(f"lattice: {kind}, unknown. Choose one of {', '.join(LATTICES)}.")
+        raise InputError(f"{named('lattice')} {kind}: unknown. Choose one of {', '.join(LATTICES)}.")
     lattice = LATTICES[kind]
     vectors, nodes = np.array(lattice.vectors), np.array(lattice.nodes)
     if len(size) != len(vectors):
         raise InputError(
-            f"size: {_listed(size)}, must be {len(vectors)} numbers of unit cells of this lattice."
+            f"{named('size')} {_listed(size)}: must be {len(vectors)} numbers of unit cells of this lattice."
         )
     if not all(MIN_CELLS <= side <= MAX_CELLS for side in size):
         raise InputError(
-            f"size: {_listed(size)}, must lie between {MIN_CELLS} and {MAX_CELLS} unit cells along each side."
+            f"{named('size')} {_listed(size)}: must lie between {MIN_CELLS} and {MAX_CELLS} unit cells along each side."
         )
     cell = upright(np.array(size)[:, None] * vectors)[0]
     unit_cells = np.indices(size[::-1]).reshape(len(size), -1)[::-1].T  # the first axis runs fastest

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.packing.elementary import exp, log, power
 
 # name -> α at small overlaps; None: a number of its own
@@ -85,8 +85,8 @@ class Potential:
             kind = next((name for name in NAMED_POWERS if EXPONENTS[name] == exponent), kind)
         elif self.exponent not in (None, exponent):
             raise InputError(
-                f"exponent {self.exponent}: of the potential power alone ({kind} has {exponent:g}). Leave it out, or "
-                "choose power."
+                f"{named('exponent')} {self.exponent}: of the potential power alone ({kind} has {exponent:g}). Leave "
+                "it out, or choose power."
             )
         object.__setattr__(self, "kind", kind)
         object.__setattr__(self, "exponent", exponent)
@@ -187,7 +187,7 @@ def _risen(fraction: float, rise: float) -> float:
 def _own_exponent(exponent) -> float:
     """The exponent of the potential power as a number. Raises InputError."""
     if exponent is None:
-        raise InputError("exponent: missing. Give that of the potential power, e.g. 2.25.")
+        raise InputError(f"{named('exponent')}: missing. Give that of the potential power, e.g. 2.25.")
     try:
         number = float(exponent)
     except (TypeError, ValueError):

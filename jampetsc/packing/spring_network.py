@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from jampetsc.errors import InputError
+from jampetsc.errors import InputError, named
 from jampetsc.packing.cell import MAX_COORDINATE, SIDES, check_cell, read_numbers, reduced_basis
 from jampetsc.packing.contacts import LinearBonds, measure, net_forces, stress_tensor, virial_pressure
 from jampetsc.packing.geometry import geometry_of
@@ -192,10 +192,12 @@ class Network:
         (0, 1], and where no bond is left.
         """
         if not 0.0 < keep <= 1.0:
-            raise InputError(f"keep: {keep:g}, must lie in (0, 1]. Give the share of bonds that stay.")
+            raise InputError(
+                f"{named('keep')} {keep:g}: must lie in (0, 1]. Give the share of bonds that stay."
+            )
         count = round(keep * len(self.bonds))
         if not count:
-            raise InputError(f"keep: {keep:g} leaves none of {len(self.bonds)} bonds. Raise it.")
+            raise InputError(f"{named('keep')} {keep:g}: leaves none of {len(self.bonds)} bonds. Raise it.")
         rows = np.sort(np.random.default_rng(seed).permutation(len(self.bonds))[:count])
         per_bond = {name: getattr(self, name)[rows] for name in ("bonds", "images", "stiffness", "tension")}
         return self._with(**per_bond)

@@ -111,7 +111,9 @@ def draw(items, kind=None, ax=None, *, out=None, csv=None, chosen=None, **option
         if place is None:
             continue
         if Path(place).suffix.lower() not in endings:
-            raise InputError(f"{name} {place}: unknown ending. Give it the ending {' or '.join(endings)}.")
+            raise InputError(
+                f"{named(name)} {place}: unknown ending. Give it the ending {' or '.join(endings)}."
+            )
         check_output(place, what, inputs)
     page = picture.draw(results, ax, **chosen or {}, **options)
     if out is not None:
@@ -127,17 +129,17 @@ def possible_kinds(kind, options) -> list[str]:
     known_kinds = pictures()
     if kind is not None and kind not in known_kinds:
         close = difflib.get_close_matches(kind, known_kinds, n=1)
-        hint = f"did you mean {close[0]}?" if close else f"give one of {', '.join(known_kinds)}"
-        raise InputError(f"{named('kind')} {kind}: no such kind of picture; {hint}")
+        hint = f"; did you mean {close[0]}?" if close else f". Give one of {', '.join(known_kinds)}."
+        raise InputError(f"{named('kind')} {kind}: no such kind of picture{hint}")
     kinds = list(known_kinds) if kind is None else [kind]
-    for name, value in options.items():
+    for name in options:
         owners = [kind for kind, picture in known_kinds.items() if name in picture.keywords]
         if not owners:
             raise InputError(f"{name}: not an option of any picture. Leave it out.")
         previous, kinds = kinds, [kind for kind in kinds if kind in owners]
         if not kinds:
             words = f"an option of {' or '.join(owners)} pictures, not of {' or '.join(previous)}"
-            raise InputError(f"{named(name)} {value}: {words}. Leave it out.")
+            raise InputError(f"{named(name)}: {words}. Leave it out.")
     return kinds
 
 
@@ -152,7 +154,9 @@ def study_results(study, kinds) -> list:
     if any(rows.rows for rows, _ in candidates):
         raise InputError(f"{study.path}: a study, but {kinds_text} show a single file. Give the file in it.")
     commands = ", ".join(sorted(set(rows_done["command"].tolist()))) or "nothing"
-    raise InputError(f"{study.path}: a study with {commands}, but {kinds_text} need {_needed_files(kinds)}.")
+    raise InputError(
+        f"{study.path}: a study with {commands}, but {kinds_text} need {_needed_files(kinds)}. Draw another kind."
+    )
 
 
 def _distinct(results) -> list:

@@ -238,14 +238,16 @@ class Page:
             pairs = [limits] * len(self.axes) if np.isscalar(limits[0]) else list(limits)
             if len(pairs) != len(self.axes):
                 raise InputError(
-                    f"{name}: {len(pairs)} pairs for {len(self.axes)} panels. Give one pair, or one for each panel."
+                    f"{named(name)}: {len(pairs)} pairs for {len(self.axes)} panels. Give one pair, or one for "
+                    "each panel."
                 )
             for ax, pair in zip(self.axes, pairs, strict=True):
                 if pair is not None:
                     ax.set(**{name: pair})
         if self.labels:
             raise InputError(
-                f"label {self.labels[-1]}: more labels than entries of legends. Give one for each file, or fewer."
+                f"{named('label')} {self.labels[-1]}: more labels than entries of legends. Give one for each file, "
+                "or fewer."
             )
         for ax, letter in zip(self.axes, string.ascii_lowercase, strict=False):
             if self.lettered:

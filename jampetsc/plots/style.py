@@ -174,8 +174,8 @@ def drawn_in(style=None, own=True, chosen=(), shown=()):
                 style = matplotlib.rc_params_from_file(style, use_default_template=False)
             matplotlib.rcParams.update(style or {})
         except (OSError, ValueError, KeyError, TypeError) as error:
-            why = str(error).splitlines()[0]
-            raise InputError(f"style {style}: {why}. Give a style file of matplotlib.") from None
+            why = getattr(error, "strerror", None) or str(error).splitlines()[0]
+            raise InputError(f"{named('style')} {style}: {why}. Give a style file of matplotlib.") from None
         cycle = chosen or _unused_colours(shown)
         if cycle:
             matplotlib.rcParams[CYCLE] = cycler(color=cycle)

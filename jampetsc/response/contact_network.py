@@ -32,12 +32,12 @@ from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
 
 NETWORK_IMBALANCE = "max|F|/mean|T|"  # the imbalance of a `Network`
-RIGID_REMEDY = "raise the pressure or finish the quench"  # of a `Packing`
+RIGID_REMEDY = "Raise the pressure, or finish the quench."  # of a `Packing`
 UNBALANCED_REMEDY = (
-    "finish the quench: forces are not balanced; a packing made with friction, which is not supported, has too few "
-    "contacts without it"
+    "Finish the quench, as forces are not balanced; a packing made with friction, which is not supported, has too few "
+    "contacts without it."
 )
-FLOPPY_REMEDY = "add bonds, or sweep under a law with drag, which resists every motion"  # of a `Network`
+FLOPPY_REMEDY = "Add bonds, or sweep under a law with drag, which resists every motion."  # of a `Network`
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,7 +288,7 @@ def _require_directions(every, order, comm):
     pairs = np.concatenate(comm.allgather(order[np.column_stack((every.i, every.j))[coincident]]))
     if len(pairs):
         i, j = sorted(pairs[0])
-        raise InputError(f"particles {i} and {j} are in one place: a force has no direction there")
+        raise InputError(f"particles {i} and {j} are in one place: a force has no direction there. Move one.")
 
 
 def _imbalance(disks, every, rows, rattler, pressure, comm):
@@ -312,15 +312,15 @@ def _require_rigid(network, total):
     contacts = network.contact_count
     if network.n == 0:
         raise InputError(
-            f"no load-bearing contacts among {total} particles: below jamming, nothing resists shear; "
-            "raise the pressure"
+            f"no load-bearing contacts among {total} particles: below jamming, nothing resists shear. "
+            "Raise the pressure."
         )
     D, springs = network.dimension, network.turns_elastically
     unknowns = D + (spins_of(D) if springs else 0)
     floppy = unknowns * network.n - D - contacts * (D if springs else 1)
     if floppy > 0:
         raise InputError(
-            f"{contacts} contacts between {network.n} particles leave at least {floppy} floppy modes: below jamming; "
+            f"{contacts} contacts between {network.n} particles leave at least {floppy} floppy modes: below jamming. "
             f"{floppy_remedy(network)}"
         )
 

@@ -176,15 +176,15 @@ def _floppy_modes(network, inertia):
         return ""
     return (
         f"K has {floppy} floppy mode{'s' * (floppy > 1)} besides its translations: the response to strain is not "
-        f"unique; {floppy_remedy(network)}"
+        f"unique. {floppy_remedy(network)}"
     )
 
 
 def _refuse_negative(count):
     if count:
         raise InputError(
-            f"K has {count} negative mode{'s' * (count > 1)}: not a minimum of the energy; quench it "
-            f"(pack with {named('from_')}) or leave the pre-stress out ({named('prestress')})"
+            f"K has {count} negative mode{'s' * (count > 1)}: not a minimum of the energy. Quench it "
+            f"(pack with {named('from_')}), or leave the pre-stress out ({named('prestress')})."
         )
 
 

@@ -180,7 +180,7 @@ def sweep_rationally(
                     sweeps.append(RationalSweep(pencil.under(load), omega, accuracy, parallel, factors))
                 _grow(sweeps[-1], number, sweeps[0], steps, save, progress)
         except NotPositiveDefinite as error:
-            raise InputError(f"{error.message(named)}; use {named('method')} direct") from None
+            raise InputError(f"{error.message(named)}. Use {named('method')} direct.") from None
     galerkins, certificates = (
         [getattr(sweep, name) for sweep in sweeps] for name in ("galerkin", "certificate")
     )

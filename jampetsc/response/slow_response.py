@@ -156,8 +156,8 @@ def _factor(block, law, spins=None):
         return ShiftedFactor(block, f"B of {law}", spins=spins)
     except NotPositiveDefinite:
         raise InputError(
-            f"B of {law} has moves without dissipation besides translations: η is not unique; "
-            "raise the pressure or the weights of the law"
+            f"B of {law} has moves without dissipation besides translations: η is not unique. "
+            "Raise the pressure, or the weights of the law."
         ) from None
 
 

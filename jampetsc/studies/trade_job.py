@@ -18,7 +18,7 @@ GROUPS = ("accuracy", "method", "physics", "frequencies")
 def _groups(value):
     for word in split_list(value):
         if word not in GROUPS:
-            raise ValueError(f"{word!r} is not in {', '.join(GROUPS)}")
+            raise ValueError(f"{word}: not supported. Choose among {', '.join(GROUPS)}.")
     return split_list(value)
 
 
@@ -26,7 +26,7 @@ def _files(value):
     paths = tuple(located(str(path)) for path in split_list(value))
     for path in paths:
         if not Path(path).is_file():
-            raise ValueError(f"{path}: no such file")
+            raise ValueError(f"{path}: no such file. Check its name.")
     return paths
 
 

@@ -142,7 +142,7 @@ def test_a_row_is_no_longer_than_the_strain_between_snapshots():
 
 
 def test_more_steps_or_snapshots_than_there_can_be():
-    with pytest.raises(InputError, match=r"strain 1.01: 1e\+12 time steps of 1e-12, at most 1e\+12"):
+    with pytest.raises(InputError, match=r"strain 1.01: 1e\+12 time steps of 1e-12 \(at most 1e\+12\)"):
         Schedule.of(1.0, 1e-12, 1.01, 0.0)
     row = 0.1
     assert Schedule.of(0.1, 1.0, 1.0, 3 * row, 7).first_averaged_row(row) == 3  # 0.3/0.1 is less than 3

@@ -91,13 +91,13 @@ def test_a_rank_may_own_rattlers_only(session):
 
 def test_too_few_contacts_are_below_jamming(session):
     """2n − 2 are enough for rigidity by Maxwell's count; of the last sample there is one more."""
-    few = r"12 contacts between 8 particles leave at least 2 floppy modes: below jamming; "
-    with pytest.raises(InputError, match=few + "raise the pressure or finish the quench"):
+    few = r"12 contacts between 8 particles leave at least 2 floppy modes: below jamming\. "
+    with pytest.raises(InputError, match=few + "Raise the pressure, or finish the quench"):
         build_network(honeycomb(), session.comm)
     moved = honeycomb()  # as of a packing with friction: pressure adds no contacts to what does not balance
     moved = moved.replace(offset=moved.offset + 1e-3 * np.eye(8, 2))
     with pytest.raises(
-        InputError, match=few + "finish the quench: forces are not balanced; .* friction, which is not"
+        InputError, match=few + "Finish the quench, as forces are not balanced; .* friction, which is not"
     ):
         build_network(moved, session.comm)
     disks = published()

@@ -251,7 +251,7 @@ def unstable():
 def test_a_claim_that_does_not_hold_is_found_out(session):
     """Said to be a minimum, and is none: the first factorisation tells."""
     job = sweep_of(with_proof(unstable()), physics(), [1e-6, 1e-5])
-    with pytest.raises(InputError, match=r": K \+ sB at s = .* is not .* definite; use method direct"):
+    with pytest.raises(InputError, match=r": K \+ sB at s = .* is not .* definite\. Use method direct"):
         job.work(Outlet())
 
 
