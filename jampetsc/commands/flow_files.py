@@ -74,5 +74,5 @@ def check_space(to, disks: int, snapshots: int) -> None:
         if needed > free:
             raise InputError(
                 f"{named('snapshots')} {snapshots}: of {disks} particles need {needed / 1e9:.3g} GB with the "
-                f"checkpoint, and {free / 1e9:.3g} GB are free where {out} is to be: ask for fewer"
+                f"checkpoint, and {free / 1e9:.3g} GB are free where {out} is to be. Ask for fewer."
             )

@@ -76,12 +76,14 @@ class Schedule:
         kept = schedule.rows - first
         if snapshots > kept:
             raise InputError(
-                f"{named('snapshots')} {snapshots}: there are {kept} rows after {named('discard')}, at most one for "
-                "each"
+                f"{named('snapshots')} {snapshots}: {kept} rows after {named('discard')}, each with at most one. "
+                "Ask for fewer."
             )
         if spacing == "log" and snapshots:
             if snapshots < 3:
-                raise InputError(f"{named('snapshots')} {snapshots}: need 3 or more for logarithmic spacing")
+                raise InputError(
+                    f"{named('snapshots')} {snapshots}: must be at least 3 with logarithmic spacing"
+                )
             return replace(schedule, factor=kept ** (1.0 / (snapshots - 2)))
         if every is not None:
             if not rate * step <= every * (1 + 1e-9) <= kept * row * (1 + 2e-9):

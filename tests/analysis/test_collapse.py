@@ -558,26 +558,6 @@ def test_files_that_do_not_go_together(tmp_path, capsys):
         other = write_flow(tmp_path / "other.h5", 0.84, 1e-3, **more)
         assert command(first, other, *words) == 2
         assert message in capsys.readouterr().err
-    for more, message in [
-        ("--finite-size --fit phi_J,y,nu", "not supported. Give jam and shear files"),
-        ("--where model=RD0", "is not a study. Leave it out"),
-        ("--observable jammed", "--observable jammed without --finite-size. Add --finite-size"),
-        ("--observable energy", "not supported. Choose one of pressure"),
-        ("--fit phi_J,y", "znu missing. Name it, or fix it by znu=VALUE"),
-        ("--fit phi_J,y,y,znu", "y named twice"),
-        ("--fit phi_J,y,nu", "nu must be one of phi_J, y, znu, omega (valid with --finite-size)"),
-        ("--fit phi_J,y=a,znu", "must be a number between"),
-        ("--fit phi_J=0.84,y=1,znu=3", "no free parameter"),
-        ("--fit phi_J,y,znu,omega", "omega without --corrections. Leave one out"),
-        ("--corrections", "omega missing. Name it"),
-        ("--degree 0", "--degree 0: must lie in"),
-        ("--cut -1", "--cut -1: must be positive"),
-        ("--cut 1e-9", "no points within"),
-        ("--range 0.9:0.8", "must be A:B"),
-        ("--range a", "--range a: must be two packing fractions, A:B"),
-    ]:
-        assert command(first, *words, *more.split()) == 2
-        assert message in capsys.readouterr().err
     assert not (tmp_path / "x.h5").exists()
 
 

@@ -21,7 +21,6 @@ from jampetsc.errors import InputError
 from jampetsc.io.checkpoint import Checkpoint, folder_of
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import write_packing
-from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 SMALL = "flow --n 64 --phi 0.86 --seed 2 --model RD0 --rate 1e-2 --strain 0.6 --discard 0.2".split()
@@ -196,19 +195,9 @@ def test_a_law_of_the_linear_part(tmp_path):
     assert jampetsc.load(rolling).law["beta"] == 2
 
 
-BAD = [  # (options, words of the message); ranges: test_flow_jobs
+BAD = [  # (options, words of the message) of runs that fail
     ("--n 16 --phi 0.1 --strain 0.05 --discard 0.04", "no two particles touched"),
-    ("--step 900", "--step"),
     ("--step 0.8", "work and dissipation differ"),  # nothing blows up
-    ("--strain 1e300", "--strain 1e+300"),
-    ("--rate 1e-300", "time steps of"),
-    ("--snapshots 1000000000000", "--snapshots 1000000000000"),
-    ("--snapshots 2 --snapshot-every 0.1", "--snapshot-every"),
-    ("--snapshot-spacing log", "--snapshot-spacing"),
-    ("--strain 3e7 --rate 1 --snapshots 1000000000", "are free where"),
-    ("--discard 0.6", "--discard 0.6: not below --strain"),
-    ("--walls --radii none.txt", "none.txt: not "),
-    ("--last out.h5", "another file that this run writes"),
 ]
 
 
@@ -217,26 +206,9 @@ def test_bad_words(tmp_path, monkeypatch, capsys, words, message):
     monkeypatch.chdir(tmp_path)
     status = flow(*SMALL, *words.split(), "--out", "out.h5")
     error = capsys.readouterr().err
-    assert status in (2, 3) and message in error
+    assert status == 3 and message in error
     assert len(re.findall("jampetsc: error:", error)) == 1
     assert not list(tmp_path.iterdir())
-
-
-def test_bad_starts(tmp_path, capsys):
-    packing, out = tmp_path / "p.h5", tmp_path / "out.h5"
-    positions = np.random.default_rng(1).random((16, 2)) * 4
-    positions[1] = positions[0] + 0.01
-    write_packing(packing, Packing.from_positions(positions, np.full(16, 0.5), np.eye(2) * 4.0))
-    rest = ["--model", "RD0", "--rate", "0.01", "--strain", "1"]
-    for words, message in [
-        ((packing, *rest, "--out", out), "two particles overlap by"),
-        ((packing, *rest, "--out", packing), "the input, which would be lost"),
-        ((tmp_path / "none.h5", *rest, "--out", out), "no such file"),
-        (("--n", 64, "--phi", 0.8, *rest), "--out: missing"),
-    ]:
-        assert flow("flow", *words) == 2
-        assert message in capsys.readouterr().err
-        assert not out.exists()
 
 
 def test_threads_do_not_change_a_result(tmp_path, capsys):
@@ -248,8 +220,6 @@ def test_threads_do_not_change_a_result(tmp_path, capsys):
     one, two = map(jampetsc.load, files)
     for name in ("shear_stress", "energy", "state/offsets", "state/velocities"):
         assert np.array_equal(one[name], two[name]), name
-    assert flow(*SMALL, "--threads", 0, "--out", files[0]) == 2
-    assert "--threads 0" in capsys.readouterr().err
 
 
 def test_given_radii(tmp_path):

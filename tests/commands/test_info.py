@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from samples import JAMBASHBULK, JAXMD, gears, honeycomb, isostatic, polydisperse, published, put, stored
+from samples import JAMBASHBULK, JAXMD, gears, isostatic, polydisperse, published, put, stored
 
 from jampetsc import main as cli
 from jampetsc.commands import describe
@@ -144,23 +144,6 @@ def test_what_a_result_was_made_from(capsys, tmp_path):
         assert said.get("packing sha256") == attributes.get("packing_sha256")
 
 
-def test_refusals_are_one_line(capsys, tmp_path):
-    packing = tmp_path / "packing.h5"
-    write_packing(packing, published())
-    modes = stored(tmp_path / "modes.h5", "modes", {"eigenvalues": [1.0]})
-    for words, message in (
-        ((tmp_path / "none.h5",), "none.h5: no such file"),
-        ((JAXMD,), "not a jampetsc file"),
-        (
-            (packing, "--beta", 2),
-            "beta = 2: a damping law without --matrices. Leave it out, or add --matrices",
-        ),
-        ((modes, "--matrices"), "modes.h5: a jampetsc-modes file"),
-    ):
-        status, lines, (error,) = info(capsys, *words)
-        assert (status, lines) == (2, []) and message in error
-
-
 # Matrices
 
 
@@ -194,17 +177,6 @@ def test_matrices_are_examined(capsys, session, shared_path, disks, words, begin
     assert {name: told[name][: len(one)] for name, one in begin.items()} == begin
     assert told["asymmetry"].count(" = ") == 2 and lines[-1].startswith(last)
     assert any(line.endswith(f", on {session.size} rank{'s' * (session.size > 1)}") for line in lines)
-
-
-@pytest.mark.scalar("real")
-def test_matrices_below_jamming_are_refused(capsys, session, shared_path):
-    put(shared_path / "p.h5", honeycomb(), session.comm)
-    status, lines, errors = info(capsys, shared_path / "p.h5", "--matrices")
-    assert (status, lines) == (2, [])
-    assert (
-        session.rank
-        or "12 contacts between 8 particles leave at least 2 floppy modes: below jamming" in errors[0]
-    )
 
 
 def counted(negative, zero, positive):

@@ -1,8 +1,8 @@
 """Command lines that are refused: one table for each command, in the folder refusals.
 
 A row of NAME.txt is a command line after `jampetsc NAME` and, behind |, words of its message, … between them.
-A row without words is taken: the ends of a range belong to it. {a b c} stands for a row with each of these; --out is
-added where it is required. Rows behind [PETSc] need a process that has PETSc.
+{a b ; c} stands for a row with each of these, of which those behind ; are taken, as the ends of a range belong to it; a
+row without words is taken as well. --out is added where it is required. Rows behind [PETSc] need a process with PETSc.
 """
 
 import itertools
@@ -14,7 +14,7 @@ from pathlib import Path
 import h5py
 import launch
 import pytest
-from samples import honeycomb, lattice, polydisperse, published, put
+from samples import crystal, honeycomb, lattice, polydisperse, published, put
 
 import jampetsc
 from jampetsc import main as cli
@@ -38,18 +38,26 @@ FORM = re.compile(
 
 def rows(command, petsc):
     """(words of the command line, parts of its message, None if it is taken) of the rows of a table."""
-    plain, _, with_petsc = TABLES[command].partition("\n[PETSc]\n")
+    plain, _, with_petsc = TABLES[command].partition("[PETSc]\n")
     for row in (with_petsc if petsc else plain).splitlines():
-        if not row.strip() or row.startswith("#"):
-            continue
         line, bar, message = row.partition(" |")
-        pieces = [
-            shlex.split(piece) if n % 2 else [piece] for n, piece in enumerate(ALTERNATIVES.split(line))
-        ]
+        parts, pieces = [part.strip() for part in message.split("…")], []
+        for place, text in enumerate(ALTERNATIVES.split(line)):
+            kinds = text.partition(";")[::2] if place % 2 else ()
+            choices = [
+                (shlex.quote(word), kind == 0)
+                for kind in (0, 1)
+                if kinds
+                for word in shlex.split(kinds[kind])
+            ]
+            pieces.append(choices or [(text, True)])
         for choice in itertools.product(*pieces):
-            words = shlex.split("".join(f"'{piece}'" if n % 2 else piece for n, piece in enumerate(choice)))
-            words = words if command == "jampetsc" else [command, *words]
-            yield completed(words), [part.strip() for part in message.split("…")] if bar else None
+            words = shlex.split("".join(text for text, _ in choice))
+            is_refused = bool(bar) and all(refused for _, refused in choice)
+            yield (
+                completed(words if command == "jampetsc" else [command, *words]),
+                parts if is_refused else None,
+            )
 
 
 TEXTS = {  # files by hand
@@ -88,18 +96,28 @@ def make_inputs(folder):
     write_packing(folder / "p.h5", published())
     disks = published()
     write_packing(folder / "q.h5", disks.replace(offset=disks.offset + 0.1))
+    close = disks.offset.copy()
+    close[1] = close[0] + (disks.base[0] - disks.base[1]) + 0.01
+    write_packing(folder / "overlap.h5", disks.replace(offset=close))
     write_network(folder / "n.h5", build_lattice("triangular", (4, 4)))
 
 
-def make_flow(folder):
-    """A flow of that packing. Collective."""
-    how = {"model": "RD0", "rate": 0.1, "strain": 0.02, "snapshots": 2, "threads": 1}
-    jampetsc.flow(folder / "p.h5", **how, out=folder / "f.h5")
+def make_flows(folder):
+    """Flows of that packing. Collective."""
+    how = {"rate": 0.1, "strain": 0.02, "snapshots": 2, "threads": 1}
+    for name, model in (("f", "RD0"), ("copy", "RD0"), ("g", "CD0")):
+        jampetsc.flow(folder / "p.h5", model, **how, out=folder / f"{name}.h5")
 
 
 def make_results(folder, comm):
     """Results of that packing, and packings that no response takes. Collective."""
-    others = {"h": honeycomb(), "l": lattice(), "u": polydisperse(6)[0], "many": polydisperse(3)[0]}
+    others = {
+        "h": honeycomb(),
+        "l": lattice(),
+        "u": polydisperse(6)[0],
+        "many": polydisperse(3)[0],
+        "x": crystal(),
+    }
     stiff = published().replace(potential=Potential(k=2.5))
     for name, disks in (others | {"stiff": stiff, "moved": published()}).items():
         put(folder / f"{name}.h5", disks, comm)
@@ -112,6 +130,7 @@ def make_results(folder, comm):
     for name, packing, more in (
         ("again", "p", {"accuracy": 1e-7}), ("twin", "q", {}), ("other", "q", {"fields": [0.01]}),
         ("stokes", "q", {"law": jampetsc.StokesDrag()}), ("s64", "many", {}), ("dense", "stiff", {}),
+        ("crystal", "x", {}),
         ("lost", "moved", {}), ("t", "p", {"load": "tensor", "fields": None}),
     ):  # fmt: skip
         jampetsc.sweep(folder / f"{packing}.h5", **fields | more, out=folder / f"{name}.h5")
@@ -125,7 +144,7 @@ def make_results(folder, comm):
 def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("refusals")
     make_inputs(folder)
-    make_flow(folder)
+    make_flows(folder)
     return folder
 
 
@@ -212,7 +231,7 @@ def results(tmp_path_factory):
     if comm.rank == 0:
         make_inputs(folder)
     comm.barrier()
-    make_flow(folder)
+    make_flows(folder)
     make_results(folder, comm)
     return folder
 

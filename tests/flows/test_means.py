@@ -147,8 +147,8 @@ def test_more_steps_or_snapshots_than_there_can_be():
     row = 0.1
     assert Schedule.of(0.1, 1.0, 1.0, 3 * row, 7).first_averaged_row(row) == 3  # 0.3/0.1 is less than 3
     for refused, words in (
-        ("snapshots 8: there are 7 rows after discard, at most one for each", {"snapshots": 8}),
-        ("snapshots 2: need 3 or more", {"snapshots": 2, "spacing": "log"}),
+        ("snapshots 8: 7 rows after discard, each with at most one", {"snapshots": 8}),
+        ("snapshots 2: must be at least 3", {"snapshots": 2, "spacing": "log"}),
         ("snapshot_every 0.09: must be at least the strain of a time step, 0.1, and .* 0.7", {"every": 0.09}),
         ("snapshot_every 0.71: must be", {"every": 0.71}),
     ):

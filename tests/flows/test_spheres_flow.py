@@ -1,4 +1,4 @@
-"""Flows of spheres: forces across domains, runs that are resumed, the command and what it refuses."""
+"""Flows of spheres: forces across domains, runs that are resumed, the command."""
 
 from types import SimpleNamespace
 
@@ -106,5 +106,3 @@ def test_the_command(tmp_path):
     assert len(jp.flow(flow, strain=0.1)["strain"]) > len(flow["strain"])
     with pytest.raises(InputError, match="spheres, and six-fold order is of disks in a plane"):
         six_fold_order(flow)
-    with pytest.raises(InputError, match="walls: not supported for spheres"):
-        jp.flow(model=models.CD0(), walls=True, **options)

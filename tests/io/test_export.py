@@ -159,16 +159,6 @@ def test_motion_is_shown_on_the_packing(session, shared_path, monkeypatch):
         np.testing.assert_array_equal(shown, getattr(sweep["fields/displacement"][0], part))
         assert len(arrays[f"rotation_{part}"]) == len(arrays["points"])
     np.testing.assert_array_equal(np.load("slow.npz")["nonaffine"][slow["particles"]], slow["nonaffine"])
-    for words, message in {
-        "modes.h5 --mode 4": "--mode 4: not in modes.h5. Give one from 1 to 3",
-        "modes.h5 --mode 0": "--mode 0: not in modes.h5. Give one from 1 to 3",
-        "s.h5": "--field: missing. Give a frequency of the fields in s.h5: 0.001, 1",
-        "s.h5 --field 0.1": "no fields at omega = 0.1",
-        "s.h5 --field 0": "--field 0: must be positive",
-        "s.h5 --mode 1": "--mode: an option of modes files, but s.h5 is a sweep file",
-    }.items():
-        with pytest.raises(InputError, match=re.escape(message)):
-            export(f"{words} --out f.xyz")
 
 
 @pytest.mark.scalar("real")
@@ -232,10 +222,6 @@ def test_a_flow_is_one_file_of_many_frames(tmp_path, monkeypatch):
     for row in (3, -4):
         with pytest.raises(InputError, match=rf"f\.h5: no snapshot {row} \(3, numbered from 0\)"):
             snapshot(result, row)
-    with pytest.raises(
-        InputError, match=r"f\.npz: several frames, but this format holds one\. Use \.xyz, \.dump, \.gsd"
-    ):
-        export("f.h5 --out f.npz")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["f.dump", "f.h5", "f.xyz"]
 
 
@@ -263,17 +249,3 @@ def test_disks_that_do_not_touch_are_exported_without_contacts_and_by_their_size
         disks = Packing.from_positions(row[:count], 0.5 + 0.01 * np.arange(count), 40.0 * np.eye(2))
         write_frames(tmp_path / "p.dump", [packing_frame(disks)])
         assert frames_of(tmp_path / "p.dump")[0][0]["type"].tolist() == list(types)
-
-
-def test_what_cannot_be_exported_is_one_line(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_packing("p.h5", samples.published())
-    for words, message in {
-        "p.h5 --out p.pdb": "--out p.pdb: unknown ending. Give it one of .gsd, .npz, .xyz",
-        "p.h5 --mode 1 --out p.xyz": "--mode: an option of modes files, but p.h5 is a packing file",
-        "none.h5 --out p.xyz": "none.h5: ",
-        **({} if find_spec("gsd") else {"p.h5 --out p.gsd": "requires the package gsd. Run: "}),
-    }.items():
-        with pytest.raises(InputError, match=re.escape(message)):
-            export(words)
-    assert [path.name for path in tmp_path.iterdir()] == ["p.h5"]

@@ -170,30 +170,6 @@ def test_commands_make_and_describe_networks(tmp_path, monkeypatch, capsys):
         "plot half.h5 --kind network --out h.svg",
     ):
         assert main.main(words.split()) == 0
-    capsys.readouterr()
-    for words, says in (
-        (
-            "springs",
-            "--lattice: missing, or given with a file. Give a kind of lattice, or a packing or network.",
-        ),
-        ("springs n.h5 --size 3 --out x.h5", "--size: an option of --lattice. Leave it out."),
-        ("springs --lattice square --size 1 --out x.h5", "size: 1,1, must lie between 2 and 4096 unit cells"),
-        (
-            "springs --lattice square --size 2,3,4 --out x.h5",
-            "size: 2,3,4, must be 2 numbers of unit cells of this lattice",
-        ),
-        ("springs --lattice square --keep 0 --out x.h5", "--keep 0: must"),
-        (
-            "export n.h5 --out n.xyz",
-            "--out n.xyz: not a format with bonds. Choose the ending .data",
-        ),
-        ("export n.h5 --mode 1 --out n.vtp", "--mode: an option of modes files, but n.h5 is a network file"),
-        ("flow n.h5 --model RD0 --rate 1e-2 --strain 0.1 --out x.h5", "n.h5: a jampetsc-network file"),
-        ("oscillate n.h5 --omega 1 --strain 1e-6 --out x.h5", "n.h5: a jampetsc-network file"),
-        ("shear n.h5 --step 1e-3 --strain 1e-2 --out x.h5", "n.h5: a jampetsc-network file"),
-    ):
-        out = [] if "--out" in words else ["--out", "x.h5"]
-        assert says in refused(capsys, *words.split(), *out), words
 
 
 def test_a_network_without_an_array_is_refused(tmp_path):

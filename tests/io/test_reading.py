@@ -11,7 +11,6 @@ import pytest
 from samples import published
 
 import jampetsc
-from jampetsc import main as cli
 from jampetsc.commands.modes import Modes
 from jampetsc.errors import InputError, JampetscError
 from jampetsc.io import atomic, disk_motion, hdf5
@@ -45,24 +44,6 @@ def test_kinds_of_files(tmp_path):
     ):
         with pytest.raises(InputError, match=f"^{path}: {words}. Give a regular file.$"):
             open_regular(path)
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "pack --radii loop --phi 0.9 --out o.h5",
-        "flow --radii loop --phi 0.9 --seed 1 --model RD0 --rate 0.1 --strain 1 --out o.h5",
-        "import loop --out o.h5",
-        "info loop",
-        "study loop --out folder",
-    ],
-)
-def test_links_that_lead_to_each_other_are_no_file(line, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    os.symlink("pool", "loop")
-    os.symlink("loop", "pool")
-    with pytest.raises(InputError, match=r"^loop: not .*Too many levels of symbolic links"):
-        cli.dispatch(line.split())
 
 
 # HDF5

@@ -281,7 +281,9 @@ def test_one_run_is_one_process(session, shared_path):
     if session.size == 1:
         assert cli.dispatch(line) == 0 and out.exists()
     else:
-        with pytest.raises(InputError, match=f"^shear on {session.size} ranks: one run is one process"):
+        with pytest.raises(
+            InputError, match=f"^shear: started on {session.size} ranks, but one run is one process"
+        ):
             cli.dispatch(line)
         assert not out.exists()
 

@@ -110,8 +110,6 @@ def test_a_packing_file_is_changed_with_its_potential_and_record(session, tmp_pa
         assert found.potential == first.potential and np.array_equal(found.radii, first.radii)
         assert found.record["source"] == "a.h5" and "seed" not in found.record
     assert found.phi == pytest.approx(0.95, rel=1e-12)
-    with pytest.raises(InputError, match=r"^n: fixed by the packing a\.h5\. Leave it out\."):
-        jampetsc.pack(from_="a.h5", n=48, pressure=1e-3)
 
 
 def test_a_changed_packing_leaves_its_record_behind():
@@ -136,16 +134,6 @@ def test_radii_are_those_that_one_rank_has_read(session, shared_path, tmp_path):
     for disks in (found, *(jampetsc.pack(radii=radii, **how) for radii in given)):
         np.testing.assert_allclose(np.sort(disks.radii), np.linspace(0.5, 0.6, 16))
     assert found.record["sizes"] == "radii of r.txt"
-
-
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
-def test_a_packing_that_fails_leaves_no_file(session, shared_path, monkeypatch):
-    """At φ = 0.8 there is no jammed packing; every rank is told."""
-    monkeypatch.chdir(shared_path)
-    with pytest.raises(InputError, match=r"^phi = 0\.8: the disks do not touch"):
-        jampetsc.pack(n=24, phi=0.8, seed=1, out="p.h5")
-    assert not list(shared_path.iterdir())
 
 
 @pytest.mark.scalar("real")
@@ -194,44 +182,6 @@ def test_a_packing_keeps_the_note_that_rounding_limits_it(tmp_path):
     assert numbers_of(tmp_path / "p.h5")["notes"] == disks.record["notes"]
     assert f"\nnote: {disks.record['notes']}" in jampetsc.info(disks)
     assert "notes" not in jampetsc.pack(from_=disks, pressure=1e-6, tolerance=1e-6).record
-
-
-GOOD = {"--n": "64", "--pressure": "1e-3", "--out": "a.h5"}
-BAD = [  # options that are changed, what is named
-    ({"--n": "15"}, "--n 15"), ({"--n": None}, "--n: missing. Give the number of particles"),
-    ({"--n": "many"}, "--n many"),
-    ({"--pressure": "2"}, "--pressure 2"), ({"--pressure": "1e-9"}, "1e-09"), ({"--pressure": "nan"}, "nan"),
-    ({"--pressure": "-1e-4"}, "--pressure -0.0001: must be positive"),
-    *(({option: value}, f"{option} {value}: not a single value. Give a list of them in the table [pack] of a `jampetsc")
-      for option, values in (("--pressure", ("1e-3,1e-4", "1e-3,")), ("--seed", ("1:4", "1,2"))) for value in values),
-    ({"--pressure": None}, "--pressure, --phi: missing. Give one of them"),
-    ({"--presure": "1e-3"}, "--presure: no such option; did you mean --pressure"),
-    ({"--seeds": "1:4"}, "--seeds: no such option; did you mean --seed?"),
-    ({"--pressure": None, "--phi": "0.5"}, "--phi 0.5"), ({"--phi": "0.9"}, "--phi, --pressure: both given"),
-    ({"--seed": "-1"}, "--seed -1"), ({"--seed": "9223372036854775808"}, "--seed 9223372036854775808"),
-    ({"--tolerance": "0.1"}, "--tolerance 0.1"),
-    ({"--potential": "soft"}, "--potential soft"), ({"--radii": "r.h5"}, "--n: fixed by r.h5"),
-    ({"--n": None, "--radii": "none.txt"}, "none.txt: not "), ({"--n": None, "--radii": "."}, ".: a folder"),
-    ({"--n": None, "--radii": "words.txt"}, "words.txt"), ({"--n": None, "--radii": "r.h5", "--out": "./r.h5"}, "r.h5"),
-    ({"--n": None, "--radii": "negative.txt"}, "negative.txt: line 2: not a positive number (-0.5)"),
-    ({"--n": None, "--sizes": "monodisperse", "--from": "none.h5"}, "--sizes: fixed by the packing"),
-    ({"--from": "none.h5"}, "--n: fixed by the packing"),
-    ({"--n": None, "--from": "none.h5"}, "none.h5"), ({"--n": None, "--from": "words.txt"}, "words.txt"),
-    ({"--out": "nowhere/a.h5"}, "nowhere"), ({"--out": "."}, "folder"), ({"--out": "words.txt"}, "words.txt"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("change", "said"), BAD, ids=[said for _, said in BAD])
-def test_bad_input_gets_one_line(change, said, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    given = {"words.txt": "one two\n", "negative.txt": "0.5\n-0.5\n" * 10, "r.h5": "1\n" * 16}
-    for name, text in given.items():
-        (tmp_path / name).write_text(text)
-    line = [word for pair in (GOOD | change).items() if pair[1] is not None for word in pair]
-    with pytest.raises(InputError) as raised:
-        cli.dispatch(["pack", *line])
-    assert said in str(raised.value) and "\n" not in str(raised.value)
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == given
 
 
 @pytest.mark.filterwarnings("error")

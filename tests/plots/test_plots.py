@@ -424,37 +424,10 @@ def test_the_packing_of_a_sweep(with_fields, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (
-            "p2.h5 p3.h5 packing.h5 p4.h5",
-            r"p2\.h5, .*packing\.h5: a sweep and a packing\. Draw them",
-        ),
-        ("packing.h5 p2.h5 p3.h5", r"^packing\.h5, .*p2\.h5: a packing and a sweep\. Draw them"),
-        (
-            "packing.h5 packing.h5",
-            r"packing\.h5: given twice|2 packing files: packing pictures show one",
-        ),
-        ("p2.h5 --kind fields", "no fields. Run the sweep with --fields"),
-        ("fields.h5 fields.h5 --kind fields", "2 sweep files: fields pictures show one"),
-        ("p2.h5 --kind packing", "a sweep file. For packing pictures give a packing"),
-        ("packing.h5 --kind moduli", "a packing file. For moduli pictures give sweeps or oscillate files"),
-        (
-            "p2.h5 --mu 0.5 --omega 1",
-            r"omega \[1\.\]: an option of correlation or fields pictures, not of collapse",
-        ),
-        ("p2.h5 --kind fields --lambda 1", r"lambda 1\.0: an option of collapse pictures, not of fields"),
         ("few.h5 --kind fields", "dataset particles: shape .15,., must be .n,. with n = 16"),
         ("beyond.h5 --kind fields", "dataset particles: not rows of the 16 particles"),
         ("many.h5 --omega 1e-3:1:6 --phase strain", "6 frequencies: one picture holds 5"),
-        ("fields.h5 --omega 0.001", r"no fields at omega = 0\.001 \(nearest 1e-06, 0\.0001, 0\.0316228\)"),
         ("none.h5", "none.h5: no modulus at any frequency"),
-        ("p2.h5 --out x.jpg", r"out x\.jpg: unknown ending. Give it the ending \.png or \.pdf or \.svg"),
-        ("p2.h5 --out nowhere/x.png", "no folder nowhere. Create it first."),
-        ("p2.h5 --out taken.png", r"taken\.png: a folder"),
-        ("p2.h5 --mu nan", r"--mu nan: must lie in \[0, 10\]"),
-        (
-            "modes.h5 --kind moduli",
-            r"modes\.h5: a modes file. For moduli pictures give sweeps or oscillate files",
-        ),
     ],
 )
 def test_what_cannot_be_drawn(words, message, folder, monkeypatch):

@@ -333,24 +333,6 @@ def test_a_quasistatic_result_of_any_load(session):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"load": "tensor", "fields": [1.0]}, "fields: not stored with load tensor"),
-        ({"load": "xx", "alpha": 0.5, "stress": 1e-5}, "load xx: power-law damping is for simple shear"),
-        ({"load": "sideways"}, "load sideways: no load of this name. Give xy, yx"),
-        ({"load": "1,2,3"}, "load: 3 numbers. Give D² of them"),
-        ({"load": "nan,0,0,0,0,0,0,0,0"}, "load: numbers must be finite, and not all zero"),
-        ({"load": np.zeros((3, 3))}, "load: numbers must be finite, and not all zero"),
-    ],
-)
-def test_loads_that_do_not_fit(session, options, message):
-    with pytest.raises(InputError, match=message):
-        jp.sweep(published(), omega=[1.0], **options)
-
-
-@pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 def test_all_modes_together_make_up_the_response_to_each_load(session):
     """Σ F²/λ = (M_affine − M) V: the shares of every load add up to one."""

@@ -106,20 +106,3 @@ def test_files_hold_what_assemble_gives(session, packing, shared_path, ending):
         if name in SPARSE:
             one, other = one.toarray(), other.toarray()
         np.testing.assert_allclose(np.squeeze(one), other, rtol=1e-15, atol=0.0)
-
-
-@pytest.mark.most_ranks(2)
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("p.h5 --out K.txt", "--out K.txt: unknown ending. Give it one of .npz, .mtx, .petsc"),
-        ("p.h5 --out K.npz --law stokes --beta 1", "--beta: an option of --law contact"),
-        ("none.h5 --out K.npz", "none.h5: "),
-        ("loose.h5 --out K.npz", "loose.h5: .*below jamming"),
-    ],
-)
-def test_what_cannot_be_assembled_is_one_line(session, packing, shared_path, monkeypatch, words, message):
-    monkeypatch.chdir(shared_path)
-    samples.put(shared_path / "loose.h5", samples.honeycomb(), session.comm)
-    with pytest.raises(InputError, match=message):
-        cli.dispatch(["matrices", *words.split()])

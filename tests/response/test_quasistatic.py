@@ -6,20 +6,17 @@ from samples import (
     LAWS,
     SAMPLES,
     gears,
-    honeycomb,
     lattice,
     laws_of,
     network_of,
     physics,
     polydisperse,
-    put,
     reference,
 )
 from whole_arrays import unknowns
 
 import jampetsc
 from jampetsc import ContactDamping
-from jampetsc import main as cli
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.laws.loads import compression, simple_shear
 from jampetsc.petsc.cholesky import NotPositiveDefinite
@@ -113,24 +110,6 @@ def test_one_state_of_self_stress(session):
     unit = network.k / (network.volume * square)
     assert found.bulk_modulus == pytest.approx(unit * of_bulk**2, rel=1e-6)  # forces are balanced to 1e-9
     assert found.G0 == pytest.approx(unit * of_shear**2, rel=1e-6)
-
-
-@pytest.mark.most_ranks(2)
-@pytest.mark.parametrize(
-    ("command", "disks", "says"),
-    [
-        ("quasistatic", honeycomb, "2 floppy modes: below jamming"),
-        ("quasistatic", lattice, "K has 14 negative modes: not a minimum"),
-        ("modes", lattice, "K has 14 negative modes: not a minimum of the energy; quench it (pack with --from) or "
-         "leave the pre-stress out (--no-prestress)"),
-        ("sweep", honeycomb, "12 contacts between 8 particles leave at least 2 floppy"),
-    ],
-)  # fmt: skip
-def test_refused_packings_leave_no_file(session, shared_path, capsys, command, disks, says):
-    packing = put(shared_path / "packing.h5", disks(), session.comm)
-    assert cli.main([command, str(packing), "--out", str(shared_path / "out.h5")]) == 2
-    assert session.rank or (f"{packing}: " in (text := capsys.readouterr().err) and says in text)
-    assert session.comm.bcast(sorted(path.name for path in shared_path.iterdir())) == ["packing.h5"]
 
 
 @pytest.mark.most_ranks(2)

@@ -8,13 +8,12 @@ import pytest
 from dense import NetworkReference, Reference
 from samples import SAMPLES, errors_of, network_of, on_ranks, physics, published
 from spheres import SPHERES
-from springs import pulling_springs, random_springs
+from springs import pulling_springs
 from sweeps import Sweep, errors, judge
 from whole_arrays import dense, unknowns, whole
 
 import jampetsc
-from jampetsc.errors import InputError
-from jampetsc.laws.damping import Law, Physics
+from jampetsc.laws.damping import Physics
 from jampetsc.laws.loads import LoadChoice, simple_shear, symmetric_loads
 from jampetsc.packing.spring_network import Network
 from jampetsc.petsc.session import current
@@ -252,25 +251,3 @@ def test_spins_turn_with_the_fluid_that_drags_them(session):
     law = jampetsc.Law("strong", normal=1.0, sliding=1.0, spin_drag=1e9)
     slow = jampetsc.quasistatic(published(), law)
     np.testing.assert_allclose(slow["rotation"], -0.5, atol=1e-6)
-
-
-@pytest.mark.most_ranks(1)
-def test_refusals(session):
-    drag = Law("drag on spins", normal=1.0, sliding=1.0, spin_drag=0.5)
-    with pytest.raises(
-        InputError, match=r"^spin_drag 0.5: not supported by flow. Leave it out, or use sweep"
-    ):
-        jampetsc.flow(published(), drag, rate=1e-3, strain=0.1)
-    with pytest.raises(InputError, match="not supported, the fluid dissipates as well"):
-        jampetsc.oscillate(published(), drag, strain=[1e-4], omega=[0.1])
-    with pytest.raises(InputError, match=r"^tangential_stiffness 0.5: not supported by oscillate"):
-        jampetsc.oscillate(published(), strain=[1e-4], omega=[0.1], tangential_stiffness=0.5)
-    alone = Law("spins alone", normal=1.0, spin_drag=0.5)
-    with pytest.raises(
-        InputError, match=r"spin_drag 0.5: without effect, as no contact turns disks. Give sliding"
-    ):
-        jampetsc.sweep(published(), alone, omega=[0.1])
-    with pytest.raises(InputError, match="network without radii: its nodes roll"):
-        jampetsc.sweep(random_springs(radii=False), tangential_stiffness=0.5, omega=[0.1])
-    with pytest.raises(InputError, match="tangential_stiffness"):
-        jampetsc.sweep(published(), tangential_stiffness=-1.0, omega=[0.1])

@@ -513,9 +513,8 @@ def test_what_no_study_has_made_is_not_replaced(tmp_path, name):
     folder.mkdir()
     path.write_text(SMALL)
     (folder / name).write_text(SMALL)
-    for more in ([], ["--dry-run"]):
-        with pytest.raises(InputError, match=f"study/{name}: exists, but no study ran"):
-            cli.dispatch(["study", str(path), "--out", str(folder), *more])
+    with pytest.raises(InputError, match=f"study/{name}: exists, but no study ran"):
+        cli.dispatch(["study", str(path), "--out", str(folder)])
     assert [one.name for one in folder.iterdir()] == [name] and (folder / name).read_text() == SMALL
     study_run.check_folder(folder, folder / name)  # a study may lie in its folder
     (folder / "journal").mkdir()

@@ -113,32 +113,3 @@ def test_a_file_of_a_flow_keeps_the_exponent(session, tmp_path, monkeypatch):
     expected = Potential(exponent=3.25, stiffness="inverse-square-diameter")
     for disks in (result.last, result.snapshot(), result.listed, jampetsc.load("last.h5")):
         assert disks.potential == expected
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("--potential power", "exponent: missing. Give that of the potential power, e.g. 2.25."),
-        ("--potential power --exponent 1.9", "--exponent 1.9: must lie in [2, 10]"),
-        ("--potential power --exponent nan", "--exponent nan: must lie in [2, 10]"),
-        (
-            "--potential hertzian --exponent 3",
-            "exponent 3.0: of the potential power alone (hertzian has 2.5). ",
-        ),
-        ("--exponent 3", "exponent 3.0: of the potential power alone (harmonic has 2). "),
-    ],
-)
-@pytest.mark.parametrize(
-    "command",
-    [
-        "pack --n 16 --pressure 1e-2",
-        "jam --n 16 --phi 0.9 --seeds 1",
-        "shear --n 16 --phi 0.9 --step 1e-3 --strain 1e-2",
-        "flow --n 16 --phi 0.9 --model RD0 --rate 1e-2 --strain 0.1",
-    ],
-)
-def test_wrong_exponents_are_one_line(session, command, words, message, tmp_path, capsys):
-    assert cli.main([*command.split(), *words.split(), "--out", str(tmp_path / "x.h5")]) != 0
-    written = capsys.readouterr().err.strip()
-    assert written.startswith(f"jampetsc: error: {message}") and "\n" not in written
-    assert not list(tmp_path.iterdir())
