@@ -550,15 +550,10 @@ def test_samples_of_shear_may_stand_beside_those_of_a_protocol_but_each_counts_o
 
 def test_files_that_do_not_go_together(tmp_path, capsys):
     first = write_flow(tmp_path / "first.h5", 0.84, 1e-3)
+    other = write_flow(tmp_path / "other.h5", 0.84, 1e-3, n=64, seed=2)
     words = ("--observable", "pressure", "--fit", "phi_J,y,znu", "--out", tmp_path / "x.h5")
-    for more, message in [
-        ({}, "seed 1 is in first.h5 as well. Give each run once"),
-        ({"n": 64, "seed": 2}, "Give files of one N to scale with rates"),
-    ]:
-        other = write_flow(tmp_path / "other.h5", 0.84, 1e-3, **more)
-        assert command(first, other, *words) == 2
-        assert message in capsys.readouterr().err
-    assert not (tmp_path / "x.h5").exists()
+    assert command(first, other, *words) == 2
+    assert "Give files of one N to scale with rates" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("D", [2, 3])

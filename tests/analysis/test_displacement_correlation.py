@@ -244,20 +244,10 @@ def test_chosen_frequencies_and_a_packing_elsewhere(tmp_path, capsys):
     np.testing.assert_array_equal(load(tmp_path / "c.h5")["omega"], [1e-2])
 
 
-def test_bad_input(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_sweep(tmp_path, "crystal", size=1e-15)
+def test_a_phase_needs_a_modulus(tmp_path):
     write_sweep(tmp_path, "still", G=np.array([np.nan, 1.0]))
-    for line, message in (
-        ("still.h5", r"still\.h5: no modulus at omega = 0\.0001, .*Use --phase strain"),
-        (
-            "crystal.h5",
-            r"crystal\.h5: \|u_y\| at omega = 0\.0001 is rounding, .*at most 1e-12 mean diameters per",
-        ),
-    ):
-        with pytest.raises(InputError, match=message):
-            run(*line.split(), "--out", "c.h5")
-    assert not (tmp_path / "c.h5").exists()
+    with pytest.raises(InputError, match=r"still\.h5: no modulus at omega = 0\.0001, .*Use phase strain"):
+        run(tmp_path / "still.h5", "--out", tmp_path / "c.h5")
 
 
 def test_bins_and_grids():

@@ -9,6 +9,7 @@ import itertools
 import os
 import re
 import shlex
+import stat
 from pathlib import Path
 
 import h5py
@@ -61,25 +62,15 @@ def rows(command, petsc):
 
 
 TEXTS = {  # files by hand
-    "words.txt": "one two\n",
-    "words.csv": "1,2\n",
-    "words.png": "one two\n",
-    "negative.txt": "0.5\n-0.5\n" * 10,
-    "radii.txt": "1\n" * 16,
-    "disks.txt": "0 0 0.5\n1 0 0.5\n0 1 0.5\n1 1 0.5\n",
-    "nodes.txt": "0 0\n1 0\n1 1\n",
-    "bonds.txt": "0 1\n1 3\n",
-    "taken.xyz": "one two\n",
-    "torn/table.csv": "one two\n",
-    "empty.toml": "",
+    "words.txt": "one two\n", "words.csv": "1,2\n", "words.png": "one two\n", "taken.xyz": "one two\n",
+    "bytes.csv": "x\0", "other.png": "x\0", "torn.h5": "\x89HDF\r\n\x1a\n", "torn/table.csv": "one two\n",
+    "radii.txt": "1\n" * 16, "negative.txt": "0.5\n-0.5\n" * 10, "disks.txt": "0 0 0.5\n1 0 0.5\n0 1 0.5\n1 1 0.5\n",
+    "nodes.txt": "0 0\n1 0\n1 1\n", "boxed.txt": "box 5\n0 0\n1 0\n", "bonds.txt": "0 1\n1 3\n",
+    "three.txt": "0 1\n0 1 2\n", "x.txt": "0 x\n",
+    "empty.toml": "", "swep.toml": "[swep]\n", "s.toml": "[pack]\nn = 16\nphi = 0.9\n",
     "odd.toml": "[pack]\nn = 16\nphi = 0.1\n",
-    "swep.toml": "[swep]\n",
-    "s.toml": "[pack]\nn = 16\nphi = 0.9\n",
     "study/table.csv": "command,state,file,seconds,cooling_rate\njam,done,0.h5,1,0.2\n",
-    "bytes.csv": "x\0",
-    "other.png": "x\0",
-    "torn.h5": "\x89HDF\r\n\x1a\n",
-}
+}  # fmt: skip
 
 
 def make_inputs(folder):
@@ -90,7 +81,9 @@ def make_inputs(folder):
     for name in ("folder", "taken.png"):
         (folder / name).mkdir()
     os.mkfifo(folder / "pipe")
-    (folder / "loop").symlink_to("loop")
+    os.mknod(folder / "socket", stat.S_IFSOCK | 0o600)
+    for name, place in (("loop", "loop"), ("link.h5", "f.h5")):
+        (folder / name).symlink_to(place)
     with h5py.File(folder / "foreign.h5", "w") as h5:
         h5["x"] = 1.0
     write_packing(folder / "p.h5", published())

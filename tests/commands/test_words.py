@@ -11,18 +11,7 @@ from jampetsc.commands.scaling import files_of
 from jampetsc.commands.sources import rows_named
 from jampetsc.errors import InputError
 from jampetsc.io.reader import load
-from jampetsc.options.values import refuse_repeated
 from jampetsc.studies.study_table import table_text
-
-
-def test_one_file_under_two_names(tmp_path):
-    (tmp_path / "a.h5").touch()
-    (tmp_path / "b.h5").symlink_to("a.h5")
-    refuse_repeated([tmp_path / "a.h5", tmp_path / "c.h5"])
-    with pytest.raises(InputError, match=r"b\.h5: the same file as .*a\.h5\. Give each file once"):
-        refuse_repeated([str(tmp_path / "a.h5"), str(tmp_path / "b.h5")])
-    with pytest.raises(InputError, match=r"a\.h5: given twice"):
-        refuse_repeated([str(tmp_path / "a.h5")] * 2)
 
 
 def test_no_two_sweeps_of_one_packing_but_of_unknown_ones():

@@ -364,7 +364,7 @@ def test_arrays_are_a_packing(expected):
     [
         (X[:, :1], R, 10, r"positions \(16, 1\), radii \(16,\)"),
         (X, R[:-1], 10, r"radii \(15,\)"),
-        (X, R, (1, 2, 3, 4), r"cell of shape \(4,\): need L, \(Lx, Ly\)"),
+        (X, R, (1, 2, 3, 4), r"cell of shape \(4,\): must be L, \(Lx, Ly\)"),
         (X, R, np.ones((3, 3)), "tilted out of the plane"),
         (X, R, "wide", "cell: must be an array of real numbers"),
         (X, ["a"] * 16, 10, "radii: must be an array of real numbers"),

@@ -114,29 +114,6 @@ def refused(capsys, *words):
     return lines[0]
 
 
-@pytest.mark.parametrize(
-    ("nodes", "bonds", "more", "says"),
-    [
-        ("0 0\n1 0\n1 1", "0 1\n1 2", (), "nodes.txt: no box. Give --box"),
-        ("box 5\n0 0\n1 0", "0 1\n1 2", (), "bonds.txt: bond 1, of nodes 1 and 2: nodes are numbered from 0 to 1"),
-        ("box 5\n0 0\n1 0", "0 1\n0 1 2", (), "bonds.txt: line 2: '0 1 2', must have 2 numbers, as the first one."),
-        ("box 5\n0 0\n1 0", "# none", (), "bonds.txt: holds no lines i j, i j k or i j k T of bonds"),
-        ("box 5\n0 0\n1 0", "0 1", ("--box", "5"), "nodes.txt: a box in the file. Leave out --box"),
-        ("box 5\n0 0\n1 0", "0 x", (), "bonds.txt: line 1: '0 x', must have 2 numbers, as the first one."),
-        ("box 5\n0 0\n1 0", "0 1", ("--potential", "harmonic"), "--potential: an option of packings. Leave it out"),
-        ("box 5\n0 0\n1 0", None, (), "xyr: holds no bonds. Give --bonds a text file of lines i j"),
-    ],
-)  # fmt: skip
-def test_texts_that_are_refused(tmp_path, capsys, nodes, bonds, more, says):
-    (tmp_path / "nodes.txt").write_text(nodes)
-    (tmp_path / "bonds.txt").write_text(bonds or "")
-    source = tmp_path / ("bonds.txt" if bonds is not None else "nodes.txt")
-    line = refused(
-        capsys, "import", tmp_path / "nodes.txt", "--bonds", source, "--out", tmp_path / "n.h5", *more
-    )
-    assert says in line and not (tmp_path / "n.h5").exists()
-
-
 def test_texts_of_nodes_and_bonds(tmp_path):
     (tmp_path / "nodes.txt").write_text("# box 5 4 2\n0 0\n4.5 0.0\n4.5 1.0\n")
     for line, stiffness, tension in (("0 1\n2 1", 1.0, 0.0), ("0,1,2,-1\n2,1,2,-1", 2.0, -1.0)):

@@ -3,7 +3,6 @@
 import errno
 import os
 import re
-import socket
 import stat
 import subprocess
 import sys
@@ -352,17 +351,6 @@ def test_a_name_without_a_character_is_none(inputs):
         ConvergenceError, match=r"^2 of 3 points failed, give out to keep the others; the first: early$"
     ):
         Outlet().raise_failures(failures, 3, "points")
-
-
-def test_what_is_no_regular_file_is_not_read(inputs, capsys):
-    """A pipe has no end; a socket cannot even be opened, which shows that a look comes first."""
-    os.mkfifo("pipe.h5")
-    with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind("socket.h5")
-        for words in ("info {}", "merge {}", "import {} --out q.h5", "plot {} --out q.png"):
-            for kind in ("pipe", "socket"):
-                assert cli.main(words.format(f"{kind}.h5").split()) == 2
-                assert f"{kind}.h5: not a regular file. Give a regular file" in capsys.readouterr().err
 
 
 # Of whatever command

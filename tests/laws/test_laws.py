@@ -63,7 +63,7 @@ def test_every_option_of_a_family_does_something(name):
         ("contact", {"tau1": "slow"}, "tau1 'slow': must be a number"),
         ("contact", {"beta": None}, "beta None: must be a number"),
         ("contact", {"normal": 0.0, "beta": 0.0}, "nothing dissipates"),
-        ("custom", {}, "custom law: nothing dissipates; raise one of the weights"),
+        ("custom", {}, "custom law: nothing dissipates. Raise one of the weights"),
         ("custom", {"drag": -1.0}, "drag -1: must lie between 0 and 1e"),
         ("custom", {"beta": 1.0}, "beta: an option of law contact, not of custom"),
     ],
@@ -89,11 +89,11 @@ def test_weights_of_a_law_without_a_family_have_limits_too(name):
 def test_a_fluid_alone_does_not_damp_disks():
     """Viscosity of the fluid, without drag on a disk, leaves every motion free."""
     assert not Law("own", eta_f=1.0).damps_contacts
-    with pytest.raises(InputError, match="nothing dissipates; raise one of the weights"):
+    with pytest.raises(InputError, match=r"nothing dissipates\. Raise one of the weights"):
         damping_law(normal=0.0, beta=0.0, rotations=False)
     for eta_f in (0.0, 1.0):
         for ask in (jampetsc.sweep, jampetsc.quasistatic, partial(jampetsc.flow, rate=1e-2, strain=0.1)):
-            with pytest.raises(InputError, match="own: nothing dissipates; raise one of the weights"):
+            with pytest.raises(InputError, match=r"own: nothing dissipates\. Raise one of the weights"):
                 ask(published(), Law("own", eta_f=eta_f))
 
 

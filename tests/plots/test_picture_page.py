@@ -62,16 +62,9 @@ def test_size_limits_words_and_style_are_chosen(tmp_path):
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"style": "none.mplstyle"}, "style .*none.mplstyle"),
-        ({"label": ["a", "b", "c", "d"]}, "label d: more labels than entries"),
-        ({"xlim": [(1, 2), (3, 4)]}, "xlim: 2 pairs for 1 panels"),
         ({"kind": "modulus"}, "kind modulus: no such kind of picture; did you mean modul"),
         ({"nonsense": 1}, "nonsense: not an option of any picture"),
-        ({"kind": "moduli", "mu": 1}, "mu: an option of collapse pictures, not of moduli"),
         ({"mu": 11}, r"mu 11: must lie in \[0, 10\]"),
-        ({"statistic": "mode"}, "statistic mode: not supported. Choose one of mean, median"),
-        ({"csv": "n.txt"}, "n.txt: unknown ending. Give it the ending .csv"),
-        ({"csv": "nowhere/n.csv"}, "no folder nowhere. Create it first."),
         ({"ax": Figure().subplots(), "size": (2, 2)}, "size, ax: both given"),
         ({"ax": Figure().subplots(1, 2)}, "ax: 2 axes, but this picture needs 1"),
     ],

@@ -318,7 +318,7 @@ def test_a_choice_is_run_once_and_one_that_cannot_be_read_fails(packing, tmp_pat
 
     monkeypatch.setattr(trade_process, "run", run)
     outcome, result = bench.run(bench.sweep_with(accuracy=0.1))
-    assert result is None and outcome.status == 1 and outcome.error == "no such file"
+    assert result is None and outcome.status == 1 and outcome.error == "no such file. Check its name."
     assert bench.run(bench.sweep_with(accuracy=0.1))[0] is outcome and len(runs) == 1
     assert bench.run(bench.sweep_with(accuracy=0.05))[0].error == "by itself"
     bench.run(bench.sweep_with(accuracy=0.05, omega="1"))
