@@ -246,7 +246,7 @@ def test_chosen_frequencies_and_a_packing_elsewhere(tmp_path, capsys):
 
 def test_a_phase_needs_a_modulus(tmp_path):
     write_sweep(tmp_path, "still", G=np.array([np.nan, 1.0]))
-    with pytest.raises(InputError, match=r"still\.h5: no modulus at omega = 0\.0001, .*Use phase strain"):
+    with pytest.raises(InputError, match=r"still\.h5: no modulus at omega = 0\.0001, .*Use --phase strain"):
         run(tmp_path / "still.h5", "--out", tmp_path / "c.h5")
 
 
