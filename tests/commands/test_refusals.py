@@ -217,6 +217,10 @@ def test_refusals(inputs, monkeypatch, capsys, command):
     check(command, capsys)
 
 
+def test_every_command_has_a_table():
+    assert TABLES.keys() == {"jampetsc", *JOBS}
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     comm = current().comm
