@@ -248,7 +248,7 @@ REFUSED = {  # what is wrong -> (content, what is told, the message)
         TEXT.replace("radius", "q"),
         {},
         r"no column radius or diameter among id, type, x, y, q\. Name the column of the radii by radius, or give a "
-        "radius for each type: radius 1=0\.5\.$",
+        r"radius for each type: radius 1=0\.5\.$",
     ),
     "no such column": (
         TEXT,
