@@ -92,7 +92,10 @@ def test_pictures_of_a_study(folder, kind, says):
 @pytest.mark.parametrize(
     ("kind", "says"),
     [
-        ("medians", "a study with jam, pack, shear, sweep, but medians pictures need quasistatic files. Draw another kind.$"),
+        (
+            "medians",
+            "jam, pack, shear, sweep, but medians pictures need quasistatic files. Draw another kind.$",
+        ),
         ("fields", "a study, but fields pictures show a single file. Give the file"),
     ],
 )
