@@ -1,188 +1,145 @@
-"""What commands say when they have ended: the numbers of the run, and what a user has to know of them."""
+"""What commands print at the end of tiny runs: the numbers of their files, and what a user has to know of them."""
 
-from types import SimpleNamespace
+import contextlib
+import io
 
 import numpy as np
 import pytest
+from samples import SAMPLES, crystal, lattice, published
 
-from jampetsc.analysis.collapse_fit import Estimate
-from jampetsc.analysis.scaling_collapse import Points
-from jampetsc.commands import collapse, correlate, modes, oscillate, quasistatic, sweep
-from jampetsc.io.results import noted
-from jampetsc.laws.damping import Physics, damping_law
-from jampetsc.laws.equivalent_damping import EquivalentDamping
-from jampetsc.laws.loads import LoadChoice
-from jampetsc.studies import study_job
+import jampetsc
+from jampetsc import main as cli
+from jampetsc.analysis.error_bounds import relative_part_bounds
+from jampetsc.io.packing_file import write_packing
 
-PHYSICS = Physics(damping_law())
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
+PACKINGS = {"p": published, "stiff": SAMPLES["k = 2.5"], "lattice": lattice, "crystal": crystal}
 
 
-SOURCE = SimpleNamespace(network=SimpleNamespace(pressure=2e-3, k=2.0), stress_scale=2.0)
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A function that runs a command line in a folder with PACKINGS; (the printed lines, the result)."""
+    folder = tmp_path_factory.mktemp("summaries")
+    for name, packing in PACKINGS.items():
+        write_packing(folder / f"{name}.h5", packing())
+
+    def lines_and_result(line):
+        with contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()) as printed:
+            out = f"{line.split()[0]}.h5"
+            assert cli.dispatch([*line.split(), "--out", out, "--overwrite"]) == 0
+            return printed.getvalue().splitlines(), jampetsc.load(out)
+
+    return lines_and_result
 
 
-def summary_of_sweep(omega, G, bounds, certified=True, alpha=None, stress=None):
-    job = SimpleNamespace(physics=PHYSICS, alpha=alpha, stress=stress, load=LoadChoice("xy"))
-    frequencies = sweep.SweepFrequencies(omega, omega + 3.0, omega[:0])
-    return sweep._summary(job, "s.h5", None, frequencies, modulus_sweep(omega + 3.0, G, bounds), certified)
-
-
-def modulus_sweep(omega, G, bounds):
-    return SimpleNamespace(omega=omega, G=G, bounds=bounds, tensor=None)
-
-
-def test_a_sweep_tells_its_ends_and_its_worst_errors():
-    G = np.array([1 + 0.1j, 2 + 4j, 5 + 8j])
-    bounds = np.array([[9, 1e-3, 1e-3], [9, 4e-2, 1e-3], [9, 1e-3, 8e-2]])
-    lines = summary_of_sweep(np.array([0.1, 1.0, 10.0]), G, bounds).split("\n")
-    assert lines == [
-        "s.h5: contact damping, beta = 1, 3 frequencies, certified to 2.0e-02 in G' and 1.0e-02 in G''",
-        "  omega 0.1: G' = 1, G'' = 0.1",
-        "  omega 10: G' = 5, G'' = 8",
-    ]
-    one = summary_of_sweep(np.ones(1), G[:1], bounds[:1], certified=False).split("\n")
-    assert len(one) == 2 and "1 frequencies, estimated to" in one[0]
-
-
-@pytest.mark.parametrize(("stress", "told"), [(1.8e-3, False), (2.2e-3, True)])
-def test_a_strain_that_would_change_contacts(stress, told):
-    """σ₀/|G| of the softest frequency against p/k = 1e-3."""
-    omega = np.array([1.0, 2.0])
-    G, bounds = np.array([4.0 + 0j, 2.0j]), np.ones((2, 3))
-    said = summary_of_sweep(omega, G, bounds, alpha=0.5, stress=stress)
-    assert "equivalent linear frequencies 4 to 5; the stored" in said
-    job, damping = SimpleNamespace(stress=stress, load=LoadChoice("xy")), EquivalentDamping(0.5, stress / 2.0)
-    notes = sweep.notes_of(job, SOURCE, omega, modulus_sweep(omega, G, bounds), damping)
-    assert [
-        f"strain amplitude up to {stress / 2:.1e}, more than p/k = 1.0e-03" in note for note in notes
-    ] == [True] * told
-    notes = sweep.notes_of(job, SOURCE, omega, modulus_sweep(omega, -G, bounds), damping)
-    assert notes[-1].startswith("G* is formal: G' < 0")
-
-
-def test_a_modulus_below_its_bound_below_zero_is_noted():
-    omega, bounds, job = np.array([1e-3, 1.0]), np.full((2, 3), 0.01), SimpleNamespace(load=LoadChoice("xy"))
-    found = [modulus_sweep(omega, np.array([real + 1j, 1.0]), bounds) for real in (-0.02, -0.005)]
-    (note,) = sweep.notes_of(job, SOURCE, omega, found[0], None)
-    assert note.startswith("unstable to shear: G' at omega 0.001 = -0.02. ") and "--stabilise shear" in note
-    assert sweep.notes_of(job, SOURCE, omega, found[1], None) == []
-
-
-def test_modes_tell_how_they_were_counted():
-    found = SimpleNamespace(
-        eigenvalues=np.array([0.25, 0.5, 2.0]), residuals=np.array([1e-9, 3e-9, 2e-9]),
-        floppiness=np.array([5.0, 3.0, 1.0]),
-        complete=False, inertia_count=3, inertia_shift=2.5, network=SimpleNamespace(prestress=False),
-        contributions=SimpleNamespace(share={
-            "modulus": np.array([0.25, 0.125, 0.0]), "nonaffine": np.array([0.5, 0.25, 0.125]),
-            "normal": np.array([0.25, 0.0, 0.0]), "transverse": np.array([0.5, 0.125, 0.125]),
-        }),
-    )  # fmt: skip
-    assert modes._summary("m.h5", found).split("\n") == [
-        "m.h5: 3 modes, no pre-stress; inertia counts 3 below 2.5",
-        "  eigenvalues 0.25 to 2, residuals ≤ 3.0e-09",
-        "  floppiness (rms Δu⊥ / Δu∥) 5 to 1",
-        "  together 87.5 % of |u_na|², 75 % of Δu⊥², 25 % of Δu∥², 37.5 % of G_affine − G0",
-    ]
-    found.complete, found.contributions, found.network.prestress = True, None, True
-    lines = modes._summary("m.h5", found).split("\n")
-    assert lines[0] == "m.h5: 3 modes, pre-stress; all of them"
-    assert len(lines) == 3
-    assert modes._notes(found) == [
-        "no shares of the response: it is affine, or not unique because of zero modes"
+@pytest.mark.parametrize(("method", "proof"), [("rational", "certified"), ("direct", "estimated")])
+def test_a_sweep_tells_its_ends_and_its_worst_errors(run, method, proof):
+    lines, sweep = run(f"sweep p.h5 --omega 0.1,1,10 --accuracy 0.1 --method {method}")
+    bounds = np.column_stack([sweep[f"error_bound_{part}"] for part in ("storage", "loss")])
+    storage, loss = relative_part_bounds(sweep.G, bounds).max(axis=0)
+    assert lines[:3] == [
+        f"sweep.h5: contact damping, beta = 1, 3 frequencies, {proof} to {storage:.1e} in G' and {loss:.1e} in G''",
+        *(
+            f"  omega {sweep.omega[m]:g}: G' = {sweep.G[m].real:.6g}, G'' = {sweep.G[m].imag:.6g}"
+            for m in (0, 2)
+        ),
     ]
 
 
-def test_a_study_tells_what_failed_and_what_its_runs_noted():
-    notes = ["few: 7", "unstable to shear: G0 = -1"], ["few: 9"], [], []
-    rows = [
-        {"file": f"{n}.h5", "command": "pack" if n == 3 else "sweep"} | ({"notes": noted(one)} if one else {})
-        for n, one in enumerate(notes)
-    ]
-    failures = [{"file": f"{n}.h5", "state": "failed: no"} for n in range(study_job.MAX_LISTED_FAILURES + 2)]
-    lines = study_job._summary("t.csv", rows, failures, "3 s").split("\n")
-    assert lines[:2] == [
-        f"t.csv: 4 tasks, {study_job.MAX_LISTED_FAILURES + 2} failed, 3 s",
-        "  0.h5: failed: no",
-    ]
-    assert lines[study_job.MAX_LISTED_FAILURES + 1 :] == [
-        "  … and 2 more, see the table",
-        "  note in 2 of 3 sweep tasks, which count like the others: few: 7 (0.h5)",
-        "  note in 1 of 3 sweep tasks, which count like the others: unstable to shear: G0 = -1 (0.h5)",
-    ]
-    exactly = study_job._summary("t.csv", [], failures[: study_job.MAX_LISTED_FAILURES], "3 s")
-    assert "more, see" not in exactly and exactly.count("failed: no") == study_job.MAX_LISTED_FAILURES
-
-
-def test_an_oscillation_tells_both_ends_of_its_frequencies():
-    omega = np.array([0.1, 1.0, 10.0])
-    asked = SimpleNamespace(
-        alpha=1.0,
-        physics=PHYSICS,
-        amplitude=np.array([1e-6]),
-        omega=omega,
-        control="strain",
-        load=LoadChoice("xy"),
+@pytest.mark.parametrize(("stress", "told"), [(1.07e-4, False), (1.11e-4, True)])
+def test_a_strain_that_would_change_contacts(run, stress, told):
+    """σ₀/|G*| at the softest frequency, where |G*| = 0.10882 k, against p/k = 1e-3."""
+    lines, sweep = run(f"sweep stiff.h5 --omega 1e-3,1 --alpha 1 --stress {2.5 * stress}")
+    strain = 2.5 * stress / abs(sweep.G).min()
+    assert (
+        f"alpha 1, stress {2.5 * stress:g}: equivalent linear frequencies 0.001 to 1; the stored" in lines[3]
     )
-    arrays = {
-        "G": np.array([[1 + 1j, 2 + 2j, 3 + 4j]]), "error": np.array([[1e-3, 1e-3, 1e-1]]),
-        "energy_balance": np.array([[1e-9, -2e-8, 1e-9]]), "harmonics": np.array([[[0.1j, 0], [0.5, 0], [0.02, 0]]]),
-    }  # fmt: skip
-    lines = oscillate._summary(asked, "o.h5", arrays).split("\n")
-    assert "alpha = 1, 3 oscillations, estimated to 2.0e-02 of |G*|, energy balanced to 2e-08" in lines[0]
-    assert lines[1:] == [
-        "  strain 1e-06, omega 0.1: G' = 1, G'' = 1, third harmonic 10 %",
-        "  strain 1e-06, omega 10: G' = 3, G'' = 4, third harmonic 2 %",
+    note = f"  note: contacts would change, which is left out: strain amplitude up to {strain:.1e}, more than p/k = "
+    assert [line.startswith(f"{note}1.0e-03.") for line in lines[5:]] == [True] * told
+
+
+def test_one_frequency_is_told_once(run):
+    lines, _ = run("sweep p.h5 --omega 10")
+    assert (
+        "1 frequencies" in lines[0] and lines[1].startswith("  omega 10: G' = 0.309564,") and len(lines) == 3
+    )
+
+
+def test_moduli_below_zero_are_noted(run):
+    lines, sweep = run("sweep lattice.h5 --omega 1e-3,1 --alpha 0.5 --stress 1e-4")
+    low, high = sweep["equivalent_omega"]
+    assert f"equivalent linear frequencies {low:.3g} to {high:.3g};" in lines[3] and low > 1.0
+    _, unstable, formal = lines[5:]
+    assert unstable.startswith("  note: unstable to shear: G' at omega 0.001 = -0.0309. ")
+    assert "--stabilise shear" in unstable and formal.startswith("  note: G* is formal: G' < 0")
+
+
+def test_modes_tell_how_they_were_counted(run):
+    lines, modes = run("modes p.h5 --count 3 --no-prestress")
+    names = {"nonaffine": "|u_na|²", "transverse": "Δu⊥²", "normal": "Δu∥²", "modulus": "G_affine − G0"}
+    shares = ", ".join(f"{100 * modes[f'share/{key}'].sum():.3g} % of {name}" for key, name in names.items())
+    lowest, _, highest = modes["eigenvalues"]
+    first, _, last = modes["floppiness"]
+    assert lines[:4] == [
+        f"modes.h5: 3 modes, no pre-stress; inertia counts 3 below {modes.attributes['inertia_shift']:.4g}",
+        f"  eigenvalues {lowest:.6g} to {highest:.6g}, residuals ≤ {modes['residuals'].max():.1e}",
+        f"  floppiness (rms Δu⊥ / Δu∥) {first:.3g} to {last:.3g}",
+        f"  together {shares}",
     ]
+    lines, _ = run("modes crystal.h5 --all")
+    assert lines[0] == "modes.h5: 70 modes, pre-stress; all of them" and "together" not in "".join(lines)
+    assert lines[-1] == "  note: no shares of the response: it is affine, or not unique because of zero modes"
 
 
-def test_a_quasistatic_response_tells_its_parts():
-    flow = SimpleNamespace(parts={"contacts": 0.25, "fluid": 0.5}, eta0=0.75)
-    medians = {"normal": 1.0, "transverse": 2.0, "nonaffine": 3.0}
-    found = {key: SimpleNamespace(median=value) for key, value in medians.items()}
-    numbers = {"G0": 0.5, "bulk_modulus": 4.0, "omega_star": 0.1, "identity_difference": 1e-12}
-    response = SimpleNamespace(network=SimpleNamespace(prestress=True), flow=flow, **numbers)
-    outcome = SimpleNamespace(eta_inf=0.5, responses={"": response}, distributions={"": found}, tensors={})
-    assert quasistatic._summary("q.h5", PHYSICS, outcome).split("\n") == [
-        "q.h5: contact damping, beta = 1, eta_inf = 0.5",
-        "  pre-stress: G0 = 0.5, bulk modulus 4, eta0 = 0.75 (contacts 0.25, fluid 0.5), omega* = 0.1",
-        "    medians per unit strain: |Δu∥| 1, |Δu⊥| 2, |u_na| 3; identity kept to 1e-12",
+def test_an_oscillation_tells_both_ends_of_its_frequencies(run):
+    lines, result = run("oscillate p.h5 --omega 0.1,1,10 --strain 1e-4 --alpha 0.5 --steps 16")
+    ((low, _, high),), ((first, _, last),) = result["G"], np.abs(result["harmonics"])[..., 0]
+    worst, balance = (result["error"] / abs(result["G"])).max(), abs(result["energy_balance"]).max()
+    assert lines[0].endswith(
+        f"alpha = 0.5, 3 oscillations, estimated to {worst:.1e} of |G*|, energy balanced to {balance:.0e}"
+    )
+    assert lines[1:3] == [
+        f"  strain 0.0001, omega {omega}: G' = {G.real:.6g}, G'' = {G.imag:.6g}, third harmonic {100 * third:.2g} %"
+        for omega, G, third in ((0.1, low, first), (10, high, last))
     ]
+    assert 0.01 < first < 0.5
 
 
-@pytest.mark.parametrize(("finite_size", "scale"), [(False, 1e-3), (True, 0.125)])
-def test_a_collapse_tells_its_parameters_those_of_every_cut_and_notes(finite_size, scale):
-    def cut(scale, chi2, y, *errors):
-        values = {"phi_J": 0.8433, "y": y, "kappa": 3.5}
-        fit = SimpleNamespace(parameters=values, chi2=chi2, dof=20, probability=0.5)
-        found = zip(values.items(), errors, strict=True)
-        return scale, fit, {name: Estimate(one, one - 2 * e, one + 2 * e, 0.0) for (name, one), e in found}
+def test_a_quasistatic_response_tells_its_parts(run):
+    lines, result = run("quasistatic p.h5 --law stokes --eta-f 0.5 --tau1 3")
+    a = result.attributes
+    assert lines[0].endswith(f": Stokes drag, eta_f = 0.5, eta_inf = {a['eta_inf']:.6g}") and len(lines) == 6
+    for line, medians, name in zip(lines[1:5:2], lines[2:5:2], ("", "no_prestress_"), strict=True):
+        eta, drag, fluid = (a[f"{name}eta0{part}"] for part in ("", "_drag", "_fluid"))
+        stress = "no pre-stress" if name else "pre-stress"
+        assert line == (
+            f"  {stress}: G0 = {a[f'{name}G0']:.6g}, bulk modulus {a[f'{name}bulk_modulus']:.6g}, eta0 = {eta:.6g} "
+            f"(drag {drag:.4g}, fluid {fluid:.4g}), omega* = {a[f'{name}omega_star']:.4g}"
+        )
+        group = "no_prestress/" if name else ""
+        assert all(
+            f"{group}histogram/{part}/edges" in result for part in ("normal", "transverse", "nonaffine")
+        )
+        quantities = zip(("|Δu∥|", "|Δu⊥|", "|u_na|"), ("normal", "transverse", "nonaffine"), strict=True)
+        values = ", ".join(f"{symbol} {a[f'{key}_median']:.4g}" for symbol, key in quantities)
+        assert name or medians == (
+            f"    medians per unit strain: {values}; identity kept to {a['identity_difference']:.0e}"
+        )
 
-    job = SimpleNamespace(observable="pressure", finite_size=finite_size)
-    cuts = [cut(0.5, 30.0, 1.1, 0.01, 0.2, 1.0), cut(scale, 10.0, 1.5, 1e-3, 0.1, np.inf)]
-    # L of spheres: the line has their number
-    points = Points(*np.full((4, 7), scale), size=np.where(np.arange(7) < 6, 512.0, 64.0))
-    points.scale[:6] = 0.5
-    nu, what = ("nu", "N >= 64") if finite_size else ("znu", "rates <= 0.001")
-    assert collapse._summary("c.h5", job, points, cuts, ["one", "two"]).split("\n") == [
-        f"c.h5: pressure at 7 points, phi_J = 0.8433 ± 0.01, y = 1.1 ± 0.2, {nu} = 3.5 ± 1",
-        "  chi2/dof = 1.5 with 20 degrees of freedom, probability 0.5",
-        f"  {what}: phi_J = 0.8433 ± 0.001, y = 1.5 ± 0.1, {nu} undecided, chi2/dof = 0.5",
-        "  note: one",
-        "  note: two",
+
+def test_lanes_of_other_widths_are_compared_with_errors_of_both(run):
+    """And lengths without a root are said."""
+    run("sweep p.h5 --omega 0.01,1 --fields 0.01,1")
+    lines, result = run("correlate sweep.h5 --phase strain --lane 0.1,0.3,1")
+    size, diameter = result.attributes["L"], result.attributes["mean_diameter"]
+    (real, imaginary), (_, error) = (result[name][0, 0] / diameter for name in ("length", "length_error"))
+    assert np.isnan(real) and lines[:2] == [
+        f"correlate.h5: 1 packing, L = {size / diameter:.4g} d, lanes of 0.1 d, "
+        f"{result.attributes['pairs'][0]} pairs, in phase with the strain",
+        f"  omega 0.01: l/d Re no root,  Im {imaginary:.3g} ± {error:.1g}",
     ]
-
-
-def test_lanes_of_other_widths_are_compared_with_errors_of_both():
-    def result(values, errors):
-        C, e = (np.array([[one, x, np.nan]] * 2) for one, x in ((1.0, values), (0.0, errors)))
-        root, error = np.array([0.1, np.nan]), np.array([0.01, 0.02])
-        return SimpleNamespace(values=C, errors=e, pairs=9, root=root, root_error=error)
-
-    results = [result(0.5, 0.03), result(0.7, 0.04), result(np.nan, 0.1)]
-    lines = correlate._sweep_summary("c.h5", 1, np.array([1e-3]), "strain", [0.5, 1.0, 2.0], results, 20.0)
-    assert lines.split("\n") == [
-        "c.h5: 1 packing, L = 20 d, lanes of 0.5 d, 9 pairs, in phase with the strain",
-        "  omega 0.001: l/d Re 2 ± 0.2,  Im no root",
-        "  lanes of 1 d: C differs by 0.2 (rms), with errors of 0.05",
-        "  lanes of 2 d: C cannot be compared",
-    ]
+    C, errors = result["C"][..., 1:], result["C_error"][..., 1:]  # beyond δ = 0, where C is 1
+    for row, width in ((1, 0.3), (2, 1)):
+        change, *of_both = (np.sqrt(np.nanmean(part**2)) for part in (C[row] - C[0], errors[0], errors[row]))
+        difference = f"differs by {change:.2g} (rms), with errors of {np.hypot(*of_both):.2g}"
+        assert lines[2 + row] == f"  lanes of {width} d: C {difference}"

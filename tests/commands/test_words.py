@@ -1,9 +1,8 @@
 """What the words of the command line mean: those that contradict each other, or mean nothing, are refused."""
 
-from pathlib import Path
-from types import SimpleNamespace
-
+import numpy as np
 import pytest
+from samples import stored
 
 from jampetsc import main as cli
 from jampetsc.commands.correlate import refuse_mixture
@@ -14,10 +13,11 @@ from jampetsc.io.reader import load
 from jampetsc.studies.study_table import table_text
 
 
-def test_no_two_sweeps_of_one_packing_but_of_unknown_ones():
+def test_no_two_sweeps_of_one_packing_but_of_unknown_ones(tmp_path):
     def sweep(name, sha256):
         known = {"packing_sha256": sha256} if sha256 else {}
-        return SimpleNamespace(path=Path(name), attributes=known, law={}, load="xy")
+        arrays = {"omega": np.ones(1), "G": np.ones(1, complex), "error_bound": np.zeros(1)}
+        return load(stored(tmp_path / name, "sweep", arrays, **known))
 
     others = [sweep("a.h5", None), sweep("b.h5", None), sweep("c.h5", "1" * 64), sweep("d.h5", "2" * 64)]
     refuse_mixture(others)
