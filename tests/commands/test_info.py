@@ -1,15 +1,27 @@
 """`jampetsc info`: what it says of packings, results and matrices."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from samples import JAMBASHBULK, JAXMD, gears, isostatic, polydisperse, published, put, stored
+from samples import (
+    JAMBASHBULK,
+    JAXMD,
+    gears,
+    isostatic,
+    polydisperse,
+    published,
+    put,
+    stored,
+    strips,
+    two_images,
+)
 
+import jampetsc
 from jampetsc import main as cli
 from jampetsc.commands import describe
 from jampetsc.io.importers import import_packing
 from jampetsc.io.packing_file import write_packing
+from jampetsc.io.result_file import ResultWriter
+from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.packing import Packing
 
 
@@ -163,10 +175,13 @@ def test_what_a_result_was_made_from(capsys, tmp_path):
          "not a minimum: K has 8 negative eigenvalues; error bounds of a sweep do not hold"),
         (gears, [], {"B": "0 0 69", "components": "1 connected, 1 of them", "pinned unknowns": "3: 2 translations and"},
          "not a minimum: K has 8 negative eigenvalues; error bounds of a sweep do not hold"),
+        (two_images, [], {"K, pre-stress": "1 2 29"}, "not a minimum: K has 1 negative eigenvalue;"),
+        (strips, [], {"pinned unknowns": "4: 4 translations", "components": "2 connected, 0 of them"},
+         "not a minimum: K has no negative eigenvalue, but the forces are not balanced"),
         (lambda: shaken(published()), [], {"K, pre-stress": "0 2 28"},
          "not a minimum: K has no negative eigenvalue, but the forces are not balanced"),
     ],
-    ids=["minimum", "gears in a fluid", "gears", "shaken"],
+    ids=["minimum", "gears in a fluid", "gears", "two images", "strips", "shaken"],
 )  # fmt: skip
 def test_matrices_are_examined(capsys, session, shared_path, disks, words, begin, last):
     put(shared_path / "p.h5", disks(), session.comm)
@@ -179,46 +194,40 @@ def test_matrices_are_examined(capsys, session, shared_path, disks, words, begin
     assert any(line.endswith(f", on {session.size} rank{'s' * (session.size > 1)}") for line in lines)
 
 
-def counted(negative, zero, positive):
-    return SimpleNamespace(negative=negative, zero=zero, positive=positive, shift=1e-12)
+@pytest.mark.scalar("real")
+@pytest.mark.least_ranks(2)
+def test_parts_of_a_result_are_counted(capsys, session, shared_path):
+    with ResultWriter(shared_path / "m.h5", "jampetsc-modes", session.comm) as writer:
+        writer.dataset("eigenvalues", np.ones(2))
+        writer.distributed("particles", np.arange(2))
+    _, lines, _ = info(capsys, shared_path / "m.h5")
+    assert session.rank or entries(lines)["files"] == f"joint file and {session.size} parts, complete"
 
 
-@pytest.mark.parametrize(
-    ("K", "bare", "damping", "at_rest", "beginnings"),
-    [
-        ((0, 2, 9), (0, 2, 9), 0, True, ["a minimum: K has no negative eigenvalue, and only the translations"]),
-        ((0, 3, 9), (0, 2, 9), 0, True, ["marginal: 1 moves besides the translations cost no energy"]),
-        ((0, 3, 9), (0, 2, 9), 0, False, ["not a minimum: K has no negative eigenvalue, but the forces are not"]),
-        ((1, 2, 9), (0, 2, 9), 0, True, ["not a minimum: K has 1 negative eigenvalue;"]),
-        ((2, 2, 9), (0, 2, 9), 0, False, ["not a minimum: K has 2 negative eigenvalues;"]),
-        ((0, 2, 9), (0, 5, 9), 0, True, ["a minimum", "floppy without pre-stress: 3 moves besides"]),
-        ((0, 2, 9), (0, 2, 9), 1, True, ["a minimum", "B lets 1 moves pass besides those pinned"]),
-    ],
-)  # fmt: skip
-def test_what_numbers_of_eigenvalues_mean(K, bare, damping, at_rest, beginnings):
-    parts = {
-        "with_prestress": counted(*K),
-        "without_prestress": counted(*bare),
-        "damping": counted(0, damping, 9),
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_moves_without_energy_or_dissipation_are_counted(session):
+    """Rows and columns of a square lattice of springs slide: 8 zero modes, of which 2 are translations."""
+    ends = {
+        "marginal": jampetsc.info(build_lattice("square", (4, 4)), matrices=True, law=jampetsc.StokesDrag()),
+        "a minimum": jampetsc.info(published(), matrices=True, law=jampetsc.ContactDamping(normal=0.0)),
     }
-    lines = describe.minimum_lines(SimpleNamespace(translations=2, free_moves=2, pins=2, **parts), at_rest)
-    assert [line[: len(one)] for line, one in zip(lines, beginnings, strict=True)] == beginnings
-
-
-@pytest.mark.parametrize(
-    ("pins", "translations", "words"),
-    [(0, 2, "0: every move meets drag"), (2, 2, "2: 2 translations"), (3, 2, "3: 2 translations and 1 gear mode"),
-     (6, 4, "6: 4 translations and 2 gear modes")],
-)  # fmt: skip
-def test_what_is_pinned(pins, translations, words):
-    assert describe._pins(SimpleNamespace(pins=pins, translations=translations)) == words
+    assert [text.splitlines()[-2:] for text in ends.values()] == [
+        [
+            "marginal: 6 moves besides the translations cost no energy",
+            "floppy without pre-stress: 6 moves besides the translations stretch no contact",
+        ],
+        [
+            "a minimum: K has no negative eigenvalue, and only the translations cost no energy",
+            "B lets 13 moves pass besides those pinned",
+        ],
+    ]
 
 
 def test_numbers_as_one_reads_them():
     told = {1 / 3: "0.3333333333", 3: "3", "x": "x"}
     assert [describe.number_text(value) for value in told] == list(told.values())
     assert describe.number_text(np.array([0.5, 1.0])) == "0.5, 1"
-    assert describe._files(3) == "joint file and 3 parts, complete"
     rows = [("head",), ("a", "1"), ("longer", "2", "x")]
     assert describe.aligned_text(rows) == "head\n  a       1\n  longer  2  x"
 
