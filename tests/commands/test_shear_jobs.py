@@ -1,8 +1,6 @@
 """Flow, shear and jam as jobs: what they are made of, and the runs they ask for."""
 
 import inspect
-from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,13 +8,11 @@ from samples import published
 from sheared import crowd
 
 import jampetsc
-from jampetsc.analysis.jammed_samples import independent_share
-from jampetsc.commands import jam, shear
+from jampetsc.commands import jam
 from jampetsc.commands.flow import Flow
 from jampetsc.commands.jam import Jam
 from jampetsc.commands.shear import Shear
 from jampetsc.errors import InputError
-from jampetsc.io.outlet import Outlet
 from jampetsc.io.packing_file import read_identified, write_packing
 from jampetsc.laws import flow_models as models
 from jampetsc.laws.damping import ContactDamping, Law
@@ -36,10 +32,10 @@ COOL = JAM | {"protocol": "compress"}
 
 
 def test_a_seventh_model_is_one_row(monkeypatch):
-    """Function, option and message follow from the table."""
+    """Model and message follow from the table."""
     monkeypatch.setitem(models.MODELS, "RDt", (Law("drag and sliding", drag=1.0, transverse=1.0), True))
-    made_ = models._maker("RDt")(mass=2.0, tau1=3.0)
-    assert (made_.name, made_.mass, made_.law.transverse, made_.law.tau1) == ("RDt", 2.0, 1.0, 3.0)
+    model = models.model_of("RDt", mass=2.0, tau1=3.0)
+    assert (model.name, model.mass, model.law.transverse, model.law.tau1) == ("RDt", 2.0, 1.0, 3.0)
     with pytest.raises(InputError, match=r"RDt: no mass\. Give a positive mass or quality"):
         models.model_of("RDt")
 
@@ -76,21 +72,17 @@ def test_a_model_may_be_given_in_several_ways():
 
 
 def test_a_run_has_the_parameters_of_its_job():
-    job = build_job(
-        Flow, FLOW | {"model": None, "law": "contact", "mass": 3.0, "background_drag": 0.125, "tau1": 2.0}
-    )
-    run, _ = job._new_run()
-    assert (run.rate, run.model.mass, run.model.background_drag, run.model.law.tau1) == (
-        1e-2,
-        3.0,
-        0.125,
-        2.0,
-    )
-    assert (run.schedule.every, run.schedule.discard, run.scheme.tolerance) == (0, 0.25, 1e-4)
-    assert run.schedule.steps * run.schedule.rows * run.scheme.step * 1e-2 == pytest.approx(0.5, rel=0.05)
-    more, _ = replace(job, tolerance=1e-6, step=0.01, snapshots=3, discard=0.125)._new_run()
-    assert (more.scheme.tolerance, more.scheme.step) == (1e-6, 0.01)
-    assert (more.schedule.count_snapshots(1), more.schedule.discard) == (3, 0.125)
+    plain = {"n": 16, "phi": 0.8, "rate": 1e-2, "strain": 0.5}
+    damping = models.Model(ContactDamping(tau1=2.0), mass=3.0, background_drag=0.125)
+    chosen = {"tolerance": 1e-6, "step": 0.02, "snapshots": 3, "discard": 0.125}
+    flow, other = (jampetsc.flow(**plain, model=damping, **more) for more in ({}, chosen))
+    for result, facts in ((flow, {"discard": 0.25, "tolerance": 1e-4}), (other, chosen)):
+        facts = facts | {"rate": 1e-2, "mass": 3.0, "background_drag": 0.125, "tau1": 2.0}
+        facts.pop("snapshots", None)
+        assert {name: result.attributes[name] for name in facts} == facts
+        assert result["strain"][-1] == pytest.approx(0.5, rel=0.05)
+    assert "snapshots/strain" not in flow and len(other["snapshots/strain"]) == 3
+    assert other["snapshots/strain"][0] > 0.125
 
 
 @pytest.mark.parametrize("seed", [None, 0, 3])
@@ -194,34 +186,6 @@ def test_a_checkpoint_of_samples_serves_only_the_same_job(more):
     assert settings[0] != settings[1] or more.keys() <= plain.keys()
     assert Jam(**JAM | more).settings() != Jam(**JAM).settings()
     assert Jam(**JAM, sizes="bidisperse", tolerance=1e-6).settings() == Jam(**JAM).settings()
-
-
-@pytest.mark.parametrize(("jammed", "run", "samples"), [
-    ([1, 1, 1, 1], "at every step", "all of 4 samples jammed (effective sample size 4)"),
-    ([0, 0, 0, 0], "at no step", "none of 4 samples jammed (effective sample size 4)"),
-    ([1, 0, 1, 1], "at 0.75 of the steps (68 % interval 0.5 to 0.9)", "jammed 0.750 ± 0.2 (effective sample size 4)"),
-])  # fmt: skip
-def test_a_share_of_all_or_nothing_is_said_without_an_interval(jammed, run, samples):
-    share = independent_share(np.array(jammed, float))
-    assert shear._share_text(share) == f"jammed {run}" and jam._share_text(share) == samples
-
-
-@pytest.mark.parametrize("lost", [0, 1, 3])
-def test_a_summary_has_jammed_fraction_pressure_and_lost_samples(lost):
-    rows = []
-    for n in range(4):
-        jammed, at = np.nan if n < lost else 1.0, 0.83 + 0.01 * n
-        rows.append((0.84, n, jammed, 2e-3 * (n + 1), at if n else np.nan))
-    rows += [(0.84, 5, 0.0, 9.0, np.nan), (0.85, 1, np.nan, 1.0, np.nan)]
-    columns = dict(zip(("phi", "seed", "jammed", "pressure", "phi_J"), np.transpose(rows), strict=True))
-    lines = jam._summary(SimpleNamespace(n=16, dimension=2), columns, Outlet("j.h5"))
-    share = independent_share(np.r_[np.ones(4 - lost), 0.0])
-    pressure = 1e-3 * (lost + 1 + 4)
-    assert lines[0] == "j.h5: 6 samples of 16 disks"
-    line = f"phi = 0.84: jammed {share.value:.3f} ± {share.error:.2g} (effective sample size {5 - lost})"
-    assert line in lines[1] and f"p of the jammed {pressure:.4g}, phi_J 0.85 ± 0.0076" in lines[1]
-    assert "phi = 0.85: no minimum found" in lines[2]
-    assert jam._notes(columns) == [f"no minimum found: {lost + 1} samples, nan in the result"]
 
 
 def test_a_message_names_a_refused_start_without_its_arrays():

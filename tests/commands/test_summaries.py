@@ -10,7 +10,11 @@ from samples import SAMPLES, crystal, lattice, published
 import jampetsc
 from jampetsc import main as cli
 from jampetsc.analysis.error_bounds import relative_part_bounds
+from jampetsc.analysis.jammed_samples import correlated_share, independent_share
+from jampetsc.analysis.statistics import mean_with_error
+from jampetsc.errors import ConvergenceError
 from jampetsc.io.packing_file import write_packing
+from jampetsc.jamming import samples
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]
 PACKINGS = {"p": published, "stiff": SAMPLES["k = 2.5"], "lattice": lattice, "crystal": crystal}
@@ -143,3 +147,57 @@ def test_lanes_of_other_widths_are_compared_with_errors_of_both(run):
         change, *of_both = (np.sqrt(np.nanmean(part**2)) for part in (C[row] - C[0], errors[0], errors[row]))
         difference = f"differs by {change:.2g} (rms), with errors of {np.hypot(*of_both):.2g}"
         assert lines[2 + row] == f"  lanes of {width} d: C {difference}"
+
+
+@pytest.mark.parametrize(
+    ("phi", "how", "told"),
+    [
+        (0.84, "--step 1e-3 --strain 3e-3", "jammed at every step"),
+        (0.7, "--step 1e-3 --strain 3e-3", "jammed at no step"),
+        (0.81, "--step 3e-3 --strain 0.03 --seed 2", "jammed at {0.value:.3g} of the steps (68 % interval {0.low:.2g} "
+         "to {0.high:.2g})"),
+        (0.82, "--step 3e-3 --strain 0.03 --seed 3", "jammed at {0.value:.3g} of the steps (too few independent ones "
+         "for an error)"),
+    ],
+)  # fmt: skip
+def test_slow_shear_tells_how_much_of_it_is_jammed(run, phi, how, told):
+    lines, shear = run(f"shear --n 16 --phi {phi} {how} --discard 0")
+    assert f", {told.format(correlated_share([shear['jammed']]))}, 2N_c/N = " in lines[1]
+
+
+def test_samples_tell_how_many_jam_and_the_pressure_of_those(run):
+    lines, jam = run("jam --n 16 --phi 0.75,0.83,0.9 --seeds 1:6")
+    share = independent_share(jam["jammed"][6:12])
+    pressure, all_jammed = (
+        jam["pressure"][rows][jam["jammed"][rows] == 1].mean() for rows in (slice(6, 12), slice(12, 18))
+    )
+    assert lines[0] == "jam.h5: 18 samples of 16 disks" and 0.0 < share.value < 1.0
+    assert lines[2:5] == [
+        "  phi = 0.75: none of 6 samples jammed (effective sample size 6)",
+        f"  phi = 0.83: jammed {share.value:.3f} ± {share.error:.2g} (effective sample size 6), p of the jammed "
+        f"{pressure:.4g}",
+        f"  phi = 0.9: all of 6 samples jammed (effective sample size 6), p of the jammed {all_jammed:.4g}",
+    ]
+
+
+def test_samples_without_a_minimum_are_noted_and_left_out(run, monkeypatch):
+    """Lost are here the first of four, the jamming density of the second, and all at the second packing fraction."""
+    quench, densities = samples.quench, []
+
+    def quench_or_lose(disks, *how):
+        densities.append(disks.phi)
+        if disks.phi > 0.87 or len(densities) in (1, 3):
+            raise ConvergenceError("lost")
+        return quench(disks, *how)
+
+    monkeypatch.setattr(samples, "quench", quench_or_lose)
+    words = "--protocol compress --cooling-rate 1 --sweeps 0 --temperature 1e-6"
+    lines, jam = run(f"jam --n 16 --phi 0.84,0.88 --seeds 1:4 {words}")
+    value, error = mean_with_error(jam["phi_J"][2:4])
+    pressure = jam["pressure"][1:4].mean()
+    assert lines[2].startswith(
+        "  phi = 0.84: all of 3 samples jammed (effective sample size 3), p of the jammed "
+        f"{pressure:.4g}, phi_J {value:.5g} ± {error:.2g}, segregation "
+    )
+    assert lines[3] == "  phi = 0.88: no minimum found"
+    assert lines[-1] == "  note: no minimum found: 5 samples, nan in the result"
