@@ -1,25 +1,27 @@
 """What a picture shows, as numbers: the axes of a plot instead of its file."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from jampetsc.io.reader import RESULTS
+from jampetsc.io.result_file import ArrayInMemory
 from jampetsc.plots.page import Page
 from jampetsc.plots.style import MARKERS, drawn_in
 
 
-class Held(dict):
-    """What a picture asks of a file: arrays by name, attributes, path and format; its packing where that is set."""
+def held(arrays, attributes, path="a.h5", format="jampetsc-jam"):
+    """A result in memory under the name of a file, with these arrays and attributes alone."""
+    arrays = {name: ArrayInMemory(np.array(values)) for name, values in arrays.items()}
+    return RESULTS[format]({**attributes, "format": format}, arrays, path)
 
-    packing = None
 
-    def __init__(self, arrays, attributes, path="a.h5", format=""):
-        super().__init__(arrays)
-        self.attributes, self.path, self.format = attributes, Path(path), format
+def with_arrays(result, arrays):
+    """The same result with more arrays."""
+    return held({**result, **arrays}, result.attributes, result.path, result.format)
 
 
 def figure_of(plot, results, **settings):
@@ -111,3 +113,8 @@ def bands(ax):
         ends = [corners[corners[:, 0] == one, 1] for one in x]
         found.append((x, np.array([end.min() for end in ends]), np.array([end.max() for end in ends])))
     return found
+
+
+def circle_radii(circles):
+    """Radii of drawn circles: half of the widths that matplotlib keeps, which has no public name before 3.8."""
+    return circles._widths

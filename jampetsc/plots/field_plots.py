@@ -195,7 +195,7 @@ def _draw(page, section, shown, panels, symbol, strain="", rows=1):
         panels = [(title, field, field[:, 2] / d, row) for title, field, _, row in panels]
     width = COLUMN if len(panels) // rows <= 2 else PAGE
     axes = frame_cells(page, [section.cell] * len(panels), rows, width, linewidth=0.4)
-    chosen = _spaced_rows(section.centres[shown], section.cell)
+    chosen = spaced_rows(section.centres[shown], section.cell)
     spacing = np.sqrt(section.cell[0, 0] * section.cell[1, 1] / max(len(chosen), 1))
     name = rf"{symbol}/{strain}" if strain else symbol
     for (ax, _), (title, u, tone, row) in zip(axes, panels, strict=True):
@@ -284,8 +284,8 @@ def _arrow_factor(u, spacing):
     return decade * max(step for step in _STEPS if step <= exact / decade * (1 + 1e-9))
 
 
-def _spaced_rows(points, cell):
-    """Rows of at most ARROWS points, one from each square of a grid over the cell; all if they are few."""
+def spaced_rows(points, cell) -> np.ndarray:
+    """Rows of at most ARROWS points (n, 2), one from each square of a grid over a cell (2, 2); all if they are few."""
     if len(points) <= ARROWS:
         return np.arange(len(points))
     sides = np.hypot(cell[:, 0], cell[:, 1])

@@ -164,8 +164,8 @@ def _step(result):
     return rf"$\Delta\gamma={number(float(result.attributes['step']))}$" if sheared else ""
 
 
-def _labels(kinds):
-    """A legend's words for each kind: the parts that differ, N at least."""
+def labels_of(kinds) -> list[str]:
+    """A legend's words for each `kind` of `samples_of`: the parts that differ, N at least."""
     protocols, sizes, *further = (len(set(part) - {""}) > 1 for part in zip(*kinds, strict=True))
     alike = not any((protocols, sizes, *further))
     parts = [(f"$N={n}$", protocol, *words) for protocol, n, *words in kinds]
@@ -179,7 +179,7 @@ def plot_fraction(results, page):
     ax = page.panels(1, 1, COLUMN, HEIGHT, x=r"$\phi$", y=r"$f(\phi)$")
     ax.set_ylim(-0.04, 1.04)
     ax.axhline(0.5, color=GREY, lw=0.5, ls=":")
-    labels = _labels([sample.kind for sample in samples])
+    labels = labels_of([sample.kind for sample in samples])
     for (sample, label), look in looks(zip(samples, labels, strict=True)):
         phis = sorted(sample.runs)
         value, low, high = np.transpose([(s.value, s.low, s.high) for s in map(sample.share, phis)])
@@ -213,7 +213,7 @@ def plot_pressures(results, page):
     named = {"x": units.label("p", "stress"), "y": "$P(p)$"}
     axes = np.ravel(page.panels(rows, columns, width, HEIGHT * rows, **named, count=len(curves)))
     for ax, (sample, phis), label in zip(
-        axes, curves, _labels([sample.kind for sample, _ in curves]), strict=True
+        axes, curves, labels_of([sample.kind for sample, _ in curves]), strict=True
     ):
         for phi, colour in zip(phis, colours(len(phis)), strict=True):
             look = {"color": colour, "marker": "o", "ms": 2.4, "label": rf"$\phi={phi:.6g}$"}
@@ -246,7 +246,7 @@ def plot_jamming_densities(results, page):
             f"{results[0].path}: fewer than {MIN_SAMPLES} values of phi_J at every phi. Run jam with "
             f"{named('protocol')} compress and at least as many {named('seeds')}."
         )
-    labels = _labels([kind for kind, _, _ in curves])
+    labels = labels_of([kind for kind, _, _ in curves])
     several = len({phi for _, phi, _ in curves}) > 1
     ax = page.panels(1, 1, COLUMN, HEIGHT, x=r"$\phi_J$", y=r"$P(\phi_J)$")
     for ((_, phi, values), label), look in looks(zip(curves, labels, strict=True)):

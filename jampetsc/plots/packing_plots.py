@@ -57,7 +57,7 @@ def plot_packing(results, page, height=None):
     rattlers = int(np.count_nonzero(state.rattlers))
     hollow = f"{rattlers} rattler{'' if rattlers == 1 else 's'}" if rattlers else ""
     caption = _caption(disks, state.contacts, state.pressure, state.coordination, hollow)
-    _draw(page, [("", disks, state.contacts, state.rattlers, caption)], height)
+    draw_panels(page, [("", disks, state.contacts, state.rattlers, caption)], height)
     return f"packing of {disks.n} {PARTICLES[disks.dimension]}"
 
 
@@ -90,7 +90,7 @@ def plot_snapshots(results, page, height=None):
             shown.append(
                 f"{disks.n - disks.record.get('walls', 0)} {PARTICLES[disks.dimension]} at strain {strain[row]:.4g}"
             )
-    _draw(page, panels, height)
+    draw_panels(page, panels, height)
     return f"contacts of {', '.join(shown)}"
 
 
@@ -111,10 +111,12 @@ def flow_panel(title, disks):
     return title, disks, contacts, alone, caption
 
 
-def _draw(page, panels, height=None):
+def draw_panels(page, panels, height=None) -> None:
     """Panels [(title, disks, contacts, mask of hollow disks, caption), …] side by side, in columns of one width.
 
     height   of the slice, of spheres (default ½)
+
+    Raises InputError for more panels than one picture shows, and for disks beside spheres.
     """
     if len(panels) > MAX_SNAPSHOTS:
         raise InputError(f"{len(panels)} snapshots: one picture shows {MAX_SNAPSHOTS}. Choose some.")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from picture_contents import Held, bars, figure_of, lines
+from picture_contents import bars, figure_of, held, lines
 from samples import stored
 
 import jampetsc
@@ -635,7 +635,7 @@ def test_a_picture_of_a_collapse(scale, kappa, observable, symbol, off, inside):
     }  # fmt: skip
     facts = {"scaling": scale, "observable": observable, "corrections": sized, "fitted": "phi_J", "y": 1.2}
     facts |= {kappa: 3.0, "phi_J": best, "phi_J_error": own, "chi2": 3.0, "dof": 4}
-    top, middle, drifted = figure_of(plot_scaling, Held(result, facts)).axes
+    top, middle, drifted = figure_of(plot_scaling, held(result, facts)).axes
     for label in (top.get_ylabel(), middle.get_xlabel(), drifted.get_xlabel()):
         assert (r"\dot\gamma" in label) != sized
     if sized:
@@ -670,7 +670,7 @@ def test_a_picture_of_a_collapse(scale, kappa, observable, symbol, off, inside):
     }
     with warnings.catch_warnings():  # one value without an error, which matplotlib warned of
         warnings.simplefilter("error")
-        figure_of(plot_scaling, Held(result, facts | {"phi_J_error": np.nan}))
+        figure_of(plot_scaling, held(result, facts | {"phi_J_error": np.nan}))
 
 
 def test_two_branches_are_drawn_against_the_distance():
@@ -681,7 +681,7 @@ def test_two_branches_are_drawn_against_the_distance():
     result |= {"correction": np.full(4, 0.1)}
     result |= {"curve/x": np.linspace(-0.5, 0.5, 11), "curve/f0": np.arange(1.0, 12.0)}
     facts = {"scaling": "rate", "observable": "pressure", "y": 1.0, "znu": 2.0, "phi_J": 0.84}
-    (ax,) = figure_of(plot_branches, Held(result, facts)).axes
+    (ax,) = figure_of(plot_branches, held(result, facts)).axes
     assert ax.get_xscale() == ax.get_yscale() == "log"
     order = [1, 0, 3, 2]  # of each rate those above φ_J first
     for (distance, y, down, up), n in zip(bars(ax), order, strict=True):
@@ -691,4 +691,4 @@ def test_two_branches_are_drawn_against_the_distance():
     assert np.allclose(above[1], [7, 8, 9, 10, 11])
     assert "hollow" in ax.get_legend().get_title().get_text()
     with pytest.raises(InputError, match=r"f\.h5: a collapse of sizes"):
-        plot_branches([Held(result, facts | {"scaling": "size"}, "f.h5")])
+        plot_branches([held(result, facts | {"scaling": "size"}, "f.h5")])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from picture_contents import Held
+from picture_contents import held
 
 from jampetsc.analysis.order import bond_order
 from jampetsc.errors import InputError
@@ -42,12 +42,12 @@ def test_order_of_a_flow_is_that_of_the_disks_that_move_in_each_snapshot(walls):
     rng, cell = np.random.default_rng(1), np.array([[6.0, 0.0], [1.0, 5.0]])
     cells, positions = np.array([cell, cell]), rng.random((2, 30, 2)) @ cell
     snapshots = {"snapshots/positions": positions, "snapshots/cell": cells, "snapshots/radii": np.ones(30)}
-    flow = Held(snapshots, {"walls": walls} if walls else {})
+    flow = held(snapshots, {"walls": walls} if walls else {})
     psi = [bond_order(x, cell)[walls:] for x in positions]
     local, whole = six_fold_order(flow)
     np.testing.assert_allclose(local, np.mean(np.abs(psi), axis=1))
     np.testing.assert_allclose(whole, np.abs(np.mean(psi, axis=1)))
-    kept = Held(zip(STORED_ORDER, (local, whole), strict=True), flow.attributes)
+    kept = held(dict(zip(STORED_ORDER, (local, whole), strict=True)), flow.attributes)
     np.testing.assert_array_equal(six_fold_order(kept), (local, whole))
     with pytest.raises(InputError, match=r"a\.h5: no snapshots\. Run the flow with"):
-        six_fold_order(Held({}, {}))
+        six_fold_order(held({}, {}))

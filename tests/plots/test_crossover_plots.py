@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from picture_contents import Held, bars, figure_of, lines, told
+from picture_contents import bars, figure_of, held, lines, told
 from samples import stored
 from test_floppy_plots import quasistatic_of
 
@@ -18,7 +18,7 @@ def slow(pressure, omega_star, bare=None, k=2.0, tau1=4.0, **more):
     """A quasistatic file in units of k and τ₁; ω* in 1/τ₁, with pre-stress and without."""
     more |= {} if bare is None else {"no_prestress_omega_star": bare / tau1}
     stressed = quasistatic_of([1, 1, 1], 64, pressure, k, bare=None if bare is None else [1, 1, 1])
-    return Held({}, stressed.attributes | {"omega_star": omega_star / tau1, "tau1": tau1} | more, "q.h5")
+    return held({}, stressed.attributes | {"omega_star": omega_star / tau1, "tau1": tau1} | more, "q.h5")
 
 
 def test_medians_of_files_follow_a_power_law_with_its_exponent():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from picture_contents import Held, bands, bars, figure_of, lines, require_arrows, told
+from picture_contents import bands, bars, figure_of, held, lines, require_arrows, told, with_arrays
 from samples import published
 
 from jampetsc.analysis.statistics import median_interval
@@ -28,7 +28,7 @@ def quasistatic_of(medians, size=16, pressure=1e-3, k=1.0, bare=None, **more):
     attributes |= {"prestress": bare is not None, "beta": 1.0, "eta0": 1.0, "eta_inf": 0.5}
     for prefix, values in (("", medians), *([("no_prestress_", bare)] if bare is not None else [])):
         attributes |= {f"{prefix}{name}_median": one for name, one in zip(MOTIONS, values, strict=True)}
-    return Held({}, attributes | more, "q.h5", "jampetsc-quasistatic")
+    return held({}, attributes | more, "q.h5", "jampetsc-quasistatic")
 
 
 def modes_of(values, floppiness=None, pressure=1e-3, **more):
@@ -36,19 +36,23 @@ def modes_of(values, floppiness=None, pressure=1e-3, **more):
     arrays = {"eigenvalues": np.array(values), "particles": np.arange(4)}
     arrays["floppiness"] = np.ones(len(values)) if floppiness is None else np.array(floppiness)
     arrays["participation_ratio"] = 1.0 / (1.0 + np.arange(len(values)))
-    return Held(arrays, {"pressure": pressure, "k": 1.0, "complete": True} | more, "m.h5", "jampetsc-modes")
+    return held(arrays, {"pressure": pressure, "k": 1.0, "complete": True} | more, "m.h5", "jampetsc-modes")
 
 
 def lowest_of(pressure, count=(10, 50), n=16):
     """Modes of known floppiness, shares and medians: all of them numbers times powers of p."""
     one = modes_of(np.linspace(1e-3, 1.0, 60), pressure=pressure, k=2.0, particle_count=n)
-    one |= {"transverse": np.full(60, 4.0 / pressure), "normal": np.ones(60), "lowest/count": np.array(count)}
+    arrays = {
+        "transverse": np.full(60, 4.0 / pressure),
+        "normal": np.ones(60),
+        "lowest/count": np.array(count),
+    }
     for row, name in enumerate(MOTIONS, 1):
-        one[f"cumulative/{name}"] = row * np.arange(1, 61) / 1000
-        one[f"lowest/{name}_median"] = row * pressure * np.arange(1.0, len(count) + 1)
+        arrays[f"cumulative/{name}"] = row * np.arange(1, 61) / 1000
+        arrays[f"lowest/{name}_median"] = row * pressure * np.arange(1.0, len(count) + 1)
         one.attributes[f"{name}_median"] = 5.0 * pressure
     one.path = one.path.with_name(f"{pressure}-{n}-{len(count)}.h5")
-    return one
+    return with_arrays(one, arrays)
 
 
 def test_lines_run_through_medians_and_small_points_are_files():
@@ -114,7 +118,7 @@ def test_viscosities_are_medians_over_files_in_units_of_k_and_tau1():
     for eta in (1.0, 3.0, 50.0):
         one = quasistatic_of([1, 1, 1], k=2.0, eta0=8 * eta, eta_inf=4 * eta, tau1=4.0, beta=0.1)
         scan = {"beta": [0.0, 0.01], "eta0": [9.0, 0.8 * eta], "eta_inf": [9.0, 0.4 * eta]}
-        some.append(Held({f"beta_scan/{name}": values for name, values in scan.items()}, one.attributes))
+        some.append(held({f"beta_scan/{name}": values for name, values in scan.items()}, one.attributes))
     ax = figure_of(plot_viscosities, some).axes[0]
     low, high = lines(ax, 2)
     np.testing.assert_allclose(low[:2], [[0.01, 0.1], [0.3, 3.0]])
@@ -132,8 +136,8 @@ def test_guides_at_the_viscosities_have_slopes_1_and_one_half():
     beta = np.logspace(-6, 3, 10)
     one = quasistatic_of([1, 1, 1], eta0=1.01, eta_inf=1.01**0.5, beta=1.0)
     scan = {"beta": beta, "eta0": 0.01 + beta, "eta_inf": np.sqrt(0.01 + beta)}
-    held = Held({f"beta_scan/{name}": values for name, values in scan.items()}, one.attributes)
-    ax = figure_of(plot_viscosities, [held]).axes[0]
+    scanned = held({f"beta_scan/{name}": values for name, values in scan.items()}, one.attributes)
+    ax = figure_of(plot_viscosities, [scanned]).axes[0]
     guides = [np.log(line.get_data()) for line in ax.get_lines() if len(line.get_xdata()) == 50]
     np.testing.assert_allclose([np.ptp(y) / np.ptp(x) for x, y in guides], [1.0, 0.5])
     assert [text.get_text() for text in ax.texts] == [r"$\beta$", r"$\beta^{1/2}$"]
@@ -151,7 +155,7 @@ def test_modes_keep_their_numbers_where_some_have_no_frequency():
     assert fig.axes[2].get_ylim() == pytest.approx((5.0, 10.0)) and not lines(fig.axes[1], 4)
     assert told(fig.axes[0]) == [r"$2.5\times10^{-4}$"]
     share = np.array([0.1, 0.4, 0.7, 1.0])
-    one |= {"cumulative/nonaffine": share, "cumulative/modulus": share**2}
+    one = with_arrays(one, {"cumulative/nonaffine": share, "cumulative/modulus": share**2})
     nonaffine, modulus = lines(figure_of(plot_modes, [one]).axes[1], 4)
     np.testing.assert_allclose((*nonaffine[:2], modulus[1]), [np.arange(1, 5), share, share**2])
     assert (nonaffine[2], modulus[2]) == ("-", "--")
@@ -163,7 +167,7 @@ def test_modes_of_many_packings_share_a_marker_and_an_entry():
     for n in range(12):
         one = modes_of(np.arange(1.0, 5.0 + (n > 1)), pressure=(1e-2, 1e-4)[n % 2])
         share = np.full(len(one["eigenvalues"]), n / 12)
-        one |= {"cumulative/nonaffine": share, "cumulative/modulus": share}
+        one = with_arrays(one, {"cumulative/nonaffine": share, "cumulative/modulus": share})
         some.append(one)
     fig = figure_of(plot_modes, some)
     assert told(fig.axes[0]) == ["$10^{-4}$", "$10^{-2}$", "68 % interval"]
@@ -203,14 +207,14 @@ def test_responses_and_modes_are_arrows_on_their_packing():
     """Without pre-stress first, and with it; as many times the field as is told."""
     bare, stressed = np.random.default_rng(1).normal(size=(2, 16, 2))
     one = quasistatic_of([1, 1, 1], bare=[1, 1, 1])
-    one |= {"nonaffine": stressed, "no_prestress/nonaffine": bare, "particles": np.arange(16)}
-    modes = Held(
+    fields = {"nonaffine": stressed, "no_prestress/nonaffine": bare, "particles": np.arange(16)}
+    one = with_arrays(one, fields)
+    modes = held(
         {"eigenvalues": np.array([-1.0, 1e-2]), "particles": np.arange(16), "modes": [stressed, bare]},
         {"k": 1.0},
         "m.h5",
         "jampetsc-modes",
     )
-    modes.stored = lambda name: np.array([stressed, bare])
     one.packing = modes.packing = published()
     for axes, titles in (
         (plot([one], "response"), ["no pre-stress", "pre-stress"]),
@@ -237,11 +241,10 @@ def test_participation_ratios_are_points_and_medians_of_bins_with_enough_modes()
         figure_of(plot_participation, [one, modes_of([1.0], dimension=3)])
 
 
-RESPONSE = Held({"nonaffine": 0, "particles": 0}, {"prestress": False}, "q.h5", "jampetsc-quasistatic")
+RESPONSE = held({"nonaffine": 0, "particles": 0}, {"prestress": False}, "q.h5", "jampetsc-quasistatic")
 MODES, UNTOLD = modes_of([1.0, 2.0], complete=False), modes_of([1.0, 2.0])
 del UNTOLD.attributes["complete"]
-MODES |= {"modes": np.zeros((2, 4, 2))}
-MODES.stored = MODES.__getitem__
+MODES = with_arrays(MODES, {"modes": np.zeros((2, 4, 2))})
 BARE_MODES = modes_of([1.0, 2.0])
 
 

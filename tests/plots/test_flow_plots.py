@@ -1,12 +1,8 @@
 """Pictures of steady shear, drawn from real runs and from results of known content."""
 
-from pathlib import Path
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
-from picture_contents import Held, bands, bars, figure_of, lines, require_arrows, told
+from picture_contents import bands, bars, figure_of, held, lines, require_arrows, told
 
 import jampetsc
 from jampetsc import main as cli
@@ -15,11 +11,9 @@ from jampetsc.analysis.power_laws import local_exponents
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
 from jampetsc.io.disk_motion import snapshot, velocity_profiles
-from jampetsc.io.results import Attributes
 from jampetsc.packing.contacts import measure
 from jampetsc.plots.draw import draw, table_rows
 from jampetsc.plots.flow_plots import (
-    _draw_exponents,
     flow_curves,
     flow_regimes,
     kind_of,
@@ -94,7 +88,7 @@ def facts(**more):
     names = ("shear_stress", "pressure", "contact_number")
     plain |= {f"{name}_{part}": 1.0 for name in names for part in ("mean", "error")}
     plain |= {f"{name}_samples": np.inf for name in names}
-    return SimpleNamespace(path=Path("a.h5"), attributes=Attributes("a.h5", plain | more))
+    return held({}, plain | more, format="jampetsc-flow")
 
 
 def test_what_differs_is_not_averaged():
@@ -208,9 +202,9 @@ def test_what_cannot_be_drawn(count, kind, says):
     [(1.0, ["Newtonian"]), (2.0, ["Bagnoldian"]), (0.4, []), (2.5, ["Newtonian", "Bagnoldian"])],
 )
 def test_exponents_that_have_a_name_are_marked_where_they_are_in_sight(power, names):
-    ax, rates = Figure(figsize=(2.3, 2.3)).subplots(), np.array([0.1, 0.2, 0.4])
-    powers = power, 0.9 if power == 2.5 else 1.01 * power
-    _draw_exponents(ax, [({}, *local_exponents(rates, rates**one, 0.1 * rates)) for one in powers])
+    powers = {"shear_stress_mean": power, "pressure_mean": 0.9 if power == 2.5 else 1.01 * power}
+    rates = {rate: {name: rate**one for name, one in powers.items()} for rate in (0.1, 0.2, 0.4)}
+    ax = figure_of(plot_flow, [facts(rate=rate, **means) for rate, means in rates.items()]).axes[4]
     assert [text.get_text() for text in ax.texts] == names
     ax.figure.draw_without_rendering()
     assert all(text.get_window_extent().y1 <= ax.bbox.y1 for text in ax.texts)  # not over the frame
@@ -231,12 +225,12 @@ def series(name, rate=0.1, **more):
     """A flow file of three rows."""
     arrays = {key: np.array([[1.0, 0.5], [2.0, 0.5], [3.0, 0.5]]) for key in ("shear_stress", "pressure")}
     arrays["strain"] = np.array([0.1, 0.2, 0.3])
-    return Held(arrays, facts(rate=rate, discard=0.15, **more).attributes, name, "jampetsc-flow")
+    return held(arrays, facts(rate=rate, discard=0.15, **more).attributes, name, "jampetsc-flow")
 
 
 def test_lanes_are_drawn_with_bands_of_one_error_kind_by_kind():
     one = {"x": np.array([0.5, 1.5]), "g_y": np.array([0.4, -0.1]), "g_y_error": np.array([0.1, 0.05])}
-    one = Held(one, facts().attributes, "g.h5", "jampetsc-velocity-correlation")
+    one = held(one, facts().attributes, "g.h5", "jampetsc-velocity-correlation")
     ax = figure_of(plot_lanes, [one]).axes[0]
     np.testing.assert_allclose(lines(ax, 2)[1][:2], [one["x"], one["g_y"]])
     np.testing.assert_allclose(bands(ax)[0], [one["x"], [0.3, -0.15], [0.5, -0.05]])
@@ -266,7 +260,7 @@ def test_regimes_are_exponents_and_clusters_at_the_lowest_rates():
 
 def seen(sizes, seed, **arrays):
     attributes = facts(sizes=sizes, seed=seed, discard=1.0).attributes
-    return Held(arrays, attributes, f"{sizes}-{seed}.h5")
+    return held(arrays, attributes, f"{sizes}-{seed}.h5")
 
 
 def test_order_is_drawn_kind_by_kind_with_its_mean():
@@ -277,7 +271,7 @@ def test_order_is_drawn_kind_by_kind_with_its_mean():
     for ax, mean in zip(figure_of(plot_order, files).axes, (strain / 4 + 0.15, strain / 8), strict=True):
         np.testing.assert_allclose(ax.get_lines()[-1].get_ydata(), mean)
         assert len(ax.get_lines()) == 3
-    later = seen(one_size, 3, **files[1] | {"snapshots/strain": strain + 1})
+    later = seen(one_size, 3, **{**files[1], "snapshots/strain": strain + 1})
     for refused, says in (
         ([files[0], later], "snapshots at other strains than monodisperse-1.h5"),
         ([seen(one_size, 1)], "no snapshots. Run the flow with"),
@@ -297,8 +291,8 @@ def test_profiles_are_means_of_windows_and_of_runs():
     np.testing.assert_allclose(error, half_width(1) * np.abs(v) / 1.05 * 0.05)  # of two runs
     (ax,) = figure_of(plot_profiles, files).axes
     np.testing.assert_allclose(ax.get_lines()[0].get_data(), [[-0.5, 0.5], [-0.5, 0.5]])
-    files[0]["velocity_profile"][:, 1] = np.nan  # a layer that is always empty has no point, and no number
-    empty = figure_of(plot_profiles, files[:1]).axes
+    rows[:, 1] = np.nan  # a layer that is always empty has no point, and no number
+    empty = figure_of(plot_profiles, [seen("bidisperse", 0, strain=strain, velocity_profile=rows)]).axes
     assert sum("x_value" in row for row in table_rows(empty)) == 3 * 3
     steady = ax.containers[-1].lines[0]
     np.testing.assert_allclose(steady.get_data(), [1.05 * y, y])

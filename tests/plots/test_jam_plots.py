@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from picture_contents import Held, bars, figure_of, lines, told
+from picture_contents import bars, figure_of, held, lines, told, with_arrays
 from samples import isostatic
 
 from jampetsc.analysis.jammed_samples import (
@@ -14,6 +14,7 @@ from jampetsc.analysis.jammed_samples import (
     memory,
 )
 from jampetsc.errors import InputError
+from jampetsc.packing.packing import PLACES
 from jampetsc.plots import jamming_plots
 from jampetsc.plots.draw import draw
 from jampetsc.plots.jamming_plots import (
@@ -41,7 +42,7 @@ def jam_of(n=64, seeds=range(40), seed=1, path="a.h5", **attributes):
     if "cooling_rate" in attributes:
         arrays["phi_J"] = np.where(np.isfinite(jammed), rng.normal(0.84, 1e-3, len(phi)), np.nan)
     facts = {"particle_count": n, "sizes": "bidisperse", "potential": "harmonic", **UNITS}
-    return Held(arrays, facts | attributes, path, "jampetsc-jam")
+    return held(arrays, facts | attributes, path, "jampetsc-jam")
 
 
 def shear_of(jammed, plastic=None, path="s.h5", **more):
@@ -55,7 +56,7 @@ def shear_of(jammed, plastic=None, path="s.h5", **more):
     arrays |= {} if plastic is None else {"plastic": np.array(plastic, float)}
     facts = {"discard": 0.25, "energy_cut": 1e-16, "particle_count": 10, "k": 2.0, "stiffness": "constant"}
     facts |= {"phi": 0.9, "seed": 1, "sizes": "bidisperse", "potential": "harmonic"}
-    return Held(arrays, facts | means | more, path, "jampetsc-shear")
+    return held(arrays, facts | means | more, path, "jampetsc-shear")
 
 
 def switching(rng, steps, change):
@@ -154,14 +155,14 @@ def test_samples_of_one_kind_are_put_together():
 
 def test_disks_and_spheres_are_samples_of_two_kinds():
     kinds = [samples.kind for samples in samples_of([jam_of(), jam_of(dimension=3)])]
-    assert jamming_plots._labels(kinds) == ["$D=2$", "$D=3$"]
+    assert jamming_plots.labels_of(kinds) == ["$D=2$", "$D=3$"]
 
 
 def test_kinds_of_samples_are_named_by_what_differs():
     sheared, cooled = {"protocol": "shear", "step": 1e-3}, {"protocol": "compress", "cooling_rate": 1e-2}
     files = [jam_of(), jam_of(separated=True), jam_of(**sheared), jam_of(**sheared | {"step": 1e-4})]
     kinds = [one.kind for one in samples_of([*files, jam_of(**cooled, step=1e-3, strain=4.0)])]
-    assert sorted(jamming_plots._labels(kinds)) == [
+    assert sorted(jamming_plots.labels_of(kinds)) == [
         "compress, $R=10^{-2}$, sheared by 4", "random", "random, separated", r"shear, $\Delta\gamma=10^{-3}$",
         r"shear, $\Delta\gamma=10^{-4}$",
     ]  # fmt: skip
@@ -172,7 +173,7 @@ def test_kinds_of_samples_are_named_by_what_differs():
         ({"protocol": "shear"}, ["random", "shear"]),
     ):
         kinds = [one.kind for one in samples_of([jam_of(), jam_of(**more)] if more else [jam_of()])]
-        assert jamming_plots._labels(kinds) == names
+        assert jamming_plots.labels_of(kinds) == names
 
 
 def test_jamming_densities_by_rate_of_cooling():
@@ -226,7 +227,8 @@ def test_what_cannot_be_drawn(picture, files, says):
 
 def test_files_of_samples_and_of_shear_go_together_in_some_pictures():
     shear = shear_of(np.tile([1, 1, 1, 0], 20), **UNITS | {"k": 1.0})
-    shear.last = isostatic()
+    minimum = {f"state/{name}": getattr(isostatic(), name) for name in (*PLACES, "radii")}
+    shear = with_arrays(shear, minimum)
     both = [jam_of(), shear]
     for files, kind, says in (
         (both[1:], None, "energy, stress, pressure and contacts of 1 run over the strain"),
@@ -242,7 +244,7 @@ def test_files_of_samples_and_of_shear_go_together_in_some_pictures():
 def test_states_before_the_discarded_strain_do_not_count():
     rng = np.random.default_rng(1)
     result = shear_of(switching(rng, 200, 0.1), discard=10.0, **UNITS)
-    result["pressure"] = result["jammed"] * rng.random(200)
+    result = with_arrays(result, {"pressure": result["jammed"] * rng.random(200)})
     (samples,) = samples_of([result])
     share, steady = samples.share(0.9), result["jammed"][100:] == 1
     assert share.samples == 100 and 1 < share.independent < 20 and share.value == pytest.approx(steady.mean())

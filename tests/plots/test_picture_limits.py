@@ -1,12 +1,10 @@
 """Where pictures end: how many fit, which files agree, which numbers belong to them, and what is refused."""
 
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from picture_contents import drawn_by, figure_of, lines, told
+from picture_contents import drawn_by, figure_of, held, lines, told
 from test_flow_plots import facts
 
 from jampetsc.errors import InputError
@@ -29,7 +27,7 @@ def curve(name="a.h5", omega=OMEGA, pressure=1e-3, G=None, **attributes):
 
 
 def file(**attributes):
-    return SimpleNamespace(path=Path("a.h5"), attributes=attributes)
+    return held({}, attributes)
 
 
 @pytest.mark.parametrize(
@@ -82,16 +80,14 @@ def test_a_mean_is_over_the_same_frequencies_and_takes_each_packing_once():
             average_curves([one, two])
 
 
-class Sweep(dict):
-    def __init__(self, omega, G, **attributes):
-        super().__init__()
-        self.omega, self.G, self.error_bound = omega, G, np.arange(1.0, len(omega) + 1)
-        self.path, self.attributes = Path("s.h5"), attributes
+def sweep(omega, G, **attributes):
+    arrays = {"omega": omega, "G": G, "error_bound": np.arange(1.0, len(omega) + 1)}
+    return held(arrays, attributes, "s.h5", "jampetsc-sweep")
 
 
 def test_frequencies_that_are_there_twice_count_once():
     omega = np.array([1.0, 0.5, 1.0 + 0.5e-9, 2.0, 1.0 + 1e-8])
-    found = curve_of(Sweep(omega, np.array([1.0, 2.0, 3.0, np.nan, 5.0]) + 1j, tau1=2.0, k=0.5))
+    found = curve_of(sweep(omega, np.array([1.0, 2.0, 3.0, np.nan, 5.0]) + 1j, tau1=2.0, k=0.5))
     assert np.allclose(found.omega, [1.0, 2.0, 2.0]) and found.G.real.tolist() == [4.0, 2.0, 10.0]
     assert found.bounds[0].tolist() == [4.0, 2.0, 10.0] and found.pressure is None
 
@@ -203,7 +199,7 @@ def test_moduli_that_a_log_axis_can_show(size, shown, part):
     """Of either part; what vanishes is left out later."""
     G = np.array([1 + 1j, (1 + 1j) - part + part * size])
     if shown:
-        assert len(curve_of(Sweep(np.array([1.0, 2.0]), G)).omega) == 2
+        assert len(curve_of(sweep(np.array([1.0, 2.0]), G)).omega) == 2
     else:
         with pytest.raises(InputError, match=r"s\.h5: moduli beyond the range of a picture"):
-            curve_of(Sweep(np.array([1.0, 2.0]), G))
+            curve_of(sweep(np.array([1.0, 2.0]), G))

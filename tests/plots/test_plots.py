@@ -8,7 +8,7 @@ import matplotlib
 import numpy as np
 import pytest
 import samples
-from picture_contents import Held, bands, drawn_by, figure_of, lines, require_arrows, told
+from picture_contents import bands, drawn_by, figure_of, held, lines, require_arrows, told, with_arrays
 from samples import stored
 from test_picture_limits import curve
 
@@ -22,9 +22,9 @@ from jampetsc.packing.potentials import Potential
 from jampetsc.plots import cell_drawing
 from jampetsc.plots.curves import group_curves
 from jampetsc.plots.draw import draw, pictures, table_rows
-from jampetsc.plots.field_plots import ARROWS, _spaced_rows, plot_fields
+from jampetsc.plots.field_plots import ARROWS, plot_fields, spaced_rows
 from jampetsc.plots.moduli_plots import plot_collapse, plot_moduli
-from jampetsc.plots.packing_plots import _draw, find_touching, flow_panel, plot_packing
+from jampetsc.plots.packing_plots import draw_panels, find_touching, flow_panel, plot_packing
 from jampetsc.plots.style import LOSS, STORAGE, sequential
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning", "error::UserWarning")  # numpy, matplotlib
@@ -228,7 +228,7 @@ def oscillation(omega, amplitude, **attributes):
     arrays = {"omega": np.array(omega), "amplitude": np.array(amplitude), "G": G, "error": 0.1 * G.imag}
     facts = {"law": "contact", "beta": 1.0, "alpha": 0.5, "contacts": "moving", "control": "strain"}
     facts |= {"pressure": 2e-3, "k": 2.0, "tau1": 4.0}
-    return Held(arrays, facts | attributes, format="jampetsc-oscillate")
+    return held(arrays, facts | attributes, format="jampetsc-oscillate")
 
 
 def test_oscillations_are_drawn_over_the_frequency_beside_sweeps_or_over_the_amplitude():
@@ -242,7 +242,7 @@ def test_oscillations_are_drawn_over_the_frequency_beside_sweeps_or_over_the_amp
     drawn = [line[:2] for line in lines(ax, 2)]
     np.testing.assert_allclose(drawn, [([4e-3, 4e-2], y) for y in ((1, 3), (2, 4), (5, 7), (6, 8))])
     failed = oscillation([1e-3], [0.1, 0.2, 0.3])
-    failed["G"][0] = np.nan
+    failed = with_arrays(failed, {"G": [[np.nan], *failed["G"][1:]]})
     ax = figure_of(plot_moduli, [failed]).axes[0]
     assert (ax.get_xlabel(), told(ax)[0]) == (r"$\gamma_0$", "$10^{-3}$")
     np.testing.assert_allclose(
@@ -366,7 +366,7 @@ def test_rattlers_are_hollow_walls_dark_and_both_are_told():
         0
     ]
     state, loose = measure(disks), disks.replace(record={"walls": 3})
-    flow = drawn_by(lambda page: _draw(page, [flow_panel("", loose)]))
+    flow = drawn_by(lambda page: draw_panels(page, [flow_panel("", loose)]))
     for fig, hollow, walls in (
         (figure_of(plot_packing, disks), state.rattlers, 0), (flow, find_touching(loose)[2], 3)
     ):  # fmt: skip
@@ -385,13 +385,13 @@ def test_arrows_spread_evenly_when_there_are_too_many_disks():
     rng = np.random.default_rng(9)
     cell = np.array([[120.0, 0.0], [30.0, 60.0]])
     points = rng.uniform(0, 1, (20000, 2)) @ cell
-    rows = _spaced_rows(points, cell)
+    rows = spaced_rows(points, cell)
     assert 0.8 * ARROWS < len(rows) <= ARROWS
     assert len(np.unique(rows)) == len(rows)
     quarters = np.floor((points[rows] @ np.linalg.inv(cell)) * 4).astype(int)
     counts = np.bincount(quarters[:, 0] * 4 + quarters[:, 1], minlength=16)
     assert counts.max() < 1.3 * counts.min()
-    assert len(_spaced_rows(points[:100], cell)) == 100
+    assert len(spaced_rows(points[:100], cell)) == 100
 
 
 def test_many_disks_make_a_small_vector_file(tmp_path):

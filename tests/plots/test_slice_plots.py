@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
-from picture_contents import drawn_by, figure_of, require_arrows, require_inside
+from picture_contents import circle_radii, figure_of, require_arrows, require_inside
 from samples import stored
 from spheres import few_spheres
 
@@ -15,7 +15,7 @@ from jampetsc.errors import InputError
 from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.spring_network import Network
 from jampetsc.plots.cell_view import CellView
-from jampetsc.plots.field_plots import _draw, plot_fields, plot_velocities
+from jampetsc.plots.field_plots import plot_fields, plot_velocities
 from jampetsc.plots.packing_plots import NETWORK_LINE_WIDTH, plot_network
 from jampetsc.plots.sections import section_of
 
@@ -164,7 +164,7 @@ def test_fields_of_a_slice_are_those_at_its_places(load):
     require_inside(page.figure)
     *axes, bar = page.figure.axes
     assert bar.get_ylabel() == r"$u_{z}/u_{{z},\rm rms}$"
-    assert "z=0.83\\,L_z" in page.figure._supxlabel.get_text()
+    assert "z=0.83\\,L_z" in page.figure.texts[-1].get_text()
     d = 2 * spheres.radii.mean()
     for ax, field in zip(axes, (total.real, total.imag), strict=True):
         require_arrows(ax, field[:, :2])
@@ -173,7 +173,7 @@ def test_fields_of_a_slice_are_those_at_its_places(load):
         disks, colours = ax.collections[0], np.full(len(rows), np.nan)
         assert (disks.norm.vmin, disks.norm.vmax) == (-2, 2)
         colours[moving] = field[:, 2] / np.sqrt(np.mean(field[:, 2] ** 2))
-        shown = np.column_stack((disks._widths, np.ma.filled(disks.get_array(), np.nan)))
+        shown = np.column_stack((circle_radii(disks), np.ma.filled(disks.get_array(), np.nan)))
         expected = np.column_stack((radii, colours))  # images on both sides of the border are drawn twice
         for drawn in shown:
             assert np.isclose(expected, drawn, equal_nan=True).all(axis=1).any()
@@ -205,6 +205,8 @@ def test_other_vectors_are_drawn_in_slices_and_planes_have_none(tmp_path):
         for ax, drawn in zip(axes, fields, strict=True):
             require_arrows(ax, drawn[rows, :2])
             assert (r"\epsilon" in ax.get_xlabel()) == (result is response)
+    still = stored(None, "flow", {**flow, "snapshots/velocities": np.zeros((1, 14, 3))}, **flow.attributes)
+    assert jampetsc.plot(still, "velocities").get_xlabel().startswith(r"$u/\dot\gamma=0$")
     page = plot_velocities.draw([flow], height=HEIGHT, ax=axes[0].figure.subplots())
     assert "z=0.83" in page.axes[0].get_xlabel()  # there is no caption below axes of the caller
     with pytest.raises(InputError, match=r"height 0\.3: the slice cuts nothing\. Give another height"):
@@ -214,10 +216,3 @@ def test_other_vectors_are_drawn_in_slices_and_planes_have_none(tmp_path):
             InputError, match=r"height 0\.5: of a slice in three dimensions, but the file has two"
         ):
             plot_network([build_lattice(kind, (2, 2))], height=0.5)
-
-
-def test_a_field_that_is_not_there_is_told():
-    section = section_of(few_spheres())
-    rest, still = np.arange(0), np.zeros((0, 3))
-    (ax, _) = drawn_by(lambda page: _draw(page, section, rest, [("", still, None, "")], "u", "x")).axes
-    assert ax.get_xlabel().startswith("$u/x=0$")

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 import samples
-from picture_contents import figure_of
+from picture_contents import circle_radii, figure_of
 from spheres import few_spheres
 
 from jampetsc import main
@@ -13,7 +13,7 @@ from jampetsc.errors import InputError
 from jampetsc.io.packing_file import write_packing
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import Packing
-from jampetsc.plots.packing_plots import _draw, flow_panel, plot_packing
+from jampetsc.plots.packing_plots import draw_panels, flow_panel, plot_packing
 from jampetsc.plots.page import Page
 from jampetsc.plots.sections import section_of
 from jampetsc.plots.sphere_drawing import SphereView
@@ -58,7 +58,7 @@ def test_a_slice_shows_spheres_and_contacts_that_it_cuts():
         cut = np.abs(away[:, 2]) < radii
         expected.append(np.column_stack((away, np.sqrt(np.abs(radii**2 - away[:, 2] ** 2))))[cut])
     expected = np.concatenate(expected)
-    shown = folded(disks.get_offsets(), disks._widths)
+    shown = folded(disks.get_offsets(), circle_radii(disks))
     assert is_inside(disks.get_offsets()).sum() == len(shown)
     np.testing.assert_allclose(shown, folded(expected[:, :2], expected[:, 3]), atol=2e-6)
     expected = []
@@ -109,7 +109,7 @@ def test_snapshots_of_spheres_stand_in_rows_and_disks_have_no_slice(tmp_path, ca
     spheres, disks = few_spheres(), samples.published()
     page = Page()
     panel = flow_panel("b", spheres)
-    _draw(page, [flow_panel("a", spheres), (*panel[:3], np.ones(spheres.n, bool), panel[4])])
+    draw_panels(page, [flow_panel("a", spheres), (*panel[:3], np.ones(spheres.n, bool), panel[4])])
     assert [ax.get_title() for ax in page.axes[::2]] == ["a, $z=0.5\\,L_z$", "b, $z=0.5\\,L_z$"]
     pixels = [np.asarray(ax.images[0].get_array()) for ax in page.axes[1::2]]
     blue = [np.median(np.divide(*image[image[..., 3] > 0][:, [2, 0]].T)) for image in pixels]
@@ -122,7 +122,7 @@ def test_snapshots_of_spheres_stand_in_rows_and_disks_have_no_slice(tmp_path, ca
     distances = np.linalg.norm(np.array(behind.get_segments()) - corner, axis=-1)
     np.testing.assert_allclose(distances.min(axis=1), np.zeros(3), atol=1e-12)
     with pytest.raises(InputError, match="of disks and of spheres"):
-        _draw(Page(), [flow_panel("", spheres), flow_panel("", disks)])
+        draw_panels(Page(), [flow_panel("", spheres), flow_panel("", disks)])
     write_packing(tmp_path / "p.h5", disks)
     assert (
         main.main(["plot", str(tmp_path / "p.h5"), "--height", "0.5", "--out", str(tmp_path / "p.png")]) == 2

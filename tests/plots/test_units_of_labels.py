@@ -1,8 +1,7 @@
 """Labels name the unit of a stress, which has a length in it in three dimensions."""
 
-from types import SimpleNamespace
-
 import pytest
+from picture_contents import held
 
 from jampetsc.errors import InputError
 from jampetsc.plots.picture import flow_units, stress_unit
@@ -10,7 +9,7 @@ from jampetsc.plots.picture import flow_units, stress_unit
 
 def file(dimension=2, **attributes):
     more = {"dimension": 3} if dimension == 3 else {}
-    return SimpleNamespace(attributes=attributes | more, path=SimpleNamespace(name=f"{dimension}.h5"))
+    return held({}, attributes | more, f"{dimension}.h5")
 
 
 def test_units_of_results_of_both_dimensions():
