@@ -21,7 +21,7 @@ from jampetsc.options.values import PACKING_OR_RESULT, POSITIVE, TIME_UNIT, inpu
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.units import is_within
 from jampetsc.petsc import launchers
-from jampetsc.progress import Progress, note
+from jampetsc.progress import Progress, duration_text, note
 
 TOLERANCE = 1e-4
 MAX_RATE = 1.0  # of the stiffness of the stiffest contact over its damping, k/kτ₁ or (k/σ²)/kτ₁
@@ -282,14 +282,7 @@ def _progress_line(strain, means, seconds) -> str:
     averages = (
         "transient" if means is None else f"sigma {means.shear_stress.mean:.4g}, p {means.pressure.mean:.4g}"
     )
-    return f"strain {strain:.4g}, {averages}, {_duration(seconds)} left"
-
-
-def _duration(seconds) -> str:
-    for unit, size in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= size:
-            return f"{seconds / size:.1f} {unit}"
-    return f"{seconds:.0f} s"
+    return f"strain {strain:.4g}, {averages}, {duration_text(seconds)} left"
 
 
 def _law_parameters(law) -> dict:

@@ -12,6 +12,7 @@ node the folder becomes free when they have passed.
 """
 
 import contextlib
+import math
 import os
 import secrets
 import shutil
@@ -29,6 +30,7 @@ from jampetsc.io.checkpoint import read_entry, write_entry
 
 JOURNAL = "journal"
 RECORD_KEYS = {"task", "row", "seconds"}  # what every record has
+TALLY_INTERVAL = 1.0  # seconds after which a rank counts the failed tasks of the others again
 POLL_INTERVAL = 0.02  # seconds between two looks while a rank waits for a task of another one
 DONE, FAILED = ".done", ".failed"  # endings of the files that record the outcome of a task
 PLACE = ".place"  # ending of the files that number finished tasks
@@ -75,7 +77,7 @@ class Claims:
         except OSError as error:
             raise write_error(self.folder, error) from None
         self._finished = self._failed = 0
-        self._looked = -1.0
+        self._looked = -math.inf
 
     def _file(self, task, ending=""):
         return self.folder / f"{quote(task, safe='')}{ending}"
@@ -112,9 +114,9 @@ class Claims:
     def tally(self) -> tuple[int, int]:
         """(place of this rank's last finished task among all ranks, number of failed tasks of all ranks).
 
-        The failed ones of other ranks are counted once a second.
+        The failed ones of other ranks are counted every TALLY_INTERVAL.
         """
-        if time.monotonic() > self._looked + 1.0:
+        if time.monotonic() > self._looked + TALLY_INTERVAL:
             ends = [os.path.splitext(name)[1] for name in os.listdir(self.folder)]
             self._looked, self._failed = time.monotonic(), ends.count(FAILED)
         return self._finished, self._failed

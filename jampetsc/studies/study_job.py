@@ -11,6 +11,7 @@ from jampetsc.io.results import count_notes
 from jampetsc.options.job import Job
 from jampetsc.options.parameters import FILE, ValueType, parameter
 from jampetsc.petsc.solver_options import SOLVERS
+from jampetsc.progress import duration_text
 
 MAX_LISTED_FAILURES = 10  # failures that the summary lists
 FAILURE_STATUS = 3  # exit status where some tasks failed
@@ -116,9 +117,7 @@ A failed task is a row with its reason, and the next run tries it again; the exi
         rows = study_run.run_study(tasks, to.path, self._named, content, running)
         failures = [row for row in rows if row["state"] != "done"]
         to.status = FAILURE_STATUS if failures else 0
-        return _summary(
-            to.path / TABLE, rows, failures, study_run.duration_text(time.perf_counter() - start_time)
-        )
+        return _summary(to.path / TABLE, rows, failures, duration_text(time.perf_counter() - start_time))
 
 
 def _summary(table, rows, failures, elapsed) -> str:

@@ -15,7 +15,7 @@ from jampetsc.errors import InputError, JampetscError
 from jampetsc.io.atomic import refuse_links, write_error, write_whole
 from jampetsc.io.ensemble import TABLE
 from jampetsc.io.outputs import is_same
-from jampetsc.progress import Progress
+from jampetsc.progress import Progress, duration_text
 from jampetsc.response.factor_memory import max_unknowns
 from jampetsc.studies.journal import JOURNAL, LOCK, POLL_INTERVAL, Claims, Lock, keep_record, records_of, tidy
 from jampetsc.studies.study_table import rows_of, table_text
@@ -25,6 +25,7 @@ STUDY_COPY = "study.toml"
 MAX_LISTED_FILES = 10  # in a note
 MIN_SHARED_DISKS = 50_000  # disks from which all ranks work on one task together
 REFRESH_INTERVAL = 1.0  # seconds after which a rank writes the table again while the study runs
+ESTIMATE_INTERVAL = 1.0  # seconds for which an estimate of the remaining time is kept
 REFRESH_COST = 0.02  # share of its time that a rank writes the table for at most, as of very many tasks
 BYTES_PER_DISK = 30_000  # of a sweep on one rank
 FACTORS, UNKNOWNS = 3, 6  # of a sweep of spheres: factors that it keeps, unknowns of a sphere
@@ -51,20 +52,20 @@ def run_study(tasks, folder, path, source: bytes | dict, session) -> list[dict]:
         def refresh():
             current = records_of(folder).items()
             valid = {name: record for name, record in current if record != outdated.get(name)}
-            _write_table(folder, tasks, valid, runner)
+            write_table(folder, tasks, valid, runner)
 
         work = StudyRanks(session, runner, claims, unfinished, refresh)
         with work.progress:
             if changed:
                 work.progress.note(changed_note(changed))
-            for is_shared, group in _phases(unfinished, session):
+            for is_shared, group in task_groups(unfinished, sharing_limits(session)):
                 (work.run_shared if is_shared else work.run_separately)(group)
         new_records = comm.gather(work.new_records)
 
         def finish():
             claims.end()
             added = {record["task"]: record for group in new_records for record in group}
-            rows = _write_table(folder, tasks, records | added, runner)
+            rows = write_table(folder, tasks, records | added, runner)
             # it may have been edited meanwhile
             if isinstance(source, bytes) and not is_same(path, folder / STUDY_COPY):
                 write_whole(folder / STUDY_COPY, source, through_link=False)
@@ -84,7 +85,7 @@ def changed_note(changed) -> str:
     )
 
 
-def _write_table(folder, tasks, records, runner):
+def write_table(folder, tasks, records, runner) -> list[dict]:
     """Write the table of finished tasks; returns its rows. Tasks no longer in STUDY.toml stay while their files do."""
     names = {task.name for task in tasks}
     rows = rows_of(
@@ -125,24 +126,31 @@ def _open(folder, path, lock) -> Claims:
     return Claims(folder)
 
 
-def _phases(tasks, session):
-    """[(whether all ranks share each task, tasks)]: small ones separately, large ones shared, then their readers."""
-    limits = {D: 0 if session.size == 1 else _max_disks_alone(session, D) for D in (2, 3)}
-    shared = [
-        task for task in tasks if limits[2] and task.inputs and not study_inputs()[task.command].one_rank
-    ]
+def sharing_limits(session) -> dict:
+    """The `limits` of `task_groups`; none on one rank, which shares no task. Collective."""
+    return {} if session.size == 1 else {D: max_disks_alone(session, D) for D in (2, 3)}
+
+
+def task_groups(tasks, limits) -> list[tuple]:
+    """[(whether all ranks share each task, tasks)]: small ones separately, large ones shared, then their readers.
+
+    limits   {dimension: largest number of particles that a rank works on alone}; without any all tasks are separate
+    """
+    shared = [task for task in tasks if limits and task.inputs and not study_inputs()[task.command].one_rank]
     large = {
         task.name for task in shared if task.columns.get("n", 0) > limits[task.columns.get("dimension") or 2]
     }
     readers = {task.name for task in tasks if any(source.name in large for source in task.inputs)}
     large -= readers
     first = [task for task in tasks if task.name not in large | readers]
-    yield False, sorted(first, key=lambda task: task.level)  # packings in their order, then what reads them
-    yield True, [task for task in tasks if task.name in large]
-    yield False, [task for task in tasks if task.name in readers]
+    return [
+        (False, sorted(first, key=lambda task: task.level)),  # packings in their order, then what reads them
+        (True, [task for task in tasks if task.name in large]),
+        (False, [task for task in tasks if task.name in readers]),
+    ]
 
 
-def _max_disks_alone(session, dimension):
+def max_disks_alone(session, dimension) -> int:
     """Largest packing that a rank works on alone while the others of its machine do the same. Collective."""
     half = session.memory() // 2
     fitting = half // BYTES_PER_DISK if dimension == 2 else max_unknowns(half / FACTORS) // UNKNOWNS
@@ -159,10 +167,8 @@ class StudyRanks:
         self.new_records = []  # records of this rank
         self.has_new_rows = False  # that this rank has not written into the table
         self.progress = Progress(len(tasks), "study", rank=0)
-        self.estimated, self.remaining = (
-            -1.0,
-            "",
-        )  # when the remaining time was estimated; that time, in words
+        # when the remaining time was estimated; that time, in words
+        self.estimated, self.remaining = -math.inf, ""
         # any rank writes the table while the study runs: others may be busy with one task for hours
         self.refresh, self.next_refresh = refresh, -math.inf
 
@@ -225,7 +231,7 @@ class StudyRanks:
 
     def _report(self, task, record, unfinished, ranks):
         finished, failed = self.claims.tally()
-        if time.monotonic() > self.estimated + 1.0:
+        if time.monotonic() > self.estimated + ESTIMATE_INTERVAL:
             self.estimated, seconds = time.monotonic(), self.durations.remaining(unfinished)
             self.remaining = "" if seconds is None else f"{duration_text(seconds / ranks)} left"
         parts = [
@@ -262,11 +268,3 @@ class TaskDurations:
         overall = statistics.fmean(itertools.chain(*self._seconds.values()))
         means = {command: statistics.fmean(seconds) for command, seconds in self._seconds.items()}
         return sum(means.get(task.command, overall) for task in tasks)
-
-
-def duration_text(seconds: float) -> str:
-    """42 s, 3.2 min, 5.1 h."""
-    for limit, unit, name in ((90, 1, "s"), (5400, 60, "min")):
-        if seconds < limit:
-            return f"{seconds / unit:.2g} {name}"
-    return f"{seconds / 3600:.2g} h"

@@ -60,14 +60,14 @@ def run(words, ranks: int | None = None) -> ProcessOutcome:
         seconds = time.perf_counter() - start_time
         errors.seek(0)
         text = errors.read().decode(errors="replace")
-    error = _reason(text, process.returncode) if process.returncode else ""
+    error = failure_reason(text, process.returncode) if process.returncode else ""
     return ProcessOutcome(
         process.returncode, seconds, usage.ru_maxrss / 1024.0, error, usage.ru_utime + usage.ru_stime
     )
 
 
-def _reason(text, status):
-    """The line of a failed run's standard error that says why."""
+def failure_reason(text: str, status: int) -> str:
+    """The line of a failed run's standard error that says why; without one what its exit status does."""
     lines = [" ".join(line.split()) for line in text.splitlines() if line.strip(" -\t")]
     messages = [
         line.removeprefix("jampetsc: error: ") for line in lines if line.startswith("jampetsc: error: ")

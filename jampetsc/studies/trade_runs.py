@@ -152,14 +152,17 @@ def plan_settings(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
     if "accuracy" in job.choices:
         looser = [accuracy for accuracy in ACCURACIES if accuracy > bench.reference_accuracy]
         choices += [
-            TradeSetting("accuracy", f"accuracy {a:g}", bench.sweep_with(accuracy=a), _exact) for a in looser
+            TradeSetting("accuracy", f"accuracy {a:g}", bench.sweep_with(accuracy=a), errors_with_bounds)
+            for a in looser
         ]
     direct = bench.sweep_with(method="direct")
     if "method" in job.choices:
-        choices.append(TradeSetting("method", "direct, MUMPS", direct, _exact))
+        choices.append(TradeSetting("method", "direct, MUMPS", direct, errors_with_bounds))
         for path in job.options_files or OPTIONS_FILES:
             petsc = ("-options_file", path)
-            choices.append(TradeSetting("method", f"direct, {Path(path).name}", direct, _exact, petsc))
+            choices.append(
+                TradeSetting("method", f"direct, {Path(path).name}", direct, errors_with_bounds, petsc)
+            )
     if "physics" in job.choices:
         for name, other in simpler(job.physics):
             sweep = bench.sweep_with(law=other.law, prestress=other.prestress, accuracy=PHYSICS_ACCURACY)
@@ -171,7 +174,9 @@ def plan_settings(bench: TradeRuns) -> tuple[list[TradeSetting], list[str]]:
         counts = {max(2, 1 + round(np.log10(high / low) * n)) for n in FREQUENCY_DENSITIES}
         for count in [*sorted(n for n in counts if n < len(direct.omega)), len(direct.omega)]:
             sweep = replace(direct, omega=np.geomspace(low, high, count))
-            choices.append(TradeSetting("frequencies", f"{count} frequencies", sweep, _interpolated))
+            choices.append(
+                TradeSetting("frequencies", f"{count} frequencies", sweep, errors_at_few_frequencies)
+            )
     elif "frequencies" in job.choices:
         left_out.append("number of frequencies: left out, it needs a logarithmic grid of omega")
     if bench.reference.window is None:
@@ -200,15 +205,15 @@ def simpler(physics: Physics) -> list[tuple[str, Physics]]:
     return alternatives
 
 
-def _exact(reference, result) -> dict:
-    """Errors of a run with bounds, and a note if they exceed a bound."""
+def errors_with_bounds(reference, result) -> dict:
+    """Errors of a run with bounds as fields of a TradeRow, and a note if they exceed a bound."""
     beyond = reference.violation(result)
     note = "" if beyond is None else f"EXCEEDS ITS BOUND at omega = {beyond:g}"
     return reference.deviation(result.G) | {"note": note}
 
 
-def _interpolated(reference, result) -> dict:
-    """Errors of a run at few frequencies, interpolated between them."""
+def errors_at_few_frequencies(reference, result) -> dict:
+    """Errors of a run at few frequencies, interpolated between them, as fields of a TradeRow."""
     fields = reference.deviation(log_interpolate(reference.omega, result.omega, result.G))
     between = reference.interpolation_errors(result.omega, result.G)
     return fields | between | {"note": "direct, log-log interpolation between them"}
@@ -277,15 +282,15 @@ def measure_ensemble(bench: TradeRuns, packs: list[Pack]) -> TradeRow:
         process_seconds=sum(outcome.seconds for outcome in outcomes),
         memory_mb=max(outcome.memory for outcome in outcomes),
         factorisations=sum(int(result.attributes["factorisations"]) for result in results),
-        **_statistics(bench.reference, np.array([result.G for result in results])),
+        **ensemble_errors(bench.reference, np.array([result.G for result in results])),
         note="; ".join(notes),
     )
     bench.progress.step(f"ensemble {name}: {row.seconds:.2f} s  deviation of the mean {row.error:.1e}")
     return row
 
 
-def _statistics(reference, curves) -> dict:
-    """Deviation of the mean of curves (n, M) from the reference, and its standard error."""
+def ensemble_errors(reference, curves) -> dict:
+    """Deviation of the mean of curves (n, M) from the reference, and its standard error, as fields of a TradeRow."""
     statistics = reference.deviation(curves.mean(axis=0))
     if len(curves) < 2:
         return statistics

@@ -414,9 +414,22 @@ def test_the_command_on_a_study(study, tmp_path, capsys):
     words = "--where model=RD0 --observable pressure --fit phi_J,y=1.1,znu --degree 3 --out".split()
     assert command(study, *words, out) == 0
     said = capsys.readouterr().out
-    assert "pressure at 25 points" in said and "y = 1.1 fixed" in said and "rates <= 6.31e-05" in said
     result = load(out)
-    a = result.attributes
+    a, drift = (
+        result.attributes,
+        [result[f"drift/{name}"] for name in ("cut", "parameters", "errors", "chi2_per_dof")],
+    )
+    told = [
+        f"phi_J = {phi_J:.5g} ± {errors[0]:.2g}, y = 1.1 fixed, znu = {znu:.5g} ± {errors[1]:.2g}"
+        for (phi_J, znu), errors in zip(*drift[1:3], strict=True)
+    ]
+    further = zip(drift[0], told, drift[3], strict=True)
+    assert said.splitlines()[: 1 + len(told)] == [
+        f"{out}: pressure at 25 points, {told[0]}",
+        f"  chi2/dof = {a['chi2'] / a['dof']:.3g} with 19 degrees of freedom, probability {a['probability']:.2g}",
+        *[f"  rates <= {cut:.4g}: {text}, chi2/dof = {chi2:.3g}" for cut, text, chi2 in further][1:],
+    ]
+    assert len(told) > 1 and drift[0][1] == pytest.approx(RATES[3])
     assert a["fitted"] == "phi_J,znu" and a["scaling"] == "rate" and a["dof"] == 25 - 6
     for name, expected in (("phi_J", PLANTED["phi_J"]), ("znu", PLANTED["kappa"])):
         assert abs(a[name] - expected) < 2.5 * a[f"{name}_error"]
@@ -596,7 +609,10 @@ def test_a_file_of_sizes_holds_what_was_fitted_in_words_of_the_command(tmp_path,
     assert found["curve/x"][[0, -1]] == pytest.approx([found["x"].min(), found["x"].max()])
     said = capsys.readouterr().out.splitlines()
     assert "jammed at 12 points, phi_J = " in said[0] and "nu = 1 fixed" in said[0]
-    assert [line[:9] for line in said[2:] if "note" not in line] == [f"  N >= {sizes[2]}"[:9]]
+    text = text_of(one.parameters, some, True)
+    assert [line for line in said[2:] if "note" not in line] == [
+        f"  N >= {sizes[2]}: {text}, chi2/dof = {one.chi2 / one.dof:.3g}"
+    ]
     for more, message in (
         (f"--cut {14**D}", "2 different rates or sizes: too few for a collapse. Give at least 3"),
         ("--observable pressure", "no dataset pressure"),

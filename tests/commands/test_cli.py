@@ -68,8 +68,12 @@ def test_negative_numbers_are_values(value):
         (OSError("odd\n  words"), "odd words"),
     ],
 )  # fmt: skip
-def test_what_the_system_says_in_one_line(error, message):
-    assert cli._system_message(error) == message
+def test_what_the_system_says_in_one_line(monkeypatch, capsys, error, message):
+    def fail(words):
+        raise error
+
+    monkeypatch.setattr(cli, "dispatch", fail)
+    assert cli.main([]) == 1 and capsys.readouterr() == ("", f"jampetsc: error: {message}\n")
 
 
 def test_one_command_is_imported_unless_all_are_asked_for():

@@ -14,7 +14,6 @@ from sheared import crowd, stop_after
 import jampetsc
 from jampetsc import main as cli
 from jampetsc import progress
-from jampetsc.commands import flow as flow_command
 from jampetsc.commands import flow_files
 from jampetsc.commands.run_files import save_rows, saved_rows
 from jampetsc.errors import InputError
@@ -267,11 +266,6 @@ def test_a_flow_is_not_continued_from_a_state_that_it_cannot_have(finished, tmp_
             h5[f"state/{name}"][...] = value
     with pytest.raises(InputError, match=f"f.h5: .*{said}"):
         jampetsc.flow(path, strain=0.01)
-
-
-def test_time_left_in_words():
-    words = [flow_command._duration(seconds) for seconds in (0.4, 59.4, 60.0, 3599.0, 3600.0, 9000.0)]
-    assert words == ["0 s", "59 s", "1.0 min", "60.0 min", "1.0 h", "2.5 h"]
 
 
 def test_snapshots_need_room_twice(tmp_path, monkeypatch):

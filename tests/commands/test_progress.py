@@ -4,7 +4,7 @@ import io
 import logging
 
 import jampetsc
-from jampetsc.progress import LOG, Progress
+from jampetsc.progress import LOG, Progress, duration_text
 
 
 def test_lines_count_from_what_was_done_before_a_total_that_is_known(capsys, reporting):
@@ -17,17 +17,18 @@ def test_lines_count_from_what_was_done_before_a_total_that_is_known(capsys, rep
     assert capsys.readouterr().err == "[3/5] omega 1\nbeside\n[4/5] omega 2\n[1] a\n"
 
 
-def test_a_function_is_silent_unless_its_user_listens(capsys, monkeypatch):
+def test_a_function_is_silent_unless_its_user_listens(capsys, caplog):
     """To the logger `jampetsc`, by python's own means."""
-    heard, handler = [], logging.Handler()
-    handler.emit = lambda record: heard.append(record.getMessage())
-    monkeypatch.setattr(LOG, "handlers", [handler])
     for level, steps in ((logging.WARNING, 0), (logging.INFO, 25)):
-        monkeypatch.setattr(LOG, "level", level)
-        LOG.manager._clear_cache()
-        jampetsc.flow(n=16, phi=0.86, model="RD0", rate=1e-2, strain=0.05)
-        assert len([line for line in heard if "/25] strain" in line]) == steps
+        with caplog.at_level(level, logger=LOG.name):
+            jampetsc.flow(n=16, phi=0.86, model="RD0", rate=1e-2, strain=0.05)
+        assert len([line for line in caplog.messages if "/25] strain" in line]) == steps
     assert capsys.readouterr().err == ""
+
+
+def test_times_in_words():
+    words = {0.123: "0.12 s", 89: "89 s", 90: "1.5 min", 5399: "90 min", 5400: "1.5 h", 9e5: "250 h"}
+    assert [duration_text(seconds) for seconds in words] == list(words.values())
 
 
 class Terminal(io.StringIO):

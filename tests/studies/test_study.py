@@ -1,13 +1,9 @@
 """Studies: the same table on any number of ranks, after any kill, and whatever fails."""
 
-import dataclasses
 import itertools
 import os
 import re
-import shutil
 from threading import Timer
-from time import perf_counter, sleep
-from types import SimpleNamespace
 
 import launch
 import numpy as np
@@ -19,11 +15,9 @@ from jampetsc import main as cli
 from jampetsc.commands import packings, study_inputs
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_packing
-from jampetsc.options.job import Job
-from jampetsc.options.parameters import parameter
 from jampetsc.petsc.session import current
 from jampetsc.response.factor_memory import factor_bytes
-from jampetsc.studies import study_run, task_runner
+from jampetsc.studies import journal, study_run, task_runner
 from jampetsc.studies.journal import Claims, Lock, keep_record, records_of, tidy
 from jampetsc.studies.plan import plan
 
@@ -140,8 +134,7 @@ def times(folder):
 
 @pytest.mark.scalar("real")
 def test_a_task_that_fails_is_a_row_and_the_others_go_on(session, shared_path, capsys, monkeypatch):
-    clock = SimpleNamespace(monotonic=itertools.count(0, 10).__next__, perf_counter=perf_counter, sleep=sleep)
-    monkeypatch.setattr(study_run, "time", clock)  # so late that the time left is estimated for every line
+    monkeypatch.setattr(study_run, "ESTIMATE_INTERVAL", -1.0)
     text = "[pack]\nn = 24\nphi = [0.8, 0.95]\n[quasistatic]\n[modes]\ncount = [2, 1000]\n"
     table = study(shared_path / "study", text, status=3)
     keys = zip(table["command"], table["phi"].round(2), table["count"].tolist(), strict=True)
@@ -278,28 +271,22 @@ def test_a_table_of_packings_needs_no_other(session, shared_path):
     assert times(folder) == before and len(records_of(folder)) == 4
 
 
-@pytest.mark.scalar("real")
-@pytest.mark.most_ranks(1)
-@pytest.mark.parametrize(("threads", "used"), [({}, None), ({"threads": None}, 5), ({"threads": 2}, 2)])
-def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads, used):
+@pytest.mark.parametrize(
+    ("words", "used"),
+    [("[pack]", None), ("[flow]\nthreads = 2", 2), ("[flow]", 5)],
+)
+def test_a_task_is_a_job_with_its_share_of_the_cores(tmp_path, words, used):
     """One that takes threads and was not told how many."""
+    more = 'model = "RD0"\nrate = 1e-2\nstrain = 0.1\n' if "flow" in words else ""
+    (task,) = plan("s.toml", f"{words}\nn = 16\nphi = 0.9\n{more}".encode())
     seen = []
 
-    class Copy(Job):
-        NAME, FORMAT, scalar = "pack", "jampetsc-packing", None
+    def copy(job, out, argv, overwrite):
+        seen.append((getattr(job, "threads", None), argv, overwrite))
+        write_packing(out, samples.published().with_record(pressure=0.5))
 
-        def work(self, to):
-            seen.append((getattr(self, "threads", None), to.request.argv))
-            shutil.copy(tmp_path / "p.h5", to.path)
-            return ""
-
-    write_packing(tmp_path / "p.h5", samples.published().with_record(pressure=0.5))
-    (task,) = plan("s.toml", b"[pack]\nn = 16\nphi = 0.9\n")
-    fields = [(name, int | None, parameter(None)) for name in threads]
-    job = dataclasses.make_dataclass("Copying", fields, bases=(Copy,), frozen=True)(**threads)
-    task = dataclasses.replace(task, settings=dataclasses.replace(task.settings, job=job))
-    made = task_runner.TaskRunner(tmp_path, {}, 5).run(task, [])
-    assert seen == [(used, task.words)] and made["state"] == "done"
+    made = task_runner.TaskRunner(tmp_path, {}, 5, execute=copy).run(task, [])
+    assert seen == [(used, task.words, False)] and made["state"] == "done"
     assert (made["row"]["n"], made["row"]["pressure"]) == (16, 0.5)
 
 
@@ -308,7 +295,7 @@ def test_a_task_is_a_job_with_its_share_of_the_cores(session, tmp_path, threads,
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
-def test_each_task_is_one_ranks_and_all_know_what_became_of_it(session, shared_path):
+def test_each_task_is_one_ranks_and_all_know_what_became_of_it(session, shared_path, monkeypatch):
     comm, names = session.comm, ["a", "b/b", "c.5", "d"]
     (shared_path / "journal").mkdir(exist_ok=True)
     claims = comm.bcast(Claims(shared_path) if comm.rank == 0 else None)
@@ -320,7 +307,9 @@ def test_each_task_is_one_ranks_and_all_know_what_became_of_it(session, shared_p
     assert sorted(name for some in comm.allgather(mine) for name in some) == names
     assert [claims.done(name) for name in names] == [True, True, False, True]
     comm.Barrier()
-    claims._looked = -1.0  # what the others have done since is seen a second later
+    monkeypatch.setattr(
+        journal, "TALLY_INTERVAL", -1.0
+    )  # what the others have done since is seen a second later
     assert claims.tally()[1] == 1 and not any(map(claims.take, names))
     assert records_of(shared_path) == {}
     comm.Barrier()
@@ -347,24 +336,21 @@ def test_a_claim_that_cannot_be_written_is_an_error_and_an_input_is_waited_for(t
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 def test_what_fits_on_a_machine_is_shared_by_its_ranks(session, monkeypatch):
-    assert study_run._max_disks_alone(session, 2) <= study_run.MIN_SHARED_DISKS
+    assert study_run.max_disks_alone(session, 2) <= study_run.MIN_SHARED_DISKS
     monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 10**18)
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    assert study_run._max_disks_alone(session, 2) == memory // 2 // session.size // study_run.BYTES_PER_DISK
-    spheres = study_run._max_disks_alone(session, 3)
+    assert study_run.max_disks_alone(session, 2) == memory // 2 // session.size // study_run.BYTES_PER_DISK
+    spheres = study_run.max_disks_alone(session, 3)
     assert 3 * factor_bytes(3, 6 * spheres) == pytest.approx(memory / 2 / session.size, rel=1e-3)
     monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 100 + session.rank)
-    assert study_run._max_disks_alone(session, 3) == 100  # the least that any rank may
+    assert study_run.max_disks_alone(session, 3) == 100  # the least that any rank may
 
 
 @pytest.mark.scalar("real")
 @pytest.mark.most_ranks(2)
 @pytest.mark.least_ranks(2)
 def test_what_reads_a_large_task_that_failed_fails_too(session, shared_path, monkeypatch, capsys):
-    clock = SimpleNamespace(monotonic=itertools.count(10, 10).__next__, sleep=sleep)
-    monkeypatch.setattr(
-        "jampetsc.studies.journal.time", clock
-    )  # each look at what the others have done is new
+    monkeypatch.setattr(journal, "TALLY_INTERVAL", -1.0)  # each look at what the others have done is new
     losing(monkeypatch, {"sweep": InputError("lost")})
     monkeypatch.setattr(study_run, "MIN_SHARED_DISKS", 15)
     text = SMALL.replace("1:2", "1:1").replace("[quasistatic]", '[sweep]\nomega = "1"\n[spectrum]')
@@ -468,8 +454,8 @@ def test_what_is_not_what_was_made_is_made_again_and_said(session, shared_path, 
     """A packing comes out as it was, to the last bit, so that what was computed from it stays."""
     folder, rows = shared_path / "study", []
     first = study(folder, CHAIN)
-    write = study_run._write_table
-    monkeypatch.setattr(study_run, "_write_table", lambda *it: rows.append(write(*it)) or rows[-1])
+    write = study_run.write_table
+    monkeypatch.setattr(study_run, "write_table", lambda *it: rows.append(write(*it)) or rows[-1])
     monkeypatch.setattr(study_run, "REFRESH_INTERVAL", -1.0)  # the table is written all the time
     for how, (change, command, again, later) in CHANGES.items():
         before = times(folder)

@@ -5,15 +5,16 @@ import errno
 import fcntl
 import functools
 import os
+import re
 import socket
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from samples import published, stored
 
 import jampetsc
+from jampetsc import main as cli
 from jampetsc.analysis.jammed_samples import independent_share
 from jampetsc.analysis.statistics import half_width
 from jampetsc.errors import InputError
@@ -21,7 +22,8 @@ from jampetsc.io.atomic import locked
 from jampetsc.io.packing_file import write_packing
 from jampetsc.io.request import Request
 from jampetsc.io.result_file import ResultWriter
-from jampetsc.studies import journal, study_run
+from jampetsc.io.results import count_notes
+from jampetsc.studies import journal, study_job, study_run
 from jampetsc.studies.journal import Claims, Lock, keep_record, records_of
 from jampetsc.studies.plan import plan, read
 from jampetsc.studies.study_table import numbers_of, rows_of, table_text
@@ -284,25 +286,18 @@ def test_words_of_a_value(value, words):
 # How long tasks take
 
 
-def record(command="sweep", state="done", seconds=1.0, **row):
-    return {"state": state, "seconds": seconds, "row": {"command": command, **row}}
-
-
-def asked(command="sweep", **columns):
-    return SimpleNamespace(command=command, columns=columns, settings=SimpleNamespace(job=None))
+def record(command, seconds, state="done"):
+    return {"state": state, "seconds": seconds, "row": {"command": command}}
 
 
 def test_the_time_left_follows_from_tasks_that_are_done():
-    records = [record("sweep", seconds=2.0), record("sweep", seconds=4.0), record("modes", seconds=9.0)]
-    durations = study_run.TaskDurations([*records, record("flow", seconds=100.0, state="failed")])
-    assert durations.remaining([asked("sweep")] * 2 + [asked("modes")]) == 15.0
-    assert durations.remaining([asked("flow")]) == 5.0 and durations.remaining([]) == 0.0
-    assert study_run.TaskDurations().remaining([asked("flow")]) is None
-
-
-def test_times_in_words():
-    words = {0.123: "0.12 s", 89: "89 s", 90: "1.5 min", 5399: "90 min", 5400: "1.5 h"}
-    assert [study_run.duration_text(seconds) for seconds in words] == list(words.values())
+    found = tasks(PACK + '[sweep]\n[modes]\n[flow]\nmodel = "RD0"\nrate = 1e-2\nstrain = 0.1\n')
+    sweeps, modes, flows = (of(found, command) for command in ("sweep", "modes", "flow"))
+    done = [record("sweep", 2.0), record("sweep", 4.0), record("modes", 9.0), record("flow", 100.0, "failed")]
+    durations = study_run.TaskDurations(done)
+    assert durations.remaining(sweeps + modes[:1]) == 15.0
+    assert durations.remaining(flows) == 10.0 and durations.remaining([]) == 0.0
+    assert study_run.TaskDurations().remaining(flows) is None
 
 
 # Large tasks are everybody's
@@ -313,25 +308,23 @@ LARGE += '[sweep]\nomega = "1"\n[shear]\nstep = 1e-3\nstrain = 2e-3\n[spectrum]\
 
 
 @pytest.mark.parametrize(
-    ("text", "most", "size", "everybodys", "late"),
+    ("text", "limits", "everybodys", "late"),
     [
         (
             LARGE,
-            63,
-            2,
+            {2: 63, 3: 10},
             [("sweep", 64)],
             [("spectrum", 64)],
         ),  # not packings, nor what one rank does in any case
-        (LARGE, 64, 2, [], []),
-        (LARGE, 10, 1, [], []),
-        (LADDER, 10, 2, [], []),
+        (LARGE, {2: 64, 3: 10}, [], []),
+        (LARGE, {}, [], []),
+        (LADDER, {2: 10, 3: 10}, [], []),
     ],
 )
 def test_large_tasks_are_everybodys_and_what_reads_their_files_comes_after_them(
-    monkeypatch, text, most, size, everybodys, late
+    text, limits, everybodys, late
 ):
-    monkeypatch.setattr(study_run, "_max_disks_alone", lambda session, dimension: most)
-    (_, apart), *rest = study_run._phases(tasks(text), SimpleNamespace(size=size))
+    (_, apart), *rest = study_run.task_groups(tasks(text), limits)
     assert [task.level for task in apart] == sorted(task.level for task in apart)
     told = [(together, [(task.command, task.columns["n"]) for task in some]) for together, some in rest]
     assert told == [(True, everybodys), (False, late)]
@@ -341,44 +334,88 @@ def test_large_tasks_are_everybodys_and_what_reads_their_files_comes_after_them(
 # What a study says and does beside its tasks
 
 
-def work(records=None, tasks=3, folder=None, claims=None):
-    """A study's work on rank 0."""
-    runner = SimpleNamespace(records=records or {}, folder=folder)
-    tasks = [SimpleNamespace(name=f"task {n}") for n in range(tasks)]
-    return study_run.StudyRanks(SimpleNamespace(rank=0), runner, claims, tasks, None)
+CONTENT = {  # command -> function that makes a file of its kind
+    "pack": lambda out: write_packing(out, published()),
+    "sweep": lambda out: result(
+        out, "sweep", {"pressure": 1.0, "k": 1.0}, omega=[1.0], G=[1j], error_bound=[0.0]
+    ),
+    "modes": lambda out: result(out, "modes", eigenvalues=[1.0], participation_ratio=[1.0], floppiness=[1.0]),
+    "correlate": lambda out: result(
+        out, "correlation", omega=[1.0], length=np.ones((1, 1, 2)), length_error=np.ones((1, 1, 2))
+    ),
+}
 
 
-def test_a_record_that_is_not_new_is_not_kept_again(tmp_path):
-    (tmp_path / "journal").mkdir()
-    old = {"task": "a", "state": "done", "row": {"command": "sweep"}, "seconds": 3.0}
-    one = work(records={"a": old}, folder=tmp_path, claims=Claims(tmp_path))
-    one._report = lambda *_: None
-    one._finish(SimpleNamespace(name="a"), old, [], 1)
-    assert records_of(tmp_path) == {} and one.new_records == []
-    for new in (dict(old), dict(old, task="b", state="failed", seconds=99.0)):
-        one._finish(SimpleNamespace(name=new["task"]), new, [], 1)
-    assert list(records_of(tmp_path).values()) == one.new_records and len(one.new_records) == 2
-    assert one.durations.remaining([asked("sweep")]) == 3.0  # of what is done alone
+def make(job, out, argv, overwrite):
+    """In place of a run: the file of a task at once."""
+    CONTENT[job.NAME](out)
 
 
-def test_a_study_says_how_far_it_is(capsys, monkeypatch, reporting):
-    clock = [10.0]
-    monkeypatch.setattr(study_run, "time", SimpleNamespace(monotonic=lambda: clock[0]))
-    records = {"z": {"task": "z", "state": "done", "row": {"command": "sweep"}, "seconds": 30.0}}
-    tallies = iter([(1, 0), (2, 2), (3, 2), (4, 2)])
-    one = work(records=records, tasks=4, claims=SimpleNamespace(tally=lambda: next(tallies)))
-    task, done = SimpleNamespace(file="a.h5"), {"state": "done", "seconds": 2.0}
-    one._report(task, done, [asked("sweep")] * 3, 2)
-    clock[0] = 10.9
-    one._report(task, {"state": "failed", "seconds": 2.0, "why": "no"}, [asked("sweep")] * 2, 2)
-    clock[0] = 11.1
-    one._report(task, done, [asked("sweep")], 2)
-    one._report(task, done, [], 2)
-    assert capsys.readouterr().err.splitlines() == [
-        "[1/4] a.h5 2 s; 45 s left",
-        "[2/4] a.h5: no; 2 failed; 45 s left",  # an estimate is good for a second
-        "[3/4] a.h5 2 s; 2 failed; 15 s left",
-        "[4/4] a.h5 2 s; 2 failed",
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(2)
+def test_a_study_says_how_far_it_is_and_keeps_new_records_alone(
+    session, shared_path, capsys, monkeypatch, reporting
+):
+    """Rank 0 does all tasks; those of modes are expected to take 30 000 s, in which the other rank would help."""
+    monkeypatch.setattr(study_run, "ESTIMATE_INTERVAL", -1.0)
+    (shared_path / "journal").mkdir(exist_ok=True)
+    found, calls = list(tasks(PACK + "[modes]\n")), []
+
+    def make_or_fail(job, out, argv, overwrite):
+        calls.append(job.NAME)
+        if len(calls) == 2:
+            raise InputError("no")
+        make(job, out, argv, overwrite)
+
+    def run(records):
+        claims = session.comm.bcast(Claims(shared_path) if session.rank == 0 else None)
+        runner = TaskRunner(shared_path, records, execute=make_or_fail)
+        work = study_run.StudyRanks(session, runner, claims, found, lambda: None)
+        capsys.readouterr()
+        work.run_separately(found if session.rank == 0 else [])
+        return [record["task"] for record in work.new_records], capsys.readouterr().err.splitlines()
+
+    earlier = {"z": {"task": "z", **record("modes", 3e4)}}
+    new, said = run(earlier)
+    assert session.rank or new == [task.name for task in found]
+    both, one = ("17 h", "4.2 h") if session.size == 1 else ("8.3 h", "2.1 h")
+    expected = [
+        rf"\[1/4\] {found[0].file} \S+ s; {both} left",
+        rf"\[2/4\] {found[1].file}: no; 1 failed; {both} left",
+        rf"\[3/4\] {found[2].file} \S+ s; 1 failed; {one} left",
+        rf"\[4/4\] {found[3].file}: {found[1].file} failed; 2 failed",
+    ]
+    assert (
+        session.rank
+        or [re.fullmatch(*both) is not None for both in zip(expected, said, strict=True)] == [True] * 4
+    )
+    new, said = run(earlier | records_of(shared_path))
+    assert session.rank or (new == [found[1].name, found[3].name] and len(said) == 4)
+    assert calls == (["pack", "pack", "modes", "pack", "modes"] if session.rank == 0 else [])
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_summary_lists_a_few_failures(session, tmp_path, capsys, monkeypatch):
+    """Three fail, twice: the list is too long first, and just long enough then."""
+    (tmp_path / "s.toml").write_text(PACK.replace("1:2", "1:1") + "[modes]\ncount = [97, 98, 99]\n")
+    words = ["study", str(tmp_path / "s.toml"), "--out", str(tmp_path / "study")]
+    for limit, more in ((2, ["  … and 1 more, see the table"]), (3, [])):
+        monkeypatch.setattr(study_job, "MAX_LISTED_FAILURES", limit)
+        assert cli.dispatch(words) == study_job.FAILURE_STATUS
+        first, *failures = capsys.readouterr().out.splitlines()
+        assert first.startswith(f"{tmp_path / 'study' / 'table.csv'}: 4 tasks, 3 failed, ")
+        table = jampetsc.load(tmp_path / "study")
+        listed = zip(table["file"][1 : limit + 1], table["state"][1:], strict=False)
+        assert failures == [f"  {file}: {state}" for file, state in listed] + more
+
+
+def test_notes_are_counted_by_command_and_kind():
+    notes = {"0.h5": "few: 7; unstable to shear: G0 = -1", "1.h5": "few: 9", "2.h5": None}
+    rows = [{"file": file, "command": "sweep", "notes": text} for file, text in notes.items()]
+    assert count_notes([*rows, {"file": "3.h5", "command": "pack"}]) == [
+        "  note in 2 of 3 sweep tasks, which count like the others: few: 7 (0.h5)",
+        "  note in 1 of 3 sweep tasks, which count like the others: unstable to shear: G0 = -1 (0.h5)",
     ]
 
 
@@ -540,8 +577,16 @@ def test_a_lock_is_touched_until_it_is_released(tmp_path, monkeypatch):
     assert os.stat(path).st_mtime == 0
 
 
+def run_in(folder, tmp_path):
+    """Run a small study in a folder."""
+    (tmp_path / "asked.toml").write_text(PACK)
+    cli.dispatch(["study", str(tmp_path / "asked.toml"), "--out", str(folder)])
+
+
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("name", ["lock", "table.csv", "study.toml", "journal"])
-def test_a_study_writes_through_no_link_of_its_folder(tmp_path, name):
+def test_a_study_writes_through_no_link_of_its_folder(session, tmp_path, name):
     """Of a folder that came from others: what the link names was emptied, or received the files."""
     folder, target = tmp_path / "study", tmp_path / "mine"
     (folder / "journal").mkdir(parents=True)
@@ -552,7 +597,7 @@ def test_a_study_writes_through_no_link_of_its_folder(tmp_path, name):
         target.write_text("precious")
     (folder / name).symlink_to(target)
     with pytest.raises(InputError, match=rf"{name}: a symbolic link, by which files elsewhere would change"):
-        study_run._open(folder, folder / "study.toml", Lock(folder))
+        run_in(folder, tmp_path)
     assert list(target.iterdir()) == [] if name == "journal" else target.read_text() == "precious"
     assert {path.name for path in folder.iterdir()} == {"journal", name}
 
@@ -565,8 +610,11 @@ def test_a_task_writes_through_no_link(tmp_path):
     (folder / "journal").mkdir(parents=True)
     for name in (task.file, f"{task.file}.resume", f"{task.name}.parts", f"journal/{task.name}"):
         (folder / name).symlink_to(outside if name[-1] == "s" or name[-1] == "e" else outside / "file")
-        with pytest.raises(InputError, match=f"{name}: a symbolic link"):
-            keep_record(folder, record) if "/" in name else TaskRunner(folder, {})._work(task, [])
+        if "/" in name:
+            with pytest.raises(InputError, match=f"{name}: a symbolic link"):
+                keep_record(folder, record)
+        else:
+            assert "a symbolic link" in TaskRunner(folder, {}, execute=make).run(task, [])["why"]
         (folder / name).unlink()
     with pytest.raises(OSError, match="symbolic link"):
         (folder / "lock").symlink_to(outside / "file")
@@ -586,14 +634,16 @@ def test_words_of_the_table_are_no_formulas_of_a_spreadsheet(tmp_path):
     assert found["file"].tolist() == words and found["seconds"].tolist() == [-1.5] * len(words)
 
 
-def test_a_study_needs_a_folder(tmp_path):
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_a_study_needs_a_folder(session, tmp_path):
     (tmp_path / "file").touch()
     for path, message in (
         (tmp_path / "file", "file: not a folder. Choose another folder"),
         (tmp_path / "file" / "study", r"not writable \(Not a directory\)"),
     ):
         with pytest.raises(InputError, match=message):
-            study_run._open(path, tmp_path / "study.toml", Lock(path))
+            run_in(path, tmp_path)
 
 
 # What became of tasks
@@ -603,12 +653,12 @@ def test_rows_are_in_the_order_of_the_study_then_what_was_done_before():
     def made(name, state):
         return {"state": state, "why": "no", "seconds": 0.12345, "row": {"command": "pack", "file": name}}
 
-    asked_for = [SimpleNamespace(name=name) for name in ("b", "a", "none", "b")]
-    states = {"z": "done", "a": "failed", "b": "done", "y": "done", "x": "failed"}
+    second, third, first = tasks(PACK.replace("1:2", "1:3"))
+    states = {"z": "done", second.name: "failed", first.name: "done", "y": "done", "x": "failed"}
     records = {name: made(name, state) for name, state in states.items()}
-    rows = rows_of(asked_for, records)
+    rows = rows_of([first, second, third, first], records)
     assert [(row["file"], row["state"]) for row in rows] == [
-        ("b", "done"), ("a", "failed: no"), ("y", "done"), ("z", "done"),
+        (first.name, "done"), (second.name, "failed: no"), ("y", "done"), ("z", "done"),
     ]  # fmt: skip
     assert {row["seconds"] for row in rows} == {0.123}
 
@@ -624,50 +674,47 @@ def test_columns_of_the_table_are_in_one_order_and_what_is_no_number_is_empty():
 @pytest.fixture
 def runner(tmp_path):
     """A runner in a folder where every file of a small study is there and recorded."""
-    found = tasks(PACK + MEAN)
-    made = TaskRunner(tmp_path, {})
+    found, made = tasks(PACK + MEAN), TaskRunner(tmp_path, {}, execute=make)
     for task in found:
-        (tmp_path / task.file).write_text(task.name)
-        record = {"task": task.name, "state": "done", "digest": made._digest(task, task.inputs), "row": {}}
-        inputs = made._identities([source.file for source in task.inputs])
-        made.records[task.name] = record | {"files": made._files(task), "inputs": inputs}
+        made.records[task.name] = made.run(task, task.inputs)
     return made, found
 
 
 def test_what_is_left(runner):
     runner, found = runner
     pack, sweep_, mean = (of(found, name)[0] for name in ("pack", "sweep", "correlate"))
-    file, all_three = runner.folder / sweep_.file, [pack.name, sweep_.name, mean.name]
+    all_three = [pack.name, sweep_.name, mean.name]
+    packing, file = (
+        (runner.folder / task.file, (runner.folder / task.file).read_bytes()) for task in (pack, sweep_)
+    )
 
     def left():
         return runner.unfinished(found)
 
     assert left() == ([], [])
-    for spoil in (lambda: file.write_text("another"), file.unlink):
+    for spoil in (lambda: file[0].write_text("another"), file[0].unlink):
         spoil()
         assert left() == ([sweep_.name, mean.name], [sweep_.file])
-    file.write_text(sweep_.name)
-    (runner.folder / pack.file).write_text("24 disks")
+    file[0].write_bytes(file[1])
+    packing[0].write_text("24 disks")
     assert left() == (all_three, [pack.file])
     unchanged = [runner.files_unchanged(runner.records[task.name]) for task in (pack, sweep_, mean)]
     assert unchanged == [False, False, True]  # as to their files and those that they have read
-    (runner.folder / pack.file).write_text(pack.name)
+    packing[0].write_bytes(packing[1])
     assert left() == ([], []) and runner.files_unchanged(runner.records[sweep_.name])
     runner.records[pack.name]["state"] = "failed"
     assert left() == (all_three, [])
     del runner.records[pack.name]
     assert left() == (all_three, [])
     found = [mean]
-    for inputs in (mean.inputs[:1], [pack]):  # a seed more, or others
-        runner.records[mean.name]["digest"] = runner._digest(mean, inputs)
-        assert left() == ([mean.name], [])
+    runner.records[mean.name] = runner.run(mean, mean.inputs[:1])  # it is of a seed more now
+    assert left() == ([mean.name], [])
 
 
 def test_what_was_read_counts_and_is_named_where_it_is_not_there(runner):
     runner, found = runner
     sweep_, mean = of(found, "sweep")[0], of(found, "correlate")[0]
-    record = runner.records[mean.name]
-    assert record["digest"] == runner._digest(mean, reversed(mean.inputs))
+    assert runner.run(mean, mean.inputs[::-1]) is runner.records[mean.name]
     for task in (sweep_, mean):
         made = runner.run(task, [])
         assert (made["state"], made["why"]) == ("failed", f"{task.inputs[0].file} failed")
@@ -685,25 +732,35 @@ def test_a_row_says_what_was_asked_for_before_what_was_found():
 def test_a_file_is_taken_over_only_from_the_same_job_and_packing(tmp_path):
     task = of(tasks(PACK + "[modes]\n"), "modes")[0]
     (there,), path, packing = task.inputs, tmp_path / task.file, tmp_path / task.inputs[0].file
-    runner, job = TaskRunner(tmp_path, {}), task.settings.job_of([str(packing)])
+    job = task.settings.job_of([str(packing)])
 
-    def is_there(**changed):
+    def is_made(task=task):
+        made = []
+        execute = lambda *words: (made.append(1), make(*words))  # noqa: E731
+        assert TaskRunner(tmp_path, {}, execute=execute).run(task, task.inputs)["state"] == "done"
+        return bool(made)
+
+    def left_behind(**changed):
         request = Request(dataclasses.replace(job, **changed), task.words)
         with ResultWriter(path, "jampetsc-modes", request=request) as writer:
-            writer.dataset("eigenvalues", [1.0])
-        return runner._is_there(task, job)
+            for name in ("eigenvalues", "participation_ratio", "floppiness"):
+                writer.dataset(name, [1.0])
 
     write_packing(packing, published())
-    assert not runner._is_there(task, job)
-    assert is_there() and not is_there(count=3)
-    assert not runner._is_there(there, there.settings.job)  # of another job
-    result(path, "modes", eigenvalues=[1.0])  # that does not say with which settings
-    assert not runner._is_there(task, job)
-    is_there()
+    assert is_made()
+    left_behind()
+    assert not is_made()
+    left_behind(count=3)
+    assert is_made() and is_made(there)  # of another job
+    write_packing(packing, published())
+    CONTENT["modes"](path)  # that does not say with which settings
+    assert is_made()
+    left_behind()
     write_packing(packing, published().with_record(seed=2))
-    assert not runner._is_there(task, job)
+    assert is_made()
     (tmp_path / f"{task.file}.resume").mkdir()
     (tmp_path / f"{task.file}.resume" / "00000-rank-0000").touch()
     (tmp_path / "other.h5.resume").touch()
-    assert is_there()
+    left_behind()
+    assert not is_made()
     assert {one.name for one in tmp_path.iterdir()} == {task.file, there.file, "other.h5.resume"}
