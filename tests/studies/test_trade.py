@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread
+from samples import published, stored
 
 from jampetsc import main as cli
 from jampetsc.analysis.power_laws import CRITICAL_START
@@ -163,7 +164,7 @@ def test_simpler_physics_of_each_law():
     ],
 )  # fmt: skip
 def test_why_a_run_failed(text, status, reason):
-    assert trade_process._reason(text, status) == reason
+    assert trade_process.failure_reason(text, status) == reason
 
 
 @pytest.mark.parametrize(
@@ -185,56 +186,63 @@ def test_words_before_a_command_for_several_ranks(tmp_path, monkeypatch, name, v
         trade_process.launcher(2)
 
 
-class Runs:
-    """Sweeps of a bench that end as they are told: (status, result) for words that contain a text."""
+def ending(monkeypatch, *ends):
+    """Processes end at once as they are told: (text in their words, status, result); [the words of each so far]."""
+    asked = []
 
-    def __init__(self, *ends):
-        self.ends, self.asked = list(ends), []
+    def run(words, ranks=None):
+        asked.append(" ".join(map(str, words)))
+        status, result = next(end for text, *end in ends if text in asked[-1])
+        if result is not None:
+            out = words[words.index("--out") + 1]
+            write_packing(out, result) if isinstance(result, Packing) else result.save(out)
+        error = f"ended by {status}" if status else ""
+        return trade_process.ProcessOutcome(status, 1.5, 100.0 + len(asked), error)
 
-    def __call__(self, job, petsc=(), name=None):
-        self.asked.append(str(job))
-        status, result = next(end for text, *end in self.ends if text in self.asked[-1])
-        error = "" if status == 0 else f"ended by {status}"
-        return trade_process.ProcessOutcome(status, 1.5, 100.0 + len(self.asked), error), result
+    monkeypatch.setattr(trade_process, "run", run)
+    return asked
 
 
 @pytest.fixture
-def told(tmp_path):
-    """A function that makes a bench whose sweeps end as they are told."""
+def told(tmp_path, monkeypatch):
+    """A function that makes a bench whose processes end as they are told, and the list of their words."""
 
     def bench(*ends, **changes):
-        made = bench_of(tmp_path, **changes)
-        made.run = Runs(*ends)
-        return made
+        asked = ending(monkeypatch, *ends)
+        return bench_of(tmp_path, **changes), asked
 
     return bench
 
 
-class Curve:
-    """A sweep whose G* is a function of ω: (1 + i)√ω at p = 1e-6 k unless told otherwise, certified to 1e-6 of |G*|."""
-
-    def __init__(
-        self, omega, scale=1.0, k=1.0, tau1=1.0, pressure=1e-6, modulus=lambda x: (1 + 1j) * np.sqrt(x)
-    ):
-        self.omega, self.modulus, self.bounds = np.asarray(omega) / tau1, modulus, {}
-        self.G = scale * modulus(self.omega)
-        self.attributes = {"tau1": tau1, "pressure": pressure * k, "k": k}
-
-    def __getitem__(self, name):
-        return np.full(len(self.omega), self.bounds[name]) if self.bounds else 1e-6 * np.abs(self.G)
-
-
-def spent(curve, seconds=2.0, factorisations=5):
-    curve.attributes |= {"wall_seconds": seconds, "factorisations": factorisations}
-    return curve
+def curve(
+    omega,
+    scale=1.0,
+    k=1.0,
+    tau1=1.0,
+    pressure=1e-6,
+    G=None,
+    bounds=None,
+    spectrum=(),
+    seconds=2.0,
+    factorisations=5,
+):
+    """A sweep with G* = (1 + i)√ω at p = 1e-6 k unless told otherwise, certified to 1e-6 of |G*|."""
+    omega = np.asarray(omega) / tau1
+    G = scale * (1 + 1j) * np.sqrt(omega) if G is None else G
+    arrays = {"omega": omega, "G": G, "error_bound": 1e-6 * np.abs(G)}
+    for part in ("storage", "loss"):
+        arrays[f"error_bound_{part}"] = 1e-6 * np.abs(G) if bounds is None else np.full(len(G), bounds[part])
+    arrays |= {f"spectrum/{name}": values for name, values in dict(spectrum).items()}
+    facts = {"wall_seconds": seconds, "factorisations": factorisations, "petsc_version": "3.99"}
+    return stored(None, "sweep", arrays, tau1=tau1, pressure=pressure * k, k=k, **facts)
 
 
 WIDE = np.geomspace(1e-8, 10, 91)
 
 
 def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, reporting):
-    ends = [("1e-12", 3, None), ("1e-11", 3, None), ("1e-10", 3, None), ("1e-09", 0, spent(Curve(WIDE)))]
-    bench = told(*ends, choices=["accuracy"])
+    ends = [("1e-12", 3, None), ("1e-11", 3, None), ("1e-10", 3, None), ("1e-09", 0, curve(WIDE))]
+    bench, _ = told(*ends, choices=["accuracy"])
     rows = bench.find_reference()
     assert [(row.group, row.choice, row.failed) for row in rows] == [
         ("reference", "accuracy 1e-09", False), ("accuracy", "accuracy 1e-10", True),
@@ -275,10 +283,10 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, rep
     ],
 )
 def test_where_there_is_no_reference(told, status, kind, message, runs):
-    bench = told(("", status, None))
+    bench, asked = told(("", status, None))
     with pytest.raises(kind, match=message) as refused:
         bench.find_reference()
-    assert type(refused.value) is kind and len(bench.run.asked) == runs
+    assert type(refused.value) is kind and len(asked) == runs
 
 
 def test_what_cannot_be_measured_is_said(told, tmp_path):
@@ -286,7 +294,7 @@ def test_what_cannot_be_measured_is_said(told, tmp_path):
     (tmp_path / "a.opts").touch()
     for omega in ("1,2,5", "lin:1:10:5"):
         how = {"omega": omega, "choices": ["method", "frequencies"], "options_files": [tmp_path / "a.opts"]}
-        bench = told(("", 0, spent(Curve(narrow))), **how)
+        bench, _ = told(("", 0, curve(narrow)), **how)
         (row,) = bench.find_reference()
         assert np.isnan(row.exponent_storage) and bench.reference.window is None
         assert not [name for name in bench.reference.deviation(bench.reference.G) if "window" in name]
@@ -300,8 +308,8 @@ def test_what_cannot_be_measured_is_said(told, tmp_path):
 @pytest.mark.parametrize(("omega", "counts"), [("1:10:3", (2, 3)), ("0.0001:100:60", (4, 7, 13, 25, 60))])
 def test_numbers_of_frequencies_are_so_many_per_decade_up_to_those_asked_for(told, omega, counts):
     low, high, points = (float(word) for word in omega.split(":"))
-    curve = spent(Curve(np.geomspace(low, high, int(points))))
-    bench = told(("", 0, curve), omega=omega, choices=["frequencies"])
+    swept = curve(np.geomspace(low, high, int(points)))
+    bench, _ = told(("", 0, swept), omega=omega, choices=["frequencies"])
     bench.find_reference()
     plan, _ = trade_runs.plan_settings(bench)
     assert [choice.name for choice in plan] == [f"{n} frequencies" for n in counts]
@@ -327,39 +335,39 @@ def test_a_choice_is_run_once_and_one_that_cannot_be_read_fails(packing, tmp_pat
     assert len(runs) == 4 and runs[2] == ["sweep", str(packing), *out] and runs[3][-1] == "a.opts"
 
 
-def packs_of(told, path, n=64, **record):
-    """What an ensemble of a packing with this record would be, and a bench for it."""
+def packs_of(told, path, *ends, n=64, **record):
+    """(bench for a packing with this record, words of its processes, what an ensemble would be, what is left out)."""
     packing = with_record(path / "p.h5", n, **record)
-    bench = told(("1e-12", 0, spent(Curve(WIDE, k=2.0))), packing=packing)
+    bench, asked = told(("1e-12", 0, curve(WIDE, k=2.0)), *ends, packing=packing)
     bench.find_reference()
-    return bench, *trade_runs.plan_ensembles(bench)
+    return bench, asked, *trade_runs.plan_ensembles(bench)
 
 
 def test_an_ensemble_costs_what_all_its_runs_cost(told, tmp_path):
-    low = Curve(WIDE, 0.9)
-    low.G = low.G.copy()
-    low.G[0] = -1.0 + 1j * low.G[0].imag
-    bench, packs, _ = packs_of(told, tmp_path, sizes="bidisperse")
-    bench.run.ends += [("--seed", 2, None)]
+    G = 0.9 * (1 + 1j) * np.sqrt(WIDE)
+    G[0] = -1.0 + 1j * G[0].imag
+    low, disks = curve(WIDE, G=G, seconds=4.0, factorisations=8), published()
+    bench, _, packs, _ = packs_of(told, tmp_path, ("--seed", 2, None), sizes="bidisperse")
     row = trade_runs.measure_ensemble(bench, packs[1])
     assert row.failed and row.note == "failed: ended by 2"
-    disks = object()
-    bench.run.ends[-1:] = [("--seed 1004", 3, None), ("--seed", 0, disks), ("-1003", 3, None),
-                           ("-1001", 0, spent(Curve(WIDE, 1.1), 3.0, 7)), ("-1002", 0, spent(low, 4.0, 8))]  # fmt: skip
+    ends = [("--seed 1004", 3, None), ("--seed", 0, disks), ("-1003", 3, None),
+            ("-1001", 0, curve(WIDE, 1.1, seconds=3.0, factorisations=7)), ("-1002", 0, low)]  # fmt: skip
+    bench, asked, packs, _ = packs_of(told, tmp_path, *ends, sizes="bidisperse")
     row = trade_runs.measure_ensemble(bench, packs[1])
     assert (row.seconds, row.process_seconds, row.factorisations) == (13.0, 10.5, 15)
-    assert row.memory_mb == 100.0 + len(bench.run.asked)
+    assert row.memory_mb == 100.0 + len(asked)
     assert row.note == "packing took 6.0 s; only 2 of 4: ended by 3; G' < 0 in 1 of them"
     assert row.stderr_loss == pytest.approx(0.1 * half_width(1))  # of 1.1 and 0.9
-    assert str(packs[1][0]) in bench.run.asked
-    bench.run.ends = [("", 3, None)]  # no sweep is left
+    assert sum(line.endswith(" ".join(packs[1][0].words())) for line in asked) == 1
+    ends = [("--seed", 0, disks), ("packing-16-", 3, None)]  # no sweep is left
+    bench, _, packs, _ = packs_of(told, tmp_path, *ends, sizes="bidisperse")
     row = trade_runs.measure_ensemble(bench, packs[1])
     assert (row.failed, row.note, row.process_seconds) == (True, "failed: ended by 3", 1.5)
 
 
 def test_which_ensembles_a_packing_allows_and_that_they_are_made_as_it_was(told, tmp_path):
     for n, shares in ((256, [1, 4, 16]), (255, [1, 4]), (64, [1, 4]), (63, [1])):
-        _, found, left_out = packs_of(told, tmp_path, n, sizes="bidisperse")
+        *_, found, left_out = packs_of(told, tmp_path, n=n, sizes="bidisperse")
         assert [(packs[0].n, len(packs)) for packs in found] == [(n // share, share) for share in shares]
         assert [line.split()[0] for line in left_out] == [str(s) for s in (1, 4, 16) if s not in shares]
     no_pressure = {"sizes": "bidisperse", "requested_pressure": 7.0}
@@ -368,11 +376,11 @@ def test_which_ensembles_a_packing_allows_and_that_they_are_made_as_it_was(told,
         ({"sizes": "radii of r.txt"}, "the radii of "),
         (no_pressure, "pressure 7"),
     ):
-        _, found, (line,) = packs_of(told, tmp_path, 256, **record)
+        *_, found, (line,) = packs_of(told, tmp_path, n=256, **record)
         assert found == [] and line.startswith(f"ensemble: left out, {why}")
     record = {"sizes": "monodisperse", "requested_pressure": 0.02, "stabilise": "shear"}
     for kept, expected in ((record, (0.02, "shear")), ({"sizes": "monodisperse"}, (1e-6, "volume"))):
-        _, (_, packs), _ = packs_of(told, tmp_path, 64, **kept)
+        *_, (_, packs), _ = packs_of(told, tmp_path, n=64, **kept)
         assert [pack.seed for pack in packs] == [1001, 1002, 1003, 1004]
         for pack in packs:
             assert (pack.pressure, pack.stabilise) == expected
@@ -381,32 +389,28 @@ def test_which_ensembles_a_packing_allows_and_that_they_are_made_as_it_was(told,
 
 
 def test_scatter_of_an_ensemble_is_that_of_a_mean_in_the_window_and_of_slopes_from_packing_to_packing():
-    reference, shifts = ReferenceCurve(Curve(WIDE)), np.array([-0.1, 0.1] * 4)
+    reference, shifts = ReferenceCurve(curve(WIDE)), np.array([-0.1, 0.1] * 4)
     curves = (1 + shifts)[:, None] * reference.G
     curves[:, 0] = shifts + 1e-9j
-    found = trade_runs._statistics(reference, curves)
+    found = trade_runs.ensemble_errors(reference, curves)
     assert found["window_storage"] < 1e-12  # the mean is exact
     assert found["stderr_storage"] == found["stderr_loss"] == pytest.approx(0.1 / np.sqrt(7) * half_width(7))
 
-    reference = ReferenceCurve(Curve(omega := np.geomspace(1e-4, 1e-2, 7)))
+    reference = ReferenceCurve(curve(omega := np.geomspace(1e-4, 1e-2, 7)))
     steep = [omega**exponent * (1 + 1j) for exponent in (0.5, 0.6)]
-    found = trade_runs._statistics(reference, np.array(steep))
+    found = trade_runs.ensemble_errors(reference, np.array(steep))
     for part in ("storage", "loss"):  # √(0.05² + 0.05²)/√2
         assert found[f"exponent_{part}_error"] == pytest.approx(0.05 * half_width(1))
     steep[1][3] = -0.1 * steep[1][3]  # of which no slope can be told: a single one has no scatter
     fit = reference.deviation(np.mean(steep, axis=0))
-    alone = trade_runs._statistics(reference, np.array(steep))
+    alone = trade_runs.ensemble_errors(reference, np.array(steep))
     assert alone["exponent_storage_error"] == fit["exponent_storage_error"] > 0
 
 
 # What it tells
 def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path, monkeypatch):
     packing, drawn = with_record(tmp_path / "p.h5", 64), []
-    curve = spent(Curve(WIDE))
-    curve.attributes["petsc_version"] = "3.99"
-    monkeypatch.setattr(
-        trade_runs.TradeRuns, "run", lambda *_: (trade_process.ProcessOutcome(0, 1.5, 100.0, ""), curve)
-    )
+    ending(monkeypatch, ("", 0, curve(WIDE)))
     monkeypatch.setattr("jampetsc.plots.trade_plots.plot_trade", lambda *words: drawn.append(words))
     text = trade_runs.measure_trade(asked(packing, ensemble=True), tmp_path / "t.csv")
     written = (tmp_path / "t.csv").read_text()
@@ -423,7 +427,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
     assert text.endswith(f"{tmp_path}/t.csv, {tmp_path}/t.png")
     assert "for a first look" in text and [row.group for row in drawn[0][0]] == ["reference"]
     assert drawn[0][1:] == (pytest.approx(2**0.5 * 1e-6), tmp_path / "t.png")
-    curve.omega, curve.G = curve.omega[:9], curve.G[:9]
+    ending(monkeypatch, ("", 0, curve(WIDE[:9])))
     text = trade_runs.measure_trade(
         asked(packing, omega="1,2", choices=["frequencies"], ranks=2), tmp_path / "t.csv"
     )
@@ -433,8 +437,7 @@ def test_a_trade_tells_what_was_measured_on_what_and_what_was_left_out(tmp_path,
 
 # What is made of them
 def test_errors_and_slopes_of_a_square_root():
-    curve = Curve(WIDE, k=100.0, tau1=4.0)
-    reference = ReferenceCurve(curve)
+    reference = ReferenceCurve(curve(WIDE, k=100.0, tau1=4.0))
     assert reference.window == pytest.approx((2.5e-6, 0.025), rel=0.3)  # to a step of the grid
     G = reference.G.real * 1.01 + 0.98j * reference.G.imag
     G[0] *= 2  # outside of the window
@@ -447,22 +450,26 @@ def test_errors_and_slopes_of_a_square_root():
     assert min(reference.exponents(G)[f"exponent_{part}_error"] for part in ("storage", "loss")) > 1e-4
     for negative in (-G, -G.real + 1j * G.imag, G.real - 1j * G.imag):
         assert reference.exponents(negative) == {}
-    narrow = ReferenceCurve(Curve(np.geomspace(1.0, 10, 5)))
+    narrow = ReferenceCurve(curve(np.geomspace(1.0, 10, 5)))
     assert narrow.window is None and narrow.deviation(narrow.G) == {"error_storage": 0.0, "error_loss": 0.0}
 
 
-def bent(*omega):
-    """G' = G'' = 1 + ω, which is no straight line in log-log, without a critical window."""
-    return Curve(omega, pressure=1.0, modulus=lambda x: (1 + 1j) * (1.0 + x))
-
-
 def test_too_few_frequencies_are_judged_between_those_of_the_reference():
-    """Between 0.01 and 100 the chord is highest above the curve at 1, by (√(1.01 · 101) - 2)/2."""
-    ends, expected = bent(0.01, 100.0), (np.sqrt(1.01 * 101) - 2) / 2
-    for reference in (ends, bent(0.01, 1.0, 100.0)):
-        judged = trade_runs._interpolated(ReferenceCurve(reference), ends)
+    """G* = 1 + 9iω/(1 + iω): between 0.01 and 100 straight lines are off by most where G'' is largest, at 1."""
+    ends, middle = np.array([0.01, 100.0]), np.array([0.01, 1.0, 100.0])
+    spectrum = {"G0": 1.0, "eta_inf": 0.0, "rates": np.ones(1), "weights": np.full(1, 9.0)}
+    few, finer = (
+        curve(omega, pressure=1.0, G=1 + 9j * omega / (1 + 1j * omega), spectrum=spectrum)
+        for omega in (ends, middle)
+    )
+    fine = np.geomspace(*ends, 100_001)
+    exact, chord = 1 + 9j * fine / (1 + 1j * fine), log_interpolate(fine, ends, few.G)
+    storage, loss = (np.abs(part(chord) / part(exact) - 1).max() for part in (np.real, np.imag))
+    assert loss == pytest.approx(1 - 0.02 / 1.0001)
+    for reference in (few, finer):
+        judged = trade_runs.errors_at_few_frequencies(ReferenceCurve(reference), few)
         found = judged["error_storage"], judged["error_loss"]
-        assert found == pytest.approx((expected, expected), rel=1e-3)
+        assert found == pytest.approx((storage, loss), rel=1e-3)
         assert "interpolation between them" in judged["note"] and "window_storage" not in judged
     omega, G = np.array([1.0, 100.0]), np.array([1 + 4j, 10 + 1j])
     assert log_interpolate(np.array([10.0]), omega, G)[0] == pytest.approx(np.sqrt(10) + 2j)
@@ -471,17 +478,15 @@ def test_too_few_frequencies_are_judged_between_those_of_the_reference():
 
 def test_the_bounds_of_both_moduli_count_each_for_its_own():
     def bounded(storage, loss, error=0.0):
-        curve = Curve([1.0, 4.0])
-        curve.bounds = {"error_bound_storage": storage, "error_bound_loss": loss}
-        curve.G = curve.G + error * np.array([0.0, 1.0])
-        return curve
+        G = (1 + 1j) * np.array([1.0, 2.0]) + error * np.array([0.0, 1.0])
+        return curve([1.0, 4.0], G=G, bounds={"storage": storage, "loss": loss})
 
     reference = ReferenceCurve(bounded(0.1, 0.2))
     for error, beyond in ((0.29, None), (0.31, 4.0), (0.49j, None), (-0.51j, 4.0), (-0.31, 4.0)):
         run = bounded(0.2, 0.3, error)
         assert reference.violation(run) == beyond
         note = f"EXCEEDS ITS BOUND at omega = {beyond:g}" if beyond else ""
-        assert trade_runs._exact(reference, run)["note"] == note
+        assert trade_runs.errors_with_bounds(reference, run)["note"] == note
     for bounds, certified in (((0.1, 0.2), 0.2), ((0.4, 0.2), 0.4)):
         assert ReferenceCurve(bounded(*bounds)).certified == pytest.approx(certified)
 
