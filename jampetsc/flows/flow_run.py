@@ -254,7 +254,7 @@ def _take_rows(run, shear, trajectory, save, report):
     if not len(trajectory) and 0 in snapshot_rows:
         _add_snapshot(trajectory, shear)
     while len(trajectory) < schedule.rows:
-        _add_row(trajectory, shear, schedule.steps)
+        add_row(trajectory, shear, schedule.steps)
         rows = len(trajectory)
         if rows in snapshot_rows:
             _add_snapshot(trajectory, shear)
@@ -277,7 +277,7 @@ def _add_snapshot(trajectory, shear):
     )
 
 
-def _add_row(trajectory, shear, steps):
+def add_row(trajectory, shear, steps: int) -> None:
     """Add a row to the trajectory: means over `steps` time steps, and a survey at their end."""
     shear.tally[:] = 0.0
     batch = max(1, min(MAX_CALL_STEPS, int(MAX_CALL_DISK_STEPS / shear.reference.n)))

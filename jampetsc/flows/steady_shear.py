@@ -253,7 +253,7 @@ class SteadyShear(ListedPacking):
         while steps > 0:
             if self.divides_steps:
                 before = self.offsets.copy(), self.velocities.copy(), self.tally.copy()
-            done, status = self._run(steps)
+            done, status = self.run_steps(steps)
             # stale before the first step of a list: its skin is too narrow for the move of the predictor
             is_narrow = status == STALE and not done + self.list_age
             jumps = status == BLOWN_UP or is_narrow
@@ -268,7 +268,7 @@ class SteadyShear(ListedPacking):
                     self._divide()
                     steps -= 1
                     continue
-                done, status = self._run(done - 1)  # the same steps, without the one that jumps
+                done, status = self.run_steps(done - 1)  # the same steps, without the one that jumps
             steps -= done
             self.steps += done
             self.list_age += done
@@ -286,7 +286,7 @@ class SteadyShear(ListedPacking):
         while completed < 1.0:
             before = self.velocities.copy()
             self.tally = np.zeros_like(tally)
-            done, status = self._run(1, part)
+            done, status = self.run_steps(1, part)
             if status == UNSOLVED:
                 self._refuse(status)
             farthest = np.sqrt(np.max(np.sum(self.offsets**2, axis=1)))
@@ -338,7 +338,7 @@ class SteadyShear(ListedPacking):
         each = 1.5 if self.scheme.method == "verlet" else 5.0 if self.model.law.damps_contacts else 1.0
         return 2.0 * each if self.scheme.heun else each
 
-    def _run(self, steps, part=1.0):
+    def run_steps(self, steps, part=1.0):
         """At most `steps` time steps, of `part` of the scheme's, with the present list: (steps done, status)."""
         arrays, rest, run = self._step_arrays(self.velocities), (), drag_steps
         if self.scheme.method == "verlet":

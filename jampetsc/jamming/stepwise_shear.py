@@ -117,7 +117,7 @@ class StepwiseShear(ListedPacking):
         self.effort = Effort()
         self.steps = 0
         self.last_displacement = np.zeros(disks.base.shape)  # non-affine displacement in the last step,
-        self._displacement = np.zeros(disks.base.shape)  # and in this one
+        self.displacement = np.zeros(disks.base.shape)  # and in this one
         self._separated_pressure, self._potential = separated_pressure(disks), disks.potential.constants
         self._memory = warm_start.nothing_remembered(disks.base.shape)
         super().__init__(self._quench(disks), SKIN_RANGE[1], team)
@@ -157,7 +157,7 @@ class StepwiseShear(ListedPacking):
         """Fold the disks and make new list, order and factor: from here `restore` repeats a run to the last bit."""
         self.fold()
         self._anchor = self.reference, self.last_displacement.copy(), self.steps, replace(self.effort)
-        self._needs_proof = self.tolerance > NEWTON_START_FORCE  # forces as large also rest on slopes
+        self.needs_proof = self.tolerance > NEWTON_START_FORCE  # forces as large also rest on slopes
         self._find_order()
         potential, state = self.reference.potential, measure(self.reference)
         pressure = max(state.pressure, self._separated_pressure)
@@ -198,7 +198,7 @@ class StepwiseShear(ListedPacking):
             self.largest, self.skin, self.volume, self.shear, tolerance, self._floor,
             self._separated_pressure, unit, MAX_MOVE_RATIO * self.diameter, 0.2 / self._stiffness, budget,
         )  # fmt: skip
-        state = self._factor, self._memory, self.offsets, self._displacement, forces
+        state = self._factor, self._memory, self.offsets, self.displacement, forces
         return warm_start.follow(self.pairs, self._potential, scalars, *state)
 
     def _follow(self):
@@ -233,10 +233,10 @@ class StepwiseShear(ListedPacking):
             self._restart_list()
         last_minimum, spent = self.minimum, self.effort.evaluations
         self.shear += self.step
-        self._displacement = np.empty_like(self.offsets)
+        self.displacement = np.empty_like(self.offsets)
         if self.stale(
             warm_start.moved_on(
-                self.offsets, self.shear, self.last_displacement, self._displacement, self.pairs.r0
+                self.offsets, self.shear, self.last_displacement, self.displacement, self.pairs.r0
             )
         ):
             self.fold()
@@ -244,7 +244,7 @@ class StepwiseShear(ListedPacking):
         self.steps += 1
         if sums is not None:
             minimum = self._minimum_state(sums)
-            if self._needs_proof or self.steps % RESTART_STEPS == 0:
+            if self.needs_proof or self.steps % RESTART_STEPS == 0:
                 proved = warm_start.is_minimum(
                     self._order, self.pairs, self.offsets, self.shear, self._potential, self._stiffness
                 )
@@ -254,12 +254,12 @@ class StepwiseShear(ListedPacking):
             self.list(self._quench(start))
             displacement = (self.reference.base - start.base) + (self.reference.offset - start.offset)
             images = np.round(fractional(displacement, start.cell))
-            self._displacement += displacement - vectors(images, start.cell)
+            self.displacement += displacement - vectors(images, start.cell)
             self._factorise()
             minimum, proved = self._minimum_state(self._forces()), True
-        size, longest = warm_start.without_drift(self._displacement, self.pairs.r0)
+        size, longest = warm_start.without_drift(self.displacement, self.pairs.r0)
         repeats = longest < MAX_MOVE_RATIO * self.diameter
-        self.last_displacement = self._displacement if repeats else np.zeros_like(self._displacement)
+        self.last_displacement = self.displacement if repeats else np.zeros_like(self.displacement)
         self.minimum = minimum
         work = 0.5 * (last_minimum.shear_stress + minimum.shear_stress) * self.volume * self.step
         dissipated = work - (minimum.energy - last_minimum.energy)
@@ -282,7 +282,7 @@ class StepwiseShear(ListedPacking):
             self.pairs, self.offsets, self.shear, self._potential
         )
         self.affine_modulus = stiffness / self.volume
-        self._needs_proof |= bool(alike > MAX_ALIKE_RATIO)
+        self.needs_proof |= bool(alike > MAX_ALIKE_RATIO)
         energy = sums.energy / disks.potential.exponent
         return MinimumState(
             energy,

@@ -66,7 +66,7 @@ def sweep_amplitudes(
 
     Raises ConvergenceError if all points fail.
     """
-    solver = _PointSolver(disks, network, law, contacts == "moving", steps, cycles, load)
+    solver = PointSolver(disks, network, law, contacts == "moving", steps, cycles, load)
     unit = network.k if control == "stress" else 1.0  # of a `Drive`
     points = [Drive(float(w), float(a) / unit, control == "stress") for a in amplitudes for w in omega]
     records, failures = _solve_points(solver, points, unit, dict(resume or {}), save)
@@ -91,7 +91,7 @@ def require_stability(network: DistributedNetwork, control: str, load: Load) -> 
         )
 
 
-class _PointSolver:
+class PointSolver:
     """Solves points of one packing.
 
     comm            of the ranks that share the points

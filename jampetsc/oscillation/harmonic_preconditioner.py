@@ -43,7 +43,8 @@ class HarmonicPreconditioner:
         k = bordered * np.concatenate(comm.allgather(pencil.k_gamma.getArray().real)) / L
         column = csr_array((k, (np.arange(n), np.zeros(n, int))), shape=(n, 1))
         corner = csr_array([[pencil.k_gg / L**2 if bordered else 1.0]])
-        self._K = K = csr_array(bmat([[whole_matrix(pencil.K), column], [column.T, corner]], format="csr"))
+        # bordered K, as every rank has it
+        self.K = K = csr_array(bmat([[whole_matrix(pencil.K), column], [column.T, corner]], format="csr"))
         K.sort_indices()
         felt, self._squares = contacts.squares(bordered * contacts.g)
         keys = np.repeat(np.arange(n + 1), np.diff(K.indptr)) * (n + 1) + K.indices
@@ -62,7 +63,7 @@ class HarmonicPreconditioner:
 
         Raises NotPositiveDefinite, on all ranks, if K has negative modes that make an H indefinite.
         """
-        contacts, K = self._contacts, self._K
+        contacts, K = self._contacts, self.K
         local = (stiffness * contacts.roots**2).reshape(-1, 1, 1) * self._squares
         data = np.bincount(self._places.ravel(), local.ravel(), minlength=K.nnz)
         self._B = csr_array((contacts.network.sum(data), K.indices, K.indptr), shape=K.shape)

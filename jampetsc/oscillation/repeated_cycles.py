@@ -85,7 +85,9 @@ def repeat_cycles(
 
 
 @dataclass(frozen=True)
-class _Cycle:
+class CycleResult:
+    """One cycle."""
+
     moduli: Moduli
     consumed: float  # energy per volume, dissipated and stored
     drift: float  # change of the strain
@@ -106,7 +108,7 @@ def remaining_change(G) -> float:
 class Cycles:
     """Cycles, each of a number of steps, of a packing at this strain.
 
-    finished   the `_Cycle` of each
+    finished   the `CycleResult` of each
     accepted   number of accepted steps; of one that was halved, its parts
     """
 
@@ -125,7 +127,7 @@ class Cycles:
     def repeat(self, cycles):
         """Run this number of cycles or, for None, until they repeat."""
         while len(self.finished) < (cycles or MAX_REPEATED_CYCLES):
-            self._cycle()
+            self.run_cycle()
             if cycles is None and self.remaining <= CYCLE_TOLERANCE * abs(self.finished[-1].G):
                 return
         if cycles is None:
@@ -150,7 +152,8 @@ class Cycles:
         """Largest |ΔG*| between the last cycle and any of the second half of all cycles."""
         return max(abs(cycle.G - self.finished[-1].G) for cycle in self.finished[len(self.finished) // 2 :])
 
-    def _cycle(self):
+    def run_cycle(self) -> None:
+        """Run one more cycle. Raises ConvergenceError where it fails, or where the packing flows."""
         motion, initial, rows, consumed = self.motion, self.motion.gamma, [], 0.0
         step, free = PERIOD / self.count, self.drive.stress_controlled
         for n in range(self.count):
@@ -168,7 +171,7 @@ class Cycles:
         drift, (times, weights, response) = motion.gamma - initial, np.array(rows).T
         moduli = self.drive.moduli(response, times / PERIOD, weights / PERIOD, drift if free else 0.0)
         self._stored = abs(moduli.G) * moduli.strain**2
-        self.finished.append(_Cycle(moduli, consumed / motion.volume, drift))
+        self.finished.append(CycleResult(moduli, consumed / motion.volume, drift))
 
     def steps(self, begin: float, length: float, allowed: float):
         """Yield the stages of each step over a time, with at most this error of energy: see `_step`.

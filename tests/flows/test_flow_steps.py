@@ -219,7 +219,7 @@ def test_a_list_is_stale_by_the_shear_after_a_step(name, method):
     run = SteadyShear(disks, Model(law, mass), 1.0, Scheme(0.1, method, 1e-12))
     run.skin = 0.12  # the larger singular value of the deformation is 1.105 at 0.2, 1.161 at 0.3
     run.list(run.reference)
-    assert run._run(9) == (2 if method == "heun" else 3, step_kernels.STALE)
+    assert run.run_steps(9) == (2 if method == "heun" else 3, step_kernels.STALE)
     assert not run.offsets.any() and run.tally[TALLY.index("steps")] == (2 if method == "heun" else 3)
 
 

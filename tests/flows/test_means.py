@@ -10,7 +10,7 @@ from sheared import crowd, shear
 from jampetsc.analysis.velocity_correlation import LaneCorrelation
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.flows import flow_run
-from jampetsc.flows.flow_run import Schedule, _add_row, check_balance
+from jampetsc.flows.flow_run import Schedule, add_row, check_balance
 from jampetsc.flows.trajectory import FLOW_COLUMNS, MIN_CHECKED_ROWS, WALL_AVERAGES, Means, Trajectory
 from jampetsc.io.disk_motion import correlate_lanes
 from jampetsc.io.reader import load
@@ -182,13 +182,13 @@ def test_a_row_has_means_over_its_steps():
     """Stress, pressure and energy of the packing at its time steps; contacts at the end."""
     run, record = shear("RD0", crowd(16, phi=0.9), rate=RATE, step=0.01), Trajectory()
     state = measure(run.disks)
-    _add_row(record, run, 1)
+    add_row(record, run, 1)
     row = {name: record.column(name)[0] for name in FLOW_COLUMNS}
     assert row["shear_stress"] == pytest.approx([state.stress[0, 1], 0.0, 0.0], rel=1e-9)
     assert row["pressure"] == pytest.approx([state.pressure, 0.0, 0.0], rel=1e-9)
     assert row["energy"] == pytest.approx(state.energy, rel=1e-9)
     assert row["strain"] == pytest.approx(1e-3) and row["time"] == pytest.approx(0.01)
-    _add_row(record, run, 3)
+    add_row(record, run, 3)
     contacts = find_contacts(run.disks)
     assert record.column("time") == pytest.approx([0.01, 0.04]) and run.tally[-1] == 3
     assert record.column("contact_number")[1] == 2 * len(contacts) / 16
@@ -203,7 +203,7 @@ def test_steps_are_taken_in_batches(monkeypatch):
     monkeypatch.setattr(type(run), "advance", lambda _, steps: asked.append(steps) or run.tally.__iadd__(1.0))
     for steps in (3, 4, 11):
         asked.clear()
-        _add_row(Trajectory(), run, steps)
+        add_row(Trajectory(), run, steps)
         assert asked == [4] * (steps // 4) + [steps % 4] * (steps % 4 > 0)
 
 

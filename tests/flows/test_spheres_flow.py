@@ -1,7 +1,5 @@
 """Flows of spheres: forces across domains, runs that are resumed, the command."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from dense import all_pairs
@@ -16,6 +14,7 @@ from jampetsc.io.disk_motion import six_fold_order
 from jampetsc.laws.damping import Law
 from jampetsc.laws.flow_models import Model, Scheme
 from jampetsc.minimisation.sizes import radii_of
+from jampetsc.packing.contacts import Contacts
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.threads import Team
@@ -58,7 +57,8 @@ def test_forces_of_all_models_are_sums_over_all_pairs(exponent):
     r, law = r.astype(float), disks.potential
     distance, sigma = np.linalg.norm(r, axis=1), disks.radii[i] + disks.radii[j]
     force = law.k / sigma * ((sigma - distance) / sigma) ** (law.exponent - 1.0)
-    pairs = SimpleNamespace(i=i, j=j, r=r, normal=r / distance[:, None], force=force)
+    overlap = sigma - distance
+    pairs = Contacts(i, j, r, distance, force, law.contact_stiffness(overlap, sigma), overlap, sigma)
     assert len(i) > 3 * disks.n
     for name, (damping, mass) in ROWS.items():
         run = SteadyShear(

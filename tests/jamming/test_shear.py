@@ -142,7 +142,7 @@ def test_every_state_of_a_crystal_is_a_minimum(session, n, phi, seed, step, rows
     for _ in range(rows):
         done = slow.advance()
         assert np.linalg.eigvalsh(stiffness_matrix(slow.disks))[0] > -1e-8
-        assert done.proved or not slow._needs_proof
+        assert done.proved or not slow.needs_proof
     assert slow.effort.saddles >= left
 
 
@@ -180,7 +180,7 @@ def test_a_step_begins_with_the_last_displacement_unless_disks_rearranged(jammed
     slow, large = StepwiseShear(disks, 2e-3, solver, 1e-7), 0
     for _ in range(40):
         slow.advance()
-        moved = slow._displacement
+        moved = slow.displacement
         longest = np.abs(moved).max()
         assert np.abs(moved.mean(axis=0)).max() < 1e-15
         large += longest >= 0.01 * slow.diameter

@@ -183,7 +183,7 @@ def test_a_factor_that_fails_on_one_rank_fails_on_all(session, diagonal):
     stiffness = np.ones((contacts.count, len(contacts.damped)))
     preconditioner.update(stiffness)
     if session.rank == session.size - 1:
-        preconditioner._K.setdiag(diagonal * preconditioner._K.diagonal())
+        preconditioner.K.setdiag(diagonal * preconditioner.K.diagonal())
     with pytest.raises(NotPositiveDefinite, match=r"K/Ω \+ B at Ω = "):
         preconditioner.update(1e-12 * stiffness)
 

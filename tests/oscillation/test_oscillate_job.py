@@ -11,7 +11,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.reader import load
 from jampetsc.io.request import Request
-from jampetsc.oscillation.amplitude_sweep import COUNTS, _PointSolver, sweep_amplitudes
+from jampetsc.oscillation.amplitude_sweep import COUNTS, PointSolver, sweep_amplitudes
 from jampetsc.oscillation.steady_oscillation import SteadyOscillation, SteadyResult
 from jampetsc.petsc.session import current
 
@@ -141,7 +141,7 @@ def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, c
     (asked, to), omega = ask(packing, contacts=contacts), OMEGA[contacts]
     bad = [(omega[1], 1e-5), (omega[0], 1e-4)]  # one on each rank
     with monkeypatch.context() as patch:
-        failing(patch, bad, _PointSolver)
+        failing(patch, bad, PointSolver)
         with pytest.raises(ConvergenceError) as told:
             work(asked, to)
     named = f"omega {omega[1]:.3e}  stress 1.0e-05: something went wrong"
@@ -154,7 +154,7 @@ def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, c
     assert np.isnan(first["G"]).tolist() == np.isnan(first["error"]).tolist() == missing
     assert (first["newton_steps"] == 0).tolist() == missing
     with monkeypatch.context() as patch:
-        seen = failing(patch, [], _PointSolver)
+        seen = failing(patch, [], PointSolver)
         arrays = work(asked, to)
     everyone = session.comm.allgather(seen)
     solved = {tuple(point) for points in everyone for point in points}
@@ -172,7 +172,7 @@ def test_what_fails_is_left_out_and_tried_again(monkeypatch, session, packing, c
 
 def test_where_all_fail_there_is_no_file(monkeypatch, packing):
     asked, to = ask(packing)
-    failing(monkeypatch, [(o, a) for o in OMEGA["fixed"] for a in asked.amplitude], _PointSolver)
+    failing(monkeypatch, [(o, a) for o in OMEGA["fixed"] for a in asked.amplitude], PointSolver)
     with pytest.raises(ConvergenceError, match=r"omega 1.*e-0.  stress 1.0e-05: something went wrong$"):
         work(asked, to)
     assert not to.path.exists()

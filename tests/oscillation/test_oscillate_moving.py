@@ -354,11 +354,11 @@ class Told(repeated_cycles.Cycles):
     """A run whose cycles have these G*, one after the other."""
 
     def __init__(self, G):
-        self.finished, self._told = [], iter(G)
+        self.finished, self.moduli = [], iter(G)
 
-    def _cycle(self):
-        moduli = Moduli(next(self._told), np.zeros(2), 1.0, 1.0)
-        self.finished.append(repeated_cycles._Cycle(moduli, 1.0, 0.0))
+    def run_cycle(self):
+        moduli = Moduli(next(self.moduli), np.zeros(2), 1.0, 1.0)
+        self.finished.append(repeated_cycles.CycleResult(moduli, 1.0, 0.0))
 
 
 @pytest.mark.parametrize(

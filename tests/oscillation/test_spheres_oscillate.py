@@ -19,7 +19,7 @@ from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.outlet import Outlet
 from jampetsc.io.request import Request
 from jampetsc.laws.loads import named_loads
-from jampetsc.oscillation.amplitude_sweep import _PointSolver, sweep_amplitudes
+from jampetsc.oscillation.amplitude_sweep import PointSolver, sweep_amplitudes
 from jampetsc.oscillation.drive import Drive, Imposed
 from jampetsc.oscillation.moving_contacts import MovingContacts
 from jampetsc.oscillation.repeated_cycles import START_STEPS, repeat_cycles
@@ -203,7 +203,7 @@ def test_a_file_is_resumed_printed_and_drawn(session, tmp_path, monkeypatch, cap
     packing = put(tmp_path / "p.h5", few_spheres(), session.comm)
     job = Oscillate(packing, law_of(ROLLING).law, omega=[0.1, 1.0], strain=[1e-4, 1e-3], alpha=0.7, steps=16)
     to = Outlet(tmp_path / "o.h5", tmp_path / "o.h5", Request(job))
-    solve, seen = _PointSolver.solve, []
+    solve, seen = PointSolver.solve, []
 
     def failing(solver, drive):
         seen.append(drive)
@@ -211,7 +211,7 @@ def test_a_file_is_resumed_printed_and_drawn(session, tmp_path, monkeypatch, cap
             raise ConvergenceError("stopped")
         return solve(solver, drive)
 
-    monkeypatch.setattr(_PointSolver, "solve", failing)
+    monkeypatch.setattr(PointSolver, "solve", failing)
     with pytest.raises(ConvergenceError, match="1 of 4 points failed"):
         job.work(to)
     job.work(to)

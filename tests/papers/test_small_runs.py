@@ -1,12 +1,11 @@
 """Estimators of the small runs on data whose answer is known: contacts that decay, layers, and exponents in X."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from papers.claims.power_law import effective, exponent_in, x_of
 from papers.tables import layers, lifetimes
+from papers.tables.nonlinear import Packing
 
 
 def test_the_half_life_is_where_half_of_the_contacts_are_left():
@@ -62,8 +61,14 @@ def test_layers_have_the_velocity_and_the_volume_of_their_disks(dimension):
 def test_exponents_in_x_are_those_planted(power):
     X = np.geomspace(1e-2, 1.0, 8)
     packings = [
-        SimpleNamespace(
-            X=X, Omega=[c * X**power], logs=np.log(np.column_stack((X, X))), inside=lambda _: np.ones(8, bool)
+        Packing(
+            np.log(np.column_stack((X, X))),
+            X,
+            np.full((3, 8), 0.01),
+            np.tile(c * X**power, (3, 1)),
+            X,
+            1e-4,
+            None,
         )
         for c in (1.0, 2.0, 3.0)
     ]
