@@ -59,23 +59,6 @@ def test_negative_numbers_are_values(value):
     assert cli.command_parser(words)[0].parse_args(words).beta == value
 
 
-@pytest.mark.parametrize(
-    ("error", "message"),
-    [
-        (OSError(errno.ENOSPC, "x", "a.h5"), "a.h5: No space left on device. Free some space, or write elsewhere."),
-        (OSError(errno.EACCES, "x", "a.h5"), "a.h5: Permission denied. Check its permissions."),
-        (OSError(errno.EIO, "x"), "Input/output error"),
-        (OSError("odd\n  words"), "odd words"),
-    ],
-)  # fmt: skip
-def test_what_the_system_says_in_one_line(monkeypatch, capsys, error, message):
-    def fail(words):
-        raise error
-
-    monkeypatch.setattr(cli, "dispatch", fail)
-    assert cli.main([]) == 1 and capsys.readouterr() == ("", f"jampetsc: error: {message}\n")
-
-
 def test_one_command_is_imported_unless_all_are_asked_for():
     assert list(cli.command_parser(["sweep", "x"])[1].choices) == ["sweep"]
     assert list(cli.command_parser(["--version"])[1].choices) == []
@@ -254,6 +237,10 @@ def failing(error):
         (MemoryError("Unable to\n allocate 3 GB"), 1,
          ["out of memory (Unable to allocate 3 GB). Use more nodes, or a smaller packing."]),
         (PermissionError(errno.EACCES, "x", "a.h5"), 1, ["a.h5: Permission denied. Check its permissions."]),
+        (OSError(errno.ENOSPC, "x", "a.h5"), 1,
+         ["a.h5: No space left on device. Free some space, or write elsewhere."]),
+        (OSError(errno.EIO, "x"), 1, ["Input/output error"]),
+        (OSError("odd\n  words"), 1, ["odd words"]),
         (KeyboardInterrupt(), 130, ["interrupted: nothing is kept."]),
         (KeyboardInterrupt("interrupted: a"), 130, ["interrupted: a"]),
         (DeprecationWarning("path is old."), 1,
