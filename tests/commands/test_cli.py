@@ -254,18 +254,8 @@ def test_every_error_has_its_line_and_status(monkeypatch, capsys, error, status,
 
 
 def test_numba_starts_whatever_its_own_threads(tmp_path):
-    line = [
-        sys.executable,
-        "-m",
-        "jampetsc",
-        "pack",
-        "--n",
-        "16",
-        "--pressure",
-        "1e-2",
-        "--out",
-        tmp_path / "p.h5",
-    ]
+    words = "-m jampetsc pack --n 16 --pressure 1e-2 --out".split()
+    line = [sys.executable, *words, tmp_path / "p.h5"]
     subprocess.run(line, env=launch.environment() | {"NUMBA_NUM_THREADS": "0"}, check=True, timeout=300)
 
 

@@ -364,14 +364,8 @@ class Told(repeated_cycles.Cycles):
 @pytest.mark.parametrize(
     ("G", "cycles", "count", "left", "change", "spread"),
     [
-        (
-            [1 + 0.5**n for n in range(60)],
-            None,
-            11,
-            0.5**10,
-            0.5**10,
-            0.5**5 - 0.5**10,
-        ),  # a thousandth is left
+        # a thousandth is left
+        ([1 + 0.5**n for n in range(60)], None, 11, 0.5**10, 0.5**10, 0.5**5 - 0.5**10),
         ([1.0, 1.0, 7.0], None, 2, 0.0, 0.0, 0.0),  # what has not changed at all is enough
         ([1.0, 2.0] * 50, 7, 7, np.inf, 1.0, 1.0),
         ([*[1.0, 2.0] * 29, 1.0, 1.0], None, 60, 0.0, 0.0, 1.0),  # the last one is in time

@@ -274,12 +274,7 @@ def test_the_reference_is_the_tightest_sweep_that_is_certified(told, capsys, rep
     [
         (2, InputError, "^ended by 2$", 1),
         (1, JampetscError, "^no reference: ended by 1$", 1),
-        (
-            3,
-            ConvergenceError,
-            "^no reference, as the rational sweep failed at every accuracy: ended by 3$",
-            11,
-        ),
+        (3, ConvergenceError, "^no reference, as .* failed at every accuracy: ended by 3$", 11),
     ],
 )
 def test_where_there_is_no_reference(told, status, kind, message, runs):
