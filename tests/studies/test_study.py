@@ -263,7 +263,7 @@ def test_a_table_of_packings_needs_no_other(session, shared_path):
 
 @pytest.mark.parametrize(
     ("words", "used"),
-    [("[pack]", None), ("[flow]\nthreads = 2", 2), ("[flow]", 5)],
+    [("[jam]\nseeds = '1:1'", None), ("[flow]\nthreads = 2", 2), ("[flow]", 5)],
 )
 def test_a_task_is_a_job_with_its_share_of_the_cores(tmp_path, words, used):
     """One that takes threads and was not told how many."""
