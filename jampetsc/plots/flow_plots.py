@@ -102,15 +102,15 @@ def draw_flow_curves(results, page) -> str:
             draw_points(axes[3], rates, *(part / rates for part in both), **named | face)
             hollow = {"markerfacecolor": "white"} if face else {}
             exponents.append((named | hollow, *local_exponents(rates, *both)))
-    _draw_exponents(axes[4], exponents)
+    draw_local_exponents(axes[4], exponents)
     page.legend(axes[0], fontsize=7, handlelength=1.2, labelspacing=0.2)
     both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mew=0.7, **OPEN)]
     page.legend(axes[3], both, groups=0, fontsize=7)
     return f"flow curves of {count_text(results, 'run', 'runs')} at {len(set(every))} rates"
 
 
-def _draw_exponents(ax, curves):
-    """Local exponents with errors, in limits of the values, and lines at named limits within the panel."""
+def draw_local_exponents(ax, curves) -> None:
+    """Curves [(look, x (M,), exponents (M,), errors (M,)), …], and lines at named limits within their range."""
     values = np.concatenate([y for _, _, y, _ in curves])
     low, high = np.array([values.min(), values.max()]) + np.array([-0.06, 0.12]) * max(np.ptp(values), 0.1)
     for look, x, y, error in curves:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from picture_contents import bands, bars, figure_of, held, lines, require_arrows, told
 
 import jampetsc
@@ -14,6 +15,7 @@ from jampetsc.io.disk_motion import snapshot, velocity_profiles
 from jampetsc.packing.contacts import measure
 from jampetsc.plots.draw import draw, table_rows
 from jampetsc.plots.flow_plots import (
+    draw_local_exponents,
     flow_curves,
     flow_regimes,
     kind_of,
@@ -202,9 +204,9 @@ def test_what_cannot_be_drawn(count, kind, says):
     [(1.0, ["Newtonian"]), (2.0, ["Bagnoldian"]), (0.4, []), (2.5, ["Newtonian", "Bagnoldian"])],
 )
 def test_exponents_that_have_a_name_are_marked_where_they_are_in_sight(power, names):
-    powers = {"shear_stress_mean": power, "pressure_mean": 0.9 if power == 2.5 else 1.01 * power}
-    rates = {rate: {name: rate**one for name, one in powers.items()} for rate in (0.1, 0.2, 0.4)}
-    ax = figure_of(plot_flow, [facts(rate=rate, **means) for rate, means in rates.items()]).axes[4]
+    ax, rates = Figure(figsize=(2.3, 2.3)).subplots(), np.array([0.1, 0.2, 0.4])
+    powers = power, 0.9 if power == 2.5 else 1.01 * power
+    draw_local_exponents(ax, [({}, *local_exponents(rates, rates**one, 0.1 * rates)) for one in powers])
     assert [text.get_text() for text in ax.texts] == names
     ax.figure.draw_without_rendering()
     assert all(text.get_window_extent().y1 <= ax.bbox.y1 for text in ax.texts)  # not over the frame
