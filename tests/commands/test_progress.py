@@ -17,8 +17,10 @@ def test_lines_count_from_what_was_done_before_a_total_that_is_known(capsys, rep
     assert capsys.readouterr().err == "[3/5] omega 1\nbeside\n[4/5] omega 2\n[1] a\n"
 
 
-def test_a_function_is_silent_unless_its_user_listens(capsys, caplog):
+def test_a_function_is_silent_unless_its_user_listens(capsys, caplog, monkeypatch):
     """To the logger `jampetsc`, by python's own means."""
+    monkeypatch.setattr(LOG, "handlers", [caplog.handler])
+    monkeypatch.setattr(LOG, "propagate", False)
     for level, steps in ((logging.WARNING, 0), (logging.INFO, 25)):
         with caplog.at_level(level, logger=LOG.name):
             jampetsc.flow(n=16, phi=0.86, model="RD0", rate=1e-2, strain=0.05)
