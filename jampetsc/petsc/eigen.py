@@ -114,7 +114,7 @@ class _BlockFactor:
         return reason.DIVERGED_ITS if iterations >= limit else reason.CONVERGED_ITERATING
 
 
-def _suits_blocks(pencil) -> bool:
+def suits_blocks(pencil) -> bool:
     """Whether K lies on one rank, in blocks of 2×2, is not too large, and no option says how to factorise it."""
     whole = pencil.K.getComm().size == 1 and pencil.unknowns <= DENSE_BLOCK_UNKNOWNS
     return whole and pencil.dimension == 2 and not current().has_options(PREFIX + "st_")
@@ -126,7 +126,7 @@ def _krylov(pencil, moves, count, stiffness):
     for vector, move in zip(deflated, moves, strict=True):
         vector.setArray(move)
     eps, factor = _solver(pencil.K, count, stiffness), None
-    if _suits_blocks(pencil):
+    if suits_blocks(pencil):
         st = eps.getST()
         st.setMatMode(SLEPc.ST.MatMode.SHELL)  # K − σ is not needed as a matrix
         pc = st.getKSP().getPC()
@@ -204,10 +204,10 @@ def _dense(pencil, moves, count, stiffness):
         values, ends = values[:count], np.cumsum([part.shape[1] for part in parts])
         shares = np.split(vectors[:, :count].T, ends[:-1], axis=1)
     values, vectors = comm.bcast(values), comm.scatter(shares)
-    return Eigenpairs(values, vectors, _residuals(pencil.K, values, vectors), "lapack", 1)
+    return Eigenpairs(values, vectors, residual_norms(pencil.K, values, vectors), "lapack", 1)
 
 
-def _residuals(K, values, vectors):
+def residual_norms(K, values, vectors):
     """‖K φ − λ φ‖ of each pair, (m,). Collective."""
     x, y = K.createVecs()
     residuals = np.empty(len(values))

@@ -87,7 +87,10 @@ def test_tension_raises_the_largest_rate(session, name, law):
 @pytest.mark.most_ranks(1)
 def test_tension_that_nothing_damps_has_no_largest_rate(session):
     """Sliding does not count: spins follow a turning bond without it."""
-    pulls, rests = pulling_springs(), pulling_springs().replace(tension=np.zeros(len(pulling_springs().bonds)))
+    pulls, rests = (
+        pulling_springs(),
+        pulling_springs().replace(tension=np.zeros(len(pulling_springs().bonds))),
+    )
     for weights in ({"normal": 1.0}, {"normal": 1.0, "sliding": 1.0}):
         found = [
             largest_rate(assemble(build_network(source, session.comm), Law("law", **weights)))
