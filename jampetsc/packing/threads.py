@@ -154,7 +154,7 @@ class ThreadChoice:
         return self.most if min(together) < min(alone) else 1
 
     def note_pace(self, threads: int, pace: float) -> None:
-        """Note the seconds per step of a run of so many threads."""
+        """Note the seconds per step of a run with this number of threads."""
         self._paces[threads].append(pace)
 
 

@@ -114,8 +114,8 @@ def test_what_a_poor_solve_leaves_of_an_energy_is_in_its_bound(session, law):
     assert large.any() and np.any(at_rest[large] < np.sqrt(2.0) * exact[large])
     D = np.concatenate(session.comm.allgather(lower.diagonal))
     share = left**2 * transfer(top, lower.shift, s) / lower.least * np.max(np.diag(A) / D) / e
-    np.testing.assert_allclose(said[large] / at_rest[large], 1.0 + share, rtol=1e-3)
-    np.testing.assert_allclose(twice[large] / at_rest[large], 1.0 + 4.0 * share, rtol=1e-3)
+    np.testing.assert_allclose(said[large] / at_rest[large], 1.0 + share, rtol=1e-2)
+    np.testing.assert_allclose(twice[large] / at_rest[large], 1.0 + 4.0 * share, rtol=1e-2)
 
 
 def test_what_is_no_number_is_no_bound(session):
@@ -347,7 +347,9 @@ def test_what_fails_on_one_rank_fails_on_all(session, what):
     s = next(s for s, rank in side.owner.items() if rank == session.size - 1)
     basis = RationalBasis(pencil, *side.field(pencil, 1e-2))
     if s in side.held:
-        side.held[s].cholesky.matrix.scale(3.0)
+        cholesky = side.held[s].cholesky
+        cholesky.ksp.getPC().setReusePreconditioner(True)
+        cholesky.matrix.scale(3.0)
     force = pencil.k_gamma.getArray()
     calls = {
         "factorise": lambda: side.factorise([1.0, -0.1]),
