@@ -204,10 +204,10 @@ def _dense(pencil, moves, count, stiffness):
         values, ends = values[:count], np.cumsum([part.shape[1] for part in parts])
         shares = np.split(vectors[:, :count].T, ends[:-1], axis=1)
     values, vectors = comm.bcast(values), comm.scatter(shares)
-    return Eigenpairs(values, vectors, residual_norms(pencil.K, values, vectors), "lapack", 1)
+    return Eigenpairs(values, vectors, _residuals(pencil.K, values, vectors), "lapack", 1)
 
 
-def residual_norms(K, values, vectors):
+def _residuals(K, values, vectors):
     """‖K φ − λ φ‖ of each pair, (m,). Collective."""
     x, y = K.createVecs()
     residuals = np.empty(len(values))

@@ -15,7 +15,6 @@ from jampetsc.io.packing_file import write_packing
 from jampetsc.packing.potentials import Potential
 from jampetsc.petsc import eigen
 from jampetsc.response import vibrations as modes_module
-from jampetsc.response.assembly import assemble
 from jampetsc.response.contact_network import build_network
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.vibrations import LOWEST, lowest_modes
@@ -178,20 +177,6 @@ def test_planted_floppy_mode(session):
     assert abs(modes.shear_force[0]) < 1e-10
     with pytest.raises(InputError, match="K has 1 floppy mode besides its translations"):
         ElasticResponse(floppy)
-
-
-@pytest.mark.most_ranks(2)
-def test_residuals_are_those_of_the_modes(session):
-    """|Kφ − λφ| of dense vectors that are none: also of the second after the first."""
-    wanted, dense_vectors, exact = spectrum("published")
-    pencil = assemble(build_network(published(), session.comm), physics("stokes").law)
-    rows = unknowns(pencil.network, 2, exact.disks)
-    first, last = pencil.K.getOwnershipRange()
-    vectors = dense_vectors[:, :3].T + 0.1 * np.random.default_rng(2).normal(size=(3, len(dense_vectors)))
-    found = eigen.residual_norms(pencil.K, wanted[:3], vectors[:, rows][:, first:last])
-    K = exact.K[:-1, :-1].astype(float)
-    left = K @ vectors.T - wanted[:3] * vectors.T
-    np.testing.assert_allclose(found, np.linalg.norm(left[rows], axis=0), rtol=1e-10)
 
 
 @pytest.mark.most_ranks(1)

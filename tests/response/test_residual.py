@@ -1,5 +1,7 @@
 """What a sweep certifies is the residual as it is, however the space was made and whichever rank computes what."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -11,6 +13,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.packing.packing import Packing
 from jampetsc.petsc import mumps
 from jampetsc.petsc.cholesky import NotPositiveDefinite, least_eigenvalue
+from jampetsc.petsc.session import current
 from jampetsc.petsc.shifted import ShiftedFactor, shifted
 from jampetsc.response import shift_factors as factors
 from jampetsc.response.assembly import ROW, assemble
@@ -39,14 +42,26 @@ def bound_of(found, residual):
     return ResidualBound(residual, sweep.factors, *sweep.missing, sweep.largest_rate, OMEGA)
 
 
+@pytest.fixture(scope="module")
+def swept():
+    """swept(law): the finished Sweep of 64 disks, made once for each law."""
+
+    @cache
+    def solved(law):
+        return Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, current().comm).solved()
+
+    yield solved
+    solved.cache_clear()
+
+
 def pencil_of(session, law, sample="polydisperse"):
     return assemble(network_of(SAMPLES[sample](), law, session.comm), law.law)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=str)
-def test_columns_and_weights_make_the_residual(session, law):
+def test_columns_and_weights_make_the_residual(session, swept, law):
     """R w(iω) = k_γ + iω b_γ + (K + iωB) x(iω), and what rounding did to it is below what is said of it."""
-    found = Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm).solved()
+    found = swept(law)
     pencil = found.pencil
     galerkin = Galerkin(found.basis)
     residual = galerkin.residual()
@@ -64,9 +79,9 @@ def test_columns_and_weights_make_the_residual(session, law):
 
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("law", [LAWS[0], LAWS[2]], ids=str)
-def test_rounding_of_the_columns_is_below_what_is_said_of_it(session, law):
+def test_rounding_of_the_columns_is_below_what_is_said_of_it(session, swept, law):
     """Against sums over contacts in extended precision, in the norm of D⁻¹, and not below it by much."""
-    found = Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm).solved()
+    found = swept(law)
     c, galerkin = found.compatibility, Galerkin(found.basis)
     residual = galerkin.residual()
     still, modes = residual.motions[:, 0], residual.motions[:, 1:]
@@ -84,10 +99,10 @@ def test_rounding_of_the_columns_is_below_what_is_said_of_it(session, law):
 
 
 @pytest.mark.parametrize("law", LAWS[:2], ids=str)
-def test_what_a_poor_solve_leaves_of_an_energy_is_in_its_bound(session, law):
+def test_what_a_poor_solve_leaves_of_an_energy_is_in_its_bound(session, swept, law):
     """vᵀA⁻¹v = e + ρᵀA⁻¹ρ for any x with A x = v − ρ: here x is no more than a fifth of what it should be."""
     s = 1e-2
-    found = Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm).solved()
+    found = swept(law)
     pencil, q, residual = found.pencil, found.sweep.missing[0], Galerkin(found.basis).residual()
     side = Factors(pencil, "matrix")
     side.factorise([s])
@@ -118,8 +133,8 @@ def test_what_a_poor_solve_leaves_of_an_energy_is_in_its_bound(session, law):
     np.testing.assert_allclose(twice[large] / at_rest[large], 1.0 + 4.0 * share, rtol=1e-2)
 
 
-def test_what_is_no_number_is_no_bound(session):
-    found = Sweep(SAMPLES["polydisperse"](), physics(), OMEGA, 1e-3, session.comm).solved()
+def test_what_is_no_number_is_no_bound(session, swept):
+    found = swept(physics())
     residual = Galerkin(found.basis).residual()
     residual.columns[:, 2] = np.nan
     assert np.all(bound_of(found, residual).within(np.ones(len(OMEGA))) == np.inf)
@@ -190,9 +205,9 @@ def test_a_basis_from_outside_makes_no_bound_false(session, spoil, parallel):
 
 
 @pytest.mark.most_ranks(1)
-def test_vectors_close_to_the_space_are_not_taken(session):
+def test_vectors_close_to_the_space_are_not_taken(session, swept):
     """What is new in them has too few right digits; a part of 1e-4 has enough."""
-    found = Sweep(SAMPLES["polydisperse"](), physics("stokes"), OMEGA, 1e-3, session.comm).solved()
+    found = swept(physics("stokes"))
     pencil, old = found.pencil, found.basis
     one, two = old.vectors[0], old.vectors[1]  # orthonormal in B
     for new, taken in ((0.0, False), (3e-6, False), (3e-5, True)):
@@ -231,9 +246,9 @@ def test_largest_rate_is_one(session, law, sample):
 
 @pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("law", LAWS[:2], ids=str)
-def test_rounding_of_the_columns_is_in_the_bound(session, law, monkeypatch):
+def test_rounding_of_the_columns_is_in_the_bound(session, swept, law, monkeypatch):
     """As much of each as its weight has it, from what terms of motions reach to the diagonal of the shift bound."""
-    found = Sweep(SAMPLES["polydisperse"](), law, OMEGA, 1e-3, session.comm).solved()
+    found = swept(law)
     sweep, residual = found.sweep, Galerkin(found.basis).residual()
 
     def bound():
