@@ -44,5 +44,12 @@ def own_cores(comm, working: bool = True) -> int:
     """
     own = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
     ranks = comm.allgather((socket.gethostname(), own if working else set()))
-    node = [cores for host, cores in ranks if host == socket.gethostname()]
+    return share_of_cores(own, [cores for host, cores in ranks if host == socket.gethostname()])
+
+
+def share_of_cores(own: set, node: list[set]) -> int:
+    """How many of its `own` cores a rank has, at least 1, when each is shared by the working ranks that may use it.
+
+    node   the cores of each working rank of this node, this one included
+    """
     return max(1, int(sum(1.0 / max(1, sum(core in cores for cores in node)) for core in own) + 1e-9))

@@ -268,7 +268,7 @@ class Reference:
 
     def solution(self, omega, load=0):
         """(x, G*) at frequency ω: the field per unit strain, without free moves, and the modulus."""
-        x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, self._costless(), load)
+        x, value = self._relax(self.K + COMPLEX(1j) * LONG(omega) * self.B, self.costless(), load)
         return without(self._unresisted(), x), value / self.area
 
     def modulus(self, omega, load=0):
@@ -358,7 +358,7 @@ class Reference:
         size = self.n * self.dofs
         felt = np.flatnonzero(np.diag(self.B)[:size] > 0)
         rows = [*felt, *range(size, size + len(self.loads))]
-        moves = self._costless()[felt]
+        moves = self.costless()[felt]
         moves = moves[:, (moves != 0).any(axis=0)]
         return float(self._relax(self.B[np.ix_(rows, rows)], moves, load)[1] / self.area)
 
@@ -370,7 +370,7 @@ class Reference:
     def _travels(self, move):
         return bool((move.reshape(self.n, self.dofs)[:, : self.dimension] != 0).any())
 
-    def _costless(self):
+    def costless(self):
         """Moves that cost nothing at any frequency: not those that the fluid drags."""
         law, moves = self.law, self.free_moves()
         return moves[:, [not (law.drag if self._travels(move) else law.spin_drag) for move in moves.T]]

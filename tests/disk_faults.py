@@ -5,7 +5,7 @@ import os
 from jampetsc.io import atomic
 
 NAMES = [(os, name) for name in ("fsync", "replace", "mkdir")]
-WRITES = [*NAMES, (atomic._Stream, "_write_all")]
+WRITES = [*NAMES, (atomic.FileStream, "write_all")]
 CHANGES = [*NAMES, (os, "unlink"), (os, "rmdir")]
 
 

@@ -1,7 +1,7 @@
 """Packings that tests share: those of tests/data, and small lattices made for one property each."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -23,6 +23,27 @@ DATA = Path(__file__).parent / "data"
 JAMBASHBULK = DATA / "jambashbulk-N16-P1e-3-0001.txt"
 JAXMD = DATA / "jaxmd-2d_polyuniform_N64_Lp-1.0.nc"
 ORACLE = json.loads((DATA / "jambashbulk-N16-P1e-3-0001.json").read_text())
+
+
+@dataclass
+class Box:
+    """A box with the attributes of other programs' boxes, such as freud.box.Box: tilts are ratios."""
+
+    Lx: float
+    Ly: float
+    Lz: float = 0.0
+    xy: float = 0.0
+    xz: float = 0.0
+    yz: float = 0.0
+    periodic: tuple = (True, True, True)
+
+
+@dataclass
+class FlatBox(Box):
+    """One that says its number of dimensions, and has a depth nevertheless, as HOOMD-blue's had."""
+
+    Lz: float = 1.0
+    dimensions: int = 2
 
 
 def published(kind="harmonic", exponent=None):

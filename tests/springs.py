@@ -26,7 +26,7 @@ def random_springs(push=0.1, n=18, seed=4, radii=True):
 def pulling_springs():
     """A random network whose springs all pull, so that K is a sum of squares."""
     network = random_springs()
-    return network._with(tension=np.abs(network.tension))
+    return network.replace(tension=np.abs(network.tension))
 
 
 def floppy_lattice(side=6, keep=0.45, seed=3):

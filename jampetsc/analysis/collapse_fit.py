@@ -61,13 +61,13 @@ def find_minima(points: Points, form: Form) -> list[Fit]:
         raise InputError(
             f"{positive} values above zero for {form.plain.unknowns} unknowns. Give denser packings."
         )
-    plain = _sorted(fit_from(points, form.plain, start) for start in _starts(points, form.plain))
+    plain = _sorted(fit_from(points, form.plain, start) for start in find_starts(points, form.plain))
     if not form.corrections:
         return plain
     omegas = [form.fixed["omega"]] if "omega" in form.fixed else _OMEGA_STARTS
     forms = [replace(form, fixed={**form.fixed, "omega": omega}) for omega in omegas]
     begun = (
-        fit_from(points, form, _corrected(plain[0], form, sign), ROUGH_SEARCH)
+        fit_from(points, form, start_corrections(plain[0], form, sign), ROUGH_SEARCH)
         for form in forms
         for sign in (1, -1)
     )
@@ -78,7 +78,7 @@ def _sorted(fits) -> list[Fit]:
     return sorted(fits, key=lambda fit: fit.chi2)
 
 
-def _starts(points, form) -> list[Fit]:
+def find_starts(points, form) -> list[Fit]:
     """The deepest minima on a grid of φ_J and κ without corrections, where ln O is linear in all other unknowns."""
     spread = np.quantile(points.phi, np.linspace(0.1, 0.9, _PHI_COUNT))
     phis = [form.fixed["phi_J"]] if "phi_J" in form.fixed else spread
@@ -113,7 +113,7 @@ def _least_squares(columns, values, weight):
     return np.linalg.lstsq(columns * weight[:, None], values * weight, rcond=None)[0]
 
 
-def _corrected(plain: Fit, form, sign) -> Fit:
+def start_corrections(plain: Fit, form, sign) -> Fit:
     """Start of the search with corrections: f₁ is _CORRECTION_RATIO times the f₀ of the plain fit."""
     second = plain.coefficients[0][: form.terms[1]].copy()
     second[0] += np.log(_CORRECTION_RATIO)
@@ -220,7 +220,7 @@ def estimate(points: Points, form: Form) -> tuple[Fit, dict]:
         fits = find_minima(points, form)
     while ends is None:
         try:
-            ends = _ends(points, fits)
+            ends = find_ends(points, fits)
         except _BetterFit as found:
             fits.insert(0, fit_from(points, form, found.args[0]))
     return fits[0], {
@@ -256,7 +256,7 @@ def _widened(best, ends, shift, limits):
     return Estimate(best, low, best + up if best + up < limits[1] else math.inf, shift)
 
 
-def _ends(points, fits):
+def find_ends(points, fits):
     """{name: (low, high)} around the first fit, and around others whose χ² is less than SIGMAS² above its."""
     least, ends = fits[0].chi2, {}
     for fit in fits:

@@ -129,7 +129,7 @@ def correlate_displacements(packings) -> Correlation:
     are lower bounds. Raises InputError where no lane holds two disks.
     """
     packings = list(packings)
-    units = _resampled_units(packings)
+    units = resampled_units(packings)
     if not units.pairs.sum():
         raise InputError(f"lanes of width {packings[0].width:g} without pairs of disks. Use wider lanes.")
     count = len(units.disks)
@@ -138,18 +138,18 @@ def correlate_displacements(packings) -> Correlation:
 
     def statistics(drawn):
         """(F, D + 3): C, its root and the place of its minimum, of the units numbered in `drawn`."""
-        values = _correlation(units, np.bincount(drawn, minlength=count))
-        return np.hstack((values, [_root_and_minimum(separation, c) for c in values]))
+        values = correlation_of_draws(units, np.bincount(drawn, minlength=count))
+        return np.hstack((values, [root_and_minimum(separation, c) for c in values]))
 
     estimates = statistics(np.arange(count))
-    errors = small_sample_factor(count) * _scatter(statistics, count)
+    errors = small_sample_factor(count) * bootstrap_scatter(statistics, count)
     values, (root, minimum) = estimates[:, :-2], estimates[:, -2:].T
     value_errors, (root_error, minimum_error) = errors[:, :-2], errors[:, -2:].T
     pairs = int(units.pairs.sum())
     return Correlation(separation, values, value_errors, root, root_error, minimum, minimum_error, pairs)
 
 
-def _resampled_units(packings) -> LaneSums:
+def resampled_units(packings) -> LaneSums:
     """The units that the bootstrap resamples, one row each: packings, or strips of lanes where packings are few."""
     joined = {}
     for name in ("products", "squares", "pairs", "separations", "disks"):
@@ -160,7 +160,7 @@ def _resampled_units(packings) -> LaneSums:
     return replace(packings[0], **joined)
 
 
-def _correlation(units, draws):
+def correlation_of_draws(units, draws):
     """C (F, D + 1) with each unit counted `draws` times."""
     pairs, squares = draws @ units.pairs, (draws @ units.squares) / (draws @ units.disks)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -169,7 +169,7 @@ def _correlation(units, draws):
     return np.concatenate((np.ones((len(values), 1)), values), axis=1)
 
 
-def _scatter(statistic, count):
+def bootstrap_scatter(statistic, count):
     """Standard deviation of statistic(rows) over draws of `count` units; nan where fewer than half have a value."""
     draws = draws_of(count, BOOTSTRAP_SAMPLES) if count > 1 else np.zeros((2, 1), int)
     samples = np.array([statistic(rows) for rows in draws])
@@ -179,7 +179,7 @@ def _scatter(statistic, count):
     return scatter
 
 
-def _root_and_minimum(separation, values):
+def root_and_minimum(separation, values):
     """(first root, place of the minimum) of one C(δ)."""
     finite = np.isfinite(values)
     return first_root(separation[finite], values[finite]), separation[finite][np.argmin(values[finite])]

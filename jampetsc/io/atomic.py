@@ -160,7 +160,7 @@ def locked(path):
         file.close()
 
 
-class _Stream(io.FileIO):
+class FileStream(io.FileIO):
     """Binary file that raises no error of a write, also no interrupt, but keeps the first one for `NewFile.check`.
 
     HDF5 writes through it. HDF5 1.10 crashes the interpreter at exit if a write has failed; through this file it always
@@ -178,19 +178,19 @@ class _Stream(io.FileIO):
         return instead
 
     def write(self, data):
-        self._try(lambda: self._write_all(memoryview(data).cast("B")), None)
+        self._try(lambda: self.write_all(memoryview(data).cast("B")), None)
         return len(data)
 
-    def _write_all(self, view):
+    def write_all(self, view):
         done = 0
         while done < len(view):
             done += super().write(view[done:])
 
     def seek(self, offset, whence=os.SEEK_SET):
-        return self._try(lambda: super(_Stream, self).seek(offset, whence), offset)
+        return self._try(lambda: super(FileStream, self).seek(offset, whence), offset)
 
     def truncate(self, size=None):
-        return self._try(lambda: super(_Stream, self).truncate(size), size)
+        return self._try(lambda: super(FileStream, self).truncate(size), size)
 
 
 class NewFile:
@@ -252,7 +252,7 @@ def _new_stream(path):
     while True:
         mark = f"{socket.gethostname()}.{os.getpid()}-{secrets.token_hex(4)}"
         name = path.with_name(f".{path.name}.{mark}.partial")
-        stream = _Stream(name, "x+b")
+        stream = FileStream(name, "x+b")
         with suppress(OSError):  # a file system without locks: an abandoned file then stays
             fcntl.flock(stream, fcntl.LOCK_EX)  # waits for a process that checks whether it is abandoned
         if os.fstat(stream.fileno()).st_nlink:  # else it was removed as abandoned before it was locked

@@ -128,7 +128,7 @@ class Checkpoint:
         """Whether this rank's file of a step is intact; a step with arrays needs the number of ranks that saved it."""
         if entry["ranks"] is None or self.rank == 0:
             return entry["ranks"] in (None, self.size)
-        content = read_entry(self._file(index)) if entry["ranks"] == self.size else None
+        content = read_entry(self.path_of(index)) if entry["ranks"] == self.size else None
         return content is not None and content[2] == hashes[self.rank]
 
     def _lock_folder(self):
@@ -168,13 +168,13 @@ class Checkpoint:
         self._own, digest = True, None
         with agreed(self.comm):
             if self.rank > 0 and arrays is not None:
-                digest = write_entry(self._file(index), entry, arrays)
+                digest = write_entry(self.path_of(index), entry, arrays)
         other_digests = [] if self.comm is None else self.comm.allgather(digest)[1:]
         entry |= {"record": record, "after": self._last, "others": other_digests}
         entry["ranks"] = None if arrays is None else self.size
         with agreed(self.comm):
             if self.rank == 0:
-                self._last = write_entry(self._file(index), entry, arrays)
+                self._last = write_entry(self.path_of(index), entry, arrays)
         self.done[index], self._hashes[index] = dict(record), [self._last, *other_digests]
 
     def _start(self):
@@ -187,7 +187,8 @@ class Checkpoint:
         self._lock_folder()
         _remove_steps(self.journal)
 
-    def _file(self, index) -> Path:
+    def path_of(self, index: int) -> Path:
+        """The file of a step: of rank 0 with its record, of others with their arrays."""
         return self.journal / f"{index:05d}-rank-{self.rank:04d}"
 
     def fields(self, index) -> dict:
@@ -198,10 +199,10 @@ class Checkpoint:
         if self.journal is None:
             return self._arrays[index]
         with agreed(self.comm):
-            content = read_entry(self._file(index))
+            content = read_entry(self.path_of(index))
             if content is None or content[2] != self._hashes[index][self.rank]:
                 raise JampetscError(
-                    f"{self._file(index)}: changed during the run. Run the same command again."
+                    f"{self.path_of(index)}: changed during the run. Run the same command again."
                 )
         with np.load(io.BytesIO(content[1])) as stored:
             return {name: stored[name] for name in stored.files}

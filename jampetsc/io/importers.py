@@ -13,7 +13,7 @@ from jampetsc.packing.packing import MINIMISED_PHIS, Packing
 from jampetsc.packing.potentials import SETTINGS
 from jampetsc.progress import warn
 
-_MAX_TEXT_BYTES = 1 << 29  # bytes of text, about ten million disks
+MAX_TEXT_BYTES = 1 << 29  # bytes of text, about ten million disks
 
 
 def import_packing(
@@ -106,15 +106,13 @@ def read_content(path, whole=True) -> bytes:
         with open_regular(path) as file:
             content = file.read(len(SIGNATURE))
             if whole or content != SIGNATURE:
-                content += file.read(_MAX_TEXT_BYTES)
+                content += file.read(MAX_TEXT_BYTES)
     except OSError as error:
         raise InputError(
             f"{path}: not readable ({error.strerror}). Check its name and permissions."
         ) from None
-    if len(content) > _MAX_TEXT_BYTES:
-        raise InputError(
-            f"{path}: too large (at most {_MAX_TEXT_BYTES >> 20} MB). Cut the packing out of it."
-        )
+    if len(content) > MAX_TEXT_BYTES:
+        raise InputError(f"{path}: too large (at most {MAX_TEXT_BYTES >> 20} MB). Cut the packing out of it.")
     return content
 
 

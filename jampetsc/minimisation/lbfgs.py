@@ -50,7 +50,7 @@ class LbfgsProblem(NamedTuple):
 
 
 @compiled(False)
-def _collect(space, task, total, box_gradient):
+def collect_sums(space, task, total, box_gradient):
     """Sums over all domains into `total`, the gradient of the cell into `box_gradient`; g·g and products complete."""
     rows = len(space.box_pairs)
     total[:] = 0.0
@@ -82,7 +82,7 @@ def _collect(space, task, total, box_gradient):
 
 
 @compiled(False)
-def _direction(total, products, count, head, memory, softness, coefficients):
+def find_direction(total, products, count, head, memory, softness, coefficients):
     """Fill in the coefficients of the direction, of the rows of the pairs and last of the gradient.
 
     Returns its slope, and the number of pairs to keep: none if they led uphill.
@@ -168,7 +168,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
         meet(counter, threads)
         if slot >= 0:
             box_pairs[2 * head + 1] = 0.0  # of the cell y is known with all sums only
-        _collect(own, task, total, pull)
+        collect_sums(own, task, total, pull)
         evaluations += 1
         if slot >= 0:
             after = total[2 * head] / length
@@ -208,7 +208,7 @@ def descend(me, threads, counter, domains, space, task, count, head):
             break
         if evaluations >= task.steps:
             break
-        slope, count = _direction(total, products, count, head, memory, task.softness, coefficients)
+        slope, count = find_direction(total, products, count, head, memory, task.softness, coefficients)
         for b in range(strains):
             move[b] = coefficients[rows] * pull[b]
             for row in range(rows):

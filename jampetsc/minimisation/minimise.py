@@ -89,7 +89,7 @@ def minimise(
     effort, newton, limits = descent.effort, Newton(descent, solver), Limits(descent, tolerance)
     fraction = NEWTON_START_FORCE
     while True:
-        pressure = _down_to_fraction(descent, fraction, limits)
+        pressure = relax_to_fraction(descent, fraction, limits)
         if goal.pressure is None and pressure < separated_pressure(disks):
             return Minimum(descent.disks, False, pressure, Point.of(descent).residual.force, "tolerance", 0.0)
         if newton.converge(limits):
@@ -154,7 +154,7 @@ def separated_pressure(disks) -> float:
     return disks.potential.force_limit(MIN_JAMMED_PRESSURE) * stress_unit(disks)
 
 
-def _down_to_fraction(descent: Descent, fraction: float, limits: Limits) -> float:
+def relax_to_fraction(descent: Descent, fraction: float, limits: Limits) -> float:
     """Down to max |F| = fraction · p d^(D−1), or to rounding; p, which in a fixed cell decreases meanwhile."""
     force = np.inf
     while True:

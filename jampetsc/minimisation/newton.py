@@ -196,17 +196,18 @@ class Newton:
         self.descent, self.solver = descent, solver
         self._analysed = None, None
 
-    def _linear(self, point, free, mu) -> Linear:
+    def factorise(self, point, free, mu) -> Linear:
+        """(H + μ) of a point for the disks of the mask `free` (N,); the pattern is analysed once for each list."""
         pairs = self.descent.pairs
         if self._analysed[0] is not pairs:
             self._analysed = pairs, Pattern(pairs, self.descent.n, self.descent.dimension)
         self.descent.effort.newton_steps += 1
         return Linear(point, self._analysed[1], self.solver, free, mu)
 
-    def _damped(self, point, free, mu):
+    def factorise_definite(self, point, free, mu):
         """(H + μ) with μ raised until it is positive definite, and that μ."""
         for _ in range(MAX_RAISES):
-            linear = self._linear(point, free, mu)
+            linear = self.factorise(point, free, mu)
             if linear.definite:
                 break
             mu = max(4.0 * mu, MIN_DAMPING_AFTER_MODE * point.pressure)
@@ -226,7 +227,7 @@ class Newton:
             if point.residual.within(limits.at(point)) and force > 0.5 * last:
                 return True
             last = force
-            linear, mu = self._damped(point, free, mu)
+            linear, mu = self.factorise_definite(point, free, mu)
             if not linear.definite:
                 return False
             step = linear.solve(point.forces, point.drive)
@@ -235,9 +236,9 @@ class Newton:
                 return False
             length = min(1.0, MAX_NEWTON_MOVE * d / longest)
             if force > ROUNDING_FORCE * scale * unit:
-                length, point = self._search(point, step, length)
+                length, point = self.search_along(point, step, length)
             else:
-                point = self._go(step, length)
+                point = self.advance(step, length)
             if length > 0.7:
                 near = point.residual.force <= NEAR_MINIMUM_FORCE * scale * unit
                 mu = max(0.3 * mu, 0.0 if near else MIN_DAMPING * scale)
@@ -245,17 +246,18 @@ class Newton:
                 mu *= 3.0
         return point.residual.within(limits.at(point))
 
-    def _go(self, step, length):
+    def advance(self, step, length) -> Point:
+        """Move by `length` of a step (u, strain); the point there."""
         self.descent.move(length * step[0], length * step[1])
         return Point.of(self.descent)
 
-    def _search(self, start, step, length):
+    def search_along(self, start, step, length):
         """Line search along a step for a small slope; the whole step if it is downhill to its end.
 
         Returns (length, point there).
         """
         pull = start.along(step)
-        point = self._go(step, length)
+        point = self.advance(step, length)
         slope = point.along(step)
         if slope >= 0.0:
             return length, point
@@ -264,7 +266,7 @@ class Newton:
             if abs(slope) <= SLOPE_RATIO * pull:
                 break
             here, length = length, flat_between(lower, upper)
-            point = self._go(step, length - here)
+            point = self.advance(step, length - here)
             slope = point.along(step)
             if slope > 0.0:
                 lower = (length, slope)
@@ -275,20 +277,20 @@ class Newton:
     def prove(self):
         """G₀ of the load-bearing contacts if they are proved to make this a minimum, else None."""
         point, backbone = Point.of(self.descent).load_bearing(self.descent.disks)
-        linear = self._linear(point, backbone, 0.0)
+        linear = self.factorise(point, backbone, 0.0)
         return linear.modulus if linear.definite else None
 
     def leave_saddle(self) -> bool:
         """Go down along a mode of negative curvature, to where the slope is steepest; False if none is found."""
         descent = self.descent
         point, backbone = Point.of(descent).load_bearing(descent.disks)
-        mode = self._negative_mode(point, backbone) if backbone.any() else None
+        mode = self.find_negative_mode(point, backbone) if backbone.any() else None
         if mode is None:
             return False
         longest = float(lengths(mode[0]).max())
         size = 0.1 * descent.usual_overlap() / longest
         for _ in range(MAX_SEARCH_POINTS):
-            pulls = {sign * size: self._pull_at(mode, sign * size) for sign in (1.0, -1.0)}
+            pulls = {sign * size: self.pull_after(mode, sign * size) for sign in (1.0, -1.0)}
             way = max(pulls, key=pulls.get)
             if pulls[way] > 0.0:
                 break
@@ -297,22 +299,22 @@ class Newton:
             return False
         pull = pulls[way]
         while abs(2.0 * way) * longest <= MAX_NEWTON_MOVE * descent.diameter:
-            farther = self._pull_at(mode, 2.0 * way)
+            farther = self.pull_after(mode, 2.0 * way)
             if farther <= pull:
                 break
             way, pull = 2.0 * way, farther
-        self._go(mode, way)
+        self.advance(mode, way)
         return True
 
-    def _pull_at(self, mode, way):
+    def pull_after(self, mode, way):
         """Force along `mode`, in the direction of `way`, after a move by way · mode."""
-        pull = np.sign(way) * self._go(mode, way).along(mode)
-        self._go(mode, -way)
+        pull = np.sign(way) * self.advance(mode, way).along(mode)
+        self.advance(mode, -way)
         return pull
 
-    def _negative_mode(self, point, backbone):
+    def find_negative_mode(self, point, backbone):
         """A move (u, strain) of negative curvature, by inverse iteration with μ; None without one."""
-        linear, mu = self._damped(point, backbone, MIN_DAMPING * point.pressure)
+        linear, mu = self.factorise_definite(point, backbone, MIN_DAMPING * point.pressure)
         if not linear.definite:
             return None
         weight = float(point.n)  # of a strain, beside a move of one disk

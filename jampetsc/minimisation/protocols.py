@@ -138,7 +138,7 @@ def make_packing(
         else:
             first = measure(start).pressure
             path.append(f"p = {first:.6g}")
-        for pressure in _decades(first, target.pressure, fresh):
+        for pressure in pressures_between(first, target.pressure, fresh):
             effort.stage = f"p = {pressure:.3g}"
             intermediate = Goal(pressure, goal.shear)
             disks = relax(
@@ -171,7 +171,7 @@ def make_packing(
     return _recorded(minimum, target, ("random, " if fresh else "") + ", then ".join(path), effort)
 
 
-def _decades(start, end, include_first):
+def pressures_between(start, end, include_first):
     """Pressures from `start` down to `end`, a decade apart."""
     steps = math.ceil(math.log10(start / end) - 1e-9) if start > end else 0
     return [start * float(f"1e-{s}") for s in range(0 if include_first else 1, steps)]

@@ -183,7 +183,7 @@ class Network:
 
     def with_record(self, **entries) -> "Network":
         """The same network with `entries` added to the record."""
-        return self._with(record={**self.record, **entries})
+        return self.replace(record={**self.record, **entries})
 
     def diluted(self, keep: float, seed: int) -> "Network":
         """The network with the share `keep` of its bonds, chosen at random: round(keep M) of them, in their order.
@@ -200,9 +200,10 @@ class Network:
             raise InputError(f"{named('keep')} {keep:g}: leaves none of {len(self.bonds)} bonds. Raise it.")
         rows = np.sort(np.random.default_rng(seed).permutation(len(self.bonds))[:count])
         per_bond = {name: getattr(self, name)[rows] for name in ("bonds", "images", "stiffness", "tension")}
-        return self._with(**per_bond)
+        return self.replace(**per_bond)
 
-    def _with(self, **changes):
+    def replace(self, **changes) -> "Network":
+        """A network with other values of some fields, which are not checked, as `Packing.replace`."""
         network = object.__new__(Network)
         values = {name: getattr(self, name) for name in self.__dataclass_fields__}
         network.__dict__.update(values | changes)

@@ -14,7 +14,7 @@ import os
 import threading
 import time
 import weakref
-from collections import Counter, deque
+from collections import deque
 from queue import SimpleQueue
 
 import numpy as np
@@ -129,6 +129,35 @@ def _serve(me, start_cores, tasks):
         _listen(following)
 
 
+class ThreadChoice:
+    """How many threads take part in the next run: `most` or 1, whichever was faster recently.
+
+    Both are tried again in every PERIOD of runs.
+    """
+
+    def __init__(self, most: int):
+        self.most = most
+        self._paces = {n: deque(maxlen=TRIAL) for n in (most, 1)}  # seconds per step, the last few times
+        self._runs = 0
+
+    def next_number(self) -> int:
+        """The number of threads of the next run."""
+        if self.most == 1:
+            return 1
+        turn = self._runs % PERIOD
+        self._runs += 1
+        alone, together = self._paces[1], self._paces[self.most]
+        if turn == 0 or not alone:
+            return 1
+        if turn <= TRIAL and (turn == 1 or not together or together[-1] < MAX_SLOWDOWN * min(alone)):
+            return self.most
+        return self.most if min(together) < min(alone) else 1
+
+    def note_pace(self, threads: int, pace: float) -> None:
+        """Note the seconds per step of a run with this number of threads."""
+        self._paces[threads].append(pace)
+
+
 class Team:
     """`size` threads at most, this one among them, that run compiled functions together.
 
@@ -145,8 +174,7 @@ class Team:
             threading.Thread(target=_serve, args=(me, self._start_cores, tasks), daemon=True).start()
             weakref.finalize(self, tasks.put, None)
         self._counter = np.zeros(1, np.int64)  # of the next run
-        self._paces = {}  # (function, most threads) -> {threads: seconds per step, the last few times}
-        self._runs = Counter()
+        self._choices = {}  # (function, most threads) -> ThreadChoice
 
     def run(self, function, shares: int, *arguments):
         """Run `function` on at most `shares` threads; return its result on this one, or raise an error of another.
@@ -155,7 +183,10 @@ class Team:
         """
         interrupts.check()
         most = min(self.size, shares)
-        threads = self._fastest(function, most)
+        if (function, most) not in self._choices:
+            self._choices[function, most] = ThreadChoice(most)
+        choice = self._choices[function, most]
+        threads = choice.next_number()
         counter, self._counter = self._counter, np.zeros(1, np.int64)
         compiled, done = bool(function.overloads), SimpleQueue()
         start_time = time.perf_counter()
@@ -167,21 +198,5 @@ class Team:
             if error := done.get():
                 raise error
         if compiled and most > 1:
-            pace = (time.perf_counter() - start_time) / max(own_result[1], 1)
-            self._paces[function, most][threads].append(pace)
+            choice.note_pace(threads, (time.perf_counter() - start_time) / max(own_result[1], 1))
         return own_result
-
-    def _fastest(self, function, most):
-        """`most` or 1 threads, whichever was faster recently; both are tried again in every PERIOD of runs."""
-        if most == 1:
-            return 1
-        key = function, most
-        paces = self._paces.setdefault(key, {n: deque(maxlen=TRIAL) for n in (most, 1)})
-        turn = self._runs[key] % PERIOD
-        self._runs[key] += 1
-        if turn == 0 or not paces[1]:
-            return 1
-        alone, together = min(paces[1]), paces[most]
-        if turn <= TRIAL and (turn == 1 or not together or together[-1] < MAX_SLOWDOWN * alone):
-            return most
-        return most if min(together) < alone else 1

@@ -83,7 +83,9 @@ def can_choose(scalar) -> bool:
 def _has_no_own_petsc4py(builds):
     """Whether every importable petsc4py is of one of the distribution's builds."""
     spec = importlib.util.find_spec("petsc4py")
-    return not spec or any(Path(spec.origin).resolve().is_relative_to(b.petsc_dir.resolve()) for b in builds)
+    if not (spec and spec.origin):  # a mere folder of that name
+        return True
+    return any(Path(spec.origin).resolve().is_relative_to(b.petsc_dir.resolve()) for b in builds)
 
 
 def remedy(scalar):

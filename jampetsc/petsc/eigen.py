@@ -114,7 +114,7 @@ class _BlockFactor:
         return reason.DIVERGED_ITS if iterations >= limit else reason.CONVERGED_ITERATING
 
 
-def _suits_blocks(pencil) -> bool:
+def suits_blocks(pencil) -> bool:
     """Whether K lies on one rank, in blocks of 2×2, is not too large, and no option says how to factorise it."""
     whole = pencil.K.getComm().size == 1 and pencil.unknowns <= DENSE_BLOCK_UNKNOWNS
     return whole and pencil.dimension == 2 and not current().has_options(PREFIX + "st_")
@@ -126,7 +126,7 @@ def _krylov(pencil, moves, count, stiffness):
     for vector, move in zip(deflated, moves, strict=True):
         vector.setArray(move)
     eps, factor = _solver(pencil.K, count, stiffness), None
-    if _suits_blocks(pencil):
+    if suits_blocks(pencil):
         st = eps.getST()
         st.setMatMode(SLEPc.ST.MatMode.SHELL)  # K − σ is not needed as a matrix
         pc = st.getKSP().getPC()

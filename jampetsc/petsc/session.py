@@ -272,7 +272,7 @@ def package_versions():
         versions["slepc"] = (
             ".".join(map(str, _session.SLEPc.Sys.getVersion())) if _session.SLEPc else "unknown"
         )
-        versions["mumps"] = _mumps_version()
+        versions["mumps"] = mumps_version()
     return versions
 
 
@@ -303,10 +303,13 @@ def _abort(kind, error, trace):
     _session.world.Abort(1)
 
 
-def _mumps_version():
-    """The version in the file name of the MUMPS library that this process has loaded (Linux), or "unknown"."""
+def mumps_version(maps: Path = Path("/proc/self/maps")) -> str:
+    """The version in the file name of the MUMPS library that a process has loaded, by its memory map (Linux).
+
+    "unknown" if it has none, no version, or the file `maps` cannot be read.
+    """
     try:
-        loaded = Path("/proc/self/maps").read_text()
+        loaded = maps.read_text()
     except OSError:
         return "unknown"
     match = re.search(r"lib[dz]mumps[\w.-]*?[-.](\d+(?:\.\d+)+)", loaded)

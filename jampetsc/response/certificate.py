@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.analysis.error_bounds import ZERO_PART_RATIO, storage_and_loss, zero_parts
+from jampetsc.errors import ConvergenceError, named
 from jampetsc.response.assembly import ROW, Pencil
 
 EPSILON = float(np.finfo(float).eps)
@@ -65,6 +66,35 @@ class Certified:
     def within(self, accuracy: float):
         """Whether G' and G'' are each known to this, relative to them, or vanish, (…, 2); not where there is a nan."""
         return (self.bounds[..., 1:] <= accuracy * self.parts) | self.vanishes
+
+    def is_met(self, accuracy: float, is_last: bool = False) -> bool:
+        """Whether all of (M,) frequencies is known to `accuracy`. Raises ConvergenceError where it never will be.
+
+        is_last   whether nothing is left that could make the error smaller
+        """
+        if self.within(accuracy).all():
+            return True
+        relative = self.relative
+        worst = np.unravel_index(np.argmax(relative), relative.shape)
+        if np.all(self.parts[worst[0]] <= self.rounding[worst[0]]):
+            raise ConvergenceError(
+                "nothing resists the load: G* is zero to rounding, as where no connected component of contacts "
+                "reaches around the cell, or where a rotation dissipates nothing"
+            )
+        where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
+        if not relative[worst] < 1.0:
+            value, limit = self.parts[worst], self.bounds[..., 1:][worst]
+            where = f"{where.partition(' is ')[0]}, {value:.1e}, is not above its error of {limit:.1e}"
+        if not np.all(self.rounding <= self.allowed(accuracy)):
+            raise ConvergenceError(
+                f"{where}, by rounding; {named('accuracy')} {accuracy:g} cannot be met here"
+            )
+        if is_last:
+            raise ConvergenceError(
+                f"{where}, by what the solves at the shifts leave; {named('accuracy')} {accuracy:g} cannot be "
+                "met here"
+            )
+        return False
 
     def allowed(self, accuracy: float):
         """Bounds on |ΔG'| and |ΔG''| that are accepted, (…, 2): relative to them, below their rounding to |G*|."""

@@ -46,7 +46,7 @@ class Galerkin:
         if basis.size:
             K, B = self._projected(fields[:, 1:], motions[:, 1:])
             slack = self._slack(fields[:, 1:], motions[:, 1:])
-            rates, rotation, is_floppy = on_root(comm, lambda: _graded_eigen(K, B, slack))
+            rates, rotation, is_floppy = on_root(comm, lambda: graded_eigenpairs(K, B, slack))
             for columns in (fields, motions):
                 tall.rotate(columns[:, 1:], rotation)
             for _ in range(2):  # the second time for what rounding of a larger first field leaves
@@ -180,7 +180,7 @@ def _rounding(size, reach):
     return ROUNDING * np.sqrt(size) * (np.sqrt(size) + reach) + (ROUNDING * reach) ** 2
 
 
-def _graded_eigen(K, B, slack):
+def graded_eigenpairs(K, B, slack):
     """(rates, B-orthonormal vectors, mask of floppy ones) of a small pencil, K graded, B the identity but for rounding.
 
     slack   (m,) rounding of the diagonal of K: a vector near it is floppy, and is not mixed with others

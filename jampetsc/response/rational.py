@@ -222,30 +222,8 @@ class RationalSweep:
 
     def _is_met(self):
         """Whether the certificate is good enough. Raises ConvergenceError where it will never be."""
-        certificate = self.certificate
-        if certificate.within(self.accuracy).all():
-            return True
-        relative = certificate.relative
-        worst = np.unravel_index(np.argmax(relative), relative.shape)
-        if np.all(certificate.parts[worst[0]] <= certificate.rounding[worst[0]]):
-            raise ConvergenceError(
-                "nothing resists the load: G* is zero to rounding, as where no connected component of contacts "
-                "reaches around the cell, or where a rotation dissipates nothing"
-            )
-        where = f"{('G′', 'G″')[worst[1]]} at ω = {self.omega[worst[0]]:g} is only certain to {relative[worst]:.1e}"
-        if not relative[worst] < 1.0:
-            value, limit = certificate.parts[worst], certificate.bounds[..., 1:][worst]
-            where = f"{where.partition(' is ')[0]}, {value:.1e}, is not above its error of {limit:.1e}"
-        if not np.all(certificate.rounding <= certificate.allowed(self.accuracy)):
-            raise ConvergenceError(
-                f"{where}, by rounding; {named('accuracy')} {self.accuracy:g} cannot be met here"
-            )
-        if self._certified > 1 and not self._for_certificate():
-            raise ConvergenceError(
-                f"{where}, by what the solves at the shifts leave; {named('accuracy')} {self.accuracy:g} cannot be "
-                "met here"
-            )
-        return False
+        is_last = self._certified > 1 and not self._for_certificate()
+        return self.certificate.is_met(self.accuracy, is_last)
 
     def error_at(self, omega: float) -> float:
         """Bound on |ΔG*| at one of the frequencies, rounding left out."""

@@ -87,13 +87,14 @@ class _Worst:
 class GalerkinResidual:
     """R and w of one Galerkin solution. Collective; arrays hold this rank's rows.
 
+    columns   R, (n_local, m + 2)
     motions   (rows, 1 + m): of the contacts in x_qs, g included, and in the modes
     fields    x_qs (n_local,) and the modes (n_local, m)
     """
 
     def __init__(self, pencil: Pencil, motions, fields, rates, loads):
         self.pencil, c = pencil, pencil.compatibility
-        self.rates, self.loads = rates, loads
+        self.rates, self.loads, self.motions = rates, loads, motions
         (quasistatic, mode_fields), still, modes = fields, motions[:, 0], motions[:, 1:]
         self._fast, self._flow = still - modes @ loads, quasistatic - mode_fields @ loads
         self._still, self._modes, self._mode_fields = still, modes, mode_fields

@@ -29,11 +29,10 @@ MAX_SLIDING_RATIO = (
 ALONE_BYTES = factor_bytes(2, 400_000)  # of a factor, up to which every rank holds whole matrices
 
 
-def side_by_side(pencil: Pencil, parallel: str) -> bool:
-    """Whether each rank has shifts of its own: for "shifts", and for "auto" by number of unknowns and ranks."""
-    size = pencil.network.comm.size
-    small = size <= MOST_AT_ONCE and bytes_of_factor(pencil) <= ALONE_BYTES
-    return size > 1 and (parallel == "shifts" or (parallel == "auto" and small))
+def side_by_side(ranks: int, factor_size: float, parallel: str) -> bool:
+    """Whether each rank has shifts of its own: for "shifts", and for "auto" with few ranks and small factors."""
+    small = ranks <= MOST_AT_ONCE and factor_size <= ALONE_BYTES
+    return ranks > 1 and (parallel == "shifts" or (parallel == "auto" and small))
 
 
 def splits_spins(pencil: Pencil) -> bool:
@@ -87,11 +86,12 @@ class Factors:
 
     parallel   "shifts" (side by side), "matrix" (shared) or "auto"
     width      number of shifts factorised at the same time
+    held       {shift: `ShiftedFactor`} of those in this rank's memory, the one used last at the end
     """
 
     def __init__(self, pencil: Pencil, parallel: str = "auto"):
         self.pencil, self.comm = pencil, pencil.network.comm
-        self._alone = side_by_side(pencil, parallel)
+        self._alone = side_by_side(self.comm.size, bytes_of_factor(pencil), parallel)
         self.width = min(self.comm.size, MOST_AT_ONCE) if self._alone else 1
         self.rows = np.array(self.comm.allgather(pencil.K.getLocalSize()[0]))
         with agreed(self.comm):
@@ -99,7 +99,7 @@ class Factors:
             require_memory(self.whole.network, factored_unknowns(pencil), PREFIX)
         self.owner: dict[float, int] = {}  # rank that has the factor of a shift; 0 if all share it
         self._least: dict[float, float] = {}  # least eigenvalues, which do not depend on the load
-        self._held: dict[float, ShiftedFactor] = {}  # in this rank's memory, the one used last at the end
+        self.held: dict[float, ShiftedFactor] = {}
         self._most = np.inf if self._alone else most_held(pencil)
 
     @property
@@ -112,12 +112,12 @@ class Factors:
 
     def _factor(self, s):
         """The factor of K + sB."""
-        factor = self._held.pop(s, None)
-        if factor is None and len(self._held) == self._most:
-            factor = self._held.pop(next(iter(self._held)))
+        factor = self.held.pop(s, None)
+        if factor is None and len(self.held) == self._most:
+            factor = self.held.pop(next(iter(self.held)))
             factor.renew(self.whole.K, self.whole.B, s, _named(s))
-        self._held[s] = factor or _new_factor(self.whole, s)
-        return self._held[s]
+        self.held[s] = factor or _new_factor(self.whole, s)
+        return self.held[s]
 
     def _by_owner(self, s, action):
         """What a function finds with the factor of s, on the ranks that have it; None on the others."""
@@ -222,7 +222,7 @@ class Factors:
         """vᵀ(K + sB)⁻¹v for each of `shifts`, as `ShiftedFactor.energy` has it; v (n_local,)."""
         rhs = self.whole.K.createVecRight()
         rhs.setArray(self._gather(v))
-        kept = list(self._held)  # first, before they make room for the others
+        kept = list(self.held)  # first, before they make room for the others
         own = sorted(filter(self._is_mine, self.shifts), key=lambda s: s not in kept)
         with agreed(self.comm):
             energies = {s: self._factor(s).energy(rhs) for s in own}

@@ -214,7 +214,7 @@ def _certified(pencil, count, available, stiffness):
             )
         if pairs.method != "lapack":
             _require_different(pairs.vectors, pencil.network)
-        kept, shift = _cut(pairs.values, count, available, stiffness)
+        kept, shift = find_cluster_end(pairs.values, count, available, stiffness)
         if kept == available:
             return pairs, kept, shift
         if kept is None:  # the last cluster is cut: find more of it
@@ -260,7 +260,7 @@ def _with_quotients(pairs, pencil):
     return replace(pairs, values=values)[np.argsort(values, kind="stable")]
 
 
-def _cut(values, count, available, stiffness):
+def find_cluster_end(values, count, available, stiffness):
     """(m, μ): the end of the cluster of eigenvalue number `count`, and a value in the gap above it.
 
     (None, None) if the values end before it.

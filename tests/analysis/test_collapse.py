@@ -127,7 +127,7 @@ def test_a_search_with_corrections_begins_on_either_side_and_knows_its_slopes(sp
     points = planted(3, corrections=-0.5)
     plain = fit_collapse(points, Form({}, degree=4, spline=spline))
     fixed = Form({"omega": 0.4}, corrections=True, degree=4, spline=spline)
-    begun = collapse_fit._corrected(plain, fixed, sign)
+    begun = collapse_fit.start_corrections(plain, fixed, sign)
     assert begun.sign == sign and begun.parameters["omega"] == 0.4
     first, second = begun.coefficients
     assert len(second) == 3 and second[0] == pytest.approx(first[0] + np.log(0.3))
@@ -201,7 +201,7 @@ def test_a_value_that_is_held_is_taken_off_before_the_search():
 def test_the_search_begins_near_what_was_planted(free):
     """The best of a grid of φ_J and κ, where ln O is linear in the rest: weights are those of ln O."""
     points, held = planted(1), {name: value for name, value in PLANTED.items() if name not in free}
-    start = collapse_fit._starts(points, Form(held, degree=3))[0]
+    start = collapse_fit.find_starts(points, Form(held, degree=3))[0]
     p, weight = start.parameters, points.value / points.error
     assert abs(p["phi_J"] - PLANTED["phi_J"]) < 2e-3 and 2.0 < p["kappa"] < 6.0 and 0.6 < p["y"] < 1.8
     residuals = (np.log(points.value) - np.log(start.model(points))) * weight
@@ -211,11 +211,17 @@ def test_the_search_begins_near_what_was_planted(free):
     assert np.abs(weighted.T @ residuals).max() < 1e-6 * np.abs(weighted.T @ weight).max()
 
 
+def linear_errors(points, fit):
+    """Standard errors of the free parameters, if the model were linear in all that is fitted."""
+    slopes = fit.slopes(points) / points.error[:, None]
+    return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))[: len(fit.form.free)]
+
+
 def test_ends_of_two_sigma_are_where_chi2_has_risen_by_four():
     """With the parameter held there, whatever else is free; a linear model would have them at twice its error."""
     points = planted(1, 0.1)
     fit, found = estimate(points, FREE)
-    linear = collapse_fit._linear_errors(points, fit)
+    linear = linear_errors(points, fit)
     for (name, one), error in zip(found.items(), linear, strict=True):
         for end in (one.low, one.high):
             inner = one.value + np.sign(end - one.value) * np.sqrt((end - one.value) ** 2 - 4 * one.shift**2)
@@ -228,7 +234,7 @@ def test_errors_of_parameters_are_correlated():
     """Where y is held one error higher, zν follows by ρ of its error: so the error of β = zν − y is not their sum."""
     points, names = planted(1, 0.02), ["phi_J", "y", "kappa"]
     fit, _ = estimate(points, FREE)
-    correlation, errors = collapse_fit.correlations(points, fit), collapse_fit._linear_errors(points, fit)
+    correlation, errors = collapse_fit.correlations(points, fit), linear_errors(points, fit)
     assert list(fit.form.free) == names
     np.testing.assert_allclose(np.diag(correlation), 1.0)
     np.testing.assert_allclose(correlation, correlation.T)
@@ -340,12 +346,12 @@ def test_another_minimum_nearly_as_deep_is_within_two_sigma():
     points = planted(2)
     fit = fit_collapse(points, FREE)
     other = fit_collapse(planted(9), FREE)  # as if the search had ended there too, 1 above the least
-    ends = collapse_fit._ends(points, [fit])
+    ends = collapse_fit.find_ends(points, [fit])
     moved = {**other.parameters, "kappa": ends["kappa"][1] * 1.001}
     away = replace(other, parameters=moved, chi2=fit.chi2 + 1)
-    both = collapse_fit._ends(points, [fit, away])
+    both = collapse_fit.find_ends(points, [fit, away])
     assert all(both[n][0] <= ends[n][0] and both[n][1] >= ends[n][1] for n in ends)
-    assert collapse_fit._ends(points, [fit, replace(away, chi2=fit.chi2 + 5)]) == ends
+    assert collapse_fit.find_ends(points, [fit, replace(away, chi2=fit.chi2 + 5)]) == ends
 
 
 def test_phi_J_may_lie_beyond_the_data_and_what_grows_near_it_has_a_negative_exponent():

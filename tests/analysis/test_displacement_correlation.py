@@ -267,11 +267,12 @@ def test_bins_and_grids():
 
 def test_errors_are_known_where_half_of_the_samples_have_a_value():
     values = iter([[n % 2 * 2.0 if n < known else np.nan for known in (100, 99)] for n in range(200)])
-    found = displacement_correlation._scatter(lambda rows: np.array(next(values)), 4)
+    found = displacement_correlation.bootstrap_scatter(lambda rows: np.array(next(values)), 4)
     assert found[0] == pytest.approx(np.sqrt(100 / 99)) and np.isnan(found[1])
     # of one value each, v and w: a mean of two drawn is v, w or, half of the time, between: σ = |v − w|/√8
     one, two, again = (
-        displacement_correlation._scatter(lambda rows: rows.mean(keepdims=True), n) for n in (1, 2, 2)
+        displacement_correlation.bootstrap_scatter(lambda rows: rows.mean(keepdims=True), n)
+        for n in (1, 2, 2)
     )
     assert np.isnan(one) and two == again == pytest.approx(1 / np.sqrt(8), rel=0.15)
 
@@ -282,7 +283,7 @@ def test_a_root_may_lie_on_a_bin_or_between():
     assert first_root(x, np.array([1.0, 0.5, -1.5, 1.0])) == pytest.approx(0.125)
     assert np.isnan(first_root(x, np.array([1.0, 0.5, 0.1, 1e-9])))
     x = np.linspace(0.0, 0.4, 5)  # bins without pairs are none
-    root, least = displacement_correlation._root_and_minimum(x, np.array([1.0, np.nan, -0.5, -0.7, np.nan]))
+    root, least = displacement_correlation.root_and_minimum(x, np.array([1.0, np.nan, -0.5, -0.7, np.nan]))
     assert root == pytest.approx(0.2 * 2 / 3) and least == pytest.approx(0.3)
 
 
@@ -314,14 +315,14 @@ def test_units_count_as_often_as_they_are_drawn():
         )
         for p, s, n, d in ((1.0, 2.0, 4.0, 2.0), (6.0, 9.0, 3.0, 6.0))
     ]  # fmt: skip
-    units = displacement_correlation._resampled_units(strips)
+    units = displacement_correlation.resampled_units(strips)
     for draws, expected in (
         ([2, 0], [1.0, 0.25, 3.0]),
         ([0, 1], [1.0, 2.0 / 1.5, 3.0 / 1.5]),
         ([1, 2], [1.0, 13 / 10 * 14 / 20, 3.0 * 14 / 20]),
     ):
         np.testing.assert_allclose(
-            displacement_correlation._correlation(units, np.array(draws))[0], expected, rtol=1e-15
+            displacement_correlation.correlation_of_draws(units, np.array(draws))[0], expected, rtol=1e-15
         )
 
 

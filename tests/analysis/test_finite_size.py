@@ -1,11 +1,9 @@
 """Finite-size scaling of η₀: fits to data of a known law, and pictures of them and of local exponents."""
 
-from pathlib import Path
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from picture_contents import bars, figure_of, lines, require_inside, told
+from samples import stored
 
 from jampetsc.analysis.statistics import half_width, log_median, median_interval
 from jampetsc.errors import InputError
@@ -62,7 +60,7 @@ def file(n, p, eta0, law="contact", fluid=0.0, stressed=2.0, G0=1.0):
         facts |= {f"{bare}eta0": times * eta0 * UNIT, f"{bare}G0": G0, f"{bare}omega_star": 1.0}
         for name, exponent in (("normal", 0.25), ("transverse", -0.25), ("nonaffine", -0.25)):
             facts[f"{bare}{name}_median"] = p**exponent
-    return SimpleNamespace(path=Path("q.h5"), attributes=facts)
+    return stored(None, "quasistatic", {}, **facts)
 
 
 def files(of, **settings):
@@ -113,7 +111,7 @@ def test_the_fluid_is_in_one_panel_and_out_of_the_next():
     (whole, *_), (less, *_) = (lines(ax, len(PRESSURES)) for ax in fig.axes[:2])
     np.testing.assert_allclose((whole[1] - less[1]) * SIZES[0] ** 1.09, 3.0, rtol=1e-9)
     np.testing.assert_allclose(less[1] * SIZES[0] ** 1.09, drag(SIZES[0], PRESSURES), rtol=1e-9)
-    with pytest.raises(InputError, match=r"q\.h5: law contact, q\.h5 has stokes"):
+    with pytest.raises(InputError, match=r"quasistatic in memory: law contact, .* has stokes"):
         plot_finite_size([*with_fluid, file(64, 1e-3, 1.0)])
 
 
@@ -172,5 +170,5 @@ def test_local_exponents_in_the_pressure_and_their_limits():
     for ax in (*figure_of(plot_exponents, stable[::2]).axes, *figure_of(plot_exponents, stable).axes):
         assert [len(container.lines[0].get_ydata()) for container in ax.containers] == [3, 3]
         assert not any(container.lines[2] for container in ax.containers)  # of one packing a point or two
-    with pytest.raises(InputError, match=r"q\.h5: one pressure alone"):
+    with pytest.raises(InputError, match=r"quasistatic in memory: one pressure alone"):
         plot_exponents(some[:3])

@@ -240,7 +240,7 @@ def test_an_interrupt_of_a_write_is_raised_in_the_end(tmp_path, monkeypatch, kin
     def interrupted(view):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(file.stream, "_write_all", interrupted)
+    monkeypatch.setattr(file.stream, "write_all", interrupted)
     with pytest.raises(KeyboardInterrupt):
         with file as target:
             if kind is NewFile:

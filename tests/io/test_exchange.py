@@ -9,12 +9,11 @@ import re
 import shlex
 import zipfile
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from dense import Reference
-from samples import physics, polydisperse, published
+from samples import Box, physics, polydisperse, published
 
 import jampetsc
 from jampetsc import main as cli
@@ -336,7 +335,7 @@ def test_what_is_no_packing_in_the_plane_is_refused_in_one_line(tmp_path, wrong)
 
 
 def test_forms_of_a_box():
-    box = SimpleNamespace(Lx=10, Ly=9, Lz=0, xy=0.5, dimensions=2, periodic=[True, True, False])
+    box = Box(10, 9, xy=0.5, periodic=[True, True, False])
     assert cell_of(box).tolist() == [[10, 0], [4.5, 9]]
     assert cell_of(10).tolist() == [[10, 0], [0, 10]]
     assert cell_of([10.0, 9.0]).tolist() == [[10, 0], [0, 9]]
@@ -384,7 +383,7 @@ def test_arrays_are_a_packing(expected):
         (np.column_stack((X, X)), R, 10, r"positions \(16, 4\)"),
         (np.column_stack((X, R)), R, (10, 9), "centres spread by 0.4 in z"),
         (X[[0, *range(15)]], R, 10, "particles 0 and 1 are in one place"),
-        (X, R, SimpleNamespace(Lx=9, Ly=9, xy=0, periodic=(True, False, True)), "must be periodic in x and"),
+        (X, R, Box(9, 9, periodic=(True, False, True)), "must be periodic in x and"),
     ],
 )
 def test_arrays_that_are_no_packing(positions, radii, box, message):

@@ -148,7 +148,7 @@ def test_a_file_without_an_end_is_not_read(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"not a regular file\. Give a regular file"):
         import_packing(tmp_path / "pipe")
     os.close(holder)
-    monkeypatch.setattr(importers, "_MAX_TEXT_BYTES", 1000)
+    monkeypatch.setattr(importers, "MAX_TEXT_BYTES", 1000)
     with pytest.raises(InputError, match=r"too large \(at most 0 MB\)\. Cut"):
         import_packing(JAMBASHBULK)
 

@@ -203,7 +203,7 @@ def test_a_direction_uphill_is_not_taken():
     total, products = np.zeros(2 * MEMORY + 6), np.ones((2, MEMORY, MEMORY))
     total[0], total[1], total[2 * MEMORY + 1] = 1.0, 10.0, 1.0  # s·g, y·g and g·g that no s, y and g have
     coefficients = np.full(2 * MEMORY + 1, 7.0)
-    slope, kept = lbfgs._direction(total, products, 1, 1, MEMORY, 0.3, coefficients)
+    slope, kept = lbfgs.find_direction(total, products, 1, 1, MEMORY, 0.3, coefficients)
     assert (slope, kept) == (-0.3, 0)
     assert coefficients.tolist() == [0.0] * (2 * MEMORY) + [-0.3]
 

@@ -7,7 +7,7 @@ import pytest
 from dense import Reference
 from numba import typeof
 from samples import lattice, physics
-from test_quench import LAWS, hessian_of
+from test_quench import LAWS, NotedNewton, hessian_of
 
 from jampetsc.errors import ConvergenceError
 from jampetsc.minimisation import descent as descent_module
@@ -215,13 +215,13 @@ def test_limits_are_what_was_asked_for_or_what_rounding_leaves():
 
 
 def searched(length, along=1.0, seed=3):
-    """(Newton, its start, step, what `_search` returns) for a step along the forces; the end is `length` of it."""
+    """(Newton, its start, step, what its search returns) for a step along the forces; the end is `length` of it."""
     descent = Descent(random_disks(40, 1.0, seed), Goal(0.05), Team())
-    newton = Newton(descent, None)
+    newton = NotedNewton(descent)
     start = Point.of(descent)
     step = along * start.forces, np.zeros(2)
     before = descent.disks.positions
-    found = newton._search(start, step, length)
+    found = newton.search_along(start, step, length)
     assert np.abs(descent.disks.positions - before - found[0] * step[0]).max() < 1e-12
     return newton, start, step, found
 
@@ -239,11 +239,8 @@ def test_a_search_ends_where_the_slope_is_small(monkeypatch):
 
 def test_a_search_that_finds_no_such_place_ends(monkeypatch):
     monkeypatch.setattr(newton_module, "SLOPE_RATIO", 0.0)
-    calls = []
-    go = Newton._go
-    monkeypatch.setattr(Newton, "_go", lambda *given: calls.append(given) or go(*given))
-    _, start, step, (length, point) = searched(2.0)
-    assert len(calls) == 1 + newton_module.MAX_SEARCH_POINTS and 0.05 < length < 2.0
+    newton, start, step, (length, point) = searched(2.0)
+    assert newton.advances == 1 + newton_module.MAX_SEARCH_POINTS and 0.05 < length < 2.0
     assert abs(point.along(step)) < 1e-2 * start.along(step)
 
 
@@ -304,23 +301,28 @@ def test_a_minimum_is_no_saddle():
 
 
 @one_rank
-def test_a_saddle_is_left_as_far_as_it_goes_downhill(monkeypatch):
+def test_a_saddle_is_left_as_far_as_it_goes_downhill():
     """Shorter and shorter where the first try is not downhill, and not at all where none is."""
-    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver())
-    before, pull, asked = newton.descent.disks.positions, Newton._pull_at, []
 
-    def steep(newton, mode, way):
-        asked.append(abs(way))
-        return pull(newton, mode, way) if abs(way) < 1e-3 * asked[0] else -1.0
+    class Steep(NotedNewton):
+        """What is farther than a share of the first try is uphill."""
 
-    monkeypatch.setattr(Newton, "_pull_at", steep)
+        downhill = 1e-3
+
+        def pull_after(self, mode, way):
+            pull = super().pull_after(mode, way)
+            return pull if abs(way) < self.downhill * abs(self.pulls[0][1]) else -1.0
+
+    newton = Steep(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver())
+    before = newton.descent.disks.positions
     assert newton.leave_saddle()
-    gone = np.abs(newton.descent.disks.positions - before).max()
+    asked = [abs(way) for _, way, _ in newton.pulls]
     assert asked[:8] == pytest.approx(asked[0] * np.repeat([1.0, 0.1, 0.01, 0.001], 2))
-    assert 0 < gone < 1e-3
-    monkeypatch.setattr(Newton, "_pull_at", lambda *_: -1.0)
-    newton = Newton(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver())
-    assert not newton.leave_saddle() and np.array_equal(newton.descent.disks.positions, before)
+    assert 0 < np.abs(newton.descent.disks.positions - before).max() < 1e-3
+    newton = Steep(Descent(lattice(spacing=0.9), Goal(), Team()), NewtonSolver())
+    newton.downhill, before = 0.0, newton.descent.disks.positions
+    assert not newton.leave_saddle()
+    np.testing.assert_allclose(newton.descent.disks.positions, before, rtol=0, atol=1e-13)
 
 
 @one_rank

@@ -145,7 +145,7 @@ def test_ensemble_statistics():
     ],
 )
 def test_pressures_on_the_way_are_a_decade_apart(now, wanted, first, decades):
-    assert protocols._decades(now, wanted, first) == pytest.approx(decades)
+    assert protocols.pressures_between(now, wanted, first) == pytest.approx(decades)
 
 
 def test_how_a_packing_was_made_is_in_its_record():

@@ -9,7 +9,7 @@ from jampetsc.errors import ConvergenceError
 from jampetsc.minimisation import newton, protocols
 from jampetsc.minimisation.descent import Descent, Goal, stress_unit
 from jampetsc.minimisation.hessian import Bonds, Pattern, border
-from jampetsc.minimisation.minimise import _down_to_fraction, minimise, relax, settle
+from jampetsc.minimisation.minimise import minimise, relax, relax_to_fraction, settle
 from jampetsc.minimisation.sizes import radii_of
 from jampetsc.packing.contacts import find_contacts, measure, net_forces
 from jampetsc.packing.kernel import bond_forces
@@ -201,88 +201,91 @@ def test_forces_are_small_at_the_pressure_that_is_left():
     descent = Descent(crowd(n=24, phi=0.88), Goal(), Team())
     limits = newton.Limits(descent, 1e-10)
     before = newton.Point.of(descent).pressure
-    pressure = _down_to_fraction(descent, 1e-3, limits)
+    pressure = relax_to_fraction(descent, 1e-3, limits)
     point = newton.Point.of(descent)
     assert pressure == point.pressure < 0.2 * before
     assert point.residual.force <= 2e-3 * pressure * descent.diameter
 
 
-@pytest.fixture
-def damped(monkeypatch):
-    """μ of every Hessian that Newton's method factorises, in units of p."""
-    asked, make = [], newton.Newton._linear
+class NotedNewton(newton.Newton):
+    """Newton's method that notes what it does: damping μ / p and forces where it factorises, forces where it searches.
 
-    def noted(self, point, free, mu):
-        asked.append(mu / point.pressure)
-        return make(self, point, free, mu)
+    length   what each search is made to return, if not None
+    """
 
-    monkeypatch.setattr(newton.Newton, "_linear", noted)
-    return asked
+    def __init__(self, descent, solver=None, length=None):
+        super().__init__(descent, solver or NewtonSteps())
+        self.length, self.damping, self.factorised, self.searched, self.pulls = length, [], [], [], []
+        self.advances = 0
+
+    def factorise(self, point, free, mu):
+        self.damping.append(mu / point.pressure)
+        self.factorised.append(point.residual.force)
+        return super().factorise(point, free, mu)
+
+    def search_along(self, point, step, length):
+        self.searched.append(point.residual.force)
+        return super().search_along(point, step, length) if self.length is None else (self.length, point)
+
+    def advance(self, step, length):
+        self.advances += 1
+        return super().advance(step, length)
+
+    def pull_after(self, mode, way):
+        self.pulls.append((mode, way, super().pull_after(mode, way)))
+        return self.pulls[-1][-1]
 
 
-def test_damping_goes_where_steps_are_full(damped):
+def test_damping_goes_where_steps_are_full():
     """Threefold smaller after each; but for a floor as long as forces are not small."""
     disks = relax(crowd(n=24), Goal(0.05), 1e-5)
     for floor, near in ((0.0, newton.NEAR_MINIMUM_FORCE), (newton.MIN_DAMPING, 0.0)):
-        damped.clear()
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(newton, "NEAR_MINIMUM_FORCE", near)
             descent = Descent(disks, Goal(0.05), Team())
             limits = newton.Limits(descent, 1e-14)
-            assert newton.Newton(descent, NewtonSteps()).converge(limits)
-        point = newton.Point.of(descent)
+            walker = NotedNewton(descent)
+            assert walker.converge(limits)
+        point, damped = newton.Point.of(descent), walker.damping
         assert point.residual.within(limits.at(point, 0.05)) and 3 <= len(damped) <= 8
         wanted = np.maximum(newton.DAMPING * 0.3 ** np.arange(len(damped)), floor)
         assert damped == pytest.approx(wanted, rel=1e-3)
 
 
-def test_damping_is_raised_until_a_hessian_is_definite(damped):
+def test_damping_is_raised_until_a_hessian_is_definite():
     """Fourfold, and not from nothing; of a lattice that is no minimum."""
     walker = saddle(Goal())
-    point = newton.Point.of(walker.descent)
-    linear, mu = walker._damped(point, np.ones(16, bool), 0.0)
+    point, damped = newton.Point.of(walker.descent), walker.damping
+    linear, mu = walker.factorise_definite(point, np.ones(16, bool), 0.0)
     assert linear.definite and walker.descent.effort.newton_steps == len(damped) > 2
     wanted = np.append(0.0, newton.MIN_DAMPING_AFTER_MODE * 4.0 ** np.arange(len(damped) - 1))
     assert damped == pytest.approx(wanted) and mu == pytest.approx(wanted[-1] * point.pressure)
     damped.clear()
-    walker._damped(point, np.ones(16, bool), 1e-3 * point.pressure)
+    walker.factorise_definite(point, np.ones(16, bool), 1e-3 * point.pressure)
     assert damped == pytest.approx(1e-3 * 4.0 ** np.arange(len(damped)))
 
 
 @pytest.mark.parametrize(
     ("length", "factor"), [(0.2, 3.0), (0.31, 1.0), (0.69, 1.0), (0.71, 0.3), (1.0, 0.3)]
 )
-def test_damping_follows_how_far_steps_go(damped, monkeypatch, length, factor):
+def test_damping_follows_how_far_steps_go(monkeypatch, length, factor):
     """Threefold where the slope ends a step early, as it is in between."""
     monkeypatch.setattr(newton, "MAX_STEPS", 2)
-    monkeypatch.setattr(newton.Newton, "_search", lambda self, point, *_: (length, point))
     descent = Descent(settle(crowd(n=24), 0.03), Goal(), Team())
-    newton.Newton(descent, NewtonSteps()).converge(newton.Limits(descent, 1e-14))
-    first = newton.DAMPING
+    walker = NotedNewton(descent, length=length)
+    walker.converge(newton.Limits(descent, 1e-14))
+    first, damped = newton.DAMPING, walker.damping
     while first != pytest.approx(damped[-1] / factor, rel=1e-9) and first < 1e3:
         first = max(4.0 * first, newton.MIN_DAMPING_AFTER_MODE)
     assert len(damped) > 2 and damped[-1] == pytest.approx(factor * first)
 
 
-def test_newton_goes_on_while_rounding_lets_it(monkeypatch):
+def test_newton_goes_on_while_rounding_lets_it():
     """Slopes are searched above rounding only; within what rounding leaves it ends where forces no longer halve."""
-    disks, ways = relax(crowd(n=24), Goal(0.05), 2e-5), []
-
-    def noted(name, made):
-        def method(self, point, *given):
-            ways.append((name, point.residual))
-            return made(self, point, *given)
-
-        monkeypatch.setattr(newton.Newton, f"_{name}", method)
-
-    noted("search", newton.Newton._search)
-    noted("linear", newton.Newton._linear)
-    descent = Descent(disks, Goal(0.05), Team())
-    limits = newton.Limits(descent, 1e-20)
-    assert newton.Newton(descent, NewtonSteps()).converge(limits)
-    forces = [residual.force for name, residual in ways if name == "linear"]
-    searched = [residual.force for name, residual in ways if name == "search"]
-    point = newton.Point.of(descent)
+    descent = Descent(relax(crowd(n=24), Goal(0.05), 2e-5), Goal(0.05), Team())
+    walker, limits = NotedNewton(descent), newton.Limits(descent, 1e-20)
+    assert walker.converge(limits)
+    forces, searched, point = walker.factorised, walker.searched, newton.Point.of(descent)
     last = point.residual.force
     assert last > 0.5 * forces[-1] and last <= limits.at(point, 0.05).force
     assert searched == [force for force in forces if force > newton.ROUNDING_FORCE * 0.05 * descent.diameter]
@@ -296,36 +299,32 @@ def test_a_pattern_is_that_of_the_list_there_is():
         descent.fold()
         point = newton.Point.of(descent)
         fresh = newton.Newton(descent, NewtonSteps())
-        found, wanted = (n._linear(point, free, 1e3).solve(point.forces, point.drive) for n in (kept, fresh))
+        found, wanted = (
+            n.factorise(point, free, 1e3).solve(point.forces, point.drive) for n in (kept, fresh)
+        )
         for one, other in zip(found, wanted, strict=True):
             np.testing.assert_array_equal(one, other)
 
 
 def saddle(goal):
     """A square lattice under pressure: no forces, and modes of negative curvature."""
-    return newton.Newton(Descent(lattice(4, 0.9), goal, Team()), NewtonSteps())
+    return NotedNewton(Descent(lattice(4, 0.9), goal, Team()))
 
 
 @pytest.mark.parametrize("goal", [Goal(), Goal(0.1), Goal(0.1, True)], ids=str)
-def test_a_saddle_is_left_where_it_is_steepest(goal, monkeypatch):
+def test_a_saddle_is_left_where_it_is_steepest(goal):
     """Looks leave the disks where they were; then they are as far along the mode as it pulls most, or may go."""
-    walker, seen, look = saddle(goal), [], newton.Newton._pull_at
+    walker = saddle(goal)
     descent = walker.descent
     start = descent.disks
-
-    def noted(self, mode, way):
-        pull = look(self, mode, way)
-        assert np.abs(descent.disks.positions - start.positions).max() < 1e-13
-        assert np.abs(descent.disks.cell - start.cell).max() < 1e-13
-        seen.append((way, pull, mode))
-        return pull
-
-    monkeypatch.setattr(newton.Newton, "_pull_at", noted)
     assert walker.leave_saddle()
-    mode, ways = seen[0][2], {way: pull for way, pull, _ in seen}
+    mode, ways = walker.pulls[0][0], {way: pull for _, way, pull in walker.pulls}
     went = max(ways, key=ways.get)
     other = saddle(goal)
-    other._go(mode, went)
+    other.pull_after(mode, went)
+    assert np.abs(other.descent.disks.positions - start.positions).max() < 1e-13
+    assert np.abs(other.descent.disks.cell - start.cell).max() < 1e-13
+    other.advance(mode, went)
     assert ways[went] > 0
     np.testing.assert_allclose(descent.disks.positions, other.descent.disks.positions, rtol=0, atol=1e-12)
     np.testing.assert_allclose(descent.disks.cell, other.descent.disks.cell, rtol=0, atol=1e-12)
@@ -339,7 +338,7 @@ def test_a_negative_mode_is_nearly_the_most_negative(goal):
     """Of the generalised eigenproblem where a strain weighs as much as all disks moved by it."""
     walker = saddle(goal)
     point, held = newton.Point.of(walker.descent).load_bearing(walker.descent.disks)
-    move, strain = walker._negative_mode(point, held)
+    move, strain = walker.find_negative_mode(point, held)
     matrix, kept = hessian_of(walker.descent, every=True), moving_of(goal, held)
     scale = np.append(np.ones(32), [0.25] * 2)
     scaled = (matrix * np.outer(scale, scale))[np.ix_(kept, kept)]

@@ -73,7 +73,7 @@ def test_gradient_and_hessian(law):
     own, task, room = descent.space, descent.task(1.0, 1.0, 1), block_room(3)
     measure_domain(descent.domains, 0, own, task, np.ones(2), 0, -1, room, LIKE)
     total, pull = np.zeros(own.sums.shape[1]), np.zeros(4)
-    lbfgs._collect(own, task, total, pull)
+    lbfgs.collect_sums(own, task, total, pull)
     offsets, box = descent.offsets, descent.box.copy()
 
     def listed_enthalpy(strains):

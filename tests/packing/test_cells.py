@@ -1,9 +1,8 @@
 """Cells in two and three dimensions: shortest vectors of the lattice, forms, packings and networks in them."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from samples import Box, FlatBox
 from spheres import few_spheres
 
 import jampetsc
@@ -91,7 +90,7 @@ def test_packings_of_spheres_in_the_forms_of_their_cell():
     assert (cube.dimension, cube.volume, repr(cube)[:12]) == (3, 64.0, "<12 spheres,")
     assert cube.phi == pytest.approx(4 / 3 * np.pi * np.sum(radii**3) / 64.0)
     rows = np.array([(4.0, 0, 0), (0.5 * 5, 5.0, 0), (-0.25 * 6, 0.125 * 6, 6.0)])
-    box = SimpleNamespace(Lx=4.0, Ly=5.0, Lz=6.0, xy=0.5, xz=-0.25, yz=0.125)
+    box = Box(4.0, 5.0, 6.0, xy=0.5, xz=-0.25, yz=0.125)
     tilted = [
         jampetsc.Packing(x, radii, cell).cell
         for cell in (rows, box, (4, 5, 6, 0.5 * 5, -0.25 * 6, 0.125 * 6))
@@ -106,7 +105,7 @@ def test_packings_of_spheres_in_the_forms_of_their_cell():
         (x, rows.T, r"must be rows \(Lx, 0, 0\), \(xy, Ly, 0\) and"),
         (
             x,
-            SimpleNamespace(Lx=4, Ly=4, Lz=4, xy=0, xz=0, yz=0, periodic=(1, 1, 0)),
+            Box(4, 4, 4, periodic=(1, 1, 0)),
             "must be periodic in x, y and z",
         ),
         (x, 0.9, "a particle would touch its own image"),
@@ -123,8 +122,9 @@ FLAT_CELLS = {  # of 12 disks with a third coordinate
     "rows in the plane": 50 * np.eye(2),
     "rows in space": np.diag([50.0, 50.0, 7.0]),
     "three sides and tilts": (50, 50, 7, 0, 0, 0),
-    "a box with a depth": SimpleNamespace(Lx=50, Ly=50, Lz=7, xy=0, xz=0, yz=0, periodic=(True, True, False)),
-    "a box of two dimensions": SimpleNamespace(Lx=50, Ly=50, Lz=0, xy=0, dimensions=2),
+    "a box with a depth": Box(50, 50, 7, periodic=(True, True, False)),
+    "a box of two dimensions": Box(50, 50),
+    "a flat box with a depth": FlatBox(50, 50),
 }
 
 
@@ -155,7 +155,7 @@ def test_z_that_differs_is_left_out_on_request_only():
     x, radii = spheres(rng, side=40.0)
     assert jampetsc.Packing(x, radii, 40.0).dimension == 3
     assert jampetsc.Packing(x, radii, (40, 40, 40), dimension=2).dimension == 2
-    assert jampetsc.Packing(x, radii, SimpleNamespace(Lx=40, Ly=40, Lz=0, xy=0, dimensions=2)).dimension == 2
+    assert jampetsc.Packing(x, radii, FlatBox(40, 40)).dimension == 2
     for dimension, positions, says in (
         (4, x, "dimension 4: must be 2 or 3"),
         (3, x[:, :2], r"dimension 3: positions of shape \(12, 2\), must be \(N, 3\)"),

@@ -183,9 +183,9 @@ def test_a_fingerprint_is_of_all_that_counts():
     assert (
         network.fingerprint == random_springs().fingerprint == network.with_record(protocol="x").fingerprint
     )
-    others = [network._with(**{name: getattr(network, name) + 1}) for name in
+    others = [network.replace(**{name: getattr(network, name) + 1}) for name in
               ("positions", "bonds", "images", "cell", "stiffness", "tension", "radii", "k")]  # fmt: skip
-    prints = {one.fingerprint for one in [network, *others, network._with(radii=None)]}
+    prints = {one.fingerprint for one in [network, *others, network.replace(radii=None)]}
     assert len(prints) == 10
     other = shuffled(network)
     assert other.pressure == pytest.approx(network.pressure) and other.fingerprint != network.fingerprint

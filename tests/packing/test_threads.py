@@ -9,7 +9,7 @@ from numba import types
 
 from jampetsc.packing import threads
 from jampetsc.packing.compiled import compiled
-from jampetsc.packing.threads import PERIOD, TRIAL, Team, meet
+from jampetsc.packing.threads import PERIOD, TRIAL, Team, ThreadChoice, meet
 
 _core = types.ExternalFunction("sched_getcpu", types.int32())
 
@@ -45,23 +45,21 @@ def test_a_thread_keeps_its_allowed_cores():
     assert len(others) == 1 and os.sched_getaffinity(int(others.pop())) == allowed
 
 
-def fails_elsewhere(me, size, counter, errors):
-    """A function that is not compiled, and fails on all threads but the calling one."""
+@compiled(False, cache=False, nogil=True)
+def fails_elsewhere(me, size, counter):
+    """Fails on all threads but the calling one."""
     if me:
-        raise errors[me]
+        raise OSError("this one")
     return size, 1
 
 
-fails_elsewhere.overloads = ()
-
-
 def test_an_error_of_any_thread_is_raised_and_the_team_still_works():
-    team, error = Team(3), OSError("this one")
-    team._fastest = lambda function, most: most
+    team = Team(3)
+    for _ in range(2):  # one compiles, one is of one thread
+        assert team.run(fails_elsewhere, 3) == (1, 1)
     for _ in range(2):
         with pytest.raises(OSError, match="this one"):
-            team.run(fails_elsewhere, 3, [None, error, error])
-    del team._fastest
+            team.run(fails_elsewhere, 3)
     assert team.run(note_cores, 3, np.zeros(3, int), 5) == (1, 5)
 
 
@@ -76,27 +74,27 @@ def test_the_threads_of_a_team_end_with_it():
     assert not any(thread.is_alive() for thread in new)
 
 
-def chosen(team, runs, pace):
-    """Numbers of threads that take part in successive runs, where n threads take pace(n) seconds per step."""
+def chosen(choice, runs, pace):
+    """Numbers of threads of successive runs, where n threads take pace(n) seconds per step."""
     numbers = []
     for _ in range(runs):
-        numbers.append(team._fastest("a function", 2))
-        team._paces["a function", 2][numbers[-1]].append(pace(numbers[-1]))
+        numbers.append(choice.next_number())
+        choice.note_pace(numbers[-1], pace(numbers[-1]))
     return numbers
 
 
 @pytest.mark.parametrize("slower", [1, 2])
 def test_the_faster_number_of_threads_is_chosen(slower):
-    team, faster = Team(2), 3 - slower
-    assert chosen(team, 1 + TRIAL, lambda n: 1.5 if n == slower else 1.0) == [1] + [2] * TRIAL
-    later = chosen(team, 2 * PERIOD, lambda n: 1.5 if n == slower else 1.0)
+    choice, faster = ThreadChoice(2), 3 - slower
+    assert chosen(choice, 1 + TRIAL, lambda n: 1.5 if n == slower else 1.0) == [1] + [2] * TRIAL
+    later = chosen(choice, 2 * PERIOD, lambda n: 1.5 if n == slower else 1.0)
     assert later.count(faster) >= 2 * (PERIOD - TRIAL) and later.count(slower) >= 1
     # what has changed is noticed
-    changed = chosen(team, 3 * PERIOD, lambda n: 1.5 if n == faster else 1.0)
+    changed = chosen(choice, 3 * PERIOD, lambda n: 1.5 if n == faster else 1.0)
     assert changed[-PERIOD:].count(slower) >= PERIOD - TRIAL
 
 
 def test_slow_first_runs_do_not_decide_but_a_hopeless_trial_ends():
     cold = iter([2.5, 2.0, 1.5, 1.0])
-    assert 1 not in chosen(Team(2), PERIOD, lambda n: next(cold, 1.0) if n == 2 else 1.2)[1:]
-    assert chosen(Team(2), 2 * PERIOD, lambda n: 50.0 if n == 2 else 1.0).count(2) == 2
+    assert 1 not in chosen(ThreadChoice(2), PERIOD, lambda n: next(cold, 1.0) if n == 2 else 1.2)[1:]
+    assert chosen(ThreadChoice(2), 2 * PERIOD, lambda n: 50.0 if n == 2 else 1.0).count(2) == 2

@@ -1,7 +1,6 @@
 """What ranks do as one: the failure of one is raised by all, what one finds out all know."""
 
 import os
-import socket
 
 import pytest
 
@@ -47,38 +46,30 @@ def test_one_process_needs_no_communicator():
         raise JampetscError("no")
 
 
-class Ranks:
-    """What the ranks of two nodes say of themselves, as a communicator gathers it."""
-
-    def __init__(self, others):
-        self.others = others
-
-    def allgather(self, mine):
-        self.mine = mine
-        return [mine, *self.others]
-
-
 @pytest.mark.parametrize(
     ("others", "count"),
     [
         ([], 4),
-        ([("here", {0, 1, 2, 3})], 2),  # nobody is bound: half of them each
-        ([("here", {2, 3})], 3),  # two cores alone, two shared by two
-        ([("here", {4, 5, 6, 7})], 4),  # bound to others
-        ([("there", {0, 1, 2, 3})] * 7, 4),  # another node has cores of its own
-        ([("here", set())] * 3, 4),  # idle ones need none
-        ([("here", {0, 1, 2, 3})] * 2, 1),  # 4/3
-        ([("here", {0, 1, 2, 3})] * 7, 1),  # never none
+        ([{0, 1, 2, 3}], 2),  # nobody is bound: half of them each
+        ([{2, 3}], 3),  # two cores alone, two shared by two
+        ([{4, 5, 6, 7}], 4),  # bound to others
+        ([set()] * 3, 4),  # idle ones need none
+        ([{0, 1, 2, 3}] * 2, 1),  # 4/3
+        ([{0, 1, 2, 3}] * 7, 1),  # never none
     ],
 )
-def test_cores_are_shared_with_the_ranks_at_work_on_the_same_node(monkeypatch, others, count):
-    affinity, ranks = {0, 1, 2, 3}, Ranks(others)
-    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: affinity, raising=False)
-    monkeypatch.setattr(socket, "gethostname", lambda: "here")
-    assert collective.own_cores(ranks) == count
-    assert ranks.mine == ("here", affinity)
-    collective.own_cores(ranks, working=False)
-    assert ranks.mine == ("here", set())  # an idle one asks for no core of the others
+def test_cores_are_shared_with_the_ranks_at_work_on_the_same_node(others, count):
+    own = {0, 1, 2, 3}
+    assert collective.share_of_cores(own, [own, *others]) == count
     for number in range(1, 33):  # thirds and sevenths that add up to a little less make a whole one
-        affinity = set(range(3 * number))
-        assert collective.own_cores(Ranks([("here", affinity)] * (number - 1))) == 3
+        own = set(range(3 * number))
+        assert collective.share_of_cores(own, [own] * number) == 3
+
+
+@pytest.mark.scalar("real")
+def test_ranks_share_the_cores_of_this_machine(session):
+    """An idle one asks for none of those that the others have."""
+    cores = os.sched_getaffinity(0)
+    assert collective.own_cores(session.comm) == collective.share_of_cores(cores, [cores] * session.size)
+    found = collective.own_cores(session.comm, working=session.rank == 0)
+    assert session.rank or found == len(cores)

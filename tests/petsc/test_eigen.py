@@ -57,17 +57,17 @@ def test_blocks_and_libraries_factorise_alike(session, monkeypatch):
     """Blocks where one rank has a matrix that is not too large and no option says otherwise."""
     network = build_network(SAMPLES["polydisperse"](), session.comm)
     pencil = assemble(network, physics("stokes").law, pinned=False)
-    assert eigen._suits_blocks(pencil)
+    assert eigen.suits_blocks(pencil)
     ours = lowest_modes(network, 9).eigenvalues
-    assert eigen._suits_blocks(pencil)
+    assert eigen.suits_blocks(pencil)
     monkeypatch.setattr(eigen, "DENSE_BLOCK_UNKNOWNS", 2 * network.n - 1)
-    assert not eigen._suits_blocks(pencil)
+    assert not eigen.suits_blocks(pencil)
     np.testing.assert_allclose(lowest_modes(network, 9).eigenvalues, ours, rtol=1e-11)
     monkeypatch.undo()
     options = session.PETSc.Options()
     options.setValue("modes_st_ksp_rtol", "1e-13")
     try:
-        assert not eigen._suits_blocks(pencil)
+        assert not eigen.suits_blocks(pencil)
         np.testing.assert_allclose(lowest_modes(network, 9).eigenvalues, ours, rtol=1e-11)
     finally:
         options.delValue("modes_st_ksp_rtol")

@@ -2,14 +2,12 @@
 
 import ctypes
 import gc
-import importlib.util
 import os
 import re
 import subprocess
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
-from types import SimpleNamespace
 
 import launch
 import pytest
@@ -139,10 +137,8 @@ def test_which_build_is_started(asked, own, found):
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
     """A distribution's root, in which builds can be made, and no petsc4py loaded or the user's own."""
-    find = importlib.util.find_spec
     monkeypatch.setattr(builds, "DISTRIBUTION", tmp_path)
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "petsc4py" else find(name))
-    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setattr(sys, "path", [folder for folder in sys.path if not Path(folder, "petsc4py").exists()])
     for name in ("petsc4py", "slepc4py"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     for name in ("PETSC_DIR", "SLEPC_DIR", "PETSC_ARCH"):
@@ -180,10 +176,10 @@ CHOSEN = [  # what is asked for, what is loaded already, where petsc4py is on th
     (None, False, None, {}, REAL),  # though older
     ("complex", False, None, {}, COMPLEX),
     (None, True, None, {}, None),  # nothing is chosen then
-    (None, False, "/own", {}, None),
+    (None, False, "elsewhere", {}, None),
     (None, False, f"{REAL}/lib", {}, REAL),  # the distribution's
     (None, False, None, {"PETSC_DIR": "own"}, "no petsc4py for this python there"),
-    (None, False, "/own", {"PETSC_DIR": "own"}, "own"),
+    (None, False, "elsewhere", {"PETSC_DIR": "own"}, "own"),
     (None, False, None, {"PETSC_DIR": "own", "PETSC_ARCH": "arch-opt"}, "own"),
 ]
 
@@ -201,8 +197,9 @@ def test_which_build_is_chosen(installed, monkeypatch, asked, loaded, found, own
     if loaded:
         monkeypatch.setitem(sys.modules, "petsc4py", sys)
     if found:
-        spec = SimpleNamespace(origin=str(installed / found / "petsc4py/__init__.py"))
-        monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
+        (installed / found / "petsc4py").mkdir(parents=True)
+        (installed / found / "petsc4py/__init__.py").touch()
+        sys.path.append(str(installed / found))
     assert builds.can_choose("real") == (not own and bool(chosen))
     if chosen and " " in chosen:
         with pytest.raises(InputError, match=chosen):
@@ -245,15 +242,6 @@ def test_command_line_wins_over_options_file_wins_over_default(tmp_path):
 # In the running session
 
 
-class World:
-    """A communicator of three ranks, the last of which this is; remembers how the job was ended."""
-
-    rank, size, ended = 2, 3, None
-
-    def Abort(self, status):
-        self.ended = status
-
-
 @pytest.mark.scalar("real", "complex")
 def test_a_running_session(session):
     scalar = os.environ["JAMPETSC_TEST_SCALAR"]
@@ -264,6 +252,16 @@ def test_a_running_session(session):
         door.start(petsc_argv=["-log_view"])
     with pytest.raises(InputError, match="a process loads one PETSc"):
         door.start({"real": "complex", "complex": "real"}[scalar])
+
+
+def test_without_a_session_all_that_mpirun_has_started_work_together():
+    """Or nobody, and MPI is not loaded."""
+    code = "import os, sys\nfrom jampetsc.petsc import session\ncomm = session.communicator()\n"
+    code += "os.write(1, f'{comm and comm.size} {\"mpi4py.MPI\" in sys.modules}\\n'.encode())"
+    for ranks, said in ((0, ["None False"]), (2, 2 * ["2 True"])):
+        line = [*launch.mpirun(ranks), sys.executable, "-c", code]
+        done = subprocess.run(line, capture_output=True, text=True, timeout=60, env=launch.environment())
+        assert done.stdout.replace("\0", "").splitlines() == said, done.stderr
 
 
 def test_before_and_after_a_session():
@@ -306,17 +304,17 @@ def test_versions_for_the_record(session):
 
 
 @pytest.mark.scalar("real")
-def test_an_error_made_of_one_of_petsc_is_one(session, monkeypatch):
+def test_an_error_made_of_one_of_petsc_is_one(session):
     """It says its last line, without places or ranks."""
     own, wrapped = session.PETSc.Error(62), SystemError("returned a result with an exception set")
     wrapped.__cause__ = own
     assert door.petsc_error(own) is door.petsc_error(wrapped) is own
     assert door.petsc_error(SystemError()) is None
     assert door.petsc_message(own) == door.petsc_message(wrapped) != ""
-    monkeypatch.setattr(session, "world", World())
-    monkeypatch.setattr(session, "PETSc", SimpleNamespace(Error=RuntimeError))
-    said = RuntimeError("error code 62\n[2] KSPSolve() at /petsc/src/ksp.c:1\n[2] Invalid  argument\t[2]")
-    assert door.petsc_message(said) == "Invalid argument [2]"
+    with pytest.raises(session.PETSc.Error) as raised:
+        session.PETSc.KSP().create(session.comm).setType("nonsense")
+    assert f"\n[{session.rank}] KSPSetType() at " in str(raised.value)
+    assert door.petsc_message(raised.value) == "Unable to find requested KSP type nonsense"
 
 
 @pytest.mark.scalar("real")
@@ -358,12 +356,12 @@ def test_what_one_rank_does_alone_waits_for_no_other(session, tmp_path):
     if session.rank == session.size - 1:
         write_packing(tmp_path / "p.h5", samples.published())
         with session.alone():
-            assert (session.rank, session.size) == (0, 1)
+            assert (session.rank, session.size) == (0, 1) and door.communicator() is session.comm
             for line in ("quasistatic", "modes --count 5", "sweep --omega 1"):
                 out = tmp_path / f"{line}.h5"
                 assert cli.dispatch([*line.split(), str(tmp_path / "p.h5"), "--out", str(out)]) == 0
                 assert jampetsc.load(out).attributes["ranks"] == 1
-    assert session.size == session.world.size
+    assert session.size == session.world.size and door.communicator() is session.comm is session.world
 
 
 @pytest.mark.parametrize("scalar", ["real", "complex"])
@@ -376,20 +374,11 @@ def test_the_remedy_is_a_build_of_the_type_that_is_wanted(installed, monkeypatch
     assert builds.remedy(scalar) == wish and not builds.can_choose(scalar) and builds.can_choose(other)
     monkeypatch.setenv("PETSC_DIR", str(installed / "mine"))
     with pytest.raises(InputError, match=f"no petsc4py for this python there.* Or: {wish}"):
-        builds._choose(scalar)
+        variables_of(scalar)
     make_build(installed, f"petsc3.18/any-linux-gnu-{scalar}")
     folder = installed / f"petscdir/petsc3.18/any-linux-gnu-{scalar}"
     instead = f"Unset PETSC_DIR and SLEPC_DIR (and leave other environments) to use {folder}."
     assert builds.remedy(scalar) == instead
-
-
-def test_who_works_together(monkeypatch):
-    """The ranks of the session; without one all that mpirun has started, or nobody."""
-    monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_WORLD="all"))
-    for running, several, comm in (("session", True, "its"), (None, True, "all"), (None, False, None)):
-        monkeypatch.setattr(door, "_session", running and SimpleNamespace(comm="its", world="all"))
-        monkeypatch.setattr(door, "has_several_ranks", lambda: several)  # noqa: B023
-        assert door.communicator() == comm
 
 
 # Words for PETSc, and what may be wrong with it
@@ -450,19 +439,7 @@ def test_options_that_keep_petsc_from_starting_are_named_wherever_they_are(tmp_p
         (None, "unknown"),
     ],
 )
-def test_the_version_of_mumps_is_in_the_name_of_its_library(tmp_path, monkeypatch, line, version):
+def test_the_version_of_mumps_is_in_the_name_of_its_library(tmp_path, line, version):
     if line is not None:
         (tmp_path / "maps").write_text(line)
-    monkeypatch.setattr(door, "Path", lambda path: tmp_path / "maps")
-    assert door._mumps_version() == version
-    monkeypatch.setattr(door, "Path", lambda path: tmp_path)  # what cannot be read
-    assert door._mumps_version() == "unknown"
-
-
-def test_a_rank_that_ends_by_an_exception_says_so_and_takes_the_others_along(monkeypatch, capsys):
-    monkeypatch.setattr(door, "_session", SimpleNamespace(world=World()))
-    error = ZeroDivisionError("a bug")
-    door._abort(type(error), error, None)
-    assert door._session.world.ended == 1
-    told = capsys.readouterr().err
-    assert told.startswith("jampetsc: rank 2 of 3 failed:\n") and "ZeroDivisionError: a bug" in told
+    assert door.mumps_version(tmp_path / "maps") == version

@@ -1,27 +1,23 @@
 """The dense reference itself, in two and three dimensions, against elastic constants published with jax-md and moduli
 of an independent program for the same packings (tests/data/README.md)."""
 
-from types import SimpleNamespace
-
 import h5py
 import numpy as np
 import pytest
 from dense import Reference, symmetric_loads
 from samples import DATA, TABLE_LAWS, TENSOR_TABLE, table_tensor
 
+from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
 
 
 def published(row):
-    """The packing as `Reference` takes it: positions are fractions of the box."""
+    """The packing, whose positions are fractions of the box."""
     D, i = row["D"], row["index"]
     with h5py.File(DATA / row["file"]) as h5:
         cell, radii = h5["box"][i].reshape(D, D), h5["rad"][i]
         positions = h5["pos"][i].reshape(-1, D) @ cell
-    potential = Potential(stiffness="inverse-square-diameter")
-    return SimpleNamespace(
-        base=positions, offset=None, cell_base=cell, cell_offset=None, radii=radii, potential=potential
-    )
+    return Packing.from_positions(positions, radii, cell, Potential(stiffness="inverse-square-diameter"))
 
 
 # in 3D a solve costs a second: one law with spins, one with drag, at one frequency

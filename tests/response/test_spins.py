@@ -191,7 +191,7 @@ def test_units(session):
     law = LAWS["springs in a fluid"]
     usual, omega = pulling_springs(), np.array([1e-3, 0.1, 10.0])
     k, length, tau1 = 3.7, 1e-3, 25.0
-    other = usual._with(
+    other = usual.replace(
         positions=usual.positions * length, cell=usual.cell * length, stiffness=usual.stiffness * k,
         tension=usual.tension * k * length, radii=usual.radii * length, k=usual.k * k,
     )  # fmt: skip

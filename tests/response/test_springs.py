@@ -168,7 +168,7 @@ def test_the_contacts_of_a_packing_are_a_network_of_its_response(session, name):
 def test_moduli_of_the_triangular_lattice(session, size, k):
     """G = (√3/4) k and the bulk modulus (√3/2) k: every motion is affine."""
     lattice = build_lattice("triangular", size)
-    lattice = lattice._with(stiffness=k * lattice.stiffness)
+    lattice = lattice.replace(stiffness=k * lattice.stiffness)
     elastic = ElasticResponse(build_network(lattice, session.comm))
     shear, bulk = (elastic.respond(load) for load in (simple_shear(), compression()))
     assert shear.value / lattice.volume == pytest.approx(np.sqrt(3.0) / 4.0 * k, rel=1e-13)

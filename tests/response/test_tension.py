@@ -39,7 +39,7 @@ def published_tension():
 def stretched_lattice(strength=100.0):
     """A triangular lattice whose bonds pull with `strength` times their stiffness per length."""
     network = build_lattice("triangular", (4, 4)).diluted(0.9, 3)
-    return network._with(tension=strength * network.stiffness * network.linear_bonds.distance)
+    return network.replace(tension=strength * network.stiffness * network.linear_bonds.distance)
 
 
 @cache
@@ -47,7 +47,7 @@ def contacts_that_pull():
     """The contacts of 16 spheres, with random tension from 1e-3 k to 1e3 k."""
     network = Network.of_packing(jampetsc.pack(n=16, pressure=1e-2, seed=1, dimension=3))
     strength = 10.0 ** np.random.default_rng(1).uniform(-3.0, 3.0, len(network.bonds))
-    return network._with(tension=strength * network.stiffness * network.linear_bonds.distance)
+    return network.replace(tension=strength * network.stiffness * network.linear_bonds.distance)
 
 
 NETWORKS = {
@@ -87,7 +87,10 @@ def test_tension_raises_the_largest_rate(session, name, law):
 @pytest.mark.most_ranks(1)
 def test_tension_that_nothing_damps_has_no_largest_rate(session):
     """Sliding does not count: spins follow a turning bond without it."""
-    pulls, rests = pulling_springs(), pulling_springs()._with(tension=np.zeros(len(pulling_springs().bonds)))
+    pulls, rests = (
+        pulling_springs(),
+        pulling_springs().replace(tension=np.zeros(len(pulling_springs().bonds))),
+    )
     for weights in ({"normal": 1.0}, {"normal": 1.0, "sliding": 1.0}):
         found = [
             largest_rate(assemble(build_network(source, session.comm), Law("law", **weights)))

@@ -83,7 +83,7 @@ def same(a, b, tolerance=1e-9):
     scale = a.potential.k
     assert a.pressure == pytest.approx(b.pressure, rel=tolerance, abs=tolerance * scale)
     assert np.abs(a.stress - b.stress).max() <= tolerance * max(scale, np.abs(a.stress).max())
-    assert a._state.energy == pytest.approx(b._state.energy, rel=tolerance, abs=tolerance * scale)
+    assert measure(a).energy == pytest.approx(measure(b).energy, rel=tolerance, abs=tolerance * scale)
     assert len(a.contacts()) == len(b.contacts())
 
 
