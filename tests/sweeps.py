@@ -15,7 +15,7 @@ class Sweep:
 
     def __init__(self, disks, physics, omega, accuracy, comm, parallel="auto"):
         self.omega = np.atleast_1d(np.asarray(omega, float))
-        self.network = network_of(disks, physics, comm)
+        self.physics, self.network = physics, network_of(disks, physics, comm)
         self.pencil = assemble(self.network, physics.law)
         self.sweep = RationalSweep(self.pencil, self.omega, accuracy, parallel)
         self.compatibility = self.pencil.compatibility

@@ -155,7 +155,8 @@ def test_z_that_differs_is_left_out_on_request_only():
     x, radii = spheres(rng, side=40.0)
     assert jampetsc.Packing(x, radii, 40.0).dimension == 3
     assert jampetsc.Packing(x, radii, (40, 40, 40), dimension=2).dimension == 2
-    assert jampetsc.Packing(x, radii, FlatBox(40, 40)).dimension == 2
+    for box in (FlatBox(40, 40), Box(40, 40)):
+        assert jampetsc.Packing(x, radii, box).dimension == 2
     for dimension, positions, says in (
         (4, x, "dimension 4: must be 2 or 3"),
         (3, x[:, :2], r"dimension 3: positions of shape \(12, 2\), must be \(N, 3\)"),
