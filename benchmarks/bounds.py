@@ -107,7 +107,7 @@ def in_units(source, k, length):
         scaled = {name: getattr(source, name) * length for name in ("positions", "cell")}
         radii = None if source.radii is None else source.radii * length
         forces = {"stiffness": source.stiffness * k, "tension": source.tension * k * length}
-        return source._with(**scaled, **forces, radii=radii, k=source.k * k)
+        return source.replace(**scaled, **forces, radii=radii, k=source.k * k)
     positions, low = (part * length for part in join(source.base, source.offset))
     cell, cell_low = (part * length for part in join(source.cell_base, source.cell_offset))
     potential = replace(source.potential, k=source.potential.k * k)
@@ -155,7 +155,7 @@ def draw_network(rng, dimension):
         strength = power(rng, TENSIONS)
         tension = strength * stiffness * stretch * (rng.random(len(stretch)) if rng.random() < 0.5 else 1.0)
         kind = f"{kind}, tension {strength:.1e}"
-    return network._with(stiffness=stiffness, tension=tension), kind
+    return network.replace(stiffness=stiffness, tension=tension), kind
 
 
 def draw_law(rng, rolls):
