@@ -30,6 +30,7 @@ from papers.claims import (  # noqa: F401  they enter their claims
     power_law,
     sizes,
     spheres,
+    transition,
 )
 from papers.claims.page import PAGE, TEXTS
 from papers.claims.selection import page_rows

@@ -132,7 +132,9 @@ def test_what_is_no_law_is_refused_everywhere(sizes, said):
     for job, given in JOBS:
         with pytest.raises(InputError) as raised:
             job(n=16, sizes=sizes, **given)
-        assert str(raised.value).startswith(f"sizes {sizes or repr(sizes)}: {said}") and "\n" not in str(raised.value)
+        assert str(raised.value).startswith(f"sizes {sizes or repr(sizes)}: {said}") and "\n" not in str(
+            raised.value
+        )
 
 
 def test_a_study_varies_sizes():

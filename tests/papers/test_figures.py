@@ -164,6 +164,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "paper3": sizes("STRAIN=0.1 DISCARD=0.04 RUNS=1:1"),
     "paper4": sizes("STRAIN=0.6 DISCARD=0.3 RATES=0.1,0.05 SLOW=0.03 PHI=0.78 HEAVY=1,10 HEAVIEST=10"),
     "relaxation": sizes("N=24 STARTS=2"),
+    "sharp-transition": sizes("RATE=0.05 POINTS=2"),
     "softening": sizes("PRESSURES=1e-2 STRAINS=0.01,1 STEPS=16 CYCLES=3"),
     "split-coordinates": sizes("N=64"),
     "vagberg-fig5.1": sizes("WIDE=0.7,0.95 WIDE_RUNS=0.1,0.05:0.6"),
