@@ -1,7 +1,7 @@
 """V 6.4: some transitions between Newtonian and Bagnoldian flow are sharp.
 
-Primary estimator. The largest ratio of σ at neighbouring Q, one apart, of CD at φ = .74, γ̇ = 1e-5, in scans up and down,
-where a power of Q as in either state changes σ by less than SMOOTH. Whether the scans differ bears on hysteresis.
+Primary estimator. The largest ratio of σ at neighbouring Q, one apart, of CD at φ = .74, γ̇ = 1e-5, in scans up and
+down, where a power of Q as in either state changes σ by less than SMOOTH. Whether the scans differ bears on hysteresis.
 """
 
 import numpy as np
