@@ -249,6 +249,25 @@ def test_a_figure_does_without_a_task_that_fails(tmp_path):
     assert done.returncode == 0 and "2 tasks, 1 failed" in done.stdout and done.stdout.endswith("drawn\n")
 
 
+def test_a_figure_may_be_a_table_alone(tmp_path):
+    for folder in ("figures", "tables"):
+        (tmp_path / "papers" / folder).mkdir(parents=True)
+    for package in (tmp_path / "papers", tmp_path / "papers" / "tables"):
+        (package / "__init__.py").touch()
+    (tmp_path / "papers" / "figures" / "told").write_text("tables told --n 3\n")
+    (tmp_path / "papers" / "tables" / "told.py").write_text("import sys\nprint(sys.argv[2:])\n")
+    for name in ("run", ".venv"):
+        (tmp_path / name).symlink_to(launch.ROOT / name)
+    folder, line = tmp_path / "made", [tmp_path / "run" / "figure", "told"]
+    done = subprocess.run(
+        line, env=launch.environment() | {"FOLDER": str(folder)}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert (
+        (folder / "told.md").read_text() == done.stdout == f"['--picture', '{folder}/told.png', '--n', '3']\n"
+    )
+
+
 def test_a_figure_is_made_and_its_claims_are_looked_at(tmp_path):
     folder, kept, archive = (tmp_path / f"{WHOLE}{ending}" for ending in ("-quick", "-kept", ".tar.xz"))
     environment = launch.environment() | {"N": "16", "SEEDS": "1:2", "FOLDER": str(folder)}
