@@ -27,6 +27,7 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "paper3": {"pressures": "paper3"},
     "paper4": {"regimes": "paper4"},
     "paper5": {"models-at-phi_J": "paper5"},
+    "sharp-transition": {"transition": "sharp-transition"},
     "three-dimensions": {"collapse-no-prestress": "three-dimensions", "medians": "three-dimensions-medians"},
     "three-dimensions-flow": {
         "flow-curves": "three-dimensions-flow",
