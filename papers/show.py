@@ -11,6 +11,7 @@ from pathlib import Path
 GALLERY = Path(__file__).resolve().parent / "gallery"
 COLOURS = 32
 SHOWN = {  # figure -> {picture in its folder: name in the gallery}
+    "above-jamming": {"above-jamming": "above-jamming"},
     "bt-fig1": {"bt-fig1": "bt-fig1", "bt-fig1-fields": "bt-fig1-fields"},
     "bt-fig3": {"3a": "bt-fig3a", "3b": "bt-fig3b", "bt-fig3-exponents": "bt-fig3-exponents"},
     "bt-fig4": {"bt-fig4a": "bt-fig4a", "bt-fig4b": "bt-fig4b"},

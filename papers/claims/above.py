@@ -60,7 +60,7 @@ def rises(table) -> dict:
     for result in table.where(command="jam").results():
         key = NAMES[str(result.attributes["protocol"])], int(result.attributes["particle_count"])
         for phi in np.unique(result["phi"]):
-            here = result["phi"] == phi
+            here = (result["phi"] == phi) & np.isfinite(result["pressure"])  # a run may have lost its minimum
             if here.sum() > 1 and (result["jammed"][here] == 1).all():
                 mean = Average.of(result["pressure"][here])
                 found.setdefault(key, []).append((phi, mean.mean, mean.error))

@@ -4,7 +4,7 @@ import numpy as np
 
 import jampetsc
 from jampetsc.plots.page import draw_points
-from jampetsc.plots.style import OPEN, PAGE, hidden, looks
+from jampetsc.plots.style import PAGE, hidden, looks
 from papers.claims.above import rises
 from papers.pictures.shared import drawn
 
@@ -20,7 +20,7 @@ def pressure_above(page, folder):
         rise = found[name, n]
         x = rise.phi - rise.phi_J.value
         line = np.geomspace(x[0], x[-1])
-        face = OPEN if name == "RAND" else {}
+        face = {"markerfacecolor": "white"} if name == "RAND" else {}
         label = f"{name}, $N={n}$: $y={rise.y.value:.2f}({100 * rise.y.inflated:.0f})$"
         for ax, power in zip(axes, (0, 1), strict=True):
             draw_points(
