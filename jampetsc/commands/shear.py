@@ -135,6 +135,7 @@ prefix -newton_."""
             "plastic_share": PLASTIC_RATIO,
             "newton_steps": path.effort.newton_steps,
             "saddles": path.effort.saddles,
+            "shakes": path.effort.shakes,
             **average_facts(**path.averages),
         }
 

@@ -306,6 +306,7 @@ step, phi, tolerance, discard | float, float, float, float | | Δγ, φ, max\|F\
 energy_cut, plastic_share, newton_steps | float, float, int | | 1e-16, with α > 5/2 its power 2α/5; ¼;
   factorisations of all steps
 saddles | int? | | saddles that were left
+shakes | int? | | how often disks were shaken where no minimum was found
 shear_stress_mean, shear_stress_error, pressure_mean, pressure_error, energy_mean, energy_error, contact_number_mean, \
 contact_number_error, jammed_mean, jammed_error, plastic_mean, plastic_error, dissipated_mean, dissipated_error | float
   | | means over strain > `discard`, jammed or not; errors from the autocorrelation

@@ -18,6 +18,7 @@ from jampetsc.minimisation import warm_start
 from jampetsc.minimisation.descent import Effort, Goal
 from jampetsc.minimisation.minimise import NEWTON_START_FORCE, minimise, separated_pressure
 from jampetsc.minimisation.newton import force_floor
+from jampetsc.minimisation.protocols import MAX_SHAKES
 from jampetsc.packing.contacts import find_contacts, measure, typical_force
 from jampetsc.packing.neighbour_list import SKIN_RANGE, ListedPacking
 from jampetsc.packing.neighbours import fractional, lengths, vectors
@@ -109,6 +110,7 @@ class StepwiseShear(ListedPacking):
     """Disks sheared step by step; `disks`: the last minimum, `minimum`: its state, `effort`: cost so far.
 
     team: the threads of quenches; their number does not change the result.
+    Where a step leads to no minimum, as a contact is too weak for a proof, disks are shaken as by `make_packing`.
     Raises ConvergenceError where no minimum is found, as `minimise`.
     """
 
@@ -137,15 +139,18 @@ class StepwiseShear(ListedPacking):
         """See `ListedPacking`."""
         return simple_shear(self.shear)
 
-    def _quench(self, disks) -> Packing:
+    def _quench(self, disks, shakes=0) -> Packing:
         effort = Effort()
         tolerance = min(
             self.tolerance, NEWTON_START_FORCE
         )  # a saddle that was just left is at rest to a larger one
-        minimum = minimise(disks, Goal(), self.solver, tolerance=tolerance, team=self.team, effort=effort)
+        minimum = minimise(
+            disks, Goal(), self.solver, tolerance=tolerance, shakes=shakes, team=self.team, effort=effort
+        )
         self.effort.evaluations += effort.evaluations
         self.effort.newton_steps += effort.newton_steps
         self.effort.saddles += effort.saddles
+        self.effort.shakes += effort.shakes
         return minimum.disks.folded()
 
     def list(self, disks):
@@ -251,7 +256,7 @@ class StepwiseShear(ListedPacking):
                 sums = sums if proved else None
         if sums is None:  # rearrangements without end, or a saddle: a quench, which leaves saddles
             start = self.disks
-            self.list(self._quench(start))
+            self.list(self._quench(start, MAX_SHAKES))
             displacement = (self.reference.base - start.base) + (self.reference.offset - start.offset)
             images = np.round(fractional(displacement, start.cell))
             self.displacement += displacement - vectors(images, start.cell)
@@ -300,6 +305,7 @@ class StepwiseShear(ListedPacking):
             "evaluations": effort.evaluations,
             "newton_steps": effort.newton_steps,
             "saddles": effort.saddles,
+            "shakes": effort.shakes,
         }
         return arrays | counts | {"anchor": steps, "steps": self.steps}
 
@@ -307,7 +313,8 @@ class StepwiseShear(ListedPacking):
         """Return to the state that `state` gave, to the last bit, by repeating the steps since its `_restart_list`."""
         self.list(self.reference.replace(**{name: np.asarray(state[name], float) for name in PLACES}))
         self.last_displacement, self.steps = np.asarray(state["last"], float), int(state["anchor"])
-        self.effort = Effort(*(int(state[name]) for name in ("evaluations", "newton_steps", "saddles")))
+        counts = ("evaluations", "newton_steps", "saddles", "shakes")
+        self.effort = Effort(*(int(state[name]) for name in counts))
         while self.steps < int(state["steps"]):
             self.advance()
 

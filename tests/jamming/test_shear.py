@@ -9,7 +9,7 @@ from sheared import stop_after
 import jampetsc
 from jampetsc import main as cli
 from jampetsc.analysis.strain_series import StrainSeries
-from jampetsc.errors import InputError
+from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.jamming import stepwise_shear
 from jampetsc.jamming.stepwise_shear import (
     ENERGY_CUT,
@@ -19,14 +19,17 @@ from jampetsc.jamming.stepwise_shear import (
     shear_stepwise,
 )
 from jampetsc.laws.relative_motion import transverse_axes
+from jampetsc.minimisation import warm_start
 from jampetsc.minimisation.descent import Effort, Goal
 from jampetsc.minimisation.minimise import minimise, settle
 from jampetsc.minimisation.protocols import random_start
 from jampetsc.minimisation.sizes import radii_of
+from jampetsc.packing import contacts
 from jampetsc.packing.contacts import measure
 from jampetsc.packing.packing import deformed, proved_minimum
 from jampetsc.packing.potentials import Potential
 from jampetsc.packing.strain import simple_shear
+from jampetsc.petsc.hessian_solver import NewtonSolver
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process
 
@@ -303,3 +306,27 @@ def test_a_path_of_minima_is_resumed_from_what_it_saves(jammed, monkeypatch):
     for name, values in whole.series.arrays().items():
         assert np.array_equal(parts.series.column(name), values), name
     assert parts.averages["pressure"].mean == whole.averages["pressure"].mean
+
+
+def test_where_a_contact_is_too_weak_for_a_proof_disks_are_shaken(session, monkeypatch):
+    """Proofs leave out what bears less than a share of p d, here so large that a step from some packing has none."""
+
+    def step_from(disks, shakes):
+        sheared = StepwiseShear(disks, 1e-6, NewtonSolver(), 1e-8)
+        sheared.needs_proof = True
+        with monkeypatch.context() as patch:
+            patch.setattr(contacts, "MIN_FORCE_RATIO", 0.03)
+            patch.setattr(warm_start, "is_minimum", lambda *_: False)
+            patch.setattr(stepwise_shear, "MAX_SHAKES", shakes)
+            sheared.advance()
+        return sheared
+
+    for seed in range(50, 60):
+        disks = jampetsc.pack(n=16, pressure=1e-3, seed=seed)
+        try:
+            step_from(disks, 0)
+        except ConvergenceError:
+            break
+    sheared = step_from(disks, stepwise_shear.MAX_SHAKES)
+    state = measure(sheared.disks)
+    assert sheared.effort.shakes > 0 and sheared.steps == 1 and state.max_force <= 1e-8 * state.pressure
