@@ -8,7 +8,7 @@ from jampetsc.plots.picture import picture
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 
 HEIGHTS = (3.0, 1.4, 1.9)  # inches of collapse, residuals and drift
-ASYMPTOTE_START = 0.5  # of the largest argument
+ASYMPTOTE_START = 0.7  # of the largest argument
 DRIFT_RANGE = 6.0  # of the axis about the best value, in typical changes or errors
 SYMBOLS = {"pressure": "p", "shear_stress": r"\sigma", "jammed": "f"}
 _PARAMETER_SYMBOLS = {"phi_J": r"\phi_J", "y": "y", "znu": r"z\nu", "nu": r"\nu", "omega": r"\omega"}

@@ -716,7 +716,7 @@ def test_two_branches_are_drawn_against_the_distance():
     assert dashed.keys() == {"_:y", r"_:y-z\nu"}  # through the farthest points
     for name, (place, height, slope) in (("_:y", (0.3, 3.0, 1.0)), (r"_:y-z\nu", (0.4, 0.5, -1.0))):
         distance, y = dashed[name]
-        assert np.allclose(distance, place * np.array([0.5, 1.15]))
+        assert np.allclose(distance, place * np.array([0.7, 1.15]))
         assert np.allclose(y, height * (distance / place) ** slope)
     with pytest.raises(InputError, match=r"f\.h5: a collapse of sizes"):
         plot_branches([held(result, facts | {"scaling": "size"}, "f.h5")])
