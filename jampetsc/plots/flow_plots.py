@@ -66,6 +66,7 @@ def plot_flow(results, page):
 def draw_flow_curves(results, page) -> str:
     """σ, p, σ/p, σ/γ̇ (filled) and p/γ̇ (hollow), local exponents of both, and Z against the rate.
 
+    Grey lines have slopes 1 and 2 where a curve of σ or p follows them; the legend's title is what all have in common.
     Rates at which the mean stress or pressure is not positive are left out of all but Z. Raises InputError where no
     kind has two rates.
     """

@@ -99,8 +99,8 @@ def _draw_drift(ax, result, name, column):
 def plot_branches(results, page):
     """The collapse in two branches (Vågberg, Fig. 5.1): O/γ̇^(y/zν), corrections taken off, against |φ − φ_J|/γ̇^(1/zν).
 
-    Filled above φ_J, hollow below it, a colour for each rate; lines: the fitted f₀. Raises InputError for a collapse
-    with the size, which has no rates.
+    Filled above φ_J, hollow below it, a colour for each rate; lines: the fitted f₀, dashed: slopes y and y − zν.
+    Raises InputError for a collapse with the size, which has no rates.
     """
     (result,) = results
     attributes, x = result.attributes, result["x"]
