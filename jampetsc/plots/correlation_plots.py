@@ -34,8 +34,8 @@ from jampetsc.plots.style import (
 _DASHES = ("-", DASHED, DOTTED, (0, (4, 1.2, 1, 1.2)))  # of files, where colours are of frequencies
 _PARTS = (("Re", "-", 0), ("Im", DASHED, 1))
 SYMBOLS = {"stress": r"$u_y/\sigma$", "strain": r"$u_y/\gamma$"}  # phase -> complex amplitude
-_MAX_ENTRIES = 5  # frequencies in a legend; more get a colour bar
-_MAX_BANDS = 3  # frequencies up to which bands and the other lane widths are drawn
+_MAX_ENTRIES = 7  # frequencies in a legend; more get a colour bar
+_MAX_LANES = 3  # frequencies up to which the other lane widths are drawn
 _FREQUENCY_TOLERANCE = 0.01  # relative, of requested frequencies
 # l/L in a medium under random stresses at low frequency: Re u_y of a solid, and Im u_y under Stokes drag
 # (docs/theory/linear_response.md; papers/claims/medium.py)
@@ -123,7 +123,7 @@ def correlation_curve(result) -> CorrelationCurve:
 def plot_correlation(results, page, omega=None):
     """C against δ/L of one file at all its frequencies, or at `omega` (F,) in 1/τ₁: real part left, imaginary right.
 
-    For a few frequencies, bands are errors and thin lines the other lane widths: if these cannot be seen, the width
+    Bands are errors. For a few frequencies thin lines are the other lane widths: if these cannot be seen, the width
     does not matter. Several files, or one at one frequency, are compared: against δ/d above and δ/L below; colours
     distinguish the files or, if there are several, the frequencies, and dashes then the files.
 
@@ -133,7 +133,7 @@ def plot_correlation(results, page, omega=None):
     if len(curves) > 1 or (omega is not None and np.size(omega) == 1):
         return _draw_comparison(curves, [curves[0].omega.min()] if omega is None else np.ravel(omega), page)
     curve = curves[0] if omega is None else curves[0].at(curves[0].rows(omega))
-    few, shades = len(curve.omega) <= _MAX_BANDS, colours(len(curve.omega))
+    few, shades = len(curve.omega) <= _MAX_LANES, colours(len(curve.omega))
     axes = _panels(page, 1, [r"$\delta/L$"] * 2, curve)
     for ax, (_, _, part) in zip(axes, _PARTS, strict=True):
         for n, shade in enumerate(shades):
@@ -146,19 +146,19 @@ def plot_correlation(results, page, omega=None):
                 1.0 / curve.size,
                 _frequency_label(curve.omega[n]),
                 all_lanes=few,
-                spread=few,
             )
         top = ax.secondary_xaxis("top", functions=(lambda x: x * curve.size, lambda x: x / curve.size))
         top.set_xlabel(rf"$\delta/{curve.diameter}$")
         ax.tick_params(top=False)
     _set_limits(axes, [curve])
+    explained = _explaining_entries([curve], all_lanes=few)
     if len(curve.omega) <= _MAX_ENTRIES:
         handles = [
             entry(f"${power_or_number(w)}$", shade) for shade, w in zip(shades, curve.omega, strict=True)
         ]
-        handles += _explaining_entries([curve], all_lanes=True) if few else []
-        page.legend(axes[1], handles, r"$\omega\tau_1$", "upper right")
+        page.legend(axes[1], handles + explained, r"$\omega\tau_1$", "upper right", groups=len(handles))
     else:
+        page.legend(axes[1], explained, first="upper right", groups=0)
         shown = ScalarMappable(LogNorm(curve.omega.min(), curve.omega.max()), sequential())
         page.figure.colorbar(shown, ax=page.axes, label=r"$\omega\tau_1$", pad=0.01)
     return f"correlation at {len(curve.omega)} frequencies, in phase with the {curve.phase}"

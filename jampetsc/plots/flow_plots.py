@@ -11,24 +11,18 @@ from itertools import pairwise
 import numpy as np
 
 from jampetsc.analysis.correlated_series import layer_heights, mean_of_facts, mean_profile
-from jampetsc.analysis.power_laws import local_exponents, quotient
+from jampetsc.analysis.power_laws import local_exponents, power_law_window, quotient
 from jampetsc.analysis.velocity_correlation import DEFAULT_BIN_WIDTH, DEFAULT_LANE_WIDTH
 from jampetsc.errors import InputError
 from jampetsc.io.disk_motion import correlate_lanes, six_fold_order, velocity_profiles
-from jampetsc.plots.page import draw_band, draw_points
-from jampetsc.plots.picture import (
-    count_text,
-    flow_units,
-    group_by,
-    join_varied,
-    other_settings,
-    picture,
-    potential_text,
-)
+from jampetsc.plots.flow_kinds import kind_of, labels_of, shared_words
+from jampetsc.plots.page import draw_band, draw_guide, draw_points
+from jampetsc.plots.picture import count_text, flow_units, group_by, picture
 from jampetsc.plots.style import DASHED, GREY, OPEN, PAGE, colours, entry, hidden, looks, number
 
 CURVE_HEIGHT = 2.3  # inches of one row of panels
 _MIN_POINTS = 2  # rates or packing fractions of a curve
+MIN_GUIDE_RATES = 4  # of a curve that shows a slope
 QUANTITIES = ("shear_stress", "pressure", "contact_number")
 
 
@@ -72,6 +66,7 @@ def plot_flow(results, page):
 def draw_flow_curves(results, page) -> str:
     """σ, p, σ/p, σ/γ̇ (filled) and p/γ̇ (hollow), local exponents of both, and Z against the rate.
 
+    Grey lines have slopes 1 and 2 where a curve of σ or p follows them; the legend's title is what all have in common.
     Rates at which the mean stress or pressure is not positive are left out of all but Z. Raises InputError where no
     kind has two rates.
     """
@@ -103,9 +98,15 @@ def draw_flow_curves(results, page) -> str:
             hollow = {"markerfacecolor": "white"} if face else {}
             exponents.append((named | hollow, *local_exponents(rates, *both)))
     draw_local_exponents(axes[4], exponents)
-    page.legend(axes[0], fontsize=7, handlelength=1.2, labelspacing=0.2)
+    for ax in axes[:2]:
+        for exponent, above in ((1.0, False), (2.0, True)):
+            lines = [line.get_data() for line in ax.get_lines() if len(line.get_xdata()) >= MIN_GUIDE_RATES]
+            followed = (line for line in lines if power_law_window(*line, exponent) is not None)
+            if line := next(followed, None):
+                draw_guide(ax, *line, exponent, r"\dot\gamma", above)
+    page.legend(axes[0], title=shared_words(list(curves)), fontsize=7.5, handlelength=1.2, labelspacing=0.2)
     both = [entry(r"$\sigma$", marker="o"), entry("$p$", marker="o", mew=0.7, **OPEN)]
-    page.legend(axes[3], both, groups=0, fontsize=7)
+    page.legend(axes[3], both, groups=0, fontsize=7.5)
     return f"flow curves of {count_text(results, 'run', 'runs')} at {len(set(every))} rates"
 
 
@@ -234,48 +235,7 @@ _STRESSES = (("shear_stress", r"\sigma"), ("pressure", "p"))
 MAX_NAMED = 12  # runs in a legend
 ORDERS = (r"$\langle|\psi_6|\rangle$", r"$|\langle\psi_6\rangle|$")
 WINDOWS = (0.0, 0.1, 0.3, 1.0)  # strains between which the start is shown; the last window is the steady part
-# settings of runs of one kind: what they record beside them, and how long they take
-_KNOWN = {
-    "n",
-    "dimension",
-    "phi",
-    "pressure",
-    "sizes",
-    "potential",
-    "exponent",
-    "model",
-    "mass",
-    "quality",
-    "rate",
-    "strain",
-    "walls",
-}
 MAX_PROFILES = 3  # kinds of flow between walls in one picture
-
-
-def kind_of(result) -> tuple:
-    """What flow curves have in common: model, φ, N, mass, sizes and potential of the disks, what a study has set."""
-    attributes = result.attributes
-    walls = " between walls" if "walls" in attributes else ""
-    state = (
-        f"{attributes['model']}{walls}",
-        round(float(attributes["phi"]), 6),
-        int(attributes["particle_count"]),
-        float(attributes["mass"]),
-    )
-    words = str(attributes.get("sizes", "")), potential_text(attributes), other_settings(result, _KNOWN)
-    return *state, *words
-
-
-def labels_of(kinds) -> list[str]:
-    """A legend's words for each of `kinds`: the parts that differ between them, the model where none does."""
-    parts = [
-        (model, rf"$\phi={phi:.6g}$", f"$N={n}$", f"$m={number(mass)}$" if mass else "no mass", *words)
-        for model, phi, n, mass, *words in kinds
-    ]
-    varied = [len(set(column)) > 1 for column in zip(*kinds, strict=True)]
-    varied[3] = varied[3] and len({(kind[0], kind[3]) for kind in kinds}) > len({kind[0] for kind in kinds})
-    return [words or row[0] for words, row in zip(join_varied(parts, varied), parts, strict=True)]
 
 
 def draw_mean(ax, result, name, unit, colour, width) -> None:

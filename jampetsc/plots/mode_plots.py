@@ -252,9 +252,9 @@ def plot_lowest(results, page):
     handles = [entry(**look | {"label": f"lowest {m}"}) for m, look in of_modes]
     drawn = zip(QUANTITIES.values(), shades, strict=True)
     handles += [entry(f"${symbol}$", shade) for (symbol, _), shade in drawn]
-    handles += [entry("(c) whole", marker="o")]
-    handles += [entry(f"(c) lowest {counts[-1]}", marker="o", **OPEN)]
-    handles += [entry(r"$p^{-1/2}$, $p^{\pm 1/4}$", GREY, ls=":", lw=0.8)]
+    handles += [entry("whole response", marker="o")]
+    handles += [entry(f"sum of {counts[-1]} modes", marker="o", **OPEN)]
+    handles += [entry("expected slope", GREY, ls=":", lw=0.8)]
     page.legend(axes[0], handles)
     return f"what the lowest modes carry of slow shear, of {count_text(results, 'packing', 'packings')}"
 

@@ -21,7 +21,7 @@ from jampetsc.plots.cell_drawing import (
     segment_images,
 )
 from jampetsc.plots.cell_view import VIEW_NOTE, CellView, frame_slices
-from jampetsc.plots.flow_plots import kind_of, labels_of
+from jampetsc.plots.flow_kinds import kind_of, labels_of
 from jampetsc.plots.picture import STRESS_UNITS, picture
 from jampetsc.plots.sections import HEIGHT, section_of
 from jampetsc.plots.sphere_drawing import SphereView

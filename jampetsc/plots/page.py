@@ -380,7 +380,8 @@ def draw_guide(ax, x, y, exponent, symbol, above) -> None:
     if window is None:
         return
     u = np.linspace(*window, 50)
-    drawn = [np.log10(line.get_data()) for line in ax.get_lines() if len(line.get_xdata())]
+    with np.errstate(invalid="ignore", divide="ignore"):  # of bars that reach below 0
+        drawn = [np.log10(line.get_data()) for line in ax.get_lines() if len(line.get_xdata())]
     heights = np.array([np.interp(u, *line, left=np.nan, right=np.nan) for line in drawn])
     sign, edge = (1, np.nanmax(heights, axis=0)) if above else (-1, np.nanmin(heights, axis=0))
     gap = max(0.035 * np.ptp(np.log10(ax.get_ylim())), 0.12)

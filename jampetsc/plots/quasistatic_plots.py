@@ -164,7 +164,11 @@ def plot_medians(results, page):
                 lines, bands = [*lines, medians], drawn or bands
                 if max(map(len, samples)) > 1:
                     x, y = np.repeat(p, [len(sample) for sample in samples]), np.concatenate(samples)
-                    dots = {"markersize": 2, "markeredgewidth": 0, "label": hidden(f"{label}, single files")}
+                    dots = {
+                        "markersize": 2,
+                        "markeredgewidth": 0,
+                        "label": hidden(f"{label}, single packings"),
+                    }
                     ax.plot(x, y, ".", color=look["color"], **dots)
                     single = True
         draw_power_law(ax, p, lines[0], slope)  # of the largest N
@@ -172,7 +176,7 @@ def plot_medians(results, page):
     if any(len(levels) > 1 for levels in groups.values()):
         handles.append(entry(r"$p^{\pm 1/4}$", GREY, linestyle=":", linewidth=0.8))
     if single:
-        handles.append(entry("single files", marker=".", ms=2, ls="none"))
+        handles.append(entry("single packings", marker=".", ms=2, ls="none"))
     page.legend(ax, handles + bands)
     return f"medians of floppy motion in {count_text(results, 'file', 'files')}"
 
@@ -259,6 +263,7 @@ HEIGHT = 3.0  # inches
 LARGE_PN2 = 30.0  # pN² above which η₀ does not depend on N, except by a logarithm
 MAX_CRITICAL_PRESSURE = 2e-3  # p/k below which √p η₀ does not depend on p
 MIN_SIZES = 3  # of a line in ln N
+BESIDE = 1.12  # factor between points of neighbouring pressures at one N
 
 
 @picture("finite-size", "quasistatic", suits=has_pressure)
@@ -343,10 +348,11 @@ def _draw_sizes(page, ax, groups, unit):
                     for result in files
                 ]
                 large.setdefault(level, {})[size] = mean_with_error(scaled)
-    for (level, sizes), look in looks(sorted(large.items())):
+    for number, ((level, sizes), look) in enumerate(looks(sorted(large.items()))):
         n = np.array(list(sizes))
         y, error = np.transpose(list(sizes.values()))
-        draw_points(ax, n, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
+        beside = n * BESIDE ** (number - (len(large) - 1) / 2)
+        draw_points(ax, beside, y, error, linestyle="none", label=f"${power_or_number(level)}$", **look)
         certain = np.isfinite(error) & (error > 0)
         if certain.sum() >= MIN_SIZES:
             constant, slope = fit_logarithm(n[certain], y[certain], error[certain])

@@ -8,6 +8,7 @@ from jampetsc.plots.picture import picture
 from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
 
 HEIGHTS = (3.0, 1.4, 1.9)  # inches of collapse, residuals and drift
+ASYMPTOTE_START = 0.7  # of the largest argument
 DRIFT_RANGE = 6.0  # of the axis about the best value, in typical changes or errors
 SYMBOLS = {"pressure": "p", "shear_stress": r"\sigma", "jammed": "f"}
 _PARAMETER_SYMBOLS = {"phi_J": r"\phi_J", "y": "y", "znu": r"z\nu", "nu": r"\nu", "omega": r"\omega"}
@@ -98,8 +99,8 @@ def _draw_drift(ax, result, name, column):
 def plot_branches(results, page):
     """The collapse in two branches (Vågberg, Fig. 5.1): O/γ̇^(y/zν), corrections taken off, against |φ − φ_J|/γ̇^(1/zν).
 
-    Filled above φ_J, hollow below it, a colour for each rate; lines: the fitted f₀. Raises InputError for a collapse
-    with the size, which has no rates.
+    Filled above φ_J, hollow below it, a colour for each rate; lines: the fitted f₀, dashed: slopes y and y − zν.
+    Raises InputError for a collapse with the size, which has no rates.
     """
     (result,) = results
     attributes, x = result.attributes, result["x"]
@@ -122,7 +123,29 @@ def plot_branches(results, page):
             curve = np.abs(result["curve/x"][along]), result["curve/f0"][along]
             ax.plot(*curve, color=GREY, lw=0.9, zorder=1)
     phi_J, exponent, znu = (float(attributes[name]) for name in ("phi_J", "y", "znu"))
+    for side, slope, name in ((1, exponent, "y"), (-1, exponent - znu, r"y-z\nu")):
+        draw_asymptote(ax, np.abs(x[side * x > 0]), y[side * x > 0], slope, name)
     title = rf"$\phi_J={phi_J:.4f}$, $y={exponent:.3g}$, $z\nu={znu:.3g}$"
     ax.set_title(title, loc="right", pad=3)
     page.legend(ax, title="$\\dot\\gamma$; hollow: $\\phi<\\phi_J$")
     return f"two branches of the {attributes['observable']} at {len(x)} points"
+
+
+def draw_asymptote(ax, x, y, slope, name) -> None:
+    """A dashed line of this slope and name through the points of largest x, of a branch (M,) of a collapse."""
+    if not (y > 0).any():
+        return
+    last = np.flatnonzero(y > 0)[np.argmax(x[y > 0])]
+    line = x[last] * np.array([ASYMPTOTE_START, 1.15])
+    with limits_kept(ax):
+        ax.plot(
+            line,
+            y[last] * (line / x[last]) ** slope,
+            color=GREY,
+            lw=0.9,
+            ls="--",
+            zorder=1,
+            label=hidden(name),
+        )
+    look = {"textcoords": "offset points", "ha": "right", "va": "center", "color": "0.25"}
+    ax.annotate(f"slope ${name}={slope:.2f}$", (x[last], y[last]), (-10, 0), **look)

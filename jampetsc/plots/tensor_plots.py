@@ -91,7 +91,7 @@ def plot_tensor(results, page):
                     )
         if (a, b) in shades:
             entries.append(entry(label, colour))
-    page.legend(axes[0], entries, ncol=2 if len(entries) > 4 else 1, fontsize=7)
+    page.legend(axes[0], entries, ncol=2 if len(entries) > 4 else 1, fontsize=7.5)
     page.legend(axes[1], [entry("0 in an isotropic solid", "0.7"), entry("negative", ls=DOTTED)])
     return f"elastic constants of {result.path.name}"
 

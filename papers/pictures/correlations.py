@@ -18,7 +18,7 @@ from papers.pictures.shared import drawn, results
 
 OMEGA = (1e-9, 1e-3, 1e3)
 MIN_SPACING = 0.012  # of points of C in units of L; closer points hide each other
-EXPONENTS = (0.65, 0.0, -0.65)  # of −ln p: as BT print it, none, the inverse
+EXPONENTS = ((0.65, "as printed"), (0.0, "no logarithm"), (-0.65, "inverse"))  # of −ln p, BT's and others
 
 
 @drawn("bt-fig7a")
@@ -72,11 +72,12 @@ def _lengths(page, folder, phase):
     largest = max(file.attributes["particle_count"] for file in files)
     curves = [correlation_curve(file) for file in files if file.attributes["particle_count"] == largest]
     curves = sorted(curves, key=lambda curve: curve.pressure)
-    collapses = [(_rescaled(exponent), _scaled_length_label(exponent)) for exponent in EXPONENTS] + [
-        (_in_a_medium, "$l/d$")
+    collapses = [
+        (_rescaled(exponent), _scaled_length_label(exponent), words) for exponent, words in EXPONENTS
     ]
+    collapses.append((_in_a_medium, "$l/d$", "medium"))
     x = [r"$\omega\tau_1$"] + [r"$\omega\tau_1\,/\,(p/k)^{1/2}$"] * 3 + [r"$(|G^*|/k\omega\tau_1)^{1/2}$"]
-    y = ["$l/L$"] + [name for _, name in collapses]
+    y = ["$l/L$"] + [name for _, name, _ in collapses]
     axes = page.panels(2, 3, PAGE, 5.2, x=x, y=y, log="xy", count=5)
     for curve, look in looks(curves):
         label, length = f"${power_or_number(curve.pressure)}$", curve.G.real
@@ -85,21 +86,24 @@ def _lengths(page, folder, phase):
             axes[0], curve.omega, length / curve.size, curve.bounds[0] / curve.size, label=label, **look
         )
         part = curve.at((length > MIN_LENGTH) & (length < MAX_LENGTH * curve.size))
-        for ax, (collapse, _) in zip(axes[1:], collapses, strict=True):
+        for ax, (collapse, *_) in zip(axes[1:], collapses, strict=True):
             at, value = collapse(part.omega, part.G.real, part)
             draw_points(ax, at, value, part.bounds[0] * value / part.G.real, label=hidden(label), **look)
     axes[0].axhline(0.25, color="0.4", lw=0.6, ls=":", zorder=0)
     axes[0].axhline(MEDIUM[0], color="0.4", lw=0.6, ls="--", zorder=0)
-    for ax, (collapse, _) in zip(axes[1:], collapses, strict=True):
+    for ax, (collapse, _, words) in zip(axes[1:], collapses, strict=True):
         try:
             spread = length_spread(
                 [(curve.omega, curve.G.real + 0j, curve.size, curve) for curve in curves], collapse
             )
-            ax.set_title(rf"rms spread {100 * spread:.2g} %", loc="right", pad=3)
+            ax.set_title(f"{words}: spread {100 * spread:.2g} %", loc="right", pad=3)
         except InputError:  # no two pressures overlap
             pass
     handles = axes[0].get_legend_handles_labels()[0]
-    handles += [entry("$L/4$", "0.4", lw=0.6, ls=":"), entry(f"{MEDIUM[0]:.3f} $L$", "0.4", lw=0.6, ls="--")]
+    handles += [
+        entry("$L/4$", "0.4", lw=0.6, ls=":"),
+        entry(f"${MEDIUM[0]:.3f}\\,L$, medium", "0.4", lw=0.6, ls="--"),
+    ]
     page.legend(axes[0], handles, rf"$p/k$;  $N={largest}$", "lower left")
 
 

@@ -6,13 +6,14 @@ import numpy as np
 
 from jampetsc.io.disk_motion import six_fold_order, snapshot
 from jampetsc.plots.cell_drawing import disk_images, draw_circles, wrap
-from jampetsc.plots.flow_plots import ORDERS, flow_curves
-from jampetsc.plots.page import draw_band, draw_points, limits_kept
-from jampetsc.plots.style import GREY, PAGE, hidden, looks, number
+from jampetsc.plots.flow_plots import CURVE_HEIGHT, ORDERS, flow_curves, plot_flow
+from jampetsc.plots.page import draw_band, draw_points, draw_power_law, limits_kept
+from jampetsc.plots.style import GREY, PAGE, entry, hidden, looks, number
 from papers.pictures.shared import drawn, results
 
 PHI_J, Y, ZNU = 0.8433, 1.1, 3.5  # of Vågberg
 MIN_ASYMPTOTIC_X = 0.5  # of points on an asymptote
+SLOPE = Y / ZNU  # of p at φ_J
 SIZES = (("monodisperse", "Fig. 4.6, one size"), ("bidisperse", "Fig. 4.7, two sizes"))
 
 
@@ -75,3 +76,19 @@ def branches(page, folder):
         ax.annotate(rf"slope ${name}={slope:.1f}$", (middle, level * middle**slope), (-6, 2 * side), **look)
     ax.set_title(rf"$\phi_J={PHI_J}$, $y={Y}$, $z\nu={ZNU}$ (V's)", loc="right", pad=3)
     page.legend(ax, title="$\\dot\\gamma$; hollow: $\\phi<\\phi_J$", first="lower left")
+
+
+@drawn("models-at-phi_J")
+@drawn("flow-curves-at-phi_J")
+def at_phi_J(page, folder):
+    """Flow curves at φ_J as `jampetsc plot --kind flow` draws them, with the slope y/zν of V in (b) and (e)."""
+    axes = page.panels(2, 3, PAGE, 2 * CURVE_HEIGHT)
+    plot_flow(results(folder, command="flow", phi=PHI_J), ax=axes)
+    for points in axes[1].containers:
+        draw_power_law(axes[1], *points.lines[0].get_data(), SLOPE)
+    axes[4].axhline(SLOPE, color=GREY, lw=0.8, ls=":", zorder=0)
+    # on axes of its own `plot_flow` has put the legend on data
+    title = axes[0].get_legend().get_title().get_text()
+    handles = axes[0].get_legend_handles_labels()[0]
+    handles.append(entry(rf"$y/z\nu={SLOPE:.3f}$ (V)", GREY, lw=0.8, ls=":"))
+    page.legend(axes[0], handles, title, fontsize=7.5, handlelength=1.2, labelspacing=0.2)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.collections import LineCollection
-from scipy.spatial import cKDTree
+from matplotlib.patches import Patch
 
 import jampetsc
 from jampetsc.analysis.power_laws import local_slope
@@ -17,14 +17,26 @@ from jampetsc.plots.cell_drawing import draw_circles, wrap
 from jampetsc.plots.moduli_plots import average_files, plot_collapse, plot_moduli
 from jampetsc.plots.page import draw_guide, draw_points
 from jampetsc.plots.quasistatic_plots import plot_viscosities
-from jampetsc.plots.style import GREY, PAGE, hidden, looks, number, power_or_number
+from jampetsc.plots.style import (
+    GREY,
+    LOSS,
+    OPEN,
+    PAGE,
+    STORAGE,
+    colours,
+    entry,
+    hidden,
+    looks,
+    power_or_number,
+)
 from papers.claims.moduli import curves_of, median_curve
 from papers.pictures.shared import beside, drawn, results
 
 WINDOW = 26.0  # side of the part of a packing in mean diameters
 INSET = (0.02, 0.555, 0.34, 0.40)  # left, bottom, width and height in the panel, above G' at low ω
-ARROWS = 23  # along the cell
+ARROWS = 16  # along the cell
 ARROW_LENGTH = 1.5  # 90th percentile, in distances between arrows
+INTERVAL = Patch(facecolor="0.2", alpha=0.25, label="68 % interval")
 
 
 @drawn("bt-fig1")
@@ -40,12 +52,13 @@ def moduli_and_packing(page, folder):
     packings = f"{len(sweeps)} packings" if several else "one packing"
     title = rf"$N={n}$, $p/k={power_or_number(p)}$, $\beta=1$, {packings}"
     ax.set_title(title, loc="right", pad=3)
+    page.legend(ax, _parts())
     _part(ax.inset_axes(INSET), packing_of(sweeps[0]))
 
 
 @drawn("bt-fig1-fields")
 def fields(page, folder):
-    """Total displacements of the first packing at zero and at peak stress, at each frequency that has a field."""
+    """Non-affine displacements of the first packing at zero and at peak stress, at each frequency that has a field."""
     sweep, *_ = results(folder, command="sweep")
     disks, frequencies = packing_of(sweep), sweep.fields.omega
     axes = page.panels(2, len(frequencies), PAGE, 5.2)
@@ -54,6 +67,11 @@ def fields(page, folder):
         turn = phase_factor(sweep, omega, "stress")
         _arrows(ax, sweep, disks, n % len(frequencies), turn, dict(moments)[when])
         ax.set_title(rf"$\omega\tau_1={power_or_number(omega)}$, {when} stress", loc="right", pad=3)
+
+
+def _parts():
+    """Entries of G' and G'' in a legend."""
+    return [entry(STORAGE, marker="o"), entry(LOSS, marker="o", mew=0.7, **OPEN)]
 
 
 def _part(ax, disks):
@@ -72,31 +90,33 @@ def _part(ax, disks):
     edges = [(x - 0.5 * side, x + 0.5 * side) for x in middle]
     ax.set(xlim=edges[0], ylim=edges[1], aspect="equal", xticks=(), yticks=())
     words = f"{WINDOW:g} of {np.sqrt(disks.volume) / (2 * disks.radii.mean()):.0f} diameters"
-    ax.set_title(words, fontsize=7, pad=2)
+    ax.set_title(words, fontsize=7.5, pad=2)
 
 
 def _arrows(ax, sweep, disks, row, turn, part):
-    """Total displacements of the disks nearest to a grid, and how many times them the arrows are."""
-    particles = particle_rows(sweep, disks)
-    centres = wrap(disks.positions, disks.cell)[particles]
-    u = np.array(field_at(sweep, row)[0])
-    u[:, 0] += centres[:, 1] - 0.5 * disks.cell[1, 1]
-    grid = (np.stack(np.meshgrid(*[np.arange(ARROWS)] * 2), axis=-1).reshape(-1, 2) + 0.5) / ARROWS
-    chosen = np.unique(cKDTree(centres).query(grid @ disks.cell)[1])
-    u, spacing = part(turn * u[chosen]), np.sqrt(disks.volume) / ARROWS
+    """Non-affine displacements, means over ARROWS² parts of the cell; below, their rms over that of the affine part."""
+    centres = wrap(disks.positions, disks.cell)[particle_rows(sweep, disks)]
+    nonaffine = part(turn * np.array(field_at(sweep, row)[0]))
+    affine = part(turn * (centres[:, 1] - 0.5 * disks.cell[1, 1]))
+    share = np.sqrt(np.sum(nonaffine**2) / np.sum(affine**2))
+    places = np.floor(centres @ np.linalg.inv(disks.cell) * ARROWS).astype(int)
+    filled, owners, counts = np.unique(places, axis=0, return_inverse=True, return_counts=True)
+    sums = [np.bincount(owners.ravel(), weights=column) for column in nonaffine.T]
+    u, spacing = np.transpose(sums) / counts[:, None], np.sqrt(disks.volume) / ARROWS
     factor = ARROW_LENGTH * spacing / np.quantile(lengths(u), 0.9)
     look = {
         "angles": "xy",
         "scale_units": "xy",
         "scale": 1.0,
-        "width": 0.0035,
+        "width": 0.004,
+        "pivot": "middle",
         "headwidth": 3.5,
         "headlength": 4,
     }
-    ax.quiver(*centres[chosen].T, *(factor * u).T, label=hidden("arrows"), **look)
+    ax.quiver(*(((filled + 0.5) / ARROWS) @ disks.cell).T, *(factor * u).T, label=hidden("arrows"), **look)
     edges = [(0.0, side) for side in disks.cell.sum(0)]
     ax.set(xlim=edges[0], ylim=edges[1], aspect="equal", xticks=(), yticks=())
-    ax.set_xlabel(rf"arrows ${number(factor)}\,u/\gamma$", fontsize=8)
+    ax.set_xlabel(rf"rms $u_{{\rm na}}={share:.2g}$ of the affine part", fontsize=8)
 
 
 @drawn("bt-fig4a")
@@ -116,7 +136,13 @@ def sliding_damping(page, folder):
     axes = page.panels(1, 2, PAGE, 3.1)
     sweeps = results(folder, command="sweep", pressure=1e-4, prestress=1)
     plot_moduli(sweeps, ax=axes[0], statistic="median")
+    axes[0].set_title(rf"$N={sweeps[0].attributes['particle_count']}$, $p/k=10^{{-4}}$", loc="right", pad=3)
+    page.legend(axes[0], [entry(r"$\beta=0$", GREY), *_parts(), INTERVAL])
     plot_viscosities(results(folder, command="quasistatic", pressure=1e-4), ax=axes[1])
+    (colour,) = colours(1)
+    names = ((r"$\eta_0$", {}), (r"$\eta_\infty$", OPEN))
+    handles = [entry(name, colour, marker="o", mew=0.7, **face) for name, face in names]
+    page.legend(axes[1], [*handles, INTERVAL], first="upper left")
 
 
 @drawn("bt-viscosity-ratio")

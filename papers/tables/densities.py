@@ -222,26 +222,36 @@ def _draw_distributions(ax, cold):
     ax.set(xlabel=r"$\phi_J$", ylabel=r"share with less $\phi_J$")
     ax.set_ylim(-0.04, 1.6)  # with room for the legend
     ax.set_yticks(np.linspace(0.0, 1.0, 6))
-    ax.legend(title="cooled at (rate)", fontsize=7, loc="upper left")
+    ax.legend(title="cooled at (rate)", fontsize=7.5, loc="upper left")
 
 
 def _draw_steps(ax, jammed):
+    """f(φ) of QS from both starts, points about the step of the mixed one; of RAND the steps alone."""
+    from scipy.special import ndtr
+
     sizes = sorted({one.n for one in jammed})
     for one in jammed:
-        value = np.array([share.value for share in one.shares])
-        bars = [value - [s.low for s in one.shares], [s.high for s in one.shares] - value]
-        look = {"color": style.colours(len(sizes))[sizes.index(one.n)], **_look_of_states(one)}
-        label = style.hidden(f"{_kind(one)}, N = {one.n}")
-        ax.errorbar(one.phi, value, bars, capsize=1.5, elinewidth=0.6, label=label, **look)
-    ax.set(xlabel=r"$\phi$", ylabel=r"$f(\phi)$", ylim=(-0.04, 1.04))
-    left, right = ax.get_xlim()
-    ax.set_xlim(left, right + 0.5 * (right - left))  # with room for the legend
+        colour = style.colours(len(sizes))[sizes.index(one.n)]
+        look, label = _look_of_states(one), style.hidden(f"{_kind(one)}, N = {one.n}")
+        if one.name == "QS":
+            value, low, high = np.transpose([(share.value, share.low, share.high) for share in one.shares])
+            inside = (value > STEEP) & (value < 1.0 - STEEP)
+            bars = np.array([value - low, high - value])[:, inside]
+            points = {"ms": 4, "capsize": 1.5, "elinewidth": 0.6, "color": colour}
+            ax.errorbar(one.phi[inside], value[inside], bars, label=label, **points | look | {"ls": "none"})
+        middle, width, *_ = one.fit
+        if one.start == MIXED and np.isfinite(width):
+            phi = np.linspace(one.phi[0], one.phi[-1], 200)
+            ax.plot(phi, ndtr((phi - middle) / width), color=colour, ls=look["ls"], lw=0.9, label=label)
+    ax.set(xlabel=r"$\phi$", ylabel=r"$f(\phi)$")
+    ax.set_ylim(-0.04, 1.6)  # with room for the legend
+    ax.set_yticks(np.linspace(0.0, 1.0, 6))
     handles = [
         style.entry(f"$N={n}$", colour) for n, colour in zip(sizes, style.colours(len(sizes)), strict=True)
     ]
     looks = {_kind(one): _look_of_states(one) for one in jammed}
     handles += [style.entry(words, **look) for words, look in sorted(looks.items())]
-    ax.legend(handles=handles, fontsize=7, loc="lower right")
+    ax.legend(handles=handles, fontsize=7.5, loc="upper left", ncol=2)
 
 
 def _kind(one):
@@ -250,9 +260,13 @@ def _kind(one):
 
 def _look_of_states(one):
     """Marker and line by ensemble and start."""
-    fill = {"mfc": "white"} if one.start == SEPARATED else {}
-    dash = "--" if one.name == "RAND" else ":" if one.start == SEPARATED else "-"
-    return {"marker": "s" if one.name == "RAND" else "o", "ls": dash, **fill}
+    if one.name == "RAND":
+        return {"ls": "--"}
+    return (
+        {"marker": "o", "ls": "none", "mfc": "white"}
+        if one.start == SEPARATED
+        else {"marker": "o", "ls": "-"}
+    )
 
 
 def _draw_starts(ax, jammed):

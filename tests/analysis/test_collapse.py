@@ -712,5 +712,11 @@ def test_two_branches_are_drawn_against_the_distance():
     assert np.allclose(below, [[0.5, 0.4, 0.3, 0.2, 0.1], [1, 2, 3, 4, 5]])
     assert np.allclose(above[1], [7, 8, 9, 10, 11])
     assert "hollow" in ax.get_legend().get_title().get_text()
+    dashed = {line.get_label(): line.get_data() for line in ax.get_lines() if line.get_linestyle() == "--"}
+    assert dashed.keys() == {"_:y", r"_:y-z\nu"}  # through the farthest points
+    for name, (place, height, slope) in (("_:y", (0.3, 3.0, 1.0)), (r"_:y-z\nu", (0.4, 0.5, -1.0))):
+        distance, y = dashed[name]
+        assert np.allclose(distance, place * np.array([0.7, 1.15]))
+        assert np.allclose(y, height * (distance / place) ** slope)
     with pytest.raises(InputError, match=r"f\.h5: a collapse of sizes"):
         plot_branches([held(result, facts | {"scaling": "size"}, "f.h5")])

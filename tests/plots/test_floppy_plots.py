@@ -76,7 +76,13 @@ def test_lines_run_through_medians_and_small_points_are_files():
     assert len(points) == 6
     low, high = median_interval(np.array([1.0, 1.5, 20.0]))
     np.testing.assert_allclose(bands(ax)[0][1:], [low * p, high * p])
-    assert told(ax)[3:] == ["no pre-stress", "pre-stress", r"$p^{\pm 1/4}$", "single files", "68 % interval"]
+    assert told(ax)[3:] == [
+        "no pre-stress",
+        "pre-stress",
+        r"$p^{\pm 1/4}$",
+        "single packings",
+        "68 % interval",
+    ]
     alone = told(figure_of(plot_medians, some[:1]).axes[0])
     assert alone[3:] == ["no pre-stress", "pre-stress"]  # no guide through one pressure
     some[0].attributes["load"] = "compression"
@@ -109,7 +115,7 @@ def test_the_guide_goes_with_the_largest_packings_and_sizes_have_markers():
     ax = figure_of(plot_medians, some).axes[0]
     guides = [y for _, y, dash, _ in lines(ax, 2) if dash == ":"]
     np.testing.assert_allclose([np.sqrt(y[0] * y[1]) for y in guides], [64.0] * 3)
-    assert told(ax)[3:5] == ["$N=16$", "$N=64$"] and not {"single files", "68 % interval"} & set(told(ax))
+    assert told(ax)[3:5] == ["$N=16$", "$N=64$"] and not {"single packings", "68 % interval"} & set(told(ax))
 
 
 def test_viscosities_are_medians_over_files_in_units_of_k_and_tau1():

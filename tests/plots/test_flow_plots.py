@@ -14,12 +14,11 @@ from jampetsc.errors import InputError
 from jampetsc.io.disk_motion import snapshot, velocity_profiles
 from jampetsc.packing.contacts import measure
 from jampetsc.plots.draw import draw, table_rows
+from jampetsc.plots.flow_kinds import kind_of, labels_of, shared_words
 from jampetsc.plots.flow_plots import (
     draw_local_exponents,
     flow_curves,
     flow_regimes,
-    kind_of,
-    labels_of,
     lanes_of,
     plot_against_phi,
     plot_flow,
@@ -100,6 +99,11 @@ def test_what_differs_is_not_averaged():
         with pytest.raises(InputError, match="Give each run once"):
             flow_curves([facts(), twin])
     assert labels_of([kind_of(facts()), kind_of(facts(mass=2.0))]) == ["$m=1$", "$m=2$"]
+    massive = [kind_of(facts(mass=quality**2, quality=quality)) for quality in (1.0, 0.3)]
+    assert labels_of(massive) == ["$Q=1$", "$Q=0.3$"]
+    assert shared_words(massive) == r"RD, $\phi=0.8$, $N=64$"
+    assert shared_words([kind_of(facts()), kind_of(facts(phi=0.9))]) == "RD, $N=64$"
+    assert shared_words([kind_of(facts())]) == r"$\phi=0.8$, $N=64$"  # the model is the entry
     assert labels_of([kind_of(facts())]) == ["RD"]
     assert labels_of([kind_of(facts()), kind_of(facts(model="RD0", mass=0.0))]) == ["RD", "RD0"]
 
@@ -146,6 +150,17 @@ def test_flow_curves_are_drawn_in_the_units_that_their_axes_name():
     stress, pressure = (container.lines[0] for container in axes[4].containers)
     np.testing.assert_allclose((stress.get_ydata(), pressure.get_ydata()), [[np.log2(3)], [1.0]])
     assert stress.get_markerfacecolor() != "white" and pressure.get_markerfacecolor() == "white"
+
+
+def test_slopes_of_both_regimes_are_drawn_where_a_curve_follows_them():
+    def guides(power):
+        rates = 10.0 ** np.arange(-4.0, 0.0)
+        some = [facts(rate=rate, shear_stress_mean=rate**power, pressure_mean=rate**0.3) for rate in rates]
+        return [[text.get_text() for text in ax.texts] for ax in figure_of(plot_flow, some).axes[:2]]
+
+    assert guides(1.0) == [[r"$\dot\gamma$"], []]
+    assert guides(2.0) == [[r"$\dot\gamma^{2}$"], []]
+    assert guides(0.5) == [[], []]
 
 
 def test_series_are_sums_of_their_parts_with_their_own_means():

@@ -16,7 +16,8 @@ from jampetsc.errors import InputError
 from jampetsc.io.reader import load
 from jampetsc.plots.draw import draw
 from jampetsc.plots.exponent_plots import plot_exponents
-from jampetsc.plots.flow_plots import flow_curves, kind_of, labels_of, plot_flow, plot_stress
+from jampetsc.plots.flow_kinds import kind_of, labels_of
+from jampetsc.plots.flow_plots import flow_curves, plot_flow, plot_stress
 from jampetsc.plots.moduli_plots import average_files, plot_moduli
 from jampetsc.plots.quasistatic_plots import groups_of, plot_medians, pressures_of
 from jampetsc.plots.style import STORAGE
