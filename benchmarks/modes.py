@@ -6,9 +6,14 @@ All get the same K, the same shift and the same tolerance; processor times are t
 repeats, taken in turn.
 "certified" adds what `jampetsc modes` does besides: the count of modes by inertia. (That K has no negative modes is
 proved by `jampetsc pack`, and is in the file.)
+
+    .venv/bin/python benchmarks/modes.py --states 60 --sizes 1024,2048,32768
+
+Exact numbers of states between frequencies instead, against all modes by LAPACK where there are at most 4096 disks.
 """
 
 import argparse
+import resource
 import sys
 
 import numpy as np
@@ -66,6 +71,39 @@ def measure(path, count, repeats):
     )
 
 
+def measure_states(path, edges):
+    """Seconds and memory of `edges` numbers of states, and seconds of all modes, which LAPACK finds."""
+    from jampetsc.io.packing_file import read_packing
+    from jampetsc.petsc import session
+    from jampetsc.petsc.eigen import MAX_LAPACK_UNKNOWNS
+    from jampetsc.response.contact_network import build_network
+    from jampetsc.response.mode_counts import count_between
+    from jampetsc.response.vibrations import lowest_modes
+
+    running = session.start("real")
+    network = build_network(read_packing(path), running.comm)
+    omega = np.geomspace(1e-3, 3.0, edges)
+    seconds, found = processor(count_between, network, omega, True)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
+    unknowns, other = network.n * network.dimension, {}
+    if unknowns <= MAX_LAPACK_UNKNOWNS:
+        spent, modes = processor(lowest_modes, network, None, None, True)
+        counts = np.histogram(np.sqrt(modes.eigenvalues), omega)[0]
+        other = {"all": spent, "differ": int(np.abs(counts - found.counts).max())}
+    report(unknowns=unknowns, states=seconds, peak=peak, counted=int(found.counts.sum()), **other)
+
+
+def print_states(sizes, pressure, edges):
+    """Print the table of `measure_states`."""
+    print("      N  unknowns  states s  GB     counted  all modes s  ratio  largest difference of a number")
+    for n in sizes:
+        r = worker(__file__, "--measure", packing(n, pressure), "--states", edges)
+        line = f"{n:7d}  {r['unknowns']:8d}  {r['states']:8.2f}  {r['peak']:.2f}  {r['counted']:8d}"
+        if "all" in r:
+            line += f"  {r['all']:11.1f}  {r['all'] / r['states']:5.1f}  {r['differ']}"
+        print(line, flush=True)
+
+
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -75,12 +113,21 @@ def main():
     parser.add_argument(
         "--repeats", type=int, default=3, help="repeats, of which the best counts (default 3)"
     )
+    parser.add_argument(
+        "--states", type=int, metavar="EDGES", help="count states between as many frequencies"
+    )
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     args = parser.parse_args()
+    if args.measure and args.states:
+        measure_states(args.measure, args.states)
+        return
     if args.measure:
         measure(args.measure, args.count, args.repeats)
         return
     print(machine())
+    if args.states:
+        print_states(map(int, args.sizes.split(",")), args.pressure, args.states)
+        return
     print(
         "      N  unknowns   modes s   eigsh s  ratio CHOLMOD s  ratio  certified s  eigsh: ratio   counted  "
         "eigenvalues differ  residuals"

@@ -644,6 +644,7 @@ def modes(
     count: int | None = None,
     below: float | None = None,
     all: bool = False,
+    states: _Numbers | None = None,
     eigenvectors: bool = True,
     prestress: bool = True,
     load: Any = 'xy',
@@ -656,7 +657,7 @@ def modes(
 
     Eigenvectors of the Hessian K without its translations. Disks have mass one: frequencies are the square roots of
     the eigenvalues. Each mode has its floppiness, participation ratio and share of the response to a load. That none
-    was missed is proved by the inertia of K.
+    was missed is proved by the inertia of K. The density of states follows from the inertia alone, without modes.
 
     Collective.
 
@@ -670,6 +671,8 @@ def modes(
         all modes with eigenvalues below this, in the unit of k
     all : bool, default False
         all modes, by LAPACK on one rank: up to 4096 disks or 2730 spheres
+    states : numbers or "low:high:count", default None
+        no modes but their exact numbers between these frequencies, by one factorisation for each, in √k, masses being one
     eigenvectors : bool, default True
         eigenvectors in the file, 8 DN bytes for each mode
     prestress : bool, default True

@@ -92,14 +92,15 @@ no_prestress_* | float? | | these numbers of K without pre-stress
 
 MODES = Format(
     datasets=r"""
-eigenvalues | (M,) | float | k | λ of K, increasing, translations left out; frequencies are √(λ/mass)
+eigenvalues | (M,) | float? | k | λ of K, increasing, translations left out; frequencies are √(λ/mass); missing,
+  like all of single modes below, with `--states`
 modes | (M, n, D) | float? | | displacements, Σ\|φ_i\|² = 1; missing with `--no-eigenvectors`
 particles | (n,) | int | | numbers in the packing of the disks that are no rattlers, in the order of `modes`
-residuals | (M,) | float | k | \|Kφ − λφ\|
-normal, transverse | (M,) | float | | mean over contacts of (Δu∥)², (Δu⊥)²
-floppiness | (M,) | float | | rms Δu⊥/rms Δu∥
-participation_ratio | (M,) | float | | (Σ\|φ_i\|²)²/(n Σ\|φ_i\|⁴), 1 if all disks move alike
-shear_force | (M,) | float | | force of the affine motion of the load on the mode, per unit amplitude
+residuals | (M,) | float? | k | \|Kφ − λφ\|
+normal, transverse | (M,) | float? | | mean over contacts of (Δu∥)², (Δu⊥)²
+floppiness | (M,) | float? | | rms Δu⊥/rms Δu∥
+participation_ratio | (M,) | float? | | (Σ\|φ_i\|²)²/(n Σ\|φ_i\|⁴), 1 if all disks move alike
+shear_force | (M,) | float? | | force of the affine motion of the load on the mode, per unit amplitude
 share/nonaffine, share/normal, share/transverse, share/modulus | (M,) | float? | | of \|u_na\|², of (Δu∥)² and (Δu⊥)²
   without their affine parts (projections), of G_affine − G₀; missing, like all below, where the response is affine or
   not unique
@@ -112,12 +113,16 @@ tensor/modulus | (M, L) | float? | | shares of the non-affine part of the modulu
 lowest/count | (q,) | int? | | 10, 50 and 200, if they do not exceed M
 lowest/normal_median, lowest/transverse_median, lowest/nonaffine_median | (q,) | float? | length | medians of \|Δu∥\|,
   \|Δu⊥\|, \|u_na\| per unit strain of the response of only that many lowest modes, without affine part
+states/edges | (E,) | float? | √k | with `--states`: frequencies √λ, increasing
+states/counts | (E − 1,) | int? | | exact numbers of modes between them; D(ω) is a number over D n Δω
 """,
     attributes=r"""
+contacts | int | | number of contacts
 inertia_count, inertia_shift | int, float? | , k | number of eigenvalues below the shift, counted by inertia: none was
   missed
-complete, contacts, method | bool, int, text | | whether the file has all modes; number of contacts; solver
-restarts | int? | | of the solver
+complete, method, restarts | bool, text, int? | | whether the file has all modes; solver, its restarts
+states_below, states_above | int? | | with `--states`: modes below the first edge, translations left out, and above the
+  last
 normal_median, transverse_median, nonaffine_median | float? | length | medians of \|Δu∥\|, \|Δu⊥\|, \|u_na\| of the
   whole response, affine part included, per unit strain
 """,

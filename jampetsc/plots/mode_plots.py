@@ -25,32 +25,31 @@ from jampetsc.plots.style import (
     hidden,
     looks,
     power_or_number,
+    power_text,
     sequential,
 )
 
 BINS_PER_DECADE = 8  # of frequency
+DEBYE_RANGE = 10.0  # highest over lowest frequency that Debye's law is drawn through
 MIN_BINNED = 5  # modes of a bin with a median
 MAX_POINTS = 2000  # that a picture for print holds one by one
+SAME_EDGE = 1e-9  # edges of files that differ by less, relatively, are the same
 MIN_EIGENVALUE = 1e-14  # λ/k: what is smaller is the rounding of modes of no energy
-FREQUENCY = r"$\omega_m\ [\sqrt{k/m}]$"
+OMEGA = r"\omega_m"
+FREQUENCY = rf"${OMEGA}\ [\sqrt{{k/m}}]$"
 
 
-def density_of_states(frequencies, states: int):
-    """(ω, D) in logarithmic bins that hold a mode: modes per unit frequency, divided by the number of states.
-
-    frequencies   (m,) positive, of all spectra together
-    states        degrees of freedom of all spectra together
-    """
+def logarithmic_edges(frequencies):
+    """Edges (B + 1,) of bins of frequency that hold all of these, (m,) positive."""
     low = np.floor(np.log10(frequencies.min()) * BINS_PER_DECADE)
     high = np.ceil(np.log10(frequencies.max()) * BINS_PER_DECADE)
-    edges = 10.0 ** (np.arange(low, high + 1) / BINS_PER_DECADE)
-    counts, _ = np.histogram(frequencies, edges)
-    filled = counts > 0
-    return np.sqrt(edges[1:] * edges[:-1])[filled], (counts / np.diff(edges) / states)[filled]
+    return 10.0 ** (np.arange(low, high + 1) / BINS_PER_DECADE)
 
 
 def eigenvalues(result):
-    """λ/k of the modes, increasing, (m,)."""
+    """λ/k of the modes, increasing, (m,). Raises InputError for numbers of states."""
+    if "eigenvalues" not in result:
+        raise InputError(f"{result.path}: numbers of states, not modes. Run modes without {named('states')}.")
     return result["eigenvalues"] / units_of(result).k
 
 
@@ -74,7 +73,7 @@ def group_by_pressure(results) -> dict:
     return {level: [result for _, result in files] for level, files in sorted(levels.items())}
 
 
-@picture("modes", "modes")
+@picture("modes", "modes", suits=lambda result: "eigenvalues" in result)
 def plot_modes(results, page):
     """Above: frequency of each mode against its number, floppiness (rms Δu⊥/Δu∥) in colour. Below: the cumulative
     shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry, means over the files of one
@@ -137,29 +136,85 @@ def mode_fields(result, numbers):
     ]
 
 
+def _counted_edges(results):
+    """Edges (E,) of numbers of states, in units of √(k/m); None without such files. Raises InputError for several."""
+    counted = [result for result in results if "states/edges" in result]
+    edges = [result["states/edges"] / np.sqrt(units_of(result).k) for result in counted]
+    for result, own in zip(counted, edges, strict=True):
+        if len(own) != len(edges[0]) or not np.allclose(own, edges[0], rtol=SAME_EDGE, atol=0.0):
+            raise InputError(
+                f"{result.path}: other edges than {counted[0].path.name}. Draw files of equal {named('states')}."
+            )
+    return edges[0] if edges else None
+
+
 def pooled_density(results):
-    """(ω, D) of complete spectra together, see `density_of_states`."""
-    states = sum(recorded_dimension(result.attributes) * len(result["particles"]) for result in results)
-    return density_of_states(np.concatenate([frequencies(result) for result in results]), states)
+    """(ω, D) in bins that hold a mode, at their middles: modes per unit frequency, divided by the degrees of freedom.
+
+    Complete spectra and numbers of states together, in the bins of the latter, else logarithmic. Raises InputError for
+    several edges and for no mode.
+    """
+    degrees = sum(recorded_dimension(result.attributes) * len(result["particles"]) for result in results)
+    spectra = [frequencies(result) for result in results if "states/edges" not in result]
+    edges = _counted_edges(results)
+    edges = logarithmic_edges(np.concatenate(spectra)) if edges is None else edges
+    counts = sum(np.histogram(spectrum, edges)[0] for spectrum in spectra)
+    counts = counts + sum(result["states/counts"] for result in results if "states/counts" in result)
+    filled = counts > 0
+    if not filled.any():
+        raise InputError(f"{results[0].path}: no mode between its edges. Count between others.")
+    return np.sqrt(edges[1:] * edges[:-1])[filled], (counts / np.diff(edges) / degrees)[filled]
+
+
+def excess_contacts(results) -> float:
+    """Δz, contacts of each particle beyond 2D, mean over files; nan where one does not record its contacts."""
+    return float(
+        np.mean(
+            [
+                2.0 * result.attributes.get("contacts", np.nan) / len(result["particles"])
+                - 2.0 * recorded_dimension(result.attributes)
+                for result in results
+            ]
+        )
+    )
 
 
 @picture("states", "modes")
 def plot_states(results, page):
-    """Density of states D(ω) of complete spectra, pooled over files of one pressure.
+    """Density of states D(ω) of complete spectra and of exact numbers of states, pooled over files of one pressure.
 
-    Without pre-stress a plateau begins at ω* ∝ Δz ∝ p^½ (Silbert, Liu & Nagel 2005; Wyart 2005). Raises
-    InputError for files that do not hold all modes, and for several dimensions.
+    Without pre-stress a plateau begins at ω* ∝ Δz ∝ p^½ (Silbert, Liu & Nagel 2005; Wyart 2005): a star marks
+    ω = Δz √(k/m), which is of its order where contacts are harmonic. Debye's ω^(D − 1) goes through the lowest decade
+    of the highest pressure. Raises InputError for other files, and for several dimensions.
     """
     require_alike(results, ("dimension",))
     for result in results:
-        if not result.attributes.get("complete", False):
+        if "states/edges" not in result and not result.attributes.get("complete", False):
             raise InputError(
-                f"{result.path}: {len(result['eigenvalues'])} modes, not all. Run modes with --all."
+                f"{result.path}: {len(result['eigenvalues'])} modes, not all. Run modes with {named('states')} or "
+                f"{named('all')}."
             )
-    ax = page.panels(x=FREQUENCY, y=r"$D(\omega_m)$", log="xy")
+    ax, marks = page.panels(x=FREQUENCY, y=r"$D(\omega_m)$", log="xy"), []
     for (level, files), look in looks(group_by_pressure(results).items()):
-        ax.plot(*pooled_density(files), markersize=2.8, label=_pressure(level), **look)
-    page.legend(ax, title=f"$p{stress_unit(results).over}$")
+        omega, density = pooled_density(files)
+        ax.plot(omega, density, markersize=2.8, label=_pressure(level), **look)
+        plateau = excess_contacts(files)
+        if omega[0] < plateau < omega[-1]:
+            height = np.exp(np.interp(np.log(plateau), np.log(omega), np.log(density)))
+            marks.append((plateau, height, look["color"], _pressure(level)))
+    slowest, exponent = omega <= DEBYE_RANGE * omega[0], recorded_dimension(results[0].attributes) - 1
+    draw_power_law(ax, omega[slowest], density[slowest], exponent)
+    handles = [
+        *ax.get_legend_handles_labels()[0],
+        entry(f"${power_text(OMEGA, exponent)}$", GREY, ls=":", lw=0.8),
+    ]
+    for plateau, height, color, name in marks:
+        ax.plot(
+            plateau, height, "*", markersize=7, markeredgecolor="k", color=color, label=hidden(f"Δz, {name}")
+        )
+    if marks:
+        handles.append(entry(rf"${OMEGA}=\Delta z$", "0.3", ls="none", marker="*"))
+    page.legend(ax, handles, f"$p{stress_unit(results).over}$")
     return f"density of states of {count_text(results, 'packing', 'packings')}"
 
 

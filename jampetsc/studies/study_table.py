@@ -105,7 +105,12 @@ def _sweep(result):
 
 
 def _modes(result):
-    """Numbers of the first mode; floppiness and shares of the response of the lowest 10, 50 and 200 modes together."""
+    """Numbers of the first mode; floppiness and shares of the response of the lowest 10, 50 and 200 modes together.
+
+    None of numbers of states.
+    """
+    if "eigenvalues" not in result:
+        return {}
     numbers = {
         "lowest_eigenvalue": float(result["eigenvalues"][0]),
         "lowest_participation": float(result["participation_ratio"][0]),

@@ -7,7 +7,7 @@ from scipy.linalg import block_diag
 from whole_arrays import spread
 
 from jampetsc.errors import ConvergenceError, InputError
-from jampetsc.petsc.inertia import Inertia, count_below, count_eigenvalues
+from jampetsc.petsc.inertia import Inertia, ShiftedInertia, count_below, count_eigenvalues
 from jampetsc.response import minimum_check as minimum
 from jampetsc.response.assembly import assemble
 from jampetsc.response.contact_network import build_network
@@ -64,6 +64,26 @@ def test_an_eigenvalue_at_the_very_value_is_not_counted_silently(session):
     assert count_below(matrix, 2.5, "A") == 2
     with pytest.raises(ConvergenceError, match="A: 1 pivots of L D Lᵀ are zero to rounding"):
         count_below(matrix, 2.0, "A")
+
+
+@pytest.mark.most_ranks(1)
+def test_a_factor_without_pivoting_certifies_nothing(session):
+    """A diagonal of 1e-7 beside entries of order one: 1e-9 of them are lost, which the solves show."""
+    dense = np.random.default_rng(1).normal(size=(12, 12))
+    dense += dense.T
+    np.fill_diagonal(dense, 1e-7)
+    matrix, options = symmetric(session, dense), session.PETSc.Options()
+    assert ShiftedInertia(matrix, "A").count_certified(0.0) == np.sum(np.linalg.eigvalsh(dense) < 0)
+    settings = {
+        "inertia_mat_mumps_cntl_1": 0.0,
+        "inertia_mat_mumps_icntl_8": 0,
+    }  # neither pivoting nor scaling
+    for name, value in settings.items():
+        options.setValue(name, value)
+    with pytest.raises(ConvergenceError, match=r"A: the factor has a residual of .*, above rounding"):
+        ShiftedInertia(matrix, "A").count_certified(0.0)
+    for name in settings:
+        options.delValue(name)
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-9])

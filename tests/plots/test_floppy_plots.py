@@ -39,6 +39,12 @@ def modes_of(values, floppiness=None, pressure=1e-3, **more):
     return held(arrays, {"pressure": pressure, "k": 1.0, "complete": True} | more, "m.h5", "jampetsc-modes")
 
 
+def states_of(edges, counts, pressure=1e-3, **more):
+    """A result with these numbers of states of 4 particles."""
+    arrays = {"states/edges": edges, "states/counts": counts, "particles": np.arange(4)}
+    return held(arrays, {"pressure": pressure, "k": 1.0} | more, "s.h5", "jampetsc-modes")
+
+
 def lowest_of(pressure, count=(10, 50), n=16):
     """Modes of known floppiness, shares and medians: all of them numbers times powers of p."""
     one = modes_of(np.linspace(1e-3, 1.0, 60), pressure=pressure, k=2.0, particle_count=n)
@@ -185,15 +191,47 @@ def test_states_are_pooled_by_pressure():
     """Of two files at one pressure and one at another; per degree of freedom of all disks that are no rattlers."""
     some = [modes_of(values, pressure=p) for values, p in (([1.0, 1.1], 1e-2), ([1.0], 1e-3), ([1.05], 1e-3))]
     ax = figure_of(plot_states, some).axes[0]
-    drawn, width = lines(ax), 10 ** (1 / 8) - 1
+    (*drawn, _), width = lines(ax), 10 ** (1 / 8) - 1  # Debye's law is the last
     for (x, y, *_), pooled in zip(drawn, ([some[1], some[2]], [some[0]]), strict=True):
         np.testing.assert_allclose((x, y), pooled_density(pooled))
     np.testing.assert_allclose(drawn[1][1], [2 / 8 / width])
     np.testing.assert_allclose(drawn[0][1], [2 / 16 / width])
-    assert told(ax) == ["$10^{-3}$", "$10^{-2}$"]
+    assert told(ax) == ["$10^{-3}$", "$10^{-2}$", r"$\omega_m$"]
     omega, density = pooled_density([modes_of(2.0 * (0.05 * np.arange(1, 8)) ** 2, k=2.0)] * 2)
     edges = 10.0 ** (np.round(np.log10(omega) * 8 - 0.5) / 8)  # the integral over ω is the share of modes
     assert np.sum(density * edges * width) == pytest.approx(7 / 8) and 0.04 < omega.min() < omega.max() < 0.4
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_numbers_of_states_are_pooled_with_debye_and_the_excess_of_contacts(dimension):
+    """k = 4. D(ω) ∝ ω^(D−1); files of one pressure together; a star where ω is Δz, of 10 or 14 contacts 1."""
+    edges, more = np.geomspace(0.5, 5.0, 9), {"pressure": 4e-2, "k": 4.0, "dimension": dimension}
+    counts = np.round(1e6 * np.diff(edges**dimension)).astype(int)
+    contacts = {"contacts": 4 * dimension + 2}
+    some = [
+        states_of(2.0 * edges, counts, **more, **contacts),
+        states_of(2.0 * edges, 3 * counts, **more, **contacts),
+    ]
+    drawn = lines(figure_of(plot_states, some).axes[0])
+    (omega, density, *_), guide, star = drawn
+    np.testing.assert_allclose(omega, np.sqrt(edges[1:] * edges[:-1]))
+    np.testing.assert_allclose(density, 2 * counts / np.diff(edges) / (4 * dimension))
+    slope = np.polyfit(np.log(guide[0]), np.log(guide[1]), 1)[0]
+    assert slope == pytest.approx(dimension - 1) and guide[2] == ":"
+    assert np.mean(np.log(guide[1])) == pytest.approx(np.mean(np.log(density)))
+    np.testing.assert_allclose(star[:2], [[1.0], [np.exp(np.interp(0.0, np.log(omega), np.log(density)))]])
+    assert told(figure_of(plot_states, some).axes[0]) == [
+        "$10^{-2}$", rf"$\omega_m{'^{2}' * (dimension == 3)}$", r"$\omega_m=\Delta z$"
+    ]  # fmt: skip
+    spectrum = modes_of(4.0 * np.repeat(omega**2, [1, 0, 2, 0, 0, 1, 0, 4]), **more)
+    _, y = pooled_density([*some, spectrum])
+    np.testing.assert_allclose(y * np.diff(edges) * 12 * dimension, 4 * counts + [1, 0, 2, 0, 0, 1, 0, 4])
+    empty = states_of(2.0 * edges, 0 * counts, **more)
+    with pytest.raises(InputError, match=r"s\.h5: no mode between its edges\. Count between others"):
+        figure_of(plot_states, [empty])
+    for others in (2.0 * edges[1:], 2.0 * edges * (1 + 1e-8)):
+        with pytest.raises(InputError, match=r"s\.h5: other edges than s\.h5\. Draw files of equal states"):
+            pooled_density([some[0], states_of(others, counts[: len(others) - 1], **more)])
 
 
 def test_what_the_lowest_modes_carry_against_pressure():
@@ -260,8 +298,8 @@ BARE_MODES = modes_of([1.0, 2.0])
         ([MODES], {"mode": [3]}, "mode 3: not in m.h5. Give one from 1 to 2"),
         ([BARE_MODES], {"mode": [3]}, "m.h5: modes without eigenvectors. Run modes again with them"),
         ([BARE_MODES], {"kind": "mode"}, "m.h5: modes without eigenvectors. Run modes again with them"),
-        ([MODES], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with --all"),
-        ([UNTOLD], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with --all"),
+        ([MODES], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with states or all"),
+        ([UNTOLD], {"kind": "states"}, "m.h5: 2 modes, not all. Run modes with states or all"),
         ([MODES] * 2, {"mode": [1]}, "2 modes files: mode pictures show one"),
         ([quasistatic_of([1, 1, 1])], {"mode": [1]}, "a quasistatic file. For mode pictures give modes"),
         ([RESPONSE], {"kind": "response"}, "its packing was in memory"),

@@ -48,6 +48,7 @@ sweep p.h5 --out spins.h5 --law custom --sliding 1 --spin-drag 1 --tangential-st
 sweep p.h5 --out stokes.h5 --law stokes --method direct --omega 1e-3
 quasistatic p.h5 --out slow.h5 --betas 1,2
 modes p.h5 --out modes.h5 --count 3
+modes p.h5 --out states.h5 --states 0.1:1:3
 spectrum sweep.h5 --out spectrum.h5
 sweep p.h5 --omega 1e-2,1 --load tensor --out constants.h5
 quasistatic p.h5 --load tensor --out slow-constants.h5
