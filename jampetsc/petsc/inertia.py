@@ -41,6 +41,10 @@ class Inertia:
     positive: int
 
 
+class UncertainCount(ConvergenceError):
+    """An eigenvalue lies, to rounding, at the value below which eigenvalues were to be counted."""
+
+
 def count_eigenvalues(matrix, what: str, pins=()) -> Inertia:
     """Inertia of a distributed real symmetric PETSc Mat. Collective; needs the real build.
 
@@ -79,8 +83,8 @@ class ShiftedInertia:
         """Number of eigenvalues below `value`, the negative pivots of A − `value`.
 
         Certain where no eigenvalue lies within the rounding of the factor, see `count_certified`. Raises
-        ConvergenceError where a pivot is zero to rounding or the factorisation fails, InputError for options with
-        which its pivots prove nothing.
+        UncertainCount where a pivot is zero to rounding, ConvergenceError where the factorisation fails, InputError
+        for options with which its pivots prove nothing.
         """
         self.matrix.copy(self.shifted, structure=current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self.shifted.shift(-value)
@@ -91,7 +95,7 @@ class ShiftedInertia:
             )
         negative, null, _ = self.ksp.getPC().getFactorMatrix().getInertia()
         if null:
-            raise ConvergenceError(
+            raise UncertainCount(
                 f"{self.what}: {null} pivots of L D Lᵀ are zero to rounding, so how many eigenvalues are negative is "
                 "not certain"
             )
@@ -105,12 +109,13 @@ class ShiftedInertia:
         by `cholesky.least_eigenvalue`; |E| is taken as `FACTOR_ROUNDING` of |A − λ|, which each solve must confirm:
         its residual is E y. A small pivot alone proves nothing: the distance may be smaller by |L⁻¹|².
 
-        Raises as `count_below`, and ConvergenceError where an eigenvalue is too near.
+        Raises as `count_below`, UncertainCount also where an eigenvalue is too near, ConvergenceError also for a factor
+        that is not exact to rounding.
         """
         count = self.count_below(value)
         norm = self.shifted.norm(current().PETSc.NormType.INFINITY)
         if not self._bound_distance(norm) > FACTOR_ROUNDING * norm:
-            raise ConvergenceError(
+            raise UncertainCount(
                 f"{self.what}: an eigenvalue lies at {value:.17g} to rounding, so how many are below is not certain"
             )
         return count

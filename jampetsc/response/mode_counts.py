@@ -11,7 +11,7 @@ import numpy as np
 from jampetsc.collective import agreed
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import UNDAMPED
-from jampetsc.petsc.inertia import MIN_VALUE_RATIO, PREFIX, ShiftedInertia
+from jampetsc.petsc.inertia import MIN_VALUE_RATIO, PREFIX, ShiftedInertia, UncertainCount
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
 from jampetsc.response.assembly import assemble
@@ -39,8 +39,8 @@ def count_between(network: DistributedNetwork, edges, proved: bool = False) -> M
 
     Unless it is `proved` that K has no negative modes, this is checked. Needs the real build.
 
-    Raises InputError for a packing that is not a minimum and for edges that are too low or too high;
-    ConvergenceError where a mode lies at an edge to rounding, see `ShiftedInertia.count_certified`.
+    Raises InputError for a packing that is not a minimum, for edges that are too low or too high and for an edge at a
+    mode, to rounding; ConvergenceError as `ShiftedInertia.count_certified`.
     """
     pencil, comm = assemble(network, UNDAMPED, pinned=False), network.comm
     norm = pencil.K.norm(current().PETSc.NormType.INFINITY)  # above all eigenvalues
@@ -63,7 +63,13 @@ def count_between(network: DistributedNetwork, edges, proved: bool = False) -> M
     with agreed(comm), Progress(len(own), "edges", comm.rank) as progress:
         inertia = ShiftedInertia(K, "K − ω²")
         for number in own:
-            below[number] = inertia.count_certified(edges[number] ** 2) - pencil.pieces.translations
+            try:
+                below[number] = inertia.count_certified(edges[number] ** 2) - pencil.pieces.translations
+            except UncertainCount as error:
+                raise InputError(
+                    f"{named('states')} {edges[number]!r}: a mode lies there to rounding, so it cannot be counted. "
+                    "Give another edge."
+                ) from error
             progress.step(f"ω = {edges[number]:.4g}: {below[number]} modes below")
     if alone:
         below = network.sum(below)
