@@ -102,9 +102,9 @@ class ShiftedInertia:
         return negative
 
     def count_certified(self, value: float) -> int:
-        """`count_below`, and the proof that `value` is no eigenvalue to rounding, by four solves with the factor.
+        """`count_below`, and the proof that no eigenvalue equals `value` to rounding, by four solves with the factor.
 
-        The pivots are those of A − λ + E, where E is the rounding of the factorisation. By Weyl they have the signs of
+        The pivots belong to A − λ + E, where E is the rounding of the factorisation. By Weyl they have the signs of
         the eigenvalues of A − λ if |E| is below the distance of λ from the nearest eigenvalue. That distance is bounded
         by `cholesky.least_eigenvalue`; |E| is taken as `FACTOR_ROUNDING` of |A − λ|, which each solve must confirm:
         its residual is E y. A small pivot alone proves nothing: the distance may be smaller by |L⁻¹|².

@@ -30,7 +30,7 @@ class ModeCounts:
     network: DistributedNetwork
     edges: np.ndarray  # (E,) frequencies √λ, increasing, in the unit of √k
     counts: np.ndarray  # (E − 1,) modes between neighbouring edges
-    below: int  # modes below the first edge, those of no energy included
+    below: int  # modes below the first edge, with modes of no energy
     above: int  # modes above the last edge
 
 
