@@ -113,8 +113,8 @@ tensor/modulus | (M, L) | float? | | shares of the non-affine part of the modulu
 lowest/count | (q,) | int? | | 10, 50 and 200, if they do not exceed M
 lowest/normal_median, lowest/transverse_median, lowest/nonaffine_median | (q,) | float? | length | medians of \|Δu∥\|,
   \|Δu⊥\|, \|u_na\| per unit strain of the response of only that many lowest modes, without affine part
-states/edges | (E,) | float? | √k | with `--states`: frequencies √λ, increasing
-states/counts | (E − 1,) | int? | | exact numbers of modes between them; D(ω) is a number over D n Δω
+states/edges | (B + 1,) | float? | √k | with `--states`: frequencies √λ, increasing
+states/counts | (B,) | int? | | exact numbers of modes between them; D(ω) is a number over D n Δω
 """,
     attributes=r"""
 contacts | int | | number of contacts
