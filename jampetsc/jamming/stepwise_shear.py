@@ -32,6 +32,7 @@ ENERGY_CUT = 1e-16
 # mean diameters: longest move in one iteration of the descent, as longer ones leave the path of a rearrangement for
 # minima where fewer disks touch; and longest displacement in a step that the next one repeats, else disks rearranged
 MAX_MOVE_RATIO = 0.01
+COUNTS = ("evaluations", "newton_steps", "saddles", "shakes")  # of an `Effort` that a run keeps
 RESTART_STEPS = 50  # steps between two calls of `_restart_list`
 MAX_OLD_FACTOR_STEPS = 12  # evaluations of a step with the present factor before a new one is made,
 MAX_NEW_FACTOR_STEPS = 40  # and with that one before disks are taken to rearrange
@@ -147,10 +148,8 @@ class StepwiseShear(ListedPacking):
         minimum = minimise(
             disks, Goal(), self.solver, tolerance=tolerance, shakes=shakes, team=self.team, effort=effort
         )
-        self.effort.evaluations += effort.evaluations
-        self.effort.newton_steps += effort.newton_steps
-        self.effort.saddles += effort.saddles
-        self.effort.shakes += effort.shakes
+        for name in COUNTS:
+            setattr(self.effort, name, getattr(self.effort, name) + getattr(effort, name))
         return minimum.disks.folded()
 
     def list(self, disks):
@@ -301,20 +300,14 @@ class StepwiseShear(ListedPacking):
         """Arrays and numbers for `restore`: the state at the last `_restart_list`, and the number of steps in all."""
         disks, last, steps, effort = self._anchor
         arrays = {name: getattr(disks, name) for name in PLACES} | {"last": last}
-        counts = {
-            "evaluations": effort.evaluations,
-            "newton_steps": effort.newton_steps,
-            "saddles": effort.saddles,
-            "shakes": effort.shakes,
-        }
+        counts = {name: getattr(effort, name) for name in COUNTS}
         return arrays | counts | {"anchor": steps, "steps": self.steps}
 
     def restore(self, state: dict) -> None:
         """Return to the state that `state` gave, to the last bit, by repeating the steps since its `_restart_list`."""
         self.list(self.reference.replace(**{name: np.asarray(state[name], float) for name in PLACES}))
         self.last_displacement, self.steps = np.asarray(state["last"], float), int(state["anchor"])
-        counts = ("evaluations", "newton_steps", "saddles", "shakes")
-        self.effort = Effort(*(int(state[name]) for name in counts))
+        self.effort = Effort(**{name: int(state[name]) for name in COUNTS})
         while self.steps < int(state["steps"]):
             self.advance()
 

@@ -4,21 +4,7 @@ from jampetsc.plots.picture import join_varied, other_settings, potential_text
 from jampetsc.plots.style import number
 
 # settings of runs of one kind: what they record beside them, and how long they take
-_KNOWN = {
-    "n",
-    "dimension",
-    "phi",
-    "pressure",
-    "sizes",
-    "potential",
-    "exponent",
-    "model",
-    "mass",
-    "quality",
-    "rate",
-    "strain",
-    "walls",
-}
+_KNOWN = ("model", "mass", "quality", "rate", "walls", "strain")
 
 
 def kind_of(result) -> tuple:

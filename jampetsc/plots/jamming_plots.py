@@ -70,20 +70,7 @@ def _draw_states(ax, strain, values, jammed, colour, name):
 HEIGHT = 2.7  # inches of one row of panels
 MAX_PANELS = 6  # kinds in one picture of P(p)
 # settings that kinds have anyway, and how long runs take
-_KNOWN = {
-    "n",
-    "dimension",
-    "phi",
-    "pressure",
-    "sizes",
-    "potential",
-    "exponent",
-    "protocol",
-    "cooling_rate",
-    "strain",
-    "separated",
-    "step",
-}
+_KNOWN = ("protocol", "cooling_rate", "separated", "step", "strain")
 RUN = "shear"  # the protocol of files of quasistatic shear
 
 

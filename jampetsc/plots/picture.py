@@ -27,6 +27,8 @@ from jampetsc.plots.page import Page, shown_colours
 from jampetsc.plots.style import drawn_in, read_colours
 
 MAX_DRAWN = 1e150  # larger numbers matplotlib may fail to draw
+# what pictures of samples and flows tell of particles, if they differ, in words of their own
+PARTICLE_COLUMNS = ("n", "dimension", "phi", "pressure", "sizes", "potential", "exponent")
 PICTURES = {}  # kind -> Picture; `plots.draw` loads all of them
 
 
@@ -143,9 +145,9 @@ def setting_text(name, value) -> str:
 
 
 def other_settings(result, columns) -> str:
-    """What a study has set for a result beside these columns, in words."""
-    settings = getattr(result, "settings", {})
-    return ", ".join(setting_text(name, value) for name, value in settings.items() if name not in columns)
+    """What a study has set for a result beside these columns and PARTICLE_COLUMNS, in words."""
+    known, settings = {*PARTICLE_COLUMNS, *columns}, getattr(result, "settings", {})
+    return ", ".join(setting_text(name, value) for name, value in settings.items() if name not in known)
 
 
 def potential_text(attributes) -> str:
