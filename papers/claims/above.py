@@ -11,9 +11,9 @@ from scipy.optimize import least_squares
 
 from jampetsc.analysis.correlated_series import Average
 from papers.claims.shared import Row, check, claim
-from papers.claims.verdicts import Estimate, between, number
+from papers.claims.verdicts import Estimate, between, difference, number
+from papers.tables.pressures import NAMES
 
-NAMES = {"random": "RAND", "shear": "QS"}
 FEWEST = 4  # packing fractions for three parameters
 
 
@@ -80,15 +80,6 @@ def with_changes(rise, others) -> tuple[Estimate, Estimate]:
     return half("y"), half("phi_J")
 
 
-def less(one: Estimate, other: Estimate) -> Estimate:
-    """The difference of two independent estimates."""
-    return Estimate(
-        one.value - other.value,
-        float(np.hypot(one.inflated, other.inflated)),
-        float(np.hypot(one.systematic, other.systematic)),
-    )
-
-
 @claim("above-jamming", on="above")
 def pressures_above(table):
     found, decided = rises(table), {}
@@ -115,4 +106,4 @@ def pressures_above(table):
         (one, size), (other, _) = decided["QS"], decided["RAND"]
         what, words = "y of QS less y of RAND, of ⟨p⟩ above φ_J", "exponents differ: > 0"
         note = f"QS {one}, RAND {other}"
-        yield Row(what, words, less(one, other), between(low=0.0), note, size, bears="ensembles")
+        yield Row(what, words, difference(one, other), between(low=0.0), note, size, bears="ensembles")

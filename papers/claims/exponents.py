@@ -28,7 +28,7 @@ from papers.claims.shared import (
     rates_of,
     size_of,
 )
-from papers.claims.verdicts import Estimate, number
+from papers.claims.verdicts import Estimate, difference, number
 
 SLOWEST_FIT = 3e-4  # γ̇ of the primary collapses
 PHI_MARGIN = 1e-3  # of φ_J
@@ -319,11 +319,7 @@ def density_of_jamming(samples, models, drag):
         if name not in found or "QS" not in found:
             continue
         one, other = found["QS"], found[name]
-        ours = Estimate(
-            one.value - other.value,
-            float(np.hypot(one.inflated, other.inflated)),
-            float(np.hypot(one.systematic, other.systematic)),
-        )
+        ours = difference(one, other)
         what = f"φ_J of quasistatic shear less φ_J of {name}, γ̇ → 0"
         if name == "RD0":
             words = "one well-defined number, path independent: 0"

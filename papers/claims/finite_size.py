@@ -21,8 +21,8 @@ from papers.claims.shared import (
     fitted,
     power_law,
 )
-from papers.claims.verdicts import Estimate, between, number
-from papers.tables.pressures import pressures
+from papers.claims.verdicts import Estimate, between, difference, number
+from papers.tables.pressures import NAMES, pressures
 
 HALF = "½ = difference of α − 1"
 COMPARED = (  # (ensemble, potential), less another, what for
@@ -32,7 +32,6 @@ COMPARED = (  # (ensemble, potential), less another, what for
 )
 PHI_MARGIN = 1e-3  # of φ_J
 FEWEST_DISKS, FEWEST_STATES = 128, 20  # for exponents of N without corrections to scaling, and for a mean
-ENSEMBLES = {"random": "RAND", "shear": "QS"}
 LEAST_N = {"RAND": 128, "QS": 64}  # from which ν without corrections to scaling does not drift
 OHERN = 0.71, 0.08  # ν of O'Hern et al., PRE 68, 011306 (2003), an earlier value than V's, who prints none
 
@@ -42,7 +41,7 @@ def finite_size(table):
     found = {}
     for corrections in (True, False):
         form = "with" if corrections else "without"
-        for ensemble, name in ENSEMBLES.items():
+        for ensemble, name in NAMES.items():
             for observable, symbol, parameter in (("", "f", "nu"), ("-pressure", "⟨p⟩", "y")):
                 file = f"{ensemble}{observable}{'-corrected' * corrections}"
                 estimates = fitted(table, file)
@@ -62,7 +61,7 @@ def finite_size(table):
                 phi = estimates["phi_J"]
                 note = drift_of(result, "phi_J", 4)
                 yield check(f"{what}: φ_J", phi.value, phi.inflated, note, size, bears="phi_J")
-    for ensemble, name in ENSEMBLES.items():
+    for ensemble, name in NAMES.items():
         ours = undrifted(
             table.path / f"{ensemble}.h5", table.path / f"{ensemble}-corrected.h5", LEAST_N[name]
         )
@@ -91,11 +90,7 @@ def finite_size(table):
         ours, note, size = found["QS", "y"]
         yield check("QS: y, with corrections", ours.value, ours.inflated, note, size, "> 1", bears="y")
         other, *_ = found["RAND", "y"]
-        change = Estimate(
-            ours.value - other.value,
-            float(np.hypot(ours.inflated, other.inflated)),
-            float(np.hypot(ours.systematic, other.systematic)),
-        )
+        change = difference(ours, other)
         note = f"QS {ours}, RAND {other}"
         what, words = "y of QS less y of RAND", "exponents differ: > 0"
         yield Row(what, words, change, between(low=0.0), note, size, bears="ensembles", part=None)
@@ -105,7 +100,7 @@ def finite_size(table):
 def pressure_at_phi_J(table):
     """y/ν of both ensembles from ⟨p⟩ of jammed states at φ_J, which falls as N^(−y/2ν): paper III has y > 1 of QS."""
     found = {}
-    for ensemble, name in ENSEMBLES.items():
+    for ensemble, name in NAMES.items():
         levels = mean_pressures(table.where(command="jam", protocol=ensemble), FEWEST_DISKS)
         curves = {phi: size_exponent(levels, phi) for phi in (PHI_J, PHI_J - PHI_MARGIN)}
         if None in curves.values():

@@ -29,7 +29,7 @@ from papers.claims.shared import (
     widened,
     widening,
 )
-from papers.claims.verdicts import Estimate, between, number
+from papers.claims.verdicts import Estimate, between, difference, number
 
 BOTH = (("no_prestress_", "without pre-stress"), ("", "with pre-stress"))
 WINDOW = 50.0, 0.1  # critical frequencies of the cross-checks, from so many p/k to so many 1/τ₁
@@ -304,11 +304,7 @@ def rotation_rows(sweeps, still):
         widened(critical_exponent(curves_of(some), viscous=True), some) for some in (still, turning)
     )
     if without and with_them:
-        ours = Estimate(
-            without.value - with_them.value,
-            float(np.hypot(without.inflated, with_them.inflated)),
-            float(np.hypot(without.systematic, with_them.systematic)),
-        )
+        ours = difference(without, with_them)
         note = f"Δ = {without} and {with_them}"
         what = "β = 1: Δ without less Δ with rotations"
         yield Row(what, "the same form: 0 ± 0.05", ours, number(0.0, absolute=0.05), note, size_of(still))

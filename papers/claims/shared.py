@@ -82,18 +82,19 @@ def bearing(key, rows):
 def identities(rows, reasons):
     """The numbers, those that bear on one of the claims {key: why it is exact} marked as identities."""
     for row in rows:
-        yield replace(row, identity=reasons.get(row.bears, ""))
+        yield replace(row, identity=reasons[row.bears]) if row.bears in reasons else row
 
 
-def claim(*figures, on=""):
+def claim(*figures, on="", exact=None):
     """Decorator: the function yields a `Row` for each number, from the tables of the studies of these figures.
 
-    on  key of the claim on which those bear that do not name one
+    on     key of the claim on which those bear that do not name one
+    exact  {key of a claim: why it is exact for any packing}
     """
 
     def enter(function):
         def rows(*tables):
-            return bearing(on, function(*tables))
+            return identities(bearing(on, function(*tables)), exact or {})
 
         CLAIMS.append((figures, rows))
         return function

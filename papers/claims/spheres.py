@@ -28,7 +28,7 @@ from papers.claims.shared import (
     size_of,
     unjudged,
 )
-from papers.claims.verdicts import Estimate, number
+from papers.claims.verdicts import Estimate, difference, number
 
 SHIFT = 2e-3  # relative: as far as φ_J of RD0 lies above φ_c of random starts among disks
 DISKS = 1.1, 3.5  # y and zν of V, Fig. 5.1
@@ -173,11 +173,7 @@ def random_spheres(packings, samples):
     what, words = "3D, RAND: φ_J of f(φ, N)", f"O'Hern et al.: {OHERN_PHI:g}"
     yield Row(what, words, phi_J, target, note, size, bears="3D-phi_J")
     for row in random_starts(packings.where(command="pack", sizes="", state="done")):
-        change = Estimate(
-            phi_J.value - row.ours.value,
-            float(np.hypot(phi_J.inflated, row.ours.inflated)),
-            float(np.hypot(phi_J.systematic, row.ours.systematic)),
-        )
+        change = difference(phi_J, row.ours)
         what = "3D, RAND: φ_J of f(φ, N) less φ_c of packings at p → 0"
         note = f"φ_J = {phi_J}, φ_c = {row.ours}"
         target = number(0.0, absolute=PHI_MARGIN)

@@ -92,6 +92,15 @@ def distance_from(estimate: Estimate, target: Target) -> float:
     return beyond / max(estimate.half_width, 1e-300) if math.isfinite(estimate.half_width) else 0.0
 
 
+def difference(one: Estimate, other: Estimate) -> Estimate:
+    """The difference of two independent estimates."""
+    return Estimate(
+        one.value - other.value,
+        math.hypot(one.inflated, other.inflated),
+        math.hypot(one.systematic, other.systematic),
+    )
+
+
 def mean_estimate(estimates) -> Estimate:
     """Mean of independent estimates of one number, with the χ² of their being one; systematic errors add up."""
     weights = [max(estimate.inflated, 1e-150) ** -2.0 for estimate in estimates]

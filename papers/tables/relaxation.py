@@ -7,7 +7,6 @@ choice), by `minimise` (L-BFGS with longer moves, then Newton's method), and by 
 for a strain of 1e-12 in all. What is there already (table.csv) is read, not computed.
 """
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from benchmarks.conjugate_gradients import conjugate
 from jampetsc.analysis.statistics import mean_with_error
 from jampetsc.io.reader import load
 from jampetsc.plots import style
-from papers.programs import folder_and_picture
+from papers.programs import folder_and_picture, read_rows, write_rows
 
 PHI, RATE, STRAIN = 0.86, 1e-2, 2.0  # of the starts
 STILL = 1e-12  # strain while disks relax
@@ -67,17 +66,13 @@ def compute(folder: Path, n, starts):
     from jampetsc.petsc import session
 
     path = folder / "table.csv"
-    folder.mkdir(parents=True, exist_ok=True)
-    rows = list(csv.DictReader(path.open())) if path.exists() else []
+    rows = read_rows(path)
     done = {int(row["seed"]) for row in rows}
     session.start("real")
     for seed in range(1, starts + 1):
         if seed not in done:
             rows.append(relaxed(n, seed))
-            with path.open("w", newline="") as file:
-                writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-                writer.writeheader()
-                writer.writerows(rows)
+            write_rows(path, COLUMNS, rows)
 
 
 def compared(table, minimiser):

@@ -6,7 +6,6 @@ Flows of CD at one φ and one γ̇. Each begins where the one before has ended, 
 the transition would show as two branches. What is there already (table.csv) is read, not computed.
 """
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from benchmarks.common import saved_page
 from jampetsc.io.reader import load
 from jampetsc.plots import style
 from jampetsc.plots.page import draw_points
-from papers.programs import folder_and_picture
+from papers.programs import folder_and_picture, read_rows, write_rows
 
 PHI = 0.74
 QUALITIES = 13, 21  # ends of the scan
@@ -28,8 +27,7 @@ def compute(folder: Path, n, points, rate, strain):
     import jampetsc
 
     path = folder / "table.csv"
-    folder.mkdir(parents=True, exist_ok=True)
-    rows = list(csv.DictReader(path.open())) if path.exists() else []
+    rows = read_rows(path)
     steps, discard = np.linspace(*QUALITIES, points), strain / 3
     for direction, qualities in (("up", steps), ("down", steps[::-1])):
         if sum(row["direction"] == direction for row in rows) == len(qualities):
@@ -50,10 +48,7 @@ def compute(folder: Path, n, points, rate, strain):
                 "quality": quality, "stress": facts["shear_stress_mean"], "stress_error": facts["shear_stress_error"],
                 "largest_cluster": flow["largest_cluster"][flow["strain"] > discard].mean() / n,
             })  # fmt: skip
-        with path.open("w", newline="") as file:
-            writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+        write_rows(path, COLUMNS, rows)
 
 
 def scans(table):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from papers.claims.above import Rise, less, with_changes
+from papers.claims.above import Rise, with_changes
+from papers.claims.verdicts import difference
 
 PHI = np.array([0.846, 0.848, 0.85, 0.855, 0.86, 0.87, 0.88])
 
@@ -36,5 +37,5 @@ def test_a_form_that_does_not_hold_at_the_ends_is_seen_in_the_systematic_error()
     assert y.systematic > 0.005 and phi_J.systematic > 0 and with_changes(rise, [])[0].systematic < 1e-6
     y, _ = with_changes(rise, [risen(1.2, 0.843)])
     assert y.systematic == pytest.approx(0.1, rel=1e-3)
-    change = less(y, rise.y)
+    change = difference(y, rise.y)
     assert change.value == 0.0 and change.systematic == y.systematic
