@@ -514,6 +514,8 @@ def sweep(
     fields: _Numbers | None = None,
     alpha: float | None = None,
     stress: float | None = None,
+    mass: float | None = None,
+    mass_by: Literal["number", "volume"] | None = None,
     out: _Path | None = None,
     checkpoint: _Path | None = None,
     overwrite: bool = False,
@@ -557,6 +559,10 @@ def sweep(
         exponent of the damping force (1 is linear)
     stress : number, default None
         amplitude of the shear stress, with alpha, in the unit of k, in three dimensions that of k/length
+    mass : number, default None
+        mass of every particle, in the unit of k τ₁²; with it inertia adds −ω²M to K + iωB (default: none)
+    mass_by : "number" or "volume", default None
+        masses: equal (number), or by the volume of a particle, mass then being that of one of the mean diameter (default number)
     out : name of a file, default None
         file of the result (default: in memory; see `Result.save`)
     checkpoint : name of a file, default None

@@ -281,6 +281,27 @@ class Reference:
         solved = [(load, self._motions(omega, load)) for load in range(len(self.loads))]
         return np.array([[self._between(omega, one, other) for other in solved] for one in solved])
 
+    def massive_tensor(self, omega, masses):
+        """C*(ω) of all pairs of loads, (L, L), with inertia: masses (n,) of disks; spins are relative to the flow."""
+        D, d, m = self.dimension, self.dofs, len(self.K) - len(self.loads)
+        relative = np.eye(len(self.K), dtype=LONG)
+        spins = [row for row in range(m) if row % d >= D]
+        for row in spins:
+            relative[row, m:] = self.turning[:, row % d - D]
+        inertia = np.repeat(np.asarray(masses, LONG), d).reshape(self.n, d)
+        inertia[:, D:] *= {2: LONG(1) / 2, 3: LONG(2) / 5}[D] * self.radii[:, None] ** 2
+        inertia = inertia.ravel()
+        s = COMPLEX(1j) * LONG(omega)
+        Z = relative.T @ (self.K + s * self.B) @ relative
+        A = Z[:m, :m] + np.diag(s**2 * inertia)
+        for move in self.costless().T:  # no load drives these, so their amplitude is zero
+            weighted = inertia * move
+            A = A + COMPLEX(1j) * np.outer(weighted, weighted) / (move @ weighted)
+        scale = 1 / np.sqrt(np.abs(np.diag(A)))
+        A = A * np.outer(scale, scale)
+        x = np.array([scale * solve(A, -(scale * column)) for column in Z[:m, m:].T])
+        return (Z[m:, m:] + Z[m:, :m] @ x.T) / self.area
+
     def _motions(self, omega, load):
         """Relative motions of the contacts and of disks in the fluid under a load: (a∥, a⊥, a⊥ᶜ, ũ, d (θ − Ω))."""
         x, _ = self.solution(omega, load)

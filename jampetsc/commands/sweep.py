@@ -11,9 +11,10 @@ from jampetsc.analysis.error_bounds import relative_part_bounds, zero_parts
 from jampetsc.commands.describe import poisson_text
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, unstable_to_shear
-from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
+from jampetsc.laws.damping import MAX_OMEGA, MAX_WEIGHT, MIN_OMEGA
 from jampetsc.laws.equivalent_damping import STRESS_RATIOS, EquivalentDamping
 from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, LoadChoice
+from jampetsc.laws.masses import BY_NUMBER, BY_VOLUME, Masses
 from jampetsc.options.job import NETWORKS, ONE_PACKING, TaskInputs
 from jampetsc.options.parameters import optional_parameter, parameter
 from jampetsc.options.physics_options import NetworkJob, load_parameter
@@ -28,6 +29,7 @@ OMEGA = "1e-10:1e4:141"
 POWER_LAW = (
     "power-law damping: viscous force of a contact ∝ |Δu̇|^A, by an equivalent linear damping (approximate)"
 )
+INERTIA = "inertia"
 of_power_law = partial(optional_parameter, group=POWER_LAW)
 
 
@@ -49,6 +51,7 @@ class Sweep(NetworkJob):
   jampetsc sweep p.h5 --beta 0.1 --omega 1e-6:1e2:81 --fields 1e-3,1 --out sweep.h5
   jampetsc sweep p.h5 --load tensor --out C-sweep.h5      # all elastic constants
   jampetsc sweep net.h5 --law stokes --eta-f 0 --omega 1e-4:1e2:31 --out net-sweep.h5     # a network of springs
+  jampetsc sweep p.h5 --mass 1 --omega 1e-4:1e2:61 --out massive.h5       # with inertia
   jampetsc sweep p.h5 --method direct --omega 1e-3,1 --out direct.h5 -options_file jampetsc:iterative
 
 PETSc options: -shift_… and -inertia_… for the factorisations of the rational method, -freq_… for the solver of
@@ -84,11 +87,36 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         metavar="S",
     )
 
+    mass: float | None = optional_parameter(
+        "mass of every particle, in the unit of k τ₁²; with it inertia adds −ω²M to K + iωB (default: none)",
+        above=0.0,
+        high=MAX_WEIGHT,
+        group=INERTIA,
+        metavar="M",
+    )
+    mass_by: str | None = optional_parameter(
+        "masses: equal (number), or by the volume of a particle, mass then being that of one of the mean diameter "
+        "(default number)",
+        choices=(BY_NUMBER, BY_VOLUME),
+        group=INERTIA,
+    )
+
     def check(self):
         self.law.require_dissipation()
         check_frequencies(self.omega, self.law.tau1)
         if self.fields is not None:
             check_frequencies(self.fields, self.law.tau1)
+        if self.mass_by is not None and self.mass is None:
+            raise InputError(f"{named('mass_by')} {self.mass_by}: masses of no size. Give {named('mass')}.")
+        if self.mass is not None and self.alpha is not None:
+            raise InputError(
+                f"{named('mass')} {self.mass:g}: not with power-law damping. Leave {named('mass')} or "
+                f"{named('alpha')} out."
+            )
+        if self.mass is not None and self.parallel == "shifts":
+            raise InputError(
+                f"{named('parallel')} shifts: not with {named('mass')}, where ranks share factorisations. Leave it out."
+            )
         if self.parallel and self.method == "direct":
             raise InputError(
                 f"{named('parallel')} {self.parallel}: an option of {named('method')} rational; with direct all ranks "
@@ -128,6 +156,16 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         return EquivalentDamping(self.alpha, min(max(self.stress / unit, STRESS_RATIOS[0]), STRESS_RATIOS[1]))
 
     @property
+    def masses(self) -> Masses | None:
+        """Masses of the particles, None where they have none."""
+        return None if self.mass is None else Masses(self.mass, self.mass_by or BY_NUMBER)
+
+    @property
+    def elastic(self) -> dict:
+        """What K has beside the stiffness of contacts, and masses, for `build_network`."""
+        return super().elastic | ({} if self.mass is None else {"masses": self.masses})
+
+    @property
     def scalar(self):
         """The direct method prefers complex scalars; real ones need twice the memory."""
         if self.method == "rational":
@@ -153,10 +191,13 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
 
     @property
     def parameters(self) -> dict:
-        """Parameters of the law as a file records them, with exponent and stress of power-law damping."""
-        if self.alpha is None:
-            return self.physics.parameters
-        return {**self.physics.parameters, "alpha": self.alpha, "stress": self.stress}
+        """Parameters of the law as a file records them, with masses, exponent and stress of power-law damping."""
+        parameters = self.physics.parameters
+        if self.masses is not None:
+            parameters |= {"mass": self.masses.mass, "mass_by": self.masses.by}
+        return (
+            parameters if self.alpha is None else {**parameters, "alpha": self.alpha, "stress": self.stress}
+        )
 
     def work(self, to):
         from jampetsc.commands.packing_network import read_network
@@ -189,6 +230,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
                 unknowns=source.network.n * source.network.dofs(self.law),
                 factorisations=sweep.factorisations,
                 vectors=sweep.vectors,
+                direct_frequencies=sweep.direct if method == "rational" and self.mass is not None else None,
                 failed_omega=frequencies.of_experiment(sorted(sweep.failures)) if sweep.failures else None,
             )
         to.raise_failures(sweep.failures, len(frequencies.solved), "frequencies")
@@ -200,6 +242,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
     def _solve(self, source, frequencies, method, minimum, checkpoint):
         """The `ModulusSweep`, continued from the finished steps of a checkpoint. Collective."""
         from jampetsc.response.assembly import assemble
+        from jampetsc.response.massive_sweep import sweep_with_inertia
         from jampetsc.response.modulus_sweep import sweep_directly, sweep_rationally
 
         with session.current().stage("assembly"):
@@ -213,6 +256,9 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         if checkpoint.done and session.current().rank == 0:
             what = "shifts" if method == "rational" else "frequencies"
             note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} {what} are finished")
+        if method == "rational" and self.mass is not None:
+            resume = {step: (record, checkpoint.fields(step)) for step, record in checkpoint.done.items()}
+            return sweep_with_inertia(pencil, **settings, resume=resume, save=checkpoint.save)
         if method == "rational":
             resume = {step: (record, checkpoint.fields(step)) for step, record in checkpoint.done.items()}
             return sweep_rationally(
@@ -225,7 +271,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         return sweep_directly(
             pencil,
             **settings,
-            positive_semidefinite=minimum.negative_modes == 0,
+            positive_semidefinite=minimum.negative_modes == 0 and self.mass is None,
             resume=resume,
             save=checkpoint.save,
         )
@@ -257,6 +303,9 @@ def _write_moduli(writer, frequencies, sweep, source, is_power_law) -> None:
             writer.dataset(f"spectrum/{name}", getattr(sweep.spectrum, name))
     if sweep.tensor is not None:
         _write_tensor(writer, sweep.tensor, source.network)
+    if sweep.inertia is not None:
+        for name, values in vars(sweep.inertia).items():
+            writer.dataset(f"reduced_inertia/{name}", values)
     if not sweep.fields:
         return
     writer.dataset("fields/omega", frequencies.of_experiment([field.omega for field in sweep.fields]))
@@ -302,6 +351,11 @@ def notes_of(job, source, omega, sweep, damping) -> list[str]:
     damping   `EquivalentDamping`, None where it is linear
     """
     notes, G, highest = [], sweep.G, sweep.G.real + sweep.bounds[:, 1]
+    if sweep.direct:
+        notes.append(
+            f"many resonances: {sweep.direct} of {len(omega)} frequencies were solved one by one, so G* is known at "
+            "these frequencies alone"
+        )
     for name, is_zero, bounds in zip(
         ("G'", "G''"), zero_parts(G, sweep.bounds[:, 1:]).T, sweep.bounds[:, 1:].T, strict=True
     ):
@@ -311,7 +365,7 @@ def notes_of(job, source, omega, sweep, damping) -> list[str]:
                 f"{name}: zero to rounding at {np.count_nonzero(is_zero)} of {len(omega)} frequencies, at most "
                 f"{bounds[is_zero].max():.1e}"
             )
-    if highest.min() < 0.0 and job.load.is_shear:  # by more than its bound
+    if highest.min() < 0.0 and job.load.is_shear and job.mass is None:  # by more than its bound
         worst = int(np.argmin(highest))
         notes += unstable_to_shear(G.real[worst], f"G' at omega {omega[worst]:.3g}")
     if damping is not None:

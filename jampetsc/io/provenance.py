@@ -18,6 +18,8 @@ LAW_PARAMETERS = (
     "tau1",
     "alpha",
     "stress",
+    "mass",
+    "mass_by",
 )
 PROVENANCE = Table(
     r"""
@@ -46,6 +48,8 @@ transverse, sliding, drag, spin_drag | float? | | with `normal` and `eta_f` the 
 prestress | bool? | | whether K keeps the f/r term of its contacts (BT eq. 4)
 tangential_stiffness | float? | | weight in K of the squared sliding of rims, over the stiffness of each contact;
   missing: 0
+mass | float? | k time² | of every particle, or by the volume of particles of one of the mean diameter; missing: none
+mass_by | text? | | with `mass`: number or volume
 load | text? | | displacement gradient E: a name, its numbers, or `tensor`, the symmetric loads xx, yy, (zz, yz, xz,)
   xy, shears with E = ½(x̂ŷ + ŷx̂); missing: simple shear `xy`, as are the fields of `tensor`
 stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε² and its viscous part

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from jampetsc.analysis.elasticity import ReducedTensor
+from jampetsc.analysis.reduced_inertia import ReducedInertia
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import InputError, about, named
 from jampetsc.io import packing_file
@@ -87,7 +88,7 @@ class SweepResult(Result):
         values = self["C"][nearest] if "C" in self else self.G[nearest]
         elsewhere = np.abs(self.omega[nearest] - frequencies) > _FREQUENCY_TOLERANCE * np.abs(frequencies)
         if elsewhere.any():
-            if not {"spectrum/rates", "reduced_tensor/rates"} & set(self):
+            if not {"spectrum/rates", "reduced_tensor/rates", "reduced_inertia/stiffness"} & set(self):
                 raise InputError(
                     f"{self.path}: omega = {frequencies[elsewhere][0]:g} is not one of its {len(self.omega)} "
                     f"frequencies, {self.omega.min():g} to {self.omega.max():g}. Choose one of them, or run the sweep "
@@ -99,13 +100,20 @@ class SweepResult(Result):
                 raise InputError(
                     f"omega = {far:g}: its equivalent frequency overflows. Choose another frequency."
                 )
-            reduced = self._reduced_tensor if "C" in self else self.spectrum
-            values[elsewhere] = reduced.modulus(linear)
+            values[elsewhere] = self._reduced_modulus(linear)
         return values.reshape((*np.shape(omega), *values.shape[frequencies.ndim :]))[()]
 
-    @property
-    def _reduced_tensor(self) -> ReducedTensor:
-        return ReducedTensor(*(self[f"reduced_tensor/{field.name}"] for field in fields(ReducedTensor)))
+    def _reduced_modulus(self, omega):
+        """G*, or C* of a tensor, at frequencies of the linear law, by the reduced pencil that the file has."""
+        if "reduced_inertia/stiffness" in self:
+            modulus = self._reduced("reduced_inertia", ReducedInertia).modulus(omega)
+            return modulus if "C" in self else modulus[..., 0, 0]
+        return (self._reduced("reduced_tensor", ReducedTensor) if "C" in self else self.spectrum).modulus(
+            omega
+        )
+
+    def _reduced(self, group, kind):
+        return kind(*(self[f"{group}/{field.name}"] for field in fields(kind)))
 
     @property
     def damping(self) -> EquivalentDamping | None:
@@ -129,6 +137,11 @@ class SweepResult(Result):
         if "C" in self:
             raise InputError(
                 f"{self.path}: elastic constants, which have no single spectrum. Give a sweep of one {named('load')}."
+            )
+        if "mass" in self.attributes:
+            raise InputError(
+                f"{self.path}: a sweep with mass, whose response oscillates and has no relaxation spectrum. Give a "
+                f"sweep without {named('mass')}."
             )
         if "spectrum/rates" not in self:
             raise InputError(f"{self.path}: no spectrum. Run the sweep with {named('method')} rational.")

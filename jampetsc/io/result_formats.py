@@ -34,6 +34,11 @@ reduced_tensor/B | (c, c) | float? | kτ₁ | B between them
 reduced_tensor/rates | (c,) | float? | 1/time | λ; inf for quasistatic fields
 reduced_tensor/forces | (c,) | float? | | h
 reduced_tensor/loads | (c,) | int? | | number of the load of each column
+reduced_inertia/stiffness | (m,) | float? | 1/time² | with `--mass`, of the rational method where it solved all
+  frequencies: Ω² of a reduced space, so that G* = k_γγ + iω b_γγ − cᵀ(Ω² + iωB − ω²)⁻¹c, c = k + iωb, at any ω
+reduced_inertia/damping | (m, m) | float? | 1/time | B
+reduced_inertia/k, reduced_inertia/b | (L, m) | float? | | k and b of each load
+reduced_inertia/k_gg, reduced_inertia/b_gg | (L, L) | float? | k, kτ₁ | k_γγ and b_γγ between the loads
 """,
     attributes=r"""
 method | text in rational direct | | how frequencies were solved
@@ -42,6 +47,7 @@ positive_semidefinite | text | | whether K has no negative modes, and how that i
 factorisations, unknowns | int | | work: sparse factorisations (each once, also those that a continued run
   makes again), size of K
 vectors | int? | | of the rational method: size of the reduced space
+direct_frequencies | int? | | with `--mass`, of the rational method: frequencies that were solved one by one
 failed_omega | (f,) float? | 1/time | of the direct method: frequencies that were not solved, and are not in `omega`
 """,
     common=PROVENANCE,

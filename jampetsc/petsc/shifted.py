@@ -12,15 +12,19 @@ from jampetsc.petsc.session import current
 PREFIX = "shift_"
 
 
-def shifted(K, B, s: float):
-    """K + sB as a new matrix, for PETSc matrices of one pattern. Collective."""
+def shifted(K, B, s: float, inertia=None):
+    """K + sB as a new matrix, for PETSc matrices of one pattern; with inertia (n_local,) K + sB + s²M. Collective."""
     matrix = K.copy()
-    _add(matrix, s, B)
+    _add(matrix, s, B, inertia)
     return matrix
 
 
-def _add(matrix, s, B):
+def _add(matrix, s, B, inertia):
     matrix.axpy(s, B, structure=current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    if inertia is not None:
+        diagonal = matrix.getDiagonal()
+        diagonal.getArray()[:] += s * s * inertia
+        matrix.setDiagonal(diagonal)
 
 
 def _scaled(project, scale):
@@ -53,14 +57,14 @@ class ShiftedFactor:
         self.cholesky = Cholesky(matrix, PREFIX, what, scaled, spins)
         self._factorise()
 
-    def renew(self, K, B, s: float, what: str) -> None:
-        """Become the factor of K + sB, of the pattern of A, whose symbolic analysis is reused. Collective.
+    def renew(self, K, B, s: float, what: str, inertia=None) -> None:
+        """Become the factor of `shifted(K, B, s, inertia)`, of the pattern of A. Collective.
 
-        Raises as the constructor; the factor is not usable then.
+        The symbolic analysis is reused. Raises as the constructor; the factor is not usable then.
         """
         matrix = self.cholesky.matrix
         K.copy(matrix, structure=current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        _add(matrix, s, B)
+        _add(matrix, s, B, inertia)
         self.cholesky.what = what
         self._factorise()
 

@@ -106,7 +106,7 @@ def build_matrices(network: DistributedNetwork, law: Law, loads=None) -> Packing
     pencils = [pencil.under(load) for load in loads or [pencil.load]]
     of_loads = [getattr(pencils[0], name) for name in (*VECTORS, *CORNERS)]
     if len(pencils) > 1:
-        of_loads = [tuple(getattr(item, name) for item in pencils) for name in VECTORS] + _corners(pencils)
+        of_loads = [tuple(getattr(item, name) for item in pencils) for name in VECTORS] + corners(pencils)
     particles = np.concatenate(comm.allgather(network.particles))
     component = np.tile(np.arange(pencil.dofs), len(particles))
     return PackingMatrices(
@@ -118,7 +118,7 @@ def build_matrices(network: DistributedNetwork, law: Law, loads=None) -> Packing
     )  # fmt: skip
 
 
-def _corners(pencils):
+def corners(pencils):
     """[k, b] (L, L) between the loads of pencils that differ in the load alone. Collective."""
     c, network = pencils[0].compatibility, pencils[0].network
     g = np.array([pencil.compatibility.g for pencil in pencils])

@@ -21,6 +21,7 @@ from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import diagonal_of, distributed_matrix
 from jampetsc.response.compatibility import BondForms, Compatibility, build_compatibility, drag_of
 from jampetsc.response.contact_network import DistributedNetwork, Pieces, find_pieces
+from jampetsc.response.mass_matrix import MassMatrix, build_mass_matrix
 
 # by D: |A| ≤ ROW max(diagonal) for the A of a contact network, the most unknowns of one form
 ROW = {2: 6.0, 3: 12.0}
@@ -48,6 +49,7 @@ class Pencil:
     pins: np.ndarray  # pinned unknowns, global numbers
     load: Load
     compatibility: Compatibility  # the relative motions of which K and B are sums of squares
+    mass: MassMatrix | None = None  # M of K + sB + s²M; None: overdamped
 
     def under(self, load: Load) -> "Pencil":
         """The same K and B with the columns of another load. Collective."""
@@ -85,9 +87,23 @@ class Pencil:
         return np.arange(first, last).reshape(-1, self.dofs)[:, self.dimension :].ravel()
 
     @property
+    def inertia(self):
+        """Diagonal of M without what is pinned, (n_local,); None: overdamped."""
+        return None if self.mass is None else self.mass.pinned_diagonal
+
+    @property
+    def _projects_translations(self):
+        """Whether the fluid alone holds translations, or with masses that share it alike."""
+        return self.law.holds_translations and (self.mass is None or self.mass.are_equal)
+
+    @property
+    def _projects_gears(self):
+        return self.law.holds_spins and self.mass is None
+
+    @property
     def projects(self) -> bool:
         """Whether `project` removes anything: translations or gears that the fluid damps and K does not resist."""
-        return self.law.holds_translations or (self.law.holds_spins and bool(self.gears.any()))
+        return self._projects_translations or (self._projects_gears and bool(self.gears.any()))
 
     @cached_property
     def gears(self):
@@ -97,13 +113,14 @@ class Pencil:
     def project(self, x):
         """Remove from x (n_local,), in place, the moves that the fluid damps and K does not resist. Collective.
 
-        They are the mean displacement of each piece under drag, and under drag on spins the turning of gears.
+        They are the mean displacement of each piece under drag, and under drag on spins the turning of gears: no load
+        drives them. With unequal masses other motions drive them, and they stay.
         """
         unknowns = x.reshape(-1, self.dofs)
-        if self.law.holds_translations:
+        if self._projects_translations:
             local = unknowns[:, : self.dimension]
             local -= self.pieces.mean(self.network, local)
-        if self.law.holds_spins:
+        if self._projects_gears:
             self.project_gears(unknowns)
 
     def project_gears(self, unknowns):
@@ -205,11 +222,12 @@ def assemble(network: DistributedNetwork, law: Law, pinned: bool = True) -> Penc
     pins = pins_of(network, law, pieces) if pinned else np.zeros(0, int)
     _pin(matrix, pins, network.first * dofs, network.k)
     compatibility = build_compatibility(bonds, pins, load)
+    mass = build_mass_matrix(network, law, pieces, pins) if network.masses else None
     return Pencil(
         network, law, pieces,
         distributed_matrix(network.comm, matrix, matrix.data.real),
         distributed_matrix(network.comm, matrix, matrix.data.imag),
-        **_load_parts(compatibility, load, pins), pins=pins, load=load, compatibility=compatibility,
+        **_load_parts(compatibility, load, pins), pins=pins, load=load, compatibility=compatibility, mass=mass,
     )  # fmt: skip
 
 

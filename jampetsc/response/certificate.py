@@ -18,7 +18,7 @@ The stationary value is summed contact by contact as well, so that rounding of x
 only.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -132,7 +132,7 @@ class Functional:
     """G*, residual and bound of trial fields of one pencil. All methods are collective."""
 
     def __init__(self, pencil: Pencil):
-        self.pencil, self.network = pencil, pencil.network
+        self.pencil, self.network, self.mass = pencil, pencil.network, pencil.mass
         c = self.compatibility = pencil.compatibility
         self.affine = np.sqrt(c.affine_sizes)
 
@@ -146,6 +146,8 @@ class Functional:
         c = self.compatibility
         a = c.motions(x) + strain * c.g
         left = c.forces((c.w_K + 1j * omega * c.w_B) * a) + 1j * omega * c.drag * x
+        if self.mass is not None:
+            left -= omega**2 * self.mass.apply(x)
         self.pencil.project(left)  # no net force but for rounding, which drag alone would not hold back
         return Trial(omega, x, a, strain, left)
 
@@ -169,6 +171,9 @@ class Functional:
             trial_sizes @ (trial.strain * c.g_size) ** 2,
             np.sum((trial.omega * c.drag) ** 2 * x2 / diagonal),
         ]
+        if self.mass is not None:
+            terms = trial.omega**2 * self.mass.diagonal * self.mass.terms(np.abs(trial.x))
+            local[-1] += np.sum(terms**2 / diagonal)
         of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
         stretch = self.network.max(c.reach(omega) / diagonal)
         of_motions = (
@@ -180,6 +185,12 @@ class Functional:
 
     def certify(self, trial: Trial, lower: SingularBound) -> Certified:
         """G* of a trial at amplitude 1, with its bound."""
+        left = self.norm(trial.left, lower.diagonal) + self.rounding(trial, lower.omega, lower.diagonal)
+        error = float(lower.reach(trial.omega) * left**2 / self.network.volume)
+        return replace(self.evaluate(trial), error=error)
+
+    def evaluate(self, trial: Trial) -> Certified:
+        """G* of a trial at amplitude 1 and its rounding; the bound on what the equations left is infinite."""
         omega = trial.omega
         (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), sizes, noise = self._sums(trial)
         elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
@@ -189,12 +200,16 @@ class Functional:
         storage += omega * (2.0 * e_Br * e_Bi + e_Br * d_Bi + e_Bi * d_Br)
         loss = 2.0 * e_Kr * e_Ki + e_Kr * d_Ki + e_Ki * d_Kr
         loss += omega * (e_Br * (e_Br + d_Br) + e_Bi * (e_Bi + d_Bi))
+        if self.mass is not None:
+            (rr, ii, ri), (e_r, e_i), (d_r, d_i) = self.inertia(trial)
+            elastic -= omega**2 * complex(rr - ii, 2.0 * ri)
+            storage += omega**2 * (e_r * (e_r + d_r) + e_i * (e_i + d_i))
+            loss += omega**2 * (2.0 * e_r * e_i + e_r * d_i + e_i * d_r)
         volume = self.network.volume
-        left = self.norm(trial.left, lower.diagonal) + self.rounding(trial, lower.omega, lower.diagonal)
         return Certified(
             omega=float(omega),
             G=(elastic + 1j * omega * viscous) / volume,
-            error=float(lower.reach(omega) * left**2 / volume),
+            error=np.inf,
             rounding=2.0 * EPSILON * np.array((storage, loss)) / volume,
         )
 
@@ -219,10 +234,29 @@ class Functional:
         noise[::2] += 4.0 * self.affine
         return of_K, of_B, sizes, noise
 
-    def field_bound(self, certified: Certified, x) -> float:
-        """Bound on the error of the field x that was certified, see `field_bound`: an estimate where K is not ≥ 0."""
-        squared = 2.0 * np.sqrt(2.0) * certified.error * self.network.volume  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
-        return field_bound(self.pencil, certified.omega, x, squared)
+    def inertia(self, trial):
+        """As `_sums` for xᵀM̂x: its real, imaginary and mixed parts, sizes (2,) and noise (2,)."""
+        x, mass = self.mass.centred(trial.x), self.mass
+        parts = np.array([x.real**2, x.imag**2, x.real * x.imag])
+        reach = [mass.terms(np.abs(part)) ** 2 for part in (trial.x.real, trial.x.imag)]
+        sums, reach = (
+            self.network.sum(parts @ mass.diagonal),
+            self.network.sum(np.array(reach) @ mass.diagonal),
+        )
+        sizes = np.sqrt(sums[:2])
+        return sums, sizes, 7.0 * sizes + 4.0 * np.sqrt(reach)
+
+    def field_bound(self, certified: Certified, x, lower: SingularBound) -> float:
+        """Bound on the error of the field x that was certified, see `field_bound`.
+
+        Without masses an estimate where K is not ≥ 0. With them ‖e‖² ≤ ROW eᴴ reach e, and eᴴDe ≤ rᴴD⁻¹r/σ².
+        """
+        omega, energy = certified.omega, certified.error * self.network.volume
+        squared = 2.0 * np.sqrt(2.0) * energy  # ≥ 2 rᴴS⁻¹r, by S ≥ (σ/√2) D
+        if self.mass is not None:
+            stretch = self.network.max(self.compatibility.reach(omega) / lower.diagonal)
+            squared = ROW[self.network.dimension] * stretch * lower.reach(omega) * energy
+        return field_bound(self.pencil, omega, x, squared)
 
 
 def tensor_at(functionals, trials, results) -> tuple:
@@ -238,6 +272,10 @@ def tensor_at(functionals, trials, results) -> tuple:
     weights = c.w_K + 1j * omega * c.w_B
     motions, fields = (np.array([getattr(trial, name) for trial in trials]) for name in ("motions", "x"))
     C = (motions * weights) @ motions.T + 1j * omega * (fields * c.drag) @ fields.T
+    mass, of_inertia = first.mass, None
+    if mass is not None:
+        centred = np.array([mass.centred(field) for field in fields])
+        C -= omega**2 * (centred * mass.diagonal) @ centred.T
     loads = [functional.pencil.load for functional in functionals]
     fluid = np.array([[c.fluid_gg(load, other) for other in loads] for load in loads])
     C = (first.network.sum(C) + 1j * omega * fluid) / volume
@@ -245,20 +283,25 @@ def tensor_at(functionals, trials, results) -> tuple:
     # (L, 4) each: of the real and imaginary parts in K, then in B
     sizes, noise = (np.array([pair[part] for pair in sums]) / np.sqrt(volume) for part in (0, 1))
     in_K, in_B = ((sizes[:, part], noise[:, part]) for part in (slice(0, 2), slice(2, 4)))
-    bounds = pair_bounds([result.error for result in results], in_K, in_B, omega, 4.0 * EPSILON)
+    if mass is not None:
+        pairs = zip(functionals, trials, strict=True)
+        parts = [functional.inertia(trial)[1:] for functional, trial in pairs]
+        of_inertia = tuple(np.array([part[which] for part in parts]) / np.sqrt(volume) for which in (0, 1))
+    bounds = pair_bounds([result.error for result in results], in_K, in_B, omega, 4.0 * EPSILON, of_inertia)
     diagonal = np.arange(len(loads))
     C[diagonal, diagonal] = [result.G for result in results]
     bounds[diagonal, diagonal] = [result.bounds for result in results]
     return C, bounds
 
 
-def pair_bounds(errors, in_K, in_B, omega, unit: float):
+def pair_bounds(errors, in_K, in_B, omega, unit: float, in_M=None):
     """Bounds on |ΔC|, |ΔC'| and |ΔC''| between L loads at frequencies (…), (…, L, L, 3).
 
     errors      (…, L) bounds on |rᵀA⁻¹r| / V of each load
     in_K, in_B  (sizes, noise), each (…, L, 2): of the real and the imaginary part of the motions of a load the root of
                 Σ w a² / V, and what rounding can do to it in units of `unit`
     omega       (…)
+    in_M        the same of Σ m |x|² / V, with masses
     """
 
     def products(part, first, second):
@@ -273,6 +316,9 @@ def pair_bounds(errors, in_K, in_B, omega, unit: float):
     odd = [products(part, real, imaginary) + products(part, imaginary, real) for part in (in_K, in_B)]
     omega, roots = np.asarray(omega)[..., None, None], np.sqrt(errors)
     storage, loss = even[0] + omega * odd[1], odd[0] + omega * even[1]
+    if in_M is not None:
+        storage = storage + omega**2 * (products(in_M, real, real) + products(in_M, imaginary, imaginary))
+        loss = loss + omega**2 * (products(in_M, real, imaginary) + products(in_M, imaginary, real))
     rounding = unit * np.stack((np.hypot(storage, loss), storage, loss), axis=-1)
     return outer(roots, roots)[..., None] + rounding
 

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from jampetsc.errors import InputError, named
 from jampetsc.laws.damping import Law
 from jampetsc.laws.forms import LinearForm, spins_of
+from jampetsc.laws.masses import Masses
 from jampetsc.packing.contacts import (
     BALANCED,
     IMBALANCE,
@@ -67,6 +68,7 @@ class DistributedNetwork:
     of_particles: bool = True  # whether its bonds are contacts of particles; else bonds of a `Network`
     tangential_stiffness: float = 0.0  # of elastic springs between rims, in units of the k of each contact
     diameter: float = 1.0  # d, mean of all disks; of nodes without radii without effect
+    masses: Masses | None = None  # of its disks; None: overdamped
 
     @property
     def dimension(self) -> int:
@@ -131,9 +133,11 @@ class DistributedNetwork:
     def spins_follow_load(self, law: Law) -> bool:
         """Whether spins are relative to the rotation of the affine flow, as displacements are to that flow.
 
-        They are where K or the fluid acts on them. Where contacts alone damp them no torque tells the difference.
+        They are where K, the fluid or inertia acts on them. Where contacts alone damp them no torque tells the
+        difference.
         """
-        return self.turns_elastically or law.holds_spins
+        has_reference = self.turns_elastically or law.holds_spins or self.masses is not None
+        return has_reference and self.rolls(law)
 
     def unstressed(self) -> "DistributedNetwork":
         """The same contacts as springs at rest: K without pre-stress."""
@@ -176,18 +180,23 @@ class DistributedNetwork:
 
 
 def build_network(
-    source: Packing | Network, comm, prestress: bool = True, tangential_stiffness: float = 0.0
+    source: Packing | Network,
+    comm,
+    prestress: bool = True,
+    tangential_stiffness: float = 0.0,
+    masses: Masses | None = None,
 ) -> DistributedNetwork:
     """The contacts of a packing or the bonds of a network, linearised with pre-stress or without. Collective.
 
     source                 on every rank
     tangential_stiffness   weight of the squared sliding of rims in K, over the stiffness of each contact
+    masses                 of its disks, None: overdamped
 
     Raises InputError for two disks at one place, and for a packing with too few contacts to be rigid: n disks in a
     periodic cell need at least D n − D (Maxwell's count), and each missing one leaves a floppy mode. With tangential
     springs a contact counts D times and a disk D(D + 1)/2 times. A network may be floppy.
     """
-    model = {"prestress": prestress, "tangential_stiffness": tangential_stiffness}
+    model = {"prestress": prestress, "tangential_stiffness": tangential_stiffness, "masses": masses}
     if isinstance(source, Network):
         return _spread_network(source, comm, model)
     network = _spread_packing(source, comm, model)

@@ -44,10 +44,11 @@ class ComplexForm:
     """K + iωB at one frequency after another, and its vectors, from PETSc matrices K, B of one pattern. Collective.
 
     A           PETSc.Mat; x and b are vectors that fit it
-    magnitude   |diagonal of K + iωB| at the ω of the last `set`, (n_local,)
+    magnitude   at least |diagonal of A| at the ω of the last `set`, (n_local,)
+    inertia     (n_local,) diagonal of M, for K + iωB − ω²M; None: overdamped
     """
 
-    def __init__(self, K, B):
+    def __init__(self, K, B, inertia=None):
         if current().scalar_type == "complex":
             self._doubled, self._step = False, 1j
             self._K, self._B = K, B
@@ -57,15 +58,20 @@ class ComplexForm:
             self._B = _blocks(B, [[0.0, -1.0], [-1.0, 0.0]])
         self.A = self._K.duplicate(copy=True)
         self.x, self.b = self.A.createVecs()
-        self._diagonals = [diagonal_of(matrix) for matrix in (K, B)]
+        self._diagonals, self._inertia = [diagonal_of(matrix) for matrix in (K, B)], inertia
 
     def set(self, omega: float) -> None:
-        """A ← K + iωB."""
+        """A ← K + iωB, or K + iωB − ω²M."""
         same = current().PETSc.Mat.Structure.SAME_NONZERO_PATTERN
         self._K.copy(self.A, structure=same)
         self.A.axpy(self._step * omega, self._B, structure=same)
         of_K, of_B = self._diagonals
         self.magnitude = np.hypot(of_K, omega * of_B)
+        if self._inertia is not None:
+            of_M = omega**2 * self._inertia
+            self.magnitude += of_M
+            self.b.setArray(np.ravel(np.column_stack((-of_M, of_M)[: 1 + self._doubled])))
+            self.A.setDiagonal(self.b, current().PETSc.InsertMode.ADD_VALUES)
 
     def scale(self, d) -> None:
         """A ← D A D for the diagonal d (n_local,), real."""
@@ -74,7 +80,7 @@ class ComplexForm:
 
     def solve(self, ksp, right, what: str):
         """Solution (n_local,) of A x = right (n_local,) by `ksp`. Raises ConvergenceError if that fails."""
-        self.b.setArray(np.conj(right).view(float) if self._doubled else right)
+        self.b.setArray(np.conj(right, dtype=complex).view(float) if self._doubled else right)
         mumps.solve(ksp, self.b, self.x, what, "; try -options_file jampetsc:mumps")
         solution = self.x.getArray().copy()
         return solution.view(complex) if self._doubled else solution
@@ -106,7 +112,7 @@ class FrequencySolver:
         require_memory(
             pencil.network, pencil.unknowns, PREFIX, 2.0 if session.scalar_type == "complex" else 4.0
         )
-        self.form = ComplexForm(pencil.K, pencil.B)
+        self.form = ComplexForm(pencil.K, pencil.B, pencil.inertia)
         self.ksp = mumps.make_ksp(pencil.network.comm, PREFIX, DEFAULTS)
         self.ksp.setOperators(self.form.A)
         # whether the factor of an earlier frequency serves until it no longer converges
@@ -133,6 +139,7 @@ class FrequencySolver:
         if self.reuse and self.factorisations:
             self.form.set(omega)
             self.form.scale(self.scale)  # as the matrix of the factor was
+            self._prepare(omega)
             with contextlib.suppress(ConvergenceError):
                 return self._solve_each(omega, accuracy)
         self._factorise(omega)
@@ -151,15 +158,28 @@ class FrequencySolver:
         pc.setReusePreconditioner(False)
         self.factorisations += mumps.factorise(self.ksp, self.form.A, f"K + iωB at ω = {omega:g}")
         pc.setReusePreconditioner(self.reuse)
+        self._prepare(omega)
+
+    def _prepare(self, omega):
+        """With masses, prepare solves for moves that inertia alone resists."""
+        mass = self.pencil.mass
+        if mass is not None:
+            self._moves = mass.move_correction(lambda right: self._solve_pinned(omega, right), -(omega**2))
 
     def _apply_inverse(self, omega, right):
         """A⁻¹ right to the accuracy of the KSP, scaling undone."""
+        solution = self._solve_pinned(omega, right)
+        if self.pencil.mass is not None:
+            solution = self._moves.correct(solution)
+        self.pencil.project(solution)
+        return solution
+
+    def _solve_pinned(self, omega, right):
         solution = self.form.solve(self.ksp, self.scale * right, f"ω = {omega:g}")
         self.iterations += self.ksp.getIterationNumber()
         if self.pencil.network.sum(np.count_nonzero(~np.isfinite(solution))):
             raise ConvergenceError(f"ω = {omega:g}: KSP returned NaN or Inf. Give another options file.")
         solution *= self.scale
-        self.pencil.project(solution)
         return solution
 
     def _refine(self, omega, accuracy, functional):

@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from jampetsc.analysis.elasticity import ReducedTensor, dimension_of, shear_modulus, shear_weights
+from jampetsc.analysis.reduced_inertia import ReducedInertia
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import ConvergenceError, InputError, named
 from jampetsc.petsc.cholesky import NotPositiveDefinite
@@ -148,6 +149,10 @@ class ModulusSweep:
     vectors: int | None = None  # of the rational method: size of the reduced space
     spectrum: RelaxationSpectrum | None = None  # of the same, of one load
     tensor: TensorModuli | None = None  # of the loads of a tensor
+    inertia: ReducedInertia | None = (
+        None  # with masses: G* or C* at any frequency, if the space certified all
+    )
+    direct: int = 0  # with masses: frequencies that the reduced space could not certify
 
 
 def sweep_rationally(
@@ -172,7 +177,7 @@ def sweep_rationally(
     be certified.
     """
     loads, steps, sweeps = list(loads or [pencil.load]), dict(resume or {}), []
-    with _FloppyModesExplained(pencil), Progress(None, "sweep", pencil.network.comm.rank) as progress:
+    with FloppyModesExplained(pencil), Progress(None, "sweep", pencil.network.comm.rank) as progress:
         try:
             for number, load in enumerate(loads):
                 factors = sweeps[0].factors if sweeps else None
@@ -191,7 +196,7 @@ def sweep_rationally(
         with current().stage("projection"):
             projection = TensorProjection(galerkins)
             tensor = TensorModuli(*projection.certify(certificates), projection.reduced)
-        return ModulusSweep(first.omega, *_mean_shear(tensor), [], {}, **work, tensor=tensor)
+        return ModulusSweep(first.omega, *mean_shear(tensor), [], {}, **work, tensor=tensor)
     galerkin, certificate = first.galerkin, first.certificate
     fields = [
         DisplacementField(at, *pencil.split(galerkin.field(at)), galerkin.field_bound(at, first.error_at(at)))
@@ -202,7 +207,7 @@ def sweep_rationally(
     )
 
 
-def _mean_shear(tensor):
+def mean_shear(tensor):
     """(G (M,), bounds (M, 3)) of the shear modulus averaged over all directions."""
     weights = np.abs(shear_weights(dimension_of(tensor.C)))
     return shear_modulus(tensor.C), np.einsum("ab,...abc->...c", weights, tensor.bounds)
@@ -279,7 +284,7 @@ def sweep_directly(
         solver = FrequencySolver(pencil, positive_semidefinite=positive_semidefinite, loads=loads)
     missing = [index for index in range(len(omega)) if index not in steps]
     with (
-        _FloppyModesExplained(pencil),
+        FloppyModesExplained(pencil),
         Progress(len(omega), "sweep", pencil.network.comm.rank, done=len(steps)) as progress,
     ):
         if steps:
@@ -294,7 +299,7 @@ def sweep_directly(
                 factorisations += solver.factorisations - previous
                 progress.step(f"failed: {error}")
                 continue
-            steps[index] = _direct_step(solver, results, solver.factorisations - previous, at in field_omega)
+            steps[index] = direct_step(solver, results, solver.factorisations - previous, at in field_omega)
             if save is not None:
                 save(index, *steps[index])
             result = results[0]
@@ -319,12 +324,12 @@ def sweep_directly(
     )
     if "C" in records[0]:
         tensor = TensorModuli(*(np.array([record[name] for record in records]) for name in ("C", "C_bounds")))
-        return ModulusSweep(omega, *_mean_shear(tensor), fields, failures, factorisations, tensor=tensor)
+        return ModulusSweep(omega, *mean_shear(tensor), fields, failures, factorisations, tensor=tensor)
     moduli = (np.array([record[name] for record in records]) for name in ("G", "bounds"))
     return ModulusSweep(omega, *moduli, fields, failures, factorisations)
 
 
-def _direct_step(solver, results, factorisations, has_field):
+def direct_step(solver, results, factorisations, has_field):
     """(record, arrays) of one frequency."""
     result, bound = results[0], solver.singular_bound
     record = {
@@ -337,11 +342,11 @@ def _direct_step(solver, results, factorisations, has_field):
     if not has_field:
         return record, None
     displacement, rotation = solver.pencil.split(solver.x)
-    record["field_bound"] = solver.functional.field_bound(result, solver.x)
+    record["field_bound"] = solver.functional.field_bound(result, solver.x, bound)
     return record, {"displacement": displacement} | ({} if rotation is None else {"rotation": rotation})
 
 
-class _FloppyModesExplained:
+class FloppyModesExplained:
     """Context: errors raised inside name the zero modes that K and B share, or floppy modes, which can be their reason.
 
     It is a class for the same reason as `errors.about`.

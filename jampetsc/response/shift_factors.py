@@ -68,7 +68,7 @@ def _new_factor(pencil, s):
     """The factor of K + sB."""
     project = pencil.project if pencil.projects else None
     spins = pencil.spins if splits_spins(pencil) else None
-    return ShiftedFactor(shifted(pencil.K, pencil.B, s), _named(s), project, spins)
+    return ShiftedFactor(shifted(pencil.K, pencil.B, s, pencil.inertia), _named(s), project, spins)
 
 
 def closest(shifts, s):
@@ -110,19 +110,19 @@ class Factors:
     def _is_mine(self, s):
         return not self._alone or self.owner[s] == self.comm.rank
 
-    def _factor(self, s):
-        """The factor of K + sB."""
+    def factor(self, s):
+        """The factor of K + sB at one of `shifts`."""
         factor = self.held.pop(s, None)
         if factor is None and len(self.held) == self._most:
             factor = self.held.pop(next(iter(self.held)))
-            factor.renew(self.whole.K, self.whole.B, s, _named(s))
+            factor.renew(self.whole.K, self.whole.B, s, _named(s), self.whole.inertia)
         self.held[s] = factor or _new_factor(self.whole, s)
         return self.held[s]
 
     def _by_owner(self, s, action):
         """What a function finds with the factor of s, on the ranks that have it; None on the others."""
         with agreed(self.comm):
-            return action(self._factor(s)) if self._is_mine(s) else None
+            return action(self.factor(s)) if self._is_mine(s) else None
 
     def _gather(self, local):
         """All rows of a vector, as the factors have them."""
@@ -147,7 +147,7 @@ class Factors:
         self.owner |= dict(zip(new, itertools.cycle(range(self.width)), strict=False))
         with agreed(self.comm):
             for s in filter(self._is_mine, new):
-                self._factor(s)
+                self.factor(s)
 
     def field(self, pencil: Pencil, s: float):
         """(shift, x): the field x (n_local,) at the shift next to s that there is a factor of, see `field_at`.
@@ -172,7 +172,7 @@ class Factors:
         shifts = [closest(self.owner, s) for s in shifts]
         if not self._alone:
             for s in shifts:
-                basis.extend(self._factor(s), s, count)
+                basis.extend(self.factor(s), s, count)
             return
         q, more = basis.residual()
         if basis.complete or not more:
@@ -213,7 +213,7 @@ class Factors:
         """
         basis = RationalBasis(self.whole, np.inf, np.zeros(len(source)))
         for _ in range(count):
-            if not basis.append(self._solve_whole(self._factor(s), source), s):
+            if not basis.append(self._solve_whole(self.factor(s), source), s):
                 break
             source = basis.images[-1]
         return basis.vectors
@@ -225,7 +225,7 @@ class Factors:
         kept = list(self.held)  # first, before they make room for the others
         own = sorted(filter(self._is_mine, self.shifts), key=lambda s: s not in kept)
         with agreed(self.comm):
-            energies = {s: self._factor(s).energy(rhs) for s in own}
+            energies = {s: self.factor(s).energy(rhs) for s in own}
         current().free_dropped(self.comm)  # vectors of the solves, of which a certificate may need many
         every = {s: energy for part in self.comm.allgather(energies) for s, energy in part.items()}
         return {s: every[s] for s in self.shifts}

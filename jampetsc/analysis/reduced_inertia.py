@@ -1,0 +1,34 @@
+"""G*(ω) and C*(ω) with inertia from a pencil of second order that was projected on a few vectors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedInertia:
+    """C*(ω) of L loads in a space of m vectors, orthonormal in the mass matrix, eigenvectors of K in it.
+
+    With s = iω, c_E(s) = k_E + s b_E and all of it over V,
+
+        C_EE′(ω) = k_EE′ + s b_EE′ − c_E(s)ᵀ (Ω² + sB + s²)⁻¹ c_E′(s) .
+    """
+
+    stiffness: np.ndarray  # (m,) Ω², in 1/time²
+    damping: np.ndarray  # (m, m) B, in 1/time
+    k: np.ndarray  # (L, m) elastic load column over √V
+    b: np.ndarray  # (L, m) viscous load column over √V
+    k_gg: np.ndarray  # (L, L) of affine motion, in k
+    b_gg: np.ndarray  # (L, L) the same, in kτ₁
+
+    def modulus(self, omega):
+        """C*(ω), complex, (…, L, L) for omega (…)."""
+        flat = np.ravel(np.asarray(omega, float))
+        values = []
+        for at in flat:
+            s, column = 1j * at, self.k + 1j * at * self.b
+            matrix = np.diag(self.stiffness + s**2) + s * self.damping
+            scale = 1.0 / np.sqrt(np.abs(self.stiffness) + at * np.abs(np.diag(self.damping)) + at**2)
+            solved = np.linalg.solve(matrix * np.outer(scale, scale), (column * scale).T)
+            values.append(self.k_gg + s * self.b_gg - (column * scale) @ solved)
+        return np.array(values).reshape((*np.shape(omega), *self.k_gg.shape))

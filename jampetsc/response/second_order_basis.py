@@ -1,0 +1,177 @@
+"""A rational Krylov space for K + sB + s²M, grown from chains at real shifts, orthonormal in M̂ (see `mass_matrix`).
+
+With x(s) = −Z(s)⁻¹(k + s b), Z(s) = K + sB + s²M̂, and v = x the pair (x, v) obeys an equation of first order with a
+constant as a third part, whose Krylov chain at a shift s is
+
+    Z(s) x_n = −s [B x_{n−1} + s M̂ (x_{n−1} + v_{n−1}) + κ_{n−1} b] ,    v_n = x_n + x_{n−1} ,    κ_n = 0 ,
+
+from x₀ = x(s), v₀ = x₀, κ₀ = 1. The x of n steps span what x(s) and its first n − 1 derivatives do: Galerkin's G*
+agrees with 2n derivatives of the exact one at s. Pairs are kept as coefficients of one orthonormal basis and made
+orthogonal as pairs, which keeps long chains independent (two-level orthogonal Arnoldi, Lu, Su & Bai, SIAM J. Matrix
+Anal. 37, 195 (2016)). Chains of several shifts and loads share the basis.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jampetsc.errors import ConvergenceError
+from jampetsc.response.assembly import Pencil
+
+NEW = 1e-9  # least part of a vector outside the space, relative to it
+INDEPENDENT = 1e-13  # least part of a pair that is not in those before, relative to it
+MAX_REFUSED = 6  # vectors of a chain, one after another, that lie in the space: nothing new is left
+
+
+@dataclass
+class Chain:
+    """Pairs of one load at one shift: coefficients of x_n and v_n in the basis, κ_n."""
+
+    x: list = field(default_factory=list)
+    v: list = field(default_factory=list)
+    constant: list = field(default_factory=list)
+    refused: int = 0  # vectors, one after another, that added nothing to the basis
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether more steps would add nothing."""
+        return self.refused >= MAX_REFUSED
+
+    def append(self, coefficients) -> None:
+        """Add the pair of x_n, given by its coefficients in the basis as it is now."""
+        x = coefficients
+        v = x + _padded(self.x[-1], len(x)) if self.x else x.copy()
+        constant = 0.0 if self.x else 1.0
+        size = np.sqrt(x @ x + v @ v + constant**2)
+        for _ in range(2 if self.x else 0):
+            for other_x, other_v, other_constant in zip(self.x, self.v, self.constant, strict=True):
+                other_x, other_v = _padded(other_x, len(x)), _padded(other_v, len(v))
+                share = other_x @ x + other_v @ v + other_constant * constant
+                x, v, constant = x - share * other_x, v - share * other_v, constant - share * other_constant
+        left = np.sqrt(x @ x + v @ v + constant**2)
+        if not left > INDEPENDENT * size:
+            self.refused = MAX_REFUSED
+            return
+        self.x.append(x / left)
+        self.v.append(v / left)
+        self.constant.append(constant / left)
+
+
+def _padded(values, length):
+    return np.pad(values, (0, length - len(values)))
+
+
+class SecondOrderBasis:
+    """V of one K, B and M̂ and several loads, with the projected matrices. Methods are collective.
+
+    pencils   of the loads
+    K, B      Vᵀ K V and Vᵀ B V, (m, m); Vᵀ M̂ V is the identity
+    k, b      (loads, m) the load columns in the space
+    chains    {(load, shift): Chain}
+    """
+
+    def __init__(self, pencils: list[Pencil]):
+        self.pencil, self.mass = pencils[0], pencils[0].mass
+        self.columns = [
+            tuple(vector.getArray().copy() for vector in (pencil.k_gamma, pencil.b_gamma))
+            for pencil in pencils
+        ]
+        self._in, self._out = self.pencil.K.createVecs()
+        self._V = np.empty((8, len(self.columns[0][0])))
+        self.size = 0
+        self.K, self.B = np.empty((0, 0)), np.empty((0, 0))
+        self.k, self.b = (np.empty((len(pencils), 0)) for _ in range(2))
+        self.chains: dict[tuple[int, float], Chain] = {}
+
+    @property
+    def vectors(self):
+        """Vᵀ, (m, n_local)."""
+        return self._V[: self.size]
+
+    def apply(self, matrix, x):
+        """A matrix of the pencil times x (n_local,)."""
+        self._in.setArray(x)
+        matrix.mult(self._in, self._out)
+        return self._out.getArray().copy()
+
+    def extend(self, solve, load: int, s: float, count: int) -> None:
+        """Add up to `count` vectors of the chain of a load at shift s, fewer where nothing new is left.
+
+        solve   (n_local,) → (n_local,), Z(s)⁻¹
+        """
+        chain = self.chains.setdefault((load, s), Chain())
+        for _ in range(count):
+            if chain.is_complete:
+                return
+            source = self._source(chain, load, s)
+            size = self.size
+            if not self.pencil.network.sum(float(source @ source)):
+                chain.refused = MAX_REFUSED
+                return
+            coefficients = self._append(solve(source), f"s = {s:g}")
+            chain.refused = 0 if self.size > size else chain.refused + 1
+            chain.append(coefficients)
+
+    def _source(self, chain, load, s):
+        k, b = self.columns[load]
+        if not chain.x:
+            return -(k + s * b)
+        x, v = (_padded(part[-1], self.size) @ self.vectors for part in (chain.x, chain.v))
+        inertial = self.mass.apply(x + v)
+        return -s * (self.apply(self.pencil.B, x) + s * inertial + chain.constant[-1] * b)
+
+    def _append(self, w, where):
+        """Coefficients of w (n_local,) in the basis, to which its part outside is added if it has enough digits."""
+        network = self.pencil.network
+        coefficients, length = np.zeros(self.size), None
+        for _ in range(3):
+            image = self.mass.apply(w)
+            products = network.sum(np.append(self.vectors @ image, w @ image))
+            length = products[-1] if length is None else length
+            coefficients += products[:-1]
+            w = w - products[:-1] @ self.vectors
+        norm2 = network.sum(float(w @ self.mass.apply(w)))
+        if not np.isfinite(norm2):
+            raise ConvergenceError(f"solve at {where}: NaN or Inf. Give another options file.")
+        if not norm2 > NEW**2 * length:
+            return coefficients
+        self._add(w / np.sqrt(norm2))
+        return np.append(coefficients, np.sqrt(norm2))
+
+    def restore(self, vectors) -> None:
+        """Add vectors (m, n_local) of an earlier basis, orthonormal as they are."""
+        for vector in vectors:
+            self._add(vector)
+
+    def _add(self, vector):
+        m = self.size
+        if m == len(self._V):
+            self._V = np.concatenate((self._V, np.empty_like(self._V)))
+        self._V[m] = vector
+        self.size = m + 1
+        images = [self.apply(matrix, vector) for matrix in (self.pencil.K, self.pencil.B)]
+        columns = np.array([part for pair in self.columns for part in pair]) @ vector
+        rows = self.pencil.network.sum(np.concatenate([*(self.vectors @ image for image in images), columns]))
+        of_K, of_B, of_columns = np.split(rows, [m + 1, 2 * m + 2])
+        self.K, self.B = _bordered(self.K, of_K), _bordered(self.B, of_B)
+        self.k = np.column_stack((self.k, of_columns[::2]))
+        self.b = np.column_stack((self.b, of_columns[1::2]))
+
+    def coefficients(self, omega: float):
+        """(loads, m) complex: Galerkin's solutions y of (K + sB + s²) y = −(k + s b) in the space, s = iω."""
+        s = 1j * omega
+        matrix = self.K + s * self.B + s**2 * np.eye(self.size)
+        scale = 1.0 / np.sqrt(np.abs(np.diag(self.K)) + omega * np.abs(np.diag(self.B)) + omega**2)
+        y = np.linalg.solve(matrix * np.outer(scale, scale), -((self.k + s * self.b) * scale).T)
+        return (scale[:, None] * y).T
+
+    def field(self, coefficients):
+        """x (n_local,) complex of coefficients (m,)."""
+        return coefficients.real @ self.vectors + 1j * (coefficients.imag @ self.vectors)
+
+
+def _bordered(matrix, row):
+    """A symmetric matrix (m, m) with one more row and column (m + 1,)."""
+    larger = np.empty((len(row), len(row)))
+    larger[:-1, :-1], larger[-1], larger[:, -1] = matrix, row, row
+    return larger

@@ -1,0 +1,230 @@
+"""G*(ω) with inertia from a handful of real factorisations, with a bound at every frequency.
+
+Galerkin's method in the space of `second_order_basis`, whose chains grow where the bound of `second_order_bound` is
+furthest above what is allowed. Frequencies at which it stays above, as where resonances are too many for the space, are
+solved one by one (`direct`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jampetsc.petsc.session import current
+from jampetsc.response.assembly import Pencil
+from jampetsc.response.certificate import Certified, Functional, field_bound, tensor_at
+from jampetsc.response.rational import LARGEST_SHIFT, SMALLEST_SHIFT, largest_rate
+from jampetsc.response.second_order_basis import SecondOrderBasis
+from jampetsc.response.second_order_bound import Definiteness, DefinitenessTest, MassiveShift
+from jampetsc.response.shift_factors import Factors
+
+FIRST_LENGTH, MORE_LENGTH = 20, 10  # steps of a chain, at first and where it is continued
+NEARBY = 5.0  # ratio of a frequency and a shift within which the chain of the shift is continued
+MAX_CHAIN = 60
+MAX_VECTORS = 240  # for each load
+MAX_STALLED = 4  # steps that do not halve the worst ratio
+SPACED = 2  # frequencies of a decade that steer, about
+LOW_SHIFT = 1e-7  # first shift, relative to the scale of rates, where lower frequencies are asked for
+TRIAL_RATIOS = 0.7, 0.4, 0.2, 0.1  # of the ω_c of the space, which are tested
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """What is known at the frequencies of one evaluation."""
+
+    omega: np.ndarray  # (M,)
+    certificates: list  # for each frequency, one `Certified` for each load
+    ratio: np.ndarray  # (M,) largest bound over what is allowed; below 1 where all is certified
+
+
+class SecondOrderSweep:
+    """Grows a space for the loads of one pencil with masses. All methods are collective; needs the real build.
+
+    pencils    one for each load, that differ in the load alone
+    omega      (M,) increasing
+    accuracy   relative, allowed in G' and in G'' of each load
+    """
+
+    def __init__(self, pencils: list[Pencil], omega, accuracy: float):
+        self.pencils, self.pencil = pencils, pencils[0]
+        self.network = self.pencil.network
+        self.omega = self.network.comm.bcast(np.asarray(omega, float))
+        self.accuracy = accuracy
+        self.functionals = [Functional(pencil) for pencil in pencils]
+        self.factors = Factors(self.pencil, "matrix")
+        self.basis = SecondOrderBasis(pencils)
+        self.known = Definiteness(largest_rate(self.pencil))
+        self.shifts: dict[float, MassiveShift] = {}
+        self.rate = max(of_K / of_B for of_K, of_B in self.pencil.largest_of_kinds if of_B)
+        self.is_tested = False
+        self.ratios = []  # largest bound over what is allowed, before each step but the first ones
+
+    @property
+    def factorisations(self) -> int:
+        """Factorisations made."""
+        return len(self.shifts)
+
+    def steps(self):
+        """The next (shift, number of vectors), until all is certified or nothing helps any more."""
+        steering = self._steering()
+        for s in self._first_shifts():
+            if s not in self.shifts:
+                yield s, FIRST_LENGTH
+        while True:
+            solved = self.evaluate(steering)
+            step = self._next_step(solved)
+            if step is None and len(steering) < len(self.omega) and not solved.ratio.max() > 1.0:
+                solved = self.evaluate(self.omega)
+                steering = np.union1d(steering, self.omega[solved.ratio > 1.0])
+                step = self._next_step(solved)
+            if step is None:
+                return
+            yield step
+
+    def _steering(self):
+        """Frequencies whose bounds steer: `SPACED` of a decade, the ends among them."""
+        decades = np.log10(self.omega[-1] / self.omega[0])
+        count = min(len(self.omega), int(np.ceil(SPACED * decades)) + 2)
+        return self.omega[np.unique(np.linspace(0, len(self.omega) - 1, count).round().astype(int))]
+
+    def _first_shifts(self):
+        low, high = self._clipped(self.omega[0]), self._clipped(self.omega[-1])
+        middle = float(np.clip(self.rate, low, high))
+        return dict.fromkeys((float(np.clip(LOW_SHIFT * self.rate, low, high)), middle))
+
+    def _clipped(self, omega):
+        return float(np.clip(omega, SMALLEST_SHIFT * self.rate, LARGEST_SHIFT * self.rate))
+
+    def extend(self, s: float, count: int) -> None:
+        """Factorise at shift s if there is no factor, and extend the chains of all loads by `count` vectors."""
+        self.add_shift(s)
+        for load in range(len(self.pencils)):
+            self.basis.extend(self.shifts[s].solve, load, s, count)
+
+    def add_shift(self, s: float) -> None:
+        """Factorise at shift s if there is no factor."""
+        if s not in self.shifts:
+            self.factors.factorise([s])
+            self.shifts[s] = MassiveShift(self.pencil, self.factors, s)
+
+    def resume(self, ratios, omega_c) -> None:
+        """Take the `ratios` of an earlier run, and its ω_c if it was looked for."""
+        self.ratios = list(ratios)
+        if omega_c is not None:
+            self.known, self.is_tested = replace(self.known, omega_c=omega_c), True
+
+    @property
+    def worst(self) -> float:
+        """Largest bound over what is allowed, before the last step."""
+        return self.ratios[-1] if self.ratios else np.inf
+
+    def _next_step(self, solved):
+        """(shift, count) where the bound is worst, None where it is met or nothing helps."""
+        reachable = np.any([self.known.transfer(solved.omega, s) > 0.0 for s in self.shifts], axis=0)
+        ratio = np.where(reachable, solved.ratio, 0.0)
+        worst = float(ratio.max(initial=0.0))
+        self.ratios.append(worst)
+        before = self.ratios[-1 - MAX_STALLED] if len(self.ratios) > MAX_STALLED else np.inf
+        if not worst > 1.0 or not worst < 0.5 * before or self.basis.size >= MAX_VECTORS * len(self.pencils):
+            return None
+        for index in np.argsort(-ratio):
+            if not ratio[index] > 1.0:
+                return None
+            shift = self._clipped(solved.omega[index])
+            near = min(self.shifts, key=lambda s: abs(np.log(s / shift)))
+            if not 1.0 / NEARBY < near / shift < NEARBY:
+                return shift, FIRST_LENGTH
+            chains = [self.basis.chains[load, near] for load in range(len(self.pencils))]
+            if not all(chain.is_complete or len(chain.x) >= MAX_CHAIN for chain in chains):
+                return near, MORE_LENGTH
+        return None
+
+    def _find_definiteness(self):
+        """Find ω_c, from what the space has as a first guess."""
+        self.is_tested = True
+        omega = np.geomspace(*(self._clipped(end) for end in (1e-3 * self.omega[0], self.omega[-1])), 400)
+        identity = np.eye(self.basis.size)
+        definite = [
+            np.linalg.eigvalsh(self.basis.K + at * self.basis.B - 2.0 * at**2 * identity)[0] > 0.0
+            for at in omega
+        ]
+        first = int(np.argmin(definite)) if not all(definite) else len(omega)
+        if first == 0:
+            return
+        test = DefinitenessTest(self.pencil)
+        for ratio in TRIAL_RATIOS:
+            if test.holds(float(ratio * omega[first - 1])):
+                self.known = replace(self.known, omega_c=float(ratio * omega[first - 1]))
+                return
+
+    def evaluate(self, omega) -> Solved:
+        """G* at frequencies (M,) by the space as it is, with bounds."""
+        if not self.is_tested:
+            with current().stage("definiteness"):
+                self._find_definiteness()
+        certificates, serving = [None] * len(omega), self._serving(omega)
+        with current().stage("projection"):
+            for s in np.unique(serving):
+                own = np.flatnonzero(serving == s)
+                transfer = self.known.transfer(omega[own], s)
+                results = self._evaluate_at(omega[own], self.shifts[s], transfer)
+                for index, result in zip(own, results, strict=True):
+                    certificates[index] = result
+        ratio = np.array([max(self._ratio(result) for result in results) for results in certificates])
+        return Solved(omega, certificates, ratio)
+
+    def _serving(self, omega):
+        """Shifts (M,) whose factors bound the errors at ω (M,)."""
+        shifts = np.array(sorted(self.shifts))
+        # Z(s) far below Z(ω) has large energies
+        transfer = self.known.transfer(omega[:, None], shifts) * np.minimum(1.0, shifts / omega[:, None])
+        return shifts[np.argmax(transfer, axis=1)]
+
+    def _ratio(self, result):
+        """Bound over what is allowed."""
+        if np.all(result.within(self.accuracy)):
+            return 0.0
+        allowed = np.max(self._allowed(result))
+        return float(result.error / allowed) if allowed > 0.0 else np.inf
+
+    def _allowed(self, result):
+        """Error allowed in |G*| beside rounding; zero where rounding exceeds it."""
+        return max(float((result.allowed(self.accuracy) - result.rounding).min()), 0.0)
+
+    def _evaluate_at(self, omega, shift, transfer):
+        """Lists of `Certified` for each frequency, by the factor of one shift."""
+        results, residuals, rounding, weights = [], [], [], []
+        volume = self.network.volume
+        for at, c in zip(omega, transfer, strict=True):
+            for trial, functional in zip(self.trials(at), self.functionals, strict=True):
+                result = functional.evaluate(trial)
+                results.append(result)
+                residuals.append(trial.left)
+                rounding.append(functional.rounding(trial, shift.shift, shift.diagonal))
+                floor = np.finfo(float).tiny ** 0.5
+                weights.append(1.0 / max(c * volume * self._allowed(result), floor))
+        energies = shift.energies(np.array(residuals), np.array(rounding), np.array(weights))
+        loads = len(self.pencils)
+        with np.errstate(divide="ignore"):
+            errors = energies / (np.repeat(transfer, loads) * volume)
+        results = [replace(result, error=float(error)) for result, error in zip(results, errors, strict=True)]
+        return [results[start : start + loads] for start in range(0, len(results), loads)]
+
+    def trials(self, omega: float):
+        """The trial field of each load at ω."""
+        solutions = self.basis.coefficients(omega)
+        return [
+            functional.trial(omega, self.basis.field(solution))
+            for functional, solution in zip(self.functionals, solutions, strict=True)
+        ]
+
+    def field(self, certified: Certified):
+        """(x (n_local,) complex, bound on its relative error in the energy norm) at a certified frequency."""
+        omega = float(certified.omega)
+        x = self.trials(omega)[0].x
+        ratio = self.known.energy_ratio(omega, self._serving(np.array([omega]))[0])
+        energy = certified.error * self.network.volume
+        return x, field_bound(self.pencil, omega, x, energy / ratio if ratio else np.inf)
+
+    def tensor(self, certificates: list[Certified]):
+        """C (L, L) and bounds (L, L, 3) at the frequency of `certificates`, one for each load."""
+        return tensor_at(self.functionals, self.trials(certificates[0].omega), certificates)

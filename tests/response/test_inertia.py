@@ -1,0 +1,204 @@
+"""G*(ω) with masses: dense reference, exact relations, bounds that hold, and what a file of it gives."""
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+from dense import Reference
+from samples import LAWS, SAMPLES, physics, put
+from scipy.linalg import eigh
+from spheres import few_spheres
+from sweeps import errors, judge
+
+import jampetsc
+from jampetsc.analysis.elasticity import dimension_of
+from jampetsc.errors import InputError
+from jampetsc.laws.loads import symmetric_loads
+from jampetsc.laws.masses import Masses
+from jampetsc.response.assembly import assemble
+from jampetsc.response.contact_network import build_network
+from jampetsc.response.massive_sweep import sweep_with_inertia
+from jampetsc.response.modulus_sweep import sweep_directly
+
+OMEGA = np.geomspace(1e-6, 1e2, 9)
+MASSES = Masses(2.5), Masses(0.3, "volume"), Masses(200.0, "volume")
+EVERY = {**SAMPLES, "spheres": few_spheres}
+CASES = [
+    (sample, str(law), masses)
+    for sample, law, masses in (
+        *(("published", law, MASSES[number % 3]) for number, law in enumerate(LAWS.values())),
+        ("k = 2.5", physics(beta=1e2, tau1=2.5), MASSES[0]),
+        ("hertzian", physics(), MASSES[1]),
+        ("gears", physics(prestress=False), MASSES[1]),
+        ("strips", physics(), MASSES[1]),
+        ("strips", physics("stokes"), MASSES[1]),
+        ("two images", physics("stokes"), MASSES[0]),
+        ("isostatic", physics(), MASSES[0]),
+        ("spheres", physics(), MASSES[1]),
+        ("spheres", physics("stokes"), MASSES[1]),
+        ("spheres", physics("custom", normal=0.5, sliding=0.7, spin_drag=0.3, tau1=2.5), MASSES[2]),
+    )
+]
+REAL = pytest.mark.scalar("real")
+
+
+def pencil_of(disks, model, masses, comm):
+    springs = model.tangential_stiffness
+    return assemble(build_network(disks, comm, model.prestress, springs, masses), model.law)
+
+
+@cache
+def exact(sample, law, masses):
+    """C* (M, L, L) of all symmetric loads after simple shear, complex."""
+    disks = EVERY[sample]()
+    D = disks.dimension
+    shear = np.zeros((1, D, D))
+    shear[0, 0, 1] = 1.0
+    loads = np.concatenate((shear, [load.gradient for load in symmetric_loads(D)]))
+    reference = Reference(disks, LAWS[law], loads)
+    of_disks = masses.of(reference.radii.astype(float), reference.n, float(reference.diameter), D)
+    return np.array([reference.massive_tensor(omega, of_disks).astype(complex) for omega in OMEGA])
+
+
+@REAL
+@pytest.mark.parametrize(
+    ("sample", "law", "masses"),
+    [
+        pytest.param(*case, marks=() if case[0] in ("strips", "spheres") else pytest.mark.most_ranks(1))
+        for case in CASES
+    ],
+)
+def test_both_methods_against_the_dense_reference(session, sample, law, masses):
+    pencil = pencil_of(EVERY[sample](), LAWS[law], masses, session.comm)
+    G = exact(sample, law, masses)[:, 0, 0]
+    is_minimum = sample != "two images"
+    for solve in (sweep_with_inertia, sweep_directly) if is_minimum else (sweep_directly,):
+        sweep = solve(pencil, OMEGA, 1e-6)
+        assert not sweep.failures
+        judge(sweep.G, sweep.bounds + 1e-17, G, 1e-6, solve.__name__)  # the reference is right to some 1e-18
+        if sweep.inertia is not None:
+            np.testing.assert_allclose(sweep.inertia.modulus(OMEGA)[:, 0, 0], G, rtol=1e-5)
+
+
+@REAL
+@pytest.mark.parametrize(("sample", "masses"), [("published", MASSES[0]), ("spheres", MASSES[1])])
+def test_elastic_constants(session, sample, masses):
+    disks = EVERY[sample]()
+    pencil = pencil_of(disks, physics(), masses, session.comm)
+    loads = symmetric_loads(disks.dimension)
+    C = exact(sample, str(physics()), masses)[:, 1:, 1:]
+    for solve in (sweep_with_inertia, sweep_directly):
+        tensor = solve(pencil, OMEGA, 1e-6, loads).tensor
+        d = tensor.C - C
+        error = np.stack((np.abs(d), np.abs(d.real), np.abs(d.imag)), axis=-1)
+        assert np.all(error <= tensor.bounds + 1e-15 * np.abs(C).max())
+        assert error.max() <= 1e-6 * np.abs(C).max()
+
+
+def modes_of(pencil):
+    """(eigenvalues of K, forces of the load on the modes, k_γγ) of displacements without a mean, masses 1. One rank."""
+    D, force = pencil.dimension, pencil.k_gamma.getArray().copy()
+    indptr, columns, values = pencil.K.getValuesCSR()
+    K = np.zeros((len(force),) * 2)
+    K[np.repeat(np.arange(len(force)), np.diff(indptr)), columns] = values
+    free = np.setdiff1d(np.arange(len(force)), pencil.pins)
+    lift = np.eye(len(force))[:, free]  # fields whose pinned unknowns are zero
+    for axis in range(D):
+        lift[axis::D] -= lift[axis::D].mean(axis=0)
+    values, vectors = eigh(K[np.ix_(free, free)], lift.T @ lift)
+    return values, vectors.T @ force[free], pencil.k_gg
+
+
+@REAL
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("mass", [0.01, 1.0, 100.0])
+def test_exact_modes(session, jammed, mass):
+    """Under drag (K + s w + s²m is K at s' = s + s²m/w) and where B = τK modes resonate by themselves: k = 1."""
+    tau, s = 0.7, 1j * OMEGA
+    model = physics(beta=0.0, tau1=tau, prestress=False)
+    values, forces, affine = modes_of(pencil_of(jammed, model, None, session.comm))
+    pencil = pencil_of(jammed, model, Masses(mass), session.comm)
+    relaxed = ((1 + tau * s[:, None]) * forces) ** 2 / (
+        (1 + tau * s[:, None]) * values + mass * s[:, None] ** 2
+    )
+    expected = (affine * (1 + tau * s) - relaxed.sum(axis=1)) / pencil.network.volume
+    require(sweep_with_inertia(pencil, OMEGA, 1e-9), expected)
+
+    model = physics("stokes", eta_f=0.0, tau1=tau)
+    values, forces, affine = modes_of(pencil_of(jammed, physics(beta=0.0), None, session.comm))
+    pencil = pencil_of(jammed, model, Masses(mass), session.comm)
+    relaxed = forces**2 / (values + (tau * s + mass * s**2)[:, None])
+    require(sweep_with_inertia(pencil, OMEGA, 1e-9), (affine - relaxed.sum(axis=1)) / pencil.network.volume)
+
+
+def require(sweep, expected):
+    """Errors are within their bounds, but for the rounding of `expected`."""
+    error, size = errors(sweep.G, expected)
+    assert np.all(error <= sweep.bounds + 1e-12 * size[:, :1])
+
+
+@REAL
+@pytest.mark.most_ranks(1)
+def test_units(jammed):
+    """Moduli are stiffness, masses stiffness × time²: numbers follow their units, to rounding."""
+    model = physics(beta=0.3)
+    usual = jampetsc.sweep(jammed, law=model.law, omega=OMEGA, mass=1.5)
+    k, tau = 1e6, 1e-3
+    scaled = jammed.replace(potential=dataclasses.replace(jammed.potential, k=k * jammed.potential.k))
+    law = jampetsc.ContactDamping(0.3, tau1=tau)
+    other = jampetsc.sweep(scaled, law=law, omega=OMEGA / tau, mass=1.5 * k * tau**2)
+    np.testing.assert_allclose(other.G / k, usual.G, rtol=1e-9)
+
+
+@REAL
+@pytest.mark.most_ranks(1)
+def test_poles_decay(session, jammed):
+    """All poles of the reduced response lie in Re s < 0, so that G' and G'' obey Kramers and Kronig."""
+    reduced = sweep_with_inertia(
+        pencil_of(jammed, physics(), Masses(30.0), session.comm), OMEGA, 1e-6
+    ).inertia
+    m = len(reduced.stiffness)
+    companion = np.block([[np.zeros((m, m)), np.eye(m)], [-np.diag(reduced.stiffness), -reduced.damping]])
+    poles = np.linalg.eigvals(companion)
+    assert poles.real.max() <= 1e-9
+    assert np.abs(poles.imag).max() > 0.0
+
+
+@REAL
+def test_finished_steps_are_not_repeated(session, jammed):
+    steps = {}
+
+    def save(number, record, arrays):
+        steps[number] = record, arrays
+
+    pencil = pencil_of(jammed, physics(tangential_stiffness=0.4, rotations=False), MASSES[0], session.comm)
+    whole = sweep_with_inertia(pencil, OMEGA, 1e-6, save=save)
+    assert whole.direct  # springs whose motion nothing damps: no bound but by single frequencies
+    for count in (1, len(steps) - 1):
+        part = {number: steps[number] for number in range(count)}
+        again = sweep_with_inertia(pencil, OMEGA, 1e-6, resume=part)
+        np.testing.assert_allclose(again.G, whole.G, rtol=1e-9)
+        assert (again.direct, again.vectors) == (whole.direct, whole.vectors)
+
+
+@REAL
+@pytest.mark.most_ranks(2)
+def test_files(session, tmp_path, jammed):
+    path = put(tmp_path / "p.h5", jammed, session.comm)
+    settings = {"omega": OMEGA, "mass": 2.5, "mass_by": "volume"}
+    sweep, direct = (
+        jampetsc.sweep(path, fields=[1e-2], method=method, **settings) for method in ("rational", "direct")
+    )
+    assert sweep.attributes["mass"] == 2.5 and sweep.attributes["mass_by"] == "volume"
+    assert np.all(np.abs(sweep.G - direct.G) <= sweep.error_bound + direct.error_bound)
+    np.testing.assert_allclose(sweep.modulus(OMEGA * 1.000001), sweep.G, rtol=1e-4)
+    first, second = (result.fields.displacement[0] for result in (sweep, direct))
+    largest = max(sweep["fields/error_bound"][0], direct["fields/error_bound"][0])
+    assert np.abs(first - second).max() <= 20.0 * largest * np.abs(first).max()
+    with pytest.raises(InputError, match="has no relaxation spectrum"):
+        _ = sweep.spectrum
+    tensor = jampetsc.sweep(path, load="tensor", **settings)
+    assert dimension_of(tensor["C"]) == jammed.dimension
+    modulus = tensor.modulus(OMEGA[3] * 1.000001)
+    np.testing.assert_allclose(modulus, tensor["C"][3], atol=1e-4 * np.abs(modulus).max())
