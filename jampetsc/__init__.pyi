@@ -545,8 +545,8 @@ def sweep(
         frequencies ω, in 1/time, the time that tau1 is in
     method : "rational" or "direct", default rational
         rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency
-    load : str, array (D, D) or one of `jampetsc.loads`, default xy
-        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: all elastic constants C*(ω). Moduli are second derivatives of the energy per volume along F = 1 + εE
+    load : str, array (D, D), one of `jampetsc.loads` or forces (N, D), default xy
+        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: all elastic constants C*(ω); or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors), point:7 (particles), points:100 or points:100:5 (a sample, its seed). Moduli are second derivatives of the energy per volume along F = 1 + εE
     accuracy : number, default 1e-06
         relative error allowed in G' and in G'' each
     parallel : "auto", "shifts" or "matrix", default None

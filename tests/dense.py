@@ -318,6 +318,19 @@ class Reference:
         B += damping * LONG(law.eta_f) * self.area * self._fluid()[load, second]
         return (K - omega * B_cross + COMPLEX(1j) * (omega * B + K_cross)) / self.area
 
+    def susceptibility(self, omega, forces):
+        """χ = fᵀ(K + iωB)⁻¹f, complex double, of forces (n, D) on `disks` that nothing holds: without their means."""
+        size = self.n * self.dofs
+        f = np.zeros((self.n, self.dofs), LONG)
+        f[:, : self.dimension] = forces
+        for piece in self.pieces():
+            rows = [disk for disk, _ in piece]
+            f[rows] -= f[rows].mean(axis=0)
+        form = np.zeros((size + 1, size + 1), COMPLEX)
+        form[:-1, :-1] = self.K[:size, :size] + COMPLEX(1j) * LONG(omega) * self.B[:size, :size]
+        form[:-1, -1] = form[-1, :-1] = -f.ravel()
+        return complex(-relaxed(form, self.costless())[1])
+
     def quasistatic(self, load=0):
         """(ũ (n, D), G0): the response without any damping."""
         x, value = self._elastic(load)

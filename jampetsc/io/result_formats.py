@@ -7,9 +7,17 @@ from jampetsc.packing.potentials import EXPONENTS, MAX_EXPONENT, MIN_EXPONENT, S
 SWEEP = Format(
     datasets=r"""
 omega | (M,) | float | 1/time | frequencies ω, increasing
-G | (M,) | complex | k | G* = G′ + iG″
-error_bound | (M,) | float | k | bound on \|ΔG*\|; its assumption is in `positive_semidefinite`
+G | (M,) | complex? | k | G* = G′ + iG″; of waves of forces G(k, ω) = (n/V)/(k²χ), n particles that bear load; other
+  forces have none
+error_bound | (M,) | float? | k | bound on \|ΔG*\|; its assumption is in `positive_semidefinite`
 error_bound_storage, error_bound_loss | (M,) | float? | k | bounds on \|ΔG′\| and \|ΔG″\|
+susceptibility | (M,) or (M, P) | complex? | length/force | of forces f: χ = fᵀ(K + iωB)⁻¹f, of a wave over n
+  and the mean of its polarisations, of points that of each particle, the mean over the axes
+susceptibility_error_bound | (M,) or (M, P) | float? | length/force | bound on \|Δχ\|, under the same assumption
+susceptibility_error_bound_storage, susceptibility_error_bound_loss | (M,) or (M, P) | float? | length/force | bounds
+  on \|Δχ′\| and \|Δχ″\|
+probe/particles | (P,) | int? | | of points: numbers of the particles in the packing
+probe/forces | (N, D) | float? | force | of an array of forces: that array
 equivalent_omega | (M,) | float? | 1/time | with `--alpha`: frequencies at which the linear law has these moduli
 fields/omega | (F,) | float? | 1/time | with `--fields`: their frequencies
 fields/displacement | (F, n, D) | complex? | length | non-affine displacements per unit strain
@@ -42,6 +50,7 @@ positive_semidefinite | text | | whether K has no negative modes, and how that i
 factorisations, unknowns | int | | work: sparse factorisations (each once, also those that a continued run
   makes again), size of K
 vectors | int? | | of the rational method: size of the reduced space
+wave_vector | (D,) float? | 1/length | of a wave of forces: k
 failed_omega | (f,) float? | 1/time | of the direct method: frequencies that were not solved, and are not in `omega`
 """,
     common=PROVENANCE,
