@@ -211,7 +211,7 @@ def solve(
     responses, elastic = _elastic_responses(network, (pencil.load, expansion, *tensor))
     response, area = responses[pencil.load], network.volume
     nonaffine = elastic.split(response.x)[0]
-    fields = {load: _field(pencil, elastic, part.x) for load, part in responses.items()}
+    fields = {load: elastic_field(pencil, elastic, part.x) for load, part in responses.items()}
     slow = SlowResponse(
         network,
         nonaffine,
@@ -235,7 +235,7 @@ def solve(
     return slow, QuasistaticTensor(C0, eta0, infinite_viscosities(pencil, tensor))
 
 
-def _field(pencil, elastic, x):
+def elastic_field(pencil: Pencil, elastic: Pencil, x):
     """A field of K as `quasistatic_flow` takes it: without moves that only the fluid resists. Collective."""
     field = x.reshape(-1, elastic.dofs)
     if pencil.law.holds_translations:

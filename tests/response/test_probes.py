@@ -223,6 +223,32 @@ def test_several_loads_continue_from_any_step(session, sweep):
         assert found.factorisations == whole.factorisations
 
 
+@pytest.mark.scalar("real")
+@pytest.mark.parametrize("name", on_ranks(list(LAWS)[::2], SEVERAL[:1]))
+def test_slow_forces(session, name):
+    """χ₀ within its bound, χ₁ and what follows of waves; with pre-stress and without."""
+    disks, law, slow = SAMPLES["k = 2.5"](), LAWS[name], np.array([1e-10])
+    probe, points = waves(2)[0], Points((1, 4))
+    elastic = {"prestress": law.prestress, "tangential_stiffness": law.tangential_stiffness}
+    result, sample = (jp.quasistatic(disks, law.law, load=str(load), **elastic) for load in (probe, points))
+    for prefix in ("", "no_prestress/") if law.prestress else ("",):
+        bare = law if not prefix else Physics(law.law, False, law.tangential_stiffness)
+        exact = expected(disks, bare, probe, slow)[0, 0]
+        chi, bound = (result[f"{prefix}susceptibility{part}"][()] for part in ("", "_error_bound"))
+        assert abs(chi - exact.real) <= bound + 1e-14 * chi and bound < 1e-11 * chi
+        assert result[f"{prefix}susceptibility_slope"] == pytest.approx(-exact.imag / slow[0], rel=1e-6)
+        number = prefix.replace("/", "_")
+        G = result.attributes[f"{number}G0"] + 1j * slow[0] * result.attributes[f"{number}eta0"]
+        k2 = result.attributes["wave_vector"] @ result.attributes["wave_vector"]
+        n = disks.n - result.attributes["rattlers"]
+        assert G.real == pytest.approx(n / (disks.volume * k2 * exact).real, rel=1e-12)
+        assert G.imag == pytest.approx((n / (disks.volume * k2 * exact)).imag, rel=1e-6)
+        each = expected(disks, bare, points, slow)[0]
+        np.testing.assert_allclose(sample[f"{prefix}susceptibility"], each.real, rtol=1e-11)
+    np.testing.assert_array_equal(sample["probe/particles"], points.particles)
+    assert sample.attributes["susceptibility_mean"] == sample["susceptibility"].mean()
+
+
 def test_the_bounds_of_a_quotient():
     """G(k) of every χ within the bounds of χ is within those of G(k)."""
     rng = np.random.default_rng(1)

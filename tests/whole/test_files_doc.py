@@ -24,6 +24,7 @@ RARE = {  # of runs that are not made here
     "": ("transverse", "sliding", "drag", "exponent", "requested_exponent"),
     "jampetsc-packing": ("source", "source_sha256", "requested_phi", "walls"),
     "jampetsc-sweep": ("failed_omega", "probe/forces"),
+    "jampetsc-quasistatic": ("probe/forces",),
     "jampetsc-flow": (
         "quality",
         "snapshots/psi6_local",
@@ -54,6 +55,8 @@ modes p.h5 --out states.h5 --states 0.1:1:3
 spectrum sweep.h5 --out spectrum.h5
 sweep p.h5 --omega 1e-2,1 --load tensor --out constants.h5
 quasistatic p.h5 --load tensor --out slow-constants.h5
+quasistatic p.h5 --load wave:1,0:transverse --out slow-wave.h5
+quasistatic p.h5 --load points:2 --out slow-points.h5
 modes p.h5 --count 10 --load tensor --out shares.h5
 correlate sweep.h5 --out correlation.h5
 oscillate p.h5 --out oscillate.h5 --omega 1e-3 --stress 1e-9 --steps 16
