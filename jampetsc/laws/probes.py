@@ -11,10 +11,11 @@ force acts on spins, and a uniform background on each connected component takes 
 
 n is the number of particles that bear load, in χ(k) and in n/V, so that for a wave, with the weight w_d of drag,
 
-    G(k, ω) = (n/V)/(k²χ)  →  G*(ω) + iω (n/V) w_d/k²  for k → 0, longitudinal K* + 2(D − 1)/D G* in place of G* ,
+    G(k, ω) = (n/V)/(k²χ)  →  G*(ω) + iω (n/V) w_d/k²  for k → 0, longitudinal M*_xx in place of G* ,
 
-in units of kτ₁ for w_d, and without what the viscosity η_F of the fluid adds to G*: no force moves the fluid. Where the
-packing is not isotropic it is 1/(A⁻¹)_ee of A_ab = C_ab + iω (n/V) w_d/k² δ_ab, C between the strains E = e_a k̂.
+with G* of simple shear, M*_xx of one axis, w_d in units of kτ₁, and without what the viscosity η_F of the fluid adds to
+G*: no force moves the fluid. Of the symmetric loads with a pressure p, G* = C_xyxy − p/2. Where a packing is not
+isotropic it is 1/(A⁻¹)_ee of A_ab = C_ab + iω (n/V) w_d/k² δ_ab, C between the strains E = e_a k̂.
 """
 
 import hashlib
