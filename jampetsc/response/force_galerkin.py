@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jampetsc.laws.loads import ForceLoad
 from jampetsc.response import tall
 from jampetsc.response.assembly import ROW
 from jampetsc.response.certificate import EPSILON, ROUNDING
@@ -105,4 +104,4 @@ class ForceGalerkin(Galerkin):
 
 def solve_projected(basis: RationalBasis) -> Galerkin:
     """Galerkin's solution in the space of a basis, for the load of its pencil. Collective."""
-    return (ForceGalerkin if isinstance(basis.pencil.load, ForceLoad) else Galerkin)(basis)
+    return (ForceGalerkin if basis.pencil.exerts_forces else Galerkin)(basis)

@@ -323,9 +323,11 @@ def sweep_directly(
             steps[index] = _direct_step(solver, results, solver.factorisations - previous, at in field_omega)
             if save is not None:
                 save(index, *steps[index])
-            result = results[0]
+            result, of_forces = results[0], solver.functional.pencil.exerts_forces
+            storage, loss = ("-chi'/V", "-chi''/V") if of_forces else ("G'", "G''")
             progress.step(
-                f"omega {at:.3e}  G' {result.G.real:.6e}  G'' {result.G.imag:.6e}  bound {result.bounds[0]:.1e}  "
+                f"omega {at:.3e}  {storage} {result.G.real:.6e}  {loss} {result.G.imag:.6e}  "
+                f"bound {result.bounds[0]:.1e}  "
                 f"iterations {solver.iterations}"
             )
         if not steps:
@@ -357,7 +359,7 @@ def _direct_step(solver, results, factorisations, has_field):
         "G": result.G, "bounds": result.bounds, "singular_bound": (bound.omega, bound.least),
         "factorisations": factorisations,
     }  # fmt: skip
-    if isinstance(solver.functional.pencil.load, ForceLoad):
+    if solver.functional.pencil.exerts_forces:
         return record | {name: [getattr(each, name) for each in results] for name in ("G", "bounds")}, None
     if len(results) > 1:
         C, bounds = tensor_at(solver.functionals, solver.trials, results)

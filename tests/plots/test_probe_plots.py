@@ -5,6 +5,7 @@ import pytest
 from picture_contents import figure_of
 from samples import stored
 
+from jampetsc.commands.sources import rows_named
 from jampetsc.errors import InputError
 from jampetsc.plots.draw import draw
 from jampetsc.plots.moduli_plots import plot_moduli
@@ -88,6 +89,16 @@ def test_the_picture_follows_from_the_load():
             InputError, match=r"load wave:1,0:transverse, which is forces\. Give files of strains\."
         ):
             draw([wave], kind)
+
+
+def test_loads_with_commas_choose_rows_of_a_study(tmp_path):
+    """--where load=wave:1,0:transverse,n=64."""
+    (tmp_path / "table.csv").write_text(
+        'command,state,file,n,load,seconds\nquasistatic,done,a.h5,64,"wave:1,0:transverse",1\n'
+        "quasistatic,done,b.h5,64,xy,1\n"
+    )
+    (study,) = rows_named([str(tmp_path)], "load=wave:1,0:transverse,n=64")
+    assert study["file"].tolist() == ["a.h5"]
 
 
 def swept(load, **arrays):
