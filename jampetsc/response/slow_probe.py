@@ -14,7 +14,7 @@ from jampetsc.response.assembly import assemble
 from jampetsc.response.certificate import Functional, SingularBound
 from jampetsc.response.contact_network import DistributedNetwork
 from jampetsc.response.elastic import ElasticResponse
-from jampetsc.response.slow_response import BARE, elastic_field, quasistatic_flow
+from jampetsc.response.slow_response import BARE, elastic_field, quasistatic_flow, spin_solver
 
 ANY_OMEGA = 1.0  # of a pencil without damping
 REFINEMENTS = 3
@@ -37,10 +37,11 @@ def slow_susceptibilities(network: DistributedNetwork, law: Law, loads) -> dict[
     """
     networks = {"": network} | ({BARE: network.unstressed()} if network.prestress else {})
     damped = assemble(network, law)
-    return {name: _susceptibilities(item, damped, loads) for name, item in networks.items()}
+    turn = spin_solver(damped)
+    return {name: _susceptibilities(item, damped, turn, loads) for name, item in networks.items()}
 
 
-def _susceptibilities(network, damped, loads):
+def _susceptibilities(network, damped, turn, loads):
     elastic = ElasticResponse(network)
     bound = SingularBound(ANY_OMEGA, elastic.pencil.diagonals[0], elastic.factor.least_eigenvalue())
     rows = []
@@ -60,6 +61,6 @@ def _susceptibilities(network, damped, loads):
                 "ill-conditioned; try another factorisation, such as -shift_pc_factor_mat_solver_type mumps"
             )
         pencil = damped.under(load)
-        flow = quasistatic_flow(pencil, elastic_field(pencil, elastic.pencil, x))
+        flow = quasistatic_flow(pencil, elastic_field(pencil, elastic.pencil, x), turn)
         rows.append((static, error, network.volume * flow.eta0))
     return SlowSusceptibility(*np.array(rows).T)
