@@ -548,7 +548,7 @@ def sweep(
     load : str, array (D, D), one of `jampetsc.loads` or forces (N, D), default xy
         load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: all elastic constants C*(ω); or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors), point:7 (particles), points:100 or points:100:5 (a sample, its seed). Moduli are second derivatives of the energy per volume along F = 1 + εE
     accuracy : number, default 1e-06
-        relative error allowed in G' and in G'' each
+        relative error allowed in G' and in G'' each, of forces in χ' and in χ''
     parallel : "auto", "shifts" or "matrix", default None
         rational method on several ranks: each factorises a shift of its own, or all share each factorisation (default auto: by the number of ranks and unknowns)
     fields : numbers or "low:high:count", default None

@@ -6,7 +6,7 @@ import numpy as np
 
 from jampetsc.analysis.error_bounds import relative_part_bounds
 from jampetsc.analysis.susceptibility import modulus_of_wave
-from jampetsc.laws.probes import Forces, Points, Wave
+from jampetsc.laws.probes import Forces, PointForces, Wave
 
 MODULUS_BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 
@@ -15,7 +15,7 @@ MODULUS_BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # o
 class ProbeResponse:
     """The response to a probe at M frequencies. P: 1 of waves and of an array, of points the number of particles."""
 
-    probe: Wave | Points | Forces
+    probe: Wave | PointForces | Forces
     particles: object  # `ProbedParticles`
     susceptibility: np.ndarray  # (M, P) complex
     bounds: np.ndarray  # (M, P, 3) on |Δχ|, |Δχ'| and |Δχ''|
@@ -35,7 +35,7 @@ class ProbeResponse:
 
     def write(self, writer) -> None:
         """Put it into a result. Collective."""
-        is_sample = isinstance(self.probe, Points)
+        is_sample = isinstance(self.probe, PointForces)
         arrays = {"susceptibility": self.susceptibility}
         for name, bound in zip(MODULUS_BOUNDS, np.moveaxis(self.bounds, -1, 0), strict=True):
             arrays[f"susceptibility_{name}"] = bound
@@ -84,7 +84,7 @@ class SlowProbeResponse:
         """Of the `SlowSusceptibility` of the loads of a probe, `ProbeLoads`."""
         sums = (probe_loads.weights @ values for values in (slow.static, slow.bounds, slow.slopes))
         factor = probe.modulus_factor(probe_loads.particles) if isinstance(probe, Wave) else None
-        return cls(*sums, factor, isinstance(probe, Points))
+        return cls(*sums, factor, isinstance(probe, PointForces))
 
     @property
     def moduli(self) -> dict:
@@ -123,7 +123,7 @@ class SlowProbeResponse:
 
 def write_probe(writer, probe, particles) -> None:
     """Put which particles were pushed, and how, into a result. Collective."""
-    if isinstance(probe, Points):
+    if isinstance(probe, PointForces):
         writer.dataset("probe/particles", probe.chosen(particles))
     elif isinstance(probe, Forces):
         writer.dataset("probe/forces", probe.array)

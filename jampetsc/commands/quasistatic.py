@@ -107,7 +107,10 @@ PETSc options: -shift_… for the factorisations."""
             self.load.of(network.dimension)
             loads = probe_loads(probe, source.source, network)
             slow = slow_susceptibilities(network, self.law, loads.loads)
-        responses = {name: SlowProbeResponse.of(probe, loads, found) for name, found in slow.items()}
+        responses = {
+            name: SlowProbeResponse.of(probe, loads, susceptibilities)
+            for name, susceptibilities in slow.items()
+        }
         with current().stage("output"), to.writer(self.FORMAT, current().comm) as writer:
             for name, response in responses.items():
                 response.write(writer, name)

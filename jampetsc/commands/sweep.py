@@ -63,7 +63,9 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         choices=("rational", "direct"),
     )
     load: LoadChoice = load_parameter("all elastic constants C*(ω)", takes_forces=True)
-    accuracy: float = parameter(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
+    accuracy: float = parameter(
+        1e-6, "relative error allowed in G' and in G'' each, of forces in χ' and in χ''", low=1e-12, high=0.1
+    )
     parallel: str | None = optional_parameter(
         "rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
         "(default auto: by the number of ranks and unknowns)",

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.errors import InputError, named
-from jampetsc.laws.probes import Forces, Points, Wave, read_probe
+from jampetsc.laws.probes import Forces, PointForces, Wave, read_probe
 
 AXES = "xyz"
 TENSOR = "tensor"
@@ -245,7 +245,7 @@ def _probe(value):
         return value.probe
     if isinstance(value, str):
         return read_probe(value)
-    if isinstance(value, Wave | Points | Forces):
+    if isinstance(value, Wave | PointForces | Forces):
         return value
     if isinstance(value, Load):
         return None

@@ -34,7 +34,7 @@ GRAMMAR = "wave:1,0:transverse, wave:2,1:longitudinal, point:7 or points:100"
 
 @dataclass(frozen=True, eq=False)
 class ProbedParticles:
-    """Particles that bear load, those of this rank and the numbers of all."""
+    """Particles that bear load on this rank, and the numbers of all."""
 
     positions: np.ndarray  # (m, D) of this rank's
     numbers: np.ndarray  # (m,) theirs in the packing
@@ -111,8 +111,8 @@ class Wave:
 
 
 @dataclass(frozen=True)
-class Points:
-    """A unit force on single particles in turn: those of these numbers, or a sample of `count`."""
+class PointForces:
+    """A unit force on single particles one after another: on particles of these numbers, or on a sample of `count`."""
 
     particles: tuple[int, ...] = ()
     count: int = 0
@@ -121,13 +121,13 @@ class Points:
     dimension: ClassVar = None  # fits any
 
     @classmethod
-    def read(cls, words) -> "Points":
+    def read(cls, words) -> "PointForces":
         """Of a list of particles."""
         (text,) = words
         return cls(whole_numbers(text))
 
     @classmethod
-    def read_sample(cls, words) -> "Points":
+    def read_sample(cls, words) -> "PointForces":
         """Of COUNT or COUNT:SEED."""
         count, seed = (*map(int, words), 0)[:2]
         if len(words) > 2:
@@ -170,7 +170,7 @@ class Points:
         return chosen
 
     def columns(self, particles: ProbedParticles):
-        """As those of `Wave`: for each particle one along each axis."""
+        """As `Wave.columns`, for each particle one along each axis."""
         shape = particles.positions.shape
         for number in self.chosen(particles):
             for axis in range(shape[1]):
@@ -219,7 +219,7 @@ class Forces:
         return None if self.array is None else self.array.shape[1]
 
     def columns(self, particles: ProbedParticles):
-        """As those of `Wave`, one. Raises InputError for a wrong number of forces, or forces that nothing holds."""
+        """As `Wave.columns`, one. Raises InputError for a wrong number of forces, or forces that nothing holds."""
         if self.array is None:
             raise InputError(
                 f"{named('load')} {self}: the name of forces in a file. Give their array, in python."
@@ -244,13 +244,13 @@ class Forces:
 
 READERS = {
     "wave": Wave.read,
-    "point": Points.read,
-    "points": Points.read_sample,
+    "point": PointForces.read,
+    "points": PointForces.read_sample,
     "forces": Forces.read,
 }
 
 
-def read_probe(text: str) -> Wave | Points | Forces | None:
+def read_probe(text: str) -> Wave | PointForces | Forces | None:
     """The probe of a text in the grammar above; None where it does not begin as one. Raises InputError."""
     kind, colon, words = text.partition(":")
     if not colon or kind not in READERS:

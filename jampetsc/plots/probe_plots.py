@@ -8,7 +8,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.laws.damping import OPTIONS, WEIGHTS
 from jampetsc.laws.loads import TENSOR
-from jampetsc.laws.probes import LONGITUDINAL, TRANSVERSE, Points, Wave
+from jampetsc.laws.probes import LONGITUDINAL, TRANSVERSE, PointForces, Wave
 from jampetsc.plots.page import draw_points
 from jampetsc.plots.picture import count_text, group_by, picture, stress_unit, units_of
 from jampetsc.plots.quasistatic_plots import has_pressure, pressures_of, probe_of, require_alike
@@ -26,7 +26,7 @@ def has_wave(result) -> bool:
 
 def has_points(result) -> bool:
     """Whether its load is forces on single particles."""
-    return isinstance(probe_of(result), Points)
+    return isinstance(probe_of(result), PointForces)
 
 
 @picture("waves", "quasistatic", suits=has_wave)

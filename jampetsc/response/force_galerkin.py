@@ -40,7 +40,7 @@ class ForceSpectrum:
 class ForceGalerkin(Galerkin):
     """The best approximation of the response to forces in the space of a basis. Collective.
 
-    spectrum   ForceSpectrum; other members as those of `Galerkin`
+    spectrum   ForceSpectrum; other members as in `Galerkin`
     """
 
     def _relax(self, fields, motions, rates, is_floppy):

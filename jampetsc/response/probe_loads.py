@@ -17,7 +17,7 @@ class ProbeLoads:
     """Right-hand sides of a probe, and what they make up."""
 
     loads: list[ForceLoad]  # L
-    weights: np.ndarray  # (P, L): χ of each of P outcomes is this sum of those of the loads
+    weights: np.ndarray  # (P, L): χ of each of P outcomes is this sum of the χ of the loads
     particles: ProbedParticles
 
     def susceptibility(self, G, bounds, volume: float):

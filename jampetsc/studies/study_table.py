@@ -89,7 +89,7 @@ def _scalars(attributes):
 def _sweep(result):
     """G₀, η₀ and ω* of a sweep, and the slopes of its critical branch, as far as its frequencies reach them.
 
-    Of forces the mean susceptibility at the lowest frequency; those of waves have moduli as well.
+    Of forces the mean susceptibility at the lowest frequency, of waves moduli as well.
     """
     numbers = {}
     if "susceptibility" in result:

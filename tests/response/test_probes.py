@@ -12,7 +12,7 @@ from jampetsc.analysis.susceptibility import modulus_of_wave
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.laws.damping import Law, Physics
 from jampetsc.laws.loads import LoadChoice
-from jampetsc.laws.probes import Forces, Points, Wave
+from jampetsc.laws.probes import Forces, PointForces, Wave
 from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
@@ -113,7 +113,7 @@ def test_waves_and_points(session, make, law):
             3.0 * disks.positions, 3.0 * disks.radii, 3.0 * disks.cell, Potential(k=1e6)
         )
     bearing = Reference(disks, law).disks
-    for probe in (*waves(disks.dimension), Points((bearing[1], bearing[4]))):
+    for probe in (*waves(disks.dimension), PointForces((bearing[1], bearing[4]))):
         judge(solved(disks, law, probe, session.comm), expected(disks, law, probe), spare=1e-12)
 
 
@@ -199,6 +199,7 @@ def test_an_array_of_forces_is_a_load(session):
     error = np.abs(result["susceptibility"] - exact)
     assert np.all(error <= result["susceptibility_error_bound"] + 1e-15 * np.abs(exact))
     np.testing.assert_array_equal(result["probe/forces"], forces)
+    assert "worst bound, χ''" in jp.info(result)
     assert result.attributes["load"].startswith("forces:") and "stress_measure" not in result.attributes
     more = jp.sweep(disks, law.law, omega=omega, load=3.0 * forces)
     np.testing.assert_allclose(more["susceptibility"], 9.0 * result["susceptibility"], rtol=1e-9)
@@ -210,7 +211,7 @@ def test_an_array_of_forces_is_a_load(session):
 def test_several_loads_continue_from_any_step(session, sweep):
     disks, law, omega, steps = published(), physics(), np.geomspace(1e-4, 1.0, 4), {}
     network = build(disks, law, session.comm)
-    pencil, loads = assemble(network, law.law), probe_loads(Points((1, 2)), disks, network).loads
+    pencil, loads = assemble(network, law.law), probe_loads(PointForces((1, 2)), disks, network).loads
     whole = sweep(pencil, omega, 1e-8, loads, save=lambda step, *found: steps.update({step: found}))
     assert len(steps) >= 4
     for number in range(0, len(steps) + 1, 2):
@@ -228,7 +229,7 @@ def test_several_loads_continue_from_any_step(session, sweep):
 def test_slow_forces(session, name):
     """χ₀ within its bound, χ₁ and what follows of waves; with pre-stress and without."""
     disks, law, slow = SAMPLES["k = 2.5"](), LAWS[name], np.array([1e-10])
-    probe, points = waves(2)[0], Points((1, 4))
+    probe, points = waves(2)[0], PointForces((1, 4))
     elastic = {"prestress": law.prestress, "tangential_stiffness": law.tangential_stiffness}
     result, sample = (jp.quasistatic(disks, law.law, load=str(load), **elastic) for load in (probe, points))
     for prefix in ("", "no_prestress/") if law.prestress else ("",):
