@@ -45,24 +45,91 @@ class BallReference:
         raise Singular
 
     def _tensor(self, omega, bits):
+        Z, volume = self._pencil(omega, bits)
+        m, L = len(Z) - len(self.loads), range(len(self.loads))
+        relaxed = self._relaxed(Z, [[Z[row][m + load] for row in range(m)] for load in L])
+        if relaxed is None:
+            return None
+        return [[(Z[m + a][m + b] - relaxed[a, b]) / volume for b in L] for a in L]
+
+    def susceptibility(self, omega, probe, particles) -> list:
+        """χ(ω) of a wave and its G(k), or of each of the `particles`, acb known to DIGITS digits. Raises Singular."""
+        for bits in BITS:
+            ctx.prec = bits
+            Z, volume = self._pencil(omega, bits)
+            columns, weights, factor = self._forces(probe, particles, volume)
+            relaxed = self._relaxed(Z, columns)
+            if relaxed is None:
+                continue
+            each = [relaxed[number, number] for number in range(len(columns))]
+            chi = [
+                sum((each[number] for number in own), acb(0)) * weights
+                for own in self._shares(columns, particles)
+            ]
+            values = chi if factor is None else [*chi, factor / chi[0]]
+            if all(map(_is_known, values)):
+                return values
+        raise Singular
+
+    def _shares(self, columns, particles):
+        """Numbers of the columns that make up each χ."""
+        if not len(particles):
+            return [range(len(columns))]
+        D = self.graph.dimension
+        return [range(D * number, D * number + D) for number in range(len(particles))]
+
+    def _forces(self, probe, particles, volume):
+        """(columns of forces on all unknowns, their weight in χ, (n/V)/k² of a wave or None)."""
+        g, D = self.graph, self.graph.dimension
+        columns, factor = [], None
+        if len(particles):
+            for particle in particles:
+                for axis in range(D):
+                    forces = [[arb(0)] * D for _ in range(g.n)]
+                    forces[g.number[int(particle)]][axis] = arb(1)
+                    columns.append(forces)
+            weight = arb(1) / D
+        else:
+            positions, cell = self._places()
+            k = arb_mat(cell).solve(arb_mat([[2 * arb.pi() * number] for number in probe.numbers]))
+            k = [k[axis, 0] for axis in range(D)]
+            square = sum((part * part for part in k), arb(0))
+            along = [part / square.sqrt() for part in k]
+            directions = [along] if probe.polarisation == "longitudinal" else _across(along)
+            for direction in directions:
+                for wave in (arb.cos, arb.sin):
+                    phases = [sum((k[x] * positions[disk][x] for x in range(D)), arb(0)) for disk in g.disks]
+                    columns.append([[wave(phase) * part for part in direction] for phase in phases])
+            weight, factor = arb(1) / (g.n * len(directions)), g.n / (volume * square)
+        for forces in columns:
+            for piece in g.pieces():
+                disks = [disk for disk, _ in piece]
+                for axis in range(D):
+                    mean = sum((forces[disk][axis] for disk in disks), arb(0)) / len(disks)
+                    for disk in disks:
+                        forces[disk][axis] -= mean
+        spins = [arb(0)] * (g.dofs - D)
+        return [[part for row in forces for part in (*row, *spins)] for forces in columns], weight, factor
+
+    def _pencil(self, omega, bits):
+        """(K + iωB with the rows of the loads, V)."""
         if bits not in self._made:
             self._made[bits] = self._matrices()
         K, B, volume = self._made[bits]
-        s, size = acb(0, arb(omega)), len(K)
-        m = size - len(self.loads)
-        free = [row for row in range(m) if row not in self._pins()]
-        Z = [[K[a][b] + s * B[a][b] for b in range(size)] for a in range(size)]
+        s, rows = acb(0, arb(omega)), range(len(K))
+        return [[K[a][b] + s * B[a][b] for b in rows] for a in rows], volume
+
+    def _relaxed(self, Z, columns):
+        """cᵀZ⁻¹c between columns (m,) on the unknowns; None where that cannot be told."""
+        free = [row for row in range(len(columns[0])) if row not in self._pins()]
         scale = [1 / (abs(Z[a][a]).mid() + (abs(Z[a][a]).mid() == 0)).sqrt() for a in free]
         pairs = list(zip(free, scale, strict=True))
         A = acb_mat([[Z[a][b] * u * v for b, v in pairs] for a, u in pairs])
-        c = acb_mat([[Z[a][b] * u for b in range(m, size)] for a, u in pairs])
+        c = acb_mat([[column[a] * u for column in columns] for a, u in pairs])
         try:
-            x = A.solve(c)
+            return c.transpose() * A.solve(c)
         except ZeroDivisionError:
             return None
-        relaxed = c.transpose() * x
-        L = range(len(self.loads))
-        return [[(Z[m + a][m + b] - relaxed[a, b]) / volume for b in L] for a in L]
 
     def _pins(self):
         """One unknown of each move that neither K nor B resists."""
@@ -77,18 +144,22 @@ class BallReference:
                 pins |= set(range(first + g.dimension, first + g.dofs))
         return pins
 
+    def _places(self):
+        """Positions of all particles and the cell, rows of arb."""
+        source = self.source
+        if not self.is_packing:
+            return _exact(source.positions), _exact(source.cell)
+        return _sum(source.base, source.offset), _sum(source.cell_base, source.cell_offset)
+
     def _bonds(self):
         """(r, f, k) of each contact: the bond vector, a list, its force and its stiffness."""
         g, source = self.graph, self.source
-        D = g.dimension
+        D, (positions, cell) = g.dimension, self._places()
         if self.is_packing:
-            parts = (source.base, source.offset), (source.cell_base, source.cell_offset)
-            positions, cell = (_sum(*pair) for pair in parts)
             flat = np.array(source.base, float) + source.offset
             edges = np.array(source.cell_base, float) + source.cell_offset
-            disks, potential = g.disks, source.potential
-        else:
-            positions, cell, disks = _exact(source.positions), _exact(source.cell), g.disks
+            potential = source.potential
+        disks = g.disks
         for c, (i, j) in enumerate(zip(g.i, g.j, strict=True)):
             a, b = disks[i], disks[j]
             if self.is_packing:
@@ -211,6 +282,21 @@ def _sum(high, low):
         [arb(float(a)) + arb(float(b)) for a, b in zip(*rows, strict=True)]
         for rows in zip(high, low, strict=True)
     ]
+
+
+def _across(along):
+    """Unit vectors across a direction, lists of arb."""
+    if len(along) == 2:
+        return [[-along[1], along[0]]]
+    axis = [arb(int(x == min(range(3), key=lambda place: abs(float(along[place].mid()))))) for x in range(3)]
+    first = _cross(along, axis)
+    size = sum((part * part for part in first), arb(0)).sqrt()
+    first = [part / size for part in first]
+    return [first, _cross(along, first)]
+
+
+def _cross(a, b):
+    return [a[(x + 1) % 3] * b[(x + 2) % 3] - a[(x + 2) % 3] * b[(x + 1) % 3] for x in range(3)]
 
 
 def _is_known(value):

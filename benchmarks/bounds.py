@@ -6,9 +6,10 @@
 Each case draws from its number: a packing of p = 1e-7 to 1e-1, or a network (a diluted lattice on either side of
 rigidity, random springs, the contacts of a packing, springs without rest length) at rest, pushing or under tensions of
 1e-3 to 1e3 k; a law, whose weights span 1e-12 to 1e6 or are zero; tangential springs in a third; one load, a random
-displacement gradient or a rotation among them, or the tensor; five frequencies from 1e-12 to 1e6; an accuracy from
-1e-10 to 0.1; a method. A third has other units: stiffness to 1e±8, lengths and τ₁ to 1e±6. G* and C* are compared with
-`ball_reference`, to 40 digits:
+displacement gradient or a rotation among them, or the tensor, in two fifths forces, a wave or a few particles; five
+frequencies from 1e-12 to 1e6; an accuracy from
+1e-10 to 0.1; a method. A third has other units: stiffness to 1e±8, lengths and τ₁ to 1e±6. G*, C*, χ and G(k) are
+compared with `ball_reference`, to 40 digits:
 a bound is false where the error is larger. A sweep may be refused instead; every reason is counted. Exit status 1 for a
 false bound.
 """
@@ -95,7 +96,7 @@ def draw(number: int) -> Case:
         power(rng, ACCURACIES),
         "rational" if rng.random() < 0.8 else "direct",
     )
-    return draw_spins(rng, case)
+    return draw_forces(rng, draw_spins(rng, case))
 
 
 def in_units(source, k, length):
@@ -199,6 +200,18 @@ def draw_load(rng, dimension):
     return gradient - gradient.T if choice < 0.8 else gradient
 
 
+def draw_forces(rng, case) -> Case:
+    """The case, two fifths of them with a wave or a few particles for a load."""
+    if rng.random() > 0.4:
+        return case
+    if rng.random() < 0.3:
+        return replace(case, load=f"points:{rng.integers(1, 4)}:{rng.integers(100)}")
+    numbers = rng.integers(-3, 4, case.source.dimension)
+    numbers[rng.integers(len(numbers))] = rng.integers(1, 4)
+    polarisation = rng.choice(["transverse", "longitudinal"])
+    return replace(case, load=f"wave:{','.join(map(str, numbers))}:{polarisation}")
+
+
 def examine(case: Case) -> Outcome:
     """Sweep a case and compare it with the reference."""
     import jampetsc
@@ -218,22 +231,14 @@ def examine(case: Case) -> Outcome:
         )
     except JampetscError as error:
         return Outcome(case, refused=str(error))
-    loads = [load.gradient for load in LoadChoice(case.load).of(case.source.dimension)]
-    reference, prefix = BallReference(case.source, case.physics, loads), "" if len(loads) == 1 else "C_"
-    values = result["G" if len(loads) == 1 else "C"].reshape(-1, len(loads), len(loads))
-    names = ("error_bound", "error_bound_storage", "error_bound_loss")
-    bounds = np.stack([result[prefix + name] for name in names], axis=-1).reshape(*values.shape, 3)
     try:
-        exact = [reference.tensor(omega) for omega in result.omega]
+        values, bounds, exact = compared(case, result, LoadChoice(case.load))
     except Singular:
         return Outcome(case, refused="the reference cannot tell K + iωB from a singular matrix")
     errors = np.array(
         [
-            [
-                [difference(complex(v), e) for v, e in zip(*rows, strict=True)]
-                for rows in zip(*tensors, strict=True)
-            ]
-            for tensors in zip(values, exact, strict=True)
+            [difference(complex(v), e) for v, e in zip(*rows, strict=True)]
+            for rows in zip(values, exact, strict=True)
         ]
     )
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -241,6 +246,29 @@ def examine(case: Case) -> Outcome:
     sizes = np.abs(np.stack([values, values.real, values.imag], axis=-1))
     known = errors > ROUNDED * sizes
     return Outcome(case, ratios, bounds[known] / errors[known])
+
+
+def compared(case, result, choice):
+    """(numbers (M, c) of a result, their bounds (M, c, 3), balls of them, rows of acb). Raises Singular."""
+    names = ("error_bound", "error_bound_storage", "error_bound_loss")
+
+    def columns(key, prefix=""):
+        values = result[key].reshape(len(result.omega), -1)
+        bounds = [result[prefix + name].reshape(len(result.omega), -1) for name in names]
+        return values, np.stack(bounds, axis=-1)
+
+    if choice.probe:
+        parts = [columns("susceptibility", "susceptibility_"), *([columns("G")] if "G" in result else [])]
+        values, bounds = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+        particles = result["probe/particles"] if "probe/particles" in result else ()
+        reference = BallReference(case.source, case.physics, np.zeros((0, *[case.source.dimension] * 2)))
+        exact = [reference.susceptibility(omega, choice.probe, particles) for omega in result.omega]
+        return values, bounds, exact
+    loads = [load.gradient for load in choice.of(case.source.dimension)]
+    reference = BallReference(case.source, case.physics, loads)
+    values, bounds = columns("G") if len(loads) == 1 else columns("C", "C_")
+    exact = [[value for row in reference.tensor(omega) for value in row] for omega in result.omega]
+    return values, bounds, exact
 
 
 def main():

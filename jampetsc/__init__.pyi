@@ -547,10 +547,10 @@ def sweep(
         frequencies ω, in 1/time, the time that tau1 is in
     method : "rational" or "direct", default rational
         rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency
-    load : str, array (D, D) or one of `jampetsc.loads`, default xy
-        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: all elastic constants C*(ω). Moduli are second derivatives of the energy per volume along F = 1 + εE
+    load : str, array (D, D), one of `jampetsc.loads` or forces (N, D), default xy
+        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: all elastic constants C*(ω); or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors), point:7 (particles), points:100 or points:100:5 (a sample, its seed). Moduli are second derivatives of the energy per volume along F = 1 + εE
     accuracy : number, default 1e-06
-        relative error allowed in G' and in G'' each
+        relative error allowed in G' and in G'' each, of forces in χ' and in χ''
     parallel : "auto", "shifts" or "matrix", default None
         rational method on several ranks: each factorises a shift of its own, or all share each factorisation (default auto: by the number of ranks and unknowns)
     fields : numbers or "low:high:count", default None
@@ -605,6 +605,7 @@ def quasistatic(
     the bulk modulus is −V dp/dV. With load tensor the fields are of simple shear xy, and the constants C₀, η₀ and η_∞
     between the symmetric loads xx, yy, (zz, yz, xz,) xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added, with the shear
     modulus averaged over all directions and Poisson's ratio of both moduli.
+    Forces have a susceptibility χ₀, with a bound, and its slope χ₁, χ → χ₀ − iωχ₁; waves also G₀ and η₀ at their k.
     Numbers whose names have no_prestress are without the pre-stress of K.
 
     Collective.
@@ -619,8 +620,8 @@ def quasistatic(
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
     tangential_stiffness : number, default 0
         elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
-    load : str, array (D, D) or one of `jampetsc.loads`, default xy
-        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: also the elastic constants and viscosities between all symmetric loads. Moduli are second derivatives of the energy per volume along F = 1 + εE
+    load : str, array (D, D), one of `jampetsc.loads` or forces (N, D), default xy
+        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: also the elastic constants and viscosities between all symmetric loads; or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors), point:7 (particles), points:100 or points:100:5 (a sample, its seed). Moduli are second derivatives of the energy per volume along F = 1 + εE
     betas : numbers or "low:high:count", default None
         also η₀ and η_∞ at these β, from the same fields (contact law)
     out : name of a file, default None

@@ -102,6 +102,13 @@ def relaxed(matrix, moves):
     return x, matrix[-1, -1] + c @ x
 
 
+def _scaled_solve(A, columns):
+    """A⁻¹ columns (m, L), A scaled to a unit diagonal first."""
+    scale = 1 / np.sqrt(np.abs(np.diag(A)))
+    A = A * np.outer(scale, scale)
+    return np.array([scale * solve(A, scale * column) for column in columns.T]).T
+
+
 class NewtonSteps:
     """What Newton's method takes for a solver, in dense numpy."""
 
@@ -281,26 +288,32 @@ class Reference:
         solved = [(load, self._motions(omega, load)) for load in range(len(self.loads))]
         return np.array([[self._between(omega, one, other) for other in solved] for one in solved])
 
-    def massive_tensor(self, omega, masses):
-        """C*(ω) of all pairs of loads, (L, L), with inertia: masses (n,) of disks; spins are relative to the flow."""
-        D, d, m = self.dimension, self.dofs, len(self.K) - len(self.loads)
-        relative = np.eye(len(self.K), dtype=LONG)
-        spins = [row for row in range(m) if row % d >= D]
-        for row in spins:
-            relative[row, m:] = self.turning[:, row % d - D]
+    def _massive(self, omega, masses):
+        """K + iωB − ω²M (m, m) for masses (n,) of disks; no load drives `costless` moves, which are lifted."""
+        d, m = self.dofs, self.n * self.dofs
         inertia = np.repeat(np.asarray(masses, LONG), d).reshape(self.n, d)
-        inertia[:, D:] *= {2: LONG(1) / 2, 3: LONG(2) / 5}[D] * self.radii[:, None] ** 2
+        inertia[:, self.dimension :] *= {2: LONG(1) / 2, 3: LONG(2) / 5}[self.dimension] * self.radii[
+            :, None
+        ] ** 2
         inertia = inertia.ravel()
-        s = COMPLEX(1j) * LONG(omega)
-        Z = relative.T @ (self.K + s * self.B) @ relative
-        A = Z[:m, :m] + np.diag(s**2 * inertia)
-        for move in self.costless().T:  # no load drives these, so their amplitude is zero
+        A = self.K[:m, :m] + COMPLEX(1j) * LONG(omega) * self.B[:m, :m] - np.diag(LONG(omega) ** 2 * inertia)
+        for move in self.costless().T:
             weighted = inertia * move
             A = A + COMPLEX(1j) * np.outer(weighted, weighted) / (move @ weighted)
-        scale = 1 / np.sqrt(np.abs(np.diag(A)))
-        A = A * np.outer(scale, scale)
-        x = np.array([scale * solve(A, -(scale * column)) for column in Z[:m, m:].T])
-        return (Z[m:, m:] + Z[m:, :m] @ x.T) / self.area
+        return A
+
+    def massive_tensor(self, omega, masses):
+        """C*(ω) of all pairs of loads, (L, L), with inertia: masses (n,) of disks; spins are relative to the flow."""
+        m = self.n * self.dofs
+        K, B = (self.turning_with_loads(matrix) for matrix in (self.K, self.B))
+        Z = K + COMPLEX(1j) * LONG(omega) * B
+        x = _scaled_solve(self._massive(omega, masses), -Z[:m, m:])
+        return (Z[m:, m:] + Z[m:, :m] @ x) / self.area
+
+    def massive_susceptibility(self, omega, forces, masses):
+        """χ = fᵀ(K + iωB − ω²M)⁻¹f, complex double, of forces (n, D) without their means; masses (n,)."""
+        f = self._without_net_force(forces).ravel()
+        return complex(f @ _scaled_solve(self._massive(omega, masses), COMPLEX(1) * f[:, None])[:, 0])
 
     def _motions(self, omega, load):
         """Relative motions of the contacts and of disks in the fluid under a load: (a∥, a⊥, a⊥ᶜ, ũ, d (θ − Ω))."""
@@ -338,6 +351,23 @@ class Reference:
         K_cross, B_cross = forms(lambda a, b: a.real * b.imag + a.imag * b.real)
         B += damping * LONG(law.eta_f) * self.area * self._fluid()[load, second]
         return (K - omega * B_cross + COMPLEX(1j) * (omega * B + K_cross)) / self.area
+
+    def susceptibility(self, omega, forces):
+        """χ = fᵀ(K + iωB)⁻¹f, complex double, of forces (n, D) on `disks` that nothing holds: without their means."""
+        size, f = self.n * self.dofs, self._without_net_force(forces)
+        form = np.zeros((size + 1, size + 1), COMPLEX)
+        form[:-1, :-1] = self.K[:size, :size] + COMPLEX(1j) * LONG(omega) * self.B[:size, :size]
+        form[:-1, -1] = form[-1, :-1] = -f.ravel()
+        return complex(-relaxed(form, self.costless())[1])
+
+    def _without_net_force(self, forces):
+        """Forces (n, D) on all unknowns, (n, dofs), without the mean of each piece."""
+        f = np.zeros((self.n, self.dofs), LONG)
+        f[:, : self.dimension] = forces
+        for piece in self.pieces():
+            rows = [disk for disk, _ in piece]
+            f[rows] -= f[rows].mean(axis=0)
+        return f
 
     def quasistatic(self, load=0):
         """(ũ (n, D), G0): the response without any damping."""

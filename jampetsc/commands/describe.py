@@ -200,6 +200,8 @@ def describe_result(path, loaded) -> str:
         rows.append(("units", units_text(a["stress_unit"], a["k"], a.get("tau1"))))
     if "G" in loaded:
         rows += _moduli(loaded)
+    elif "omega" in loaded and "susceptibility" in loaded:
+        rows += _susceptibilities(loaded)
     listed = {
         "notes",
         "stress_unit",
@@ -221,6 +223,21 @@ def describe_result(path, loaded) -> str:
 
 def _files(parts):
     return f"joint file and {parts} parts, complete" if parts else "one, complete"
+
+
+def _susceptibilities(sweep):
+    omega, chi = sweep["omega"], sweep["susceptibility"].reshape(len(sweep["omega"]), -1)
+    rows = [("frequencies", f"{len(omega)}, from {omega.min():.4g} to {omega.max():.4g}")]
+    stored = [f"susceptibility_error_bound_{part}" for part in ("storage", "loss")]
+    bounds = np.stack([sweep[name].reshape(chi.shape) for name in stored], axis=-1)
+    for label, relative in zip(
+        ("χ'", "χ''"), np.moveaxis(relative_part_bounds(chi, bounds), -1, 0), strict=True
+    ):
+        worst = int(np.argmax(relative.max(axis=1)))
+        rows.append(
+            (f"worst bound, {label}", f"{relative[worst].max():.1e} relative, at omega = {omega[worst]:.4g}")
+        )
+    return rows
 
 
 def _moduli(sweep):

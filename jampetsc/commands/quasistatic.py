@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from jampetsc.analysis.elasticity import anisotropy, least_modulus, poisson_ratio, shear_modulus
+from jampetsc.commands.probe_files import SlowProbeResponse, write_probe
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, unstable_to_shear
 from jampetsc.laws.damping import MAX_WEIGHT, having
@@ -31,6 +32,7 @@ class Quasistatic(NetworkJob):
     the bulk modulus is −V dp/dV. With load tensor the fields are of simple shear xy, and the constants C₀, η₀ and η_∞
     between the symmetric loads xx, yy, (zz, yz, xz,) xy, whose shears are E = ½(x̂ŷ + ŷx̂), are added, with the shear
     modulus averaged over all directions and Poisson's ratio of both moduli.
+    Forces have a susceptibility χ₀, with a bound, and its slope χ₁, χ → χ₀ − iωχ₁; waves also G₀ and η₀ at their k.
     Numbers whose names have no_prestress are without the pre-stress of K.
     """
 
@@ -39,13 +41,14 @@ class Quasistatic(NetworkJob):
   jampetsc quasistatic p.h5 --out slow.h5
   jampetsc quasistatic p.h5 --betas 1e-4,1e-2,1 --out betas.h5
   jampetsc quasistatic p.h5 --load tensor --out C.h5
+  jampetsc quasistatic p.h5 --load wave:1,0:transverse --out wave.h5      # of forces, G0 at the wave vector
 
 PETSc options: -shift_… for the factorisations."""
 
     SOLVERS: ClassVar = ("shift_", "inertia_")
 
     load: LoadChoice = load_parameter(
-        "also the elastic constants and viscosities between all symmetric loads"
+        "also the elastic constants and viscosities between all symmetric loads", takes_forces=True
     )
     betas: Numbers | None = optional_parameter(
         "also η₀ and η_∞ at these β, from the same fields (contact law)",
@@ -61,6 +64,10 @@ PETSc options: -shift_… for the factorisations."""
                 f"{named('betas')}: an option of {named('law')} {' or '.join(owners)}, not of "
                 f"{self.law.family or self.law}. Leave it out."
             )
+        if self.betas is not None and self.load.probe:
+            raise InputError(
+                f"{named('betas')}: not supported with {named('load')} {self.load}, which is forces. Leave it out."
+            )
         for beta in [] if self.betas is None else self.betas:
             self.law.altered(beta=beta)  # where nothing dissipates
 
@@ -70,6 +77,8 @@ PETSc options: -shift_… for the factorisations."""
 
         session = current()
         source = read_network(self.packing, self.elastic, to)
+        if self.load.probe:
+            return self._push(source, to)
         with about(source.name):
             betas = () if self.betas is None else self.betas.tolist()
             load, tensor = self.load.field_and_tensor(source.source.dimension)
@@ -87,6 +96,32 @@ PETSc options: -shift_… for the factorisations."""
         return "\n".join(
             [_summary(to, self.physics, outcome, self.load), units, *note_lines([*source.notes, *notes])]
         )
+
+    def _push(self, source, to):
+        """The response of a `PackingNetwork` to forces, written; its summary. Collective."""
+        from jampetsc.response.probe_loads import probe_loads
+        from jampetsc.response.slow_probe import slow_susceptibilities
+
+        probe, network = self.load.probe, source.network
+        with about(source.name), current().stage("quasistatic"):
+            self.load.of(network.dimension)
+            loads = probe_loads(probe, source.source, network)
+            slow = slow_susceptibilities(network, self.law, loads.loads)
+        responses = {
+            name: SlowProbeResponse.of(probe, loads, susceptibilities)
+            for name, susceptibilities in slow.items()
+        }
+        with current().stage("output"), to.writer(self.FORMAT, current().comm) as writer:
+            for name, response in responses.items():
+                response.write(writer, name)
+            write_probe(writer, probe, loads.particles)
+            writer.attributes(**source.record(self.physics.parameters), load=self.load)
+        lines = [f"{to}: {self.physics}, load {self.load}"]
+        lines += [
+            f"  {'no pre-stress' if name or not network.prestress else 'pre-stress'}: {response.text}"
+            for name, response in responses.items()
+        ]
+        return "\n".join([*lines, source.units_line(self.law.tau1), *note_lines(source.notes)])
 
 
 def _write(writer, outcome):

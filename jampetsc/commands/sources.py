@@ -1,5 +1,6 @@
 """Inputs that are several results: the files of a study, and a result derived from them."""
 
+import re
 import time
 from pathlib import Path
 
@@ -53,7 +54,8 @@ def _values(column) -> str:
 
 def _wanted(where) -> dict:
     """{column: value} of column=value,…; empty for None. Raises InputError."""
-    pairs = [word.partition("=") for word in where.split(",")] if where else []
+    # a value may have commas, as that of a load
+    pairs = [word.partition("=") for word in re.split(r",(?=[\w-]+=)", where)] if where else []
     if not all(name and equals and value for name, equals, value in pairs):
         raise InputError(
             f"{named('where')} {where}: not a list of conditions. Write column=value, e.g. law=stokes,beta=1."

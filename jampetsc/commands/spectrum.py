@@ -33,8 +33,8 @@ class Spectrum(Job):
     STUDY_INPUTS: ClassVar = TaskInputs(
         ONE_RESULT,
         commands=("sweep",),
-        is_suitable=lambda sweep: sweep.method == "rational",
-        needs="sweeps with method rational",
+        is_suitable=lambda sweep: sweep.method == "rational" and not sweep.load.probe,
+        needs="sweeps of strains with method rational",
     )
     scalar: ClassVar = None
     OUT_HELP: ClassVar = "result (HDF5), or picture"

@@ -9,6 +9,7 @@ import numpy as np
 from jampetsc.analysis.elasticity import anisotropy, bulk_modulus
 from jampetsc.analysis.error_bounds import relative_part_bounds, zero_parts
 from jampetsc.commands.describe import poisson_text
+from jampetsc.commands.probe_files import MODULUS_BOUNDS, ProbeResponse
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines, unstable_to_shear
 from jampetsc.laws.damping import MAX_OMEGA, MAX_WEIGHT, MIN_OMEGA
@@ -23,7 +24,6 @@ from jampetsc.packing.units import is_within
 from jampetsc.petsc import builds, session
 from jampetsc.progress import note, warn
 
-BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 SAME_FREQUENCY = 1e-9  # a frequency this close to one of the fields, relatively, counts as the same
 OMEGA = "1e-10:1e4:141"
 POWER_LAW = (
@@ -65,8 +65,10 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         "rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency",
         choices=("rational", "direct"),
     )
-    load: LoadChoice = load_parameter("all elastic constants C*(ω)")
-    accuracy: float = parameter(1e-6, "relative error allowed in G' and in G'' each", low=1e-12, high=0.1)
+    load: LoadChoice = load_parameter("all elastic constants C*(ω)", takes_forces=True)
+    accuracy: float = parameter(
+        1e-6, "relative error allowed in G' and in G'' each, of forces in χ' and in χ''", low=1e-12, high=0.1
+    )
     parallel: str | None = optional_parameter(
         "rational method on several ranks: each factorises a shift of its own, or all share each factorisation "
         "(default auto: by the number of ranks and unknowns)",
@@ -125,6 +127,11 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         if self.fields is not None and self.load.is_tensor:
             raise InputError(
                 f"{named('fields')}: not stored with {named('load')} {TENSOR}. Give a single {named('load')}, or leave "
+                f"{named('fields')} out."
+            )
+        if self.fields is not None and self.load.probe:
+            raise InputError(
+                f"{named('fields')}: not stored with {named('load')} {self.load}, which is forces. Leave "
                 f"{named('fields')} out."
             )
         if self.alpha is not None and self.load != DEFAULT:
@@ -202,6 +209,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
     def work(self, to):
         from jampetsc.commands.packing_network import read_network
         from jampetsc.response.minimum_check import check_minimum
+        from jampetsc.response.probe_loads import probe_loads
 
         source = read_network(self.packing, self.elastic, to)
         damping = self.damping(source.stress_scale)
@@ -215,15 +223,26 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         # other PETSc options may decide otherwise about the method: direct steps, not ordered, are no rational ones
         checkpoint = to.checkpoint(session.current().comm, ordered=method == "rational")
         with about(source.name):
-            sweep = self._solve(source, frequencies, method, minimum, checkpoint)
-        notes += notes_of(self, source, frequencies.of_experiment(sweep.omega), sweep, damping)
+            loads, probe = self.load.of(source.source.dimension), self.load.probe
+            if probe:
+                of_probe = probe_loads(probe, source.source, source.network)
+            sweep = self._solve(
+                source, of_probe.loads if probe else loads, frequencies, method, minimum, checkpoint
+            )
+        response = ProbeResponse.of(probe, of_probe, sweep, source.network.volume) if probe else None
+        if response is None:
+            notes += notes_of(self, source, frequencies.of_experiment(sweep.omega), sweep, damping)
         with to.writer(self.FORMAT, session.current().comm) as writer:
-            _write_moduli(writer, frequencies, sweep, source, damping is not None)
+            writer.dataset("omega", frequencies.of_experiment(sweep.omega))
+            if response is None:
+                _write_moduli(writer, frequencies, sweep, source, damping is not None)
+            else:
+                response.write(writer)
             writer.attributes(
                 **source.record(self.parameters, notes),
                 stress_ratio=None if damping is None else damping.stress,
                 load=self.load,
-                stress_measure=STRESS_MEASURE,
+                stress_measure=None if response else STRESS_MEASURE,
                 method=method,
                 accuracy=self.accuracy,
                 positive_semidefinite=minimum.description,
@@ -235,11 +254,11 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             )
         to.raise_failures(sweep.failures, len(frequencies.solved), "frequencies")
         checkpoint.remove()
-        summary = _summary(self, to, source.network, frequencies, sweep, minimum.certified)
+        summary = _summary(self, to, source.network, frequencies, sweep, minimum.certified, response)
         units = source.units_line(self.law.tau1)
         return "\n".join([summary, units, *note_lines([*source.notes, *notes])])
 
-    def _solve(self, source, frequencies, method, minimum, checkpoint):
+    def _solve(self, source, loads, frequencies, method, minimum, checkpoint):
         """The `ModulusSweep`, continued from the finished steps of a checkpoint. Collective."""
         from jampetsc.response.assembly import assemble
         from jampetsc.response.massive_sweep import sweep_with_inertia
@@ -251,7 +270,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
             "omega": frequencies.solved,
             "accuracy": self.accuracy,
             "field_omega": frequencies.of_fields,
-            "loads": self.load.of(source.source.dimension),
+            "loads": loads,
         }
         if checkpoint.done and session.current().rank == 0:
             what = "shifts" if method == "rational" else "frequencies"
@@ -292,11 +311,10 @@ class SweepFrequencies:
 
 def _write_moduli(writer, frequencies, sweep, source, is_power_law) -> None:
     """Put the arrays of a `ModulusSweep` of a `PackingNetwork` into a result. Collective."""
-    writer.dataset("omega", frequencies.of_experiment(sweep.omega))
     if is_power_law:
         writer.dataset("equivalent_omega", sweep.omega)
     writer.dataset("G", sweep.G)
-    for name, bound in zip(BOUNDS, sweep.bounds.T, strict=True):
+    for name, bound in zip(MODULUS_BOUNDS, sweep.bounds.T, strict=True):
         writer.dataset(name, bound)
     if sweep.spectrum is not None:
         for name in ("G0", "eta_inf", "rates", "weights"):
@@ -383,14 +401,17 @@ def notes_of(job, source, omega, sweep, damping) -> list[str]:
     return notes
 
 
-def _summary(job, to, network, frequencies, sweep, certified) -> str:
-    """The summary of a `ModulusSweep` of a network."""
+def _summary(job, to, network, frequencies, sweep, certified, response=None) -> str:
+    """The summary of a `ModulusSweep` of a network; response: the `ProbeResponse` of forces."""
     G, bounds, omega = sweep.G, sweep.bounds, frequencies.of_experiment(sweep.omega)
-    storage, loss = relative_part_bounds(G, bounds[:, 1:]).max(axis=0)
+    worst = response.worst_bounds if response else relative_part_bounds(G, bounds[:, 1:]).max(axis=0)
+    symbol = "susceptibility" if response else "G"
     lines = [
         f"{to}: {job.physics}{'' if job.load == DEFAULT else f', load {job.load}'}, {len(omega)} frequencies, "
-        f"{'certified' if certified else 'estimated'} to {storage:.1e} in G' and {loss:.1e} in G''"
+        f"{'certified' if certified else 'estimated'} to {worst[0]:.1e} in {symbol}' and {worst[1]:.1e} in {symbol}''"
     ]
+    if response:
+        return "\n".join([*lines, *response.lines(omega)])
     lines += [
         f"  omega {omega[end]:.3g}: G' = {G[end].real:.6g}, G'' = {G[end].imag:.6g}"
         for end in ((0, -1) if len(omega) > 1 else (0,))

@@ -51,7 +51,8 @@ tangential_stiffness | float? | | weight in K of the squared sliding of rims, ov
 mass | float? | k time² | of every particle, or by the volume of particles of one of the mean diameter; missing: none
 mass_by | text? | | with `mass`: number or volume
 load | text? | | displacement gradient E: a name, its numbers, or `tensor`, the symmetric loads xx, yy, (zz, yz, xz,)
-  xy, shears with E = ½(x̂ŷ + ŷx̂); missing: simple shear `xy`, as are the fields of `tensor`
+  xy, shears with E = ½(x̂ŷ + ŷx̂); missing: simple shear `xy`, as are the fields of `tensor`. Or forces:
+  `wave:1,0:transverse`, `point:7`, `points:100`, `forces:` and a hash of their array
 stress_measure | text? | | which modulus: energy along F = 1 + εE, V⁻¹ d²U/dε² and its viscous part
 alpha, stress, stress_ratio | float? | | with `--alpha`: exponent of the viscous force, amplitude of the shear stress,
   and its ratio to k, of spheres to k/d, to k/d² in place of k where the stiffness is k/σ², d the mean diameter

@@ -41,7 +41,28 @@ class SweepResult(Result):
 
     def __init__(self, *parts):
         super().__init__(*parts)
-        self.omega, self.G, self.error_bound = (self[name] for name in ("omega", "G", "error_bound"))
+        self.omega = self["omega"]
+        self._modulus = None
+        if "G" in self or "susceptibility" not in self:
+            self._modulus = self["G"], self["error_bound"]
+
+    @property
+    def G(self):
+        """G* (M,), complex; of a wave of forces G(k, ω). Raises InputError for other forces, which have none."""
+        self._require_modulus()
+        return self._modulus[0]
+
+    @property
+    def error_bound(self):
+        """Bound on |ΔG*|, (M,). Raises InputError as `G`."""
+        self._require_modulus()
+        return self._modulus[1]
+
+    def _require_modulus(self):
+        if self._modulus is None:
+            raise InputError(
+                f"{self.path}: {named('load')} {self.load}, forces without a modulus. See its susceptibility."
+            )
 
     @property
     def G_storage(self):
@@ -89,10 +110,10 @@ class SweepResult(Result):
         elsewhere = np.abs(self.omega[nearest] - frequencies) > _FREQUENCY_TOLERANCE * np.abs(frequencies)
         if elsewhere.any():
             if not {"spectrum/rates", "reduced_tensor/rates", "reduced_inertia/stiffness"} & set(self):
+                remedy = f", or run the sweep with {named('method')} rational" * (self.load.probe is None)
                 raise InputError(
                     f"{self.path}: omega = {frequencies[elsewhere][0]:g} is not one of its {len(self.omega)} "
-                    f"frequencies, {self.omega.min():g} to {self.omega.max():g}. Choose one of them, or run the sweep "
-                    f"with {named('method')} rational."
+                    f"frequencies, {self.omega.min():g} to {self.omega.max():g}. Choose one of them{remedy}."
                 )
             linear = self._linear(frequencies[elsewhere])
             if not np.isfinite(linear).all():
@@ -142,6 +163,11 @@ class SweepResult(Result):
             raise InputError(
                 f"{self.path}: a sweep with mass, whose response oscillates and has no relaxation spectrum. Give a "
                 f"sweep without {named('mass')}."
+            )
+        if self.load.probe:
+            raise InputError(
+                f"{self.path}: {named('load')} {self.load}, forces, of which no spectrum is stored. Give a sweep of a "
+                "strain."
             )
         if "spectrum/rates" not in self:
             raise InputError(f"{self.path}: no spectrum. Run the sweep with {named('method')} rational.")

@@ -7,9 +7,17 @@ from jampetsc.packing.potentials import EXPONENTS, MAX_EXPONENT, MIN_EXPONENT, S
 SWEEP = Format(
     datasets=r"""
 omega | (M,) | float | 1/time | frequencies ω, increasing
-G | (M,) | complex | k | G* = G′ + iG″
-error_bound | (M,) | float | k | bound on \|ΔG*\|; its assumption is in `positive_semidefinite`
+G | (M,) | complex? | k | G* = G′ + iG″; of waves of forces G(k, ω) = (n/V)/(k²χ), n particles that bear load; other
+  forces have none
+error_bound | (M,) | float? | k | bound on \|ΔG*\|; its assumption is in `positive_semidefinite`
 error_bound_storage, error_bound_loss | (M,) | float? | k | bounds on \|ΔG′\| and \|ΔG″\|
+susceptibility | (M,) or (M, P) | complex? | length/force | of forces f: χ = fᵀ(K + iωB)⁻¹f, of a wave over n
+  and the mean of its polarisations, of points that of each particle, the mean over the axes
+susceptibility_error_bound | (M,) or (M, P) | float? | length/force | bound on \|Δχ\|, under the same assumption
+susceptibility_error_bound_storage, susceptibility_error_bound_loss | (M,) or (M, P) | float? | length/force | bounds
+  on \|Δχ′\| and \|Δχ″\|
+probe/particles | (P,) | int? | | of points: numbers of the particles in the packing
+probe/forces | (N, D) | float? | force | of an array of forces: that array
 equivalent_omega | (M,) | float? | 1/time | with `--alpha`: frequencies at which the linear law has these moduli
 fields/omega | (F,) | float? | 1/time | with `--fields`: their frequencies
 fields/displacement | (F, n, D) | complex? | length | non-affine displacements per unit strain
@@ -48,6 +56,7 @@ factorisations, unknowns | int | | work: sparse factorisations (each once, also 
   makes again), size of K
 vectors | int? | | of the rational method: size of the reduced space
 direct_frequencies | int? | | with `--mass`, of the rational method: frequencies that were solved one by one
+wave_vector | (D,) float? | 1/length | of a wave of forces: k
 failed_omega | (f,) float? | 1/time | of the direct method: frequencies that were not solved, and are not in `omega`
 """,
     common=PROVENANCE,
@@ -55,20 +64,28 @@ failed_omega | (f,) float? | 1/time | of the direct method: frequencies that wer
 
 QUASISTATIC = Format(
     datasets=r"""
-particles | (n,) | int | | numbers in the packing of the rows below
-nonaffine | (n, D) | float | length | non-affine displacement u_na
+particles | (n,) | int? | | numbers in the packing of the rows below; missing, like all down to the histograms, where
+  the load is forces
+nonaffine | (n, D) | float? | length | non-affine displacement u_na
 rotation | (n,) or (n, 3) | float? | | angles of the disks in the limit ω → 0, of spheres about x, y and z; only of laws
   with rotations
-contacts/pairs | (c, 2) | int | | numbers i, j of the two particles in the packing, as in *particles*
-contacts/bonds | (c, D) | float | length | r_j − r_i, the nearest image
-contacts/normal, contacts/transverse | (c,) | float | length | Δu∥, Δu⊥; of spheres \|Δu⊥\|
+contacts/pairs | (c, 2) | int? | | numbers i, j of the two particles in the packing, as in *particles*
+contacts/bonds | (c, D) | float? | length | r_j − r_i, the nearest image
+contacts/normal, contacts/transverse | (c,) | float? | length | Δu∥, Δu⊥; of spheres \|Δu⊥\|
 contacts/sliding | (c,) | float? | length | Δu⊥ᶜ, of spheres its length; of laws with rotations
-histogram/*/edges | (B + 1,) | float | length | of \|Δu∥\|, \|Δu⊥\| and \|u_na\| (normal, transverse, nonaffine): edges
+histogram/*/edges | (B + 1,) | float? | length | of \|Δu∥\|, \|Δu⊥\| and \|u_na\| (normal, transverse, nonaffine): edges
   of 101 logarithmic bins
-histogram/*/counts | (B,) | int | | numbers in them
+histogram/*/counts | (B,) | int? | | numbers in them
 beta_scan/beta | (b,) | float? | | with `--betas`: β
 beta_scan/eta0, beta_scan/eta_inf | (b,) | float? | kτ₁ | η₀ and η_∞ there
 beta_scan/no_prestress_eta0 | (b,) | float? | kτ₁ | η₀ of K without pre-stress
+susceptibility | scalar or (P,) | float? | length/force | of forces: χ₀, of points that of each particle
+susceptibility_error_bound | scalar or (P,) | float? | length/force | bound on \|Δχ₀\|
+susceptibility_slope | scalar or (P,) | float? | time·length/force | χ₁, χ → χ₀ − iωχ₁ for ω → 0
+no_prestress/susceptibility, no_prestress/susceptibility_error_bound, no_prestress/susceptibility_slope | scalar or (P,)
+  | float? | | as the same datasets above, of K without pre-stress
+probe/particles | (P,) | int? | | of points: numbers of the particles in the packing
+probe/forces | (N, D) | float? | force | of an array of forces: that array
 C0 | (L, L) | float? | k | with `--load tensor`: elastic constants
 eta0, eta_inf | (L, L) | float? | kτ₁ | likewise η₀ and η_∞ between the loads
 no_prestress/C0 | (L, L) | float? | k | likewise
@@ -80,16 +97,19 @@ no_prestress/histogram/*/edges | (B + 1,) | float? | length | likewise
 no_prestress/histogram/*/counts | (B,) | int? | | likewise
 """,
     attributes=r"""
-G0, G_affine, bulk_modulus | float | k | moduli: of the load and of its affine motion, of the energy along F = 1 + εE;
-  −V dp/dV
+G0, G_affine, bulk_modulus | float? | k | moduli: of the load and of its affine motion, of the energy along F = 1 + εE;
+  −V dp/dV. Of a wave of forces G₀(k) alone, of other forces none
+G0_error_bound | float? | k | of a wave: bound on \|ΔG₀(k)\|
+susceptibility_mean | float? | length/force | of forces: mean of `susceptibility`
+wave_vector | (D,) float? | 1/length | of a wave of forces: k
 shear_modulus, poisson_ratio, anisotropy, least_modulus | float? | | of `tensor`: averaged over all directions, k;
   Poisson's ratio of it and of the bulk modulus; \|C − C_iso\|/\|C\|; least E:C:E for Σ E² = 1, k: positive where every
   load has a positive modulus
-eta0, eta_inf | float | kτ₁ | viscosities η₀ and η_∞
+eta0, eta_inf | float? | kτ₁ | viscosities η₀ and η_∞; of a wave η₀(k), G(k) → G₀ + iωη₀
 eta0_* | float? | kτ₁ | the part of each term of the dissipation in η₀
-omega_star | float | 1/time | G₀/η₀
-normal_*, transverse_*, nonaffine_* | float | length | median, mean and rms of \|Δu∥\|, \|Δu⊥\|, \|u_na\|
-identity_difference, field_error | float | | relative difference of the energies by contacts and by K; relative error
+omega_star | float? | 1/time | G₀/η₀
+normal_*, transverse_*, nonaffine_* | float? | length | median, mean and rms of \|Δu∥\|, \|Δu⊥\|, \|u_na\|
+identity_difference, field_error | float? | | relative difference of the energies by contacts and by K; relative error
   of the field
 no_prestress_* | float? | | these numbers of K without pre-stress
 """,

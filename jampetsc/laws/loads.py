@@ -1,4 +1,4 @@
-"""Loads: displacement gradients E (D, D) that strain a packing, u_i = ũ_i + ε E x_i with the amplitude ε.
+"""Loads: displacement gradients E (D, D) that strain a packing, u_i = ũ_i + ε E x_i with the amplitude ε, or forces.
 
 The modulus of a load is that of the energy along F = 1 + εE, M_E = V⁻¹ d²U/dε², and its viscous part. For E with the
 symmetric part s, elastic constants C of symmetric loads and the stress σ (compression negative), exactly
@@ -15,6 +15,7 @@ Soc. 85, 523 (1965)) differ from C by terms of the order of σ.
     xx, yy, …       one axis, E = x̂x̂
     D² numbers      the rows of E
     tensor          all symmetric loads xx, yy, (zz, yz, xz,) xy in this order, shears with E = ½(x̂ŷ + ŷx̂)
+    wave:1,0:transverse, point:7, points:100, …     forces on particles, see `laws.probes`
 """
 
 import itertools
@@ -24,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.errors import InputError, named
+from jampetsc.laws.probes import Forces, PointForces, Wave, read_probe
 
 AXES = "xyz"
 TENSOR = "tensor"
@@ -73,6 +75,26 @@ class Load:
     def imposed(self, bonds):
         """E r of bonds r (M, D): how far a unit amplitude moves their ends apart, (M, D)."""
         return bonds @ self.gradient.T
+
+
+@dataclass(frozen=True, eq=False)
+class ForceLoad(Load):
+    """Forces on particles, without any strain; rows are zero. Two are equal only where they are one.
+
+    forces   (m, D) of this rank's particles that bear load; on each connected component they sum to zero
+    sizes    (m, D) of their terms, ≥ |forces|, relative to which they round
+    """
+
+    forces: np.ndarray
+    sizes: np.ndarray
+
+    __eq__, __hash__ = object.__eq__, object.__hash__
+
+
+def force_load(name: str, forces, sizes) -> ForceLoad:
+    """Forces (m, D) with the sizes (m, D) of their terms as a load."""
+    dimension = forces.shape[1]
+    return ForceLoad(name, dimension * ((0.0,) * dimension,), forces, sizes)
 
 
 def fluid_dissipation(load: Load, other: Load) -> float:
@@ -142,15 +164,26 @@ def named_loads(dimension: int) -> dict[str, Load]:
 class LoadChoice(str):
     """The load of a job, or the tensor, as the text in files and tables.
 
-    value   a name of the list above, "tensor", or D² numbers with commas; or a `Load`, or an array (D, D)
+    value   a name of the list above, "tensor", or D² numbers with commas; or a `Load`, or an array (D, D) of a gradient
+            or (N, D) of forces on N > D particles
 
     Raises InputError for a name that is not in the list, and for numbers that are no displacement gradient.
+
+    probe   which forces it is, see `laws.probes`; None for a strain
     """
 
-    __slots__ = ()
+    __slots__ = ("probe",)
 
     def __new__(cls, value):
-        return super().__new__(cls, _text(value))
+        probe = _probe(value)
+        choice = super().__new__(cls, _text(value) if probe is None else str(probe))
+        choice.probe = probe
+        return choice
+
+    def __getnewargs__(self):
+        """What copies in other processes are made from: the array of forces has no name."""
+        array = getattr(self.probe, "array", None)
+        return (str(self) if array is None else array,)
 
     @property
     def is_tensor(self) -> bool:
@@ -159,19 +192,25 @@ class LoadChoice(str):
 
     @property
     def is_shear(self) -> bool:
-        """Whether its modulus is a shear modulus; that of the tensor is."""
-        return self.is_tensor or all(load.is_shear for load in self._by_dimension().values())
+        """Whether its modulus is a shear modulus; that of the tensor is, that of forces is not."""
+        return self.is_tensor or (
+            self.probe is None and all(load.is_shear for load in self._by_dimension().values())
+        )
 
     def of(self, dimension: int) -> tuple[Load, ...]:
-        """The loads in D dimensions: one, or all of the tensor. Raises InputError for a load of another dimension."""
+        """The strains in D dimensions: one, all of the tensor, none of forces.
+
+        Raises InputError for a load of another dimension.
+        """
         if self.is_tensor:
             return symmetric_loads(dimension)
-        load = self._by_dimension().get(dimension)
-        if load is None:
+        is_probe = self.probe is not None
+        load = None if is_probe else self._by_dimension().get(dimension)
+        if load is None and not (is_probe and self.probe.dimension in (None, dimension)):
             raise InputError(
                 f"{named('load')} {self}: not a load in {dimension} dimensions. Give another one."
             )
-        return (load,)
+        return () if is_probe else (load,)
 
     def field_and_tensor(self, dimension: int) -> tuple[Load, tuple[Load, ...]]:
         """The load whose fields are meant, and the loads of the tensor: simple shear and all of them, or one and none.
@@ -188,6 +227,30 @@ class LoadChoice(str):
         numbers = np.array(self.split(","), float)
         dimension = math.isqrt(len(numbers))
         return {dimension: _load(str(self), numbers.reshape(dimension, dimension))}
+
+
+def read_strain(value) -> LoadChoice:
+    """The load of a job that takes no forces. Raises InputError for those, and as `LoadChoice`."""
+    choice = LoadChoice(value)
+    if choice.probe:
+        raise InputError(
+            f"{named('load')} {choice}: forces, which only sweep and quasistatic take. Give a displacement gradient."
+        )
+    return choice
+
+
+def _probe(value):
+    """The probe of a value that `LoadChoice` takes; None for a strain."""
+    if isinstance(value, LoadChoice):
+        return value.probe
+    if isinstance(value, str):
+        return read_probe(value)
+    if isinstance(value, Wave | PointForces | Forces):
+        return value
+    if isinstance(value, Load):
+        return None
+    rows, *columns = np.shape(np.asarray(value, object)) or (0,)
+    return Forces.of(value) if len(columns) == 1 and columns[0] in DIMENSIONS and rows > columns[0] else None
 
 
 def _text(value) -> str:

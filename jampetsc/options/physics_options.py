@@ -218,16 +218,28 @@ MODEL = CompositeParameter(
 
 
 LOAD = ValueType(  # see `laws.loads.LoadChoice`
-    loads.LoadChoice, str, metavar="LOAD", python="str, array (D, D) or one of `jampetsc.loads`"
+    loads.read_strain, str, metavar="LOAD", python="str, array (D, D) or one of `jampetsc.loads`"
+)
+LOAD_OR_FORCES = ValueType(
+    loads.LoadChoice,
+    str,
+    metavar="LOAD",
+    python="str, array (D, D), one of `jampetsc.loads` or forces (N, D)",
 )
 LOAD_HELP = (
     "load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or "
     "D² numbers row by row (with commas; on a command line with = where the first is negative){}. Moduli are "
     "second derivatives of the energy per volume along F = 1 + εE"
 )
+FORCES_HELP = (
+    "; or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors), point:7 (particles), points:100 or "
+    "points:100:5 (a sample, its seed)"
+)
 
 
-def load_parameter(of_tensor: str = ""):
+def load_parameter(of_tensor: str = "", takes_forces: bool = False):
     """The parameter `load` of a job; of_tensor: what it finds for all symmetric loads, if it takes them."""
     words = f"; {loads.TENSOR}: {of_tensor}" if of_tensor else ""
-    return parameter(loads.DEFAULT, LOAD_HELP.format(words), value_type=LOAD)
+    if not takes_forces:
+        return parameter(loads.DEFAULT, LOAD_HELP.format(words), value_type=LOAD)
+    return parameter(loads.DEFAULT, LOAD_HELP.format(words + FORCES_HELP), value_type=LOAD_OR_FORCES)

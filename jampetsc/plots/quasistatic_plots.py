@@ -17,7 +17,7 @@ from jampetsc.analysis.statistics import mean_with_error, median_interval
 from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import varied_settings
 from jampetsc.laws.damping import OPTIONS, WEIGHTS, having
-from jampetsc.laws.loads import DEFAULT
+from jampetsc.laws.loads import DEFAULT, LoadChoice
 from jampetsc.plots.page import draw_band, draw_guide, draw_points, draw_power_law, limits_kept
 from jampetsc.plots.picture import count_text, group_by, picture, setting_text, stress_unit, units_of
 from jampetsc.plots.style import (
@@ -50,6 +50,16 @@ PRESTRESS = (  # prefix of attributes, its meaning, further keywords of the line
 def has_pressure(result) -> bool:
     """Whether a file has a positive pressure, unlike networks at rest."""
     return float(result.attributes.get("pressure", 0.0)) > 0
+
+
+def is_strained(result) -> bool:
+    """Whether a file has a positive pressure, and its load is a strain."""
+    return has_pressure(result) and not probe_of(result)
+
+
+def probe_of(result):
+    """The forces that are the load of a file, see `laws.probes`; None of a strain."""
+    return LoadChoice(str(result.attributes.get("load", DEFAULT))).probe
 
 
 def pressures_of(results, zero=False):
@@ -105,8 +115,13 @@ def groups_of(results, varied=()) -> dict:
     """{N: {p/k: files}}, of files that differ in the packing alone, small N and low pressure first.
 
     varied: parameters of the law in which they may differ as well. Raises InputError for several dimensions, loads or
-    laws.
+    laws, and for forces.
     """
+    for result in results:
+        if probe_of(result):
+            raise InputError(
+                f"{result.path}: {named('load')} {result.attributes['load']}, which is forces. Give files of strains."
+            )
     require_alike(
         results,
         tuple(
@@ -143,7 +158,7 @@ def prestress_samples(levels, value, *more):
             yield samples, words, face, prefix
 
 
-@picture("medians", "quasistatic", suits=has_pressure)
+@picture("medians", "quasistatic", suits=is_strained)
 def plot_medians(results, page):
     """Medians of |Δu∥|, |Δu⊥| and |u_na| per unit strain against p/k, with slopes ±1/4 (BT eqs. 19-21).
 
@@ -215,7 +230,7 @@ def unstable(results) -> str:
     return f"; G0 < 0 in {negative} of them, which count like the others" if negative else ""
 
 
-@picture("viscosities", "quasistatic", suits=has_pressure)
+@picture("viscosities", "quasistatic", suits=is_strained)
 def plot_viscosities(results, page):
     """η₀ (filled) and η_∞ (open) in kτ₁ against β, a colour for each pressure and N; with the scans over β of the
     files. Guides are β and β^½, where the first colour's lines follow them.
@@ -266,7 +281,7 @@ MIN_SIZES = 3  # of a line in ln N
 BESIDE = 1.12  # factor between points of neighbouring pressures at one N
 
 
-@picture("finite-size", "quasistatic", suits=has_pressure)
+@picture("finite-size", "quasistatic", suits=is_strained)
 def plot_finite_size(results, page):
     """As `draw_finite_size` with a = 1, the exponent of contact damping (BT)."""
     return draw_finite_size(results, page, 1.0)

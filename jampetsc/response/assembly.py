@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from jampetsc.laws.damping import Law
-from jampetsc.laws.loads import Load, simple_shear
+from jampetsc.laws.loads import ForceLoad, Load, simple_shear
 from jampetsc.laws.relative_motion import squares
 from jampetsc.petsc.session import current
 from jampetsc.petsc.sparse_matrices import diagonal_of, distributed_matrix
@@ -145,6 +145,11 @@ class Pencil:
         return [tuple(self.network.max(np.abs(part[:, kind])) for part in parts) for kind in kinds]
 
     @property
+    def exerts_forces(self) -> bool:
+        """Whether its load is forces on particles: the load column has no viscous part then, and no corner."""
+        return isinstance(self.load, ForceLoad)
+
+    @property
     def drags_alone(self) -> bool:
         """Whether all that dissipates is drag on disks that do not turn: B is then diagonal, without a load column."""
         return not (self.law.damps_contacts or self.rolls)
@@ -235,6 +240,7 @@ def _load_parts(compatibility, load, pins):
     """The load column and the corner of K and of B of a `Pencil`. Collective."""
     network = compatibility.network
     column, corner = compatibility.bonds.load_column(load, pins)
+    column -= compatibility.force
     corner += 1j * compatibility.drag_gg
     return {
         "k_gamma": _vector(network.comm, column.real),

@@ -4,6 +4,8 @@ With s = iω, A = K + sB, c = k_γ + s b_γ and any trial field x, the modulus i
 
     G* V = k_γγ + s b_γγ + 2 cᵀx + xᵀA x ,    and its error is exactly   rᵀA⁻¹r ,   r = c + A x .
 
+External forces f are the load c = −f without a corner, for which G* V = −fᵀA⁻¹f = −χ, the susceptibility.
+
 r is computed contact by contact (see `compatibility`), and a bound on its rounding is added. How much A⁻¹ amplifies it
 is bounded by a `SingularBound`, which also uses only the residuals of solves:
 
@@ -145,7 +147,7 @@ class Functional:
         """The trial field x (n_local,), complex, with its motions and residual."""
         c = self.compatibility
         a = c.motions(x) + strain * c.g
-        left = c.forces((c.w_K + 1j * omega * c.w_B) * a) + 1j * omega * c.drag * x
+        left = c.forces((c.w_K + 1j * omega * c.w_B) * a) + 1j * omega * c.drag * x - strain * c.force
         if self.mass is not None:
             left -= omega**2 * self.mass.apply(x)
         self.pencil.project(left)  # no net force but for rounding, which drag alone would not hold back
@@ -169,18 +171,18 @@ class Functional:
             np.sum(forces2),
             c.reach(trial.omega) @ x2,
             trial_sizes @ (trial.strain * c.g_size) ** 2,
-            np.sum((trial.omega * c.drag) ** 2 * x2 / diagonal),
+            np.sum(((trial.omega * c.drag) ** 2 * x2 + (trial.strain * c.force_size) ** 2) / diagonal),
         ]
         if self.mass is not None:
             terms = trial.omega**2 * self.mass.diagonal * self.mass.terms(np.abs(trial.x))
             local[-1] += np.sum(terms**2 / diagonal)
-        of_sums, of_x, of_g, of_drag = self.network.sum(np.array(local))
+        of_sums, of_x, of_g, on_disks = self.network.sum(np.array(local))
         stretch = self.network.max(c.reach(omega) / diagonal)
         of_motions = (
             max(1.0, trial.omega / omega) * (np.sqrt(ROW[self.network.dimension] * of_x) + np.sqrt(of_g)) ** 2
         )
         return float(
-            ROUNDING * np.sqrt(ROW[self.network.dimension] * stretch * (of_sums + of_motions) + of_drag)
+            ROUNDING * np.sqrt(ROW[self.network.dimension] * stretch * (of_sums + of_motions) + on_disks)
         )
 
     def certify(self, trial: Trial, lower: SingularBound) -> Certified:
@@ -194,6 +196,7 @@ class Functional:
         omega = trial.omega
         (K_rr, K_ii, K_ri), (B_rr, B_ii, B_ri), sizes, noise = self._sums(trial)
         elastic, viscous = complex(K_rr - K_ii, 2.0 * K_ri), complex(B_rr - B_ii, 2.0 * B_ri)
+        work, work_size = self._work(trial)
         # Real and imaginary parts are kept apart: at low frequency they differ by many decades.
         (e_Kr, e_Ki, e_Br, e_Bi), (d_Kr, d_Ki, d_Br, d_Bi) = sizes, noise
         storage = e_Kr * (e_Kr + d_Kr) + e_Ki * (e_Ki + d_Ki)
@@ -208,10 +211,16 @@ class Functional:
         volume = self.network.volume
         return Certified(
             omega=float(omega),
-            G=(elastic + 1j * omega * viscous) / volume,
+            G=(elastic - 2.0 * work + 1j * omega * viscous) / volume,
             error=np.inf,
-            rounding=2.0 * EPSILON * np.array((storage, loss)) / volume,
+            rounding=2.0 * (EPSILON * np.array((storage, loss)) + ROUNDING * work_size) / volume,
         )
+
+    def _work(self, trial):
+        """fᵀx of the external forces, complex, and sums of the sizes of its real and imaginary parts, (2,)."""
+        c, parts = self.compatibility, np.array((trial.x.real, trial.x.imag))
+        (real, imaginary), sizes = self.network.sum(np.array((parts @ c.force, np.abs(parts) @ c.force_size)))
+        return complex(real, imaginary), sizes
 
     def _sums(self, trial):
         """Σ w a² of the real, imaginary and mixed parts of a trial in K and in B, their sizes and their noise.

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from jampetsc.laws.damping import Law
-from jampetsc.laws.loads import Load, fluid_dissipation
+from jampetsc.laws.loads import ForceLoad, Load, fluid_dissipation
 from jampetsc.laws.relative_motion import linear_forms, load_coefficients, load_column
 from jampetsc.petsc.sparse_matrices import distributed_matrix
 from jampetsc.response.contact_network import DistributedNetwork
@@ -61,6 +61,14 @@ class BondForms:
         size = np.abs(bonds) @ np.abs(load.gradient).T
         g_size = load_coefficients(sizes, size, None if rotation is None else np.abs(rotation))
         return tuple(np.stack(part, axis=1)[self.once].ravel() for part in (g, g_size))
+
+    def external_forces(self, load: Load, is_pushed):
+        """External forces of a unit amplitude of a load on the unknowns and sizes of their terms, (n_local,) each."""
+        if not isinstance(load, ForceLoad):
+            return np.zeros((2, len(is_pushed)))
+        on_unknowns = np.zeros((2, self.network.last - self.network.first, self.network.dofs(self.law)))
+        on_unknowns[..., : self.network.dimension] = load.forces, load.sizes
+        return on_unknowns.reshape(2, -1) * is_pushed
 
     @property
     def once(self):
@@ -108,6 +116,11 @@ class Compatibility:
     size_K: np.ndarray  # (rows,) |w_K| and what rounding may do to it, in ε: an overlap is off by ε σ
     reach_K: np.ndarray  # (n_local,) Σ |w_K| C² over the contacts of each unknown,
     reach_B: np.ndarray  # and Σ w_B C² + drag; see `reach`
+    force: np.ndarray  # (n_local,) external forces of a unit amplitude of the load: c = Cᵀ W g − force
+    force_size: np.ndarray  # (n_local,) ≥ |force|: sum of the sizes of its terms
+    is_pushed: (
+        np.ndarray
+    )  # (n_local,) which unknowns external forces act on: displacements that are not pinned
     drag: np.ndarray  # (n_local,) kτ₁ times the drag on displacements and spins, which contacts do not add
     drag_gg: float  # the part of b_γγ that does not come from contacts, kτ₁ η_F V 2 s′:s″
     viscosity: float  # kτ₁ η_F
@@ -135,7 +148,10 @@ class Compatibility:
     def under(self, load: Load) -> "Compatibility":
         """The same under another load; C is shared."""
         g, g_size = self.bonds.under(load)
-        return replace(self, g=g, g_size=g_size, drag_gg=self.fluid_gg(load, load))
+        force, force_size = self.bonds.external_forces(load, self.is_pushed)
+        return replace(
+            self, g=g, g_size=g_size, force=force, force_size=force_size, drag_gg=self.fluid_gg(load, load)
+        )
 
     @cached_property
     def affine_sizes(self):
@@ -201,7 +217,10 @@ def build_compatibility(bonds: BondForms, pins, load: Load) -> Compatibility:
     rows = stacked(bonds.forms)
     at = (np.abs(w.real) + 1j * w.imag)[:, None, :] @ rows[..., :d] ** 2
     reach = bonds.sum_of_disks(at[:, 0]).ravel()
-    reach[np.isin(np.arange(network.first * d, network.last * d), pins)] = 0.0
+    unknowns = np.arange(network.first * d, network.last * d)
+    is_pinned = np.isin(unknowns, pins)
+    reach[is_pinned] = 0.0
+    is_pushed = ~is_pinned & (unknowns % d < network.dimension)
     drag = np.tile(drag_of(network, law), network.last - network.first)
     reach += 1j * drag
     w, values = w[once], rows[once]
@@ -217,7 +236,7 @@ def build_compatibility(bonds: BondForms, pins, load: Load) -> Compatibility:
     of_fluid = viscosity * network.volume * fluid_dissipation(load, load)
     return Compatibility(
         bonds, C, *bonds.under(load), w.real.ravel(), w.imag.ravel(), size_K.ravel(), reach.real,
-        reach.imag, drag, of_fluid, viscosity,
+        reach.imag, *bonds.external_forces(load, is_pushed), is_pushed, drag, of_fluid, viscosity,
     )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ class Galerkin:
         compatibility = self.pencil.compatibility
         comm = self.network.comm
         fields = np.array((basis.x0, *basis.vectors)).T  # column by column in memory, as they are made
-        rates = np.empty(0)
+        rates, is_floppy = np.empty(0), np.empty(0, bool)
         if basis.size:
             # The basis is orthonormal in B up to rounding; in the eigenvectors of K, K is graded and small
             # rates are exact.
@@ -49,14 +49,20 @@ class Galerkin:
             rates, rotation, is_floppy = on_root(comm, lambda: graded_eigenpairs(K, B, slack))
             for columns in (fields, motions):
                 tall.rotate(columns[:, 1:], rotation)
-            for _ in range(2):  # the second time for what rounding of a larger first field leaves
-                still = -self.network.sum(motions[:, 1:].T @ (compatibility.w_K * motions[:, 0])) / rates
-                still[is_floppy] = 0.0  # their elastic load is rounding, as K does not resist them
-                fields[:, 0] += fields[:, 1:] @ still
-                motions[:, 0] += motions[:, 1:] @ still
+        self._relax(fields, motions, rates, is_floppy)
         self.quasistatic, self.modes = fields[:, 0], fields[:, 1:]
         self._finish(motions, rates)
         self._motions = motions
+
+    def _relax(self, fields, motions, rates, is_floppy):
+        """Make the first column the quasistatic field, in place, by a sum of modes."""
+        for _ in range(2):  # the second time for what rounding of a larger first field leaves
+            still = (
+                -self.network.sum(motions[:, 1:].T @ (self.pencil.compatibility.w_K * motions[:, 0])) / rates
+            )
+            still[is_floppy] = 0.0  # their elastic load is rounding, as K does not resist them
+            fields[:, 0] += fields[:, 1:] @ still
+            motions[:, 0] += motions[:, 1:] @ still
 
     def residual(self) -> GalerkinResidual:
         """The residual of this solution. To be called once: the motions are handed over to it, not kept twice."""
@@ -135,7 +141,7 @@ class Galerkin:
         """
         amplitudes = np.array([self._amplitudes(frequency) for frequency in omega]).reshape(len(omega), -1)
         of_K, of_B = (
-            _products(parts, *terms)
+            products_rounding(parts, *terms)
             for parts, terms in zip((amplitudes, self.loads - amplitudes), self._terms, strict=True)
         )
         return (of_K + omega * (of_B.imag + 1j * of_B.real)) / self.network.volume
@@ -155,7 +161,7 @@ class Galerkin:
         return field_bound(self.pencil, omega, self.field(omega), squared, size)
 
 
-def _products(weights, sizes, reach):
+def products_rounding(weights, sizes, reach):
     """Rounding of 2 Σ w_m ⟨0, m⟩ + Σ_{m≠n} w_m w_n ⟨m, n⟩, real and imaginary part, (M,), for weights (M, m), complex.
 
     sizes, reach   (1 + m,) roots of Σ w a² and of the sum of squares of the terms of a, see `_rounding`

@@ -5,8 +5,8 @@ leaves. Then
 
     x(s) = x₀ − (s − s₁)(K + sB)⁻¹ g   exactly,
 
-so the whole response is one resolvent applied to one vector. Where only a fluid dissipates the expansion
-starts at s₁ = ∞ instead, where x₀ = 0:
+so the whole response is one resolvent applied to one vector. Where the load column has no viscous part, as of forces
+or where only a fluid dissipates, the expansion starts at s₁ = ∞ instead, where x₀ = 0:
 
     x(s) = −(K + sB)⁻¹ g ,    g = k_γ .
 

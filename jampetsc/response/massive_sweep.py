@@ -7,6 +7,7 @@ import numpy as np
 from jampetsc.analysis.reduced_inertia import ReducedInertia
 from jampetsc.collective import on_root
 from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.laws.loads import ForceLoad
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
@@ -30,16 +31,20 @@ DIRECT = "direct"  # key of a step that is a frequency
 
 @dataclass
 class _Steps:
-    """Finished steps and what saves them."""
+    """Finished steps and what saves them. Each belongs to the space of `group`."""
 
     done: dict
     save: object
 
-    def add(self, record, arrays):
+    def of(self, group):
+        """(record, arrays) of the steps of a group, in their order."""
+        return [self.done[number] for number in sorted(self.done) if self.done[number][0]["group"] == group]
+
+    def add(self, group, record, arrays):
         number = max(self.done, default=-1) + 1
-        self.done[number] = record, arrays
+        self.done[number] = record | {"group": group}, arrays
         if self.save is not None:
-            self.save(number, record, arrays)
+            self.save(number, *self.done[number])
 
 
 def sweep_with_inertia(
@@ -47,34 +52,59 @@ def sweep_with_inertia(
 ) -> ModulusSweep:
     """The whole spectrum of a pencil with masses, see `second_order_sweep`. Collective; needs the real build.
 
-    Arguments as for `modulus_sweep.sweep_rationally`. Frequencies that the reduced space cannot certify are solved one
-    by one, and are counted in `direct` of the result.
+    Arguments as for `modulus_sweep.sweep_rationally`. Strains share one reduced space, forces have one each.
+    Frequencies that the space cannot certify are solved one by one, and are counted in `direct` of the result.
 
     Raises InputError where a factorisation shows that K has negative modes, ConvergenceError if all frequencies fail.
     """
-    steps = _Steps(dict(resume or {}), save)
+    loads, steps = list(loads or [pencil.load]), _Steps(dict(resume or {}), save)
+    are_forces = isinstance(loads[0], ForceLoad)
+    groups, first, results = [[load] for load in loads] if are_forces else [loads], None, []
     with FloppyModesExplained(pencil), Progress(None, "sweep", pencil.network.comm.rank) as progress:
-        try:
-            with current().stage("assembly"):
-                loads = list(loads or [pencil.load])
-                sweep = SecondOrderSweep([pencil.under(load) for load in loads], omega, accuracy)
-            _restore(sweep, steps.done)
-            for shift, count in sweep.steps():
-                before = sweep.basis.size
-                with current().stage("shift"):
-                    sweep.extend(shift, count)
-                steps.add(*_step(sweep, shift, before))
-                progress.step(
-                    f"shift {shift:.2e}  vectors {sweep.basis.size}  worst bound / allowed {sweep.worst:.1e}"
-                )
-        except NotPositiveDefinite as error:
-            raise InputError(f"{error.message(named)}. Use {named('method')} direct.") from None
-        solved = sweep.evaluate(sweep.omega)
-        failing = sweep.omega[solved.ratio > 1.0]
-        own, failures, factorisations = _solve_directly(
-            pencil, loads, failing, accuracy, field_omega, steps, progress
+        for number, group in enumerate(groups):
+            try:
+                with current().stage("assembly"):
+                    sweep = SecondOrderSweep([pencil.under(load) for load in group], omega, accuracy, first)
+                first = first or sweep
+                _grow(sweep, number, steps, progress)
+            except NotPositiveDefinite as error:
+                raise InputError(f"{error.message(named)}. Use {named('method')} direct.") from None
+            solved = sweep.evaluate(sweep.omega)
+            alone = _solve_directly(sweep, number, solved, field_omega, steps, progress)
+            results.append(_collect(sweep, solved, alone, field_omega))
+    return _joined(results) if are_forces else results[0]
+
+
+def _grow(sweep, group, steps, progress):
+    """Extend the space until all is certified or nothing helps, from the finished steps of its group."""
+    _restore(sweep, [step for step in steps.of(group) if DIRECT not in step[0]])
+    for shift, count in sweep.steps():
+        before = sweep.basis.size
+        with current().stage("shift"):
+            sweep.extend(shift, count)
+        steps.add(group, *_step(sweep, shift, before))
+        progress.step(
+            f"shift {shift:.2e}  vectors {sweep.basis.size}  worst bound / allowed {sweep.worst:.1e}"
         )
-    return _collect(sweep, solved, own, failures, factorisations, field_omega)
+
+
+def _joined(results):
+    """One `ModulusSweep` of those of several forces, at the frequencies that all have."""
+    failures = {at: error for result in results for at, error in result.failures.items()}
+    omega = [at for at in results[0].omega if at not in failures]
+    rows = [np.isin(result.omega, omega) for result in results]
+    G, bounds = (
+        np.stack([getattr(result, name)[kept] for result, kept in zip(results, rows, strict=True)], axis=1)
+        for name in ("G", "bounds")
+    )
+    work = {
+        "factorisations": results[0].factorisations,
+        "vectors": sum(result.vectors for result in results),
+        "direct": max(result.direct for result in results),
+    }
+    if not omega:
+        raise next(iter(failures.values()))
+    return ModulusSweep(np.array(omega), G, bounds, [], failures, **work)
 
 
 def _step(sweep, shift, before):
@@ -95,10 +125,7 @@ def _step(sweep, shift, before):
 
 
 def _restore(sweep, done):
-    for number in sorted(done):
-        record, arrays = done[number]
-        if DIRECT in record:
-            continue
+    for record, arrays in done:
         sweep.basis.restore(arrays["vectors"])
         sweep.add_shift(record["shift"])
         for load, x, v, constant, refused in record["chains"]:
@@ -109,18 +136,27 @@ def _restore(sweep, done):
         sweep.resume(record["ratios"], record["omega_c"])
 
 
-def _solve_directly(pencil, loads, failing, accuracy, field_omega, steps, progress):
-    """({ω: (record, arrays)}, {ω: ConvergenceError}, factorisations) of the frequencies `failing`."""
-    own = {record[DIRECT]: (record, arrays) for record, arrays in steps.done.values() if DIRECT in record}
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """Frequencies that were solved one by one."""
+
+    solved: dict  # {ω: (record, arrays)}
+    failures: dict  # {ω: ConvergenceError}
+    factorisations: int
+
+
+def _solve_directly(sweep, group, solved, field_omega, steps, progress):
+    """Solve those frequencies at which the bound of the space is above what is allowed."""
+    own = {record[DIRECT]: (record, arrays) for record, arrays in steps.of(group) if DIRECT in record}
     failures, solver, factorisations = {}, None, 0
-    for at in map(float, failing):
+    for at in map(float, sweep.omega[solved.ratio > 1.0]):
         if at in own:
             continue
-        solver = solver or FrequencySolver(pencil, loads=loads)
+        solver = solver or FrequencySolver(sweep.pencil, loads=[pencil.load for pencil in sweep.pencils])
         previous = solver.factorisations
         try:
             with current().stage("frequency"):
-                results = solver.solve_loads(at, accuracy)
+                results = solver.solve_loads(at, sweep.accuracy)
         except ConvergenceError as error:
             failures[at] = error
             factorisations += solver.factorisations - previous
@@ -128,24 +164,24 @@ def _solve_directly(pencil, loads, failing, accuracy, field_omega, steps, progre
             continue
         record, arrays = direct_step(solver, results, solver.factorisations - previous, at in field_omega)
         own[at] = record | {DIRECT: at}, arrays
-        steps.add(*own[at])
+        steps.add(group, *own[at])
         progress.step(f"omega {at:.3e} alone  bound {results[0].bounds[0]:.1e}")
     factorisations += sum(record["factorisations"] for record, _ in own.values())
-    return own, failures, factorisations
+    return _Alone(own, failures, factorisations)
 
 
-def _collect(sweep, solved, own, failures, factorisations, field_omega):
+def _collect(sweep, solved, alone, field_omega):
     """The `ModulusSweep` of certified frequencies and of those that were solved alone."""
-    many = len(sweep.pencils) > 1
+    own, many = alone.solved, len(sweep.pencils) > 1
     kept = [number for number, at in enumerate(sweep.omega) if at in own or not solved.ratio[number] > 1.0]
     if not kept:
-        raise next(iter(failures.values()))
+        raise next(iter(alone.failures.values()))
     G, bounds, C, C_bounds, fields = [], [], [], [], []
     for number in kept:
         at, results = float(sweep.omega[number]), solved.certificates[number]
         record, arrays = own.get(at, (None, None))
-        G.append(record["G"] if record else results[0].G)
-        bounds.append(record["bounds"] if record else results[0].bounds)
+        G.append(np.ravel(record["G"])[0] if record else results[0].G)
+        bounds.append(np.reshape(record["bounds"], (-1, 3))[0] if record else results[0].bounds)
         if many:
             values = (record["C"], record["C_bounds"]) if record else sweep.tensor(results)
             C.append(values[0])
@@ -158,18 +194,19 @@ def _collect(sweep, solved, own, failures, factorisations, field_omega):
             x, bound = sweep.field(results[0])
             fields.append(DisplacementField(at, *sweep.pencil.split(x), bound))
     work = {
-        "factorisations": sweep.factorisations + factorisations,
+        "factorisations": sweep.factorisations + alone.factorisations,
         "vectors": sweep.basis.size,
         "direct": len(own),
     }
-    reduced = (
-        None if own or failures else reduced_inertia(sweep)
-    )  # else it is not certified between frequencies
+    is_whole = not own and not alone.failures  # else it is not certified between frequencies
+    reduced = reduced_inertia(sweep) if is_whole and not sweep.pencil.exerts_forces else None
     omega = sweep.omega[kept]
     if many:
         tensor = TensorModuli(np.array(C), np.array(C_bounds))
-        return ModulusSweep(omega, *mean_shear(tensor), [], failures, **work, tensor=tensor, inertia=reduced)
-    return ModulusSweep(omega, np.array(G), np.array(bounds), fields, failures, **work, inertia=reduced)
+        return ModulusSweep(
+            omega, *mean_shear(tensor), [], alone.failures, **work, tensor=tensor, inertia=reduced
+        )
+    return ModulusSweep(omega, np.array(G), np.array(bounds), fields, alone.failures, **work, inertia=reduced)
 
 
 def reduced_inertia(sweep: SecondOrderSweep) -> ReducedInertia:

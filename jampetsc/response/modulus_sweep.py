@@ -17,6 +17,7 @@ from jampetsc.analysis.elasticity import ReducedTensor, dimension_of, shear_modu
 from jampetsc.analysis.reduced_inertia import ReducedInertia
 from jampetsc.analysis.relaxation import RelaxationSpectrum
 from jampetsc.errors import ConvergenceError, InputError, named
+from jampetsc.laws.loads import ForceLoad
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.petsc.session import current
 from jampetsc.progress import Progress
@@ -31,6 +32,15 @@ from jampetsc.response.rational import VECTORS, RationalSweep
 # estimated over allowed error of a load below which others do with a vector less at each shift: their error is some 13
 # times as large
 SPARE_ERROR_RATIO = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """What is kept of the sweep of a load."""
+
+    certificate: Certified
+    vectors: int
+    galerkin: Galerkin | None  # of strains, whose fields make up what follows
 
 
 class TensorProjection:
@@ -141,8 +151,8 @@ class ModulusSweep:
     """G* of one pencil at M frequencies, the same on all ranks; of a tensor the shear modulus of all directions."""
 
     omega: np.ndarray  # (M,) those that were solved
-    G: np.ndarray  # (M,) complex
-    bounds: np.ndarray  # (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|
+    G: np.ndarray  # (M,) complex; of L loads that are forces (M, L), −χ/V of each
+    bounds: np.ndarray  # (M, 3) on |ΔG*|, |ΔG'| and |ΔG''|; of forces (M, L, 3)
     fields: list  # of `DisplacementField`, at those field frequencies that were solved
     failures: dict  # {ω: ConvergenceError}, of the direct method
     factorisations: int
@@ -169,35 +179,49 @@ def sweep_rationally(
 
     omega         (M,) increasing, in 1/time
     accuracy      relative, allowed in G' and in G'' of each load
-    loads         one or, for the tensor, all `symmetric_loads`; the pencil's if not given
+    loads         one strain or, for the tensor, all `symmetric_loads`, or any number of forces; default: the pencil's
     field_omega   the frequencies of omega at which fields are stored, of a single load
     parallel      what ranks share: "shifts", "matrix" or "auto"
 
     Raises InputError where a factorisation shows that K has negative modes, ConvergenceError where the accuracy cannot
     be certified.
     """
-    loads, steps, sweeps = list(loads or [pencil.load]), dict(resume or {}), []
+    loads, steps, first, solutions = list(loads or [pencil.load]), dict(resume or {}), None, []
+    are_forces = isinstance(loads[0], ForceLoad)
     with FloppyModesExplained(pencil), Progress(None, "sweep", pencil.network.comm.rank) as progress:
         try:
             for number, load in enumerate(loads):
-                factors = sweeps[0].factors if sweeps else None
+                factors = first.factors if first else None
                 with current().stage("assembly"):
-                    sweeps.append(RationalSweep(pencil.under(load), omega, accuracy, parallel, factors))
-                _grow(sweeps[-1], number, sweeps[0], steps, save, progress)
+                    sweep = RationalSweep(pencil.under(load), omega, accuracy, parallel, factors)
+                first = first or sweep
+                _grow(sweep, number, first, steps, save, progress)
+                solutions.append(
+                    _Solution(sweep.certificate, sweep.basis.size, None if are_forces else sweep.galerkin)
+                )
         except NotPositiveDefinite as error:
             raise InputError(f"{error.message(named)}. Use {named('method')} direct.") from None
-    galerkins, certificates = (
-        [getattr(sweep, name) for sweep in sweeps] for name in ("galerkin", "certificate")
+    certificates, galerkins = (
+        [getattr(solution, name) for solution in solutions] for name in ("certificate", "galerkin")
     )
-    work = {"factorisations": sweeps[0].factorisations, "vectors": sum(sweep.basis.size for sweep in sweeps)}
-    first = sweeps[0]
+    work = {
+        "factorisations": first.factorisations,
+        "vectors": sum(solution.vectors for solution in solutions),
+    }
+    if are_forces:
+        G, bounds = (
+            np.stack([getattr(certificate, name) for certificate in certificates], axis=1)
+            for name in ("G", "bounds")
+        )
+        return ModulusSweep(first.omega, G, bounds, [], {}, **work)
     if len(loads) > 1:
-        del sweeps
+        swept_omega = first.omega
+        del first, sweep, solutions, factors
         with current().stage("projection"):
             projection = TensorProjection(galerkins)
             tensor = TensorModuli(*projection.certify(certificates), projection.reduced)
-        return ModulusSweep(first.omega, *mean_shear(tensor), [], {}, **work, tensor=tensor)
-    galerkin, certificate = first.galerkin, first.certificate
+        return ModulusSweep(swept_omega, *mean_shear(tensor), [], {}, **work, tensor=tensor)
+    galerkin, certificate = galerkins[0], certificates[0]
     fields = [
         DisplacementField(at, *pencil.split(galerkin.field(at)), galerkin.field_bound(at, first.error_at(at)))
         for at in field_omega
@@ -221,6 +245,7 @@ def _grow(sweep, number, first, steps, save, progress):
     own = {step: arrays for step, arrays in steps.items() if arrays[0]["load"] == number}
     if own:
         _restore(sweep, own)
+        steps.update({step: (record, None) for step, (record, _) in own.items()})  # the basis has the arrays
     while shifts := sweep.next_shifts():
         fewer = 0
         if sweep is not first and sweep.basis is None:  # the first has needed all these shifts
@@ -234,9 +259,10 @@ def _grow(sweep, number, first, steps, save, progress):
             sweep.add_shifts(shifts, fewer)
         step = max(steps, default=-1) + 1
         record, arrays = _rational_step(sweep, previous)
-        steps[step] = record | {"load": number}, arrays
+        record |= {"load": number}
+        steps[step] = record, None
         if save is not None:
-            save(step, *steps[step])
+            save(step, record, arrays)
         listed = ", ".join(f"{shift:.2e}" for shift in shifts)
         progress.step(
             f"shift {listed}  vectors {sweep.basis.size}  worst bound / allowed {sweep.worst():.1e}"
@@ -302,9 +328,11 @@ def sweep_directly(
             steps[index] = direct_step(solver, results, solver.factorisations - previous, at in field_omega)
             if save is not None:
                 save(index, *steps[index])
-            result = results[0]
+            result, of_forces = results[0], solver.functional.pencil.exerts_forces
+            storage, loss = ("-chi'/V", "-chi''/V") if of_forces else ("G'", "G''")
             progress.step(
-                f"omega {at:.3e}  G' {result.G.real:.6e}  G'' {result.G.imag:.6e}  bound {result.bounds[0]:.1e}  "
+                f"omega {at:.3e}  {storage} {result.G.real:.6e}  {loss} {result.G.imag:.6e}  "
+                f"bound {result.bounds[0]:.1e}  "
                 f"iterations {solver.iterations}"
             )
         if not steps:
@@ -336,6 +364,8 @@ def direct_step(solver, results, factorisations, has_field):
         "G": result.G, "bounds": result.bounds, "singular_bound": (bound.omega, bound.least),
         "factorisations": factorisations,
     }  # fmt: skip
+    if solver.functional.pencil.exerts_forces:
+        return record | {name: [getattr(each, name) for each in results] for name in ("G", "bounds")}, None
     if len(results) > 1:
         C, bounds = tensor_at(solver.functionals, solver.trials, results)
         return record | {"C": C, "C_bounds": bounds}, None

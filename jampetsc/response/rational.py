@@ -19,7 +19,7 @@ from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.certificate import Certified
 from jampetsc.response.compatibility import drag_of
-from jampetsc.response.galerkin import Galerkin
+from jampetsc.response.force_galerkin import solve_projected
 from jampetsc.response.krylov_basis import RationalBasis
 from jampetsc.response.residual import ResidualBound, energy_between, positive
 from jampetsc.response.shift_factors import Factors, closest
@@ -85,7 +85,7 @@ class RationalSweep:
         while not (shifts := on_root(self.comm, self._choose)):
             self._certified += 1
             with current().stage("projection"):
-                self.galerkin = Galerkin(self.basis)
+                self.galerkin = solve_projected(self.basis)
                 self.certificate = self._certify(self.galerkin)
             if on_root(self.comm, self._is_met):
                 break
@@ -152,8 +152,10 @@ class RationalSweep:
         """
         self.factors.factorise(shifts)
         if self.basis is None:
-            first, x0 = np.inf, np.zeros(self.pencil.K.getLocalSize()[0])  # where only a fluid dissipates
-            if not self.pencil.drags_alone:
+            first, x0 = np.inf, np.zeros(self.pencil.K.getLocalSize()[0])
+            # where B is singular, what it does not act on is in the first field
+            starts_at_infinity = self.pencil.exerts_forces and np.isfinite(self.largest_rate)
+            if not (self.pencil.drags_alone or starts_at_infinity):
                 first, x0 = self.factors.field(self.pencil, shifts[0])
             self._set_basis(RationalBasis(self.pencil, first, x0))
         self.factors.extend(self.basis, shifts, VECTORS - fewer)

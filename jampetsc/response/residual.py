@@ -30,7 +30,7 @@ from jampetsc.collective import on_root
 from jampetsc.petsc.cholesky import NotPositiveDefinite
 from jampetsc.response import tall
 from jampetsc.response.assembly import ROW, Pencil
-from jampetsc.response.certificate import EPSILON
+from jampetsc.response.certificate import EPSILON, ROUNDING
 from jampetsc.response.compatibility import drag_of
 
 SUMMED = 2.0 * EPSILON  # rounding of the sum over the contacts of a disk, relative to its terms
@@ -99,7 +99,7 @@ class GalerkinResidual:
         self._fast, self._flow = still - modes @ loads, quasistatic - mode_fields @ loads
         self._still, self._modes, self._mode_fields = still, modes, mode_fields
         self.columns = np.empty((len(rates) + 2, len(quasistatic))).T
-        self.columns[:, 0] = c.forces(c.w_K * still)
+        self.columns[:, 0] = c.forces(c.w_K * still) - c.force
         self.columns[:, 1] = c.forces(c.w_B * self._fast) + c.drag * self._flow
         for j, rate in enumerate(rates):
             forces = c.forces((c.w_K - rate * c.w_B) * modes[:, j])
@@ -126,7 +126,7 @@ class GalerkinResidual:
         of_fields = tall.squares(self._mode_fields, on_disks[None])[0]
         rates = self.rates
         terms = np.empty(len(rates) + 2)
-        terms[0] = of_K @ self._still**2
+        terms[0] = of_K @ self._still**2 + (ROUNDING / SUMMED) ** 2 * np.sum(c.force_size**2 / diagonal)
         terms[1] = of_B @ self._fast**2 + on_disks @ self._flow**2
         terms[2:] = sums[0] - 2.0 * rates * sums[1] + rates**2 * (sums[2] + of_fields)
         return SUMMED * np.sqrt(ROW[self.pencil.dimension] * np.maximum(self.pencil.network.sum(terms), 0.0))

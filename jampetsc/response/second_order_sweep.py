@@ -13,7 +13,7 @@ from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.certificate import Certified, Functional, field_bound, tensor_at
 from jampetsc.response.rational import LARGEST_SHIFT, SMALLEST_SHIFT, largest_rate
-from jampetsc.response.second_order_basis import SecondOrderBasis
+from jampetsc.response.second_order_basis import Chain, SecondOrderBasis
 from jampetsc.response.second_order_bound import Definiteness, DefinitenessTest, MassiveShift
 from jampetsc.response.shift_factors import Factors
 
@@ -42,21 +42,27 @@ class SecondOrderSweep:
     pencils    one for each load, that differ in the load alone
     omega      (M,) increasing
     accuracy   relative, allowed in G' and in G'' of each load
+    first      a sweep of the same K, B and M under other loads, whose factors are used
     """
 
-    def __init__(self, pencils: list[Pencil], omega, accuracy: float):
+    def __init__(
+        self, pencils: list[Pencil], omega, accuracy: float, first: "SecondOrderSweep | None" = None
+    ):
         self.pencils, self.pencil = pencils, pencils[0]
         self.network = self.pencil.network
         self.omega = self.network.comm.bcast(np.asarray(omega, float))
         self.accuracy = accuracy
         self.functionals = [Functional(pencil) for pencil in pencils]
-        self.factors = Factors(self.pencil, "matrix")
         self.basis = SecondOrderBasis(pencils)
-        self.known = Definiteness(largest_rate(self.pencil))
+        self.ratios = []  # largest bound over what is allowed, before each step but the first ones
+        if first is not None:
+            self.factors, self.shifts, self.rate = first.factors, first.shifts, first.rate
+            self.known, self.is_tested = first.known, first.is_tested
+            return
+        self.factors = Factors(self.pencil, "matrix")
         self.shifts: dict[float, MassiveShift] = {}
         self.rate = max(of_K / of_B for of_K, of_B in self.pencil.largest_of_kinds if of_B)
-        self.is_tested = False
-        self.ratios = []  # largest bound over what is allowed, before each step but the first ones
+        self.known, self.is_tested = Definiteness(largest_rate(self.pencil)), False
 
     @property
     def factorisations(self) -> int:
@@ -66,8 +72,9 @@ class SecondOrderSweep:
     def steps(self):
         """The next (shift, number of vectors), until all is certified or nothing helps any more."""
         steering = self._steering()
+        grown = {s for _, s in self.basis.chains}
         for s in self._first_shifts():
-            if s not in self.shifts:
+            if s not in grown:
                 yield s, FIRST_LENGTH
         while True:
             solved = self.evaluate(steering)
@@ -133,7 +140,9 @@ class SecondOrderSweep:
             near = min(self.shifts, key=lambda s: abs(np.log(s / shift)))
             if not 1.0 / NEARBY < near / shift < NEARBY:
                 return shift, FIRST_LENGTH
-            chains = [self.basis.chains[load, near] for load in range(len(self.pencils))]
+            chains = [self.basis.chains.get((load, near), Chain()) for load in range(len(self.pencils))]
+            if not chains[0].x and not chains[0].refused:
+                return near, FIRST_LENGTH
             if not all(chain.is_complete or len(chain.x) >= MAX_CHAIN for chain in chains):
                 return near, MORE_LENGTH
         return None

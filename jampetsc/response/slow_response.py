@@ -52,9 +52,10 @@ class ViscousResponse:
         return sum(self.parts.values())
 
 
-def quasistatic_flow(pencil: Pencil, field) -> ViscousResponse:
+def quasistatic_flow(pencil: Pencil, field, turn=None) -> ViscousResponse:
     """η₀ of a quasistatic field under the law of a pencil. Collective.
 
+    turn    the `spin_solver` of the pencil under any load, so that several fields share it
     field   (n_local, D), non-affine displacements per unit strain, where K acts on spins with these: (n_local, dofs).
             With drag, the mean displacement of each piece must be zero; without, the displacements of pinned disks.
     """
@@ -63,7 +64,8 @@ def quasistatic_flow(pencil: Pencil, field) -> ViscousResponse:
     start[:, : field.shape[1]] = field
     x, motions = start.ravel(), c.motions(start.ravel()) + c.g
     if pencil.rolls and not network.turns_elastically:
-        flow = relax(c, c.w_B, _turns(pencil), c.g, "rotations of the quasistatic flow", x, c.drag)
+        turn = turn or spin_solver(pencil)
+        flow = relax(c, c.w_B, turn, c.g, "rotations of the quasistatic flow", x, c.drag)
         x, motions = flow.x, flow.motions.ravel()
     parts = _fluid_parts(pencil, x) if not law.is_of_contacts else {}
     rotation = sliding = None
@@ -89,8 +91,12 @@ def _fluid_parts(pencil, x):
     return parts | {"fluid": c.drag_gg / network.volume}
 
 
-def _turns(pencil):
-    """solve(rhs, out) that solves for the spins only, with B_θθ, the spins of a disk pinned in each piece of gears."""
+def spin_solver(pencil: Pencil):
+    """solve(rhs, out) for the spins only, with B_θθ, the spins of a disk pinned in each piece of gears; None where no
+    disk rolls, or K turns them. Collective.
+    """
+    if not pencil.rolls or pencil.network.turns_elastically:
+        return None
     PETSc, network, law = current().PETSc, pencil.network, pencil.law
     dofs, dimension = pencil.dofs, pencil.dimension
     rows = PETSc.IS().createGeneral(pencil.spins.astype(PETSc.IntType), comm=network.comm)
@@ -211,7 +217,7 @@ def solve(
     responses, elastic = _elastic_responses(network, (pencil.load, expansion, *tensor))
     response, area = responses[pencil.load], network.volume
     nonaffine = elastic.split(response.x)[0]
-    fields = {load: _field(pencil, elastic, part.x) for load, part in responses.items()}
+    fields = {load: elastic_field(pencil, elastic, part.x) for load, part in responses.items()}
     slow = SlowResponse(
         network,
         nonaffine,
@@ -228,14 +234,15 @@ def solve(
         return slow, None
     motions = np.array([responses[load].motions.ravel() for load in tensor])
     C0 = network.sum((motions * elastic.compatibility.w_K) @ motions.T) / area
-    flows = [quasistatic_flow(pencil.under(load), fields[load]) for load in tensor]
+    turn = spin_solver(pencil)
+    flows = [quasistatic_flow(pencil.under(load), fields[load], turn) for load in tensor]
     eta0 = dissipation_between(
         pencil, tensor, [flow.motions for flow in flows], [flow.field for flow in flows]
     )
     return slow, QuasistaticTensor(C0, eta0, infinite_viscosities(pencil, tensor))
 
 
-def _field(pencil, elastic, x):
+def elastic_field(pencil: Pencil, elastic: Pencil, x):
     """A field of K as `quasistatic_flow` takes it: without moves that only the fluid resists. Collective."""
     field = x.reshape(-1, elastic.dofs)
     if pencil.law.holds_translations:

@@ -11,6 +11,7 @@ from test_floppy_plots import lowest_of, modes_of, quasistatic_of
 from test_flow_plots import facts, series
 from test_jam_plots import jam_of, shear_of
 from test_picture_limits import curve, run
+from test_probe_plots import slow
 from test_spectrum import write_sweep
 
 from jampetsc.analysis.relaxation import RelaxationSpectrum
@@ -22,6 +23,7 @@ from jampetsc.plots import (
     jamming_plots,
     mode_plots,
     moduli_plots,
+    probe_plots,
     quasistatic_plots,
     trade_plots,
 )
@@ -60,6 +62,10 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
      [(r"$\omega\tau_1\,/\,(p/k)$", rf"{STORAGE}, {LOSS}  $[\,k\,(p/k)^{{1/2}}\,]$", "ll")]),
     (quasistatic_plots.plot_medians, lambda folder: [quasistatic_of([1, 1, 1], pressure=p) for p in (1e-3, 1e-2)],
      [("$p/k$", "median per unit strain", "ll")]),
+    (probe_plots.plot_waves, lambda folder: [slow("wave:1,0:transverse", G0=1.0, wave_vector=[0.2, 0.0])],
+     [("$kd$", "$G_0(k)/k$", "l-")]),
+    (probe_plots.plot_compliances, lambda folder: [slow("points:9", J=np.arange(1.0, 10.0))],
+     [("$J_ik$", r"$P(\ln J_i)$", "ll")]),
     (mode_plots.plot_lowest, lambda folder: [lowest_of(p) for p in (1e-3, 1e-2)],
      [("$p/k$", "floppiness of the lowest modes", "ll"), ("$p/k$", "share of the lowest modes", "l-"),
       ("$p/k$", "median per unit strain", "ll")]),

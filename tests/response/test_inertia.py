@@ -16,10 +16,12 @@ from jampetsc.analysis.elasticity import dimension_of
 from jampetsc.errors import InputError
 from jampetsc.laws.loads import symmetric_loads
 from jampetsc.laws.masses import Masses
+from jampetsc.laws.probes import PointForces
 from jampetsc.response.assembly import assemble
 from jampetsc.response.contact_network import build_network
 from jampetsc.response.massive_sweep import sweep_with_inertia
 from jampetsc.response.modulus_sweep import sweep_directly
+from jampetsc.response.probe_loads import probe_loads
 
 OMEGA = np.geomspace(1e-6, 1e2, 9)
 MASSES = Masses(2.5), Masses(0.3, "volume"), Masses(200.0, "volume")
@@ -202,3 +204,29 @@ def test_files(session, tmp_path, jammed):
     assert dimension_of(tensor["C"]) == jammed.dimension
     modulus = tensor.modulus(OMEGA[3] * 1.000001)
     np.testing.assert_allclose(modulus, tensor["C"][3], atol=1e-4 * np.abs(modulus).max())
+
+
+@REAL
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("law", [physics(), physics("stokes", eta_f=0.4)], ids=str)
+@pytest.mark.parametrize("sample", ["strips", "spheres"])
+def test_waves_and_points_with_masses(session, sample, law):
+    disks, masses = EVERY[sample](), MASSES[1]
+    D, reference = disks.dimension, Reference(disks, law)
+    of_disks = masses.of(reference.radii.astype(float), reference.n, float(reference.diameter), D)
+    pencil = pencil_of(disks, law, masses, session.comm)
+    particles = [int(reference.disks[number]) for number in (0, 5)]
+    unit = np.zeros((len(particles), D, reference.n, D))
+    for number, particle in enumerate(particles):
+        unit[number, range(D), reference.number[particle], range(D)] = 1.0
+    chi = [
+        [np.mean([reference.massive_susceptibility(at, force, of_disks) for force in each]) for each in unit]
+        for at in OMEGA
+    ]
+    of_probe = probe_loads(PointForces(tuple(particles)), disks, pencil.network)
+    for solve in (sweep_with_inertia, sweep_directly):
+        sweep = solve(pencil, OMEGA, 1e-6, of_probe.loads)
+        found, bounds = of_probe.susceptibility(sweep.G, sweep.bounds, pencil.network.volume)
+        for column in range(len(particles)):
+            exact_chi = np.array(chi)[:, column]
+            judge(found[:, column], bounds[:, column] + 1e-16, exact_chi, 1e-6, solve.__name__)

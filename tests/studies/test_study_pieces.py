@@ -214,7 +214,7 @@ REFUSED = [  # STUDY.toml, how the message goes on behind its name
     ("[modes]", "[modes]: needs packings. Add a table [pack]"),
     ('[flow]\nmodel = "RD0"', "[flow]: needs packings. Add a table [pack] or n"),
     (PACK + '[sweep]\nmethod = "direct"\n[spectrum]',
-     "[spectrum]: needs sweeps with method rational. Add a table [sweep]"),
+     "[spectrum]: needs sweeps of strains with method rational. Add a table [sweep]"),
     (PACK + "[modes]\nwhere = {pressure = 0.1}", "[modes]: where: no task with pressure = 0.1"),
     (PACK + "[[modes]]\n[[modes]]\ncount = 0", "[modes] number 2: count 0: must be at least 1"),
     (PACK + "[modes]\nwhere = 3", "[modes]: where = 3: not a table. Write e.g. where = {pressure = 1e-4}"),

@@ -23,7 +23,8 @@ RARE = {  # of runs that are not made here
     # weights of a law that only python has; the exponent of a power, for which loops would be compiled again
     "": ("transverse", "sliding", "drag", "exponent", "requested_exponent"),
     "jampetsc-packing": ("source", "source_sha256", "requested_phi", "walls"),
-    "jampetsc-sweep": ("failed_omega",),
+    "jampetsc-sweep": ("failed_omega", "probe/forces"),
+    "jampetsc-quasistatic": ("probe/forces",),
     "jampetsc-flow": (
         "quality",
         "snapshots/psi6_local",
@@ -46,12 +47,16 @@ sweep made.h5 --out sweep.h5 --fields 1e-3,1
 sweep p.h5 --out alpha.h5 --alpha 0.5 --stress 1e-6 --omega 1e-3,1
 sweep p.h5 --out spins.h5 --law custom --sliding 1 --spin-drag 1 --tangential-stiffness 1 --omega 1
 sweep p.h5 --out stokes.h5 --law stokes --method direct --omega 1e-3
+sweep p.h5 --out wave.h5 --load wave:1,0:transverse --omega 1
+sweep p.h5 --out points.h5 --load points:2 --omega 1
 quasistatic p.h5 --out slow.h5 --betas 1,2
 modes p.h5 --out modes.h5 --count 3
 modes p.h5 --out states.h5 --states 0.1:1:3
 spectrum sweep.h5 --out spectrum.h5
 sweep p.h5 --omega 1e-2,1 --load tensor --out constants.h5
 quasistatic p.h5 --load tensor --out slow-constants.h5
+quasistatic p.h5 --load wave:1,0:transverse --out slow-wave.h5
+quasistatic p.h5 --load points:2 --out slow-points.h5
 modes p.h5 --count 10 --load tensor --out shares.h5
 correlate sweep.h5 --out correlation.h5
 oscillate p.h5 --out oscillate.h5 --omega 1e-3 --stress 1e-9 --steps 16

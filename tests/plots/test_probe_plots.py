@@ -1,0 +1,139 @@
+"""Pictures of forces: moduli of waves over those of strains, compliances of particles, and files that are no moduli."""
+
+import numpy as np
+import pytest
+from picture_contents import figure_of
+from samples import stored
+
+from jampetsc.commands.sources import rows_named
+from jampetsc.errors import InputError
+from jampetsc.plots.draw import draw
+from jampetsc.plots.moduli_plots import plot_moduli
+from jampetsc.plots.probe_plots import plot_compliances, plot_waves
+
+K_UNIT, TAU = 2.0, 3.0  # units of the files
+
+
+def slow(load, pressure=1e-2, prestress=True, dimension=2, **attributes):
+    """A quasistatic file in units of K_UNIT; attributes over k."""
+    values = {"susceptibility": np.array(1.0)}
+    if load.startswith("point"):
+        values["susceptibility"] = attributes.pop("J") / K_UNIT
+    moduli = {name: K_UNIT * value for name, value in attributes.items() if name != "wave_vector"}
+    more = {"wave_vector": attributes["wave_vector"]} if "wave_vector" in attributes else {}
+    return stored(
+        None, "quasistatic", values, law="contact", beta=1.0, k=K_UNIT, tau1=TAU, pressure=K_UNIT * pressure,
+        load=load, prestress=prestress, dimension=dimension, particle_count=64, **moduli, **more,
+    )  # fmt: skip
+
+
+def drawn(figure):
+    """{label: (x, y)} of all lines with labels."""
+    lines = {}
+    for ax in figure.axes:
+        for container in ax.containers:
+            lines[container.get_label()] = container.lines[0].get_data()
+    return lines
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_moduli_of_waves_over_those_of_strains(dimension):
+    """G − p/2 and K + 2(D − 1)G/D − p(D − 1)/D, without p where there is no pre-stress."""
+    p, G, K = 0.1, 0.3, 0.7
+    numbers = {2: "1,0", 3: "1,0,0"}[dimension]
+    vectors = np.eye(dimension)[:2] * [[0.2], [0.4]]
+    for prestress in (True, False):
+        how = {"pressure": p, "prestress": prestress, "dimension": dimension}
+        results = [
+            slow(f"wave:{numbers}:transverse", G0=0.2, wave_vector=vectors[0].tolist(), **how),
+            slow(f"wave:{numbers}:transverse", G0=0.3, wave_vector=vectors[1].tolist(), **how),
+            slow(f"wave:{numbers}:longitudinal", G0=0.9, wave_vector=vectors[0].tolist(), **how),
+            slow("tensor", shear_modulus=G, bulk_modulus=K, **how),
+            slow("points:3", J=np.ones(3), **how),
+        ]
+        lines = drawn(figure_of(plot_waves, results))
+        ((x, y),) = (line for label, line in lines.items() if "transverse" in label)
+        stress = p * prestress
+        assert (x, y) == (pytest.approx([0.3]), pytest.approx([0.25 / (G - stress / 2)]))
+        ((_, y),) = (line for label, line in lines.items() if "longitudinal" in label)
+        share = (dimension - 1) / dimension
+        assert y == pytest.approx([0.9 / (K + 2 * share * G - share * stress)])
+        ((_, y),) = (
+            line for label, line in drawn(figure_of(plot_waves, results[:2])).items() if "transverse" in label
+        )
+        assert y == pytest.approx([0.25])  # over k alone without a file of the tensor
+
+
+def test_compliances_of_particles():
+    J = np.exp(np.random.default_rng(1).normal(size=400))
+    lines = drawn(figure_of(plot_compliances, [slow("points:400", J=J), slow("tensor")]))
+    ((x, y),) = lines.values()
+    area = np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(np.log(x)))
+    assert area == pytest.approx(1.0, abs=0.05) and 0.5 < x[np.argmax(y)] < 2.0
+    with pytest.raises(InputError, match="fewer than 8 particles"):
+        draw([slow("points:3", J=np.ones(3))], "compliances")
+
+
+def test_the_picture_follows_from_the_load():
+    wave, points = (
+        slow("wave:1,0:transverse", G0=1.0, wave_vector=[0.2, 0.0]),
+        slow("points:9", J=np.arange(1.0, 10)),
+    )
+    assert "waves" in draw([wave]).text and "compliances" in draw([points]).text
+    with pytest.raises(InputError, match=r"no such forces\. Give files of load wave:…"):
+        draw([points], "waves")
+    with pytest.raises(InputError, match=r"no such forces\. Give files of load points:…"):
+        draw([wave], "compliances")
+    for kind in ("medians", "viscosities", "finite-size", "omega-star", "exponents"):
+        with pytest.raises(
+            InputError, match=r"load wave:1,0:transverse, which is forces\. Give files of strains\."
+        ):
+            draw([wave], kind)
+
+
+def test_loads_with_commas_choose_rows_of_a_study(tmp_path):
+    """--where load=wave:1,0:transverse,n=64."""
+    (tmp_path / "table.csv").write_text(
+        'command,state,file,n,load,seconds\nquasistatic,done,a.h5,64,"wave:1,0:transverse",1\n'
+        "quasistatic,done,b.h5,64,xy,1\n"
+    )
+    (study,) = rows_named([str(tmp_path)], "load=wave:1,0:transverse,n=64")
+    assert study["file"].tolist() == ["a.h5"]
+
+
+def swept(load, **arrays):
+    """A sweep of forces."""
+    omega = np.geomspace(1e-3, 1e3, 5)
+    chi = 1.0 / (1.0 + 1j * omega)
+    values = {"omega": omega, "susceptibility": chi, "susceptibility_error_bound": np.zeros(5), **arrays}
+    return stored(None, "sweep", values, law="contact", beta=1.0, pressure=1e-2, k=1.0, load=load)
+
+
+def test_sweeps_of_forces_are_never_taken_for_strains():
+    G = 0.1 * (1.0 + 1j * np.geomspace(1e-3, 1e3, 5))
+    wave = swept("wave:1,0:transverse", G=G, error_bound=np.zeros(5))
+    strain = stored(
+        None, "sweep", {"omega": wave.omega, "G": 2 * G, "error_bound": np.zeros(5)}, law="contact", beta=1.0,
+        pressure=1e-2, k=1.0,
+    )  # fmt: skip
+    figure = figure_of(plot_moduli, [wave, strain, strain], statistic="mean")
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert "shear xy" in labels and "load wave:1,0:transverse" in labels
+    with pytest.raises(InputError, match="load wave:1,0:transverse, not a shear"):
+        wave.shear_modulus  # noqa: B018
+    with pytest.raises(InputError, match="of which no spectrum is stored"):
+        wave.spectrum  # noqa: B018
+    with pytest.raises(
+        InputError, match=r"is not one of its 5 frequencies, 0\.001 to 1000\. Choose one of them\."
+    ):
+        wave.modulus(0.5)
+    assert wave.modulus(wave.omega[1]) == G[1]
+    point = swept("point:3")
+    for name in ("G", "error_bound", "G_storage"):
+        with pytest.raises(
+            InputError, match=r"load point:3, forces without a modulus\. See its susceptibility\."
+        ):
+            getattr(point, name)
+    for kind in ("moduli", "collapse", "exponents", "bulk", "spectrum"):
+        with pytest.raises(InputError, match="load point:3, "):
+            draw([point], kind)
