@@ -128,6 +128,7 @@ class Trial:
     motions: np.ndarray  # (rows,) a = C x + γ g
     strain: float  # γ
     left: np.ndarray  # (n_local,) r = γ c + A x
+    centred: np.ndarray | None = None  # (n_local,) with masses: x without moves that inertia alone resists
 
 
 class Functional:
@@ -148,10 +149,12 @@ class Functional:
         c = self.compatibility
         a = c.motions(x) + strain * c.g
         left = c.forces((c.w_K + 1j * omega * c.w_B) * a) + 1j * omega * c.drag * x - strain * c.force
+        centred = None
         if self.mass is not None:
-            left -= omega**2 * self.mass.apply(x)
+            centred = self.mass.centred(x)
+            left -= omega**2 * self.mass.pinned_diagonal * centred
         self.pencil.project(left)  # no net force but for rounding, which drag alone would not hold back
-        return Trial(omega, x, a, strain, left)
+        return Trial(omega, x, a, strain, left, centred)
 
     def norm(self, forces, diagonal) -> float:
         """|f| of forces (n_local,) in the norm of D⁻¹."""
@@ -174,7 +177,7 @@ class Functional:
             np.sum(((trial.omega * c.drag) ** 2 * x2 + (trial.strain * c.force_size) ** 2) / diagonal),
         ]
         if self.mass is not None:
-            terms = trial.omega**2 * self.mass.diagonal * self.mass.terms(np.abs(trial.x))
+            (terms,) = trial.omega**2 * self.mass.diagonal * self.mass.terms(np.abs(trial.x)[None])
             local[-1] += np.sum(terms**2 / diagonal)
         of_sums, of_x, of_g, on_disks = self.network.sum(np.array(local))
         stretch = self.network.max(c.reach(omega) / diagonal)
@@ -245,13 +248,10 @@ class Functional:
 
     def inertia(self, trial):
         """As `_sums` for xᵀM̂x: its real, imaginary and mixed parts, sizes (2,) and noise (2,)."""
-        x, mass = self.mass.centred(trial.x), self.mass
-        parts = np.array([x.real**2, x.imag**2, x.real * x.imag])
-        reach = [mass.terms(np.abs(part)) ** 2 for part in (trial.x.real, trial.x.imag)]
-        sums, reach = (
-            self.network.sum(parts @ mass.diagonal),
-            self.network.sum(np.array(reach) @ mass.diagonal),
-        )
+        x, mass = trial.centred, self.mass
+        reach = mass.terms(np.abs((trial.x.real, trial.x.imag))) ** 2
+        parts = np.array([x.real**2, x.imag**2, x.real * x.imag, *reach])
+        sums, reach = np.split(self.network.sum(parts @ mass.diagonal), [3])
         sizes = np.sqrt(sums[:2])
         return sums, sizes, 7.0 * sizes + 4.0 * np.sqrt(reach)
 
@@ -283,7 +283,7 @@ def tensor_at(functionals, trials, results) -> tuple:
     C = (motions * weights) @ motions.T + 1j * omega * (fields * c.drag) @ fields.T
     mass, of_inertia = first.mass, None
     if mass is not None:
-        centred = np.array([mass.centred(field) for field in fields])
+        centred = np.array([trial.centred for trial in trials])
         C -= omega**2 * (centred * mass.diagonal) @ centred.T
     loads = [functional.pencil.load for functional in functionals]
     fluid = np.array([[c.fluid_gg(load, other) for other in loads] for load in loads])

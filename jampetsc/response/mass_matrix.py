@@ -12,6 +12,7 @@ out, and by the formula of Woodbury one more for each direction of t, all compon
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -35,68 +36,49 @@ class MassMatrix:
     total: np.ndarray  # (components, q) tᵀM t
     are_equal: bool  # whether all particles have one mass
 
-    @property
+    @cached_property
     def pinned_diagonal(self):
         """M without what is pinned, (n_local,)."""
         return np.where(self.free, self.diagonal, 0.0)
 
     def along_moves(self, x):
         """tᵀM x, (components, q), for x (n_local,), real or complex."""
-        weighted = self.diagonal * x
-        parts = [_sums(self.component, move * weighted, len(self.total)) for move in self.moves]
-        return self.network.sum(np.array(parts).reshape(len(self.moves), len(self.total)).T)
+        return self.network.sum(self._sums_along(self.moves, self.diagonal * x))
 
-    def _moved(self, amplitudes):
-        """Σ t τ, (n_local,), for amplitudes τ (components, q)."""
-        return np.einsum("qi,iq->i", self.moves, amplitudes[self.component])
+    def _sums_along(self, moves, values):
+        """This rank's part of tᵀ values, (components, q)."""
+        if len(self.total) == 1:
+            return (moves @ values)[None]
+        if np.iscomplexobj(values):
+            return self._sums_along(moves, values.real) + 1j * self._sums_along(moves, values.imag)
+        sums = [np.bincount(self.component, move * values, len(self.total)) for move in moves]
+        return np.array(sums).reshape(len(moves), len(self.total)).T
+
+    def moved(self, amplitudes, moves=None):
+        """Σ t τ, (n_local,), for amplitudes τ (components, q); moves: other columns than t."""
+        moves = self.moves if moves is None else moves
+        if len(self.total) == 1:
+            return amplitudes[0] @ moves
+        return np.einsum("qi,iq->i", moves, amplitudes[self.component])
 
     def centred(self, x):
         """x with tᵀM x = 0 for x with pinned unknowns at zero, (n_local,)."""
         if not len(self.moves):
             return x
-        return x - self._moved(self.along_moves(x) / self.total)
+        return x - self.moved(self.along_moves(x) / self.total)
 
     def apply(self, x):
         """M̂ x, (n_local,), for x with pinned unknowns at zero, real or complex."""
-        return np.where(self.free, self.diagonal * self.centred(x), 0.0)
+        return self.pinned_diagonal * self.centred(x)
 
-    def terms(self, x):
-        """Sizes (n_local,) of the terms that `centred` sums, for x (n_local,) ≥ 0."""
+    def terms(self, sizes):
+        """Sizes (c, n_local) of the terms that `centred` sums, for |x| (c, n_local)."""
         if not len(self.moves):
-            return x
-        mean = sum(
-            np.abs(move) * (sums / total)[self.component]
-            for move, sums, total in zip(self.moves, self._sizes_along(x).T, self.total.T, strict=True)
-        )
-        return x + mean
-
-    def _sizes_along(self, x):
-        weighted = self.diagonal * x
-        parts = [_sums(self.component, np.abs(move) * weighted, len(self.total)) for move in self.moves]
-        return self.network.sum(np.array(parts).T)
-
-    def completed(self, force):
-        """Forces (n_local,) with those on pinned unknowns, that together tᵀf = 0; zero there before."""
-        if not len(self.moves):
-            return force
-        pinned = np.where(self.free, 0.0, self.moves)
-        net = self.network.sum(
-            np.array([_sums(self.component, move * force, len(self.total)) for move in self.moves])
-        )
-        own = self.network.sum(
-            np.array(
-                [
-                    _sums(self.component, move * t, len(self.total))
-                    for move, t in zip(self.moves, pinned, strict=True)
-                ]
-            )
-        )
-        share = np.divide(net, own, out=np.zeros_like(net), where=own != 0.0)
-        return force - np.einsum("qi,qi->i", pinned, share[:, self.component])
-
-    def squared_norm(self, force) -> float:
-        """fᴴM̂⁻¹f of forces (n_local,) that are zero on pinned unknowns."""
-        return float(self.network.sum(np.sum(np.abs(self.completed(force)) ** 2 / self.diagonal)))
+            return sizes
+        moves = np.abs(self.moves)
+        sums = np.array([self._sums_along(moves, self.diagonal * size) for size in sizes])
+        means = self.network.sum(sums) / self.total
+        return np.array([size + self.moved(mean, moves) for size, mean in zip(sizes, means, strict=True)])
 
     def move_correction(self, solve, square) -> "MoveCorrection":
         """What makes solves with A + s²M̂ of those with A + s²M without pins.
@@ -114,27 +96,17 @@ class MoveCorrection:
     """
 
     def __init__(self, mass: MassMatrix, moved, square):
-        self._mass, self._moved = mass, moved
-        if moved:
+        self._mass, self._moved = mass, np.array(moved)
+        if len(moved):
             between = np.stack([mass.along_moves(column) for column in moved], axis=2)
             self._schur = np.einsum("pq,qr->pqr", mass.total / square, np.eye(len(moved))) - between
 
     def correct(self, x):
         """(A + s²M̂)⁻¹f, (n_local,), from (A + s²M)⁻¹f without pins."""
-        if not self._moved:
+        if not len(self._moved):
             return x
         amplitudes = np.linalg.solve(self._schur, self._mass.along_moves(x)[..., None])[..., 0]
-        own = amplitudes[self._mass.component]
-        return x + sum(column * own[:, number] for number, column in enumerate(self._moved))
-
-
-def _sums(index, values, count):
-    """Sums (count,) of real or complex values by index."""
-    if count == 1:
-        return np.sum(values, keepdims=True)  # pairwise
-    if np.iscomplexobj(values):
-        return _sums(index, values.real, count) + 1j * _sums(index, values.imag, count)
-    return np.bincount(index, values, count)
+        return x + self._mass.moved(amplitudes, self._moved)
 
 
 def build_mass_matrix(network: DistributedNetwork, law: Law, pieces: Pieces, pins) -> MassMatrix:
@@ -158,9 +130,8 @@ def build_mass_matrix(network: DistributedNetwork, law: Law, pieces: Pieces, pin
         gears = pieces.gears(network.contact_forms(law))[own]
         moves[-(dofs - D) :] *= np.repeat(gears / network.radii[own], dofs)
     count = len(pieces.roots)
-    total = network.sum(
-        np.array([_sums(component, move * diagonal * move, count) for move in moves]).reshape(-1, count).T
-    )
+    sums = [np.bincount(component, move * diagonal * move, count) for move in moves]
+    total = network.sum(np.array(sums).reshape(-1, count).T)
     total[total == 0.0] = 1.0  # a component without gears, whose moves are zero
     return MassMatrix(
         network,

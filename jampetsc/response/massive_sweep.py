@@ -64,14 +64,15 @@ def sweep_with_inertia(
         for number, group in enumerate(groups):
             try:
                 with current().stage("assembly"):
-                    sweep = SecondOrderSweep([pencil.under(load) for load in group], omega, accuracy, first)
+                    sweep = SecondOrderSweep(
+                        [pencil.under(load) for load in group], omega, accuracy, field_omega, first
+                    )
                 first = first or sweep
                 _grow(sweep, number, steps, progress)
             except NotPositiveDefinite as error:
                 raise InputError(f"{error.message(named)}. Use {named('method')} direct.") from None
-            solved = sweep.evaluate(sweep.omega)
-            alone = _solve_directly(sweep, number, solved, field_omega, steps, progress)
-            results.append(_collect(sweep, solved, alone, field_omega))
+            alone = _solve_directly(sweep, number, field_omega, steps, progress)
+            results.append(_collect(sweep, alone))
     return _joined(results) if are_forces else results[0]
 
 
@@ -145,12 +146,12 @@ class _Alone:
     factorisations: int
 
 
-def _solve_directly(sweep, group, solved, field_omega, steps, progress):
-    """Solve those frequencies at which the bound of the space is above what is allowed."""
+def _solve_directly(sweep, group, field_omega, steps, progress):
+    """Solve those frequencies that the space does not certify."""
     own = {record[DIRECT]: (record, arrays) for record, arrays in steps.of(group) if DIRECT in record}
     failures, solver, factorisations = {}, None, 0
-    for at in map(float, sweep.omega[solved.ratio > 1.0]):
-        if at in own:
+    for at in map(float, sweep.omega):
+        if at in own or at in sweep.solutions:
             continue
         solver = solver or FrequencySolver(sweep.pencil, loads=[pencil.load for pencil in sweep.pencils])
         previous = solver.factorisations
@@ -170,29 +171,31 @@ def _solve_directly(sweep, group, solved, field_omega, steps, progress):
     return _Alone(own, failures, factorisations)
 
 
-def _collect(sweep, solved, alone, field_omega):
+def _collect(sweep, alone):
     """The `ModulusSweep` of certified frequencies and of those that were solved alone."""
     own, many = alone.solved, len(sweep.pencils) > 1
-    kept = [number for number, at in enumerate(sweep.omega) if at in own or not solved.ratio[number] > 1.0]
+    kept = [at for at in map(float, sweep.omega) if at in own or at in sweep.solutions]
     if not kept:
         raise next(iter(alone.failures.values()))
     G, bounds, C, C_bounds, fields = [], [], [], [], []
-    for number in kept:
-        at, results = float(sweep.omega[number]), solved.certificates[number]
-        record, arrays = own.get(at, (None, None))
-        G.append(np.ravel(record["G"])[0] if record else results[0].G)
-        bounds.append(np.reshape(record["bounds"], (-1, 3))[0] if record else results[0].bounds)
-        if many:
-            values = (record["C"], record["C_bounds"]) if record else sweep.tensor(results)
-            C.append(values[0])
-            C_bounds.append(values[1])
-        elif at in field_omega and record:
-            fields.append(
-                DisplacementField(at, arrays["displacement"], arrays.get("rotation"), record["field_bound"])
-            )
-        elif at in field_omega:
-            x, bound = sweep.field(results[0])
-            fields.append(DisplacementField(at, *sweep.pencil.split(x), bound))
+    for at in kept:
+        if at in own:
+            record, arrays = own[at]
+            G.append(np.ravel(record["G"])[0])
+            bounds.append(np.reshape(record["bounds"], (-1, 3))[0])
+            tensor = record.get("C"), record.get("C_bounds")
+            if arrays is not None:
+                values = arrays["displacement"], arrays.get("rotation"), record["field_bound"]
+                fields.append(DisplacementField(at, *values))
+        else:
+            solution = sweep.solutions[at]
+            G.append(solution.certificates[0].G)
+            bounds.append(solution.certificates[0].bounds)
+            tensor = solution.C, solution.C_bounds
+            if solution.x is not None:
+                fields.append(DisplacementField(at, *sweep.pencil.split(solution.x), solution.field_bound))
+        C.append(tensor[0])
+        C_bounds.append(tensor[1])
     work = {
         "factorisations": sweep.factorisations + alone.factorisations,
         "vectors": sweep.basis.size,
@@ -200,7 +203,7 @@ def _collect(sweep, solved, alone, field_omega):
     }
     is_whole = not own and not alone.failures  # else it is not certified between frequencies
     reduced = reduced_inertia(sweep) if is_whole and not sweep.pencil.exerts_forces else None
-    omega = sweep.omega[kept]
+    omega = np.array(kept)
     if many:
         tensor = TensorModuli(np.array(C), np.array(C_bounds))
         return ModulusSweep(

@@ -124,7 +124,7 @@ class SecondOrderBasis:
         """Coefficients of w (n_local,) in the basis, to which its part outside is added if it has enough digits."""
         network = self.pencil.network
         coefficients, length = np.zeros(self.size), None
-        for _ in range(3):
+        for _ in range(2):
             image = self.mass.apply(w)
             products = network.sum(np.append(self.vectors @ image, w @ image))
             length = products[-1] if length is None else length
@@ -165,8 +165,8 @@ class SecondOrderBasis:
         y = np.linalg.solve(matrix * np.outer(scale, scale), -((self.k + s * self.b) * scale).T)
         return (scale[:, None] * y).T
 
-    def field(self, coefficients):
-        """x (n_local,) complex of coefficients (m,)."""
+    def fields(self, coefficients):
+        """x (…, n_local) complex of coefficients (…, m)."""
         return coefficients.real @ self.vectors + 1j * (coefficients.imag @ self.vectors)
 
 

@@ -31,7 +31,7 @@ from jampetsc.response.certificate import EPSILON
 from jampetsc.response.shift_factors import Factors
 
 MARGIN = 2.0  # ν
-MAX_REST = 1e-3  # of the allowed error, in what no direction holds
+MAX_REST = 1e-2  # of the allowed error, in what no direction holds
 MAX_DIRECTIONS = 60
 SPREAD = 1e-14  # of the largest weighted residual: smaller ones are rounding
 
@@ -138,14 +138,12 @@ class MassiveShift:
         for matrix, factor in ((self.pencil.K, 1.0), (self.pencil.B, self.shift)):
             matrix.mult(self._vector, self._image)
             image += factor * self._image.getArray()
-        free = self.pencil.mass.free
-        image = np.where(free, image, 0.0)
         self.pencil.project(image)
         return image
 
     def residual(self, right, x):
         """(right − Z x, bound on its rounding in the norm of D⁻¹)."""
-        sizes = self._reach * self.pencil.mass.terms(np.abs(x)) + np.abs(right)
+        sizes = self._reach * self.pencil.mass.terms(np.abs(x)[None])[0] + np.abs(right)
         rounding = 4.0 * EPSILON * ROW[self.pencil.dimension] * self.norm(sizes)
         return right - self.apply(x), rounding
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil
-from jampetsc.response.certificate import Certified, Functional, field_bound, tensor_at
+from jampetsc.response.certificate import Functional, field_bound, tensor_at
 from jampetsc.response.rational import LARGEST_SHIFT, SMALLEST_SHIFT, largest_rate
 from jampetsc.response.second_order_basis import Chain, SecondOrderBasis
 from jampetsc.response.second_order_bound import Definiteness, DefinitenessTest, MassiveShift
@@ -22,18 +22,20 @@ NEARBY = 5.0  # ratio of a frequency and a shift within which the chain of the s
 MAX_CHAIN = 60
 MAX_VECTORS = 240  # for each load
 MAX_STALLED = 4  # steps that do not halve the worst ratio
-SPACED = 2  # frequencies of a decade that steer, about
+SPACED = 1  # frequencies of a decade that steer, about
 LOW_SHIFT = 1e-7  # first shift, relative to the scale of rates, where lower frequencies are asked for
 TRIAL_RATIOS = 0.7, 0.4, 0.2, 0.1  # of the ω_c of the space, which are tested
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
-    """What is known at the frequencies of one evaluation."""
+class Solution:
+    """What is certified at one frequency."""
 
-    omega: np.ndarray  # (M,)
-    certificates: list  # for each frequency, one `Certified` for each load
-    ratio: np.ndarray  # (M,) largest bound over what is allowed; below 1 where all is certified
+    certificates: list  # a `Certified` for each load
+    C: np.ndarray | None = None  # (L, L) of several loads
+    C_bounds: np.ndarray | None = None  # (L, L, 3)
+    x: np.ndarray | None = None  # (n_local,) the field of a single load, where it is asked for
+    field_bound: float | None = None  # on its relative error in the energy norm
 
 
 class SecondOrderSweep:
@@ -42,16 +44,24 @@ class SecondOrderSweep:
     pencils    one for each load, that differ in the load alone
     omega      (M,) increasing
     accuracy   relative, allowed in G' and in G'' of each load
+    fields     frequencies at which fields are kept, of a single load
     first      a sweep of the same K, B and M under other loads, whose factors are used
+    solutions  {ω: Solution} of the frequencies that are certified
     """
 
     def __init__(
-        self, pencils: list[Pencil], omega, accuracy: float, first: "SecondOrderSweep | None" = None
+        self,
+        pencils: list[Pencil],
+        omega,
+        accuracy: float,
+        fields=(),
+        first: "SecondOrderSweep | None" = None,
     ):
         self.pencils, self.pencil = pencils, pencils[0]
         self.network = self.pencil.network
         self.omega = self.network.comm.bcast(np.asarray(omega, float))
-        self.accuracy = accuracy
+        self.accuracy, self.field_omega = accuracy, np.asarray(fields, float)
+        self.solutions: dict[float, Solution] = {}
         self.functionals = [Functional(pencil) for pencil in pencils]
         self.basis = SecondOrderBasis(pencils)
         self.ratios = []  # largest bound over what is allowed, before each step but the first ones
@@ -77,15 +87,20 @@ class SecondOrderSweep:
             if s not in grown:
                 yield s, FIRST_LENGTH
         while True:
-            solved = self.evaluate(steering)
-            step = self._next_step(solved)
-            if step is None and len(steering) < len(self.omega) and not solved.ratio.max() > 1.0:
-                solved = self.evaluate(self.omega)
-                steering = np.union1d(steering, self.omega[solved.ratio > 1.0])
-                step = self._next_step(solved)
+            missing = self._missing(steering)
+            step = self._next_step(missing, self.evaluate(missing))
+            if step is None and len(steering) < len(self.omega) and not len(self._missing(steering)):
+                missing = self._missing(self.omega)
+                ratio = self.evaluate(missing)
+                steering = self._missing(self.omega)
+                step = self._next_step(missing, ratio)
             if step is None:
                 return
             yield step
+
+    def _missing(self, omega):
+        """Those of some frequencies that are not certified yet."""
+        return np.array([at for at in omega if float(at) not in self.solutions])
 
     def _steering(self):
         """Frequencies whose bounds steer: `SPACED` of a decade, the ends among them."""
@@ -124,10 +139,13 @@ class SecondOrderSweep:
         """Largest bound over what is allowed, before the last step."""
         return self.ratios[-1] if self.ratios else np.inf
 
-    def _next_step(self, solved):
-        """(shift, count) where the bound is worst, None where it is met or nothing helps."""
-        reachable = np.any([self.known.transfer(solved.omega, s) > 0.0 for s in self.shifts], axis=0)
-        ratio = np.where(reachable, solved.ratio, 0.0)
+    def _next_step(self, omega, ratio):
+        """(shift, count) where the `ratio` of the bound to what is allowed, (M,), is largest.
+
+        None where all are below 1, or where nothing helps.
+        """
+        reachable = np.any([self.known.transfer(omega, s) > 0.0 for s in self.shifts], axis=0)
+        ratio = np.where(reachable, ratio, 0.0)
         worst = float(ratio.max(initial=0.0))
         self.ratios.append(worst)
         before = self.ratios[-1 - MAX_STALLED] if len(self.ratios) > MAX_STALLED else np.inf
@@ -136,7 +154,7 @@ class SecondOrderSweep:
         for index in np.argsort(-ratio):
             if not ratio[index] > 1.0:
                 return None
-            shift = self._clipped(solved.omega[index])
+            shift = self._clipped(omega[index])
             near = min(self.shifts, key=lambda s: abs(np.log(s / shift)))
             if not 1.0 / NEARBY < near / shift < NEARBY:
                 return shift, FIRST_LENGTH
@@ -165,21 +183,35 @@ class SecondOrderSweep:
                 self.known = replace(self.known, omega_c=float(ratio * omega[first - 1]))
                 return
 
-    def evaluate(self, omega) -> Solved:
-        """G* at frequencies (M,) by the space as it is, with bounds."""
+    def evaluate(self, omega):
+        """Bound over what is allowed, (M,), at frequencies by the space as it is; `solutions` take those below 1."""
         if not self.is_tested:
             with current().stage("definiteness"):
                 self._find_definiteness()
-        certificates, serving = [None] * len(omega), self._serving(omega)
+        ratio, serving = np.empty(len(omega)), self._serving(omega)
         with current().stage("projection"):
             for s in np.unique(serving):
                 own = np.flatnonzero(serving == s)
                 transfer = self.known.transfer(omega[own], s)
                 results = self._evaluate_at(omega[own], self.shifts[s], transfer)
-                for index, result in zip(own, results, strict=True):
-                    certificates[index] = result
-        ratio = np.array([max(self._ratio(result) for result in results) for results in certificates])
-        return Solved(omega, certificates, ratio)
+                for index, certificates in zip(own, results, strict=True):
+                    ratio[index] = max(map(self._ratio, certificates))
+                    if not ratio[index] > 1.0:
+                        self.solutions[float(omega[index])] = self._solution(certificates)
+        return ratio
+
+    def _solution(self, certificates):
+        omega = float(certificates[0].omega)
+        if len(certificates) > 1:
+            tensor = tensor_at(self.functionals, self.trials(omega), certificates)
+            return Solution(certificates, *tensor)
+        if omega not in self.field_omega:
+            return Solution(certificates)
+        x = self.trials(omega)[0].x
+        ratio = self.known.energy_ratio(omega, self._serving(np.array([omega]))[0])
+        energy = certificates[0].error * self.network.volume
+        bound = field_bound(self.pencil, omega, x, energy / ratio if ratio else np.inf)
+        return Solution(certificates, x=x, field_bound=bound)
 
     def _serving(self, omega):
         """Shifts (M,) whose factors bound the errors at ω (M,)."""
@@ -203,8 +235,10 @@ class SecondOrderSweep:
         """Lists of `Certified` for each frequency, by the factor of one shift."""
         results, residuals, rounding, weights = [], [], [], []
         volume = self.network.volume
-        for at, c in zip(omega, transfer, strict=True):
-            for trial, functional in zip(self.trials(at), self.functionals, strict=True):
+        fields = self.basis.fields(np.array([self.basis.coefficients(at) for at in omega]))
+        for at, c, of_loads in zip(omega, transfer, fields, strict=True):
+            for x, functional in zip(of_loads, self.functionals, strict=True):
+                trial = functional.trial(at, x)
                 result = functional.evaluate(trial)
                 results.append(result)
                 residuals.append(trial.left)
@@ -220,20 +254,5 @@ class SecondOrderSweep:
 
     def trials(self, omega: float):
         """The trial field of each load at ω."""
-        solutions = self.basis.coefficients(omega)
-        return [
-            functional.trial(omega, self.basis.field(solution))
-            for functional, solution in zip(self.functionals, solutions, strict=True)
-        ]
-
-    def field(self, certified: Certified):
-        """(x (n_local,) complex, bound on its relative error in the energy norm) at a certified frequency."""
-        omega = float(certified.omega)
-        x = self.trials(omega)[0].x
-        ratio = self.known.energy_ratio(omega, self._serving(np.array([omega]))[0])
-        energy = certified.error * self.network.volume
-        return x, field_bound(self.pencil, omega, x, energy / ratio if ratio else np.inf)
-
-    def tensor(self, certificates: list[Certified]):
-        """C (L, L) and bounds (L, L, 3) at the frequency of `certificates`, one for each load."""
-        return tensor_at(self.functionals, self.trials(certificates[0].omega), certificates)
+        fields = self.basis.fields(self.basis.coefficients(omega))
+        return [functional.trial(omega, x) for functional, x in zip(self.functionals, fields, strict=True)]
