@@ -111,11 +111,10 @@ def _joined(results):
 def _step(sweep, shift, before):
     """(record, arrays) of a step that grew a space of `before` vectors at a shift."""
     chains = [
-        (load, [part.tolist() for part in chain.x], [part.tolist() for part in chain.v], list(chain.constant),
-         chain.refused)
+        (load, *(part.tolist() for part in (chain.x, chain.v, chain.constant)), chain.refused)
         for (load, s), chain in sweep.basis.chains.items()
         if s == shift
-    ]  # fmt: skip
+    ]
     record = {
         "shift": shift,
         "chains": chains,
@@ -130,9 +129,7 @@ def _restore(sweep, done):
         sweep.basis.restore(arrays["vectors"])
         sweep.add_shift(record["shift"])
         for load, x, v, constant, refused in record["chains"]:
-            chain = Chain(
-                [np.array(part) for part in x], [np.array(part) for part in v], list(constant), refused
-            )
+            chain = Chain(*(np.array(part, float) for part in (x, v, constant)), refused)
             sweep.basis.chains[load, record["shift"]] = chain
         sweep.resume(record["ratios"], record["omega_c"])
 

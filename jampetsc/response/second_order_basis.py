@@ -25,12 +25,17 @@ MAX_REFUSED = 6  # vectors of a chain, one after another, that lie in the space:
 
 @dataclass
 class Chain:
-    """Pairs of one load at one shift: coefficients of x_n and v_n in the basis, κ_n."""
+    """Pairs of one load at one shift: rows with the coefficients of x_n and v_n in the basis, and κ_n."""
 
-    x: list = field(default_factory=list)
-    v: list = field(default_factory=list)
-    constant: list = field(default_factory=list)
+    x: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    v: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    constant: np.ndarray = field(default_factory=lambda: np.empty(0))
     refused: int = 0  # vectors, one after another, that added nothing to the basis
+
+    @property
+    def length(self) -> int:
+        """Number of pairs."""
+        return len(self.constant)
 
     @property
     def is_complete(self) -> bool:
@@ -39,26 +44,21 @@ class Chain:
 
     def append(self, coefficients) -> None:
         """Add the pair of x_n, given by its coefficients in the basis as it is now."""
-        x = coefficients
-        v = x + _padded(self.x[-1], len(x)) if self.x else x.copy()
-        constant = 0.0 if self.x else 1.0
-        size = np.sqrt(x @ x + v @ v + constant**2)
-        for _ in range(2 if self.x else 0):
-            for other_x, other_v, other_constant in zip(self.x, self.v, self.constant, strict=True):
-                other_x, other_v = _padded(other_x, len(x)), _padded(other_v, len(v))
-                share = other_x @ x + other_v @ v + other_constant * constant
-                x, v, constant = x - share * other_x, v - share * other_v, constant - share * other_constant
-        left = np.sqrt(x @ x + v @ v + constant**2)
+        more = ((0, 0), (0, len(coefficients) - self.x.shape[1]))
+        self.x, self.v = np.pad(self.x, more), np.pad(self.v, more)
+        previous = self.x[-1] if self.length else 0.0
+        pair = np.concatenate((coefficients, coefficients + previous, [0.0 if self.length else 1.0]))
+        size = np.linalg.norm(pair)
+        others = np.column_stack((self.x, self.v, self.constant))
+        for _ in range(2):
+            pair = pair - (others @ pair) @ others
+        left = np.linalg.norm(pair)
         if not left > INDEPENDENT * size:
             self.refused = MAX_REFUSED
             return
-        self.x.append(x / left)
-        self.v.append(v / left)
-        self.constant.append(constant / left)
-
-
-def _padded(values, length):
-    return np.pad(values, (0, length - len(values)))
+        x, v, constant = np.split(pair / left, [len(coefficients), 2 * len(coefficients)])
+        self.x, self.v = np.vstack((self.x, x)), np.vstack((self.v, v))
+        self.constant = np.append(self.constant, constant)
 
 
 class SecondOrderBasis:
@@ -114,9 +114,9 @@ class SecondOrderBasis:
 
     def _source(self, chain, load, s):
         k, b = self.columns[load]
-        if not chain.x:
+        if not chain.length:
             return -(k + s * b)
-        x, v = (_padded(part[-1], self.size) @ self.vectors for part in (chain.x, chain.v))
+        x, v = (part[-1] @ self.vectors[: part.shape[1]] for part in (chain.x, chain.v))
         inertial = self.mass.apply(x + v)
         return -s * (self.apply(self.pencil.B, x) + s * inertial + chain.constant[-1] * b)
 

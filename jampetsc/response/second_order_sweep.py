@@ -17,14 +17,14 @@ from jampetsc.response.second_order_basis import Chain, SecondOrderBasis
 from jampetsc.response.second_order_bound import Definiteness, DefinitenessTest, MassiveShift
 from jampetsc.response.shift_factors import Factors
 
-FIRST_LENGTH, MORE_LENGTH = 20, 10  # steps of a chain, at first and where it is continued
+FIRST_LENGTH, MORE_LENGTH = 14, 8  # steps of a chain, at first and where it is continued
 NEARBY = 5.0  # ratio of a frequency and a shift within which the chain of the shift is continued
 MAX_CHAIN = 60
 MAX_VECTORS = 240  # for each load
 MAX_STALLED = 4  # steps that do not halve the worst ratio
 SPACED = 1  # frequencies of a decade that steer, about
 LOW_SHIFT = 1e-7  # first shift, relative to the scale of rates, where lower frequencies are asked for
-TRIAL_RATIOS = 0.7, 0.4, 0.2, 0.1  # of the ω_c of the space, which are tested
+TRIAL_RATIOS = 0.4, 0.15, 0.05  # of the ω_c of the space, which are tested
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,9 +159,9 @@ class SecondOrderSweep:
             if not 1.0 / NEARBY < near / shift < NEARBY:
                 return shift, FIRST_LENGTH
             chains = [self.basis.chains.get((load, near), Chain()) for load in range(len(self.pencils))]
-            if not chains[0].x and not chains[0].refused:
+            if not (chains[0].length or chains[0].refused):
                 return near, FIRST_LENGTH
-            if not all(chain.is_complete or len(chain.x) >= MAX_CHAIN for chain in chains):
+            if not all(chain.is_complete or chain.length >= MAX_CHAIN for chain in chains):
                 return near, MORE_LENGTH
         return None
 
