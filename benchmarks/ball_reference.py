@@ -23,14 +23,17 @@ class Singular(Exception):
 
 
 class BallReference:
-    """Balls of K, B and G* of `source` for `physics` under `loads`, displacement gradients (L, D, D)."""
+    """Balls of K, B and G* of `source` for `physics` under `loads`, displacement gradients (L, D, D).
 
-    def __init__(self, source, physics, loads):
+    masses   `Masses` of the particles; None: without inertia
+    """
+
+    def __init__(self, source, physics, loads, masses=None):
         from dense import NetworkReference, Reference
 
         from jampetsc.packing.packing import Packing
 
-        self.source, self.physics, self.loads = source, physics, np.array(loads, float)
+        self.source, self.physics, self.loads, self.masses = source, physics, np.array(loads, float), masses
         self.is_packing = isinstance(source, Packing)
         self.graph = (Reference if self.is_packing else NetworkReference)(source, physics, loads)
         self._made = {}
@@ -115,9 +118,9 @@ class BallReference:
         """(K + iωB with the rows of the loads, V)."""
         if bits not in self._made:
             self._made[bits] = self._matrices()
-        K, B, volume = self._made[bits]
+        K, B, M, volume = self._made[bits]
         s, rows = acb(0, arb(omega)), range(len(K))
-        return [[K[a][b] + s * B[a][b] for b in rows] for a in rows], volume
+        return [[K[a][b] + s * (B[a][b] + s * M[a][b]) for b in rows] for a in rows], volume
 
     def _relaxed(self, Z, columns):
         """cᵀZ⁻¹c between columns (m,) on the unknowns; None where that cannot be told."""
@@ -135,6 +138,8 @@ class BallReference:
         """One unknown of each move that neither K nor B resists."""
         g, law = self.graph, self.physics.law
         pins = set()
+        if self.masses is not None:  # which resist every move
+            return pins
         for piece in g.pieces():
             disk, colour = piece[0]
             first = disk * g.dofs
@@ -181,11 +186,11 @@ class BallReference:
             yield r, k / length * x ** (alpha - 1), k * (alpha - 1) / length**2 * x ** (alpha - 2)
 
     def _matrices(self):
-        """(K, B, V): rows of arb, those of the loads last, and the volume."""
+        """(K, B, M, V): rows of arb, those of the loads last, and the volume."""
         g, law = self.graph, self.physics.law
         D, d, m = g.dimension, g.dofs, g.n * g.dofs
         size, damping = m + len(self.loads), arb(float(g.k)) * arb(float(law.tau1))
-        K, B = ([[arb(0)] * size for _ in range(size)] for _ in range(2))
+        K, B, M = ([[arb(0)] * size for _ in range(size)] for _ in range(3))
         cell = (
             _sum(self.source.cell_base, self.source.cell_offset)
             if self.is_packing
@@ -231,9 +236,12 @@ class BallReference:
         diameter = 2 * sum(radii, arb(0)) / len(radii)
         of_spin = damping * arb(float(law.spin_drag)) * diameter**2
         for row in range(m):
+            mass = self._mass(row // d, radii, diameter)
             if row % d < D:
                 B[row][row] += damping * arb(float(law.drag))
+                M[row][row] += mass
                 continue
+            turning = mass * radii[g.disks[row // d]] ** 2 * (arb(1) / 2 if D == 2 else arb(2) / 5)
             slip = {row: arb(1)}  # of the spin against the fluid: half the vorticity of each load
             for load, gradient in enumerate(self.loads):
                 turn = [
@@ -245,11 +253,21 @@ class BallReference:
             for a, first in slip.items():
                 for b, second in slip.items():
                     B[a][b] += of_spin * first * second
+                    M[a][b] += turning * first * second
         fluid = self._fluid(D)
         for a in range(len(self.loads)):
             for b in range(len(self.loads)):
                 B[m + a][m + b] += damping * arb(float(law.eta_f)) * volume * fluid[a][b]
-        return K, B, volume
+        return K, B, M, volume
+
+    def _mass(self, disk, radii, diameter):
+        """Mass of a disk of the graph, zero without inertia."""
+        if self.masses is None:
+            return arb(0)
+        share = arb(1)
+        if self.masses.by == "volume":
+            share = (2 * radii[self.graph.disks[disk]] / diameter) ** self.graph.dimension
+        return arb(float(self.masses.mass)) * share
 
     def _fluid(self, D):
         """2 s′ : s″ of the deviators of the loads."""

@@ -1,17 +1,16 @@
 """Is a certified bound ever false? Random laws, loads, packings and networks against ball arithmetic.
 
     .venv/bin/pip install python-flint
-    .venv/bin/python benchmarks/bounds.py [--cases 3000] [--first 0]
+    .venv/bin/python benchmarks/bounds.py [--cases 3000] [--first 0] [--masses]
 
 Each case draws from its number: a packing of p = 1e-7 to 1e-1, or a network (a diluted lattice on either side of
 rigidity, random springs, the contacts of a packing, springs without rest length) at rest, pushing or under tensions of
 1e-3 to 1e3 k; a law, whose weights span 1e-12 to 1e6 or are zero; tangential springs in a third; one load, a random
 displacement gradient or a rotation among them, or the tensor, in two fifths forces, a wave or a few particles; five
-frequencies from 1e-12 to 1e6; an accuracy from
-1e-10 to 0.1; a method. A third has other units: stiffness to 1e±8, lengths and τ₁ to 1e±6. G*, C*, χ and G(k) are
-compared with `ball_reference`, to 40 digits:
-a bound is false where the error is larger. A sweep may be refused instead; every reason is counted. Exit status 1 for a
-false bound.
+frequencies from 1e-12 to 1e6; an accuracy from 1e-10 to 0.1; a method; masses of 1e-4 to 1e4 kτ₁² in two fifths, in all
+with --masses. A third has other units: stiffness to 1e±8, lengths and τ₁ to 1e±6. G*, C*, χ and G(k) are compared with
+`ball_reference`, to 40 digits: a bound is false where the error is larger. A sweep may be refused instead; every reason
+is counted. Exit status 1 for a false bound.
 """
 
 import argparse
@@ -27,7 +26,7 @@ from common import machine
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))  # networks of the tests
 
 PRESSURES, ACCURACIES, FREQUENCIES = (-7.0, -1.0), (-10.0, -1.0), (-12.0, 6.0)  # decades
-SPRINGS = -4.0, 2.0
+SPRINGS, MASSES = (-4.0, 2.0), (-4.0, 4.0)
 WEIGHTS, EXTREME_WEIGHTS, TENSIONS = (-6.0, 4.0), (-12.0, 6.0), (-3.0, 3.0)
 STIFFNESSES, LENGTHS, TIMES = (-8.0, 8.0), (-6.0, 6.0), (-6.0, 6.0)  # decades of units
 SIZES = (16, 24, 32)  # disks of a packing
@@ -46,10 +45,14 @@ class Case:
     omega: np.ndarray
     accuracy: float
     method: str
+    masses: object = None  # `Masses`
 
     def __str__(self):
         load = self.load if isinstance(self.load, str) else np.round(self.load, 3).tolist()
-        return f"{self.kind}, {self.physics!r}, load {load}, {self.method}, accuracy {self.accuracy:.1e}"
+        masses = "" if self.masses is None else f", {self.masses}"
+        return (
+            f"{self.kind}, {self.physics!r}, load {load}, {self.method}, accuracy {self.accuracy:.1e}{masses}"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +75,8 @@ def power(rng, decades) -> float:
     return float(10.0 ** rng.uniform(*decades))
 
 
-def draw(number: int) -> Case:
-    """The case of a number, the same on every machine."""
+def draw(number: int, massive: bool = False) -> Case:
+    """The case of a number, the same on every machine; massive: with masses whatever is drawn."""
     from jampetsc.laws.damping import Physics
 
     rng = np.random.default_rng([2026, number])
@@ -96,7 +99,7 @@ def draw(number: int) -> Case:
         power(rng, ACCURACIES),
         "rational" if rng.random() < 0.8 else "direct",
     )
-    return draw_forces(rng, draw_spins(rng, case))
+    return draw_masses(rng, draw_forces(rng, draw_spins(rng, case)), 1.0 if massive else 0.4)
 
 
 def in_units(source, k, length):
@@ -212,6 +215,17 @@ def draw_forces(rng, case) -> Case:
     return replace(case, load=f"wave:{','.join(map(str, numbers))}:{polarisation}")
 
 
+def draw_masses(rng, case, share) -> Case:
+    """The case, a share of them with masses, equal or by volume."""
+    from jampetsc.laws.masses import Masses
+
+    if rng.random() > share:
+        return case
+    unit = getattr(case.source, "k", None) or case.source.potential.k
+    by = "volume" if case.source.radii is not None and rng.random() < 0.5 else "number"
+    return replace(case, masses=Masses(power(rng, MASSES) * unit * case.physics.law.tau1**2, by))
+
+
 def examine(case: Case) -> Outcome:
     """Sweep a case and compare it with the reference."""
     import jampetsc
@@ -228,6 +242,7 @@ def examine(case: Case) -> Outcome:
             omega=case.omega,
             accuracy=case.accuracy,
             method=case.method,
+            **({} if case.masses is None else {"mass": case.masses.mass, "mass_by": case.masses.by}),
         )
     except JampetscError as error:
         return Outcome(case, refused=str(error))
@@ -261,11 +276,12 @@ def compared(case, result, choice):
         parts = [columns("susceptibility", "susceptibility_"), *([columns("G")] if "G" in result else [])]
         values, bounds = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
         particles = result["probe/particles"] if "probe/particles" in result else ()
-        reference = BallReference(case.source, case.physics, np.zeros((0, *[case.source.dimension] * 2)))
+        none = np.zeros((0, *[case.source.dimension] * 2))
+        reference = BallReference(case.source, case.physics, none, case.masses)
         exact = [reference.susceptibility(omega, choice.probe, particles) for omega in result.omega]
         return values, bounds, exact
     loads = [load.gradient for load in choice.of(case.source.dimension)]
-    reference = BallReference(case.source, case.physics, loads)
+    reference = BallReference(case.source, case.physics, loads, case.masses)
     values, bounds = columns("G") if len(loads) == 1 else columns("C", "C_")
     exact = [[value for row in reference.tensor(omega) for value in row] for omega in result.omega]
     return values, bounds, exact
@@ -275,11 +291,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=3000)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--masses", action="store_true")
     args = parser.parse_args()
+    from jampetsc.petsc import session
+
+    session.start("real")  # which both methods take
     print(machine())
     kinds, refusals, worst, count, false_bounds, loose = Counter(), Counter(), 0.0, 0, 0, []
     for number in range(args.first, args.first + args.cases):
-        outcome = examine(draw(number))
+        outcome = examine(draw(number, args.masses))
         kinds[outcome.case.kind.split(",")[0].split(" of ")[0].split(" that ")[0]] += 1
         if outcome.refused:
             refusals[reason_of(outcome.refused)] += 1

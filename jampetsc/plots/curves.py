@@ -38,7 +38,7 @@ _SWITCHES = {  # attribute -> words for (off, on)
 _SYMBOLS = {  # parameter -> its symbol; a law's own parameters are shown by name
     **{name: rf"\rm {name}".replace("_", r"\_") for name in OPTIONS if name not in _SWITCHES},
     **{form.weight: form.symbol for form in FORMS},
-    **{"beta": r"\beta", "tangential_stiffness": r"k_t/k", "mass": "m", "mass_by": r"\rm mass\ by"},
+    **{"beta": r"\beta", "tangential_stiffness": r"k_t/k", "mass": "m"},
     **{"alpha": r"\alpha", "stress": r"\sigma_0/k", "strain": r"\gamma_0", "omega": r"\omega\tau_1"},
 }
 _LOADS = {DEFAULT: "shear xy", TENSOR: "shear, all directions"}
@@ -203,7 +203,7 @@ def _curve(result, x, G, bounds, **more):
         G=G[order] / units.k,
         bounds=np.array(bounds)[:, order] / units.k,
         pressure=units.pressure,
-        attributes=_in_units_of_k(result.attributes, units.k) | more,
+        attributes={"mass": 0.0} | _in_units_of_k(result.attributes, units.k) | more,
         settings=getattr(result, "settings", {}),
     )
 

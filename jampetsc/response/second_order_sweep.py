@@ -168,6 +168,8 @@ class SecondOrderSweep:
     def _find_definiteness(self):
         """Find ω_c, from what the space has as a first guess."""
         self.is_tested = True
+        if not self.basis.size:
+            return
         omega = np.geomspace(*(self._clipped(end) for end in (1e-3 * self.omega[0], self.omega[-1])), 400)
         identity = np.eye(self.basis.size)
         definite = [
@@ -247,8 +249,8 @@ class SecondOrderSweep:
                 weights.append(1.0 / max(c * volume * self._allowed(result), floor))
         energies = shift.energies(np.array(residuals), np.array(rounding), np.array(weights))
         loads = len(self.pencils)
-        with np.errstate(divide="ignore"):
-            errors = energies / (np.repeat(transfer, loads) * volume)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            errors = np.where(energies > 0.0, energies / (np.repeat(transfer, loads) * volume), 0.0)
         results = [replace(result, error=float(error)) for result, error in zip(results, errors, strict=True)]
         return [results[start : start + loads] for start in range(0, len(results), loads)]
 
