@@ -262,7 +262,8 @@ def compared(case, result, choice):
         values, bounds = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
         particles = result["probe/particles"] if "probe/particles" in result else ()
         reference = BallReference(case.source, case.physics, np.zeros((0, *[case.source.dimension] * 2)))
-        exact = [reference.susceptibility(omega, choice.probe, particles) for omega in result.omega]
+        probe = choice.probe if len(particles) else choice.probe.waves[0]
+        exact = [reference.susceptibility(omega, probe, particles) for omega in result.omega]
         return values, bounds, exact
     loads = [load.gradient for load in choice.of(case.source.dimension)]
     reference = BallReference(case.source, case.physics, loads)

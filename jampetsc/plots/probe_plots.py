@@ -8,7 +8,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.provenance import recorded_dimension
 from jampetsc.laws.damping import OPTIONS, WEIGHTS
 from jampetsc.laws.loads import TENSOR
-from jampetsc.laws.probes import LONGITUDINAL, TRANSVERSE, PointForces, Wave
+from jampetsc.laws.probes import LONGITUDINAL, TRANSVERSE, PointForces, Waves
 from jampetsc.plots.page import draw_points
 from jampetsc.plots.picture import count_text, group_by, picture, stress_unit, units_of
 from jampetsc.plots.quasistatic_plots import has_pressure, pressures_of, probe_of, require_alike
@@ -21,7 +21,7 @@ MARKS = {TRANSVERSE: {}, LONGITUDINAL: {"linestyle": "--", **OPEN}}
 
 def has_wave(result) -> bool:
     """Whether its load is a wave of forces, and its pressure positive."""
-    return has_pressure(result) and isinstance(probe_of(result), Wave)
+    return has_pressure(result) and isinstance(probe_of(result), Waves)
 
 
 def has_points(result) -> bool:
@@ -121,11 +121,17 @@ def _by_wave(files) -> dict:
     waves = {}
     for result in files:
         probe = probe_of(result)
-        if isinstance(probe, Wave):
-            kind = probe.polarisation, tuple(sorted(map(abs, probe.numbers)))
+        if not isinstance(probe, Waves):
+            continue
+        if probe.has_columns:
+            vectors, moduli = result["waves/vectors"], result["waves/G0"]
+        else:
+            vectors, moduli = ([result.attributes[name]] for name in ("wave_vector", "G0"))
+        for wave, vector, modulus in zip(probe.waves, vectors, moduli, strict=True):
+            kind = wave.polarisation, tuple(sorted(map(abs, wave.numbers)))
             k, G = waves.setdefault(kind, ([], []))
-            k.append(float(np.linalg.norm(result.attributes["wave_vector"])))
-            G.append(result.attributes["G0"] / units_of(result).k)
+            k.append(float(np.linalg.norm(vector)))
+            G.append(modulus / units_of(result).k)
     return waves
 
 

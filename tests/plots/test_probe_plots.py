@@ -64,6 +64,38 @@ def test_moduli_of_waves_over_those_of_strains(dimension):
         assert y == pytest.approx([0.25])  # over k alone without a file of the tensor
 
 
+def test_several_waves_of_one_file():
+    """Each is a curve of its own under its load, and a point of G₀(k)."""
+    omega, chi = np.geomspace(1e-3, 1e3, 5), np.ones((5, 2), complex)
+    G = np.outer(1.0 + 1j * omega, [0.1, 0.2])
+    arrays = {
+        "G": G,
+        "error_bound": 0 * G.real,
+        "error_bound_storage": 0 * G.real,
+        "error_bound_loss": 0 * G.real,
+    }
+    loads = ["wave:1,0:transverse", "wave:2,0:transverse"]
+    result = swept("+".join(loads), susceptibility=chi, susceptibility_error_bound=0 * chi.real, **arrays)
+    figure = figure_of(plot_moduli, [result])
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels[:2] == [f"load {load}" for load in loads]
+    storage = [line.get_ydata() for line in figure.axes[0].get_lines() if "\u2032," in line.get_label()]
+    np.testing.assert_allclose(storage, G.real.T)
+    with pytest.raises(InputError, match=r"several waves\. Give files of one wave each\."):
+        draw([result], "exponents")
+    values = {
+        "susceptibility": np.ones(2),
+        "waves/vectors": np.diag([0.2, 0.4]),
+        "waves/G0": K_UNIT * np.array([0.3, 0.5]),
+    }
+    slow_waves = stored(
+        None, "quasistatic", values, law="contact", beta=1.0, k=K_UNIT, pressure=1e-2, load="+".join(loads),
+        prestress=True, particle_count=64,
+    )  # fmt: skip
+    ((x, y),) = drawn(figure_of(plot_waves, [slow_waves])).values()
+    assert x == pytest.approx([0.2, 0.4]) and y == pytest.approx([0.3, 0.5])
+
+
 def test_compliances_of_particles():
     J = np.exp(np.random.default_rng(1).normal(size=400))
     lines = drawn(figure_of(plot_compliances, [slow("points:400", J=J), slow("tensor")]))

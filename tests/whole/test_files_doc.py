@@ -57,6 +57,8 @@ sweep p.h5 --omega 1e-2,1 --load tensor --out constants.h5
 quasistatic p.h5 --load tensor --out slow-constants.h5
 quasistatic p.h5 --load wave:1,0:transverse --out slow-wave.h5
 quasistatic p.h5 --load points:2 --out slow-points.h5
+quasistatic p.h5 --load wave:1,0:transverse+wave:0,1:transverse --out slow-waves.h5
+sweep p.h5 --load wave:1,0:transverse+wave:0,1:transverse --omega 1 --out waves.h5
 modes p.h5 --count 10 --load tensor --out shares.h5
 correlate sweep.h5 --out correlation.h5
 oscillate p.h5 --out oscillate.h5 --omega 1e-3 --stress 1e-9 --steps 16
