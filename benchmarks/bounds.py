@@ -278,7 +278,8 @@ def compared(case, result, choice):
         particles = result["probe/particles"] if "probe/particles" in result else ()
         none = np.zeros((0, *[case.source.dimension] * 2))
         reference = BallReference(case.source, case.physics, none, case.masses)
-        exact = [reference.susceptibility(omega, choice.probe, particles) for omega in result.omega]
+        probe = choice.probe if len(particles) else choice.probe.waves[0]
+        exact = [reference.susceptibility(omega, probe, particles) for omega in result.omega]
         return values, bounds, exact
     loads = [load.gradient for load in choice.of(case.source.dimension)]
     reference = BallReference(case.source, case.physics, loads, case.masses)

@@ -548,7 +548,7 @@ def sweep(
     method : "rational" or "direct", default rational
         rational: the whole spectrum from a few real factorisations; direct: one complex solve per frequency
     load : str, array (D, D), one of `jampetsc.loads` or forces (N, D), default xy
-        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: all elastic constants C*(ω); or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors), point:7 (particles), points:100 or points:100:5 (a sample, its seed). Moduli are second derivatives of the energy per volume along F = 1 + εE
+        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: all elastic constants C*(ω); or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors; several with + between them), point:7 (particles), points:100 or points:100:5 (a sample, its seed). Moduli are second derivatives of the energy per volume along F = 1 + εE
     accuracy : number, default 1e-06
         relative error allowed in G' and in G'' each, of forces in χ' and in χ''
     parallel : "auto", "shifts" or "matrix", default None
@@ -621,7 +621,7 @@ def quasistatic(
     tangential_stiffness : number, default 0
         elastic springs between the rims of touching particles, k_t over the stiffness k of each contact; above 0 particles roll, and no contact slips
     load : str, array (D, D), one of `jampetsc.loads` or forces (N, D), default xy
-        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: also the elastic constants and viscosities between all symmetric loads; or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors), point:7 (particles), points:100 or points:100:5 (a sample, its seed). Moduli are second derivatives of the energy per volume along F = 1 + εE
+        load, a displacement gradient E: xy or yx (simple shear), pure-xy, compression, xx, yy (in 3D also xz, zz, …), or D² numbers row by row (with commas; on a command line with = where the first is negative); tensor: also the elastic constants and viscosities between all symmetric loads; or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors; several with + between them), point:7 (particles), points:100 or points:100:5 (a sample, its seed). Moduli are second derivatives of the energy per volume along F = 1 + εE
     betas : numbers or "low:high:count", default None
         also η₀ and η_∞ at these β, from the same fields (contact law)
     out : name of a file, default None

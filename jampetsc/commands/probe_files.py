@@ -1,21 +1,22 @@
 """What a probe adds to results of sweep and quasistatic: susceptibilities, of waves also moduli G(k)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from jampetsc.analysis.error_bounds import relative_part_bounds
 from jampetsc.analysis.susceptibility import modulus_of_wave
-from jampetsc.laws.probes import Forces, PointForces, Wave
+from jampetsc.laws.probes import Forces, PointForces, Waves
 
 MODULUS_BOUNDS = ("error_bound", "error_bound_storage", "error_bound_loss")  # on |ΔG*|, |ΔG'|, |ΔG''|
 
 
 @dataclass(frozen=True, eq=False)
 class ProbeResponse:
-    """The response to a probe at M frequencies. P: 1 of waves and of an array, of points the number of particles."""
+    """The response to a probe at M frequencies, of P waves or particles; of an array of forces P is 1."""
 
-    probe: Wave | PointForces | Forces
+    probe: Waves | PointForces | Forces
     particles: object  # `ProbedParticles`
     susceptibility: np.ndarray  # (M, P) complex
     bounds: np.ndarray  # (M, P, 3) on |Δχ|, |Δχ'| and |Δχ''|
@@ -25,27 +26,21 @@ class ProbeResponse:
         """Of a `ModulusSweep` of the loads of a probe, `ProbeLoads`."""
         return cls(probe, probe_loads.particles, *probe_loads.susceptibility(sweep.G, sweep.bounds, volume))
 
-    @property
+    @cached_property
     def modulus(self):
-        """G(k) (M,), complex, and its bounds (M, 3), of a wave; else None."""
-        if not isinstance(self.probe, Wave):
+        """G(k) (M, P), complex, and its bounds (M, P, 3), of waves; else None."""
+        if not isinstance(self.probe, Waves):
             return None
-        factor = self.probe.modulus_factor(self.particles)
-        return modulus_of_wave(self.susceptibility[:, 0], self.bounds[:, 0], factor)
+        return modulus_of_wave(self.susceptibility, self.bounds, self.probe.modulus_factors(self.particles))
 
     def write(self, writer) -> None:
         """Put it into a result. Collective."""
-        is_sample = isinstance(self.probe, PointForces)
-        arrays = {"susceptibility": self.susceptibility}
-        for name, bound in zip(MODULUS_BOUNDS, np.moveaxis(self.bounds, -1, 0), strict=True):
-            arrays[f"susceptibility_{name}"] = bound
-        for name, values in arrays.items():
-            writer.dataset(name, values if is_sample else values[:, 0])
+        values = {"susceptibility": self.susceptibility} | _named("susceptibility_", self.bounds)
         if self.modulus is not None:
             G, bounds = self.modulus
-            writer.dataset("G", G)
-            for name, bound in zip(MODULUS_BOUNDS, bounds.T, strict=True):
-                writer.dataset(name, bound)
+            values |= {"G": G} | _named("", bounds)
+        for name, array in values.items():
+            writer.dataset(name, array if self.probe.has_columns else array[:, 0])
         write_probe(writer, self.probe, self.particles)
 
     @property
@@ -60,13 +55,21 @@ class ProbeResponse:
 
     def _text(self, row):
         chi = self.susceptibility[row]
-        if len(chi) > 1:
-            return _sample_text(chi.real)
-        text = f"susceptibility {chi[0].real:.6g} {chi[0].imag:+.6g}i"
         if self.modulus is None:
-            return text
+            return _sample_text(chi.real) if len(chi) > 1 else f"susceptibility {_complex_text(chi[0])}"
         G = self.modulus[0][row]
-        return f"{text}, G(k) = {G.real:.6g} {G.imag:+.6g}i"
+        if len(chi) > 1:
+            return f"G'(k) of {len(G)} waves {G.real.min():.6g} to {G.real.max():.6g}"
+        return f"susceptibility {_complex_text(chi[0])}, G(k) = {_complex_text(G[0])}"
+
+
+def _named(prefix, bounds) -> dict:
+    """{name: bound (M, P)} of bounds (M, P, 3)."""
+    return {f"{prefix}{name}": bounds[..., part] for part, name in enumerate(MODULUS_BOUNDS)}
+
+
+def _complex_text(value) -> str:
+    return f"{value.real:.6g} {value.imag:+.6g}i"
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,25 +79,25 @@ class SlowProbeResponse:
     static: np.ndarray  # (P,) χ₀
     bounds: np.ndarray  # (P,) on |Δχ₀|
     slopes: np.ndarray  # (P,) χ₁
-    factor: float | None  # (n/V)/k² of a wave
-    is_sample: bool  # of points
+    factors: np.ndarray | None  # (P,) (n/V)/k² of waves
+    has_columns: bool  # of points and of several waves
 
     @classmethod
     def of(cls, probe, probe_loads, slow) -> "SlowProbeResponse":
         """Of the `SlowSusceptibility` of the loads of a probe, `ProbeLoads`."""
         sums = (probe_loads.weights @ values for values in (slow.static, slow.bounds, slow.slopes))
-        factor = probe.modulus_factor(probe_loads.particles) if isinstance(probe, Wave) else None
-        return cls(*sums, factor, isinstance(probe, PointForces))
+        factors = probe.modulus_factors(probe_loads.particles) if isinstance(probe, Waves) else None
+        return cls(*sums, factors, probe.has_columns)
 
-    @property
+    @cached_property
     def moduli(self) -> dict:
-        """Attributes of a wave: G₀ with its bound, η₀ and ω* at its k."""
-        if self.factor is None:
+        """G₀ with its bound, η₀ and ω* of waves at their k, (P,) each."""
+        if self.factors is None:
             return {}
-        error = self.bounds * np.array([1.0, 1.0, 0.0])
-        (G,), ((_, bound, _),) = modulus_of_wave(self.static.astype(complex), error[None], self.factor)
-        eta = self.factor * float(self.slopes[0] / self.static[0] ** 2)
-        return {"G0": G.real, "G0_error_bound": bound, "eta0": eta, "omega_star": G.real / eta}
+        bounds = self.bounds[:, None] * np.array([1.0, 1.0, 0.0])
+        G, of_G = modulus_of_wave(self.static.astype(complex), bounds, self.factors)
+        eta = self.factors * self.slopes / self.static**2
+        return {"G0": G.real, "G0_error_bound": of_G[:, 1], "eta0": eta, "omega_star": G.real / eta}
 
     def write(self, writer, name: str) -> None:
         """Put it into a result; name: "" or that of K without pre-stress. Collective."""
@@ -104,21 +107,29 @@ class SlowProbeResponse:
             "susceptibility_error_bound": self.bounds,
             "susceptibility_slope": self.slopes,
         }
+        numbers = {"susceptibility_mean": self.static.mean()}
+        if self.has_columns:
+            arrays |= {f"waves/{key}": values for key, values in self.moduli.items()}
+        else:
+            numbers |= {key: values[0] for key, values in self.moduli.items()}
         for key, values in arrays.items():
-            writer.dataset(f"{group}{key}", values if self.is_sample else values[0])
-        numbers = {"susceptibility_mean": self.static.mean(), **self.moduli}
+            writer.dataset(f"{group}{key}", values if self.has_columns else values[0])
         writer.attributes(**{f"{prefix}{key}": value for key, value in numbers.items()})
 
     @property
     def text(self) -> str:
         """It in words."""
-        if len(self.static) > 1:
-            return _sample_text(self.static)
-        text = f"susceptibility {self.static[0]:.6g}, slope {self.slopes[0]:.6g}"
-        if self.factor is None:
-            return text
+        count = len(self.static)
+        if self.factors is None:
+            one = f"susceptibility {self.static[0]:.6g}, slope {self.slopes[0]:.6g}"
+            return _sample_text(self.static) if count > 1 else one
         G0, _, eta0, omega_star = self.moduli.values()
-        return f"G0(k) = {G0:.6g}, eta0(k) = {eta0:.6g}, omega* = {omega_star:.4g}, {text}"
+        if count > 1:
+            return f"G0(k) of {count} waves {G0.min():.6g} to {G0.max():.6g}"
+        return (
+            f"G0(k) = {G0[0]:.6g}, eta0(k) = {eta0[0]:.6g}, omega* = {omega_star[0]:.4g}, susceptibility "
+            f"{self.static[0]:.6g}, slope {self.slopes[0]:.6g}"
+        )
 
 
 def write_probe(writer, probe, particles) -> None:
@@ -127,8 +138,10 @@ def write_probe(writer, probe, particles) -> None:
         writer.dataset("probe/particles", probe.chosen(particles))
     elif isinstance(probe, Forces):
         writer.dataset("probe/forces", probe.array)
+    elif probe.has_columns:
+        writer.dataset("waves/vectors", probe.vectors(particles.cell))
     else:
-        writer.attributes(wave_vector=probe.vector(particles.cell))
+        writer.attributes(wave_vector=probe.vectors(particles.cell)[0])
 
 
 def _sample_text(compliances) -> str:

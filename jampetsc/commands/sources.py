@@ -55,7 +55,7 @@ def _values(column) -> str:
 def _wanted(where) -> dict:
     """{column: value} of column=value,…; empty for None. Raises InputError."""
     # a value may have commas, as that of a load
-    pairs = [word.partition("=") for word in re.split(r",(?=[\w-]+=)", where)] if where else []
+    pairs = [word.partition("=") for word in re.split(r",(?=\s*[\w-]+\s*=)", where)] if where else []
     if not all(name and equals and value for name, equals, value in pairs):
         raise InputError(
             f"{named('where')} {where}: not a list of conditions. Write column=value, e.g. law=stokes,beta=1."

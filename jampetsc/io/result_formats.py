@@ -7,16 +7,17 @@ from jampetsc.packing.potentials import EXPONENTS, MAX_EXPONENT, MIN_EXPONENT, S
 SWEEP = Format(
     datasets=r"""
 omega | (M,) | float | 1/time | frequencies ω, increasing
-G | (M,) | complex? | k | G* = G′ + iG″; of waves of forces G(k, ω) = (n/V)/(k²χ), n particles that bear load; other
-  forces have none
-error_bound | (M,) | float? | k | bound on \|ΔG*\|; its assumption is in `positive_semidefinite`
-error_bound_storage, error_bound_loss | (M,) | float? | k | bounds on \|ΔG′\| and \|ΔG″\|
+G | (M,) or (M, P) | complex? | k | G* = G′ + iG″; of waves of forces G(k, ω) = (n/V)/(k²χ), n
+  particles that bear load; other forces have none
+error_bound | (M,) or (M, P) | float? | k | bound on \|ΔG*\|; its assumption is in `positive_semidefinite`
+error_bound_storage, error_bound_loss | (M,) or (M, P) | float? | k | bounds on \|ΔG′\| and \|ΔG″\|
 susceptibility | (M,) or (M, P) | complex? | length/force | of forces f: χ = fᵀ(K + iωB)⁻¹f, of a wave over n
-  and the mean of its polarisations, of points that of each particle, the mean over the axes
+  and the mean of its polarisations, of points the mean over the axes; a column for each of several waves or points
 susceptibility_error_bound | (M,) or (M, P) | float? | length/force | bound on \|Δχ\|, under the same assumption
 susceptibility_error_bound_storage, susceptibility_error_bound_loss | (M,) or (M, P) | float? | length/force | bounds
   on \|Δχ′\| and \|Δχ″\|
 probe/particles | (P,) | int? | | of points: numbers of the particles in the packing
+waves/vectors | (P, D) | float? | 1/length | of several waves: k of each
 probe/forces | (N, D) | float? | force | of an array of forces: that array
 equivalent_omega | (M,) | float? | 1/time | with `--alpha`: frequencies at which the linear law has these moduli
 fields/omega | (F,) | float? | 1/time | with `--fields`: their frequencies
@@ -79,12 +80,17 @@ histogram/*/counts | (B,) | int? | | numbers in them
 beta_scan/beta | (b,) | float? | | with `--betas`: β
 beta_scan/eta0, beta_scan/eta_inf | (b,) | float? | kτ₁ | η₀ and η_∞ there
 beta_scan/no_prestress_eta0 | (b,) | float? | kτ₁ | η₀ of K without pre-stress
-susceptibility | scalar or (P,) | float? | length/force | of forces: χ₀, of points that of each particle
+susceptibility | scalar or (P,) | float? | length/force | of forces: χ₀, for each of several waves or points
 susceptibility_error_bound | scalar or (P,) | float? | length/force | bound on \|Δχ₀\|
 susceptibility_slope | scalar or (P,) | float? | time·length/force | χ₁, χ → χ₀ − iωχ₁ for ω → 0
 no_prestress/susceptibility, no_prestress/susceptibility_error_bound, no_prestress/susceptibility_slope | scalar or (P,)
   | float? | | as the same datasets above, of K without pre-stress
 probe/particles | (P,) | int? | | of points: numbers of the particles in the packing
+waves/vectors | (P, D) | float? | 1/length | of several waves: k of each
+waves/G0, waves/G0_error_bound | (P,) | float? | k | G₀(k) of each, bound on \|ΔG₀(k)\|
+waves/eta0 | (P,) | float? | kτ₁ | η₀(k) of each
+waves/omega_star | (P,) | float? | 1/time | G₀/η₀ of each
+no_prestress/waves/* | (P,) | float? | | likewise
 probe/forces | (N, D) | float? | force | of an array of forces: that array
 C0 | (L, L) | float? | k | with `--load tensor`: elastic constants
 eta0, eta_inf | (L, L) | float? | kτ₁ | likewise η₀ and η_∞ between the loads

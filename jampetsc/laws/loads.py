@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jampetsc.errors import InputError, named
-from jampetsc.laws.probes import Forces, PointForces, Wave, read_probe
+from jampetsc.laws.probes import Forces, PointForces, Wave, Waves, read_probe
 
 AXES = "xyz"
 TENSOR = "tensor"
@@ -245,7 +245,9 @@ def _probe(value):
         return value.probe
     if isinstance(value, str):
         return read_probe(value)
-    if isinstance(value, Wave | PointForces | Forces):
+    if isinstance(value, Wave):
+        return Waves((value,))
+    if isinstance(value, Waves | PointForces | Forces):
         return value
     if isinstance(value, Load):
         return None

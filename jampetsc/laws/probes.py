@@ -5,6 +5,7 @@ force acts on spins, and a uniform background on each connected component takes 
 
     wave:1,0:transverse     f_i = e cos k·x_i and e sin k·x_i with k = 2π cell⁻¹n, n in cell vectors, |e| = 1 across k;
     wave:2,1:longitudinal   or e along k. χ(k) = Σ χ over cos and sin /n, in 3D the mean of both polarisations
+    wave:…+wave:…           several waves at once
     point:7, point:3,7      a unit force on one particle along each axis, χ the mean over the axes
     points:100, points:100:5  the same for each of a sample of 100 particles, of a seed (0)
     array (N, D)            any forces, from python
@@ -50,13 +51,6 @@ class Wave:
     numbers: tuple[int, ...]  # n
     polarisation: str
 
-    @classmethod
-    def read(cls, words) -> "Wave":
-        """Of the words between colons."""
-        if len(words) != 2 or words[1] not in (TRANSVERSE, LONGITUDINAL):
-            raise ValueError
-        return cls(whole_numbers(words[0]), words[1])
-
     def __post_init__(self):
         if len(self.numbers) not in (2, 3):
             raise InputError(
@@ -89,7 +83,7 @@ class Wave:
         return np.linalg.svd(along[None])[2][1:]
 
     def columns(self, particles: ProbedParticles):
-        """(forces (m, D), sizes (m, D)) of each right-hand side; what rounds in a force is some ε of its size."""
+        """As `Waves.columns`, of this wave."""
         phase = particles.positions @ self.vector(particles.cell)
         size = 2.0 + 4.0 * np.abs(particles.positions) @ np.abs(
             self.vector(particles.cell)
@@ -99,15 +93,63 @@ class Wave:
             for wave in (np.cos(phase), np.sin(phase)):
                 yield wave[:, None] * direction, sizes
 
-    def weights(self, particles: ProbedParticles):
-        """Of the right-hand sides in χ, (1, L)."""
-        polarisations = len(self.polarisations(particles.cell))
-        return np.full((1, 2 * polarisations), 1.0 / (polarisations * len(particles.bearing)))
 
-    def modulus_factor(self, particles: ProbedParticles) -> float:
-        """(n/V)/k², G(k, ω) = factor/χ."""
-        k = self.vector(particles.cell)
-        return len(particles.bearing) / (abs(np.linalg.det(particles.cell)) * float(k @ k))
+@dataclass(frozen=True)
+class Waves:
+    """Forces of one plane wave, or of several at once."""
+
+    waves: tuple[Wave, ...]
+
+    @classmethod
+    def read(cls, text: str) -> "Waves":
+        """Of waves with + between them. Raises ValueError."""
+        waves = []
+        for words in (word.split(":") for word in text.split("+")):
+            if len(words) != 3 or words[0] != "wave" or words[2] not in (TRANSVERSE, LONGITUDINAL):
+                raise ValueError
+            waves.append(Wave(whole_numbers(words[1]), words[2]))
+        return cls(tuple(waves))
+
+    def __post_init__(self):
+        if len({wave.dimension for wave in self.waves}) > 1:
+            raise InputError(
+                f"{named('load')} {self}: waves of two and of three numbers. Give waves of one dimension."
+            )
+        if len(set(self.waves)) < len(self.waves):
+            raise InputError(f"{named('load')} {self}: a wave twice. Give each once.")
+
+    def __str__(self):
+        return "+".join(map(str, self.waves))
+
+    @property
+    def dimension(self) -> int:
+        """D of the packings that they fit."""
+        return self.waves[0].dimension
+
+    @property
+    def has_columns(self) -> bool:
+        """Whether arrays have a column for each."""
+        return len(self.waves) > 1
+
+    def vectors(self, cell):
+        """k of each, (W, D)."""
+        return np.array([wave.vector(cell) for wave in self.waves])
+
+    def columns(self, particles: ProbedParticles):
+        """(forces (m, D), sizes (m, D)) of each right-hand side; what rounds in a force is some ε of its size."""
+        for wave in self.waves:
+            yield from wave.columns(particles)
+
+    def weights(self, particles: ProbedParticles):
+        """Of the right-hand sides in the χ of each wave, (W, L)."""
+        counts = [len(wave.polarisations(particles.cell)) for wave in self.waves]
+        rows = np.repeat(np.eye(len(counts)) / counts, 2 * np.array(counts), axis=1)
+        return rows / len(particles.bearing)
+
+    def modulus_factors(self, particles: ProbedParticles):
+        """(n/V)/k² of each wave, (W,): G(k, ω) = factor/χ."""
+        k2 = np.sum(self.vectors(particles.cell) ** 2, axis=1)
+        return len(particles.bearing) / (abs(np.linalg.det(particles.cell)) * k2)
 
 
 @dataclass(frozen=True)
@@ -119,18 +161,19 @@ class PointForces:
     seed: int = 0
 
     dimension: ClassVar = None  # fits any
+    has_columns: ClassVar = True
 
     @classmethod
-    def read(cls, words) -> "PointForces":
-        """Of a list of particles."""
-        (text,) = words
-        return cls(whole_numbers(text))
+    def read(cls, text: str) -> "PointForces":
+        """Of point:LIST. Raises ValueError."""
+        _, numbers = text.split(":")
+        return cls(whole_numbers(numbers))
 
     @classmethod
-    def read_sample(cls, words) -> "PointForces":
-        """Of COUNT or COUNT:SEED."""
-        count, seed = (*map(int, words), 0)[:2]
-        if len(words) > 2:
+    def read_sample(cls, text: str) -> "PointForces":
+        """Of points:COUNT or points:COUNT:SEED. Raises ValueError."""
+        count, seed = (*map(int, text.split(":")[1:]), 0)[:2]
+        if text.count(":") > 2:
             raise ValueError
         return cls((), count, seed)
 
@@ -170,7 +213,7 @@ class PointForces:
         return chosen
 
     def columns(self, particles: ProbedParticles):
-        """As `Wave.columns`, for each particle one along each axis."""
+        """As `Waves.columns`, for each particle one along each axis."""
         shape = particles.positions.shape
         for number in self.chosen(particles):
             for axis in range(shape[1]):
@@ -191,6 +234,8 @@ class Forces:
     array: np.ndarray | None  # (N, D); None: of a file
     digest: str
 
+    has_columns: ClassVar = False
+
     @classmethod
     def of(cls, array) -> "Forces":
         """Of an array (N, D). Raises InputError where it holds no forces."""
@@ -203,9 +248,9 @@ class Forces:
         return cls(array, hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()[:16])
 
     @classmethod
-    def read(cls, words) -> "Forces":
-        """Of the name that `__str__` gives."""
-        (digest,) = words
+    def read(cls, text: str) -> "Forces":
+        """Of the name that `__str__` gives. Raises ValueError."""
+        _, digest = text.split(":")
         if len(digest) != 16 or int(digest, 16) < 0:
             raise ValueError
         return cls(None, digest)
@@ -219,7 +264,7 @@ class Forces:
         return None if self.array is None else self.array.shape[1]
 
     def columns(self, particles: ProbedParticles):
-        """As `Wave.columns`, one. Raises InputError for a wrong number of forces, or forces that nothing holds."""
+        """As `Waves.columns`, one. Raises InputError for a wrong number of forces, or forces that nothing holds."""
         if self.array is None:
             raise InputError(
                 f"{named('load')} {self}: the name of forces in a file. Give their array, in python."
@@ -243,20 +288,20 @@ class Forces:
 
 
 READERS = {
-    "wave": Wave.read,
+    "wave": Waves.read,
     "point": PointForces.read,
     "points": PointForces.read_sample,
     "forces": Forces.read,
 }
 
 
-def read_probe(text: str) -> Wave | PointForces | Forces | None:
+def read_probe(text: str) -> Waves | PointForces | Forces | None:
     """The probe of a text in the grammar above; None where it does not begin as one. Raises InputError."""
-    kind, colon, words = text.partition(":")
+    kind, colon, _ = text.partition(":")
     if not colon or kind not in READERS:
         return None
     try:
-        return READERS[kind](words.split(":"))
+        return READERS[kind](text)
     except InputError:
         raise
     except ValueError:

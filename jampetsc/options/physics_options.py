@@ -232,8 +232,8 @@ LOAD_HELP = (
     "second derivatives of the energy per volume along F = 1 + εE"
 )
 FORCES_HELP = (
-    "; or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors), point:7 (particles), points:100 or "
-    "points:100:5 (a sample, its seed)"
+    "; or forces: wave:1,0:transverse or longitudinal (numbers of cell vectors; several with + between them), point:7 "
+    "(particles), points:100 or points:100:5 (a sample, its seed)"
 )
 
 

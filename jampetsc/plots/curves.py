@@ -144,6 +144,10 @@ def curve_of(result) -> Curve:
     """
     if isinstance(result, Curve):
         return result
+    if result.G.ndim > 1:
+        raise InputError(
+            f"{result.path}: {named('load')} {result.load}, several waves. Give files of one wave each."
+        )
     bounds = [result[name] if name in result else result.error_bound for name in _BOUNDS]
     return _curve(result, result.omega * units_of(result).tau1, result.G, bounds)
 
@@ -170,10 +174,14 @@ def curves_of(result, along="omega") -> list[Curve]:
     """The curve of a sweep, [`curve_of`]; of oscillations G* over the frequency for each amplitude, or the other way
     round along="amplitude". What failed altogether is left out. Raises InputError as `curve_of`.
     """
-    if isinstance(result, Curve) or result.format != OSCILLATION:
+    if isinstance(result, Curve) or (result.format != OSCILLATION and result.G.ndim == 1):
         return [curve_of(result)]
-    G, error, fixed = result["G"], result["error"], result.attributes["control"]
     units = units_of(result)
+    if result.format != OSCILLATION:  # several waves of forces
+        x, columns = result.omega * units.tau1, [result[name].T for name in ("G", *_BOUNDS)]
+        waves = zip(str(result.load).split("+"), *columns, strict=True)
+        return [_curve(result, x, G, bounds, load=load) for load, G, *bounds in waves]
+    G, error, fixed = result["G"], result["error"], result.attributes["control"]
     omega, amplitude = (
         result["omega"] * units.tau1,
         result["amplitude"] / (units.k if fixed == "stress" else 1.0),

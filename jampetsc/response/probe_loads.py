@@ -46,7 +46,7 @@ def probe_loads(probe, source, network: DistributedNetwork) -> ProbeLoads:
         if left > MIN_FORCE_RATIO**2 * size:
             loads.append(force_load(str(probe), forces, sizes))
             kept.append(number)
-    if not loads:
+    if not weights[:, kept].any(axis=1).all():
         raise InputError(
             f"{named('load')} {probe}: acts on all particles alike, so that nothing moves against the rest. Give "
             "another one."

@@ -89,13 +89,13 @@ def _scalars(attributes):
 def _sweep(result):
     """G₀, η₀ and ω* of a sweep, and the slopes of its critical branch, as far as its frequencies reach them.
 
-    Of forces the mean susceptibility at the lowest frequency, of waves moduli as well.
+    Of forces the mean susceptibility at the lowest frequency, of one wave moduli as well.
     """
     numbers = {}
     if "susceptibility" in result:
         lowest = result["susceptibility"][np.argmin(result.omega)]
         numbers |= {"susceptibility_mean": float(np.mean(lowest.real))}
-    if "G" not in result:
+    if "G" not in result or result.G.ndim > 1:
         return numbers
     try:
         limit = low_frequency_limit(result.omega, result.G)

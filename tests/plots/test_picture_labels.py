@@ -11,7 +11,7 @@ from test_floppy_plots import lowest_of, modes_of, quasistatic_of
 from test_flow_plots import facts, series
 from test_jam_plots import jam_of, shear_of
 from test_picture_limits import curve, run
-from test_probe_plots import slow
+from test_probe_plots import slow, sounding
 from test_spectrum import write_sweep
 
 from jampetsc.analysis.relaxation import RelaxationSpectrum
@@ -64,6 +64,8 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
      [("$p/k$", "median per unit strain", "ll")]),
     (probe_plots.plot_waves, lambda folder: [slow("wave:1,0:transverse", G0=1.0, wave_vector=[0.2, 0.0])],
      [("$kd$", "$G_0(k)/k$", "l-")]),
+    (probe_plots.plot_sound, lambda folder: [sounding()],
+     [("$kd$", r"$\omega(k)\,\tau_1$", "ll"), ("$kd$", r"$\Gamma/\omega(k)$", "ll")]),
     (probe_plots.plot_compliances, lambda folder: [slow("points:9", J=np.arange(1.0, 10.0))],
      [("$J_ik$", r"$P(\ln J_i)$", "ll")]),
     (mode_plots.plot_lowest, lambda folder: [lowest_of(p) for p in (1e-3, 1e-2)],

@@ -5,11 +5,12 @@ import pytest
 from picture_contents import figure_of
 from samples import stored
 
+from jampetsc.analysis.susceptibility import resonance
 from jampetsc.commands.sources import rows_named
 from jampetsc.errors import InputError
 from jampetsc.plots.draw import draw
 from jampetsc.plots.moduli_plots import plot_moduli
-from jampetsc.plots.probe_plots import plot_compliances, plot_waves
+from jampetsc.plots.probe_plots import plot_compliances, plot_sound, plot_waves
 
 K_UNIT, TAU = 2.0, 3.0  # units of the files
 
@@ -62,6 +63,97 @@ def test_moduli_of_waves_over_those_of_strains(dimension):
             line for label, line in drawn(figure_of(plot_waves, results[:2])).items() if "transverse" in label
         )
         assert y == pytest.approx([0.25])  # over k alone without a file of the tensor
+
+
+def test_several_waves_of_one_file():
+    """Each is a curve of its own under its load, and a point of G₀(k)."""
+    omega, chi = np.geomspace(1e-3, 1e3, 5), np.ones((5, 2), complex)
+    G = np.outer(1.0 + 1j * omega, [0.1, 0.2])
+    arrays = {
+        "G": G,
+        "error_bound": 0 * G.real,
+        "error_bound_storage": 0 * G.real,
+        "error_bound_loss": 0 * G.real,
+    }
+    loads = ["wave:1,0:transverse", "wave:2,0:transverse"]
+    result = swept("+".join(loads), susceptibility=chi, susceptibility_error_bound=0 * chi.real, **arrays)
+    figure = figure_of(plot_moduli, [result])
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels[:2] == [f"load {load}" for load in loads]
+    storage = [line.get_ydata() for line in figure.axes[0].get_lines() if "\u2032," in line.get_label()]
+    np.testing.assert_allclose(storage, G.real.T)
+    with pytest.raises(InputError, match=r"several waves\. Give files of one wave each\."):
+        draw([result], "exponents")
+    values = {
+        "susceptibility": np.ones(2),
+        "waves/vectors": np.diag([0.2, 0.4]),
+        "waves/G0": K_UNIT * np.array([0.3, 0.5]),
+    }
+    slow_waves = stored(
+        None, "quasistatic", values, law="contact", beta=1.0, k=K_UNIT, pressure=1e-2, load="+".join(loads),
+        prestress=True, particle_count=64,
+    )  # fmt: skip
+    ((x, y),) = drawn(figure_of(plot_waves, [slow_waves])).values()
+    assert x == pytest.approx([0.2, 0.4]) and y == pytest.approx([0.3, 0.5])
+
+
+def test_a_damped_oscillator_has_its_frequency_and_width():
+    omega = np.geomspace(1e-2, 1e2, 401)
+    for at, width in ((1.0, 0.3), (0.3, 0.05), (2.0, 5.0)):
+        chi = 3.0 / (at**2 - omega**2 + 1j * width * omega)
+        assert resonance(omega, chi) == pytest.approx((at, width), rel=5e-3)
+    for chi in (
+        1.0 / (1.0 + 1j * omega),
+        1.0 / (1.0 - omega**2 + 1e-4j * omega),
+        1.0 / (1e6 - omega**2 + 1j * omega),
+    ):
+        assert np.isnan(resonance(omega, chi)).all()  # overdamped, too narrow, out of range
+
+
+N_V, MASS, SOFT, WIDTH, WAVE_NUMBERS = 1.3, 4.0, 0.3, 0.02, np.array([0.2, 0.4])
+
+
+def sounding():
+    """A sweep of two waves that are oscillators, of stiffness G k² V/n and mass m."""
+    omega, k = np.geomspace(1e-3, 1e1, 201), WAVE_NUMBERS
+    stiffness, s = K_UNIT * SOFT * k**2 / N_V, 1j * omega[:, None]
+    chi = 1.0 / (stiffness + MASS * s * (s + WIDTH))
+    arrays = {
+        "omega": omega, "susceptibility": chi, "G": N_V / (k**2 * chi), "waves/vectors": np.diag(k),
+        **{name: np.zeros(chi.shape) for name in ("error_bound", "susceptibility_error_bound")},
+    }  # fmt: skip
+    how = {
+        "law": "contact",
+        "beta": 1.0,
+        "k": K_UNIT,
+        "tau1": TAU,
+        "pressure": K_UNIT * 1e-2,
+        "mass_by": "number",
+    }
+    return stored(None, "sweep", arrays, load="wave:1,0:transverse+wave:2,0:transverse", mass=MASS, **how)
+
+
+def test_sound_in_units_of_the_damping_time():
+    """ω, Γ and the speed of the slow modulus."""
+    result = sounding()
+    frequency, attenuation = (
+        [
+            line
+            for line in ax.get_lines()
+            if "transverse" in line.get_label() and "elastic" not in line.get_label()
+        ]
+        for ax in figure_of(plot_sound, result).axes
+    )
+    expected = WAVE_NUMBERS * np.sqrt(K_UNIT * SOFT / (N_V * MASS))
+    np.testing.assert_allclose(frequency[0].get_xdata(), WAVE_NUMBERS)
+    np.testing.assert_allclose(frequency[0].get_ydata(), expected * TAU, rtol=5e-3)
+    np.testing.assert_allclose(attenuation[0].get_ydata(), WIDTH / expected, rtol=0.02)
+    (elastic,) = (
+        line for line in figure_of(plot_sound, result).axes[0].get_lines() if "elastic" in line.get_label()
+    )
+    np.testing.assert_allclose(elastic.get_ydata(), expected * TAU, rtol=1e-3)
+    with pytest.raises(InputError, match=r"no sound\. Give sweeps with mass of load wave:…"):
+        draw([swept("wave:1,0:transverse", G=np.ones(5), error_bound=np.zeros(5))], "sound")
 
 
 def test_compliances_of_particles():

@@ -12,7 +12,7 @@ from jampetsc.analysis.susceptibility import modulus_of_wave
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.laws.damping import Law, Physics
 from jampetsc.laws.loads import LoadChoice
-from jampetsc.laws.probes import Forces, PointForces, Wave
+from jampetsc.laws.probes import Forces, PointForces, Wave, Waves
 from jampetsc.packing.lattices import build_lattice
 from jampetsc.packing.packing import Packing
 from jampetsc.packing.potentials import Potential
@@ -27,7 +27,10 @@ SEVERAL = (str(physics()),)  # laws on several ranks
 
 def waves(dimension):
     """A transverse and a longitudinal wave, across the axes."""
-    return Wave((1, 0, 0)[:dimension], "transverse"), Wave((1, -2, 1)[:dimension], "longitudinal")
+    return (
+        Waves((Wave((1, 0, 0)[:dimension], "transverse"),)),
+        Waves((Wave((1, -2, 1)[:dimension], "longitudinal"),)),
+    )
 
 
 def solved(disks, law, probe, comm, sweep=sweep_rationally, accuracy=1e-6, omega=OMEGA):
@@ -58,10 +61,10 @@ def expected(disks, law, probe, omega=OMEGA, reference=Reference):
     """χ (M, P) of the dense reference."""
     whole = reference(disks, law)
     D = whole.dimension
-    if isinstance(probe, Wave):
+    if isinstance(probe, Waves):
         place = (disks.base, disks.offset) if hasattr(disks, "base") else (disks.positions,)
         cell = (disks.cell_base, disks.cell_offset) if hasattr(disks, "base") else (disks.cell,)
-        forces = wave_forces(probe, total(*place)[whole.disks], total(*cell))
+        forces = wave_forces(probe.waves[0], total(*place)[whole.disks], total(*cell))
         polarisations = len(forces) // 2
         return np.array(
             [[sum(whole.susceptibility(w, f) for f in forces) / (whole.n * polarisations)] for w in omega]
@@ -146,7 +149,7 @@ def test_a_network_that_pulls(session):
     network = build_lattice("triangular", (4, 4)).diluted(0.9, 3)
     network = network.replace(tension=0.3 * network.stiffness * network.linear_bonds.distance)
     law = Physics(Law("drag and bonds", normal=1.0, transverse=0.1, drag=0.2, tau1=0.3))
-    for wave in (Wave((1, 0), "transverse"), Wave((0, 1), "longitudinal")):
+    for wave in (Waves((Wave((1, 0), "transverse"),)), Waves((Wave((0, 1), "longitudinal"),))):
         exact = expected(network, law, wave, reference=NetworkReference)
         judge(solved(network, law, wave, session.comm), exact)
 
@@ -171,7 +174,7 @@ def test_long_waves_have_the_moduli_of_strains(session, law):
     for number, polarisation in enumerate(("longitudinal", "transverse")):
         differences = []
         for times in (8, 16):
-            wave, supercell = Wave((1, 0), polarisation), repeated(disks, times)
+            wave, supercell = Waves((Wave((1, 0), polarisation),)), repeated(disks, times)
             network = build(supercell, law, session.comm)
             particles = probe_loads(wave, supercell, network).particles
             chi, _ = solved(supercell, law, wave, session.comm, sweep_directly, 1e-9, omega)
@@ -179,7 +182,7 @@ def test_long_waves_have_the_moduli_of_strains(session, law):
             drag = law.law.drag * disks.potential.k * law.law.tau1 * network.n / (supercell.volume * k**2)
             A = C + 1j * omega[:, None, None] * drag * np.eye(2)
             limit = 1.0 / np.linalg.inv(A)[:, number, number]
-            G = wave.modulus_factor(particles) / chi[:, 0]
+            G = wave.modulus_factors(particles)[0] / chi[:, 0]
             differences.append(np.abs(G - limit) / np.abs(C[:, number, number]))
         assert np.all(differences[0] < 0.1)
         ratio = differences[0] / differences[1]
@@ -250,6 +253,25 @@ def test_slow_forces(session, name):
     assert sample.attributes["susceptibility_mean"] == sample["susceptibility"].mean()
 
 
+@pytest.mark.scalar("real")
+@pytest.mark.most_ranks(1)
+def test_several_waves_share_factors(session):
+    """Columns of one file are the files of single waves, in sweep and quasistatic."""
+    disks, loads, omega = published(), ["wave:1,0:transverse", "wave:1,2:longitudinal"], [1e-3, 1.0]
+    several, *single = (jp.sweep(disks, load=load, omega=omega) for load in ("+".join(loads), *loads))
+    for name in ("susceptibility", "G"):
+        np.testing.assert_allclose(several[name].T, [result[name] for result in single], rtol=1e-6)
+    assert several["error_bound_loss"].shape == several.G.shape == (2, 2)
+    assert several.attributes["factorisations"] <= max(one.attributes["factorisations"] for one in single)
+    np.testing.assert_array_equal(several["waves/vectors"], [one.attributes["wave_vector"] for one in single])
+    assert several.modulus(1.0).shape == (2,) and "worst bound, χ'" in jp.info(several)
+    slow, *alone = (jp.quasistatic(disks, load=load) for load in ("+".join(loads), *loads))
+    for name in ("G0", "eta0", "omega_star", "G0_error_bound"):
+        for prefix, number in (("", ""), ("no_prestress/", "no_prestress_")):
+            found = slow[f"{prefix}waves/{name}"]
+            np.testing.assert_allclose(found, [one.attributes[f"{number}{name}"] for one in alone], rtol=1e-9)
+
+
 def test_the_bounds_of_a_quotient():
     """G(k) of every χ within the bounds of χ is within those of G(k)."""
     rng = np.random.default_rng(1)
@@ -287,6 +309,9 @@ def test_probes_are_read_as_they_are_written():
         "wave:1:transverse": "1 numbers of cell vectors",
         "wave:1,0": "not a probe",
         "wave:1,0:sideways": "not a probe",
+        "wave:1,0:transverse+point:3": "not a probe",
+        "wave:1,0:transverse+wave:1,0:transverse": "a wave twice",
+        "wave:1,0:transverse+wave:1,0,0:transverse": "waves of two and of three numbers",
         "wave:1,100000:transverse": "nor exceed",
         "point:3,3": "a particle twice",
         "point:-1": "at least 0",

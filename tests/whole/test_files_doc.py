@@ -48,6 +48,7 @@ sweep p.h5 --out alpha.h5 --alpha 0.5 --stress 1e-6 --omega 1e-3,1
 sweep p.h5 --out spins.h5 --law custom --sliding 1 --spin-drag 1 --tangential-stiffness 1 --omega 1
 sweep p.h5 --out stokes.h5 --law stokes --method direct --omega 1e-3
 sweep p.h5 --out wave.h5 --load wave:1,0:transverse --omega 1
+sweep p.h5 --out inertia.h5 --mass 1 --omega 1e-2,1
 sweep p.h5 --out points.h5 --load points:2 --omega 1
 quasistatic p.h5 --out slow.h5 --betas 1,2
 modes p.h5 --out modes.h5 --count 3
@@ -57,6 +58,8 @@ sweep p.h5 --omega 1e-2,1 --load tensor --out constants.h5
 quasistatic p.h5 --load tensor --out slow-constants.h5
 quasistatic p.h5 --load wave:1,0:transverse --out slow-wave.h5
 quasistatic p.h5 --load points:2 --out slow-points.h5
+quasistatic p.h5 --load wave:1,0:transverse+wave:0,1:transverse --out slow-waves.h5
+sweep p.h5 --load wave:1,0:transverse+wave:0,1:transverse --omega 1 --out waves.h5
 modes p.h5 --count 10 --load tensor --out shares.h5
 correlate sweep.h5 --out correlation.h5
 oscillate p.h5 --out oscillate.h5 --omega 1e-3 --stress 1e-9 --steps 16
