@@ -91,7 +91,7 @@ def draw(found, path):
 
 def main():
     args = folder_and_picture(
-        __doc__, "draw σ and clusters against Q", n=256, points=9, rate=1e-5, strain=3.0, longer=10.0
+        __doc__, "draw σ and clusters against Q", n=256, points=9, rate=1e-5, strain=3.0, longer=40.0
     )
     compute(args.folder, args.n, args.points, args.rate, args.strain, args.longer)
     found = scans(load(args.folder))
