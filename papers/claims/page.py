@@ -83,6 +83,8 @@ PAGE = {
     "Steady flow": {
         "order": "disks of one size order, of two sizes stay disordered: |⟨ψ₆⟩| over strain 50 to 100 (V Figs. "
         "4.6, 4.7)",
+        "fitting": "disks of one size crystallise more easily where L fits the lattice: mean |⟨ψ₆⟩|, fitting less "
+        "halfway (V 4.3.1)",
         "g_y": "g_y: RD0 has a minimum, which moves out as γ̇ falls (at φ_J without end), CD0 none (V Fig. "
         "4.8, 4.5.3)",
         "walls": "walls: a shear band at the start that is gone in the steady state: shear rates (V 4.2.2)",
@@ -108,6 +110,8 @@ PAGE = {
         "fit-znu": "collapse of p, RD0: zν (V Fig. 5.1)",
         "beta": "φ < φ_J: p/γ̇ ~ (φ_J − φ)^(−β), γ̇ → 0: β (V 5.4)",
         "above": "φ > φ_J: p ~ (φ − φ_J)^y, γ̇ → 0: y, QS (V 5.5)",
+        "cells": "finite size separates z from zν: ν = zν/z less 0.71, z of RD0 at φ_J by p N^(y/2ν) against "
+        "γ̇ N^(z/2) (V 5.3)",
         "at-phi_J": "RD0 at φ_J: p ~ γ̇^x (V 5.3)",
         "corrections": "corrections to scaling are larger for σ than for p: distances of their exponents at φ_J from "
         "y/zν (V 5.4)",

@@ -2,8 +2,8 @@
 
     .venv/bin/python -m papers.tables.crystals figures/crystals-quick --seeds 4 --picture x.png
 
-Flows of RD0. A square cell fits where it has r rows of m disks, N = mr and r/m near 2/√3. Spheres of one size and of two
-follow, whose order is Q₆. What is there already (table.csv) is read, not computed.
+Flows of RD0. A square cell fits where it has r rows of m disks, N = mr and r/m near 2/√3. Spheres of one and of two
+sizes follow, whose order is Q₆. What is there already (table.csv) is read, not computed.
 """
 
 import math
