@@ -156,6 +156,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "finite-size-flow": {
         "CELLS": "16:0.2:3e-4,2e-4,1e-4 20:0.2:3e-4,2e-4,1e-4 24:0.2:3e-4,2e-4,1e-4",
         "OTHERS": "16:0.1:3e-4",
+        "SLOW": "24:0.2:5e-5",
     },
     "lees-edwards": sizes("RATE=0.1"),
     "overdamped-limit": sizes("RATE=0.1 DRAG_STRAIN,CONTACT_STRAIN,PARTIAL_STRAIN=0.6")
