@@ -92,7 +92,7 @@ PAGE = {
         "overdamped-newtonian": "RD0 and CD0 below φ_J: Newtonian, σ ~ γ̇^x at the lowest γ̇ (V 3.2)",
         "newtonian": "CD and CDt below φ_J, light disks: Newtonian, σ ~ γ̇^x at the lowest γ̇ (V 6.4)",
         "bagnoldian": "CDn below φ_J: Bagnoldian, σ ~ γ̇^x at the lowest γ̇ (V 3.2, 6.4)",
-        "sharp": "some transitions between the two are sharp: ratio of σ at neighbouring Q (V 6.4; 2 in neither "
+        "sharp": "some transitions between the two are sharp: ratio of σ at Q two apart (V 6.4; 2 in neither "
         "work)",
         "clusters": "Newtonian flow has large clusters, in Bagnoldian flow particles part after contact (V 6.4)",
         "overdamped": "which models have an overdamped limit: RD and CD, not CDn: σ as Q → 0 (V 6.4)",
