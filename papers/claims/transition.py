@@ -1,8 +1,8 @@
 """V 6.4: some transitions between Newtonian and Bagnoldian flow are sharp.
 
-Primary estimator. The largest ratio of σ at Q two apart, of CD at φ = .74, γ̇ = 1e-5, in scans up and down, where a power
-of Q as in either state changes σ by less than SMOOTH: between them the flow changes from one state to the other and back.
-Whether the scans differ bears on hysteresis.
+Primary estimator. The largest ratio of σ at Q two apart, of CD at φ = .74, γ̇ = 1e-5, in scans up and down, where a
+power of Q as in either state changes σ by less than SMOOTH: at Q between them the flow goes from one state to the other
+and back. Whether the scans differ bears on hysteresis.
 """
 
 import numpy as np
