@@ -19,6 +19,7 @@ def fitting_cells(table):
     size = f"N = {', '.join(map(str, sorted((*FITTING, *BETWEEN))))}, {seeds} seeds each, strain {strain:g}"
     fits, halfway = (Estimate(*mean_with_error(disks.where(n=list(n))["order"])) for n in (FITTING, BETWEEN))
     told = ", ".join(f"{Estimate(value, error)} at N = {n}" for n, _, value, error in means(table, 2))
+    told += "; the latter hold rows that slide, farther apart than in the lattice: m (m + 1) less one disk"
     what = "RD0, φ = 0.80, one size: mean |⟨ψ₆⟩| in cells that fit less that in cells halfway between"
     yield Row(what, "more easily: > 0", difference(fits, halfway), between(low=0.0), told, size)
     for column, words in (("start", "at the start"), ("late", "in the second half of the strain")):
