@@ -83,6 +83,8 @@ PAGE = {
     "Steady flow": {
         "order": "disks of one size order, of two sizes stay disordered: |⟨ψ₆⟩| over strain 50 to 100 (V Figs. "
         "4.6, 4.7)",
+        "fitting": "disks of one size crystallise more easily where L fits the lattice: mean |⟨ψ₆⟩|, fitting less "
+        "halfway (V 4.3.1)",
         "g_y": "g_y: RD0 has a minimum, which moves out as γ̇ falls (at φ_J without end), CD0 none (V Fig. "
         "4.8, 4.5.3)",
         "walls": "walls: a shear band at the start that is gone in the steady state: shear rates (V 4.2.2)",
@@ -90,16 +92,18 @@ PAGE = {
         "overdamped-newtonian": "RD0 and CD0 below φ_J: Newtonian, σ ~ γ̇^x at the lowest γ̇ (V 3.2)",
         "newtonian": "CD and CDt below φ_J, light disks: Newtonian, σ ~ γ̇^x at the lowest γ̇ (V 6.4)",
         "bagnoldian": "CDn below φ_J: Bagnoldian, σ ~ γ̇^x at the lowest γ̇ (V 3.2, 6.4)",
-        "sharp": "some transitions between the two are sharp: ratio of σ at neighbouring Q (V 6.4)",
+        "sharp": "some transitions between the two are sharp: ratio of σ at Q two apart (V 6.4; 2 in neither "
+        "work)",
         "clusters": "Newtonian flow has large clusters, in Bagnoldian flow particles part after contact (V 6.4)",
         "overdamped": "which models have an overdamped limit: RD and CD, not CDn: σ as Q → 0 (V 6.4)",
         "stand-in": "CD of small mass stands in for CD0: ratio of σ (V 4.5.1, 6.5)",
     },
     "Criticality": {
-        "nu": "ν is well above the earlier 0.71(8): ν less 0.71, RAND and QS (V 6.2)",
+        "nu": "ν is well above the earlier 0.71(8): ν less 0.71, RAND and QS (V 6.2; 0.71 in neither work)",
         "y": "y > 1 under shear, by P(p → 0): y of QS less y of RAND (V 6.3)",
         "ensembles": "exponents of sheared and of compressed states differ: y of QS less y of RAND (V 2.4)",
-        "potential": "exponents depend on the potential: y of Hertzian less that of harmonic disks, RAND (V 4.3.2)",
+        "potential": "exponents depend on the potential: y of Hertzian less that of harmonic disks, RAND (V 4.3.2; "
+        "½ in neither work)",
         "phi_J": "φ_J of sheared states is one number: QS less RD0, CD0 less RD0 (V 6.1)",
         "universality": "RD0 and CD0 have the same exponents: differences of y and zν, exponent of the ratio of p at "
         "φ_J (V 6.5)",
@@ -108,6 +112,8 @@ PAGE = {
         "fit-znu": "collapse of p, RD0: zν (V Fig. 5.1)",
         "beta": "φ < φ_J: p/γ̇ ~ (φ_J − φ)^(−β), γ̇ → 0: β (V 5.4)",
         "above": "φ > φ_J: p ~ (φ − φ_J)^y, γ̇ → 0: y, QS (V 5.5)",
+        "cells": "finite size separates z from zν: ν = zν/z less 0.71, z of RD0 at φ_J by p N^(y/2ν) against "
+        "γ̇ N^(z/2) (V 5.3; 0.71 in neither work)",
         "at-phi_J": "RD0 at φ_J: p ~ γ̇^x (V 5.3)",
         "corrections": "corrections to scaling are larger for σ than for p: distances of their exponents at φ_J from "
         "y/zν (V 5.4)",
@@ -122,9 +128,9 @@ PAGE = {
         "3D-phi_c": "φ_c of random starts in 3D, equal spheres: φ(p) extrapolated to p = 0 (BT 2, V 2.3)",
         "3D-phi_J": "φ_J of random starts in 3D, two sizes: f(φ, N) of O'Hern et al. (2003) (in neither work)",
         "3D-one-phi_J": "random starts in 3D, quenched at fixed φ and at p → 0: one φ_J (in neither work)",
-        "3D-nu": "ν of random starts in 3D: f(φ, N) is one function of (φ − φ_J) L^(1/ν) (V 5.6)",
-        "3D-flow": "y/zν of disks in 3D: p ~ γ̇^(y/zν) of RD0 at φ_c of random starts (BT 2, V Fig. 5.1)",
-        "3D-fit": "y and zν of disks in 3D: collapse of p, RD0 (BT 2, V Fig. 5.1)",
+        "3D-nu": "ν of random starts in 3D: f(φ, N) is one function of (φ − φ_J) L^(1/ν) (in neither work)",
+        "3D-flow": "y/zν of disks in 3D: p ~ γ̇^(y/zν) of RD0 at φ_c of random starts (in neither work)",
+        "3D-fit": "y and zν of disks in 3D: collapse of p, RD0 (in neither work)",
     },
 }
 MEANS = {"potential", "y"}  # keys of claims whose numbers all estimate one number

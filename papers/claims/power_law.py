@@ -104,7 +104,7 @@ def quasistatic(alpha, of_pressures, size):
 
 
 def at_large(folder):
-    """Ω ~ X^x of packings with pN² ≥ 100, a few points of the critical regime: of G′ and G″, functions of Ω alone."""
+    """Ω ~ X^x of packings with pN² ≥ 1000, a few points of the critical regime: of G′ and G″, functions of Ω alone."""
     for alpha, of_pressures in sorted(read(folder, folder).items()):
         for p, packings in of_pressures.items():
             found = exponent_in(x_of, packings, effective, "critical")

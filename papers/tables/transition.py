@@ -3,7 +3,8 @@
     .venv/bin/python -m papers.tables.transition figures/sharp-transition-quick --n 256 --picture x.png
 
 Flows of CD at one φ and one γ̇. Each begins where the one before has ended, so that a state that lasts on both sides of
-the transition would show as two branches. What is there already (table.csv) is read, not computed.
+the transition would show as two branches. Near the transition flows are longer, as states change slowly there. What is
+there already (table.csv) is read, not computed.
 """
 
 from pathlib import Path
@@ -18,27 +19,33 @@ from papers.programs import folder_and_picture, read_rows, write_rows
 
 PHI = 0.74
 QUALITIES = 13, 21  # ends of the scan
+TRANSITION = 17, 19  # ends of the range of longer flows
 NAMES = ("stress", "stress_error", "largest_cluster")
 COLUMNS = ("command", "file", "state", "direction", "n", "phi", "rate", "quality", *NAMES)
 
 
-def compute(folder: Path, n, points, rate, strain):
-    """Write the table of both scans, row by row; a scan that was interrupted is made again from its begin."""
+def compute(folder: Path, n, points, rate, strain, longer, seed):
+    """Write the table of both scans, row by row; a scan that was interrupted is made again from its begin.
+
+    longer      strain of flows in the range TRANSITION; `strain` is that of the others
+    """
     import jampetsc
 
     path = folder / "table.csv"
     rows = read_rows(path)
-    steps, discard = np.linspace(*QUALITIES, points), strain / 3
+    steps = np.linspace(*QUALITIES, points)
     for direction, qualities in (("up", steps), ("down", steps[::-1])):
         if sum(row["direction"] == direction for row in rows) == len(qualities):
             continue
         rows = [row for row in rows if row["direction"] != direction]
-        last, start = (), {"n": n, "phi": PHI, "seed": 1}
+        last, start = (), {"n": n, "phi": PHI, "seed": seed}
         for quality in qualities:
+            distance = longer if TRANSITION[0] <= quality <= TRANSITION[1] else strain
+            discard = distance / 3
             how = {
                 "model": jampetsc.models.CD(quality=quality),
                 "rate": rate,
-                "strain": strain,
+                "strain": distance,
                 "discard": discard,
             }
             flow = jampetsc.flow(*last, **start, **how)
@@ -61,11 +68,15 @@ def scans(table):
     return found
 
 
-def falls(quality, stress, error):
-    """(Q between which σ falls most, ln of the ratio, its error) of a scan with increasing Q."""
-    change, own = -np.diff(np.log(stress)), np.hypot((error / stress)[1:], (error / stress)[:-1])
+def falls(quality, stress, error, apart=1):
+    """(Q between which σ falls most, ln of the ratio, its error) of a scan with increasing Q.
+
+    apart       steps of the scan from one Q to the other
+    """
+    logs, relative = np.log(stress), error / stress
+    change, own = logs[:-apart] - logs[apart:], np.hypot(relative[:-apart], relative[apart:])
     place = int(np.argmax(change))
-    return np.sqrt(quality[place] * quality[place + 1]), change[place], own[place]
+    return np.sqrt(quality[place] * quality[place + apart]), change[place], own[place]
 
 
 def draw(found, path):
@@ -84,9 +95,9 @@ def draw(found, path):
 
 def main():
     args = folder_and_picture(
-        __doc__, "draw σ and clusters against Q", n=256, points=9, rate=1e-5, strain=3.0
+        __doc__, "draw σ and clusters against Q", n=256, points=9, rate=1e-5, strain=3.0, longer=20.0, seed=1
     )
-    compute(args.folder, args.n, args.points, args.rate, args.strain)
+    compute(args.folder, args.n, args.points, args.rate, args.strain, args.longer, args.seed)
     found = scans(load(args.folder))
     print("| scan | N | Q | σ | largest cluster |\n|---|---|---|---|---|")
     for direction, numbers in found.items():

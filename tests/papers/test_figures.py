@@ -152,6 +152,12 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     "contact-lifetimes": sizes(
         "RATE=0.05 SLOW=0.03 BOUND,SLOW_BOUND=0.4 EVERY,COLLISION,SLOW_COLLISION=0.02"
     ),
+    "crystals": sizes("SEEDS=2 STRAIN=0.1 SPHERES=16 SPHERE_SEEDS=2 SPHERE_STRAIN=0.1"),
+    "finite-size-flow": {
+        "CELLS": "16:0.2:3e-4,2e-4,1e-4 20:0.2:3e-4,2e-4,1e-4 24:0.2:3e-4,2e-4,1e-4",
+        "OTHERS": "16:0.1:3e-4",
+        "SLOW": "24:0.2:5e-5",
+    },
     "lees-edwards": sizes("RATE=0.1"),
     "overdamped-limit": sizes("RATE=0.1 DRAG_STRAIN,CONTACT_STRAIN,PARTIAL_STRAIN=0.6")
     | {"QUALITY": "1,0.3", "LIGHT": "1,0.8"},
@@ -163,6 +169,7 @@ LESS = {  # a figure of which something has to be smaller, or must not be
     | sizes("SLOW=20 STRAIN,LITTLE=0.1 DISCARD=0.04"),
     "paper3": sizes("STRAIN=0.1 DISCARD=0.04 RUNS=1:1"),
     "paper4": sizes("STRAIN=0.6 DISCARD=0.3 RATES=0.1,0.05 SLOW=0.03 PHI=0.78 HEAVY=1,10 HEAVIEST=10"),
+    "preparation": sizes("SEEDS=2"),
     "relaxation": sizes("N=24 STARTS=2"),
     "sharp-transition": sizes("RATE=0.05 POINTS=2"),
     "softening": sizes("PRESSURES=1e-2 STRAINS=0.01,1 STEPS=16 CYCLES=3"),
