@@ -6,18 +6,15 @@
 from jampetsc.errors import InputError
 from jampetsc.io.declaration import Format, contents
 from jampetsc.io.hdf5 import attributes, check_format
+from jampetsc.io.response_formats import MODES, QUASISTATIC, SPECTRUM, SWEEP
 from jampetsc.io.result_formats import (
     COLLAPSE,
     CORRELATION,
     FLOW,
     JAM,
-    MODES,
     OSCILLATE,
     POTENTIAL_ROWS,
-    QUASISTATIC,
     SHEAR,
-    SPECTRUM,
-    SWEEP,
     VELOCITY_CORRELATION,
 )
 from jampetsc.laws.loads import LoadChoice
