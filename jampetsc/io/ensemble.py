@@ -36,7 +36,7 @@ EXECUTION_SETTINGS = frozenset(
 MEASURED_COLUMNS = ("pressure", "phi")  # which hold what the packing has where the study did not set them
 RELATIVE_TOLERANCE = 1e-9  # numbers that differ by less, relatively, are the same
 DISTINGUISHING_COLUMNS = ("command", "law", *LAW_PARAMETERS)
-DISTINGUISHING_COLUMNS += ("model", "method", "phase", "omega", "rate", "mass", "strain", "accuracy")
+DISTINGUISHING_COLUMNS += ("model", "method", "phase", "omega", "rate", "strain", "accuracy")
 NOT_AVERAGED = ("seed", "seconds")
 # columns that are shares of samples: those with the error of a run and its effective number of samples; runs of jam are
 # independent samples, or as many as they are worth

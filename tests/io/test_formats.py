@@ -159,7 +159,7 @@ def test_what_is_claimed_is_not_read(tmp_path):
     with h5py.File(path, "r+") as h5:
         h5.create_dataset("omega", (10**9,), float, chunks=True)
     with pytest.raises(
-        InputError, match=r"s\.h5: dataset G: shape \(3,\), must be \(M,\) with M = 1000000000\."
+        InputError, match=r"s\.h5: dataset G: shape \(3,\), must be \(M,\) or \(M, P\) with M = 1000000000\."
     ):
         jampetsc.load(path)
 
