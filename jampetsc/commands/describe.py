@@ -242,7 +242,7 @@ def _susceptibilities(sweep):
 
 def _moduli(sweep):
     omega, G = sweep["omega"], sweep["G"]
-    if G.ndim > 1:
+    if "susceptibility" in sweep and G.ndim > 1:
         return _susceptibilities(sweep)
     rows = [("frequencies", f"{len(omega)}, from {omega.min():.4g} to {omega.max():.4g}")]
     stored = ("error_bound_storage", "error_bound_loss")
