@@ -10,7 +10,7 @@ from jampetsc.commands.probe_files import ProbeResponse
 from jampetsc.commands.sweep_files import minimum_notes, notes_of, summary_of, write_moduli
 from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines
-from jampetsc.laws.damping import MAX_OMEGA, MAX_WEIGHT, MIN_OMEGA
+from jampetsc.laws.damping import MAX_OMEGA, MIN_OMEGA
 from jampetsc.laws.equivalent_damping import STRESS_RATIOS, EquivalentDamping
 from jampetsc.laws.loads import DEFAULT, STRESS_MEASURE, TENSOR, LoadChoice
 from jampetsc.laws.masses import BY_NUMBER, BY_VOLUME, Masses
@@ -90,7 +90,7 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
     mass: float | None = optional_parameter(
         "mass of every particle, in the unit of k τ₁²; with it inertia adds −ω²M to K + iωB (default: none)",
         above=0.0,
-        high=MAX_WEIGHT,
+        high=POSITIVE[1],
         group=INERTIA,
         metavar="M",
     )
