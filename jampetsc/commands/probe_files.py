@@ -121,8 +121,8 @@ class SlowProbeResponse:
         """It in words."""
         count = len(self.static)
         if self.factors is None:
-            one = f"susceptibility {self.static[0]:.6g}, slope {self.slopes[0]:.6g}"
-            return _sample_text(self.static) if count > 1 else one
+            single = f"susceptibility {self.static[0]:.6g}, slope {self.slopes[0]:.6g}"
+            return _sample_text(self.static) if count > 1 else single
         G0, _, eta0, omega_star = self.moduli.values()
         if count > 1:
             return f"G0(k) of {count} waves {G0.min():.6g} to {G0.max():.6g}"

@@ -129,7 +129,7 @@ def test_sizes_far_apart(session):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("law", [physics(), physics("stokes")], ids=str)
 def test_bounds_hold_where_the_accuracy_is_low(session, law, monkeypatch):
     """Errors far above rounding, with few vectors at each shift."""
@@ -209,7 +209,7 @@ def test_an_array_of_forces_is_a_load(session):
 
 
 @pytest.mark.scalar("real")
-@pytest.mark.most_ranks(2)
+@pytest.mark.most_ranks(1)
 @pytest.mark.parametrize("sweep", [sweep_rationally, sweep_directly])
 def test_several_loads_continue_from_any_step(session, sweep):
     disks, law, omega, steps = published(), physics(), np.geomspace(1e-4, 1.0, 4), {}
