@@ -31,7 +31,7 @@ DIRECT = "direct"  # key of a step that is a frequency
 
 @dataclass
 class _Steps:
-    """Finished steps and what saves them. Each belongs to the space of `group`."""
+    """Finished steps and what saves them. Each has grown the space of its `group`."""
 
     done: dict
     save: object
@@ -90,7 +90,7 @@ def _grow(sweep, group, steps, progress):
 
 
 def _joined(results):
-    """One `ModulusSweep` of those of several forces, at the frequencies that all have."""
+    """One `ModulusSweep` of several ones of forces, at the frequencies that all have."""
     failures = {at: error for result in results for at, error in result.failures.items()}
     omega = [at for at in results[0].omega if at not in failures]
     rows = [np.isin(result.omega, omega) for result in results]
@@ -119,7 +119,7 @@ def _step(sweep, shift, before):
         "shift": shift,
         "chains": chains,
         "ratios": list(sweep.ratios),
-        "omega_c": sweep.known.omega_c if sweep.is_tested else None,
+        "omega_c": sweep.definiteness.omega_c if sweep.is_tested else None,
     }
     return record, {"vectors": sweep.basis.vectors[before:].copy()}
 

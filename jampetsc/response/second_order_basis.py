@@ -49,9 +49,9 @@ class Chain:
         previous = self.x[-1] if self.length else 0.0
         pair = np.concatenate((coefficients, coefficients + previous, [0.0 if self.length else 1.0]))
         size = np.linalg.norm(pair)
-        others = np.column_stack((self.x, self.v, self.constant))
+        pairs = np.column_stack((self.x, self.v, self.constant))
         for _ in range(2):
-            pair = pair - (others @ pair) @ others
+            pair = pair - (pairs @ pair) @ pairs
         left = np.linalg.norm(pair)
         if not left > INDEPENDENT * size:
             self.refused = MAX_REFUSED

@@ -23,7 +23,7 @@ MAX_CHAIN = 60
 MAX_VECTORS = 240  # for each load
 MAX_STALLED = 4  # steps that do not halve the worst ratio
 SPACED = 1  # frequencies of a decade that steer, about
-LOW_SHIFT = 1e-7  # first shift, relative to the scale of rates, where lower frequencies are asked for
+LOW_SHIFT = 1e-7  # first shift, relative to the scale of rates, if lower frequencies follow
 TRIAL_RATIOS = 0.4, 0.15, 0.05  # of the ω_c of the space, which are tested
 
 
@@ -34,7 +34,7 @@ class Solution:
     certificates: list  # a `Certified` for each load
     C: np.ndarray | None = None  # (L, L) of several loads
     C_bounds: np.ndarray | None = None  # (L, L, 3)
-    x: np.ndarray | None = None  # (n_local,) the field of a single load, where it is asked for
+    x: np.ndarray | None = None  # (n_local,) the field of a single load at a field frequency
     field_bound: float | None = None  # on its relative error in the energy norm
 
 
@@ -67,12 +67,12 @@ class SecondOrderSweep:
         self.ratios = []  # largest bound over what is allowed, before each step but the first ones
         if first is not None:
             self.factors, self.shifts, self.rate = first.factors, first.shifts, first.rate
-            self.known, self.is_tested = first.known, first.is_tested
+            self.definiteness, self.is_tested = first.definiteness, first.is_tested
             return
         self.factors = Factors(self.pencil, "matrix")
         self.shifts: dict[float, MassiveShift] = {}
         self.rate = max(of_K / of_B for of_K, of_B in self.pencil.largest_of_kinds if of_B)
-        self.known, self.is_tested = Definiteness(largest_rate(self.pencil)), False
+        self.definiteness, self.is_tested = Definiteness(largest_rate(self.pencil)), False
 
     @property
     def factorisations(self) -> int:
@@ -99,7 +99,7 @@ class SecondOrderSweep:
             yield step
 
     def _missing(self, omega):
-        """Those of some frequencies that are not certified yet."""
+        """The frequencies that are not certified yet."""
         return np.array([at for at in omega if float(at) not in self.solutions])
 
     def _steering(self):
@@ -117,13 +117,13 @@ class SecondOrderSweep:
         return float(np.clip(omega, SMALLEST_SHIFT * self.rate, LARGEST_SHIFT * self.rate))
 
     def extend(self, s: float, count: int) -> None:
-        """Factorise at shift s if there is no factor, and extend the chains of all loads by `count` vectors."""
+        """Factorise at shift s unless it is done, and extend the chains of all loads by `count` vectors."""
         self.add_shift(s)
         for load in range(len(self.pencils)):
             self.basis.extend(self.shifts[s].solve, load, s, count)
 
     def add_shift(self, s: float) -> None:
-        """Factorise at shift s if there is no factor."""
+        """Factorise at shift s unless it is done."""
         if s not in self.shifts:
             self.factors.factorise([s])
             self.shifts[s] = MassiveShift(self.pencil, self.factors, s)
@@ -132,7 +132,7 @@ class SecondOrderSweep:
         """Take the `ratios` of an earlier run, and its ω_c if it was looked for."""
         self.ratios = list(ratios)
         if omega_c is not None:
-            self.known, self.is_tested = replace(self.known, omega_c=omega_c), True
+            self.definiteness, self.is_tested = replace(self.definiteness, omega_c=omega_c), True
 
     @property
     def worst(self) -> float:
@@ -144,7 +144,7 @@ class SecondOrderSweep:
 
         None where all are below 1, or where nothing helps.
         """
-        reachable = np.any([self.known.transfer(omega, s) > 0.0 for s in self.shifts], axis=0)
+        reachable = np.any([self.definiteness.transfer(omega, s) > 0.0 for s in self.shifts], axis=0)
         ratio = np.where(reachable, ratio, 0.0)
         worst = float(ratio.max(initial=0.0))
         self.ratios.append(worst)
@@ -182,7 +182,7 @@ class SecondOrderSweep:
         test = DefinitenessTest(self.pencil)
         for ratio in TRIAL_RATIOS:
             if test.holds(float(ratio * omega[first - 1])):
-                self.known = replace(self.known, omega_c=float(ratio * omega[first - 1]))
+                self.definiteness = replace(self.definiteness, omega_c=float(ratio * omega[first - 1]))
                 return
 
     def evaluate(self, omega):
@@ -194,7 +194,7 @@ class SecondOrderSweep:
         with current().stage("projection"):
             for s in np.unique(serving):
                 own = np.flatnonzero(serving == s)
-                transfer = self.known.transfer(omega[own], s)
+                transfer = self.definiteness.transfer(omega[own], s)
                 results = self._evaluate_at(omega[own], self.shifts[s], transfer)
                 for index, certificates in zip(own, results, strict=True):
                     ratio[index] = max(map(self._ratio, certificates))
@@ -210,7 +210,7 @@ class SecondOrderSweep:
         if omega not in self.field_omega:
             return Solution(certificates)
         x = self.trials(omega)[0].x
-        ratio = self.known.energy_ratio(omega, self._serving(np.array([omega]))[0])
+        ratio = self.definiteness.energy_ratio(omega, self._serving(np.array([omega]))[0])
         energy = certificates[0].error * self.network.volume
         bound = field_bound(self.pencil, omega, x, energy / ratio if ratio else np.inf)
         return Solution(certificates, x=x, field_bound=bound)
@@ -219,7 +219,7 @@ class SecondOrderSweep:
         """Shifts (M,) whose factors bound the errors at ω (M,)."""
         shifts = np.array(sorted(self.shifts))
         # Z(s) far below Z(ω) has large energies
-        transfer = self.known.transfer(omega[:, None], shifts) * np.minimum(1.0, shifts / omega[:, None])
+        transfer = self.definiteness.transfer(omega[:, None], shifts) * np.minimum(1.0, shifts / omega[:, None])
         return shifts[np.argmax(transfer, axis=1)]
 
     def _ratio(self, result):
