@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import expm
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,3 +33,20 @@ class ReducedInertia:
             solved = np.linalg.solve(matrix * np.outer(scale, scale), (column * scale).T)
             values.append(self.k_gg + s * self.b_gg - (column * scale) @ solved)
         return np.array(values).reshape((*np.shape(omega), *self.k_gg.shape))
+
+    def stress_relaxation(self, time):
+        """G(t) after a step of each strain, (…, L, L), for times (…) > 0; without the Dirac part of `b_gg`.
+
+        The step moves the vectors by ÿ + Bẏ + Ω²y = −k − b δ(t), so that y = 0 and ẏ = −b right after it, and
+
+            G(t) = k_γγ + kᵀy(t) + bᵀẏ(t) .
+        """
+        m, loads = len(self.stiffness), len(self.k_gg)
+        generator = np.zeros((2 * m + loads,) * 2)  # of (y, ẏ, 1)
+        generator[:m, m : 2 * m] = np.eye(m)
+        generator[m : 2 * m, :m], generator[m : 2 * m, m : 2 * m] = -np.diag(self.stiffness), -self.damping
+        generator[m : 2 * m, 2 * m :] = -self.k.T
+        start = np.vstack((np.zeros((m, loads)), -self.b.T, np.eye(loads)))
+        output = np.hstack((self.k, self.b, self.k_gg))
+        values = [output @ (expm(generator * at) @ start) for at in np.ravel(np.asarray(time, float))]
+        return np.array(values).reshape((*np.shape(time), loads, loads))

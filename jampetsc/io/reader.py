@@ -124,6 +124,16 @@ class SweepResult(Result):
             values[elsewhere] = self._reduced_modulus(linear)
         return values.reshape((*np.shape(omega), *values.shape[frequencies.ndim :]))[()]
 
+    def stress_relaxation(self, time):
+        """G(t) in the shape of `time` > 0 after a step of the strain, of a tensor C(t), (…, L, L), of a rational sweep.
+
+        Without the Dirac part η_∞ δ(t). With masses it oscillates. Raises InputError as `spectrum`.
+        """
+        if "reduced_inertia/stiffness" in self:
+            values = self._reduced("reduced_inertia", ReducedInertia).stress_relaxation(time)
+            return values if "C" in self else values[..., 0, 0]
+        return self.spectrum.stress_relaxation(np.asarray(time, float))
+
     def _reduced_modulus(self, omega):
         """G*, or C* of a tensor, at frequencies of the linear law, by the reduced pencil that the file has."""
         if "reduced_inertia/stiffness" in self:
@@ -162,7 +172,7 @@ class SweepResult(Result):
         if "mass" in self.attributes:
             raise InputError(
                 f"{self.path}: a sweep with mass, whose response oscillates and has no relaxation spectrum. Give a "
-                f"sweep without {named('mass')}."
+                f"sweep without {named('mass')}, or call its `stress_relaxation` in python."
             )
         if self.load.probe:
             raise InputError(

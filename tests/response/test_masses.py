@@ -230,3 +230,30 @@ def test_waves_and_points_with_masses(session, sample, law):
         for column in range(len(particles)):
             exact_chi = np.array(chi)[:, column]
             judge(found[:, column], bounds[:, column] + 1e-16, exact_chi, 1e-6, solve.__name__)
+
+
+@REAL
+@pytest.mark.most_ranks(1)
+def test_relaxation_in_time(session, jammed):
+    """Exact for B = τK: each mode is a damped oscillator. For small masses as the relaxation spectrum has it."""
+    tau, mass, time = 0.7, 5.0, np.geomspace(1e-2, 1e3, 12)
+    model = physics(beta=0.0, tau1=tau, prestress=False)
+    values, forces, affine = modes_of(pencil_of(jammed, model, None, session.comm))
+    settings = {"law": model.law, "prestress": False, "accuracy": 1e-9, "omega": np.geomspace(1e-4, 1e3, 60)}
+    sweep = jampetsc.sweep(jammed, mass=mass, **settings)
+    with np.errstate(over="ignore"):
+        lam, b = values.astype(complex) / mass, tau * values / mass
+        root = np.sqrt((b / 2) ** 2 - lam)
+        poles = -b / 2 + root, -b / 2 - root
+    # residues of −(1 + τs)² f²/(m (s − p)(s − q)) / s at its poles 0, p, q, without the Dirac part
+    parts = [
+        (1 + tau * p) ** 2 * forces**2 / (mass * (p - q) * p) * np.exp(p * time[:, None])
+        for p, q in (poles, poles[::-1])
+    ]
+    exact_G = affine - np.sum(forces**2 / values) - np.sum(sum(parts), axis=1).real
+    found = sweep.stress_relaxation(time)
+    volume = pencil_of(jammed, model, None, session.comm).network.volume
+    np.testing.assert_allclose(found, exact_G / volume, atol=1e-7 * affine / volume)
+    light, without = jampetsc.sweep(jammed, mass=1e-9, **settings), jampetsc.sweep(jammed, **settings)
+    slow = time[time > 1.0]
+    np.testing.assert_allclose(light.stress_relaxation(slow), without.stress_relaxation(slow), rtol=1e-6)
