@@ -24,6 +24,7 @@ SHOWN = {  # figure -> {picture in its folder: name in the gallery}
     "contact-lifetimes": {"lifetimes": "contact-lifetimes"},
     "crystals": {"crystals": "crystals"},
     "finite-size-flow": {"finite-size-flow": "finite-size-flow"},
+    "inertia": {"soft": "inertia"},
     "overdamped-limit": {"overdamped": "overdamped-limit"},
     "paper1": {"densities": "paper1"},
     "paper2": {"paper2": "paper2"},
