@@ -130,6 +130,7 @@ class SecondOrderBasis:
             length = products[-1] if length is None else length
             coefficients += products[:-1]
             w = w - products[:-1] @ self.vectors
+            self.pencil.project(w)  # moves that the fluid holds and no load drives grow from rounding
         norm2 = network.sum(float(w @ self.mass.apply(w)))
         if not np.isfinite(norm2):
             raise ConvergenceError(f"solve at {where}: NaN or Inf. Give another options file.")
@@ -166,8 +167,11 @@ class SecondOrderBasis:
         return (scale[:, None] * y).T
 
     def fields(self, coefficients):
-        """x (…, n_local) complex of coefficients (…, m)."""
-        return coefficients.real @ self.vectors + 1j * (coefficients.imag @ self.vectors)
+        """x (…, n_local) complex of coefficients (…, m), as projected as residuals are."""
+        fields = coefficients.real @ self.vectors + 1j * (coefficients.imag @ self.vectors)
+        for x in fields.reshape(-1, fields.shape[-1]) if self.pencil.projects else ():
+            self.pencil.project(x)
+        return fields
 
 
 def _bordered(matrix, row):
