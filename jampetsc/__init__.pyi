@@ -899,6 +899,8 @@ def shear(
     threads: int | None = None,
     step: float,
     strain: float,
+    events: bool = False,
+    descent: Literal["steepest", "lbfgs"] | None = None,
     tolerance: float = 1e-06,
     out: _Path | None = None,
     checkpoint: _Path | None = None,
@@ -941,7 +943,11 @@ def shear(
     step : number
         strain of one step
     strain : number
-        how far to shear
+        how far to shear; negative, the other way, with --events
+    events : bool, default False
+        follow each minimum exactly from event to event: contacts that open or close, instabilities
+    descent : "steepest" or "lbfgs", default None
+        with --events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS (default steepest)
     tolerance : number, default 1e-06
         largest max|F|/(p d), in three dimensions max|F|/(p d²), of a minimum
     out : name of a file, default None

@@ -1,0 +1,385 @@
+"""Quasistatic shear from event to event: every change of contacts and every instability, at its strain.
+
+Between two events the contacts are the same, and a branch of minima x(γ) is followed by its tangent and Newton's
+method. The next event is the first root of an overlap of a contact or of the gap of another pair, or the strain where
+the branch turns back as K becomes singular (a saddle-node), where s = φ · x is the parameter. At a root the contact
+opens or closes; which of several that only touch stay is the complementarity problem of their rates,
+
+    dδ/dγ ≥ 0 of contacts that stay,    dδ/dγ ≤ 0 of those that open,
+
+solved by changing the worst one after another. Where K is not definite after a contact opens, and at a turn, the
+minimum is lost: disks are pushed along the mode and descend (`overdamped`, or L-BFGS) to another one at this strain.
+Particles that nothing holds are moved by contacts without a force, and stay where they are left.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jampetsc.analysis.strain_series import StrainSeries
+from jampetsc.errors import ConvergenceError
+from jampetsc.jamming.branch_follower import CONTACT, TARGET, TURN, BranchFollower, rate_limit
+from jampetsc.jamming.shear_branch import BranchState, ShearBranch
+from jampetsc.jamming.stepwise_shear import (
+    RESTART_STEPS,
+    MinimumState,
+    StepwiseShear,
+    StrainStep,
+    energy_cut,
+)
+from jampetsc.minimisation import ldl, warm_start
+from jampetsc.minimisation.contact_branch import BEARING, OPEN_PAIR, WEIGHTLESS
+from jampetsc.minimisation.overdamped import OverdampedDescent
+from jampetsc.minimisation.warm_start import displace_disks_by
+from jampetsc.packing.contacts import measure, typical_force
+from jampetsc.packing.neighbour_list import is_stale
+from jampetsc.packing.neighbours import fractional, lengths, vectors
+from jampetsc.packing.packing import deformed
+from jampetsc.packing.strain import simple_shear
+
+# what happens: a contact opens or closes, the minimum is lost, a particle that nothing holds is touched or left
+OPENS, CLOSES, UNSTABLE, TOUCHES, LEAVES = range(5)
+EVENT_COLUMNS = {  # of an event, and how many parts its values have: before and after it, or two particles
+    "strain": 0, "kind": 0, "particles": 2, "shear_stress": 2, "pressure": 2, "energy": 2, "contacts": 2, "drop": 0,
+    "participation": 0, "lowest_eigenvalue": 0,
+}  # fmt: skip
+TOUCH_RATIO = 1e-13  # of the largest diameter: overlaps and gaps that are none
+LIGHTEST_RATIO = 1e-15  # of the stiffness of a contact times its length: forces that are none
+LIGHT_RATIO = 1e3  # of these: overlaps up to which a contact may belong to a particle that nothing holds
+FOLD_RATIO = 2.0  # of the moves that make a list stale to those after which a new one is made
+MAX_PIVOTS = 200  # contacts changed at one event
+MAX_EVENTS = 100_000  # of one step
+LARGEST_RATE_PIVOTS = 20  # of these by the largest rate, then by the lowest number, which cannot cycle
+DESCENT_TOLERANCE = 1e-8  # max |F| / (p d^(D−1)) of a descent, before Newton's method
+PUSH_RATIO, MAX_PUSH_RATIO = (
+    1e-4,
+    4.0,
+)  # of a usual overlap: first and last push along the mode of an instability
+MIN_PULL_RATIO = 10.0  # of the force at which a descent ends: the pull from which it begins
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """Stress, energy and contacts of a state."""
+
+    shear_stress: float  # σ_xy
+    pressure: float
+    energy: float  # U
+    contacts: int  # that bear a force
+
+
+class EventShear(StepwiseShear):
+    """Disks sheared from event to event; `events`: EVENT_COLUMNS so far. `advance` ends at a multiple of `step`.
+
+    descent: steepest or lbfgs, by which disks leave an instability
+    """
+
+    def __init__(self, disks, step, solver, tolerance, team=None, descent="steepest"):
+        self.descent, self.branch, self._origin = descent, None, 0.0
+        self.events = StrainSeries(EVENT_COLUMNS)
+        self.direction = 1.0 if step > 0 else -1.0
+        super().__init__(disks, step, solver, tolerance, team)
+
+    @property
+    def present_strain(self) -> float:
+        """γ where the disks are now."""
+        return self._origin + self.shear
+
+    def fold(self):
+        """See `ListedPacking`; the contacts stay."""
+        origin, old = self.present_strain, self.branch
+        super().fold()
+        self._origin = origin
+        if old is not None:
+            self._find_order()
+            self._make_branch()
+            self.branch.carry(old)
+            self._evaluate()
+
+    def _make_branch(self):
+        self.branch = ShearBranch(
+            self.pairs, self.reference.n, self._potential, self._stiffness, self._order, self.effort
+        )
+        self._evaluate()
+
+    def _evaluate(self):
+        self.branch.evaluate(self.offsets, self.shear)
+
+    def _factorise(self):
+        """Begin a branch at the present list, with the contacts that overlap, and come to rest."""
+        self._make_branch()
+        unit = self._stiffness * self.diameter
+        lightest = self.reference.potential.overlap_at(LIGHTEST_RATIO * unit, self.diameter)
+        self._touch = max(TOUCH_RATIO * self.largest, lightest)
+        self._come_to_rest()
+        self._settle([])
+
+    def _restart_list(self):
+        self.branch = None
+        super()._restart_list()
+        self._origin = self.steps * self.step
+        self._anchor_events = len(self.events)
+        self._mode = np.random.default_rng(self.reference.n).standard_normal(self.offsets.shape)
+
+    def _forces(self):
+        """See `StepwiseShear`: the sums of the branch, of the contacts that it has."""
+        return self.branch.sums
+
+    def _minimum_state(self, sums):
+        state = self._measures()
+        n = self.reference.n
+        return MinimumState(
+            state.energy,
+            state.shear_stress,
+            state.pressure,
+            bool(state.energy / n > energy_cut(self.reference.potential) * self.reference.potential.k),
+            2.0 * state.contacts / n,
+        )
+
+    def _measures(self) -> Measures:
+        energy, shear, trace = self.branch.sums
+        contacts = int(np.count_nonzero(self.branch.active == BEARING))
+        return Measures(
+            shear / self.volume, trace / (self.reference.dimension * self.volume), energy, contacts
+        )
+
+    def _come_to_rest(self):
+        """Newton's method to the minimum of the contacts that overlap there. Raises ConvergenceError."""
+        branch = self.branch
+        branch.active[:] = branch.overlaps > self._touch
+        for _ in range(MAX_PIVOTS):
+            branch.classify()
+            self._evaluate()
+            if self._measures().pressure < self._separated_pressure:
+                raise ConvergenceError(
+                    f"shear at strain {self.present_strain:.6g}: particles come apart, and events of loose ones "
+                    "are not supported. Compress the packing, or shear without events."
+                )
+            if not branch.factorise():
+                break
+            rest = np.zeros_like(self.offsets)
+            start = BranchState(0.0, self.offsets, self.shear, rest, None, rest, 0.0, None)
+            result = branch.advance(start, 0.0)
+            if result is None:
+                break
+            self.displacement = self.displacement + result[2]
+            self.offsets[:] = result[0]
+            wrong = (branch.active == BEARING) & (branch.overlaps < -self._touch)
+            wrong |= (branch.active == OPEN_PAIR) & (branch.overlaps > self._touch)
+            if not wrong.any():
+                return
+            branch.active[wrong] = np.where(branch.active[wrong], OPEN_PAIR, BEARING)
+        raise ConvergenceError(
+            f"shear at strain {self.present_strain:.6g}: no minimum after an instability. Shear without events."
+        )
+
+    def _settle(self, pairs):
+        """Change these pairs, then contacts that only touch until rates fit; the tangent, or None: K is indefinite."""
+        branch = self.branch
+        changes = list(pairs)
+        for pivot in range(MAX_PIVOTS):
+            for pair in changes:
+                branch.active[pair] = BEARING if branch.active[pair] == OPEN_PAIR else OPEN_PAIR
+            branch.classify(LIGHT_RATIO * self._touch)
+            self._evaluate()
+            if not branch.factorise():
+                if not changes:
+                    raise ConvergenceError(
+                        f"shear at strain {self.present_strain:.6g}: a saddle. Shear without events."
+                    )
+                self._opened = changes[-1]
+                return None
+            motion, _ = branch.tangent()
+            if motion is None:
+                break
+            rates = self.direction * branch.rates(motion, 1.0)
+            limit = rate_limit(motion, 1.0)
+            near = np.abs(branch.overlaps) <= self._touch
+            wrong = np.where(
+                branch.active == OPEN_PAIR,
+                near & (rates > limit),
+                (near | (branch.active == WEIGHTLESS)) & (rates < -limit),
+            )
+            if not wrong.any():
+                self._tangent = self.direction * motion, self.direction
+                return self._tangent
+            by_rate = pivot < LARGEST_RATE_PIVOTS
+            changes = [int(np.argmax(np.abs(rates) * wrong if by_rate else wrong))]
+        raise ConvergenceError(
+            f"shear at strain {self.present_strain:.6g}: contacts that touch do not settle"
+        )
+
+    def advance(self) -> StrainStep:
+        """To the next multiple of `step`, through all events before it."""
+        if self.steps % RESTART_STEPS == 0:
+            self._restart_list()
+        spent, first = self.effort.evaluations, len(self.events)
+        target = (self.steps + 1) * self.step
+        self.displacement = np.zeros_like(self.offsets)
+        for _ in range(MAX_EVENTS):
+            if self._is_stale(FOLD_RATIO * self.offsets, FOLD_RATIO * self.shear):
+                self.fold()
+                self._settle([])
+            arrival = self._follow(target)
+            if arrival.cause == TURN:
+                self._fall(arrival.mode, self._measures(), 0.0, arrival.both_ways)
+            elif arrival.cause == CONTACT:
+                self._change_contacts(arrival.pair)
+            elif arrival.cause == TARGET:
+                self._settle([])
+                break
+        else:
+            raise ConvergenceError(
+                f"shear at strain {self.present_strain:.17g}: contacts change without end. Shear without events."
+            )
+        self.steps += 1
+        size, _ = warm_start.without_drift(self.displacement, self.pairs.r0)
+        self.minimum = self._minimum_state(self._forces())
+        falls = UNSTABLE in self.events.rows["kind"][first:]
+        drop = float(sum(self.events.rows["drop"][first:]))
+        return StrainStep(size / self.diameter, drop, falls, True, self.effort.evaluations - spent)
+
+    def state(self) -> dict:
+        """See `StepwiseShear`; with the events so far."""
+        events = {
+            f"events/{name}": values[: self._anchor_events] for name, values in self.events.arrays().items()
+        }
+        return super().state() | events
+
+    def restore(self, state: dict) -> None:
+        """See `StepwiseShear`."""
+        self.events.restore({name: state[f"events/{name}"] for name in EVENT_COLUMNS})
+        super().restore(state)
+
+    def _follow(self, target):
+        """Follow the branch to its next event, or to a strain; move there."""
+        branch, still = self.branch, np.zeros_like(self.offsets)
+        start = branch.state(0.0, self.offsets.copy(), self.shear, still, self._tangent)
+        follower = BranchFollower(
+            branch, start, target - self._origin, self.direction, self._touch, self.diameter, self._is_stale
+        )
+        arrival = follower.follow()
+        self._take(arrival.state)
+        return arrival
+
+    def _is_stale(self, offsets, shear) -> bool:
+        far = float(lengths(offsets).max())
+        return bool(is_stale(far, simple_shear(shear), self.largest, self.skin))
+
+    def _take(self, state):
+        """Move to a state of the branch."""
+        self.offsets[:] = state.offsets
+        self.shear = state.shear
+        self.displacement += state.moved
+        self._evaluate()
+
+    def _change_contacts(self, pair):
+        """An event where a contact opens or closes."""
+        branch, before = self.branch, self.branch.active.copy()
+        measures, lowest = self._measures(), self._lowest()
+        if self._settle([pair]) is None:
+            self._fall(self._opening(self._opened), measures, lowest)
+            return
+        after = self._measures()
+        for changed in np.flatnonzero((before != OPEN_PAIR) != (branch.active != OPEN_PAIR)):
+            kind = self._kind(before[changed], branch.active[changed])
+            self._record(kind, self._ends(changed), measures, after, lowest)
+
+    def _kind(self, before, after) -> int:
+        if before == OPEN_PAIR:
+            return TOUCHES if after == WEIGHTLESS else CLOSES
+        return LEAVES if before == WEIGHTLESS else OPENS
+
+    def _ends(self, pair):
+        i, j = int(self.pairs.i[pair]), int(self.pairs.j[pair])
+        return min(i, j), max(i, j)
+
+    def _record(self, kind, particles, before, after, lowest, drop=0.0, participation=0.0):
+        both = {name: [getattr(before, name), getattr(after, name)] for name in vars(before)}
+        self.events.add(
+            strain=self.present_strain,
+            kind=kind,
+            particles=particles,
+            drop=drop,
+            participation=participation,
+            lowest_eigenvalue=lowest,
+            **both,
+        )
+
+    def _lowest(self) -> float:
+        value, self._mode = self.branch.lowest_mode(self._mode)
+        return value
+
+    def _opening(self, pair):
+        """The motion by which a contact opens: K⁻¹ of a force along it, K with that contact."""
+        branch = self.branch
+        push = np.zeros_like(self.offsets)
+        normal = branch.point[1][pair]
+        push[self.pairs.j[pair]] += normal
+        push[self.pairs.i[pair]] -= normal
+        motion, work = np.empty_like(push), np.empty_like(push)
+        ldl.solve(branch.factor, push, motion, work)
+        return motion
+
+    def _fall(self, mode, before, lowest, both_ways=False):
+        """An instability: descend from here along a mode to another minimum at this strain."""
+        strain = self.present_strain
+        start = self.disks
+        disks = self._descended(self._pushed(mode, both_ways))
+        displacement = (disks.base - start.base) + (disks.offset - start.offset)
+        images = np.round(fractional(displacement, start.cell))
+        moved = displacement - vectors(images, start.cell)
+        self.branch = None
+        self.list(disks)
+        self._origin = strain
+        self._find_order()
+        self._measure_scales()
+        self.displacement += moved
+        moved_before = self.displacement.copy()
+        self._factorise()
+        moved += self.displacement - moved_before
+        moved -= moved.mean(axis=0)
+        squares = np.sum(moved * moved, axis=1)
+        after = self._measures()
+        farthest = tuple(sorted(int(k) for k in np.argsort(squares)[-2:]))
+        drop = before.energy - after.energy
+        self._record(
+            UNSTABLE, farthest, before, after, lowest, drop, float(squares.sum() ** 2 / np.sum(squares**2))
+        )
+
+    def _pushed(self, mode, both_ways):
+        """Disks moved along a mode until their contacts pull them on."""
+        branch, like = self.branch, self.pairs.r0
+        force = typical_force(self.reference, self._measures().pressure)
+        overlap = self.reference.potential.overlap_at(2.0 * force, self.diameter)
+        unit = branch.with_loose(mode, 0.0)
+        unit = unit / np.sqrt(np.max(np.sum(mode * mode, axis=1)))
+        backbone = np.where(branch.loose[:, None], 0.0, unit)
+        least = (
+            MIN_PULL_RATIO
+            * max(DESCENT_TOLERANCE * force, self._floor)
+            * float(np.sum(backbone * backbone)) ** 0.5
+        )
+        size = PUSH_RATIO * overlap
+        while size < MAX_PUSH_RATIO * overlap:
+            for way in (size, -size) if both_ways else (size,):
+                offsets = self.offsets.copy()
+                displace_disks_by(offsets, np.zeros_like(offsets), way * unit, self.shear, like)
+                branch.evaluate(offsets, self.shear)
+                if np.sign(way) * float(np.sum(branch.point[4] * backbone)) > least:
+                    return deformed(self.reference, offsets, self.cell_strain).folded()
+            size *= 2.0
+        raise ConvergenceError(
+            f"shear at strain {self.present_strain:.6g}: no way down from an instability. Shear without events."
+        )
+
+    def _descended(self, disks):
+        """The minimum that disks descend to."""
+        if self.descent == "lbfgs":
+            return self._quench(disks)
+        state = measure(disks)
+        overlap = disks.potential.overlap_at(2.0 * typical_force(disks, state.pressure), self.diameter)
+        descent = OverdampedDescent(disks, self.solver, self._stiffness, overlap)
+        result = descent.relax(DESCENT_TOLERANCE, self._separated_pressure)
+        self.effort.evaluations += descent.evaluations
+        return result.folded()
