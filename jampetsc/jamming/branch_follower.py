@@ -19,6 +19,7 @@ RATE_TOLERANCE = 1e-9  # of rates of overlaps, in units of the largest velocity:
 MAX_TRIALS = 1000  # points from an event to the next
 MAX_CORRECTION = 0.2  # of the predicted displacement: longer ones may leave the branch
 MAX_JUMP = 0.03  # of the largest change of an overlap: difference from that by the mean of the rates
+MAX_SKEW = 2.0  # of the motion along the branch to its part along the mode, before another mode is taken
 NOISE = 1e-9  # mean diameters: what rounding may do to places where K is nearly singular
 SHRINK = 0.25  # of a step that fails
 MIN_STEP = 1e-13  # of s, in mean diameters
@@ -93,6 +94,9 @@ class BranchFollower:
                     beyond = here = new
                 else:
                     previous, last, here, longest = last, new, new, 2.0 * longest
+                    if mode is not None and np.sum(new.motion**2) > MAX_SKEW**2:
+                        mode, last, longest = self._along_mode(last, longest)
+                        previous, beyond, here = None, None, last
                 continue
             if cause == CONTACT and here is last and last.slacks[pair] <= self.touch:
                 return Arrival(last, CONTACT, pair)
@@ -201,8 +205,9 @@ class BranchFollower:
 
     def _is_smooth(self, start, new) -> bool:
         """Whether overlaps have changed as their rates at both ends say: else the branch is another one."""
-        dt, before, after = new.t - start.t, start.slack_rates, new.slack_rates
-        off = np.abs(new.slacks - start.slacks - 0.5 * dt * (before + after)).max()
+        smooth = ~self.branch.begun if start.t == 0.0 else slice(None)
+        dt, before, after = new.t - start.t, start.slack_rates[smooth], new.slack_rates[smooth]
+        off = np.abs(new.slacks[smooth] - start.slacks[smooth] - 0.5 * dt * (before + after)).max()
         largest = max(np.abs(before).max(), np.abs(after).max())
         return bool(off <= MAX_JUMP * abs(dt) * largest + NOISE * self.diameter)
 

@@ -8,6 +8,7 @@ from jampetsc.minimisation import ldl
 from jampetsc.minimisation.contact_branch import (
     BEARING,
     OPEN_PAIR,
+    STARTING,
     WEIGHTLESS,
     correct,
     empty_point,
@@ -71,17 +72,32 @@ class ShearBranch:
         """δ (M,) of all pairs where `evaluate` was called last, negative for gaps."""
         return self.point[0]
 
-    def classify(self, light: float = np.inf):
-        """Find the disks that nothing holds: of too few contacts, none of which overlaps by more than `light`."""
+    def classify(self, light: float = np.inf, touch: float = 0.0):
+        """Find the disks that nothing holds: of too few contacts, none of which overlaps by more than `light`.
+
+        touch: overlaps up to which contacts of a disk begin, if all of them do
+        """
         chosen = np.flatnonzero(self.active)
         i, j = self.pairs.i[chosen], self.pairs.j[chosen]
         self.loose = find_rattlers(self.n, *both_ends(i, j), self.dimension)
         loaded = self.overlaps[chosen] > light
         self.loose[i[loaded]] = self.loose[j[loaded]] = False
-        self.active[chosen] = np.where(self.loose[i] | self.loose[j], WEIGHTLESS, BEARING)
-        self.bearing = np.where(self.active == BEARING, BEARING, OPEN_PAIR)
+        weightless = self.loose[i] | self.loose[j]
+        started = np.zeros(self.n, bool)
+        beyond = chosen[(self.overlaps[chosen] > touch) & ~weightless]
+        started[self.pairs.i[beyond]] = started[self.pairs.j[beyond]] = True
+        self.starting = ~(started | self.loose)  # (N,) disks whose contacts begin all at once
+        begins = self.starting[i] | self.starting[j]
+        self.active[chosen] = np.where(weightless, WEIGHTLESS, np.where(begins, STARTING, BEARING))
+        self.bearing = np.where(self.active == WEIGHTLESS, OPEN_PAIR, self.active)
         self.weightless = np.where(self.active == WEIGHTLESS, WEIGHTLESS, OPEN_PAIR)
         self.shift = self.stiffness * np.where(self.loose, 1.0, MIN_CURVATURE)
+
+    def start(self):
+        """Let contacts that begin bear their forces: to call where disks have a tangent, before they move."""
+        self.begun = self.starting[self.pairs.i] | self.starting[self.pairs.j]
+        self.active[self.active == STARTING] = BEARING
+        self.bearing[self.bearing == STARTING] = BEARING
 
     def evaluate(self, offsets, shear: float):
         """(U, σ_xy V, p D V) of the contacts; `point` has all the rest."""

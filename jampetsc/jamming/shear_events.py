@@ -138,7 +138,7 @@ class EventShear(StepwiseShear):
 
     def _measures(self) -> Measures:
         energy, shear, trace = self.branch.sums
-        contacts = int(np.count_nonzero(self.branch.active == BEARING))
+        contacts = int(np.count_nonzero(self.branch.bearing))
         return Measures(
             shear / self.volume, trace / (self.reference.dimension * self.volume), energy, contacts
         )
@@ -164,7 +164,7 @@ class EventShear(StepwiseShear):
                 break
             self.displacement = self.displacement + result[2]
             self.offsets[:] = result[0]
-            wrong = (branch.active == BEARING) & (branch.overlaps < -self._touch)
+            wrong = (branch.bearing != OPEN_PAIR) & (branch.overlaps < -self._touch)
             wrong |= (branch.active == OPEN_PAIR) & (branch.overlaps > self._touch)
             if not wrong.any():
                 return
@@ -180,7 +180,7 @@ class EventShear(StepwiseShear):
         for pivot in range(MAX_PIVOTS):
             for pair in changes:
                 branch.active[pair] = BEARING if branch.active[pair] == OPEN_PAIR else OPEN_PAIR
-            branch.classify(LIGHT_RATIO * self._touch)
+            branch.classify(LIGHT_RATIO * self._touch, self._touch)
             self._evaluate()
             if not branch.factorise():
                 if not changes:
@@ -202,6 +202,7 @@ class EventShear(StepwiseShear):
             )
             if not wrong.any():
                 self._tangent = self.direction * motion, self.direction
+                branch.start()
                 return self._tangent
             by_rate = pivot < LARGEST_RATE_PIVOTS
             changes = [int(np.argmax(np.abs(rates) * wrong if by_rate else wrong))]

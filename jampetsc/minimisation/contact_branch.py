@@ -11,6 +11,9 @@ the force f = s(max(δ, 0)) δ with the secant stiffness s of the potential: for
 Where K becomes singular γ turns back along the curve, and a coordinate s = φ · (x − x_0) with a given mode φ is the
 parameter instead: K dx = F + b dγ with φ · dx = ds is solved with K + c φ φᵀ, which is definite at the turn.
 
+Where all contacts of a disk begin at δ = 0, the stiffness of a potential with an exponent above 2 vanishes there. Such
+starting contacts have a usual stiffness at that point, so that the disk has a tangent.
+
 A contact of a disk that nothing holds bears no force: it moves that disk along its normal and stays at δ = 0, as if a
 spring of a usual stiffness acted on that disk alone.
 """
@@ -32,7 +35,7 @@ from jampetsc.packing.bond import (
 )
 from jampetsc.packing.compiled import NUMBERS, compiled, nested
 
-OPEN_PAIR, BEARING, WEIGHTLESS = np.int8(0), np.int8(1), np.int8(2)  # of a pair
+OPEN_PAIR, BEARING, WEIGHTLESS, STARTING = map(np.int8, range(4))  # of a pair
 MAX_LINEAR_STEPS = 400  # of conjugate gradients
 MAX_NEWTON_STEPS = 12
 NEWTON_TOLERANCE = 1e-3  # of the linear solves of a Newton step, relative
@@ -52,9 +55,9 @@ def empty_point(pairs, n):
 def evaluate(pairs, active, loose, o, g, potential, usual, point):
     """Fill in `point` at offsets o (N, D) and shear g of the list; returns (U, σ_xy V, p D V).
 
-    active   (M,) int8, OPEN_PAIR, BEARING or WEIGHTLESS
+    active   (M,) int8, OPEN_PAIR, BEARING, WEIGHTLESS or STARTING
     loose    (N,) disks that nothing holds
-    usual    stiffness of weightless contacts
+    usual    stiffness of weightless and starting contacts
     """
     overlaps, normals, blocks, heights, forces, column, rounding = point
     i, j, r0, sigma = pairs.i, pairs.j, pairs.r0, pairs.sigma
@@ -74,10 +77,12 @@ def evaluate(pairs, active, loose, o, g, potential, usual, point):
         if active[q] == 0:
             continue
         depth = max(d, 0.0)
-        bears = active[q] == 1
+        bears = active[q] != 2
         if bears:
             stiffness = secant(depth, sigma[q], potential)
             f, k = stiffness * d, tangent_ratio(depth, sigma[q], potential) * stiffness
+            if active[q] == 3:
+                k = max(k, usual)
             energy += f * d
             shear -= f * normals[q, 0] * r[1]
             trace += f * distance

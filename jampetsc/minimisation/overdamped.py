@@ -22,7 +22,7 @@ from jampetsc.packing.neighbour_list import ListedPacking
 from jampetsc.packing.neighbours import lengths
 
 MAX_TIME_STEPS = 20_000
-ERROR_RATIO = 0.03  # of the overlap of a typical contact: largest error of the place of a disk in one step
+ERROR_RATIO = 0.1  # of the overlap of a typical contact: largest error of the place of a disk in one step
 SAFETY, MIN_RATIO, MAX_RATIO = 0.8, 0.2, 4.0  # of a step to its predecessor
 ENERGY_ROUNDING = 1e-14  # relative: rises that are rounding
 MIN_STEP = 1e-12  # in units of 1 / stiffness
