@@ -19,6 +19,7 @@ RATE_TOLERANCE = 1e-9  # of rates of overlaps, in units of the largest velocity:
 MAX_TRIALS = 1000  # points from an event to the next
 MAX_CORRECTION = 0.2  # of the predicted displacement: longer ones may leave the branch
 MAX_JUMP = 0.03  # of the largest change of an overlap: difference from that by the mean of the rates
+SAME_TANGENT = 0.05  # of a step that ended with a new tangent: further steps that keep it
 MAX_SKEW = 2.0  # of the motion along the branch to its part along the mode, before another mode is taken
 NOISE = 1e-9  # mean diameters: what rounding may do to places where K is nearly singular
 SHRINK = 0.25  # of a step that fails
@@ -57,8 +58,16 @@ class BranchFollower:
         self.touch, self.diameter, self.stale = touch, diameter, stale
 
     def follow(self) -> Arrival:
-        """To the first event. Raises ConvergenceError where the branch is lost."""
+        """To the first event. Raises ConvergenceError where the branch is lost.
+
+        K is proved definite there unless a contact opens or bears no force: K is then larger than after the change.
+        """
         arrival = self._follow(self.start, None, np.inf)
+        closes = arrival.cause == CONTACT and self.branch.can_bear(arrival.pair)
+        return arrival if arrival.cause != TARGET and not closes else self.confirm(arrival)
+
+    def confirm(self, arrival) -> Arrival:
+        """The same arrival if K is definite there, else where it becomes singular."""
         if arrival.cause == TURN or self._is_definite(arrival.state):
             return arrival
         mode, start, length = self._along_mode(self.start, arrival.state.t - self.start.t)
@@ -194,21 +203,25 @@ class BranchFollower:
         offsets, shear, moved, correction = result
         if self.stale(offsets, shear):
             return STALE
+        if mode is None and abs(dt) <= SAME_TANGENT * start.span:
+            return branch.state(
+                t, offsets, shear, moved, (start.motion, start.strain_rate), start.span, start.slack_rates
+            )
         predicted = abs(dt) * float(np.abs(start.motion[~branch.loose]).max(initial=0.0))
         if correction > MAX_CORRECTION * predicted + NOISE * self.diameter:
             return None
         tangent = self._tangent(mode)
         if tangent is None:
             return None
-        new = branch.state(t, offsets, shear, moved, tangent)
+        new = branch.state(t, offsets, shear, moved, tangent, abs(dt))
         return new if self._is_smooth(start, new) else None
 
     def _is_smooth(self, start, new) -> bool:
         """Whether overlaps have changed as their rates at both ends say: else the branch is another one."""
         smooth = ~self.branch.begun if start.t == 0.0 else slice(None)
         dt, before, after = new.t - start.t, start.slack_rates[smooth], new.slack_rates[smooth]
-        off = np.abs(new.slacks[smooth] - start.slacks[smooth] - 0.5 * dt * (before + after)).max()
-        largest = max(np.abs(before).max(), np.abs(after).max())
+        off = np.abs(new.slacks[smooth] - start.slacks[smooth] - 0.5 * dt * (before + after)).max(initial=0.0)
+        largest = max(np.abs(before).max(initial=0.0), np.abs(after).max(initial=0.0))
         return bool(off <= MAX_JUMP * abs(dt) * largest + NOISE * self.diameter)
 
     def _tangent(self, mode):

@@ -25,7 +25,7 @@ from jampetsc.packing.contacts import both_ends, find_rattlers
 HOLD_RATIO, FACTOR_HOLD_RATIO = 1e-6, 1e-3
 PIN_RATIO = 1e12  # of it: what holds the other disks while loose ones move
 TANGENT_TOLERANCE = 1e-10  # of the linear solve, relative
-MODE_STEPS = 3  # of inverse iteration for the lowest eigenvalue
+MODE_STEPS = 1  # of inverse iteration at each event, for the lowest eigenvalue
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +45,7 @@ class BranchState:
     motion: np.ndarray  # (N, D) d moved/dt
     strain_rate: float  # dγ/dt
     slack_rates: np.ndarray  # (M,)
+    span: float  # of t, over which the tangent has changed to what it is
 
 
 class ShearBranch:
@@ -173,11 +174,17 @@ class ShearBranch:
         """Values (M,) of overlaps as those of slacks."""
         return np.where(self.active != OPEN_PAIR, values, -values)
 
-    def state(self, t, offsets, shear, moved, tangent) -> BranchState:
-        """The point of the last `evaluate` with this tangent, (d moved/dt, dγ/dt)."""
-        slack_rates = self.signed(self.rates(*tangent))
-        return BranchState(
-            t, offsets, shear, moved, self.signed(self.overlaps), tangent[0], tangent[1], slack_rates
+    def state(self, t, offsets, shear, moved, tangent, span=0.0, slack_rates=None) -> BranchState:
+        """The point of the last `evaluate` with this tangent, (d moved/dt, dγ/dt), and its rates if they are known."""
+        if slack_rates is None:
+            slack_rates = self.signed(self.rates(*tangent))
+        return BranchState(t, offsets, shear, moved, self.signed(self.overlaps), *tangent, slack_rates, span)
+
+    def can_bear(self, pair) -> bool:
+        """Whether a pair that does not touch would bear a force if it did."""
+        return bool(
+            self.active[pair] == OPEN_PAIR
+            and not (self.loose[self.pairs.i[pair]] or self.loose[self.pairs.j[pair]])
         )
 
     def advance(self, start: BranchState, dt: float, mode=None, short: float = 0.0):

@@ -158,7 +158,7 @@ class EventShear(StepwiseShear):
             if not branch.factorise():
                 break
             rest = np.zeros_like(self.offsets)
-            start = BranchState(0.0, self.offsets, self.shear, rest, None, rest, 0.0, None)
+            start = BranchState(0.0, self.offsets, self.shear, rest, None, rest, 0.0, None, 0.0)
             result = branch.advance(start, 0.0)
             if result is None:
                 break
@@ -221,11 +221,11 @@ class EventShear(StepwiseShear):
             if self._is_stale(FOLD_RATIO * self.offsets, FOLD_RATIO * self.shear):
                 self.fold()
                 self._settle([])
-            arrival = self._follow(target)
+            arrival, follower = self._follow(target)
             if arrival.cause == TURN:
-                self._fall(arrival.mode, self._measures(), 0.0, arrival.both_ways)
+                self._lose(arrival)
             elif arrival.cause == CONTACT:
-                self._change_contacts(arrival.pair)
+                self._change_contacts(arrival, follower)
             elif arrival.cause == TARGET:
                 self._settle([])
                 break
@@ -261,7 +261,7 @@ class EventShear(StepwiseShear):
         )
         arrival = follower.follow()
         self._take(arrival.state)
-        return arrival
+        return arrival, follower
 
     def _is_stale(self, offsets, shear) -> bool:
         far = float(lengths(offsets).max())
@@ -274,12 +274,30 @@ class EventShear(StepwiseShear):
         self.displacement += state.moved
         self._evaluate()
 
-    def _change_contacts(self, pair):
+    def _lose(self, arrival):
+        """An event where K becomes singular."""
+        self._fall(arrival.mode, self._measures(), 0.0, arrival.both_ways)
+
+    def _change_contacts(self, arrival, follower):
         """An event where a contact opens or closes."""
-        branch, before = self.branch, self.branch.active.copy()
+        branch, before, pair = self.branch, self.branch.active.copy(), arrival.pair
         measures, lowest = self._measures(), self._lowest()
         if self._settle([pair]) is None:
-            self._fall(self._opening(self._opened), measures, lowest)
+            if self._opened == pair:  # was K definite before?
+                branch.active[:] = before
+                branch.classify(LIGHT_RATIO * self._touch)
+                loss = follower.confirm(arrival)
+                if loss is not arrival:
+                    self.displacement -= arrival.state.moved
+                    self._take(loss.state)
+                    self._lose(loss)
+                    return
+                mode = self._opening(pair)
+                branch.active[pair] = OPEN_PAIR
+                branch.classify(LIGHT_RATIO * self._touch)
+            else:
+                mode = self._opening(self._opened)
+            self._fall(mode, measures, lowest)
             return
         after = self._measures()
         for changed in np.flatnonzero((before != OPEN_PAIR) != (branch.active != OPEN_PAIR)):

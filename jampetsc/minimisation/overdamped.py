@@ -24,7 +24,7 @@ from jampetsc.packing.neighbours import lengths
 MAX_TIME_STEPS = 20_000
 ERROR_RATIO = 0.1  # of the overlap of a typical contact: largest error of the place of a disk in one step
 SAFETY, MIN_RATIO, MAX_RATIO = 0.8, 0.2, 4.0  # of a step to its predecessor
-ENERGY_ROUNDING = 1e-14  # relative: rises that are rounding
+ENERGY_ROUNDING = 1e-12  # relative: rises that are rounding
 MIN_STEP = 1e-12  # in units of 1 / stiffness
 FIRST_STEP = 0.1  # in units of 1 / stiffness
 ORDER_GAP = 0.1  # mean diameters: the order of elimination is found as if pairs with a smaller gap touched
