@@ -59,6 +59,9 @@ prefix -newton_."""
         "follow each minimum exactly from event to event: contacts that open or close, instabilities",
         group="run",
     )
+    d2min: bool = parameter(
+        False, "with --events, D²min of each particle in the largest drop of the energy", group="run"
+    )
     descent: str | None = run_parameter(
         "with --events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS "
         "(default steepest)",
@@ -74,8 +77,9 @@ prefix -newton_."""
             raise InputError(
                 f"{named('strain')} {self.strain:g}: must be at least {named('step')} ({self.step:g})"
             )
-        if self.descent is not None and not self.events:
-            raise InputError(f"{named('descent')}: of {named('events')} alone. Leave it out, or give both.")
+        for name in ("descent", "d2min"):
+            if getattr(self, name) and not self.events:
+                raise InputError(f"{named(name)}: of {named('events')} alone. Leave it out, or give both.")
         if abs(self.strain) / self.step > MAX_STEPS:
             raise InputError(
                 f"{named('step')} {self.step:g}: {abs(self.strain) / self.step:.3g} steps (at most {MAX_STEPS:.0e}). "
@@ -148,7 +152,7 @@ prefix -newton_."""
         if self.last is not None:
             self.write_last(proved(path.disks.replace(record={}), solver), facts, to)
         minimum = {name: getattr(path.disks, name) for name in (*PLACES, "radii")}
-        arrays = path.series.arrays() | _event_arrays(path)
+        arrays = path.series.arrays() | _event_arrays(path, self.d2min)
         write_series(to.writer(self.FORMAT), arrays, minimum, facts)
         checkpoint.remove()
         lines = [_summary(self, to, disks.phi, path), *random_particles_lines(origin), run_units(disks)]
@@ -184,15 +188,15 @@ prefix -newton_."""
         }
 
 
-def _event_arrays(path) -> dict:
+def _event_arrays(path, d2min) -> dict:
     """Datasets of the events of a path, none where they were not followed."""
     if path.events is None:
         return {}
-    whole = ("kind", "particles", "contacts")
-    arrays = path.events.arrays()
-    return {
-        f"events/{name}": values.astype(int) if name in whole else values for name, values in arrays.items()
-    }
+    columns = path.events.arrays()
+    columns |= {name: columns[name].astype(int) for name in ("kind", "particles", "contacts")}
+    if d2min and path.largest_drop["event"] >= 0:
+        columns |= {"largest": path.largest_drop["event"], "d2min": path.largest_drop["d2min"]}
+    return {f"events/{name}": values for name, values in columns.items()}
 
 
 def _summary(job, to, phi, path) -> str:

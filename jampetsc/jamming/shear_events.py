@@ -16,9 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.analysis.rearrangement import NEIGHBOUR_GAP, least_square_deviation, participation
 from jampetsc.analysis.strain_series import StrainSeries
 from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.branch_follower import CONTACT, TARGET, TURN, BranchFollower, rate_limit
+from jampetsc.jamming.instability import descend_steepest, pushed_offsets
 from jampetsc.jamming.shear_branch import BranchState, ShearBranch
 from jampetsc.jamming.stepwise_shear import (
     RESTART_STEPS,
@@ -29,11 +31,9 @@ from jampetsc.jamming.stepwise_shear import (
 )
 from jampetsc.minimisation import ldl, warm_start
 from jampetsc.minimisation.contact_branch import BEARING, OPEN_PAIR, WEIGHTLESS
-from jampetsc.minimisation.overdamped import OverdampedDescent
-from jampetsc.minimisation.warm_start import displace_disks_by
-from jampetsc.packing.contacts import measure, typical_force
+from jampetsc.packing.contacts import bond_vectors
 from jampetsc.packing.neighbour_list import is_stale
-from jampetsc.packing.neighbours import fractional, lengths, vectors
+from jampetsc.packing.neighbours import fractional, lengths, neighbour_pairs, vectors
 from jampetsc.packing.packing import deformed
 from jampetsc.packing.strain import simple_shear
 
@@ -50,12 +50,6 @@ FOLD_RATIO = 2.0  # of the moves that make a list stale to those after which a n
 MAX_PIVOTS = 200  # contacts changed at one event
 MAX_EVENTS = 100_000  # of one step
 LARGEST_RATE_PIVOTS = 20  # of these by the largest rate, then by the lowest number, which cannot cycle
-DESCENT_TOLERANCE = 1e-8  # max |F| / (p d^(D−1)) of a descent, before Newton's method
-PUSH_RATIO, MAX_PUSH_RATIO = (
-    1e-4,
-    4.0,
-)  # of a usual overlap: first and last push along the mode of an instability
-MIN_PULL_RATIO = 10.0  # of the force at which a descent ends: the pull from which it begins
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +63,9 @@ class Measures:
 
 
 class EventShear(StepwiseShear):
-    """Disks sheared from event to event; `events`: EVENT_COLUMNS so far. `advance` ends at a multiple of `step`.
+    """Disks sheared from event to event, in each `advance` to a multiple of `step`.
+
+    `events` has EVENT_COLUMNS, `largest_drop` the largest drop of the energy so far.
 
     descent: steepest or lbfgs, by which disks leave an instability
     """
@@ -77,6 +73,7 @@ class EventShear(StepwiseShear):
     def __init__(self, disks, step, solver, tolerance, team=None, descent="steepest"):
         self.descent, self.branch, self._origin = descent, None, 0.0
         self.events = StrainSeries(EVENT_COLUMNS)
+        self.largest_drop = {"drop": 0.0, "event": -1, "d2min": np.full(disks.n, np.nan)}
         self.direction = 1.0 if step > 0 else -1.0
         super().__init__(disks, step, solver, tolerance, team)
 
@@ -118,7 +115,7 @@ class EventShear(StepwiseShear):
         self.branch = None
         super()._restart_list()
         self._origin = self.steps * self.step
-        self._anchor_events = len(self.events)
+        self._anchor_events, self._anchor_largest = len(self.events), self.largest_drop
         self._mode = np.random.default_rng(self.reference.n).standard_normal(self.offsets.shape)
 
     def _forces(self):
@@ -245,11 +242,17 @@ class EventShear(StepwiseShear):
         events = {
             f"events/{name}": values[: self._anchor_events] for name, values in self.events.arrays().items()
         }
-        return super().state() | events
+        return (
+            super().state()
+            | events
+            | {f"largest/{name}": value for name, value in self._anchor_largest.items()}
+        )
 
     def restore(self, state: dict) -> None:
         """See `StepwiseShear`."""
         self.events.restore({name: state[f"events/{name}"] for name in EVENT_COLUMNS})
+        drop, event, deviation = (np.asarray(state[f"largest/{name}"]) for name in self.largest_drop)
+        self.largest_drop = {"drop": float(drop), "event": int(event), "d2min": deviation}
         super().restore(state)
 
     def _follow(self, target):
@@ -342,63 +345,42 @@ class EventShear(StepwiseShear):
 
     def _fall(self, mode, before, lowest, both_ways=False):
         """An instability: descend from here along a mode to another minimum at this strain."""
-        strain = self.present_strain
-        start = self.disks
-        disks = self._descended(self._pushed(mode, both_ways))
+        strain, start = self.present_strain, self.disks
+        pushed = pushed_offsets(
+            self.branch,
+            self.reference,
+            self.offsets,
+            self.shear,
+            before.pressure,
+            self._floor,
+            mode,
+            both_ways,
+        )
+        disks = deformed(self.reference, pushed, self.cell_strain).folded()
+        if self.descent == "lbfgs":
+            disks = self._quench(disks)
+        else:
+            disks = descend_steepest(
+                disks, self.solver, self._stiffness, self._separated_pressure, self.effort
+            )
         displacement = (disks.base - start.base) + (disks.offset - start.offset)
-        images = np.round(fractional(displacement, start.cell))
-        moved = displacement - vectors(images, start.cell)
+        moved = displacement - vectors(np.round(fractional(displacement, start.cell)), start.cell)
         self.branch = None
         self.list(disks)
         self._origin = strain
         self._find_order()
         self._measure_scales()
-        self.displacement += moved
-        moved_before = self.displacement.copy()
-        self._factorise()
-        moved += self.displacement - moved_before
-        moved -= moved.mean(axis=0)
-        squares = np.sum(moved * moved, axis=1)
+        so_far, self.displacement = self.displacement, moved
+        self._factorise()  # comes to rest
+        moved, self.displacement = self.displacement, so_far + self.displacement
+        moved = moved - moved.mean(axis=0)
         after = self._measures()
-        farthest = tuple(sorted(int(k) for k in np.argsort(squares)[-2:]))
+        farthest = tuple(sorted(int(k) for k in np.argsort(np.sum(moved**2, axis=1))[-2:]))
         drop = before.energy - after.energy
-        self._record(
-            UNSTABLE, farthest, before, after, lowest, drop, float(squares.sum() ** 2 / np.sum(squares**2))
-        )
-
-    def _pushed(self, mode, both_ways):
-        """Disks moved along a mode until their contacts pull them on."""
-        branch, like = self.branch, self.pairs.r0
-        force = typical_force(self.reference, self._measures().pressure)
-        overlap = self.reference.potential.overlap_at(2.0 * force, self.diameter)
-        unit = branch.with_loose(mode, 0.0)
-        unit = unit / np.sqrt(np.max(np.sum(mode * mode, axis=1)))
-        backbone = np.where(branch.loose[:, None], 0.0, unit)
-        least = (
-            MIN_PULL_RATIO
-            * max(DESCENT_TOLERANCE * force, self._floor)
-            * float(np.sum(backbone * backbone)) ** 0.5
-        )
-        size = PUSH_RATIO * overlap
-        while size < MAX_PUSH_RATIO * overlap:
-            for way in (size, -size) if both_ways else (size,):
-                offsets = self.offsets.copy()
-                displace_disks_by(offsets, np.zeros_like(offsets), way * unit, self.shear, like)
-                branch.evaluate(offsets, self.shear)
-                if np.sign(way) * float(np.sum(branch.point[4] * backbone)) > least:
-                    return deformed(self.reference, offsets, self.cell_strain).folded()
-            size *= 2.0
-        raise ConvergenceError(
-            f"shear at strain {self.present_strain:.6g}: no way down from an instability. Shear without events."
-        )
-
-    def _descended(self, disks):
-        """The minimum that disks descend to."""
-        if self.descent == "lbfgs":
-            return self._quench(disks)
-        state = measure(disks)
-        overlap = disks.potential.overlap_at(2.0 * typical_force(disks, state.pressure), self.diameter)
-        descent = OverdampedDescent(disks, self.solver, self._stiffness, overlap)
-        result = descent.relax(DESCENT_TOLERANCE, self._separated_pressure)
-        self.effort.evaluations += descent.evaluations
-        return result.folded()
+        self._record(UNSTABLE, farthest, before, after, lowest, drop, participation(moved))
+        if drop > self.largest_drop["drop"]:
+            i, j, image = neighbour_pairs(
+                start.positions, start.radii, start.cell, NEIGHBOUR_GAP * self.diameter
+            )
+            deviation = least_square_deviation(i, j, bond_vectors(start, i, j, image), moved)
+            self.largest_drop = {"drop": drop, "event": len(self.events) - 1, "d2min": deviation}

@@ -116,6 +116,7 @@ class StepwiseShear(ListedPacking):
     """
 
     events: StrainSeries | None = None
+    largest_drop: dict | None = None
 
     def __init__(self, disks: Packing, step: float, solver, tolerance: float, team: Team | None = None):
         self.step, self.solver, self.tolerance, self.team = step, solver, tolerance, team
@@ -327,7 +328,8 @@ class ShearPath:
     discard: float  # strain before the averages
     averages: dict  # {name of AVERAGED: Average} over strain > discard, over all states, jammed or not
     effort: Effort  # cost of all steps
-    events: StrainSeries | None  # of `shear_events.EventShear`
+    events: StrainSeries | None  # of `shear_events.EventShear`,
+    largest_drop: dict | None  # and the largest of its drops
 
     @property
     def averaged_rows(self) -> np.ndarray:
@@ -377,7 +379,7 @@ def shear_stepwise(
             report(series)
     rows = _is_averaged(series, discard)
     averages = {name: Average.of(series.column(name)[rows]) for name in AVERAGED}
-    return ShearPath(shear.disks, series, discard, averages, shear.effort, shear.events)
+    return ShearPath(shear.disks, series, discard, averages, shear.effort, shear.events, shear.largest_drop)
 
 
 def _is_averaged(series, discard):

@@ -244,15 +244,23 @@ def test_both_descents_end_in_minima_of_less_energy(runs, descent):
 
 def test_a_killed_run_continues_to_the_last_bit(runs, tmp_path, monkeypatch):
     packing, _ = runs["disks"]
-    job = {"start": packing, "step": 1e-3, "strain": 0.055, "events": True, "discard": 0.0}
+    job = {"start": packing, "step": 1e-3, "strain": 0.055, "events": True, "d2min": True, "discard": 0.0}
     whole = jampetsc.shear(**job, out=tmp_path / "whole.h5")
     left = stop_after(monkeypatch, 52)
     with pytest.raises(KeyboardInterrupt):
         jampetsc.shear(**job, out=tmp_path / "out.h5")
     parts = jampetsc.shear(**job, out=tmp_path / "out.h5")
     assert left[0] < 0
-    for name in ("energy", "shear_stress", "evaluations", "events/strain", "events/lowest_eigenvalue"):
+    for name in (
+        "energy",
+        "shear_stress",
+        "evaluations",
+        "events/strain",
+        "events/lowest_eigenvalue",
+        "events/d2min",
+    ):
         assert np.array_equal(whole[name], parts[name])
+    assert whole["events/kind"][whole["events/largest"]] == UNSTABLE and (whole["events/d2min"] > 0.0).all()
 
 
 def test_particles_that_come_apart_are_named(session):
