@@ -25,7 +25,9 @@ NOISE = 1e-9  # mean diameters: what rounding may do to places where K is nearly
 SHRINK = 0.25  # of a step that fails
 MIN_STEP = 1e-13  # of s, in mean diameters
 MAX_BISECTIONS = 60
-TARGET, CONTACT, TURN, STALE = "target", "change", "turn", "stale"  # what ends a branch
+MIN_SPEED = 1e-5  # of motion per strain, in mean diameters: slower ones have no part in a loss of stability
+# what ends a branch; SYMMETRY: K is singular, but its mode is not driven by the shear
+TARGET, CONTACT, TURN, STALE, SYMMETRY = "target", "change", "turn", "stale", "symmetry"
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +35,9 @@ class Arrival:
     """Where a branch was followed to."""
 
     state: BranchState
-    cause: str  # TARGET, CONTACT, TURN or STALE
+    cause: str  # TARGET, CONTACT, TURN, STALE or SYMMETRY
     pair: int = -1  # of CONTACT
     mode: np.ndarray | None = None  # (N, D) of TURN: where K is singular
-    both_ways: bool = False  # whether disks may leave along −mode as well: the branch does not turn
 
 
 def rate_limit(motion, strain_rate: float) -> float:
@@ -56,6 +57,7 @@ class BranchFollower:
     def __init__(self, branch: ShearBranch, start, goal, direction, touch, diameter, stale):
         self.branch, self.start, self.goal, self.direction = branch, start, goal, direction
         self.touch, self.diameter, self.stale = touch, diameter, stale
+        self.passed = np.zeros_like(start.moved)
 
     def follow(self) -> Arrival:
         """To the first event. Raises ConvergenceError where the branch is lost.
@@ -68,13 +70,9 @@ class BranchFollower:
 
     def confirm(self, arrival) -> Arrival:
         """The same arrival if K is definite there, else where it becomes singular."""
-        if arrival.cause == TURN or self._is_definite(arrival.state):
+        if arrival.cause in (TURN, SYMMETRY) or self._is_definite(arrival.state):
             return arrival
-        mode, start, length = self._along_mode(self.start, arrival.state.t - self.start.t)
-        arrival = self._follow(start, mode, SHRINK * length)
-        if arrival.cause == TURN or self._is_definite(arrival.state):
-            return arrival
-        return self._bisect(start, arrival.state, mode)
+        return self._bisect(self.start, arrival.state.shear)
 
     def _follow(self, start, mode, longest) -> Arrival:
         previous, last, here, beyond = (
@@ -113,6 +111,9 @@ class BranchFollower:
             if new == STALE:
                 if last is not start:
                     return Arrival(last, STALE)
+            elif mode is None and np.abs(last.motion).max() < MIN_SPEED * self.diameter:
+                self.passed = last.moved
+                return self._bisect(last, last.shear + self.direction * (t - last.t))
             elif mode is None:
                 mode, last, longest = self._along_mode(last, longest)
                 previous, here = None, last
@@ -234,20 +235,22 @@ class BranchFollower:
         self.branch.evaluate(state.offsets, state.shear)
         return self.branch.factorise()
 
-    def _bisect(self, lower, upper, mode) -> Arrival:
-        """To where K becomes singular between two states though the branch does not turn."""
+    def _bisect(self, lower, high) -> Arrival:
+        """To where K becomes singular after a state, before a strain, though the branch does not turn: in crystals.
+
+        Where all states are definite that Newton's method reaches, the last of them.
+        """
+        low, high = 0.0, self.direction * (high - lower.shear)
+        start = replace(lower, t=0.0, moved=np.zeros_like(lower.moved))
+        lower, cause = start, STALE
         for _ in range(MAX_BISECTIONS):
-            middle = self._trial(lower, 0.5 * (lower.t + upper.t), mode)
-            if not isinstance(middle, BranchState):
-                break
-            if self._is_definite(middle):
-                lower = middle
+            middle = self._trial(start, 0.5 * (low + high), None)
+            is_state = isinstance(middle, BranchState)
+            if is_state and self._is_definite(middle):
+                lower, low = middle, middle.t
             else:
-                upper = middle
-            if abs(upper.shear - lower.shear) <= STRAIN_TOLERANCE:
+                high = 0.5 * (low + high)
+                cause = SYMMETRY if is_state else cause
+            if high - low <= STRAIN_TOLERANCE:
                 break
-        self._is_definite(lower)
-        seed = np.random.default_rng(len(mode)).standard_normal(mode.shape)
-        for _ in range(3):
-            _, seed = self.branch.lowest_mode(seed)
-        return Arrival(lower, TURN, -1, seed, True)
+        return Arrival(replace(lower, moved=lower.moved + self.passed), cause)

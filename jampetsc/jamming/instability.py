@@ -17,14 +17,13 @@ def usual_overlap(disks, pressure: float) -> float:
     return disks.potential.overlap_at(2.0 * typical_force(disks, pressure), 2.0 * float(np.mean(disks.radii)))
 
 
-def pushed_offsets(branch, disks, offsets, shear, pressure, floor, mode, both_ways):
+def pushed_offsets(branch, disks, offsets, shear, pressure, floor, mode):
     """Offsets (N, D) after a move along a mode (N, D), so far that contacts pull disks on; loose ones make way.
 
     branch     `ShearBranch` with the contacts after the event
     disks      as they are listed
     pressure   at the event
     floor      max |F| that rounding leaves
-    both_ways  whether disks may also go along −mode
 
     Raises ConvergenceError where no move is pulled on.
     """
@@ -34,12 +33,11 @@ def pushed_offsets(branch, disks, offsets, shear, pressure, floor, mode, both_wa
     least = MIN_PULL_RATIO * max(DESCENT_TOLERANCE * force, floor) * np.sqrt(np.sum(backbone * backbone))
     size = PUSH_RATIO * overlap
     while size < MAX_PUSH_RATIO * overlap:
-        for way in (size, -size) if both_ways else (size,):
-            trial = offsets.copy()
-            displace_disks_by(trial, np.zeros_like(trial), way * unit, shear, branch.pairs.r0)
-            branch.evaluate(trial, shear)
-            if np.sign(way) * np.sum(branch.point[4] * backbone) > least:
-                return trial
+        trial = offsets.copy()
+        displace_disks_by(trial, np.zeros_like(trial), size * unit, shear, branch.pairs.r0)
+        branch.evaluate(trial, shear)
+        if np.sum(branch.point[4] * backbone) > least:
+            return trial
         size *= 2.0
     raise ConvergenceError("no way down from an instability")
 

@@ -19,7 +19,7 @@ import numpy as np
 from jampetsc.analysis.rearrangement import NEIGHBOUR_GAP, least_square_deviation, participation
 from jampetsc.analysis.strain_series import StrainSeries
 from jampetsc.errors import ConvergenceError
-from jampetsc.jamming.branch_follower import CONTACT, TARGET, TURN, BranchFollower, rate_limit
+from jampetsc.jamming.branch_follower import CONTACT, SYMMETRY, TARGET, TURN, BranchFollower, rate_limit
 from jampetsc.jamming.instability import descend_steepest, pushed_offsets
 from jampetsc.jamming.shear_branch import BranchState, ShearBranch
 from jampetsc.jamming.stepwise_shear import (
@@ -31,6 +31,7 @@ from jampetsc.jamming.stepwise_shear import (
 )
 from jampetsc.minimisation import ldl, warm_start
 from jampetsc.minimisation.contact_branch import BEARING, OPEN_PAIR, WEIGHTLESS
+from jampetsc.minimisation.protocols import MAX_SHAKES
 from jampetsc.packing.contacts import bond_vectors
 from jampetsc.packing.neighbour_list import is_stale
 from jampetsc.packing.neighbours import fractional, lengths, neighbour_pairs, vectors
@@ -47,6 +48,7 @@ TOUCH_RATIO = 1e-13  # of the largest diameter: overlaps and gaps that are none
 LIGHTEST_RATIO = 1e-15  # of the stiffness of a contact times its length: forces that are none
 LIGHT_RATIO = 1e3  # of these: overlaps up to which a contact may belong to a particle that nothing holds
 FOLD_RATIO = 2.0  # of the moves that make a list stale to those after which a new one is made
+SYMMETRY_STRAIN = 1e-6  # by which disks that only symmetry keeps on a saddle are sheared on before a quench
 MAX_PIVOTS = 200  # contacts changed at one event
 MAX_EVENTS = 100_000  # of one step
 LARGEST_RATE_PIVOTS = 20  # of these by the largest rate, then by the lowest number, which cannot cycle
@@ -219,13 +221,14 @@ class EventShear(StepwiseShear):
                 self.fold()
                 self._settle([])
             arrival, follower = self._follow(target)
-            if arrival.cause == TURN:
+            if arrival.cause in (TURN, SYMMETRY):
                 self._lose(arrival)
             elif arrival.cause == CONTACT:
                 self._change_contacts(arrival, follower)
-            elif arrival.cause == TARGET:
+            else:
                 self._settle([])
-                break
+                if arrival.cause == TARGET:
+                    break
         else:
             raise ConvergenceError(
                 f"shear at strain {self.present_strain:.17g}: contacts change without end. Shear without events."
@@ -279,7 +282,13 @@ class EventShear(StepwiseShear):
 
     def _lose(self, arrival):
         """An event where K becomes singular."""
-        self._fall(arrival.mode, self._measures(), 0.0, arrival.both_ways)
+        before = self._measures()
+        if arrival.cause == TURN:
+            self._fall(arrival.mode, before, 0.0)
+            return
+        start = self.disks
+        self.shear += self.direction * SYMMETRY_STRAIN
+        self._land(start, self._quench(self.disks, MAX_SHAKES), before, 0.0)
 
     def _change_contacts(self, arrival, follower):
         """An event where a contact opens or closes."""
@@ -343,18 +352,11 @@ class EventShear(StepwiseShear):
         ldl.solve(branch.factor, push, motion, work)
         return motion
 
-    def _fall(self, mode, before, lowest, both_ways=False):
+    def _fall(self, mode, before, lowest):
         """An instability: descend from here along a mode to another minimum at this strain."""
-        strain, start = self.present_strain, self.disks
+        start = self.disks
         pushed = pushed_offsets(
-            self.branch,
-            self.reference,
-            self.offsets,
-            self.shear,
-            before.pressure,
-            self._floor,
-            mode,
-            both_ways,
+            self.branch, self.reference, self.offsets, self.shear, before.pressure, self._floor, mode
         )
         disks = deformed(self.reference, pushed, self.cell_strain).folded()
         if self.descent == "lbfgs":
@@ -363,6 +365,11 @@ class EventShear(StepwiseShear):
             disks = descend_steepest(
                 disks, self.solver, self._stiffness, self._separated_pressure, self.effort
             )
+        self._land(start, disks, before, lowest)
+
+    def _land(self, start, disks, before, lowest):
+        """Continue from another minimum, `disks`, than the one before an instability, `start`."""
+        strain = self.present_strain
         displacement = (disks.base - start.base) + (disks.offset - start.offset)
         moved = displacement - vectors(np.round(fractional(displacement, start.cell)), start.cell)
         self.branch = None
