@@ -14,21 +14,24 @@ With --speed N:p:step:rows events per second, beside stepwise shear of the same 
 
 import argparse
 from collections import Counter
+from functools import partial
 
 import common
 import numpy as np
 from common import processor
 
 import jampetsc
+from jampetsc.commands.shear import DESCENTS
 from jampetsc.errors import ConvergenceError
-from jampetsc.jamming.shear_events import UNSTABLE, EventShear
+from jampetsc.jamming.event_table import UNSTABLE
+from jampetsc.jamming.shear_events import EventShear
 from jampetsc.jamming.stepwise_shear import StepwiseShear
 from jampetsc.packing.contacts import measure
 from jampetsc.petsc import session
 from jampetsc.petsc.hessian_solver import HessianSolver
 
 TOLERANCE = 1e-10
-KINDS = ("opens", "closes", "unstable", "touches", "leaves")
+KINDS = ("opens", "closes", "unstable", "touches", "leaves", "hidden")
 FAMILIES = {  # name -> (settings of `pack`, strain between rows)
     "disks": ({"n": 24, "pressure": 1e-2}, 1e-3),
     "soft disks": ({"n": 24, "pressure": 1e-3}, 5e-4),
@@ -116,12 +119,12 @@ def check_families(seeds, rows):
         )
 
 
-def measure_speed(n, pressure, step, rows):
-    """Three lines: events, stepwise shear, their ratio."""
+def measure_speed(n, pressure, step, rows, descent):
+    """Lines of events, of stepwise shear, and their ratio."""
     packing = jampetsc.load(common.packing(n, pressure))
-    runs = (EventShear, StepwiseShear)
+    runs = (partial(EventShear, descent=descent), StepwiseShear)
     seconds = {}
-    for run in runs:
+    for name, run in zip(("events", "steps"), runs, strict=True):
         shear = run(packing, step, HessianSolver(), 1e-6)
         shear.advance()  # compiles
 
@@ -129,16 +132,16 @@ def measure_speed(n, pressure, step, rows):
             for _ in range(rows):
                 shear.advance()
 
-        seconds[run], _ = processor(follow)
-        per_strain = seconds[run] / (rows * step)
-        print(f"{run.__name__}: {per_strain:.0f} s of processor time per unit strain", flush=True)
-        if run is EventShear:
+        seconds[name], _ = processor(follow)
+        per_strain = seconds[name] / (rows * step)
+        print(f"{name}: {per_strain:.0f} s of processor time per unit strain", flush=True)
+        if shear.events is not None:
             kinds = Counter(shear.events.rows["kind"])
             print(
                 f"    {len(shear.events) / (rows * step):.3g} events per unit strain, {kinds[UNSTABLE]} unstable of "
-                f"{len(shear.events)}; {len(shear.events) / seconds[run]:.0f} events per second"
+                f"{len(shear.events)}; {len(shear.events) / seconds[name]:.0f} events per second"
             )
-    print(f"ratio {seconds[EventShear] / seconds[StepwiseShear]:.2f}")
+    print(f"ratio {seconds['events'] / seconds['steps']:.2f}")
 
 
 def main():
@@ -147,12 +150,13 @@ def main():
     parser.add_argument("--seeds", type=common.both_included, default=range(1, 21), metavar="A:B")
     parser.add_argument("--rows", type=int, default=30)
     parser.add_argument("--speed", metavar="N:P:STEP:ROWS")
+    parser.add_argument("--descent", choices=DESCENTS, default=DESCENTS[0], help="of --speed")
     args = parser.parse_args()
     session.start("real", [])
     print(common.machine(), flush=True)
     if args.speed:
         n, pressure, step, rows = args.speed.split(":")
-        measure_speed(int(n), pressure, float(step), int(rows))
+        measure_speed(int(n), pressure, float(step), int(rows), args.descent)
     else:
         check_families(args.seeds, args.rows)
 

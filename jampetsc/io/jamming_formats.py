@@ -21,7 +21,8 @@ proved | (T,) | float? | | 1 where the Hessian was factorised and has no negativ
 evaluations | (T,) | float | | force evaluations that the step took
 events/strain | (E,) | float? | | with `--events`: γ of each event; several at one strain are one change
 events/kind | (E,) | int? | | 0: a contact opens, 1: closes, 2: the minimum is lost and disks rearrange, 3 and 4: a
-  contact without force, of a particle that nothing holds, begins and ends
+  contact without force, of a particle that nothing holds, begins and ends, 5: an event that rounding hides, after which
+  disks are quenched 1e-6 of strain further
 events/particles | (E, 2) | int? | | numbers of the two particles of the contact; of kind 2 those that move farthest
 events/shear_stress, events/pressure, events/energy | (E, 2) | float? | `units` | σ_xy, p and U before and after it
 events/contacts | (E, 2) | int? | | contacts that bear a force before and after it

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError
 from jampetsc.jamming.shear_branch import BranchState, ShearBranch
 from jampetsc.minimisation.contact_branch import WEIGHTLESS
 
@@ -26,8 +25,8 @@ SHRINK = 0.25  # of a step that fails
 MIN_STEP = 1e-13  # of s, in mean diameters
 MAX_BISECTIONS = 60
 MIN_SPEED = 1e-5  # of motion per strain, in mean diameters: slower ones have no part in a loss of stability
-# what ends a branch; SYMMETRY: K is singular, but its mode is not driven by the shear
-TARGET, CONTACT, TURN, STALE, SYMMETRY = "target", "change", "turn", "stale", "symmetry"
+# what ends a branch; SYMMETRY: K is singular, but its mode is not driven by the shear; LOST: rounding hides the branch
+TARGET, CONTACT, TURN, STALE, SYMMETRY, LOST = "target", "change", "turn", "stale", "symmetry", "lost"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +34,7 @@ class Arrival:
     """Where a branch was followed to."""
 
     state: BranchState
-    cause: str  # TARGET, CONTACT, TURN, STALE or SYMMETRY
+    cause: str  # TARGET, CONTACT, TURN, STALE, SYMMETRY or LOST
     pair: int = -1  # of CONTACT
     mode: np.ndarray | None = None  # (N, D) of TURN: where K is singular
 
@@ -57,10 +56,10 @@ class BranchFollower:
     def __init__(self, branch: ShearBranch, start, goal, direction, touch, diameter, stale):
         self.branch, self.start, self.goal, self.direction = branch, start, goal, direction
         self.touch, self.diameter, self.stale = touch, diameter, stale
-        self.passed = np.zeros_like(start.moved)
+        self._passed = np.zeros_like(start.moved)  # moves before t = 0 of the present parameter
 
     def follow(self) -> Arrival:
-        """To the first event. Raises ConvergenceError where the branch is lost.
+        """To the first event.
 
         K is proved definite there unless a contact opens or bears no force: K is then larger than after the change.
         """
@@ -70,8 +69,9 @@ class BranchFollower:
 
     def confirm(self, arrival) -> Arrival:
         """The same arrival if K is definite there, else where it becomes singular."""
-        if arrival.cause in (TURN, SYMMETRY) or self._is_definite(arrival.state):
+        if arrival.cause in (TURN, SYMMETRY, LOST) or self._is_definite(arrival.state):
             return arrival
+        self._passed = np.zeros_like(self._passed)
         return self._bisect(self.start, arrival.state.shear)
 
     def _follow(self, start, mode, longest) -> Arrival:
@@ -88,10 +88,10 @@ class BranchFollower:
             )
             if near and not (here.slacks[self._can_change] < -self.touch).any():
                 turn = here.motion / np.sqrt(np.sum(here.motion**2)) if cause == TURN else None
-                return Arrival(here, cause, pair, turn)
+                return self._arrival(here, cause, pair, turn)
             upper = np.inf if beyond is None else beyond.t
             if abs((upper - last.t) * last.strain_rate) <= STRAIN_TOLERANCE:
-                return Arrival(last, CONTACT, self._worst(beyond))
+                return self._arrival(last, CONTACT, self._worst(beyond))
             t, origin = min(here.t + dt, last.t + longest), here
             if not last.t < t < upper:
                 t, origin = 0.5 * (last.t + min(upper, last.t + longest)), last
@@ -106,20 +106,23 @@ class BranchFollower:
                         previous, beyond, here = None, None, last
                 continue
             if cause == CONTACT and here is last and last.slacks[pair] <= self.touch:
-                return Arrival(last, CONTACT, pair)
+                return self._arrival(last, CONTACT, pair)
             longest, beyond, here = SHRINK * (t - last.t), None, last
             if new == STALE:
                 if last is not start:
-                    return Arrival(last, STALE)
+                    return self._arrival(last, STALE)
             elif mode is None and np.abs(last.motion).max() < MIN_SPEED * self.diameter:
-                self.passed = last.moved
                 return self._bisect(last, last.shear + self.direction * (t - last.t))
             elif mode is None:
                 mode, last, longest = self._along_mode(last, longest)
                 previous, here = None, last
             if longest < MIN_STEP * self.diameter:
                 break
-        raise ConvergenceError(f"the branch is lost at shear {last.shear:.17g} of its list")
+        return self._arrival(last, LOST)
+
+    def _arrival(self, state, cause, pair=-1, mode=None) -> Arrival:
+        """An arrival, with all moves since the start."""
+        return Arrival(replace(state, moved=state.moved + self._passed), cause, pair, mode)
 
     @property
     def _can_change(self):
@@ -133,7 +136,7 @@ class BranchFollower:
 
     def _along_mode(self, state, length):
         """(mode, the same state with s = mode · moved as parameter, length in it)."""
-        branch = self.branch
+        branch, self._passed = self.branch, self._passed + state.moved
         mode = np.where(branch.loose[:, None], 0.0, state.motion)
         speed = float(np.sqrt(np.sum(mode * mode)))
         return (
@@ -242,6 +245,7 @@ class BranchFollower:
         """
         low, high = 0.0, self.direction * (high - lower.shear)
         start = replace(lower, t=0.0, moved=np.zeros_like(lower.moved))
+        self._passed = self._passed + lower.moved
         lower, cause = start, STALE
         for _ in range(MAX_BISECTIONS):
             middle = self._trial(start, 0.5 * (low + high), None)
@@ -253,4 +257,4 @@ class BranchFollower:
                 cause = SYMMETRY if is_state else cause
             if high - low <= STRAIN_TOLERANCE:
                 break
-        return Arrival(replace(lower, moved=lower.moved + self.passed), cause)
+        return self._arrival(lower, cause)

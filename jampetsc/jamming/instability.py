@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from jampetsc.errors import ConvergenceError
 from jampetsc.minimisation.overdamped import OverdampedDescent
 from jampetsc.minimisation.warm_start import displace_disks_by
 from jampetsc.packing.contacts import measure, typical_force
@@ -25,7 +24,7 @@ def pushed_offsets(branch, disks, offsets, shear, pressure, floor, mode):
     pressure   at the event
     floor      max |F| that rounding leaves
 
-    Raises ConvergenceError where no move is pulled on.
+    None where no move is pulled on.
     """
     force, overlap = typical_force(disks, pressure), usual_overlap(disks, pressure)
     unit = branch.with_loose(mode, 0.0) / np.sqrt(np.max(np.sum(mode * mode, axis=1)))
@@ -39,7 +38,7 @@ def pushed_offsets(branch, disks, offsets, shear, pressure, floor, mode):
         if np.sum(branch.point[4] * backbone) > least:
             return trial
         size *= 2.0
-    raise ConvergenceError("no way down from an instability")
+    return None
 
 
 def descend_steepest(disks, solver, stiffness, separated_pressure, effort):

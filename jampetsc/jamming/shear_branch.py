@@ -217,6 +217,15 @@ class ShearBranch:
         self.evaluate(offsets, shear)
         return success
 
+    def opening(self, pair):
+        """The motion (N, D) by which a contact opens: K⁻¹ of a force along it, by the last factor."""
+        push = np.zeros((self.n, self.dimension))
+        push[self.pairs.j[pair]] += self.point[1][pair]
+        push[self.pairs.i[pair]] -= self.point[1][pair]
+        motion, work = np.empty_like(push), np.empty_like(push)
+        ldl.solve(self.factor, push, motion, work)
+        return motion
+
     def lowest_mode(self, start):
         """(an upper bound of the lowest eigenvalue of K, its mode (N, D)), by inverse iteration from `start`."""
         backbone, mode, work = ~self.loose, start, np.empty_like(start)

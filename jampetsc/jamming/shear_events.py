@@ -12,14 +12,31 @@ minimum is lost: disks are pushed along the mode and descend (`overdamped`, or L
 Particles that nothing holds are moved by contacts without a force, and stay where they are left.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from jampetsc.analysis.rearrangement import NEIGHBOUR_GAP, least_square_deviation, participation
+from jampetsc.analysis.rearrangement import participation
 from jampetsc.analysis.strain_series import StrainSeries
 from jampetsc.errors import ConvergenceError
-from jampetsc.jamming.branch_follower import CONTACT, SYMMETRY, TARGET, TURN, BranchFollower, rate_limit
+from jampetsc.jamming.branch_follower import (
+    CONTACT,
+    LOST,
+    SYMMETRY,
+    TARGET,
+    TURN,
+    BranchFollower,
+    rate_limit,
+)
+from jampetsc.jamming.event_table import (
+    CLOSES,
+    EVENT_COLUMNS,
+    HIDDEN,
+    LEAVES,
+    OPENS,
+    TOUCHES,
+    UNSTABLE,
+    Measures,
+    deviations,
+)
 from jampetsc.jamming.instability import descend_steepest, pushed_offsets
 from jampetsc.jamming.shear_branch import BranchState, ShearBranch
 from jampetsc.jamming.stepwise_shear import (
@@ -29,39 +46,24 @@ from jampetsc.jamming.stepwise_shear import (
     StrainStep,
     energy_cut,
 )
-from jampetsc.minimisation import ldl, warm_start
+from jampetsc.minimisation import warm_start
 from jampetsc.minimisation.contact_branch import BEARING, OPEN_PAIR, WEIGHTLESS
 from jampetsc.minimisation.protocols import MAX_SHAKES
-from jampetsc.packing.contacts import bond_vectors
 from jampetsc.packing.neighbour_list import is_stale
-from jampetsc.packing.neighbours import fractional, lengths, neighbour_pairs, vectors
+from jampetsc.packing.neighbours import fractional, lengths, vectors
 from jampetsc.packing.packing import deformed
 from jampetsc.packing.strain import simple_shear
 
-# what happens: a contact opens or closes, the minimum is lost, a particle that nothing holds is touched or left
-OPENS, CLOSES, UNSTABLE, TOUCHES, LEAVES = range(5)
-EVENT_COLUMNS = {  # of an event, and how many parts its values have: before and after it, or two particles
-    "strain": 0, "kind": 0, "particles": 2, "shear_stress": 2, "pressure": 2, "energy": 2, "contacts": 2, "drop": 0,
-    "participation": 0, "lowest_eigenvalue": 0,
-}  # fmt: skip
 TOUCH_RATIO = 1e-13  # of the largest diameter: overlaps and gaps that are none
 LIGHTEST_RATIO = 1e-15  # of the stiffness of a contact times its length: forces that are none
 LIGHT_RATIO = 1e3  # of these: overlaps up to which a contact may belong to a particle that nothing holds
 FOLD_RATIO = 2.0  # of the moves that make a list stale to those after which a new one is made
-SYMMETRY_STRAIN = 1e-6  # by which disks that only symmetry keeps on a saddle are sheared on before a quench
+QUENCH_STRAIN = (
+    1e-6  # by which disks are sheared on before a quench, where only symmetry or rounding keeps them
+)
 MAX_PIVOTS = 200  # contacts changed at one event
 MAX_EVENTS = 100_000  # of one step
 LARGEST_RATE_PIVOTS = 20  # of these by the largest rate, then by the lowest number, which cannot cycle
-
-
-@dataclass(frozen=True, eq=False)
-class Measures:
-    """Stress, energy and contacts of a state."""
-
-    shear_stress: float  # σ_xy
-    pressure: float
-    energy: float  # U
-    contacts: int  # that bear a force
 
 
 class EventShear(StepwiseShear):
@@ -221,7 +223,7 @@ class EventShear(StepwiseShear):
                 self.fold()
                 self._settle([])
             arrival, follower = self._follow(target)
-            if arrival.cause in (TURN, SYMMETRY):
+            if arrival.cause in (TURN, SYMMETRY, LOST):
                 self._lose(arrival)
             elif arrival.cause == CONTACT:
                 self._change_contacts(arrival, follower)
@@ -236,9 +238,9 @@ class EventShear(StepwiseShear):
         self.steps += 1
         size, _ = warm_start.without_drift(self.displacement, self.pairs.r0)
         self.minimum = self._minimum_state(self._forces())
-        falls = UNSTABLE in self.events.rows["kind"][first:]
+        falls = {UNSTABLE, HIDDEN} & set(self.events.rows["kind"][first:])
         drop = float(sum(self.events.rows["drop"][first:]))
-        return StrainStep(size / self.diameter, drop, falls, True, self.effort.evaluations - spent)
+        return StrainStep(size / self.diameter, drop, bool(falls), True, self.effort.evaluations - spent)
 
     def state(self) -> dict:
         """See `StepwiseShear`; with the events so far."""
@@ -285,16 +287,25 @@ class EventShear(StepwiseShear):
         before = self._measures()
         if arrival.cause == TURN:
             self._fall(arrival.mode, before, 0.0)
-            return
+        else:
+            self._quench_on(before, 0.0, UNSTABLE if arrival.cause == SYMMETRY else HIDDEN)
+
+    def _quench_on(self, before, lowest, kind=HIDDEN):
+        """An event that cannot be followed: disks are sheared on by QUENCH_STRAIN and quenched."""
         start = self.disks
-        self.shear += self.direction * SYMMETRY_STRAIN
-        self._land(start, self._quench(self.disks, MAX_SHAKES), before, 0.0)
+        self.shear += self.direction * QUENCH_STRAIN
+        self._land(start, self._quench(self.disks, MAX_SHAKES), before, lowest, kind)
 
     def _change_contacts(self, arrival, follower):
         """An event where a contact opens or closes."""
         branch, before, pair = self.branch, self.branch.active.copy(), arrival.pair
         measures, lowest = self._measures(), self._lowest()
-        if self._settle([pair]) is None:
+        try:
+            is_definite = self._settle([pair]) is not None
+        except ConvergenceError:
+            self._quench_on(measures, lowest)
+            return
+        if not is_definite:
             if self._opened == pair:  # was K definite before?
                 branch.active[:] = before
                 branch.classify(LIGHT_RATIO * self._touch)
@@ -304,11 +315,11 @@ class EventShear(StepwiseShear):
                     self._take(loss.state)
                     self._lose(loss)
                     return
-                mode = self._opening(pair)
+                mode = branch.opening(pair)
                 branch.active[pair] = OPEN_PAIR
                 branch.classify(LIGHT_RATIO * self._touch)
             else:
-                mode = self._opening(self._opened)
+                mode = branch.opening(self._opened)
             self._fall(mode, measures, lowest)
             return
         after = self._measures()
@@ -341,23 +352,15 @@ class EventShear(StepwiseShear):
         value, self._mode = self.branch.lowest_mode(self._mode)
         return value
 
-    def _opening(self, pair):
-        """The motion by which a contact opens: K⁻¹ of a force along it, K with that contact."""
-        branch = self.branch
-        push = np.zeros_like(self.offsets)
-        normal = branch.point[1][pair]
-        push[self.pairs.j[pair]] += normal
-        push[self.pairs.i[pair]] -= normal
-        motion, work = np.empty_like(push), np.empty_like(push)
-        ldl.solve(branch.factor, push, motion, work)
-        return motion
-
     def _fall(self, mode, before, lowest):
         """An instability: descend from here along a mode to another minimum at this strain."""
         start = self.disks
         pushed = pushed_offsets(
             self.branch, self.reference, self.offsets, self.shear, before.pressure, self._floor, mode
         )
+        if pushed is None:
+            self._quench_on(before, lowest)
+            return
         disks = deformed(self.reference, pushed, self.cell_strain).folded()
         if self.descent == "lbfgs":
             disks = self._quench(disks)
@@ -367,7 +370,7 @@ class EventShear(StepwiseShear):
             )
         self._land(start, disks, before, lowest)
 
-    def _land(self, start, disks, before, lowest):
+    def _land(self, start, disks, before, lowest, kind=UNSTABLE):
         """Continue from another minimum, `disks`, than the one before an instability, `start`."""
         strain = self.present_strain
         displacement = (disks.base - start.base) + (disks.offset - start.offset)
@@ -384,10 +387,10 @@ class EventShear(StepwiseShear):
         after = self._measures()
         farthest = tuple(sorted(int(k) for k in np.argsort(np.sum(moved**2, axis=1))[-2:]))
         drop = before.energy - after.energy
-        self._record(UNSTABLE, farthest, before, after, lowest, drop, participation(moved))
+        self._record(kind, farthest, before, after, lowest, drop, participation(moved))
         if drop > self.largest_drop["drop"]:
-            i, j, image = neighbour_pairs(
-                start.positions, start.radii, start.cell, NEIGHBOUR_GAP * self.diameter
-            )
-            deviation = least_square_deviation(i, j, bond_vectors(start, i, j, image), moved)
-            self.largest_drop = {"drop": drop, "event": len(self.events) - 1, "d2min": deviation}
+            self.largest_drop = {
+                "drop": drop,
+                "event": len(self.events) - 1,
+                "d2min": deviations(start, moved),
+            }

@@ -8,7 +8,7 @@ from sheared import stop_after
 import jampetsc
 from jampetsc.commands.shear import DESCENTS
 from jampetsc.errors import InputError
-from jampetsc.jamming.shear_events import CLOSES, OPENS, UNSTABLE
+from jampetsc.jamming.event_table import CLOSES, OPENS, UNSTABLE
 
 pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process
 
@@ -18,7 +18,7 @@ STARTS = {  # name -> (how the packing is made, what happens)
     "soft disks": ({"n": 16, "pressure": 2e-3, "seed": 5, "potential": "hertzian"}, "COUCC"),
     "spheres": ({"n": 16, "pressure": 1e-2, "seed": 4, "dimension": 3}, "OOUCOOOOCCCOC"),
 }
-LETTERS = "OCUTL"
+LETTERS = "OCUTLH"
 
 
 @pytest.fixture(scope="module")
