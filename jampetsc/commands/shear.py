@@ -49,7 +49,7 @@ prefix -newton_."""
 
     step: float = parameter(help="strain of one step", above=0.0, high=0.1, metavar="DG")
     strain: float = parameter(
-        help="how far to shear; negative, the other way, with --events",
+        help="how far to shear; negative (the other way) with events alone",
         low=-MAX_STRAIN,
         high=MAX_STRAIN,
         metavar="S",
@@ -60,10 +60,10 @@ prefix -newton_."""
         group="run",
     )
     d2min: bool = parameter(
-        False, "with --events, D²min of each particle in the largest drop of the energy", group="run"
+        False, "with events, D²min of each particle in the largest drop of the energy", group="run"
     )
     descent: str | None = run_parameter(
-        "with --events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS "
+        "with events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS "
         "(default steepest)",
         choices=DESCENTS,
     )
