@@ -19,19 +19,19 @@ plastic | (T,) | float | | 1 where `dissipated` exceeds `plastic_share` G_A V Δ
 proved | (T,) | float? | | 1 where the Hessian was factorised and has no negative mode: wherever contacts are alike, and
   in every 50th row
 evaluations | (T,) | float | | force evaluations that the step took
-events/strain | (E,) | float? | | with `--events`: γ of each event; several at one strain are one change
-events/kind | (E,) | int? | | 0: a contact opens, 1: closes, 2: the minimum is lost and disks rearrange, 3 and 4: a
+events/strain | (e,) | float? | | with `--events`: γ of each event; several at one strain are one change
+events/kind | (e,) | int? | | 0: a contact opens, 1: closes, 2: the minimum is lost and disks rearrange, 3 and 4: a
   contact without force, of a particle that nothing holds, begins and ends, 5: an event that rounding hides, after which
   disks are quenched 1e-6 of strain further
-events/particles | (E, 2) | int? | | numbers of the two particles of the contact; of kind 2 those that move farthest
-events/shear_stress, events/pressure, events/energy | (E, 2) | float? | `units` | σ_xy, p and U before and after it
-events/contacts | (E, 2) | int? | | contacts that bear a force before and after it
-events/drop | (E,) | float? | `units` | energy that is dissipated
-events/participation | (E,) | float? | | (Σu²)²/Σu⁴ of the displacements of kind 2, how many particles move; else 0
+events/particles | (e, 2) | int? | | numbers of the two particles of the contact; of kind 2 those that move farthest
+events/shear_stress, events/pressure, events/energy | (e, 2) | float? | `units` | σ_xy, p and U before and after it
+events/contacts | (e, 2) | int? | | contacts that bear a force before and after it
+events/drop | (e,) | float? | `units` | energy that is dissipated
+events/participation | (e,) | float? | | (Σu²)²/Σu⁴ of the displacements of kind 2, how many particles move; else 0
 events/largest | scalar | int? | | with `--d2min`: row of the largest drop
 events/d2min | (N,) | float? | length² | with `--d2min`: D²min of the particles in it; neighbours have a gap below
   half a mean diameter; nan without them
-events/lowest_eigenvalue | (E,) | float? | `units` | of K before it, rattlers and translations left out: an upper
+events/lowest_eigenvalue | (e,) | float? | `units` | of K before it, rattlers and translations left out: an upper
   bound, 0 where it vanishes
 state/base, state/offset | (N, D) | float | length | the last minimum, coordinates in two parts
 state/cell_base, state/cell_offset | (D, D) | float | length | its cell in two parts

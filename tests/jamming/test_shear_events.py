@@ -263,6 +263,16 @@ def test_a_killed_run_continues_to_the_last_bit(runs, tmp_path, monkeypatch):
     assert whole["events/kind"][whole["events/largest"]] == UNSTABLE and (whole["events/d2min"] > 0.0).all()
 
 
+def test_a_path_without_events_has_an_empty_table(runs, tmp_path):
+    packing, _ = runs["disks"]
+    jampetsc.shear(
+        packing, step=STEP, strain=STEP, events=True, discard=0.0, d2min=True, out=tmp_path / "out.h5"
+    )
+    result = jampetsc.load(tmp_path / "out.h5")
+    assert result["events/strain"].shape == (0,) and result["events/energy"].shape == (0, 2)
+    assert "events/d2min" not in result
+
+
 def test_particles_that_come_apart_are_named(session):
     with pytest.raises(Exception, match="particles come apart"):
         jampetsc.shear(n=16, phi=0.7, step=1e-2, strain=0.02, events=True)
