@@ -171,7 +171,7 @@ class ShearBranch:
         return rates
 
     def signed(self, values):
-        """Values (M,) of overlaps as those of slacks."""
+        """Values (M,) of overlaps as slacks have them."""
         return np.where(self.active != OPEN_PAIR, values, -values)
 
     def state(self, t, offsets, shear, moved, tangent, span=0.0, slack_rates=None) -> BranchState:

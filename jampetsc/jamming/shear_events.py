@@ -371,7 +371,7 @@ class EventShear(StepwiseShear):
         self._land(start, disks, before, lowest)
 
     def _land(self, start, disks, before, lowest, kind=UNSTABLE):
-        """Continue from another minimum, `disks`, than the one before an instability, `start`."""
+        """Continue from another minimum, `disks`, than `start`, where an instability was."""
         strain = self.present_strain
         displacement = (disks.base - start.base) + (disks.offset - start.offset)
         moved = displacement - vectors(np.round(fractional(displacement, start.cell)), start.cell)

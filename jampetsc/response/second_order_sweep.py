@@ -219,7 +219,9 @@ class SecondOrderSweep:
         """Shifts (M,) whose factors bound the errors at ω (M,)."""
         shifts = np.array(sorted(self.shifts))
         # Z(s) far below Z(ω) has large energies
-        transfer = self.definiteness.transfer(omega[:, None], shifts) * np.minimum(1.0, shifts / omega[:, None])
+        transfer = self.definiteness.transfer(omega[:, None], shifts) * np.minimum(
+            1.0, shifts / omega[:, None]
+        )
         return shifts[np.argmax(transfer, axis=1)]
 
     def _ratio(self, result):
