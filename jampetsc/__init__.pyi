@@ -899,6 +899,9 @@ def shear(
     threads: int | None = None,
     step: float,
     strain: float,
+    events: bool = False,
+    d2min: bool = False,
+    descent: Literal["steepest", "lbfgs"] | None = None,
     tolerance: float = 1e-06,
     out: _Path | None = None,
     checkpoint: _Path | None = None,
@@ -941,7 +944,13 @@ def shear(
     step : number
         strain of one step
     strain : number
-        how far to shear
+        how far to shear; negative (the other way) with events alone
+    events : bool, default False
+        follow each minimum exactly from event to event: contacts that open or close, instabilities
+    d2min : bool, default False
+        with events, D²min of each particle in the largest drop of the energy
+    descent : "steepest" or "lbfgs", default None
+        with events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS (default steepest)
     tolerance : number, default 1e-06
         largest max|F|/(p d), in three dimensions max|F|/(p d²), of a minimum
     out : name of a file, default None

@@ -100,7 +100,7 @@ def runs_of(result) -> list:
         raise InputError(f"{result.path}: dataset jammed: numbers other than 0 and 1. Make the file again.")
     if "seed" not in result:
         a = result.attributes
-        rows = np.flatnonzero(result["strain"] > float(a["discard"]) * (1 + 1e-12))
+        rows = np.flatnonzero(np.abs(result["strain"]) > float(a["discard"]) * (1 + 1e-12))
         return [(float(a["phi"]), a.get("seed", a.get("packing_sha256")), rows)]
     rows_by_run = {}
     for row, run in enumerate(zip(result["phi"].tolist(), result["seed"].tolist(), strict=True)):

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +12,12 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.results import note_lines, noted
 from jampetsc.options.job import PACKING_OR_N, TaskInputs
 from jampetsc.options.parameters import parameter
-from jampetsc.options.starts import ShearJob, minimum_tolerance_parameter, random_particles_lines
+from jampetsc.options.starts import (
+    ShearJob,
+    minimum_tolerance_parameter,
+    random_particles_lines,
+    run_parameter,
+)
 from jampetsc.packing.packing import PLACES
 from jampetsc.petsc import session
 from jampetsc.progress import Progress
@@ -19,6 +25,7 @@ from jampetsc.progress import Progress
 MAX_STEPS = 1e8  # steps of a run
 MAX_LINES = 50  # of progress in a log
 MAX_STRAIN = 1e4  # strain of a run
+DESCENTS = DEFAULT_DESCENT, _ = "steepest", "lbfgs"
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,34 +40,70 @@ class Shear(ShearJob):
     EPILOG: ClassVar = """examples:
   jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
   jampetsc shear p.h5 --step 1e-3 --strain 1 --out from-p.h5
+  jampetsc shear p.h5 --events --step 1e-3 --strain 0.1 --last there.h5 --out there-events.h5
+  jampetsc shear there.h5 --events --step 1e-3 --strain -0.1 --out back.h5
 
 A killed run continues when the same command is given again. Options of the Newton steps of its quenches have the
 prefix -newton_."""
     SOLVERS: ClassVar = ("newton_",)
 
     step: float = parameter(help="strain of one step", above=0.0, high=0.1, metavar="DG")
-    strain: float = parameter(help="how far to shear", above=0.0, high=MAX_STRAIN, metavar="S")
+    strain: float = parameter(
+        help="how far to shear; negative (the other way) with events alone",
+        low=-MAX_STRAIN,
+        high=MAX_STRAIN,
+        metavar="S",
+    )
+    events: bool = parameter(
+        False,
+        "follow each minimum exactly from event to event: contacts that open or close, instabilities",
+        group="run",
+    )
+    d2min: bool = parameter(
+        False, "with events, D²min of each particle in the largest drop of the energy", group="run"
+    )
+    descent: str | None = run_parameter(
+        "with events, way down from an instability: steepest descent, which overdamped particles take, or L-BFGS "
+        "(default steepest)",
+        choices=DESCENTS,
+    )
     tolerance: float = minimum_tolerance_parameter(group="run")
 
     def check(self):
         super().check()
-        if self.strain < self.step:
+        if self.strain < 0.0 and not self.events:
+            raise InputError(f"{named('strain')} {self.strain:g}: must be positive without {named('events')}")
+        if abs(self.strain) < self.step:
             raise InputError(
                 f"{named('strain')} {self.strain:g}: must be at least {named('step')} ({self.step:g})"
             )
-        if self.strain / self.step > MAX_STEPS:
+        for name in ("descent", "d2min"):
+            if getattr(self, name) and not self.events:
+                raise InputError(f"{named(name)}: of {named('events')} alone. Leave it out, or give both.")
+        if abs(self.strain) / self.step > MAX_STEPS:
             raise InputError(
-                f"{named('step')} {self.step:g}: {self.strain / self.step:.3g} steps (at most {MAX_STEPS:.0e}). Give a "
-                "larger one."
+                f"{named('step')} {self.step:g}: {abs(self.strain) / self.step:.3g} steps (at most {MAX_STEPS:.0e}). "
+                "Give a larger one."
             )
 
+    @property
+    def implied(self):
+        """See `Job`."""
+        return super().implied | ({"descent": DEFAULT_DESCENT} if self.events else {})
+
+    @property
+    def _descent(self) -> str:
+        return self.descent or DEFAULT_DESCENT
+
     def protocol(self, attributes):
-        return f"quasistatic shear, steps of {attributes['step']:g}"
+        events = ", every event followed" if self.events else ""
+        return f"quasistatic shear, steps of {attributes['step']:g}{events}"
 
     def work(self, to):
         from jampetsc.analysis.strain_series import StrainSeries, discarded_strain
         from jampetsc.commands.run_files import run_provenance, run_units, save_rows, saved_rows, write_series
-        from jampetsc.jamming.stepwise_shear import PATH_COLUMNS, shear_stepwise
+        from jampetsc.jamming.shear_events import EventShear
+        from jampetsc.jamming.stepwise_shear import PATH_COLUMNS, StepwiseShear, shear_stepwise
         from jampetsc.minimisation.minimise import proved
         from jampetsc.petsc.hessian_solver import HessianSolver
 
@@ -71,8 +114,8 @@ prefix -newton_."""
                 "by a study."
             )
         (disks, origin), solver, start_time = self.disks(), HessianSolver(), time.perf_counter()
-        steps = max(1, int(np.ceil(self.strain / self.step - 1e-9)))
-        discard = discarded_strain(self.strain, self.discard)
+        steps = max(1, int(np.ceil(abs(self.strain) / self.step - 1e-9)))
+        discard = discarded_strain(abs(self.strain), self.discard)
         checkpoint = to.checkpoint()
         resume, rows = saved_rows(checkpoint), 0
         if resume is not None:
@@ -90,12 +133,15 @@ prefix -newton_."""
                 progress.note(f"{to}: continues from strain {series.strain:.6g}")
             path = shear_stepwise(
                 disks,
-                self.step,
+                float(np.copysign(self.step, self.strain)),
                 steps,
                 solver,
                 self.tolerance,
                 discard=discard,
                 team=self.team,
+                start=partial(EventShear, descent=self.descent or self.implied["descent"])
+                if self.events
+                else StepwiseShear,
                 resume=resume,
                 save=lambda series, state: save_rows(checkpoint, series.arrays(), state),
                 report=report,
@@ -106,7 +152,8 @@ prefix -newton_."""
         if self.last is not None:
             self.write_last(proved(path.disks.replace(record={}), solver), facts, to)
         minimum = {name: getattr(path.disks, name) for name in (*PLACES, "radii")}
-        write_series(to.writer(self.FORMAT), path.series.arrays(), minimum, facts)
+        arrays = path.series.arrays() | _event_arrays(path, self.d2min)
+        write_series(to.writer(self.FORMAT), arrays, minimum, facts)
         checkpoint.remove()
         lines = [_summary(self, to, disks.phi, path), *random_particles_lines(origin), run_units(disks)]
         return "\n".join([*lines, *note_lines(notes)])
@@ -115,7 +162,7 @@ prefix -newton_."""
         from jampetsc.analysis.strain_series import short_run_warnings
 
         stress, pressure = path.averages["shear_stress"], path.averages["pressure"]
-        return short_run_warnings(self.strain - path.discard, self.step, stress, pressure)
+        return short_run_warnings(abs(self.strain) - path.discard, self.step, stress, pressure)
 
     def _facts(self, disks, path) -> dict:
         """Attributes of the file, without provenance and origin of the disks."""
@@ -136,8 +183,20 @@ prefix -newton_."""
             "newton_steps": path.effort.newton_steps,
             "saddles": path.effort.saddles,
             "shakes": path.effort.shakes,
+            **({"descent": self._descent} if self.events else {}),
             **average_facts(**path.averages),
         }
+
+
+def _event_arrays(path, d2min) -> dict:
+    """Datasets of the events of a path, none where they were not followed."""
+    if path.events is None:
+        return {}
+    columns = path.events.arrays()
+    columns |= {name: columns[name].astype(int) for name in ("kind", "particles", "contacts")}
+    if d2min and path.largest_drop["event"] >= 0:
+        columns |= {"largest": path.largest_drop["event"], "d2min": path.largest_drop["d2min"]}
+    return {f"events/{name}": values for name, values in columns.items()}
 
 
 def _summary(job, to, phi, path) -> str:
@@ -148,9 +207,10 @@ def _summary(job, to, phi, path) -> str:
     evaluations, events = series.column("evaluations").mean(), int(series.column("plastic").sum())
     share = correlated_share([series.column("jammed")[path.averaged_rows]])
     stress, pressure = averages["shear_stress"], averages["pressure"]
+    changes = "" if path.events is None else f", {len(path.events)} events in all"
     return (
         f"{to}: phi = {phi:.6g}, {len(series)} steps of {job.step:g}, {evaluations:.0f} force evaluations each, "
-        f"{events} plastic event{'s' * (events != 1)}\n"
+        f"{events} plastic event{'s' * (events != 1)}{changes}\n"
         f"  sigma = {stress}, p = {pressure}, {_share_text(share)}, 2N_c/N = {averages['contact_number']}; "
         f"{sample_sizes(stress, pressure)}"
     )

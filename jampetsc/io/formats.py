@@ -6,15 +6,14 @@
 from jampetsc.errors import InputError
 from jampetsc.io.declaration import Format, contents
 from jampetsc.io.hdf5 import attributes, check_format
+from jampetsc.io.jamming_formats import JAM, SHEAR
 from jampetsc.io.response_formats import MODES, QUASISTATIC, SPECTRUM, SWEEP
 from jampetsc.io.result_formats import (
     COLLAPSE,
     CORRELATION,
     FLOW,
-    JAM,
     OSCILLATE,
     POTENTIAL_ROWS,
-    SHEAR,
     VELOCITY_CORRELATION,
 )
 from jampetsc.laws.loads import LoadChoice

@@ -115,6 +115,9 @@ class StepwiseShear(ListedPacking):
     Raises ConvergenceError where no minimum is found, as `minimise`.
     """
 
+    events: StrainSeries | None = None
+    largest_drop: dict | None = None
+
     def __init__(self, disks: Packing, step: float, solver, tolerance: float, team: Team | None = None):
         self.step, self.solver, self.tolerance, self.team = step, solver, tolerance, team
         self.effort = Effort()
@@ -163,6 +166,12 @@ class StepwiseShear(ListedPacking):
         self._anchor = self.reference, self.last_displacement.copy(), self.steps, replace(self.effort)
         self.needs_proof = self.tolerance > NEWTON_START_FORCE  # forces as large also rest on slopes
         self._find_order()
+        self._measure_scales()
+        self._factorise()
+        self.minimum = self._minimum_state(self._forces())
+
+    def _measure_scales(self):
+        """Stiffness of a usual contact, and the largest force that rounding leaves, of the disks as they are listed."""
         potential, state = self.reference.potential, measure(self.reference)
         pressure = max(state.pressure, self._separated_pressure)
         usual = potential.overlap_at(2.0 * typical_force(self.reference, pressure), self.diameter)
@@ -170,8 +179,6 @@ class StepwiseShear(ListedPacking):
         changes = state.contacts.stiffness * state.contacts.distance
         ends = state.contacts.i, state.contacts.j
         self._floor = force_floor(self._stiffness * self.diameter, self.reference.n, *ends, changes)
-        self._factorise()
-        self.minimum = self._minimum_state(self._forces())
 
     def _find_order(self):
         """Find an order of elimination for the present positions."""
@@ -321,6 +328,8 @@ class ShearPath:
     discard: float  # strain before the averages
     averages: dict  # {name of AVERAGED: Average} over strain > discard, over all states, jammed or not
     effort: Effort  # cost of all steps
+    events: StrainSeries | None  # of `shear_events.EventShear`,
+    largest_drop: dict | None  # and the largest of its drops
 
     @property
     def averaged_rows(self) -> np.ndarray:
@@ -337,6 +346,7 @@ def shear_stepwise(
     *,
     discard: float = 0.0,
     team: Team | None = None,
+    start: Callable[..., StepwiseShear] = StepwiseShear,
     resume: tuple[StrainSeries, dict] | None = None,
     save: Callable[[StrainSeries, dict], None] | None = None,
     report: Callable[[StrainSeries], None] | None = None,
@@ -347,13 +357,14 @@ def shear_stepwise(
     tolerance   max |F| / (p d) of a minimum
     discard     strain before the averages
     team        threads of the quenches
+    start       makes the `StepwiseShear` of (disks, step, solver, tolerance, team)
     resume      series and state as given to `save`, from which an interrupted run continues
     save        called with series and state after a step, every SAVE_INTERVAL seconds, and after the last one
     report      called with the series after every step
 
     Raises ConvergenceError where no minimum is found.
     """
-    shear, series = StepwiseShear(disks, step, solver, tolerance, team), StrainSeries(PATH_COLUMNS)
+    shear, series = start(disks, step, solver, tolerance, team), StrainSeries(PATH_COLUMNS)
     if resume is not None:
         series.restore(resume[0].arrays())
         shear.restore(resume[1])
@@ -368,8 +379,8 @@ def shear_stepwise(
             report(series)
     rows = _is_averaged(series, discard)
     averages = {name: Average.of(series.column(name)[rows]) for name in AVERAGED}
-    return ShearPath(shear.disks, series, discard, averages, shear.effort)
+    return ShearPath(shear.disks, series, discard, averages, shear.effort, shear.events, shear.largest_drop)
 
 
 def _is_averaged(series, discard):
-    return series.column("strain") > discard * (1 + 1e-12)
+    return np.abs(series.column("strain")) > discard * (1 + 1e-12)

@@ -107,7 +107,7 @@ def held_by(pairs, chosen, n):
 
 
 @nested(NUMBERS, forceinline=True)
-def _diagonal_of(like, i, j, blocks, chosen, shift):
+def diagonal_blocks(like, i, j, blocks, chosen, shift):
     """Diagonal blocks for `factorise`; like: a tuple of length D."""
     if len(like) == 3:
         return space_diagonal_of(i, j, blocks, chosen, shift)
@@ -123,11 +123,11 @@ def _factorised(order, pairs, o, g, potential, nearby, stress, damping, stiffnes
     number = held_by(pairs, chosen, n)
     for k in range(n):
         shift[k] = damping + (stiffness if number[k] < axes + 1 else 0.0)
-    diagonal = _diagonal_of(pairs.r0, pairs.i, pairs.j, blocks, chosen, shift)
+    diagonal = diagonal_blocks(pairs.r0, pairs.i, pairs.j, blocks, chosen, shift)
     return factorise(order, pairs.i, pairs.j, blocks, chosen, diagonal)
 
 
-# The next two are not compiled: their copies of `_factorised` would round in their own way, see `packing.compiled`.
+# The next three are not compiled: their copies of `_factorised` would round in their own way, see `packing.compiled`.
 def factor_of(order, pairs, o, g, potential, nearby, damping, stiffness):
     """A factor of the Hessian with `damping` on its diagonal; without pre-stress if it is not definite with it.
 
@@ -142,11 +142,16 @@ def factor_of(order, pairs, o, g, potential, nearby, damping, stiffness):
 
 def is_minimum(order, pairs, o, g, potential, stiffness):
     """Whether the Hessian of the contacts has no eigenvalue below −MIN_CURVATURE · stiffness; rattlers have none."""
-    return _factorised(order, pairs, o, g, potential, 0.0, 1.0, MIN_CURVATURE * stiffness, stiffness)[0]
+    return factor_of_hessian(order, pairs, o, g, potential, MIN_CURVATURE * stiffness, stiffness)[0]
+
+
+def factor_of_hessian(order, pairs, o, g, potential, damping, stiffness):
+    """(definite, factor) of the Hessian of the contacts as they are, with its diagonal raised as in `factor_of`."""
+    return _factorised(order, pairs, o, g, potential, 0.0, 1.0, damping, stiffness)
 
 
 @nested(FAST, forceinline=True)
-def _go(o, moved, d, length, g, like):
+def displace_disks(o, moved, d, length, g, like):
     """Move by length · d in the laboratory frame; returns max |o|; like: a tuple of length D."""
     far = 0.0
     for k in range(len(o)):
@@ -167,7 +172,13 @@ def _go(o, moved, d, length, g, like):
 def moved_on(o, g, way, moved, like):
     """Move by `way` (N, D) in the laboratory frame: change the offsets o, copy it into `moved`; returns max |o|."""
     moved[:] = 0.0
-    return _go(o, moved, way, 1.0, g, like)
+    return displace_disks(o, moved, way, 1.0, g, like)
+
+
+@compiled(FAST)
+def displace_disks_by(o, moved, d, g, like):
+    """`displace_disks` by d, which is added to `moved`."""
+    return displace_disks(o, moved, d, 1.0, g, like)
 
 
 @compiled(FAST)
@@ -327,7 +338,7 @@ def follow(pairs, potential, scalars, factor, memory, o, moved, forces):
                 return LOST, evaluations, sums
             length, done = min(1.0, reach / np.sqrt(_longest(d, pairs.r0))), 0.0
             old[:] = flat
-        far = _go(o, moved, d.reshape(-1, axes), length - done, g, pairs.r0)
+        far = displace_disks(o, moved, d.reshape(-1, axes), length - done, g, pairs.r0)
         done = length
         tries += 1
         if is_stale(far, simple_shear(g), largest, skin):

@@ -104,7 +104,7 @@ class ShearJob(Job):
 
     def check_discard(self):
         """Refuse a strain left out of the means that is as long as the run."""
-        if self.discard is not None and self.discard >= self.strain:
+        if self.discard is not None and self.discard >= abs(self.strain):
             raise InputError(
                 f"{named('discard')} {self.discard:g}: not below {named('strain')} {self.strain:g}. Give a smaller one."
             )
@@ -114,7 +114,7 @@ class ShearJob(Job):
         """See `Job`."""
         from jampetsc.analysis.strain_series import discarded_strain
 
-        discard = {"discard": discarded_strain(self.strain, self.discard)}
+        discard = {"discard": discarded_strain(abs(self.strain), self.discard)}
         if self.start is not None:
             return discard
         sizes = {} if self.radii is not None else {"sizes": DEFAULT_SIZES}

@@ -241,10 +241,8 @@ MAX_PROFILES = 3  # kinds of flow between walls in one picture
 def draw_mean(ax, result, name, unit, colour, width) -> None:
     """The mean of NAME over the steady part of a run, dashed along its strain."""
     attributes = result.attributes
-    mean, span = (
-        float(attributes[f"{name}_mean"]) / unit,
-        [float(attributes["discard"]), result["strain"][-1]],
-    )
+    mean, end = float(attributes[f"{name}_mean"]) / unit, result["strain"][-1]
+    span = [np.copysign(float(attributes["discard"]), end), end]
     ax.plot(span, [mean, mean], color=colour, lw=width, ls=DASHED, label=hidden(f"{result.path.stem}, mean"))
 
 

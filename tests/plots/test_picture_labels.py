@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from picture_contents import drawn_by, figure_of, require_inside
 from test_displacement_correlation import correlation_file
+from test_event_plots import sheared_events
 from test_floppy_plots import lowest_of, modes_of, quasistatic_of
 from test_flow_plots import facts, series
 from test_jam_plots import jam_of, shear_of
@@ -19,6 +20,7 @@ from jampetsc.io.reader import load
 from jampetsc.plots import (
     correlation_plots,
     crossover_plots,
+    event_plots,
     flow_plots,
     jamming_plots,
     mode_plots,
@@ -84,6 +86,9 @@ PICTURES = [  # (function, what it draws, (x, y, scales) of the panels: linear o
     (jamming_plots.plot_stepwise_shear, lambda folder: [shear_of(np.ones(5))],
      [("", r"$U/N\ [k]$", "-l"), ("", r"$\sigma\ [k]$", "--"), (r"$\gamma$", r"$p\ [k]$", "--"),
       (r"$\gamma$", "$2N_c/N$", "--")]),
+    (event_plots.plot_events, lambda folder: [sheared_events()],
+     [(r"$\gamma$", r"$\sigma\ [k]$", "--"), (r"$\Delta U/N\ [k]$", "share of larger drops", "ll"),
+      (r"first $\left|\gamma\right|$", "share without change", "l-")]),
     (jamming_plots.plot_fraction, cooled, [(r"$\phi$", r"$f(\phi)$", "--")]),
     (jamming_plots.plot_pressures, cooled, [(r"$p\ [k_{\rm e}/d_{\rm s}^2]$", "$P(p)$", "--")]),
     (jamming_plots.plot_jamming_densities, cooled, [(r"$\phi_J$", r"$P(\phi_J)$", "--")]),

@@ -1,0 +1,286 @@
+"""`jampetsc shear --events`: changes of contacts and instabilities at their strains, against dense matrices."""
+
+import numpy as np
+import pytest
+from dense import all_pairs
+from sheared import stop_after
+
+import jampetsc
+from jampetsc.commands.shear import DESCENTS
+from jampetsc.errors import InputError
+from jampetsc.jamming.event_table import CLOSES, OPENS, UNSTABLE
+
+pytestmark = [pytest.mark.scalar("real"), pytest.mark.most_ranks(1)]  # one run is one process
+
+STEP, STRAIN = 2e-3, 0.06
+STARTS = {  # name -> (how the packing is made, what happens)
+    "disks": ({"n": 16, "pressure": 1e-2, "seed": 8}, "CU"),
+    "soft disks": ({"n": 16, "pressure": 2e-3, "seed": 5, "potential": "hertzian"}, "COUCC"),
+    "spheres": ({"n": 16, "pressure": 1e-2, "seed": 4, "dimension": 3}, "OOUCOOOOCCCOC"),
+}
+LETTERS = "OCUTLH"
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """{name: (packing, its events)}."""
+    results = {}
+    for name, (start, _) in STARTS.items():
+        packing = jampetsc.pack(**start)
+        results[name] = packing, jampetsc.shear(packing, step=STEP, strain=STRAIN, discard=0.0, events=True)
+    return results
+
+
+class DensePath:
+    """Minima of a packing under shear, by Newton's method on the contacts there, dense."""
+
+    def __init__(self, packing):
+        self.packing, self.cell = packing, packing.cell
+        self.positions, self.strain = packing.positions.copy(), 0.0
+        self.alpha, self.k = packing.potential.exponent, packing.potential.k
+
+    def contacts(self):
+        """(i, j, r, δ) of overlapping pairs; stiffness `constant`."""
+        cell = self.cell.copy()
+        cell[1, 0] += self.strain * cell[1, 1]
+        if len(cell) == 3:
+            cell[2, 0] += self.strain * cell[2, 1]
+        i, j, r = all_pairs(self.positions, self.packing.radii, cell, images=1)
+        i, j, r = np.array(i), np.array(j), r.astype(float)
+        return i, j, r, self.packing.radii[i] + self.packing.radii[j] - np.sqrt((r**2).sum(axis=1))
+
+    def derivatives(self):
+        """(U, σ V, forces (N, D), K (DN, DN), change of the forces by affine shear (N, D))."""
+        i, j, r, overlap = self.contacts()
+        n, d = self.positions.shape
+        f = self.k * overlap ** (self.alpha - 1)
+        k = self.k * (self.alpha - 1) * overlap ** (self.alpha - 2)
+        distance = np.sqrt((r**2).sum(axis=1))
+        normal = r / distance[:, None]
+        along = normal[:, :, None] * normal[:, None]
+        blocks = k[:, None, None] * along - (f / distance)[:, None, None] * (np.eye(d) - along)
+        forces, affine, K = np.zeros((n, d)), np.zeros((n, d)), np.zeros((n, n, d, d))
+        for ends, sign in ((j, 1.0), (i, -1.0)):
+            np.add.at(forces, ends, sign * f[:, None] * normal)
+            np.add.at(affine, ends, -sign * blocks[:, :, 0] * r[:, 1:2])
+        for row, column, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
+            np.add.at(K, (row, column), sign * blocks)
+        energy, stress = float(np.sum(f * overlap) / self.alpha), -float(np.sum(f * normal[:, 0] * r[:, 1]))
+        return energy, stress, forces, K.transpose(0, 2, 1, 3).reshape(n * d, -1), affine
+
+    def move_to(self, strain, steps=40):
+        """The minimum at another strain, in small steps of strain; whether it was reached."""
+        for part in np.linspace(self.strain, strain, 2 + int(abs(strain - self.strain) / 1e-3))[1:]:
+            if not self._step_to(part, steps):
+                return False
+        return True
+
+    def _step_to(self, strain, steps):
+        *_, K, affine = self.derivatives()
+        motion = (np.linalg.pinv(K, rcond=1e-9) @ affine.ravel()).reshape(affine.shape)
+        motion[:, 0] += self.positions[:, 1]
+        self.positions = self.positions + (strain - self.strain) * motion
+        self.strain = strain
+        for _ in range(steps):
+            energy, _, forces, K, _ = self.derivatives()
+            start, move = self.positions, np.linalg.pinv(K, rcond=1e-9) @ forces.ravel()
+            for _ in range(8):
+                self.positions = start + move.reshape(start.shape)
+                if self.derivatives()[0] <= energy * (1 + 1e-13):
+                    break
+                move *= 0.5
+            if np.abs(move).max() < 1e-14:
+                break
+        return np.abs(move).max() < 1e-9
+
+    def copy(self):
+        """Another path from here."""
+        other = DensePath(self.packing)
+        other.positions, other.strain = self.positions.copy(), self.strain
+        return other
+
+    def touching(self):
+        """Overlapping pairs (i, j), with as many entries as images of a pair touch."""
+        i, j, *_ = self.contacts()
+        return sorted(zip(i.tolist(), j.tolist(), strict=True))
+
+
+def changed_at(path, low, high):
+    """Strain between two at which the contacts change, by bisection; the path stays below it."""
+    before = path.touching()
+    while high - low > 2e-13:
+        middle, trial = 0.5 * (low + high), path.copy()
+        assert trial.move_to(middle)
+        if trial.touching() == before:
+            low, path.positions, path.strain = middle, trial.positions, trial.strain
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_contacts_change_at_the_strains_of_a_dense_bisection(runs, name):
+    """To 1e-12, up to the first instability; also the pair that changes, and σ and U."""
+    packing, result = runs[name]
+    assert "".join(LETTERS[kind] for kind in result["events/kind"]) == STARTS[name][1]
+    path, last = DensePath(packing), 0.0
+    first = int(np.argmax(result["events/kind"] == UNSTABLE))
+    for event in range(min(first, 2)):
+        strain, kind = result["events/strain"][event], result["events/kind"][event]
+        following = result["events/strain"][event + 1]
+        low, high = strain - min(1e-7, 0.1 * (strain - last)), strain + min(1e-7, 0.1 * (following - strain))
+        assert path.move_to(low)
+        before = path.touching()
+        exact = changed_at(path, low, high)
+        assert exact == pytest.approx(strain, abs=1e-12)
+        energy, stress, *_ = path.derivatives()
+        assert result["events/energy"][event, 0] == pytest.approx(energy, rel=1e-9)
+        assert result["events/shear_stress"][event] == pytest.approx(stress / packing.volume, rel=1e-9)
+        assert path.move_to(high)
+        pair = [tuple(result["events/particles"][event])]
+        opened = [a for a in before if before.count(a) > path.touching().count(a)]
+        closed = [a for a in path.touching() if path.touching().count(a) > before.count(a)]
+        assert (opened, closed) == ((pair, []) if kind == OPENS else ([], pair))
+        last = strain
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_no_minimum_is_near_after_an_instability(runs, name):
+    """Up to its strain dense Newton steps follow the minimum; beyond it none continues the path."""
+    packing, result = runs[name]
+    event = int(np.argmax(result["events/kind"] == UNSTABLE))
+    strain, path = result["events/strain"][event], DensePath(packing)
+    for nearer in np.geomspace(1e-3, 1e-8, 16):
+        assert path.move_to(strain - nearer)
+        assert np.linalg.eigvalsh(path.derivatives()[3])[0] > -1e-12
+    assert path.derivatives()[0] == pytest.approx(result["events/energy"][event, 0], rel=1e-6)
+    beyond = path.copy()
+    is_followed = beyond.move_to(strain + 1e-9, steps=100)
+    lowest = np.linalg.eigvalsh(beyond.derivatives()[3])[0]
+    fallen = np.abs(beyond.positions - path.positions).max() > 1e-4
+    assert not is_followed or lowest < -1e-9 or fallen
+    assert result["events/drop"][event] > 0.0
+    assert 1.0 <= result["events/participation"][event] <= packing.n
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_work_is_stored_or_dissipated_in_drops(runs, name):
+    """∫ V σ dγ by the trapezium rule between rows and events = ΔU + Σ drops."""
+    packing, result = runs[name]
+    strain = np.concatenate((result["strain"], np.repeat(result["events/strain"], 2)))
+    stress = np.concatenate((result["shear_stress"], result["events/shear_stress"].ravel()))
+    order = np.argsort(strain, kind="stable")
+    stress, strain = np.r_[packing.stress[0, 1], stress[order]], np.r_[0.0, strain[order]]
+    work = packing.volume * float(np.diff(strain) @ (0.5 * (stress[1:] + stress[:-1])))
+    change = result["energy"][-1] - packing.record["energy"]
+    drops = result["events/drop"].sum()
+    scale = packing.volume * np.abs(stress).max() * STRAIN
+    assert work == pytest.approx(change + drops, abs=1e-3 * scale)
+    assert drops == pytest.approx(result["dissipated"].sum(), rel=1e-9)
+    assert drops > 1e-2 * scale
+    assert np.array_equal(result["plastic"] == 1, np.diff(np.searchsorted(
+        result["events/strain"][result["events/kind"] == UNSTABLE], np.r_[0.0, result["strain"]]
+    )) > 0)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_rows_are_those_of_stepwise_shear_before_the_first_instability(runs, name):
+    packing, result = runs[name]
+    first = result["events/strain"][result["events/kind"] == UNSTABLE][0]
+    rows = int(first / STEP)
+    stepwise = jampetsc.shear(packing, step=STEP, strain=rows * STEP, tolerance=1e-11, discard=0.0)
+    for column in ("shear_stress", "pressure", "energy", "contact_number"):
+        np.testing.assert_allclose(result[column][:rows], stepwise[column], rtol=1e-8)
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_forward_and_back_below_the_first_instability_is_the_identity(runs, name):
+    packing, result = runs[name]
+    rows = int(result["events/strain"][result["events/kind"] == UNSTABLE][0] / STEP)
+    forth = jampetsc.shear(packing, step=STEP, strain=rows * STEP, events=True, discard=0.0)
+    back = jampetsc.shear(forth.last, step=STEP, strain=-rows * STEP, events=True, discard=0.0)
+    assert back["strain"][-1] == pytest.approx(-rows * STEP)
+    assert back["energy"][-1] == pytest.approx(packing.record["energy"], rel=1e-11)
+    moved = back.last.positions - packing.positions
+    moved -= np.round(moved @ np.linalg.inv(packing.cell)) @ packing.cell
+    moved = moved[~packing.rattlers]
+    assert np.abs(moved - moved.mean(axis=0)).max() < 1e-11
+    strains = forth["events/strain"]
+    np.testing.assert_allclose(rows * STEP + back["events/strain"][::-1], strains, atol=1e-12)
+    opposite = {OPENS: CLOSES, CLOSES: OPENS}
+    assert [opposite[kind] for kind in back["events/kind"][::-1]] == forth["events/kind"].tolist()
+
+
+def test_a_mirror_image_sheared_the_other_way_has_the_same_events(runs):
+    packing, result = runs["disks"]
+    cell = packing.cell * [[1, 1], [-1, 1]]
+    mirrored = jampetsc.Packing(packing.positions * [-1, 1], packing.radii, cell, k=3.0)
+    other = jampetsc.shear(mirrored, step=STEP, strain=-STRAIN, events=True, discard=0.0)
+    np.testing.assert_allclose(other["events/strain"], -result["events/strain"], rtol=1e-11)
+    for name, factor in (("shear_stress", -3.0), ("pressure", 3.0), ("energy", 3.0)):
+        np.testing.assert_allclose(other[f"events/{name}"], factor * result[f"events/{name}"], rtol=1e-7)
+    np.testing.assert_allclose(other["events/drop"], 3.0 * result["events/drop"], rtol=1e-6)
+    assert np.array_equal(other["events/particles"], result["events/particles"])
+
+
+def test_every_row_is_a_minimum(runs):
+    for packing, _ in runs.values():
+        start, step = packing, 0.015
+        for _ in range(4):
+            start = jampetsc.shear(start, step=step, strain=step, events=True, discard=0.0).last
+            dense = DensePath(start)
+            assert np.linalg.eigvalsh(dense.derivatives()[3])[0] > -1e-12
+            assert np.abs(dense.derivatives()[2]).max() < 1e-13
+
+
+@pytest.mark.parametrize("descent", DESCENTS)
+def test_both_descents_end_in_minima_of_less_energy(runs, descent):
+    packing, result = runs["disks"]
+    other = jampetsc.shear(packing, step=STEP, strain=0.044, events=True, descent=descent, discard=0.0)
+    assert other.attributes["descent"] == descent
+    assert other["events/strain"][:2] == pytest.approx(result["events/strain"][:2], abs=1e-13)
+    assert other["events/drop"][1] > 0.0 and other["proved"].all()
+
+
+def test_a_killed_run_continues_to_the_last_bit(runs, tmp_path, monkeypatch):
+    packing, _ = runs["disks"]
+    job = {"start": packing, "step": 1e-3, "strain": 0.055, "events": True, "d2min": True, "discard": 0.0}
+    whole = jampetsc.shear(**job, out=tmp_path / "whole.h5")
+    left = stop_after(monkeypatch, 52)
+    with pytest.raises(KeyboardInterrupt):
+        jampetsc.shear(**job, out=tmp_path / "out.h5")
+    parts = jampetsc.shear(**job, out=tmp_path / "out.h5")
+    assert left[0] < 0
+    for name in (
+        "energy",
+        "shear_stress",
+        "evaluations",
+        "events/strain",
+        "events/lowest_eigenvalue",
+        "events/d2min",
+    ):
+        assert np.array_equal(whole[name], parts[name])
+    assert whole["events/kind"][whole["events/largest"]] == UNSTABLE and (whole["events/d2min"] > 0.0).all()
+
+
+def test_a_path_without_events_has_an_empty_table(runs, tmp_path):
+    packing, _ = runs["disks"]
+    jampetsc.shear(
+        packing, step=STEP, strain=STEP, events=True, discard=0.0, d2min=True, out=tmp_path / "out.h5"
+    )
+    result = jampetsc.load(tmp_path / "out.h5")
+    assert result["events/strain"].shape == (0,) and result["events/energy"].shape == (0, 2)
+    assert "events/d2min" not in result
+
+
+def test_particles_that_come_apart_are_named(session):
+    with pytest.raises(Exception, match="particles come apart"):
+        jampetsc.shear(n=16, phi=0.7, step=1e-2, strain=0.02, events=True)
+
+
+def test_what_only_events_take(runs):
+    packing, _ = runs["disks"]
+    with pytest.raises(InputError, match="must be positive without events"):
+        jampetsc.shear(packing, step=STEP, strain=-STRAIN)
+    with pytest.raises(InputError, match="descent: of events alone"):
+        jampetsc.shear(packing, step=STEP, strain=STRAIN, descent="lbfgs")
