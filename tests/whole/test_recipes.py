@@ -171,7 +171,7 @@ def test_rows_and_commands(tmp_path):
     insert(package / "laws" / "loads.py", "return {load.name: load", load)
     insert(package / "laws" / "flow_models.py", '"RD": (Law', model)
     insert(package / "commands" / "quasistatic.py", "writer.attributes(eta_inf", number)
-    insert(package / "io" / "result_formats.py", "G0, G_affine, bulk_modulus |", row)
+    insert(package / "io" / "response_formats.py", "G0, G_affine, bulk_modulus |", row)
     (package / "plots" / "loss_plots.py").write_text(imports + "\n\n" + function + "\n")
     draw = package / "plots" / "draw.py"
     draw.write_text(draw.read_text().replace('"moduli_plots",', '"moduli_plots", "loss_plots",', 1))
