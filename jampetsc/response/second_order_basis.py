@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from jampetsc.collective import on_root
 from jampetsc.errors import ConvergenceError
 from jampetsc.response.assembly import Pencil
 
@@ -158,8 +159,11 @@ class SecondOrderBasis:
         self.k = np.column_stack((self.k, of_columns[::2]))
         self.b = np.column_stack((self.b, of_columns[1::2]))
 
-    def coefficients(self, omega: float):
-        """(loads, m) complex: Galerkin's solutions y of (K + sB + s²) y = −(k + s b) in the space, s = iω."""
+    def coefficients(self, omega):
+        """(M, loads, m) complex: Galerkin's y of (K + sB + s²) y = −(k + s b) in the space, s = iω, at ω (M,)."""
+        return on_root(self.pencil.network.comm, lambda: np.array([self._solution(at) for at in omega]))
+
+    def _solution(self, omega):
         s = 1j * omega
         matrix = self.K + s * self.B + s**2 * np.eye(self.size)
         scale = 1.0 / np.sqrt(np.abs(np.diag(self.K)) + omega * np.abs(np.diag(self.B)) + omega**2)

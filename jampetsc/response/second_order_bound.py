@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jampetsc.collective import on_root
 from jampetsc.errors import ConvergenceError
 from jampetsc.petsc.cholesky import least_eigenvalue
 from jampetsc.petsc.inertia import ShiftedInertia
@@ -190,20 +191,8 @@ class MassiveShift:
         columns = np.concatenate((residuals.real, residuals.imag))  # (2F, n_local)
         scale = np.sqrt(np.tile(weights, 2) / self.least)
         gram = network.sum((columns / self.diagonal) @ columns.T) * np.outer(scale, scale)
-        values, axes = np.linalg.eigh(gram)
-        values, axes = values[::-1], axes[:, ::-1]
-        kept = axes**2 * np.maximum(values, 0.0)  # (2F, 2F): what each direction holds of each column
-        total = kept.sum(axis=1)
-        rest = np.maximum(total[:, None] - np.cumsum(kept, axis=1), 0.0)
-        rest = np.column_stack((total, rest)) + SPREAD * values[0]
-        worst = (rest[:count] + rest[count:]).max(axis=0)
-        enough = np.flatnonzero(worst <= MAX_REST)
-        d = min(
-            int(enough[0]) if len(enough) else 2 * count,
-            MAX_DIRECTIONS,
-            int(np.sum(values > SPREAD * values[0])),
-        )
-        norms = np.sqrt((rest[:count, d] + rest[count:, d]) / weights)
+        values, axes, rest, d = on_root(network.comm, lambda: _principal_directions(gram, count))
+        norms = np.sqrt(rest / weights)
         norms += rounding / np.sqrt(self.least)
         if not d:
             return norms**2
@@ -223,3 +212,18 @@ class MassiveShift:
         # what the residuals' rounding adds to 2 xᵀρ is below 2 |x|_Z |δρ|
         parts = np.maximum(parts, 0.0) + missed + 2.0 * np.sqrt(np.maximum(parts, 0.0) * missed)
         return (np.sqrt(parts[:count] + parts[count:]) + norms) ** 2
+
+
+def _principal_directions(gram, count):
+    """(values (d,), axes (2F, d), what they leave (F,), d): eigenvectors of weighted products (2F, 2F) that matter."""
+    values, axes = np.linalg.eigh(gram)
+    values, axes = values[::-1], axes[:, ::-1]
+    kept = axes**2 * np.maximum(values, 0.0)  # (2F, 2F): what each direction holds of each column
+    total = kept.sum(axis=1)
+    rest = np.maximum(total[:, None] - np.cumsum(kept, axis=1), 0.0)
+    rest = np.column_stack((total, rest)) + SPREAD * values[0]
+    rest = rest[:count] + rest[count:]  # real and imaginary parts
+    enough = np.flatnonzero(rest.max(axis=0) <= MAX_REST)
+    significant = int(np.sum(values > SPREAD * values[0]))
+    d = min(int(enough[0]) if len(enough) else 2 * count, MAX_DIRECTIONS, significant)
+    return values[:d], axes[:, :d], rest[:, d], d

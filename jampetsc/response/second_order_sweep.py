@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jampetsc.collective import on_root
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import Pencil
 from jampetsc.response.certificate import Functional, field_bound, tensor_at
 from jampetsc.response.rational import LARGEST_SHIFT, SMALLEST_SHIFT, largest_rate
 from jampetsc.response.second_order_basis import Chain, SecondOrderBasis
-from jampetsc.response.second_order_bound import Definiteness, DefinitenessTest, MassiveShift
+from jampetsc.response.second_order_bound import MARGIN, Definiteness, DefinitenessTest, MassiveShift
 from jampetsc.response.shift_factors import Factors
 
 FIRST_LENGTH, MORE_LENGTH = 14, 8  # steps of a chain, at first and where it is continued
@@ -24,6 +25,7 @@ MAX_VECTORS = 240  # for each load
 MAX_STALLED = 4  # steps that do not halve the worst ratio
 SPACED = 1  # frequencies of a decade that steer, about
 LOW_SHIFT = 1e-7  # first shift, relative to the scale of rates, if lower frequencies follow
+GUESSES = 200  # frequencies at which ω_c of the space is looked for
 TRIAL_RATIOS = 0.4, 0.15, 0.05  # of the ω_c of the space, which are tested
 
 
@@ -170,20 +172,21 @@ class SecondOrderSweep:
         self.is_tested = True
         if not self.basis.size:
             return
-        omega = np.geomspace(*(self._clipped(end) for end in (1e-3 * self.omega[0], self.omega[-1])), 400)
-        identity = np.eye(self.basis.size)
-        definite = [
-            np.linalg.eigvalsh(self.basis.K + at * self.basis.B - 2.0 * at**2 * identity)[0] > 0.0
-            for at in omega
-        ]
-        first = int(np.argmin(definite)) if not all(definite) else len(omega)
-        if first == 0:
-            return
-        test = DefinitenessTest(self.pencil)
-        for ratio in TRIAL_RATIOS:
-            if test.holds(float(ratio * omega[first - 1])):
-                self.definiteness = replace(self.definiteness, omega_c=float(ratio * omega[first - 1]))
+        guess = on_root(self.network.comm, self._definite_below)
+        test = DefinitenessTest(self.pencil) if guess else None
+        for ratio in TRIAL_RATIOS if guess else ():
+            if test.holds(ratio * guess):
+                self.definiteness = replace(self.definiteness, omega_c=ratio * guess)
                 return
+
+    def _definite_below(self):
+        """The frequency up to which K + ωB − νω²M̂ > 0 in the space, about; 0 if there is none. On rank 0."""
+        guess, identity = 0.0, np.eye(self.basis.size)
+        for at in np.geomspace(*map(self._clipped, (1e-3 * self.omega[0], self.omega[-1])), GUESSES):
+            if np.linalg.eigvalsh(self.basis.K + at * self.basis.B - MARGIN * at**2 * identity)[0] <= 0.0:
+                break
+            guess = float(at)
+        return guess
 
     def evaluate(self, omega):
         """Bound over what is allowed, (M,), at frequencies by the space as it is; `solutions` take those below 1."""
@@ -239,7 +242,7 @@ class SecondOrderSweep:
         """Lists of `Certified` for each frequency, by the factor of one shift."""
         results, residuals, rounding, weights = [], [], [], []
         volume = self.network.volume
-        fields = self.basis.fields(np.array([self.basis.coefficients(at) for at in omega]))
+        fields = self.basis.fields(self.basis.coefficients(omega))
         for at, c, of_loads in zip(omega, transfer, fields, strict=True):
             for x, functional in zip(of_loads, self.functionals, strict=True):
                 trial = functional.trial(at, x)
@@ -258,5 +261,5 @@ class SecondOrderSweep:
 
     def trials(self, omega: float):
         """The trial field of each load at ω."""
-        fields = self.basis.fields(self.basis.coefficients(omega))
+        fields = self.basis.fields(self.basis.coefficients([omega]))[0]
         return [functional.trial(omega, x) for functional, x in zip(self.functionals, fields, strict=True)]
