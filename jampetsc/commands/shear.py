@@ -40,8 +40,8 @@ class Shear(ShearJob):
     EPILOG: ClassVar = """examples:
   jampetsc shear --n 64 --phi 0.845 --step 1e-3 --strain 8 --out qs.h5
   jampetsc shear p.h5 --step 1e-3 --strain 1 --out from-p.h5
-  jampetsc shear p.h5 --events --step 1e-3 --strain 0.1 --last there.h5 --out there-events.h5
-  jampetsc shear there.h5 --events --step 1e-3 --strain -0.1 --out back.h5
+  jampetsc shear p.h5 --events --step 1e-3 --strain 0.01 --last there.h5 --out there-events.h5
+  jampetsc shear there.h5 --events --step 1e-3 --strain -0.01 --out back.h5
 
 A killed run continues when the same command is given again. Options of the Newton steps of its quenches have the
 prefix -newton_."""
