@@ -13,13 +13,15 @@ SIZES = {  # option, or command and option -> its value here, or {its value: tha
     # each point of an oscillation takes a while
     **{("oscillate", "--omega"): "1e-6", ("oscillate", "--strain"): "1e-6", ("oscillate", "--steps"): "32"},
     **{("moving", "--omega"): "1e-2", ("moving", "--strain"): "1e-4"},
+    ("--events", "--strain"): {"0.01": "0.01", "-0.01": "-0.01"},  # small packings come apart later
     ("oscillate", "--stress"): {"1e-6,1e-5": "1e-5", "1e-5,1e-4": "1e-4"},
 }
 
 
 def small(words):
     """A command line at a size for tests."""
-    command, made = "moving" if "moving" in words else words[0], [words[0]]
+    command = next((word for word in ("moving", "--events") if word in words), words[0])
+    made = [words[0]]
     for option, word in pairwise(words):
         here = SIZES.get((command, option)) or SIZES.get((words[0], option)) or SIZES.get(option, word)
         made.append(_few_points(here.get(word, word) if isinstance(here, dict) else here))
