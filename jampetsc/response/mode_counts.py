@@ -67,8 +67,8 @@ def count_between(network: DistributedNetwork, edges, proved: bool = False) -> M
                 below[number] = inertia.count_certified(edges[number] ** 2) - pencil.pieces.translations
             except UncertainCount as error:
                 raise InputError(
-                    f"{named('states')} {float(edges[number])!r}: a mode lies there to rounding, so it cannot be counted. "
-                    "Give another edge."
+                    f"{named('states')} {float(edges[number])!r}: a mode lies there to rounding, so it cannot be "
+                    "counted. Give another edge."
                 ) from error
             progress.step(f"ω = {edges[number]:.4g}: {below[number]} modes below")
     if alone:
