@@ -273,25 +273,16 @@ PETSc options: -shift_… and -inertia_… for the factorisations of the rationa
         if checkpoint.done and session.current().rank == 0:
             what = "shifts" if method == "rational" else "frequencies"
             note(f"continuing {checkpoint.journal}: {len(checkpoint.done)} {what} are finished")
-        if method == "rational" and self.mass is not None:
-            resume = {step: (record, checkpoint.fields(step)) for step, record in checkpoint.done.items()}
-            return sweep_with_inertia(pencil, **settings, resume=resume, save=checkpoint.save)
-        if method == "rational":
-            resume = {step: (record, checkpoint.fields(step)) for step, record in checkpoint.done.items()}
-            return sweep_rationally(
-                pencil, **settings, parallel=self.parallel or "auto", resume=resume, save=checkpoint.save
-            )
-        resume = {
-            step: (record, checkpoint.fields(step) if "field_bound" in record else None)
-            for step, record in checkpoint.done.items()
+        settings["resume"] = {
+            step: (record, checkpoint.fields(step)) for step, record in checkpoint.done.items()
         }
-        return sweep_directly(
-            pencil,
-            **settings,
-            positive_semidefinite=minimum.negative_modes == 0 and self.mass is None,
-            resume=resume,
-            save=checkpoint.save,
-        )
+        settings["save"] = checkpoint.save
+        if method == "direct":
+            is_positive = minimum.negative_modes == 0 and self.mass is None
+            return sweep_directly(pencil, **settings, positive_semidefinite=is_positive)
+        if self.mass is not None:
+            return sweep_with_inertia(pencil, **settings)
+        return sweep_rationally(pencil, **settings, parallel=self.parallel or "auto")
 
 
 @dataclass(frozen=True, eq=False)

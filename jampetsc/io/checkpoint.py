@@ -191,19 +191,25 @@ class Checkpoint:
         """The file of a step: of rank 0 with its record, of others with their arrays."""
         return self.journal / f"{index:05d}-rank-{self.rank:04d}"
 
-    def fields(self, index) -> dict:
-        """This rank's arrays of a finished step, as given to `save`.
+    def fields(self, index) -> dict | None:
+        """This rank's arrays of a finished step, as given to `save`; None where it was given none.
 
         Raises JampetscError on all ranks if a file was changed since the checkpoint was opened.
         """
         if self.journal is None:
             return self._arrays[index]
+        hashes = self._hashes[index]
+        saved = (
+            hashes[self.rank] if self.rank < len(hashes) else None
+        )  # without arrays rank 0 alone has a file
         with agreed(self.comm):
-            content = read_entry(self.path_of(index))
-            if content is None or content[2] != self._hashes[index][self.rank]:
+            content = read_entry(self.path_of(index)) if saved else ({}, b"", saved)
+            if content is None or content[2] != saved:
                 raise JampetscError(
                     f"{self.path_of(index)}: changed during the run. Run the same command again."
                 )
+        if not content[1]:
+            return None
         with np.load(io.BytesIO(content[1])) as stored:
             return {name: stored[name] for name in stored.files}
 

@@ -9,11 +9,13 @@ import jampetsc
 from jampetsc.io.packing_file import write_packing
 
 DIRECT = ("--method", "direct", "--omega", "1e-4:1:6")
+RESONANT = ("--mass", "9", "--tangential-stiffness", "1", "--no-rotations", "--omega", "1e-1:10:6")
 KELVIN_VOIGT = ("--beta", "0", "--no-prestress")  # everything is known after the first step, without vectors
 KILLED = [  # packing, options, ranks, after how many steps, what is said
     (polydisperse(3)[0], (), 0, 1, "1 shifts"),
     (polydisperse(3)[0], (), 2, 1, "1 shifts"),
     (polydisperse(3)[0], ("--mass", "9", "--omega", "1e-4:1e2:20"), 0, 2, "2 shifts"),
+    (polydisperse(3)[0], RESONANT, 0, 5, "5 shifts"),
     (polydisperse(3)[0], DIRECT, 2, 4, "4 frequencies"),
     (polydisperse(3)[0], DIRECT, 0, 2, "2 frequencies"),
     (published(), KELVIN_VOIGT, 0, 1, "1 shifts"),
