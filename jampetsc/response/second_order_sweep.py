@@ -201,7 +201,7 @@ class SecondOrderSweep:
                 results = self._evaluate_at(omega[own], self.shifts[s], transfer)
                 for index, certificates in zip(own, results, strict=True):
                     ratio[index] = max(map(self._ratio, certificates))
-                    if not ratio[index] > 1.0:
+                    if ratio[index] <= 1.0:  # not where it is nan
                         self.solutions[float(omega[index])] = self._solution(certificates)
         return ratio
 
@@ -255,7 +255,7 @@ class SecondOrderSweep:
         energies = shift.energies(np.array(residuals), np.array(rounding), np.array(weights))
         loads = len(self.pencils)
         with np.errstate(divide="ignore", invalid="ignore"):
-            errors = np.where(energies > 0.0, energies / (np.repeat(transfer, loads) * volume), 0.0)
+            errors = np.where(energies == 0.0, 0.0, energies / (np.repeat(transfer, loads) * volume))
         results = [replace(result, error=float(error)) for result, error in zip(results, errors, strict=True)]
         return [results[start : start + loads] for start in range(0, len(results), loads)]
 
