@@ -200,7 +200,7 @@ class SecondOrderSweep:
                 transfer = self.definiteness.transfer(omega[own], s)
                 results = self._evaluate_at(omega[own], self.shifts[s], transfer)
                 for index, certificates in zip(own, results, strict=True):
-                    ratio[index] = max(map(self._ratio, certificates))
+                    ratio[index] = np.max([self._ratio(result) for result in certificates])
                     if ratio[index] <= 1.0:  # not where it is nan
                         self.solutions[float(omega[index])] = self._solution(certificates)
         return ratio
