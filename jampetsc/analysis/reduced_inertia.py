@@ -6,6 +6,14 @@ import numpy as np
 from scipy.linalg import expm
 
 
+def solve_second_order(K, B, omega: float, columns):
+    """(K + sB + s²)⁻¹ columns (m, L), s = iω, for K and B (m, m), scaled to a unit diagonal about."""
+    s, size = 1j * omega, np.abs(np.diag(K)) + omega * np.abs(np.diag(B)) + omega**2
+    scale = 1.0 / np.sqrt(size)
+    matrix = (K + s * B + s**2 * np.eye(len(K))) * np.outer(scale, scale)
+    return scale[:, None] * np.linalg.solve(matrix, scale[:, None] * columns)
+
+
 @dataclass(frozen=True, eq=False)
 class ReducedInertia:
     """C*(ω) of L loads in a space of m vectors, orthonormal in the mass matrix, eigenvectors of K in it.
@@ -27,11 +35,10 @@ class ReducedInertia:
         flat = np.ravel(np.asarray(omega, float))
         values = []
         for at in flat:
-            s, column = 1j * at, self.k + 1j * at * self.b
-            matrix = np.diag(self.stiffness + s**2) + s * self.damping
-            scale = 1.0 / np.sqrt(np.abs(self.stiffness) + at * np.abs(np.diag(self.damping)) + at**2)
-            solved = np.linalg.solve(matrix * np.outer(scale, scale), (column * scale).T)
-            values.append(self.k_gg + s * self.b_gg - (column * scale) @ solved)
+            s = 1j * at
+            column = (self.k + s * self.b).T
+            solved = solve_second_order(np.diag(self.stiffness), self.damping, at, column)
+            values.append(self.k_gg + s * self.b_gg - column.T @ solved)
         return np.array(values).reshape((*np.shape(omega), *self.k_gg.shape))
 
     def stress_relaxation(self, time):

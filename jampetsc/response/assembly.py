@@ -133,6 +133,17 @@ class Pencil:
             unknowns[:, self.dimension :] -= turn * share[:, :-1]
 
     @cached_property
+    def _vectors(self):
+        return self.K.createVecs()
+
+    def times(self, matrix, x):
+        """K or B times x, (n_local,) real. Collective."""
+        source, target = self._vectors
+        source.setArray(x)
+        matrix.mult(source, target)
+        return target.getArray().copy()
+
+    @cached_property
     def diagonals(self):
         """The diagonals of K and of B, (n_local,) each, real. Collective."""
         return diagonal_of(self.K), diagonal_of(self.B)

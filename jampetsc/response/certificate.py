@@ -103,6 +103,10 @@ class Certified:
         of_zero = ZERO_PART_RATIO * np.abs(self.G)[..., None]
         return np.where(self.parts <= self.rounding, of_zero, accuracy * self.parts)
 
+    def allowed_error(self, accuracy: float):
+        """`error` that is accepted, (…), beside rounding; zero where rounding exceeds what is allowed."""
+        return np.maximum((self.allowed(accuracy) - self.rounding).min(axis=-1), 0.0)
+
 
 @dataclass(frozen=True, eq=False)
 class SingularBound:

@@ -40,11 +40,11 @@ class RationalBasis:
 
     def __init__(self, pencil: Pencil, first: float, x0):
         self.pencil, self.first, self.x0 = pencil, first, x0
-        self._in, self._out = pencil.K.createVecs()
+        self._vector = pencil.K.createVecRight()
         if np.isinf(first):
             self.g = pencil.k_gamma.getArray().copy()
         else:
-            self.g = self._without_torque(self._apply(pencil.B, x0) + pencil.b_gamma.getArray())
+            self.g = self._without_torque(self.pencil.times(pencil.B, x0) + pencil.b_gamma.getArray())
         # How large the terms were that g is the sum of, as a norm.
         of_K, of_B = pencil.largest
         largest, gg = (of_K, pencil.k_gg) if np.isinf(first) else (of_B, pencil.b_gg)
@@ -81,9 +81,9 @@ class RationalBasis:
             if self.complete or not more:
                 self.complete = True
                 return
-            self._in.setArray(q)
-            factor.solve(self._in, self._in)
-            self.complete = not self.append(self._in.getArray().copy(), s)
+            self._vector.setArray(q)
+            factor.solve(self._vector, self._vector)
+            self.complete = not self.append(self._vector.getArray().copy(), s)
 
     def append(self, w, s) -> bool:
         """Add the direction of w (n_local,), made with shift s; False if that was not done. Collective.
@@ -95,11 +95,11 @@ class RationalBasis:
         V = self.vectors
         length = None
         for _ in range(2):  # twice is enough (Kahan); once leaves rounding of the large components
-            Bw = self._apply(self.pencil.B, w)
+            Bw = self.pencil.times(self.pencil.B, w)
             overlaps = self._sum(np.append(V @ Bw, w @ Bw))
             length = length or overlaps[-1]
             w = w - overlaps[:-1] @ V
-        Bw = self._apply(self.pencil.B, w)
+        Bw = self.pencil.times(self.pencil.B, w)
         norm2 = self._sum(w @ Bw)
         if not norm2 > max(
             NEW**2 * length, EPSILON * ROW[self.pencil.dimension] * self._sum(self.pencil.diagonals[1] @ w**2)
@@ -111,16 +111,9 @@ class RationalBasis:
         self._BV[m] = self._without_torque(Bw) / np.sqrt(norm2)
         self.shifts.append(s)
         w = self._V[m]
-        row = self._sum(np.append(self.vectors @ self._apply(self.pencil.K, w), w @ self.g))
-        K = np.empty((m + 1, m + 1))
-        K[:m, :m], K[m, :], K[:, m] = self.K, row[:-1], row[:-1]
-        self.K, self.t = K, np.append(self.t, row[-1])
+        row = self._sum(np.append(self.vectors @ self.pencil.times(self.pencil.K, w), w @ self.g))
+        self.K, self.t = bordered(self.K, row[:-1]), np.append(self.t, row[-1])
         return True
-
-    def _apply(self, matrix, x):
-        self._in.setArray(x)
-        matrix.mult(self._in, self._out)
-        return self._out.getArray().copy()
 
     def _sum(self, values):
         return self.pencil.network.sum(values)
@@ -157,7 +150,7 @@ class RationalBasis:
             return self.g, not self.complete
         s, y, log = on_root(self.pencil.network.comm, self._trial)
         field, viscous = y @ self.vectors, s * (y @ self.images)
-        force = self._apply(self.pencil.K, field) + viscous - self.g
+        force = self.pencil.times(self.pencil.K, field) + viscous - self.g
         terms = np.sqrt(self._sum(np.array([a @ a for a in (field, viscous, self.g, force)])))
         more = not terms[3] <= BREAKDOWN * (
             ROW[self.pencil.dimension] * self.pencil.largest[0] * terms[0] + terms[1] + terms[2]
@@ -182,6 +175,13 @@ class RationalBasis:
         s = s[:, None]
         with np.errstate(divide="ignore"):  # φ = 0 at a shift
             return np.sum(np.log(np.abs(s - self.shifts)) - np.log(np.abs(s + self.rates)), axis=1)
+
+
+def bordered(matrix, row):
+    """A symmetric matrix (m, m) with one more row and column (m + 1,)."""
+    larger = np.empty((len(row), len(row)))
+    larger[:-1, :-1], larger[-1], larger[:, -1] = matrix, row, row
+    return larger
 
 
 def field_at(pencil, factor, s: float):

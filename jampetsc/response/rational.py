@@ -184,7 +184,7 @@ class RationalSweep:
         G, error = self._modulus(), self._steering_bound()
         allowed = self.accuracy * np.minimum(np.abs(G.real), np.abs(G.imag))
         if self.certificate is not None:
-            allowed = ESTIMATE_SHARE * self._allowed(self.certificate)
+            allowed = ESTIMATE_SHARE * self.certificate.allowed_error(self.accuracy)
         ratio = np.full(len(allowed), np.inf)
         np.divide(error, allowed, out=ratio, where=allowed > 0.0)
         ratio[np.isnan(ratio)] = np.inf
@@ -215,12 +215,8 @@ class RationalSweep:
         bound = ResidualBound(galerkin.residual(), self.factors, *self.missing, self.largest_rate, self.omega)
         area = self.pencil.network.volume
         bare = Certified(self.omega, G, np.zeros(len(G)), rounding)
-        error = bound.within(area * on_root(self.comm, lambda: self._allowed(bare))) / area
+        error = bound.within(area * on_root(self.comm, lambda: bare.allowed_error(self.accuracy))) / area
         return replace(bare, error=error)
-
-    def _allowed(self, certificate):
-        """Error allowed in |G*|, (M,), less its rounding; zero where rounding exceeds it."""
-        return np.maximum((certificate.allowed(self.accuracy) - certificate.rounding).min(axis=1), 0.0)
 
     def _is_met(self):
         """Whether the certificate is good enough. Raises ConvergenceError where it will never be."""

@@ -15,9 +15,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from jampetsc.analysis.reduced_inertia import solve_second_order
 from jampetsc.collective import on_root
 from jampetsc.errors import ConvergenceError
 from jampetsc.response.assembly import Pencil
+from jampetsc.response.krylov_basis import bordered
 
 NEW = 1e-9  # least part of a vector outside the space, relative to it
 INDEPENDENT = 1e-13  # least part of a pair that is not in those before, relative to it
@@ -77,7 +79,6 @@ class SecondOrderBasis:
             tuple(vector.getArray().copy() for vector in (pencil.k_gamma, pencil.b_gamma))
             for pencil in pencils
         ]
-        self._in, self._out = self.pencil.K.createVecs()
         self._V = np.empty((8, len(self.columns[0][0])))
         self.size = 0
         self.K, self.B = np.empty((0, 0)), np.empty((0, 0))
@@ -88,12 +89,6 @@ class SecondOrderBasis:
     def vectors(self):
         """Vᵀ, (m, n_local)."""
         return self._V[: self.size]
-
-    def apply(self, matrix, x):
-        """A matrix of the pencil times x (n_local,)."""
-        self._in.setArray(x)
-        matrix.mult(self._in, self._out)
-        return self._out.getArray().copy()
 
     def extend(self, solve, load: int, s: float, count: int) -> None:
         """Add up to `count` vectors of the chain of a load at shift s, fewer where nothing new is left.
@@ -119,7 +114,7 @@ class SecondOrderBasis:
             return -(k + s * b)
         x, v = (part[-1] @ self.vectors[: part.shape[1]] for part in (chain.x, chain.v))
         inertial = self.mass.apply(x + v)
-        return -s * (self.apply(self.pencil.B, x) + s * inertial + chain.constant[-1] * b)
+        return -s * (self.pencil.times(self.pencil.B, x) + s * inertial + chain.constant[-1] * b)
 
     def _append(self, w, where):
         """Coefficients of w (n_local,) in the basis, to which its part outside is added if it has enough digits."""
@@ -151,11 +146,11 @@ class SecondOrderBasis:
             self._V = np.concatenate((self._V, np.empty_like(self._V)))
         self._V[m] = vector
         self.size = m + 1
-        images = [self.apply(matrix, vector) for matrix in (self.pencil.K, self.pencil.B)]
+        images = [self.pencil.times(matrix, vector) for matrix in (self.pencil.K, self.pencil.B)]
         columns = np.array([part for pair in self.columns for part in pair]) @ vector
         rows = self.pencil.network.sum(np.concatenate([*(self.vectors @ image for image in images), columns]))
         of_K, of_B, of_columns = np.split(rows, [m + 1, 2 * m + 2])
-        self.K, self.B = _bordered(self.K, of_K), _bordered(self.B, of_B)
+        self.K, self.B = bordered(self.K, of_K), bordered(self.B, of_B)
         self.k = np.column_stack((self.k, of_columns[::2]))
         self.b = np.column_stack((self.b, of_columns[1::2]))
 
@@ -164,11 +159,7 @@ class SecondOrderBasis:
         return on_root(self.pencil.network.comm, lambda: np.array([self._solution(at) for at in omega]))
 
     def _solution(self, omega):
-        s = 1j * omega
-        matrix = self.K + s * self.B + s**2 * np.eye(self.size)
-        scale = 1.0 / np.sqrt(np.abs(np.diag(self.K)) + omega * np.abs(np.diag(self.B)) + omega**2)
-        y = np.linalg.solve(matrix * np.outer(scale, scale), -((self.k + s * self.b) * scale).T)
-        return (scale[:, None] * y).T
+        return solve_second_order(self.K, self.B, omega, -(self.k + 1j * omega * self.b).T).T
 
     def fields(self, coefficients):
         """x (…, n_local) complex of coefficients (…, m), as projected as residuals are."""
@@ -176,10 +167,3 @@ class SecondOrderBasis:
         for x in fields.reshape(-1, fields.shape[-1]) if self.pencil.projects else ():
             self.pencil.project(x)
         return fields
-
-
-def _bordered(matrix, row):
-    """A symmetric matrix (m, m) with one more row and column (m + 1,)."""
-    larger = np.empty((len(row), len(row)))
-    larger[:-1, :-1], larger[-1], larger[:, -1] = matrix, row, row
-    return larger

@@ -116,9 +116,8 @@ class MassiveShift:
     def __init__(self, pencil: Pencil, factors: Factors, s: float):
         self.pencil, self.factors, self.shift, mass = pencil, factors, s, pencil.mass
         self._vector = pencil.K.createVecRight()
-        self._image = pencil.K.createVecRight()
         self._moves = mass.move_correction(self._solve_pinned, s * s)
-        size = pencil.diagonal(s) + s * s * np.where(mass.free, mass.diagonal, 0.0)
+        size = pencil.diagonal(s) + s * s * mass.pinned_diagonal
         self.diagonal = np.ones_like(size) if pencil.projects else size  # D of a bound Z(s) ≥ least D
         self._reach = pencil.compatibility.reach(s) + s * s * mass.pinned_diagonal
         self._least = None
@@ -134,12 +133,9 @@ class MassiveShift:
 
     def apply(self, x):
         """Z(s) x, (n_local,)."""
-        image = self.shift**2 * self.pencil.mass.apply(x)
-        self._vector.setArray(x)
-        for matrix, factor in ((self.pencil.K, 1.0), (self.pencil.B, self.shift)):
-            matrix.mult(self._vector, self._image)
-            image += factor * self._image.getArray()
-        self.pencil.project(image)
+        pencil, s = self.pencil, self.shift
+        image = pencil.times(pencil.K, x) + s * pencil.times(pencil.B, x) + s * s * pencil.mass.apply(x)
+        pencil.project(image)
         return image
 
     def residual(self, right, x):

@@ -231,12 +231,8 @@ class SecondOrderSweep:
         """Bound over what is allowed."""
         if np.all(result.within(self.accuracy)):
             return 0.0
-        allowed = np.max(self._allowed(result))
+        allowed = result.allowed_error(self.accuracy)
         return float(result.error / allowed) if allowed > 0.0 else np.inf
-
-    def _allowed(self, result):
-        """Error allowed in |G*| beside rounding; zero where rounding exceeds it."""
-        return max(float((result.allowed(self.accuracy) - result.rounding).min()), 0.0)
 
     def _evaluate_at(self, omega, shift, transfer):
         """Lists of `Certified` for each frequency, by the factor of one shift."""
@@ -251,7 +247,7 @@ class SecondOrderSweep:
                 residuals.append(trial.left)
                 rounding.append(functional.rounding(trial, shift.shift, shift.diagonal))
                 floor = np.finfo(float).tiny ** 0.5
-                weights.append(1.0 / max(c * volume * self._allowed(result), floor))
+                weights.append(1.0 / max(c * volume * result.allowed_error(self.accuracy), floor))
         energies = shift.energies(np.array(residuals), np.array(rounding), np.array(weights))
         loads = len(self.pencils)
         with np.errstate(divide="ignore", invalid="ignore"):
