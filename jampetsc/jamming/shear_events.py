@@ -58,9 +58,7 @@ TOUCH_RATIO = 1e-13  # of the largest diameter: overlaps and gaps that are none
 LIGHTEST_RATIO = 1e-15  # of the stiffness of a contact times its length: forces that are none
 LIGHT_RATIO = 1e3  # of these: overlaps up to which a contact may belong to a particle that nothing holds
 FOLD_RATIO = 2.0  # of the moves that make a list stale to those after which a new one is made
-QUENCH_STRAIN = (
-    1e-6  # by which disks are sheared on before a quench, where only symmetry or rounding keeps them
-)
+QUENCH_STRAIN = 1e-6  # strain before a quench, where only symmetry or rounding keeps disks
 MAX_PIVOTS = 200  # contacts changed at one event
 MAX_EVENTS = 100_000  # of one step
 LARGEST_RATE_PIVOTS = 20  # of these by the largest rate, then by the lowest number, which cannot cycle

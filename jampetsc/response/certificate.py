@@ -162,7 +162,7 @@ class Functional:
 
     def norm(self, forces, diagonal) -> float:
         """|f| of forces (n_local,) in the norm of D⁻¹."""
-        return float(np.sqrt(self.network.sum(np.sum(np.abs(forces) ** 2 / diagonal))))
+        return inverse_norm(self.network, forces, diagonal)
 
     def rounding(self, trial: Trial, omega: float, diagonal) -> float:
         """Bound on the rounding of a trial's residual, in the norm of D⁻¹; ω and D of a `SingularBound`.
@@ -270,6 +270,11 @@ class Functional:
             stretch = self.network.max(self.compatibility.reach(omega) / lower.diagonal)
             squared = ROW[self.network.dimension] * stretch * lower.reach(omega) * energy
         return field_bound(self.pencil, omega, x, squared)
+
+
+def inverse_norm(network, forces, diagonal) -> float:
+    """(fᴴD⁻¹f)^½ of forces (n_local,) and a diagonal D (n_local,). Collective."""
+    return float(np.sqrt(network.sum(np.sum(np.abs(forces) ** 2 / diagonal))))
 
 
 def tensor_at(functionals, trials, results) -> tuple:

@@ -159,9 +159,7 @@ class ModulusSweep:
     vectors: int | None = None  # of the rational method: size of the reduced space
     spectrum: RelaxationSpectrum | None = None  # of the same, of one load
     tensor: TensorModuli | None = None  # of the loads of a tensor
-    inertia: ReducedInertia | None = (
-        None  # with masses: G* or C* at any frequency, if the space certified all
-    )
+    inertia: ReducedInertia | None = None  # with masses, if the space certified all frequencies
     direct: int = 0  # with masses: frequencies that the reduced space could not certify
 
 

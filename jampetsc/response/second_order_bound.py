@@ -28,7 +28,7 @@ from jampetsc.petsc.cholesky import least_eigenvalue
 from jampetsc.petsc.inertia import ShiftedInertia
 from jampetsc.petsc.session import current
 from jampetsc.response.assembly import ROW, Pencil, assemble
-from jampetsc.response.certificate import EPSILON
+from jampetsc.response.certificate import EPSILON, inverse_norm
 from jampetsc.response.shift_factors import Factors
 
 MARGIN = 2.0  # ν
@@ -146,7 +146,7 @@ class MassiveShift:
 
     def norm(self, forces) -> float:
         """|f| of forces (n_local,), real or complex, in the norm of D⁻¹."""
-        return float(np.sqrt(self.pencil.network.sum(np.sum(np.abs(forces) ** 2 / self.diagonal))))
+        return inverse_norm(self.pencil.network, forces, self.diagonal)
 
     @property
     def least(self) -> float:
