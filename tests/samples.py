@@ -127,6 +127,22 @@ def crystal():
     return Packing.from_positions(places, np.full(36, 0.5), 0.99 * np.array([(6, 0), (3, 6 * height)]))
 
 
+def bridge(dimension=2):
+    """A compressed crystal, in which a smaller particle only touches two others along x, opposite to each other."""
+    shape = (6, 6) if dimension == 2 else (3, 3, 2)
+    axes = 0.96 * (
+        np.array([(1, 0), (0.5, np.sqrt(0.75))]) if dimension == 2 else np.diag((1, 1, np.sqrt(2)))
+    )
+    axes = axes * np.array((0.95, 1.05, 1.05)[:dimension])
+    steps = np.stack(np.unravel_index(np.arange(np.prod(shape)), shape), axis=1)
+    places = steps @ axes
+    if dimension == 3:
+        places = np.concatenate((places, places + 0.5 * axes.sum(axis=0)))
+    radii = np.full(len(places), 0.5)
+    radii[0] = 0.44
+    return Packing.from_positions(places, radii, axes * np.array(shape)[:, None])
+
+
 POTENTIALS = [
     Potential(None, stiffness, 1.7, exponent)
     for exponent in (2.0, 2.25, 2.5, 4.0)

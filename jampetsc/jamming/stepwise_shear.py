@@ -256,9 +256,11 @@ class StepwiseShear(ListedPacking):
         if sums is not None:
             minimum = self._minimum_state(sums)
             if self.needs_proof or self.steps % RESTART_STEPS == 0:
+                left = self.tolerance * typical_force(self.reference, minimum.pressure)
                 proved = warm_start.is_minimum(
-                    self._order, self.pairs, self.offsets, self.shear, self._potential, self._stiffness
-                )
+                    self._order, self.pairs, self.offsets, self.shear, self._potential, self._stiffness,
+                    max(left, self._floor),
+                )  # fmt: skip
                 sums = sums if proved else None
         if sums is None:  # rearrangements without end, or a saddle: a quench, which leaves saddles
             start = self.disks

@@ -22,7 +22,7 @@ import numpy as np
 
 from jampetsc.minimisation.descent import Descent
 from jampetsc.minimisation.hessian import Bonds, Pattern, border
-from jampetsc.packing.contacts import both_ends, find_rattlers, force_threshold, virial_pressure
+from jampetsc.packing.contacts import LOAD_RATIO, both_ends, find_rattlers, force_threshold, virial_pressure
 from jampetsc.packing.neighbours import lengths
 
 MAX_STEPS = 12  # a few are enough with the contacts of the minimum; without, L-BFGS should continue
@@ -144,17 +144,24 @@ class Point:
         return _inner(self.forces, move) + _inner(self.drive, strain)
 
     def load_bearing(self, disks):
-        """(the point with its load-bearing contacts alone, mask (N,) of the disks they hold).
+        """(the point with its load-bearing contacts alone, mask (N,) of the disks they hold, whether they bear all).
 
-        One of these disks is left out of the mask, to be pinned against translations.
+        One of these disks is left out of the mask, to be pinned against translations. Where contacts bear a load on
+        disks that they do not hold, as a disk between two others, these belong to the point, with all their contacts:
+        such a point is a saddle, or rests on contacts too weak to count.
         """
-        i, j = self.bonds.pairs.i, self.bonds.pairs.j
-        bears = self.bonds.force > force_threshold(disks, self.pressure)
+        i, j, force = self.bonds.pairs.i, self.bonds.pairs.j, self.bonds.force
+        bears = force > force_threshold(disks, self.pressure)
         backbone = ~find_rattlers(self.n, *both_ends(i[bears], j[bears]), disks.dimension)
+        outside = ~(backbone[i] & backbone[j])
+        loaded = bears & outside & (force > LOAD_RATIO * self.residual.force)
+        if loaded.any():
+            backbone[i[loaded]] = backbone[j[loaded]] = True
+            bears = (force > 0.0) & outside | bears
         bare = replace(self, bonds=self.bonds.only(bears & backbone[i] & backbone[j]))
         if backbone.any():
             backbone[np.argmax(backbone)] = False
-        return bare, backbone
+        return bare, backbone, not loaded.any()
 
 
 class Linear:
@@ -276,14 +283,16 @@ class Newton:
 
     def prove(self):
         """G₀ of the load-bearing contacts if they are proved to make this a minimum, else None."""
-        point, backbone = Point.of(self.descent).load_bearing(self.descent.disks)
+        point, backbone, complete = Point.of(self.descent).load_bearing(self.descent.disks)
+        if not complete:
+            return None
         linear = self.factorise(point, backbone, 0.0)
         return linear.modulus if linear.definite else None
 
     def leave_saddle(self) -> bool:
         """Go down along a mode of negative curvature, to where the slope is steepest; False if none is found."""
         descent = self.descent
-        point, backbone = Point.of(descent).load_bearing(descent.disks)
+        point, backbone, _ = Point.of(descent).load_bearing(descent.disks)
         mode = self.find_negative_mode(point, backbone) if backbone.any() else None
         if mode is None:
             return False

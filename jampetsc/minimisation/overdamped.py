@@ -68,7 +68,7 @@ class OverdampedDescent(ListedPacking):
                 return self.disks
             largest = float(np.sqrt(np.max(np.sum(forces * forces, axis=1))))
             if largest <= tolerance * pressure * cross_section and is_minimum(
-                self.order, self.pairs, self.offsets, 0.0, potential, self.stiffness
+                self.order, self.pairs, self.offsets, 0.0, potential, self.stiffness, largest
             ):
                 return self.disks
             while True:

@@ -20,6 +20,7 @@ from jampetsc.packing.bond import (
     tangent_ratio,
 )
 from jampetsc.packing.compiled import FAST, NUMBERS, compiled, nested
+from jampetsc.packing.contacts import LOAD_RATIO
 from jampetsc.packing.kernel import bond_forces, elastic_trace
 from jampetsc.packing.neighbour_list import is_stale
 
@@ -140,9 +141,14 @@ def factor_of(order, pairs, o, g, potential, nearby, damping, stiffness):
     return factor
 
 
-def is_minimum(order, pairs, o, g, potential, stiffness):
-    """Whether the Hessian of the contacts has no eigenvalue below −MIN_CURVATURE · stiffness; rattlers have none."""
-    return factor_of_hessian(order, pairs, o, g, potential, MIN_CURVATURE * stiffness, stiffness)[0]
+def is_minimum(order, pairs, o, g, potential, stiffness, force):
+    """Whether the Hessian of the contacts has no eigenvalue below −MIN_CURVATURE · stiffness; rattlers have none.
+
+    A disk with fewer than D + 1 contacts may have curvatures down to that of contacts with a few times this `force`,
+    which may be left on it. One that others press between them has lower ones.
+    """
+    slack = LOAD_RATIO * force / (pairs.sigma.min() if len(pairs.sigma) else 1.0)
+    return factor_of_hessian(order, pairs, o, g, potential, MIN_CURVATURE * stiffness, slack)[0]
 
 
 def factor_of_hessian(order, pairs, o, g, potential, damping, stiffness):

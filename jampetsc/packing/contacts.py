@@ -13,6 +13,7 @@ from jampetsc.packing.particles import Particles
 MIN_FORCE_RATIO = 1e-6
 FORCE_ROUNDING = 1e-14  # … nor does one whose force may be rounding alone, in units of stiffness · d
 MAX_SIZE_RATIO = 1e3  # of diameters, up to which the smallest or largest particles raise that
+LOAD_RATIO = 10.0  # of max |F|: a force on particles that nothing holds is a load where it is larger
 IMBALANCE = {2: "max|F|/(p d)", 3: "max|F|/(p d²)"}  # by dimension, see `imbalance`
 BALANCED = 1e-4  # largest max |F| / (p d^(D−1)) of forces that are called balanced; `pack` leaves 1e-10
 

@@ -81,11 +81,11 @@ def test_a_saddle_is_told_from_a_minimum_and_a_symmetry_from_disorder():
     for sample, expected in ((samples.lattice(), False), (samples.crystal(), True)):
         pairs, still = NeighbourList.build(sample, 0.3), np.zeros((sample.n, 2))
         order, law = np.arange(sample.n, dtype=np.uint32), sample.potential.constants
-        assert compiled.is_minimum(order, pairs, still, 0.0, law, 1.0) == expected
+        assert compiled.is_minimum(order, pairs, still, 0.0, law, 1.0, 1e-9) == expected
         assert compiled.contacts_at(pairs, still, 0.0, law)[2] > 0.8
     loose = pairs._replace(r0=tuple(2.0 * component for component in pairs.r0))
     assert compiled.contacts_at(loose, still, 0.0, law) == (0, 0.0, 0.0)
-    assert compiled.is_minimum(order, loose, still, 0.0, law, 1.0)
+    assert compiled.is_minimum(order, loose, still, 0.0, law, 1.0, 1e-9)
 
 
 def test_pairs_that_are_nearly_closed_are_half_as_stiff(listed):

@@ -337,7 +337,7 @@ def test_a_saddle_is_left_where_it_is_steepest(goal):
 def test_a_negative_mode_is_nearly_the_most_negative(goal):
     """Of the generalised eigenproblem where a strain weighs as much as all disks moved by it."""
     walker = saddle(goal)
-    point, held = newton.Point.of(walker.descent).load_bearing(walker.descent.disks)
+    point, held, _ = newton.Point.of(walker.descent).load_bearing(walker.descent.disks)
     move, strain = walker.find_negative_mode(point, held)
     matrix, kept = hessian_of(walker.descent, every=True), moving_of(goal, held)
     scale = np.append(np.ones(32), [0.25] * 2)
