@@ -653,6 +653,7 @@ def modes(
     all: bool = False,
     states: _Numbers | None = None,
     eigenvectors: bool = True,
+    mass_by: Literal["number", "volume"] | None = None,
     prestress: bool = True,
     load: Any = 'xy',
     out: _Path | None = None,
@@ -662,9 +663,10 @@ def modes(
 ) -> Result:
     """Lowest vibrational modes of a packing, how floppy they are, and their share of the response to a load.
 
-    Eigenvectors of the Hessian K without its translations. Disks have mass one: frequencies are the square roots of
-    the eigenvalues. Each mode has its floppiness, participation ratio and share of the response to a load. That none
-    was missed is proved by the inertia of K. The density of states follows from the inertia alone, without modes.
+    Eigenvectors of the Hessian K without its translations. Disks have mass one, or masses by their volume: frequencies
+    are the square roots of the eigenvalues. Each mode has its floppiness, participation ratio and share of the response
+    to a load. That none was missed is proved by the inertia of K. The density of states follows from the inertia alone,
+    without modes.
 
     Collective.
 
@@ -679,9 +681,11 @@ def modes(
     all : bool, default False
         all modes, by LAPACK on one rank: up to 4096 disks or 2730 spheres
     states : numbers or "low:high:count", default None
-        no modes but their exact numbers between these frequencies, by one factorisation for each, in √k, masses being one
+        no modes but their exact numbers between these frequencies, by one factorisation for each, in √k, the mass, or that of the mean diameter, being one
     eigenvectors : bool, default True
         eigenvectors in the file, 8 DN bytes for each mode
+    mass_by : "number" or "volume", default None
+        masses: all one (number), or by the volume of a particle, one being that of the mean diameter (default number)
     prestress : bool, default True
         K keeps the f/r term of its contacts (BT: 'with pre-stress')
     load : str, array (D, D) or one of `jampetsc.loads`, default xy

@@ -10,6 +10,7 @@ from jampetsc.errors import InputError, about, named
 from jampetsc.io.results import note_lines
 from jampetsc.laws.damping import elastic_parameters
 from jampetsc.laws.loads import STRESS_MEASURE, LoadChoice
+from jampetsc.laws.masses import BY_NUMBER, BY_VOLUME, Masses
 from jampetsc.options.job import NETWORKS, ONE_PACKING, Job, TaskInputs
 from jampetsc.options.parameters import FILE, optional_parameter, parameter
 from jampetsc.options.physics_options import PRESTRESS, load_parameter
@@ -27,9 +28,10 @@ ATTRIBUTES = "inertia_count inertia_shift complete method restarts".split()  # o
 class Modes(Job):
     """Lowest vibrational modes of a packing, how floppy they are, and their share of the response to a load.
 
-    Eigenvectors of the Hessian K without its translations. Disks have mass one: frequencies are the square roots of
-    the eigenvalues. Each mode has its floppiness, participation ratio and share of the response to a load. That none
-    was missed is proved by the inertia of K. The density of states follows from the inertia alone, without modes.
+    Eigenvectors of the Hessian K without its translations. Disks have mass one, or masses by their volume: frequencies
+    are the square roots of the eigenvalues. Each mode has its floppiness, participation ratio and share of the response
+    to a load. That none was missed is proved by the inertia of K. The density of states follows from the inertia alone,
+    without modes.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(ONE_PACKING, NETWORKS)
@@ -38,6 +40,7 @@ class Modes(Job):
   jampetsc modes p.h5 --below 0.01 --out below.h5 -options_file jampetsc:modes_many       # hundreds of modes
   jampetsc modes p.h5 --all --no-eigenvectors --out all.h5                                # participation ratios
   jampetsc modes p.h5 --states 1e-3:3:60 --out states.h5                                  # density of states, any N
+  jampetsc modes p.h5 --mass-by volume --out by_volume.h5                                 # of grains of one material
 
 PETSc options: -modes_… for SLEPc's eigensolver, -inertia_… for the proof that no mode was missed. All modes, or most
 of them, are found by LAPACK, which takes no options. Numbers of states take -inertia_…."""
@@ -59,12 +62,17 @@ of them, are found by LAPACK, which takes no options. Numbers of states take -in
     states: Numbers | None = optional_parameter(
         "no modes but their exact numbers between these frequencies, by one factorisation for each",
         value_type=FREQUENCIES,
-        unit="√k, masses being one",
+        unit="√k, the mass, or that of the mean diameter, being one",
     )
     eigenvectors: bool = parameter(
         True,
         "eigenvectors in the file, 8 DN bytes for each mode",
         off="leave the eigenvectors out of the file: of each mode only its numbers",
+    )
+    mass_by: str | None = optional_parameter(
+        "masses: all one (number), or by the volume of a particle, one being that of the mean diameter (default "
+        "number)",
+        choices=(BY_NUMBER, BY_VOLUME),
     )
     prestress: bool = PRESTRESS
     load: LoadChoice = load_parameter("simple shear xy, and the shares of the moduli of all symmetric loads")
@@ -89,7 +97,8 @@ of them, are found by LAPACK, which takes no options. Numbers of states take -in
     def work(self, to):
         from jampetsc.commands.packing_network import read_network
 
-        source = read_network(self.packing, elastic_parameters(self.prestress), to)
+        masses = {"masses": Masses(1.0, self.mass_by)} if self.mass_by == BY_VOLUME else {}
+        source = read_network(self.packing, elastic_parameters(self.prestress) | masses, to)
         with about(source.name), current().stage("modes"):
             write, summary, notes = self._count(source) if self.states is not None else self._find(source)
         with current().stage("output"), to.writer(self.FORMAT, current().comm) as writer:
@@ -100,6 +109,7 @@ of them, are found by LAPACK, which takes no options. Numbers of states take -in
                 load=self.load,
                 stress_measure=STRESS_MEASURE,
                 contacts=source.network.contact_count,
+                mass_by=self.mass_by if masses else None,
             )
         return "\n".join([f"{to}: {summary}", source.units_line(), *note_lines([*source.notes, *notes])])
 

@@ -125,14 +125,14 @@ MODES = Format(
     datasets=r"""
 eigenvalues | (M,) | float? | k | λ of K, increasing, translations left out; frequencies are √(λ/mass); missing,
   like all of single modes below, with `--states`
-modes | (M, n, D) | float? | | displacements, Σ\|φ_i\|² = 1; missing with `--no-eigenvectors`
+modes | (M, n, D) | float? | | displacements, Σ m_i\|φ_i\|² = 1; missing with `--no-eigenvectors`
 particles | (n,) | int | | numbers in the packing of the disks that are no rattlers, in the order of `modes`
-residuals | (M,) | float? | k | \|Kφ − λφ\|
+residuals | (M,) | float? | k | \|Kφ − λφ\|, with masses by volume \|M^(−½)(Kφ − λMφ)\|
 normal, transverse | (M,) | float? | | mean over contacts of (Δu∥)², (Δu⊥)²
 floppiness | (M,) | float? | | rms Δu⊥/rms Δu∥
-participation_ratio | (M,) | float? | | (Σ\|φ_i\|²)²/(n Σ\|φ_i\|⁴), 1 if all disks move alike
+participation_ratio | (M,) | float? | | (Σ m_i\|φ_i\|²)²/(n Σ m_i²\|φ_i\|⁴), 1 if all disks have as much energy
 shear_force | (M,) | float? | | force of the affine motion of the load on the mode, per unit amplitude
-share/nonaffine, share/normal, share/transverse, share/modulus | (M,) | float? | | of \|u_na\|², of (Δu∥)² and (Δu⊥)²
+share/nonaffine, share/normal, share/transverse, share/modulus | (M,) | float? | | of m\|u_na\|², of (Δu∥)² and (Δu⊥)²
   without their affine parts (projections), of G_affine − G₀; missing, like all below, where the response is affine or
   not unique
 cumulative/nonaffine, cumulative/normal, cumulative/transverse, cumulative/modulus | (M,) | float? | | their sums up to
@@ -151,6 +151,7 @@ states/counts | (B,) | int? | | exact numbers of modes between them; D(ω) is a 
 contacts | int | | number of contacts
 inertia_count, inertia_shift | int, float? | , k | number of eigenvalues below the shift, counted by inertia: none was
   missed
+mass_by | text? | | `volume`: masses m ∝ ρ^D, one for the mean diameter; missing: all are one
 complete, method, restarts | bool, text, int? | | whether the file has all modes; solver, its restarts
 states_below, states_above | int? | | with `--states`: modes below the first edge, translations left out, and above the
   last

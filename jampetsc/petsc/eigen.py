@@ -49,20 +49,22 @@ class Eigenpairs:
 
 
 def translations(pencil):
-    """Orthonormal translations of the connected pieces, (D pieces, unknowns_local)."""
-    sizes = np.bincount(pencil.pieces.index)
+    """Orthonormal translations of the connected pieces, (D pieces, unknowns_local), times √M with masses."""
+    sizes = np.bincount(pencil.pieces.index) if pencil.mass is None else pencil.mass.total[:, 0]
     own_pieces = pencil.pieces.index[pencil.network.first : pencil.network.last]
     dimension = pencil.dimension
     moves = np.zeros((len(sizes), dimension, len(own_pieces), dimension))
     for axis in range(dimension):
         moves[own_pieces, axis, np.arange(len(own_pieces)), axis] = 1.0 / np.sqrt(sizes[own_pieces])
-    return moves.reshape(dimension * len(sizes), -1)
+    moves = moves.reshape(dimension * len(sizes), -1)
+    return moves if pencil.mass is None else moves * np.sqrt(pencil.mass.diagonal)
 
 
 def lowest(pencil, count: int, stiffness: float, excluded=None) -> Eigenpairs:
     """At least `count` of the lowest eigenpairs of K, and one more if there is one (see `EXTRA_PAIRS`). Collective.
 
-    pencil      of K without pinned unknowns and without angles (law `UNDAMPED`); K is positive semi-definite
+    pencil      of K without pinned unknowns and without angles (law `UNDAMPED`); K is positive semi-definite; with
+                masses as `mass_weighted` gives it
     stiffness   the largest contact stiffness, which sets the scale
     excluded    (l, unknowns_local) orthonormal eigenvectors that are not to be found again
 
@@ -115,8 +117,10 @@ class _BlockFactor:
 
 
 def suits_blocks(pencil) -> bool:
-    """Whether K lies on one rank, in blocks of 2×2, is not too large, and no option says how to factorise it."""
-    whole = pencil.K.getComm().size == 1 and pencil.unknowns <= DENSE_BLOCK_UNKNOWNS
+    """Whether K lies on one rank, in blocks of 2×2 whose rows sum to zero, is not too large, and no option says how to
+    factorise it.
+    """
+    whole = pencil.K.getComm().size == 1 and pencil.unknowns <= DENSE_BLOCK_UNKNOWNS and pencil.mass is None
     return whole and pencil.dimension == 2 and not current().has_options(PREFIX + "st_")
 
 

@@ -35,6 +35,7 @@ MIN_BINNED = 5  # modes of a bin with a median
 MAX_POINTS = 2000  # that a picture for print holds one by one
 SAME_EDGE = 1e-9  # edges of files that differ by less, relatively, are the same
 MIN_EIGENVALUE = 1e-14  # λ/k: what is smaller is the rounding of modes of no energy
+SPECTRUM_SETTINGS = ("dimension", "prestress", "mass_by")  # alike in files of one spectrum
 OMEGA = r"\omega_m"
 FREQUENCY = rf"${OMEGA}\ [\sqrt{{k/m}}]$"
 
@@ -77,9 +78,10 @@ def group_by_pressure(results) -> dict:
 def plot_modes(results, page):
     """Above: frequency of each mode against its number, floppiness (rms Δu⊥/Δu∥) in colour. Below: the cumulative
     shares of Σ|u_na|² (solid) and of G_affine − G₀ (dashed) that the modes carry, means over the files of one
-    pressure with errors as bands. A marker for each pressure. Raises InputError for several dimensions or loads.
+    pressure with errors as bands. A marker for each pressure. Raises InputError for several dimensions, loads or
+    masses.
     """
-    require_alike(results, ("dimension", "load"))
+    require_alike(results, ("dimension", "load", "mass_by"))
     stiff = [np.abs(eigenvalues(result)) > MIN_EIGENVALUE for result in results]
     floppiness = np.concatenate(
         [result["floppiness"][mask] for result, mask in zip(results, stiff, strict=True)]
@@ -185,9 +187,10 @@ def plot_states(results, page):
 
     Without pre-stress a plateau begins at ω* ∝ Δz ∝ p^½ (Silbert, Liu & Nagel 2005; Wyart 2005): a star marks
     ω = Δz √(k/m), which is of its order where contacts are harmonic. Debye's ω^(D − 1) goes through the lowest decade
-    of the highest pressure. Raises InputError for other files, and for several dimensions.
+    of the highest pressure. Raises InputError for other files, and for several dimensions, masses, or K with and
+    without pre-stress.
     """
-    require_alike(results, ("dimension",))
+    require_alike(results, SPECTRUM_SETTINGS)
     for result in results:
         if "states/edges" not in result and not result.attributes.get("complete", False):
             raise InputError(
@@ -222,9 +225,9 @@ def plot_states(results, page):
 def plot_participation(results, page):
     """Participation ratio (Σ|φ_i|²)²/(n Σ|φ_i|⁴) of each mode against its frequency: 1 if all particles move alike, 1/n
     if one moves alone. Small points are modes, lines run through the medians of bins of frequency with enough modes of
-    the files of one pressure. Raises InputError for several dimensions.
+    the files of one pressure. Raises InputError as `plot_states`.
     """
-    require_alike(results, ("dimension",))
+    require_alike(results, SPECTRUM_SETTINGS)
     ax = page.panels(x=FREQUENCY, y="participation ratio", log="xy")
     for (level, files), look in looks(group_by_pressure(results).items()):
         omega = np.concatenate([frequencies(result) for result in files])

@@ -18,6 +18,7 @@ from jampetsc.errors import InputError, named
 from jampetsc.io.ensemble import varied_settings
 from jampetsc.laws.damping import OPTIONS, WEIGHTS, having
 from jampetsc.laws.loads import DEFAULT, LoadChoice
+from jampetsc.laws.masses import BY_NUMBER
 from jampetsc.plots.page import draw_band, draw_guide, draw_points, draw_power_law, limits_kept
 from jampetsc.plots.picture import count_text, group_by, picture, setting_text, stress_unit, units_of
 from jampetsc.plots.style import (
@@ -35,7 +36,12 @@ from jampetsc.plots.style import (
 BARE = "no_prestress"
 # settings by which pictures group, or of which files hold both values
 _KNOWN = ("n", "pressure", "phi", "prestress", "tau1")
-_DEFAULTS = {"dimension": 2, "load": DEFAULT}  # of files without the attribute
+_DEFAULTS = {
+    "dimension": 2,
+    "load": DEFAULT,
+    "prestress": True,
+    "mass_by": BY_NUMBER,
+}  # of files without the attribute
 QUANTITIES = {  # attribute -> (symbol, exponent expected, BT eqs. 19-21)
     "normal": (r"|\Delta u_\parallel|", 0.25),
     "transverse": (r"|\Delta u_\perp|", -0.25),

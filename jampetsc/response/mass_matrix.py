@@ -11,7 +11,7 @@ positive definite on what is not pinned. A solve with K + sB + s²M̂ takes a so
 out, and by the formula of Woodbury one more for each direction of t, all components at once.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -107,6 +107,20 @@ class MoveCorrection:
             return x
         amplitudes = np.linalg.solve(self._schur, self._mass.along_moves(x)[..., None])[..., 0]
         return x + self._mass.moved(amplitudes, self._moved)
+
+
+def mass_weighted(pencil):
+    """(pencil with M^(−½) K M^(−½) for K, M^(−½) (n_local,)); the pencil and 1 without masses. Collective.
+
+    Its eigenvectors ψ = M^(½)φ are orthonormal, and have the eigenvalues λ of Kφ = λMφ.
+    """
+    if pencil.mass is None:
+        return pencil, 1.0
+    K, scale = pencil.K.copy(), 1.0 / np.sqrt(pencil.mass.diagonal)
+    diagonal = K.createVecRight()
+    diagonal.setArray(scale)
+    K.diagonalScale(diagonal, diagonal)
+    return replace(pencil, K=K), scale
 
 
 def build_mass_matrix(network: DistributedNetwork, law: Law, pieces: Pieces, pins) -> MassMatrix:

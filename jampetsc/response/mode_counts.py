@@ -1,7 +1,8 @@
 """Exact numbers of modes between frequencies, by Sylvester's law of inertia, without eigenvectors.
 
-K has as many eigenvalues below ω² as L D Lᵀ of K − ω² has negative pivots, masses being one: one factorisation for each
-frequency. Few ranks with small factors take edges in turn, each with all of K; else all share each factor.
+K has as many eigenvalues below ω² as L D Lᵀ of K − ω² has negative pivots, masses being one; with masses of a network
+M^(−½)KM^(−½) takes its place. Each frequency takes one factorisation. Few ranks with small factors take edges in turn,
+each with all of K; else all share each factor.
 """
 
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ from jampetsc.progress import Progress
 from jampetsc.response.assembly import assemble
 from jampetsc.response.contact_network import DistributedNetwork
 from jampetsc.response.factor_memory import require_memory
+from jampetsc.response.mass_matrix import mass_weighted
 from jampetsc.response.minimum_check import require_minimum
 from jampetsc.response.shift_factors import bytes_of_factor, side_by_side
 
@@ -42,7 +44,7 @@ def count_between(network: DistributedNetwork, edges, proved: bool = False) -> M
     Raises InputError for a packing that is not a minimum, for edges that are too low or too high and for an edge at a
     mode, to rounding; ConvergenceError as `ShiftedInertia.count_certified`.
     """
-    pencil, comm = assemble(network, UNDAMPED, pinned=False), network.comm
+    pencil, comm = mass_weighted(assemble(network, UNDAMPED, pinned=False))[0], network.comm
     norm = pencil.K.norm(current().PETSc.NormType.INFINITY)  # above all eigenvalues
     low, high = np.sqrt(MIN_VALUE_RATIO * norm), MAX_EDGE_RATIO * np.sqrt(norm)
     for edge in (edges[0], edges[-1]):

@@ -1,18 +1,19 @@
 """Low modes of K: their floppiness, their contribution to the response to a load, and proof that none was missed.
 
 A mode φ of eigenvalue λ moves the contacts by a∥, a⊥ (BT eq. 4): λ = Σ_c [k a∥² − (f/r) a⊥²] with |φ| = 1.
-Floppy modes slide, a⊥ ≫ a∥. The count is certified by Sylvester's law: as many eigenvalues below μ, just above the
-last mode, as LDLᵀ of K − μ has negative pivots.
+Masses are one; with those of a network Kφ = λMφ with φᵀMφ = 1, and ψ = M^(½)φ is found, an eigenvector of
+M^(−½)KM^(−½). Floppy modes slide, a⊥ ≫ a∥. The count is certified by Sylvester's law: as many eigenvalues below μ,
+just above the last mode, as LDLᵀ of K − μ has negative pivots.
 
 With F = k_E·φ, the force of a unit load E on a mode φ of eigenvalue λ, the non-affine response and the moduli are
 
     ũ = −Σ (F/λ) φ ,     (G_affine − G₀) V = Σ F²/λ .
 
-Modes are orthogonal, so |ũ|² is a sum over them as well. The motions Δu∥ and Δu⊥ that ũ gives the contacts are not:
-the share of a mode is its projection on the whole, Σ_c Δu Δu_mode / Σ_c Δu². It can be negative; over all
-modes the shares sum to one. Without pre-stress and with one stiffness of all contacts the share of Δu∥ is the share of
-G_affine − G₀; with its affine part, which is left out here, the whole Δu∥ is then orthogonal to all modes, for its
-forces are in balance.
+Modes are orthogonal, so ũᵀMũ is a sum over them as well, |ũ|² where all masses are one. The motions Δu∥ and Δu⊥ that
+ũ gives the contacts are not: the share of a mode is its projection on the whole, Σ_c Δu Δu_mode / Σ_c Δu². It can be
+negative; over all modes the shares sum to one. Without pre-stress and with one stiffness of all contacts the share of
+Δu∥ is the share of G_affine − G₀; with its affine part, which is left out here, the whole Δu∥ is then orthogonal to all
+modes, for its forces are in balance.
 """
 
 from dataclasses import dataclass, replace
@@ -29,6 +30,7 @@ from jampetsc.response.compatibility import along_and_across
 from jampetsc.response.contact_network import DistributedNetwork
 from jampetsc.response.elastic import ElasticResponse
 from jampetsc.response.factor_memory import require_memory
+from jampetsc.response.mass_matrix import mass_weighted
 from jampetsc.response.minimum_check import require_minimum
 from jampetsc.response.slow_response import QUANTITIES, distributions
 
@@ -45,7 +47,8 @@ AFFINE = 1e-12  # a non-affine part of the modulus this small, relative to the a
 class Contributions:
     """Contributions of m modes. Medians are of |Δu∥|, |Δu⊥| and |u_na| per unit strain, over all contacts or disks."""
 
-    share: dict  # "nonaffine", "normal", "transverse", "modulus" -> (m,) of Σ|ũ|², Σ(Δu∥)², Σ(Δu⊥)², G_affine − G₀
+    # "nonaffine", "normal", "transverse", "modulus" -> (m,) of ũᵀMũ, Σ(Δu∥)², Σ(Δu⊥)², G_affine − G₀
+    share: dict
     count: np.ndarray  # (q,) entries of LOWEST that are at most m
     median: dict  # QUANTITIES -> (q,) of the motion that the lowest `count` modes make alone, no affine part
     whole: dict  # QUANTITIES -> the median of the whole response, the affine part of Δu∥ and Δu⊥ included
@@ -60,7 +63,7 @@ def contributions_of(
     The first is None where zero modes leave the response undetermined, and where it is affine, as in a crystal; the
     second without `loads`.
 
-    values (m,) λ > 0, increasing; vectors (m, n_local, D) φ of unit length; force (m,) F, the same on all ranks
+    values (m,) λ > 0, increasing; vectors (m, n_local, D) φ with φᵀMφ = 1; force (m,) F, the same on all ranks
     """
     elastic = ElasticResponse(pencil.network) if values[0] > SHIFT * _stiffness(pencil.network) else None
     return (
@@ -99,7 +102,7 @@ def _contributions(pencil, elastic, values, vectors, force):
         for place in np.flatnonzero(count == row + 1):
             for name, distribution in distributions(comm, *along_and_across(alone), moved).items():
                 median[name][place] = distribution.median
-    squares = network.sum(np.append(np.sum(motions**2, axis=0), np.sum(field**2)))
+    squares = network.sum(np.append(np.sum(motions**2, axis=0), _square_in_masses(pencil, field)))
     products = network.sum(products)
     normal = products[:, 0] / squares[0]
     transverse = products[:, 1:].sum(axis=1) / squares[1:-1].sum()
@@ -111,6 +114,13 @@ def _contributions(pencil, elastic, values, vectors, force):
     }
     whole = distributions(comm, *along_and_across(shear.motions), field)
     return Contributions(share, count, median, {name: part.median for name, part in whole.items()})
+
+
+def _square_in_masses(pencil, field):
+    """This rank's part of ũᵀMũ of a field (n_local, D) without mean; with masses without tᵀMũ. Collective."""
+    if pencil.mass is None:
+        return np.sum(field**2)
+    return np.sum(pencil.mass.diagonal * pencil.mass.centred(field.ravel()) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,12 +149,14 @@ class VibrationalModes:
     """m modes of one network, eigenvalues increasing, translations left out."""
 
     network: DistributedNetwork
-    eigenvalues: np.ndarray  # (m,) λ, in the unit of k
-    vectors: np.ndarray  # (m, n_local, D) φ, |φ| = 1
-    residuals: np.ndarray  # (m,) ‖Kφ − λφ‖, likewise
+    eigenvalues: np.ndarray  # (m,) λ, in the unit of k over that of the mass
+    vectors: np.ndarray  # (m, n_local, D) φ, φᵀMφ = 1
+    residuals: np.ndarray  # (m,) ‖M^(−½)(Kφ − λMφ)‖, likewise
     normal: np.ndarray  # (m,) mean over contacts of a∥²
     transverse: np.ndarray  # (m,) mean over contacts of a⊥²
-    participation_ratio: np.ndarray  # (m,) (Σ|φ_i|²)²/(n Σ|φ_i|⁴), 1 if all disks move alike
+    participation_ratio: (
+        np.ndarray
+    )  # (m,) (Σ m_i|φ_i|²)²/(n Σ m_i²|φ_i|⁴), 1 if all disks have as much energy
     # (m,) F = k_E·φ per unit amplitude of the load, simple shear unless another is given
     shear_force: np.ndarray
     contributions: Contributions | None  # to the response to the load; None if that is not unique, or affine
@@ -185,7 +197,7 @@ def lowest_modes(
             f"{named('below')} {below:g}: must be above {SHIFT * stiffness:g}. Softer modes are not distinguished from "
             "translations."
         )
-    pencil = assemble(network, UNDAMPED, pinned=False)
+    pencil, scale = mass_weighted(assemble(network, UNDAMPED, pinned=False))
     require_memory(network, pencil.unknowns, PREFIX)
     if not proved:
         require_minimum(network)
@@ -197,16 +209,16 @@ def lowest_modes(
             )
     available = pencil.unknowns - pencil.pieces.translations
     requested = available if count is None else count
-    pairs, kept, shift = _certified(pencil, requested, available, stiffness)
-    return _describe(pencil.under(load or pencil.load), pairs[:kept], shift, kept == available, tensor)
+    pairs, kept, shift = _certified(pencil, scale, requested, available, stiffness)
+    return _describe(pencil.under(load or pencil.load), scale, pairs[:kept], shift, kept == available, tensor)
 
 
-def _certified(pencil, count, available, stiffness):
+def _certified(pencil, scale, count, available, stiffness):
     """(pairs, m, μ): eigenpairs of which the first m ≥ count of all `available` lie below μ, by inertia."""
     requested, pairs = count, None
     for _ in range(ATTEMPTS):
         if pairs is None:
-            pairs = _with_quotients(lowest(pencil, requested, stiffness), pencil)
+            pairs = _with_quotients(lowest(pencil, requested, stiffness), pencil, scale)
         worst = pairs.residuals.max()
         if not worst <= RESIDUAL * stiffness:
             raise ConvergenceError(
@@ -225,7 +237,7 @@ def _certified(pencil, count, available, stiffness):
             return pairs, kept, shift
         # Lanczos finds one vector of equal eigenvalues, others only by rounding: search orthogonally to those found.
         more = lowest(pencil, max(1, min(counted, available) - kept), stiffness, excluded=pairs.vectors)
-        pairs = _with_quotients(_together(pairs, more), pencil)
+        pairs = _with_quotients(_together(pairs, more), pencil, scale)
     raise ConvergenceError(
         f"{len(pairs.values)} modes were found and their count does not agree with inertia: some of a cluster are "
         "missed; try a larger -modes_eps_ncv"
@@ -253,10 +265,12 @@ def _together(pairs, more):
     )
 
 
-def _with_quotients(pairs, pencil):
+def _with_quotients(pairs, pencil, scale):
     """The same pairs with λ = Σ w a², summed contact by contact: small eigenvalues keep their digits."""
     c = pencil.compatibility
-    values = pencil.network.sum(np.array([c.w_K @ c.motions(vector) ** 2 for vector in pairs.vectors]))
+    values = pencil.network.sum(
+        np.array([c.w_K @ c.motions(scale * vector) ** 2 for vector in pairs.vectors])
+    )
     return replace(pairs, values=values)[np.argsort(values, kind="stable")]
 
 
@@ -272,18 +286,18 @@ def find_cluster_end(values, count, available, stiffness):
     return (available, float(values[-1])) if len(values) == available else (None, None)
 
 
-def _describe(pencil: Pencil, pairs, shift, complete, loads):
+def _describe(pencil: Pencil, scale, pairs, shift, complete, loads):
     network, m, dimension = pencil.network, len(pairs.values), pencil.dimension
     sums = np.empty((m, 4))
     push = pencil.k_gamma.getArray()
     for row, vector in enumerate(pairs.vectors):
         squares = np.sum(vector.reshape(-1, dimension) ** 2, axis=1)
-        motions = pencil.compatibility.motions(vector).reshape(-1, dimension)
+        motions = pencil.compatibility.motions(scale * vector).reshape(-1, dimension)
         along, *across = np.sum(motions**2, axis=0)
-        sums[row] = along, sum(across), np.sum(squares**2), push @ vector
+        sums[row] = along, sum(across), np.sum(squares**2), push @ (scale * vector)
     sums = network.sum(sums)
     contacts, force = network.contact_count, sums[:, 3]
-    fields = pairs.vectors.reshape(m, -1, dimension)
+    fields = (scale * pairs.vectors).reshape(m, -1, dimension)
     contributions, of_loads = contributions_of(pencil, pairs.values, fields, force, loads)
     return VibrationalModes(
         network, pairs.values, fields, pairs.residuals,

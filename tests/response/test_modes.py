@@ -6,17 +6,21 @@ import numpy as np
 import pytest
 from dense import Reference
 from samples import SAMPLES, crystal, cut, on_ranks, pairs_of, physics, published, reference, strips
+from scipy.linalg import eigh
+from spheres import few_spheres
 from whole_arrays import unknowns
 
 import jampetsc
 from jampetsc.commands.modes import PER_MODE
 from jampetsc.errors import ConvergenceError, InputError
 from jampetsc.io.packing_file import write_packing
+from jampetsc.laws.masses import BY_VOLUME, Masses
 from jampetsc.packing.potentials import Potential
 from jampetsc.petsc import eigen
 from jampetsc.response import vibrations as modes_module
 from jampetsc.response.contact_network import build_network
 from jampetsc.response.elastic import ElasticResponse
+from jampetsc.response.mode_counts import count_between
 from jampetsc.response.vibrations import LOWEST, lowest_modes
 
 pytestmark = pytest.mark.scalar("real")
@@ -32,6 +36,13 @@ def spectrum(sample, prestress=True):
     values, vectors = np.linalg.eigh(K + 100.0 * moves @ moves.T)
     m = len(values) - moves.shape[1]
     return values[:m], vectors[:, :m], exact
+
+
+@pytest.fixture(scope="module")
+def wide():
+    """A minimum of radii 1 : 30, stiffnesses 1 : 900."""
+    disks = jampetsc.pack(radii=np.r_[[15.0] * 4, [0.5] * 12], pressure=1e-3)
+    return disks.replace(potential=Potential(k=3.0, stiffness="inverse-square-diameter"))
 
 
 def vectors_of(modes):
@@ -124,6 +135,33 @@ def check_contributions(modes, vectors, wanted, exact):
             assert contributions.median[name][row] == pytest.approx(np.median(np.abs(values)), rel=1e-6), name
     if not modes.network.prestress and np.ptp(modes.network.contacts.stiffness) == 0:
         np.testing.assert_allclose(contributions.share["normal"], contributions.share["modulus"], rtol=1e-7)
+
+
+@pytest.mark.usefixtures("converged")
+@pytest.mark.parametrize("name", on_ranks(("polydisperse", "wide", "spheres"), ("wide", "spheres")))
+def test_masses_by_volume_against_dense(session, name, wide):
+    """Kφ = λMφ, few modes by SLEPc and all by LAPACK, with shares of ũᵀMũ, and exact counts of states."""
+    disks = wide if name == "wide" else few_spheres() if name == "spheres" else SAMPLES[name]()
+    exact, masses = Reference(disks, physics("stokes")), Masses(1.0, BY_VOLUME)
+    network = build_network(disks, session.comm, masses=masses)
+    D, rows = disks.dimension, unknowns(network, disks.dimension, exact.disks)
+    K = exact.K[:-1, :-1].astype(float)[np.ix_(rows, rows)]
+    M = np.diag(np.repeat((2 * network.radii / network.diameter) ** D, D))
+    wanted = eigh(K, M, eigvals_only=True)[D:]
+    for count in (3, len(wanted)):
+        modes = lowest_modes(network, count)
+        found = vectors_of(modes)
+        np.testing.assert_allclose(modes.eigenvalues, wanted[:count], rtol=1e-9)
+        np.testing.assert_allclose(found.T @ M @ found, np.eye(count), rtol=0, atol=1e-9)
+        assert np.abs(K @ found - M @ found * modes.eigenvalues).max() < 1e-9 * wanted[-1]
+        energies = np.sum((np.sqrt(np.diag(M))[:, None] * found).reshape(-1, D, count) ** 2, axis=1)
+        np.testing.assert_allclose(modes.participation_ratio, 1 / np.sum(energies**2, axis=0) / network.n)
+    assert modes.complete and modes.contributions.share["nonaffine"].sum() == pytest.approx(1.0, abs=1e-8)
+    assert modes.contributions.share["modulus"].sum() == pytest.approx(1.0, abs=1e-8)
+    edges = np.geomspace(0.9 * np.sqrt(wanted[0]), 0.7 * np.sqrt(wanted[-1]), 5)
+    counts = count_between(network, edges)
+    np.testing.assert_array_equal(counts.counts, np.histogram(np.sqrt(wanted), edges)[0])
+    assert counts.below == 0 and counts.above + counts.counts.sum() == len(wanted)
 
 
 @pytest.mark.most_ranks(1)

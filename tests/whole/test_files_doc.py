@@ -52,7 +52,7 @@ sweep p.h5 --out inertia.h5 --mass 1 --omega 1e-2,1
 sweep p.h5 --out points.h5 --load points:2 --omega 1
 quasistatic p.h5 --out slow.h5 --betas 1,2
 modes p.h5 --out modes.h5 --count 3
-modes p.h5 --out states.h5 --states 0.1:1:3
+modes p.h5 --out states.h5 --states 0.1:1:3 --mass-by volume
 spectrum sweep.h5 --out spectrum.h5
 sweep p.h5 --omega 1e-2,1 --load tensor --out constants.h5
 quasistatic p.h5 --load tensor --out slow-constants.h5
