@@ -1084,7 +1084,8 @@ def spectrum(
     number of sweeps give a picture, where the name of the file ends in .png, .pdf or .svg.
 
     A packing has thousands of modes, the spectrum of a sweep a few tens: nodes of a quadrature that gives G* to the
-    accuracy of the sweep. H(τ) is therefore its mean between neighbouring nodes, averaged over a window.
+    accuracy of the sweep. H(τ) is therefore its mean between neighbouring nodes, averaged over a window. With masses
+    G(t) and J(t) oscillate, and there is no spectrum: the result has these two alone.
 
     Collective.
 

@@ -1,9 +1,14 @@
-"""G*(ω) and C*(ω) with inertia from a pencil of second order that was projected on a few vectors."""
+"""G*(ω), G(t) and J(t) with inertia from a pencil of second order that was projected on a few vectors."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import expm
+
+POINTS_PER_OCTAVE = 24  # of times
+MAX_GROWTH = 5.0  # creep that grows is followed for this multiple of its time constant
+STEADY = 1e-6  # growth within all times that is rounding
 
 
 def solve_second_order(K, B, omega: float, columns):
@@ -48,12 +53,104 @@ class ReducedInertia:
 
             G(t) = k_γγ + kᵀy(t) + bᵀẏ(t) .
         """
+        system = self._relaxing()
+        values = [system.at(at) for at in np.ravel(np.asarray(time, float))]
+        return np.array(values).reshape((*np.shape(time), *self.k_gg.shape))
+
+    def _relaxing(self) -> "_LinearSystem":
+        """(y, ẏ, γ) after a step of strain."""
         m, loads = len(self.stiffness), len(self.k_gg)
-        generator = np.zeros((2 * m + loads,) * 2)  # of (y, ẏ, 1)
+        generator = np.zeros((2 * m + loads,) * 2)
         generator[:m, m : 2 * m] = np.eye(m)
         generator[m : 2 * m, :m], generator[m : 2 * m, m : 2 * m] = -np.diag(self.stiffness), -self.damping
         generator[m : 2 * m, 2 * m :] = -self.k.T
         start = np.vstack((np.zeros((m, loads)), -self.b.T, np.eye(loads)))
-        output = np.hstack((self.k, self.b, self.k_gg))
-        values = [output @ (expm(generator * at) @ start) for at in np.ravel(np.asarray(time, float))]
-        return np.array(values).reshape((*np.shape(time), loads, loads))
+        return _LinearSystem(generator, start, np.hstack((self.k, self.b, self.k_gg)))
+
+    def _creeping(self) -> "_LinearSystem":
+        """(y, ẏ, γ, σ) after a step of stress of one load: y obeys ÿ + Bẏ + Ω²y = −kγ − bγ̇, and γ
+
+            b_γγ γ̇ + k_γγ γ + kᵀy + bᵀẏ = σ ,
+
+        which where b_γγ, and with it b, is zero gives γ itself.
+        """
+        m = len(self.stiffness)
+        strain, stress, velocities = 2 * m, 2 * m + 1, slice(m, 2 * m)
+        generator = np.zeros((2 * m + 2,) * 2)
+        generator[: strain + 1, : strain + 1] = self._relaxing().generator
+        balance = np.concatenate((-self.k[0], -self.b[0], -self.k_gg[0], [1.0]))  # b_γγ γ̇
+        if self.b_gg.item() > 0.0:
+            generator[strain] = balance / self.b_gg.item()
+            generator[velocities] -= np.outer(self.b[0], generator[strain])
+            output = np.eye(2 * m + 2)[strain]
+        else:
+            output = balance / self.k_gg.item()
+            output[strain] = 0.0
+            generator[:, strain] = 0.0
+            generator[velocities] -= np.outer(self.k[0], output)
+        return _LinearSystem(generator, np.eye(2 * m + 2)[:, stress:], output[None])
+
+    def transient(self, slowest: float, fastest: float) -> "OscillatingTransient":
+        """G(t) and J(t) of one load for times from 1/fastest to 1/slowest, of frequencies at which G* is known.
+
+        Where G₀ < 0 creep diverges, and ends early.
+        """
+        first, last, creeping = 1.0 / fastest, 1.0 / slowest, self._creeping()
+        growth = float(np.linalg.eigvals(creeping.generator).real.max())
+        growth = growth if growth * last > STEADY else 0.0
+        creep = creeping.series(first, max(first, min(last, MAX_GROWTH / growth if growth else last)))
+        return OscillatingTransient(*self._relaxing().series(first, last), *creep, growth)
+
+
+@dataclass(frozen=True, eq=False)
+class _LinearSystem:
+    """output · x with ẋ = generator · x from x(0) = start."""
+
+    generator: np.ndarray  # (n, n)
+    start: np.ndarray  # (n, L)
+    output: np.ndarray  # (L, n)
+
+    def at(self, time: float):
+        """The output (L, L)."""
+        return self.output @ (expm(self.generator * time) @ self.start)
+
+    def series(self, first: float, last: float):
+        """(times (t,), output (t,)) from `first` to `last`, POINTS_PER_OCTAVE evenly in each doubling of time."""
+        octaves = max(1, int(np.ceil(np.log2(last / first))))
+        edges = np.geomspace(first, last, octaves + 1)
+        times, values, state = [first], [], expm(self.generator * first) @ self.start
+        values.append((self.output @ state).item())
+        for low, high in pairwise(edges):
+            step = (high - low) / POINTS_PER_OCTAVE
+            propagator = expm(self.generator * step)
+            for number in range(1, POINTS_PER_OCTAVE + 1):
+                state = propagator @ state
+                times.append(low + number * step)
+                values.append((self.output @ state).item())
+        return np.array(times), np.array(values)
+
+
+@dataclass(frozen=True, eq=False)
+class OscillatingTransient:
+    """Response in time with inertia. G lacks the Dirac part of b_γγ."""
+
+    time: np.ndarray  # (n,)
+    G: np.ndarray  # (n,) stress relaxation
+    creep_time: np.ndarray  # (n',): ends early where creep diverges
+    J: np.ndarray  # (n',) creep compliance
+    growth_rate: float  # of creep, 0 where it is stable
+
+    @property
+    def arrays(self) -> dict:
+        """{name: array} as files hold them."""
+        return {
+            "stress/time": self.time,
+            "stress/G": self.G,
+            "creep/time": self.creep_time,
+            "creep/J": self.J,
+        }
+
+    @property
+    def numbers(self) -> dict:
+        """{name: value} as files hold them."""
+        return {"growth_rate": self.growth_rate}

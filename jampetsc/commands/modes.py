@@ -40,7 +40,7 @@ class Modes(Job):
   jampetsc modes p.h5 --below 0.01 --out below.h5 -options_file jampetsc:modes_many       # hundreds of modes
   jampetsc modes p.h5 --all --no-eigenvectors --out all.h5                                # participation ratios
   jampetsc modes p.h5 --states 1e-3:3:60 --out states.h5                                  # density of states, any N
-  jampetsc modes p.h5 --mass-by volume --out by_volume.h5                                 # of grains of one material
+  jampetsc modes p.h5 --count 20 --mass-by volume --out by_volume.h5                      # of grains of one material
 
 PETSc options: -modes_… for SLEPc's eigensolver, -inertia_… for the proof that no mode was missed. All modes, or most
 of them, are found by LAPACK, which takes no options. Numbers of states take -inertia_…."""

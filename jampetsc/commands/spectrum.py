@@ -15,6 +15,9 @@ from jampetsc.options.job import ONE_RESULT, Job, TaskInputs
 from jampetsc.options.parameters import FILES, optional_parameter, parameter
 from jampetsc.options.values import RESULT, load_source, refuse_repeated
 
+OSCILLATING = (
+    "with masses, G(t) and J(t) are those of reduced matrices, which are certified at the frequencies swept"
+)
 HDF5 = (".h5", ".hdf5")  # endings of a file; of a picture: `plots.style.FORMATS`
 
 
@@ -27,7 +30,8 @@ class Spectrum(Job):
     number of sweeps give a picture, where the name of the file ends in .png, .pdf or .svg.
 
     A packing has thousands of modes, the spectrum of a sweep a few tens: nodes of a quadrature that gives G* to the
-    accuracy of the sweep. H(τ) is therefore its mean between neighbouring nodes, averaged over a window.
+    accuracy of the sweep. H(τ) is therefore its mean between neighbouring nodes, averaged over a window. With masses
+    G(t) and J(t) oscillate, and there is no spectrum: the result has these two alone.
     """
 
     STUDY_INPUTS: ClassVar = TaskInputs(
@@ -98,10 +102,15 @@ def _write(sweep, to, window):
     """Write the result and return the summary."""
     start_time = time.perf_counter()
     slowest, fastest = sweep.frequency_range
-    response = transient(sweep.spectrum, slowest, fastest, window)
-    ends, notes = {"slowest_omega": slowest, "fastest_omega": fastest}, _notes(sweep, response)
+    if sweep.has_inertia and "C" not in sweep:
+        response = sweep.reduced_inertia.transient(slowest, fastest)
+        notes, summary = [*notes_of_sources([sweep]), OSCILLATING], _summary_with_inertia(to, response)
+    else:
+        response = transient(sweep.spectrum, slowest, fastest, window)
+        notes, summary = _notes(sweep, response), _summary(to, response)
+    ends = {"slowest_omega": slowest, "fastest_omega": fastest}
     write_derived(to, Spectrum.FORMAT, [sweep], start_time, response.arrays, notes, **response.numbers | ends)
-    return "\n".join([_summary(to, response), *note_lines(notes)])
+    return "\n".join([summary, *note_lines(notes)])
 
 
 def _notes(sweep, response) -> list[str]:
@@ -122,6 +131,19 @@ def _notes(sweep, response) -> list[str]:
             "linear damping: alpha is not in this spectrum, as J(t) and G(t) need linearity. Use a linear law"
         )
     return notes
+
+
+def _summary_with_inertia(to, response) -> str:
+    """The summary of an `OscillatingTransient`."""
+    G, J = response.G, response.J
+    lines = [
+        f"{to}: G(t) and J(t) with masses, t = {response.time[0]:.3g} to {response.time[-1]:.3g}",
+        f"  G(t) between {G.min():.6g} and {G.max():.6g}, in the end {G[-1]:.6g}",
+        f"  J(t) up to {J.max():.6g}, in the end {J[-1]:.6g}",
+    ]
+    if response.growth_rate:
+        lines.append(f"  G0 < 0: creep diverges as exp({response.growth_rate:.3g} t)")
+    return "\n".join(lines)
 
 
 def _summary(to, response) -> str:

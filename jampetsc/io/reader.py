@@ -129,19 +129,29 @@ class SweepResult(Result):
 
         Without the Dirac part η_∞ δ(t). With masses it oscillates. Raises InputError as `spectrum`.
         """
-        if "reduced_inertia/stiffness" in self:
-            values = self._reduced("reduced_inertia", ReducedInertia).stress_relaxation(time)
+        if self.has_inertia:
+            values = self.reduced_inertia.stress_relaxation(time)
             return values if "C" in self else values[..., 0, 0]
         return self.spectrum.stress_relaxation(np.asarray(time, float))
 
     def _reduced_modulus(self, omega):
         """G*, or C* of a tensor, at frequencies of the linear law, by the reduced pencil that the file has."""
-        if "reduced_inertia/stiffness" in self:
-            modulus = self._reduced("reduced_inertia", ReducedInertia).modulus(omega)
+        if self.has_inertia:
+            modulus = self.reduced_inertia.modulus(omega)
             return modulus if "C" in self else modulus[..., 0, 0]
         return (self._reduced("reduced_tensor", ReducedTensor) if "C" in self else self.spectrum).modulus(
             omega
         )
+
+    @property
+    def has_inertia(self) -> bool:
+        """Whether it has a reduced pencil with masses."""
+        return "reduced_inertia/stiffness" in self
+
+    @property
+    def reduced_inertia(self) -> ReducedInertia:
+        """The reduced K, B and M of a sweep with masses."""
+        return self._reduced("reduced_inertia", ReducedInertia)
 
     def _reduced(self, group, kind):
         return kind(*(self[f"{group}/{field.name}"] for field in fields(kind)))
@@ -170,9 +180,13 @@ class SweepResult(Result):
                 f"{self.path}: elastic constants, which have no single spectrum. Give a sweep of one {named('load')}."
             )
         if "mass" in self.attributes:
+            known = (
+                "Run spectrum for a result, which has its G(t) and J(t)"
+                if self.has_inertia
+                else "Its G(t) is not known either, as frequencies were solved one by one. Sweep fewer high frequencies"
+            )
             raise InputError(
-                f"{self.path}: a sweep with mass, whose response oscillates and has no relaxation spectrum. Give a "
-                f"sweep without {named('mass')}, or call its `stress_relaxation` in python."
+                f"{self.path}: a sweep with mass, whose response oscillates and has no relaxation spectrum. {known}."
             )
         if self.load.probe:
             raise InputError(
@@ -228,7 +242,12 @@ class SpectrumResult(Result):
 
     @property
     def spectrum(self) -> RelaxationSpectrum:
-        """The relaxation spectrum, modes in the order of their times."""
+        """The relaxation spectrum, modes in the order of their times. Raises InputError for G(t) with masses."""
+        if "relaxation/rates" not in self:
+            raise InputError(
+                f"{self.path}: G(t) and J(t) with masses, which have no relaxation spectrum. Draw them by "
+                f"{named('kind')} transient."
+            )
         scalars = (self.attributes[name] for name in ("G0", "eta_inf"))
         return _sound_spectrum(self.path, *scalars, self["relaxation/rates"], self["relaxation/weights"])
 

@@ -151,7 +151,6 @@ states/counts | (B,) | int? | | exact numbers of modes between them; D(ω) is a 
 contacts | int | | number of contacts
 inertia_count, inertia_shift | int, float? | , k | number of eigenvalues below the shift, counted by inertia: none was
   missed
-mass_by | text? | | `volume`: masses m ∝ ρ^D, one for the mean diameter; missing: all are one
 complete, method, restarts | bool, text, int? | | whether the file has all modes; solver, its restarts
 states_below, states_above | int? | | with `--states`: modes below the first edge, translations left out, and above the
   last
@@ -163,25 +162,26 @@ normal_median, transverse_median, nonaffine_median | float? | length | medians o
 
 SPECTRUM = Format(
     datasets=r"""
-relaxation/times | (m,) | float | time | nodes of a quadrature of the relaxation spectrum: 1/λ_m, increasing
-relaxation/rates | (m,) | float | 1/time | λ_m
-relaxation/weights | (m,) | float | k | g_m
-H/between | (m − 1,) | float | k | mean of H(τ) over ln τ between neighbouring times
-H/tau | (t,) | float | time | times of the next
-H/smoothed | (t,) | float | k | H averaged over a window of `window_decades`
+relaxation/times | (m,) | float? | time | nodes of a quadrature of the relaxation spectrum: 1/λ_m, increasing; missing
+  with masses, as all below but stress and creep
+relaxation/rates | (m,) | float? | 1/time | λ_m
+relaxation/weights | (m,) | float? | k | g_m
+H/between | (m − 1,) | float? | k | mean of H(τ) over ln τ between neighbouring times
+H/tau | (t,) | float? | time | times of the next
+H/smoothed | (t,) | float? | k | H averaged over a window of `window_decades`
 stress/time | (g,) | float | time | times of the next
 stress/G | (g,) | float | k | stress relaxation G(t) without η_∞ δ(t)
 creep/time | (j,) | float | time | times of the next
 creep/J | (j,) | float | 1/k | creep compliance J(t); ends early where it diverges
-retardation/rates | (r,) | float | 1/time | μ_k: J(t) = J_∞ + t·fluidity + Σ_k J_k (1 − exp(−μ_k t))
-retardation/compliances | (r,) | float | 1/k | J_k
+retardation/rates | (r,) | float? | 1/time | μ_k: J(t) = J_∞ + t·fluidity + Σ_k J_k (1 − exp(−μ_k t))
+retardation/compliances | (r,) | float? | 1/k | J_k
 """,
     attributes=r"""
-G0, G_inf | float | k | limits of G′ at both ends
-eta0, eta_inf | float | kτ₁ | limits of G″/ω at both ends
-J_inf, fluidity, growth_rate | float | | of creep: instantaneous compliance, 1/k; final strain rate per stress; rate of
-  divergence if G₀ < 0
-window_decades, resolution_decades | float | | window of H; widest gap between times that matter
+G0, G_inf | float? | k | limits of G′ at both ends; missing with masses, like all below but growth_rate
+eta0, eta_inf | float? | kτ₁ | limits of G″/ω at both ends
+J_inf, fluidity | float? | | of creep: instantaneous compliance, 1/k; final strain rate per stress
+growth_rate | float | 1/time | rate at which creep diverges if G₀ < 0
+window_decades, resolution_decades | float? | | window of H; widest gap between times that matter
 slowest_omega, fastest_omega | float | 1/time | range of frequencies of the sweep it was computed from
 """,
     common=PROVENANCE,

@@ -10,7 +10,7 @@ from jampetsc.errors import InputError
 from jampetsc.plots.curves import Curve, group_curves
 from jampetsc.plots.page import limits_kept
 from jampetsc.plots.picture import count_text, picture, stress_unit, units_of
-from jampetsc.plots.style import DASHED, PAGE, entry, hidden, number
+from jampetsc.plots.style import DASHED, DOTTED, PAGE, colours, entry, hidden, number
 
 HEIGHT = 5.0  # inches
 _MAX_DETAILED = 2  # spectra up to which modes and the content between them are drawn
@@ -86,6 +86,33 @@ def plot_relaxation(results, page):
     if len(groups) > 1 or title or labels:
         page.legend(axes[1], [entry(g.label, g.colour) for g in groups], title)
     return f"relaxation spectrum, G(t) and J(t) of {count_text(results, 'spectrum', 'spectra')}"
+
+
+@picture("transient", "spectrum")
+def plot_transient(results, page):
+    """Stress relaxation G(t) and creep J(t) in units of k and τ₁; dotted where they are negative, as masses may make
+    them. A colour for each file, with its mass where masses differ.
+    """
+    labels, unit = page.file_labels(len(results)), stress_unit(results)
+    masses = [result.attributes.get("mass", 0.0) for result in results]
+    title = None
+    if not labels and len(set(masses)) > 1:
+        labels, title = [f"${number(mass)}$" for mass in masses], "mass"
+    y = rf"$G(t){unit.over}$", rf"$J(t)\,{unit.name}$"
+    axes = page.panels(1, 2, PAGE, 3.0, x=r"$t/\tau_1$", y=y, log="xy")
+    shades = colours(len(results))
+    for result, shade in zip(results, shades, strict=True):
+        units = units_of(result)
+        parts = ("stress/time", "stress/G", 1.0 / units.k), ("creep/time", "creep/J", units.k)
+        for ax, (time, value, scale) in zip(axes, parts, strict=True):
+            for sign, dash in ((1.0, "-"), (-1.0, DOTTED)):
+                values = sign * scale * result[value]
+                values[values <= 0.0] = np.nan
+                look = {"color": shade, "linestyle": dash, "label": hidden(f"{value}, {result.path.name}")}
+                ax.plot(result[time] / units.tau1, values, **look)
+    if labels:
+        page.legend(axes[0], [entry(*drawn) for drawn in zip(labels, shades, strict=True)], title)
+    return f"G(t) and J(t) of {count_text(results, 'spectrum', 'spectra')}"
 
 
 def _positive(x, y):

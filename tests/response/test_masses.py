@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from dense import Reference
+from picture_contents import figure_of
 from samples import LAWS, SAMPLES, physics, put
 from scipy.linalg import eigh
 from spheres import few_spheres
@@ -17,6 +18,7 @@ from jampetsc.errors import InputError
 from jampetsc.laws.loads import symmetric_loads
 from jampetsc.laws.masses import Masses
 from jampetsc.laws.probes import PointForces
+from jampetsc.plots.spectrum_plots import plot_transient
 from jampetsc.response.assembly import assemble
 from jampetsc.response.contact_network import build_network
 from jampetsc.response.massive_sweep import sweep_with_inertia
@@ -257,3 +259,37 @@ def test_relaxation_in_time(session, jammed):
     light, without = jampetsc.sweep(jammed, mass=1e-9, **settings), jampetsc.sweep(jammed, **settings)
     slow = time[time > 1.0]
     np.testing.assert_allclose(light.stress_relaxation(slow), without.stress_relaxation(slow), rtol=1e-6)
+
+
+@REAL
+@pytest.mark.most_ranks(1)
+@pytest.mark.parametrize("model", [physics("contact", beta=0.5, tau1=0.7), physics("stokes")], ids=str)
+def test_response_in_time(session, tmp_path, jammed, model):
+    """∫ G(t − x) J(x) dx + η J(t) = t with the Dirac part η, zero for drag; and Kramers–Kronig for G*."""
+    sweep = jampetsc.sweep(jammed, law=model.law, omega=np.geomspace(1e-4, 1e3, 50), mass=3.0, accuracy=1e-8)
+    reduced = sweep.reduced_inertia
+    found, viscosity = jampetsc.spectrum(sweep), reduced.b_gg.item()
+    np.testing.assert_allclose(found["stress/G"][::97], sweep.stress_relaxation(found["stress/time"][::97]))
+    assert found.attributes["mass"] == 3.0 and "relaxation/rates" not in found
+    for t in (0.3, 5.0, 40.0):
+        x, weights = np.polynomial.legendre.leggauss(400)
+        x, weights = 0.5 * t * (x + 1.0), 0.5 * t * weights
+        J = np.array([reduced._creeping().at(at).item() for at in (*x, t)])
+        value = np.sum(weights * sweep.stress_relaxation(t - x) * J[:-1]) + viscosity * J[-1]
+        assert value == pytest.approx(t, rel=1e-6)
+    grid = np.arange(-25.0, 14.0, 0.002)
+    x = np.exp(grid)
+    loss = sweep.modulus(x).imag - viscosity * x
+    for omega in (0.01, 1.0):
+        here = sweep.modulus(omega)
+        parts = (x * loss - omega * (here.imag - viscosity * omega)) / (x**2 - omega**2) * x
+        storage = sweep.modulus(1e6).real - 2.0 / np.pi * np.sum(parts) * 0.002
+        assert storage == pytest.approx(here.real, rel=1e-4)
+    if model.law.family == "stokes":
+        return
+    with pytest.raises(InputError, match=r"no relaxation spectrum\. Draw them by kind transient"):
+        _ = found.spectrum
+    with pytest.raises(InputError, match="Run spectrum for a result, which has its G"):
+        _ = sweep.spectrum
+    shown = figure_of(plot_transient, [found, jampetsc.spectrum(jampetsc.sweep(jammed))])
+    assert [len(ax.lines) >= 2 for ax in shown.axes] == [True, True]
